@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// A texture rectangle per Gaussian: texels addressed by offset and size in one array, and packed into pages for files.
+#pragma once
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <string>
+#include <vector>
+
+namespace tg {
+
+// Texel (i, j), i along u, j along v, is texels[offset + j * width + i]. width = height = 0: no texture.
+struct TextureRect {
+  std::uint32_t offset = 0;  // [texels]
+  std::uint16_t width = 0;   // [texels] along u
+  std::uint16_t height = 0;  // [texels] along v
+  std::uint32_t texelCount() const { return std::uint32_t{width} * height; }
+  bool operator==(const TextureRect&) const = default;
+};
+
+// rgb: added to the base colour (signed). a: factor on the Gaussian's alpha, in [0, 1]. Neutral texel: (0, 0, 0, 1).
+struct TextureAtlas {
+  std::vector<TextureRect> rects;  // [N], or empty: no Gaussian has a texture
+  std::vector<glm::vec4> texels;   // rectangles do not overlap
+};
+
+// N rectangles of width x height neutral texels.
+TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height);
+
+// One 2D image of packed rectangles, row-major, texel (x, y) at y * width + x.
+struct AtlasPage {
+  int width = 0;
+  int height = 0;
+  std::vector<glm::vec4> texels;
+};
+// Where a Gaussian's rectangle lies. w = h = 0: untextured (x = y = page = 0).
+struct AtlasPlacement {
+  std::uint16_t x = 0, y = 0, w = 0, h = 0;
+  std::uint8_t page = 0;
+};
+struct PackedAtlas {
+  std::vector<AtlasPage> pages;            // at most 255, all of one size
+  std::vector<AtlasPlacement> placements;  // [N]
+};
+
+// Shelf packing by height class, Gaussian order inside a class; deterministic. No gutters: bilinear taps never leave a
+// rectangle. Free texels are neutral. Throws Error(badData) when a rectangle exceeds max_page_size or 255 pages do not
+// suffice.
+PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int max_page_size = 4096);
+
+// The inverse; rectangles come back in Gaussian order with consecutive offsets. Throws Error(badData) naming the first
+// Gaussian whose rectangle leaves its page. `path` starts the message.
+TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path);
+
+}  // namespace tg

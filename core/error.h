@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// The one exception that programs show to users, and the exit code it maps to.
+#pragma once
+#include <cstdlib>
+#include <stdexcept>
+#include <string>
+
+namespace tg {
+
+// Exit codes of every program: 0 means success.
+enum class ErrorKind { usage = 1, cannotRead = 2, badData = 3, cannotWrite = 4, device = 5 };
+
+// what() is one line for the user: `path: what is wrong (expected X, found Y)`. Thrown by input, output and set-up code
+// only, never from kernels; caught once, in main.
+struct Error : std::runtime_error {
+  ErrorKind kind;
+  Error(ErrorKind k, const std::string& message) : std::runtime_error(message), kind(k) {}
+  Error(ErrorKind k, const std::string& path, const std::string& message) : Error(k, path + ": " + message) {}
+};
+
+inline int exitCode(const Error& error) { return static_cast<int>(error.kind); }
+
+}  // namespace tg

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole files in and out: bounded reads, atomic writes.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace tg {
+
+// Throws Error(cannotRead) when missing, a folder, unreadable, or longer than max_bytes.
+std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes);
+
+// Writes to a temporary name beside `path`, syncs, renames. On any exception nothing is left behind. Throws
+// Error(cannotWrite).
+void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes);
+// The same for content that is streamed: `write` fills the temporary file whose name it is given.
+void writeFileAtomically(const std::filesystem::path& path,
+                         const std::function<void(const std::filesystem::path& temporary)>& write);
+
+}  // namespace tg

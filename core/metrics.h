@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Distances between images of one size.
+#pragma once
+#include "core/image.h"
+
+namespace tg {
+
+// Peak signal-to-noise ratio [dB] of values clamped to [0,1], peak 1, over all channels; infinity when equal.
+double psnr(const Image& a, const Image& b);
+// The same after rounding both to 8 bit (what papers report from PNG files).
+double psnr8Bit(const Image& a, const Image& b);
+// Mean SSIM over pixels and channels: 11x11 Gaussian window, sigma 1.5, zero padding, C1 = 1e-4, C2 = 9e-4
+// (Wang et al. 2004 as in 3DGS).
+double ssim(const Image& a, const Image& b);
+
+}  // namespace tg

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// A loop over all cores. Workers sleep between loops (they do not spin: a spinning pool starves on a shared machine).
+#pragma once
+#include <cstdint>
+#include <functional>
+
+namespace tg {
+
+// 0 = as many as the machine has (the default). Affects later loops only.
+void setThreadCount(int count);
+int threadCount();
+
+// Calls body(i) for i in [0, count) on all threads, in any order, `grain` consecutive items per grab; returns when all
+// are done. The result must not depend on the order. An exception in body is rethrown here (the first one caught).
+// Nested calls run serially on the calling thread.
+void parallelFor(std::int64_t count, std::int64_t grain, const std::function<void(std::int64_t)>& body);
+
+// The same, with the worker's number in [0, threadCount()) for per-thread scratch space.
+void parallelForWorkers(std::int64_t count, std::int64_t grain,
+                        const std::function<void(std::int64_t item, int worker)>& body);
+
+}  // namespace tg

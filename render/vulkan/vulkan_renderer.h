@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Vulkan backend: compute passes, headless or into a window's command buffer.
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+#include <vulkan/vulkan.h>
+
+#include "render/renderer.h"
+
+namespace tg {
+
+struct VulkanOptions {
+  bool validation = false;                          // khronos validation + synchronization validation
+  std::vector<const char*> instance_extensions;     // a window adds its surface extensions
+  bool swapchain = false;                           // enable VK_KHR_swapchain and pick a device that can present
+  std::function<VkSurfaceKHR(VkInstance)> surface;  // called once when `swapchain`
+  std::string device;                               // part of a device's name; empty: the fastest kind there is
+};
+
+// Instance, device, one queue that does compute, graphics and transfer. Owns its handles.
+struct VulkanDevice {
+  VkInstance instance = VK_NULL_HANDLE;
+  VkSurfaceKHR surface = VK_NULL_HANDLE;
+  VkPhysicalDevice physical = VK_NULL_HANDLE;
+  VkDevice device = VK_NULL_HANDLE;
+  std::uint32_t queue_family = 0;
+  VkQueue queue = VK_NULL_HANDLE;
+  VkPhysicalDeviceProperties properties{};
+  std::vector<std::string> validation_messages;  // every warning and error, in order; tests demand none
+};
+
+// Throws Error(device): no loader, no device, missing feature - with the name of what is missing.
+std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const VulkanOptions& options);
+
+// One frame of the live viewer, recorded into the caller's command buffer.
+struct VulkanFrameRequest {
+  Camera camera;
+  RenderSettings settings;
+  Output output = Output::final;
+};
+
+class VulkanRenderer : public Renderer {
+ public:
+  // Records all passes of a frame; afterwards the visualised output lies in image() in layout GENERAL, written by
+  // compute. No read-back, no wait. Must not be called again before the previous recording has finished executing.
+  virtual void record(VkCommandBuffer commands, const VulkanFrameRequest& request) = 0;
+  // RGBA8, width x height of the last request; usage TRANSFER_SRC | STORAGE. Changes when the size changes.
+  virtual VkImage image() const = 0;
+  // Call after the fence of the last recording: collects timestamps; false when the pair buffer overflowed, the picture
+  // is incomplete and the buffers have been grown for the next frame.
+  virtual bool finishFrame() = 0;
+  virtual const VulkanDevice& device() const = 0;
+};
+
+// `device` must outlive the renderer.
+std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device);
+
+}  // namespace tg

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Structs that cross host and device. Members are vec4, uvec4, mat4 or groups of four scalars only, so that std140,
+// std430 and C++ agree byte for byte.
+#ifndef TG_LAYOUT_H
+#define TG_LAYOUT_H
+#include "shared/lang.h"
+TG_NAMESPACE_BEGIN
+
+// The view of one frame. Camera space: OpenCV axes (x right, y down, z forward), pixel centres at +0.5.
+struct ViewUniforms {
+  mat4 camera_from_world;
+  vec4 camera_position;  // xyz: world space
+  vec4 focal_center;     // fx, fy, cx, cy [px]
+  vec4 background;       // rgb as displayed, w unused
+  uint width;            // [px]
+  uint height;           // [px]
+  uint tiles_x;          // ceil(width / kTileSize)
+  uint tiles_y;
+  uint gaussian_count;
+  uint sh_degree;        // 0..3
+  uint texture_mode;     // kMode*: what the model has AND what the user left switched on
+  uint intersection;     // kIntersect*
+};
+TG_CHECK_SIZE(ViewUniforms, 144)
+
+// A Gaussian seen from a camera: all that blending needs. The local frame is ordered (a, b, c): a, b span the texture
+// (u along a, v along b), c is the shortest axis. See shared/splat.h for the formulas that use it.
+struct Splat {
+  vec4 center_depth_opacity;  // projected mean x, y [px]; camera z of the mean; opacity after the sigmoid
+  vec4 wx_r;                  // dW/dx [per px], base colour red
+  vec4 wy_g;                  // dW/dy [per px], base colour green
+  vec4 dx_b;                  // dD/dx [per px], base colour blue
+  vec4 dy_offset;             // dD/dy [per px], texel offset (bits of a uint)
+  vec4 d0_size;               // D at the projected mean, texture width | height << 16 (bits of a uint)
+};
+TG_CHECK_SIZE(Splat, 96)
+
+TG_NAMESPACE_END
+#endif

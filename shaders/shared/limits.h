@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every number that forward pass, backward pass and all backends must agree on, each with its reason.
+#ifndef TG_LIMITS_H
+#define TG_LIMITS_H
+#include "shared/lang.h"
+TG_NAMESPACE_BEGIN
+
+const uint kTileSize = 16u;                   // [px] side of a screen tile, one workgroup per tile
+const float kAlphaMax = 0.99f;                // 3DGS: keeps 1-alpha away from 0 for the backward division
+const float kAlphaMin = 1.0f / 255.0f;        // 3DGS: a contribution that 8 bits cannot show is skipped
+const float kTransmittanceStop = 1e-4f;       // = (1 - kAlphaMax)^2: two opaque splats end a ray, before blending
+const float kNear = 0.2f;                     // [world units] 3DGS near plane, for the mean's depth and for a hit's t
+const float kTextureExtent = 3.0f;            // [sigma] a texture covers [-3,3]^2 (paper: clip at +-3 sigma)
+const float kPlaneMinCosine = 1e-9f;          // |d_l[c]| below this: the ray lies in the plane, no hit
+const float kShC0 = 0.28209479177387814f;     // sqrt(1/(4 pi))
+
+// Texture modes and intersection models as they cross host and device (core/model.h has the enum classes).
+const uint kModeNone = 0u;
+const uint kModeAlpha = 1u;
+const uint kModeRgb = 2u;
+const uint kModeRgba = 3u;                    // = kModeAlpha | kModeRgb: the modes are bit sets
+const uint kIntersectPlane = 0u;
+const uint kIntersectMaxResponse = 1u;
+
+// Which image a renderer shows (render/renderer.h has the enum class).
+const uint kOutputFinal = 0u;
+const uint kOutputBase = 1u;
+const uint kOutputTexture = 2u;
+const uint kOutputAlpha = 3u;
+const uint kOutputDepth = 4u;
+const uint kOutputNormal = 5u;
+const uint kOutputCount = 6u;
+
+TG_NAMESPACE_END
+#endif

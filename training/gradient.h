@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a training step needs from a renderer: a picture, and the gradient of a loss on it. training/cpu implements it;
+// a CUDA version replaces it without the trainer noticing.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/model.h"
+#include "render/renderer.h"
+
+namespace tg {
+
+// dL/d(parameter) as stored in GaussianModel, same shapes. v_x is dL/dx.
+struct ModelGradient {
+  std::vector<glm::vec3> v_mean;
+  std::vector<glm::vec4> v_rotation;     // of the raw quaternion
+  std::vector<glm::vec3> v_log_scale;
+  std::vector<float> v_opacity_logit;
+  std::vector<glm::vec3> v_sh;           // [N, K]
+  std::vector<glm::vec4> v_texels;       // as atlas.texels; rgb zero in mode alpha, a zero in mode rgb
+  // Densification statistics of this view (method A.6), NDC units: x * width / 2, y * height / 2.
+  std::vector<float> screen_gradient;      // [N] |sum over pixels of e_j|
+  std::vector<float> screen_gradient_abs;  // [N] sum over pixels of |e_j|
+  std::vector<float> screen_radius;        // [N] px, half the longer side of the screen box; 0 = not visible
+};
+
+class DifferentiableRenderer {
+ public:
+  virtual ~DifferentiableRenderer() = default;
+  // The picture [height * width], not clamped. `model` and `camera` must stay unchanged until backward() returned.
+  virtual const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
+                                                const RenderSettings& settings) = 0;
+  // Gradient of a loss whose derivative with respect to the picture of the last forward() is v_color. Overwrites
+  // `gradient` (resized as needed). Texel gradients pass only where the stored alpha texel lies in [0, 1].
+  // Same bytes for any thread count.
+  virtual void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient) = 0;
+};
+
+std::unique_ptr<DifferentiableRenderer> makeCpuDifferentiableRenderer();
+
+}  // namespace tg
