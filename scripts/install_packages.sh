@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|test]`, test = build + more.
+set -euo pipefail
+
+build_packages=(build-essential cmake ninja-build pkg-config ccache
+  libglfw3-dev libvulkan-dev mesa-vulkan-drivers libimgui-dev libstb-dev libglm-dev libtinygltf-dev
+  nlohmann-json3-dev libopenexr-dev libimath-dev glslang-tools libcli11-dev libhwy-dev libpng-dev libjpeg-dev
+  zlib1g-dev libarchive-dev)
+test_packages=(catch2 vulkan-validationlayers xvfb xauth spirv-cross)
+
+packages=("${build_packages[@]}")
+[ "${1:-build}" = test ] && packages+=("${test_packages[@]}")
+
+if ! command -v apt-get >/dev/null; then
+  echo "No apt-get here. These Debian packages, or their equivalents, are needed: ${packages[*]}" >&2
+  exit 0
+fi
+missing=()
+for package in "${packages[@]}"; do
+  dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+done
+[ ${#missing[@]} -eq 0 ] && exit 0
+
+sudo=()
+[ "$(id -u)" -eq 0 ] || sudo=(sudo)
+echo "Installing: ${missing[*]}"
+"${sudo[@]}" apt-get update -qq
+DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null

@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# Builds everything and passes the tests, on a machine that has nothing but apt: `scripts/test.sh [ctest options]`.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+scripts/install_packages.sh test
+werror=OFF
+[ "${CI:-}" = true ] && werror=ON
+cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DTG_TESTS=ON -DTG_BENCH=ON -DTG_WERROR=$werror
+cmake --build build
+export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
+exec ctest --test-dir build --output-on-failure -j "$(nproc)" "$@"
