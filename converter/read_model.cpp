@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model from any file the toolchain reads.
+#include "converter/read_model.h"
+
+#include "converter/file_format.h"
+#include "core/bundle.h"
+#include "core/error.h"
+#include "core/ply.h"
+
+namespace tg {
+
+LoadedModel readModel(const std::filesystem::path& path, const ReadOptions&) {
+  const FileFormat format = detectFormat(path);
+  LoadedModel loaded;
+  switch (format) {
+    case FileFormat::bundle: {
+      Bundle bundle = readBundle(path);
+      loaded.model = std::move(bundle.model);
+      loaded.cameras = std::move(bundle.cameras);
+      loaded.background = bundle.background;
+      loaded.warnings = std::move(bundle.warnings);
+      break;
+    }
+    case FileFormat::ply:
+      loaded.model = readSplatPly(path);
+      break;
+    case FileFormat::glb:
+    case FileFormat::gltf:
+      throw Error(ErrorKind::badData, path.string(), "glTF is not supported yet (tgz, ply are)");
+  }
+  loaded.format = name(format);
+  checkModel(loaded.model, path.string());
+  return loaded;
+}
+
+}  // namespace tg

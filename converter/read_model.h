@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model from any file the toolchain reads: model.tgz, INRIA's splat PLY, glTF with KHR_gaussian_splatting.
+#pragma once
+#include <filesystem>
+#include <glm/glm.hpp>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/model.h"
+
+namespace tg {
+
+struct LoadedModel {
+  GaussianModel model;
+  std::vector<Camera> cameras;
+  glm::vec3 background{0.0f};         // what the model was trained against; black where the file does not say
+  std::vector<std::string> warnings;  // what was repaired or skipped, one line each, without the path
+  std::string format;                 // "tgz", "ply", "glb" or "gltf"
+};
+
+struct ReadOptions {
+  bool base_only = false;  // glTF: leave the texture layer aside, as a reader that knows only the Khronos extension
+};
+
+// Told apart by content, never by name. The model has passed checkModel. Throws Error(cannotRead / badData); formats
+// that are known but not supported are named.
+LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& options = {});
+
+}  // namespace tg
