@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the reference's forward and backward pass share: Gaussians seen from a camera, rays, and where the two meet.
+#pragma once
+#include <array>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "render/reference/reference.h"
+
+namespace tg::reference {
+
+constexpr double kNear = 0.2;
+constexpr double kAlphaMax = 0.99;
+constexpr double kAlphaMin = 1.0 / 255.0;
+constexpr double kTransmittanceStop = 1e-4;
+constexpr double kTextureExtent = 3.0;
+constexpr double kPlaneMinCosine = 1e-9;
+
+// A Gaussian seen from the camera (docs/math.md 1.2, 2).
+struct Splat {
+  std::uint32_t gaussian = 0;
+  double z = 0;  // camera z of the mean
+  double opacity = 0;
+  int a = 0, b = 1, c = 2;  // local axes of u, of v, and the shortest one
+  glm::dmat3 rotation;      // columns: local axes in world space
+  glm::dvec3 scale;         // [world units]
+  glm::dmat3 m;             // local_from_world, in sigma: diag(1 / scale) rotation^T
+  glm::dvec3 o;             // the camera's position in the local frame
+  glm::dvec3 normal;        // camera space, shortest axis turned to the camera
+  glm::dvec3 direction;     // unit, world space, from the camera to the mean
+  double distance = 0;      // from the camera to the mean
+  glm::dvec3 base;          // max(0, SH + 0.5)
+  glm::bvec3 base_clamped;
+  TextureRect rect;  // 0 x 0 when no texture applies
+};
+
+// What one frame needs, splats front to back.
+struct Scene {
+  const ReferenceModel& model;
+  const Camera& camera;
+  glm::dvec3 background;
+  glm::dvec3 eye;  // camera position, world space
+  bool texture_rgb = false;
+  bool texture_alpha = false;
+  IntersectionModel intersection = IntersectionModel::maxResponse;
+  bool cutoffs = true;
+  std::vector<Splat> splats{};
+};
+Scene makeScene(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,
+                const ReferenceOptions& options);
+
+// World-space ray direction through a pixel position [px], scaled so that the ray parameter is the camera z.
+glm::dvec3 rayDirection(const Camera& camera, double x, double y);
+
+// Real spherical harmonics 0..15 at a unit direction, and the gradient of each (docs/math.md 1.3).
+std::array<double, 16> shBasis(glm::dvec3 direction);
+std::array<glm::dvec3, 16> shBasisGradient(glm::dvec3 direction);
+
+// Where a ray meets a splat: p is the point in the local frame.
+struct Intersection {
+  glm::dvec3 d;  // ray direction in the local frame
+  glm::dvec3 p;
+  double t = 0;
+};
+std::optional<Intersection> intersect(const Splat& splat, glm::dvec3 direction, IntersectionModel model);
+
+// A bilinear look-up at (u, v): four texels, their weights, the value, and its derivatives (docs/math.md 3).
+struct TextureSample {
+  double texel_u = 0, texel_v = 0;
+  std::array<std::size_t, 4> texels{};
+  std::array<double, 4> weights{};
+  glm::dvec4 value{0.0}, du{0.0}, dv{0.0};
+};
+// Nothing when the splat has no texture or (u, v) lies outside it.
+std::optional<TextureSample> sampleTexture(const ReferenceModel& model, const TextureRect& rect, double u, double v);
+
+// Calls visit(splat, hit) for every blended splat along a ray, front to back (docs/math.md 5). Returns the
+// transmittance that is left.
+template <typename Visit>
+double blend(const Scene& scene, glm::dvec3 direction, const Visit& visit) {
+  double transmittance = 1.0;
+  for (const Splat& splat : scene.splats) {
+    const auto point = intersect(splat, direction, scene.intersection);
+    if (!point) continue;
+    ReferenceHit hit;
+    hit.gaussian = splat.gaussian;
+    hit.t = point->t;
+    hit.u = point->p[splat.a];
+    hit.v = point->p[splat.b];
+    hit.value = std::exp(-0.5 * glm::dot(point->p, point->p));
+    hit.base = splat.base;
+    if (const auto sample = sampleTexture(scene.model, splat.rect, hit.u, hit.v)) {
+      hit.texel_u = sample->texel_u;
+      hit.texel_v = sample->texel_v;
+      if (scene.texture_alpha) hit.texture_alpha = sample->value.a;
+      if (scene.texture_rgb) hit.texture = glm::dvec3(sample->value);
+    }
+    hit.alpha = std::min(kAlphaMax, splat.opacity * hit.value * hit.texture_alpha);
+    hit.transmittance = transmittance;
+    const double next = transmittance * (1.0 - hit.alpha);
+    if (scene.cutoffs && hit.alpha < kAlphaMin) continue;
+    if (scene.cutoffs && next < kTransmittanceStop) break;
+    visit(splat, hit);
+    transmittance = next;
+  }
+  return transmittance;
+}
+
+}  // namespace tg::reference

@@ -1,0 +1,2 @@
+tg_add_test(test_reference LIBRARIES tg_render SOURCES
+  reference_cases_test.cpp)
