@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// The band rule.
+#include "support/compare.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+namespace tg::test {
+namespace {
+
+double differ(double a, double b) {
+  const double d = std::abs(a - b) / std::max(1.0, std::abs(b));
+  return std::isfinite(d) ? d : std::numeric_limits<double>::infinity();
+}
+template <typename T>
+double differ(glm::vec<3, float> a, glm::vec<3, T> b) {
+  return std::max({differ(a.x, b.x), differ(a.y, b.y), differ(a.z, b.z)});
+}
+
+template <typename T>
+FrameDifference compare(const Frame& frame, const FrameT<T>& reference, const Tolerance& tolerance) {
+  FrameDifference result;
+  result.pixels = reference.base.size();
+  if (frame.width != reference.width || frame.height != reference.height) {
+    for (OutputDifference& output : result.outputs) output.max = std::numeric_limits<double>::infinity();
+    return result;
+  }
+  for (std::size_t i = 0; i < result.pixels; ++i) {
+    const bool flipped = static_cast<double>(frame.count[i]) != static_cast<double>(reference.count[i]);
+    result.flipped += flipped;
+    const std::array<double, 7> distances = {
+        differ(frame.color(i), reference.color(i)),     differ(frame.base[i], reference.base[i]),
+        differ(frame.texture[i], reference.texture[i]), differ(frame.alpha[i], reference.alpha[i]),
+        differ(frame.depth[i], reference.depth[i]),     differ(frame.normal[i], reference.normal[i]),
+        differ(frame.count[i], reference.count[i])};
+    for (std::size_t k = 0; k < distances.size(); ++k) {
+      OutputDifference& output = result.outputs[k];
+      output.max = std::max(output.max, distances[k]);
+      if (!flipped) output.max_same = std::max(output.max_same, distances[k]);
+      output.mean += distances[k] / static_cast<double>(result.pixels);
+      output.outliers += distances[k] > tolerance.tight;
+    }
+  }
+  return result;
+}
+
+double share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+}  // namespace
+
+FrameDifference compareFrames(const FrameT<float>& frame, const FrameT<double>& reference, const Tolerance& tolerance) {
+  return compare(frame, reference, tolerance);
+}
+FrameDifference compareFrames(const Frame& frame, const Frame& reference, const Tolerance& tolerance) {
+  return compare(frame, reference, tolerance);
+}
+
+std::string violations(const FrameDifference& difference, const Tolerance& tolerance) {
+  std::ostringstream out;
+  for (std::size_t k = 0; k < difference.outputs.size(); ++k) {
+    const auto output = static_cast<Output>(k);
+    const OutputDifference& d = difference.outputs[k];
+    const double outliers = share(d.outliers, difference.pixels);
+    if (outliers > tolerance.outlier_share) {
+      out << name(output) << ": too many outliers (expected " << tolerance.outlier_share << ", found " << outliers
+          << ")\n";
+    }
+    if (d.max_same > tolerance.loose) {
+      out << name(output) << ": pixels of the same splats differ (expected " << tolerance.loose << ", found "
+          << d.max_same << ")\n";
+    }
+    // One splat more or less moves depth and count by any amount.
+    const bool bounded = output != Output::depth && output != Output::count;
+    if (!std::isfinite(d.max) || (bounded && d.max > tolerance.flip)) {
+      out << name(output) << ": a pixel differs (expected " << tolerance.flip << ", found " << d.max << ")\n";
+    }
+  }
+  return out.str();
+}
+
+std::string report(const FrameDifference& difference) {
+  std::ostringstream out;
+  out.precision(3);
+  out << difference.pixels << " pixels, " << difference.flipped << " with another number of splats\n";
+  for (std::size_t k = 0; k < difference.outputs.size(); ++k) {
+    const OutputDifference& d = difference.outputs[k];
+    out << name(static_cast<Output>(k)) << ": max " << d.max << ", max of same splats " << d.max_same << ", mean "
+        << d.mean << ", outliers " << 100.0 * share(d.outliers, difference.pixels) << " %\n";
+  }
+  return out.str();
+}
+
+}  // namespace tg::test

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+// The test scenes.
+#include "support/scenes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+#include <glm/gtc/quaternion.hpp>
+
+namespace tg::test {
+namespace {
+
+constexpr std::array<std::string_view, 9> kNames = {"ordinary",     "needles", "flat",          "edge-on", "near plane",
+                                                    "odd textures", "mixed",   "around camera", "stacked"};
+
+Camera offCentreCamera(int width, int height) {
+  Camera camera = lookAt({0.4, -0.3, -4.0}, {0.1, 0.05, 0.0}, {0.1, -1.0, 0.05}, 0.9, width, height);
+  camera.fx *= 1.07;
+  camera.cx += 0.06 * width;
+  camera.cy -= 0.04 * height;
+  return camera;
+}
+
+// World position of a point given by pixel and depth.
+glm::dvec3 unproject(const Camera& camera, double x, double y, double z) {
+  const glm::dvec3 point((x - camera.cx) / camera.fx * z, (y - camera.cy) / camera.fy * z, z);
+  return glm::transpose(camera.camera_from_world_rotation) * (point - camera.camera_from_world_translation);
+}
+glm::dvec3 randomPoint(Random& random, const Camera& camera, double near, double far) {
+  const double x = random.uniform(-0.1, 1.1) * camera.width;
+  const double y = random.uniform(-0.1, 1.1) * camera.height;
+  return unproject(camera, x, y, random.uniform(near, far));
+}
+
+// A rotation that takes the z axis to `normal`, turned around it by a random angle; w, x, y, z.
+glm::dvec4 quaternionFacing(Random& random, glm::dvec3 normal) {
+  const glm::dvec3 helper = std::abs(normal.x) < 0.5 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+  const glm::dvec3 x = glm::normalize(glm::cross(helper, normal));
+  const glm::dquat facing = glm::quat_cast(glm::dmat3(x, glm::cross(normal, x), normal));
+  const double half = random.uniform(0.0, glm::pi<double>());
+  const glm::dquat q = facing * glm::dquat(std::cos(half), 0.0, 0.0, std::sin(half));
+  return {q.w, q.x, q.y, q.z};
+}
+
+void addTexture(GaussianModel& model, Random& random, int width, int height) {
+  const auto offset = static_cast<std::uint32_t>(model.atlas.texels.size());
+  const bool textured = width > 0 && height > 0;
+  model.atlas.rects.push_back(
+      {textured ? offset : 0u, static_cast<std::uint16_t>(width), static_cast<std::uint16_t>(height)});
+  for (int i = 0; i < width * height; ++i) {
+    const glm::vec3 rgb(random.uniformVec3(-0.4, 0.4));
+    model.atlas.texels.push_back(glm::vec4(rgb, random.uniform()));
+  }
+}
+
+// Appends a Gaussian with random colours; the texture follows by addTexture.
+void addGaussian(GaussianModel& model, Random& random, glm::dvec3 mean, glm::dvec4 rotation, glm::dvec3 scale,
+                 double opacity) {
+  model.mean.push_back(glm::vec3(mean));
+  model.rotation.push_back(glm::vec4(rotation * random.uniform(0.5, 2.0)));
+  model.log_scale.push_back(glm::vec3(glm::log(scale)));
+  model.opacity_logit.push_back(static_cast<float>(std::log(opacity / (1.0 - opacity))));
+  for (int k = 0; k < model.shCount(); ++k) {
+    const double size = k == 0 ? 1.5 : 0.25;
+    model.sh.push_back(glm::vec3(random.uniformVec3(-size, size)));
+  }
+}
+
+GaussianModel emptyModel() {
+  GaussianModel model;
+  model.sh_degree = 3;
+  model.texture_mode = TextureMode::rgba;
+  return model;
+}
+
+glm::dvec3 permuted(Random& random, glm::dvec3 scale) {
+  const int first = std::min(2, static_cast<int>(random.uniform(0.0, 3.0)));
+  return {scale[first], scale[(first + 1) % 3], scale[(first + 2) % 3]};
+}
+
+void addOfKind(GaussianModel& model, Random& random, const Camera& camera, SceneKind kind) {
+  glm::dvec3 mean = randomPoint(random, camera, 2.0, 8.0);
+  glm::dvec4 rotation = random.quaternion();
+  glm::dvec3 scale = glm::exp(random.uniformVec3(std::log(0.03), std::log(0.4)));
+  double opacity = random.uniform(0.02, 0.98);
+  const double size = std::exp(random.uniform(std::log(0.05), std::log(0.6)));
+  const double roundness = random.uniform(0.3, 1.0);       // of flat ones: second axis by first
+  const double thinness = 1.0 / random.uniform(50, 1000);  // third axis by first
+  int width = 4, height = 4;
+  switch (kind) {
+    case SceneKind::ordinary:
+      break;
+    case SceneKind::needles:
+      scale = permuted(random, size * glm::dvec3(1.0, roundness / 20, 1.0 / random.uniform(20, 200)));
+      break;
+    case SceneKind::flat:
+      scale = permuted(random, size * glm::dvec3(1.0, roundness, thinness));
+      break;
+    case SceneKind::edgeOn: {
+      const glm::dvec3 to_camera = glm::normalize(camera.position() - mean);
+      const glm::dvec3 side = glm::normalize(glm::cross(to_camera, random.direction()));
+      const double tilt = glm::radians(random.uniform(-3.0, 3.0));
+      rotation = quaternionFacing(random, std::cos(tilt) * side + std::sin(tilt) * to_camera);
+      scale = size * glm::dvec3(1.0, roundness, thinness);
+      break;
+    }
+    case SceneKind::nearPlane:
+      mean = randomPoint(random, camera, 0.1, 0.7);
+      scale *= 0.5;
+      opacity *= 0.5;
+      break;
+    case SceneKind::oddTextures: {
+      constexpr int kSizes[4][2] = {{1, 1}, {37, 5}, {1, 9}, {2, 2}};
+      const auto& pick = kSizes[model.size() % 4];
+      width = pick[0];
+      height = pick[1];
+      break;
+    }
+    case SceneKind::mixed:
+      width = 1 + static_cast<int>(random.uniform(0.0, 8.0));
+      height = 1 + static_cast<int>(random.uniform(0.0, 8.0));
+      if (model.size() % 3 == 0) width = height = 0;
+      break;
+    case SceneKind::aroundCamera:
+      if (model.size() % 8 == 0) {
+        mean = randomPoint(random, camera, 0.3, 3.0);
+        scale = random.uniformVec3(2.0, 12.0);
+        opacity *= 0.3;
+      }
+      break;
+    case SceneKind::stacked:
+      opacity = 0.999;
+      scale *= 3.0;
+      break;
+  }
+  if (model.size() % 50 == 11) opacity = 0.003;  // below 1/255: never seen
+  if (model.size() % 50 == 12) mean = unproject(camera, 0.5 * camera.width, 0.5 * camera.height, -random.uniform(0, 2));
+  addGaussian(model, random, mean, rotation, scale, opacity);
+  addTexture(model, random, width, height);
+}
+
+}  // namespace
+
+double Random::uniform(double low, double high) {
+  // splitmix64
+  state_ += 0x9E3779B97F4A7C15ull;
+  std::uint64_t z = state_;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
+  z ^= z >> 31;
+  return low + (high - low) * (static_cast<double>(z >> 11) * 0x1p-53);
+}
+double Random::normal() {
+  const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform()));
+  return radius * std::cos(uniform(0.0, glm::two_pi<double>()));
+}
+glm::dvec3 Random::uniformVec3(double low, double high) {
+  const double x = uniform(low, high);
+  const double y = uniform(low, high);
+  return {x, y, uniform(low, high)};
+}
+glm::dvec3 Random::direction() {
+  const double z = uniform(-1.0, 1.0);
+  const double angle = uniform(0.0, glm::two_pi<double>());
+  const double r = std::sqrt(1.0 - z * z);
+  return {r * std::cos(angle), r * std::sin(angle), z};
+}
+glm::dvec4 Random::quaternion() {
+  const double a = normal();
+  const double b = normal();
+  const double c = normal();
+  return glm::normalize(glm::dvec4(a, b, c, normal()));
+}
+
+std::string_view name(SceneKind kind) { return kNames.at(static_cast<std::size_t>(kind)); }
+
+TestScene makeScene(SceneKind kind, unsigned seed, int gaussians, int width, int height) {
+  TestScene scene{emptyModel(), offCentreCamera(width, height)};
+  Random random(seed * 16 + static_cast<unsigned>(kind));
+  for (int i = 0; i < gaussians; ++i) addOfKind(scene.model, random, scene.camera, kind);
+  return scene;
+}
+
+Tolerance tolerance(SceneKind, IntersectionModel) { return {}; }
+
+GaussianModel trainedLikeModel(unsigned seed, int gaussians) {
+  GaussianModel model = emptyModel();
+  Random random(seed);
+  const double spacing = std::sqrt(16.0 / std::max(gaussians, 1));  // about 16 square units of surface
+  for (int i = 0; i < gaussians; ++i) {
+    glm::dvec3 mean, normal, color;
+    if (i % 2 == 0) {  // floor, y = 1 (y points down)
+      mean = {random.uniform(-2, 2), 1.0, random.uniform(-2, 2)};
+      normal = {0, -1, 0};
+      const bool dark = (static_cast<int>(std::floor(mean.x * 2)) + static_cast<int>(std::floor(mean.z * 2))) % 2 != 0;
+      color = dark ? glm::dvec3(0.25, 0.2, 0.15) : glm::dvec3(0.8, 0.75, 0.6);
+    } else if (i % 4 == 1) {  // box of side 1
+      const int axis = std::min(2, static_cast<int>(random.uniform(0.0, 3.0)));
+      const double sign = random.uniform() < 0.5 ? -1.0 : 1.0;
+      mean = random.uniformVec3(-0.5, 0.5);
+      mean[axis] = 0.5 * sign;
+      mean += glm::dvec3(-0.8, 0.5, 0.2);
+      normal = glm::dvec3(0.0);
+      normal[axis] = sign;
+      color = 0.5 + 0.3 * normal;
+    } else {  // ball of radius 0.6
+      normal = random.direction();
+      mean = glm::dvec3(0.8, 0.4, -0.2) + 0.6 * normal;
+      color = {0.2, 0.4 - 0.2 * normal.y, 0.8};
+    }
+    const glm::dvec3 jitter = 0.003 * random.direction();
+    const glm::dvec4 rotation = quaternionFacing(random, normal);
+    const double sigma = spacing * random.uniform(0.3, 0.7);
+    const glm::dvec3 scale = sigma * glm::dvec3(1.0, random.uniform(0.4, 1.0), 0.02);
+    addGaussian(model, random, mean + jitter, rotation, scale, random.uniform(0.6, 0.995));
+    model.sh[model.sh.size() - model.shCount()] = glm::vec3((color - 0.5) / 0.28209479177387814);
+    for (int k = 1; k < model.shCount(); ++k) model.sh[model.sh.size() - k] *= 0.2f;
+    addTexture(model, random, 4, 4);
+    for (std::size_t k = model.atlas.texels.size() - 16; k < model.atlas.texels.size(); ++k) {
+      model.atlas.texels[k] *= glm::vec4(0.3f, 0.3f, 0.3f, 0.5f);
+      model.atlas.texels[k].a += 0.5f;
+    }
+  }
+  return model;
+}
+
+Camera trainedLikeCamera(int width, int height) {
+  return lookAt({1.6, -1.4, -4.2}, {0.0, 0.4, 0.0}, {0.0, -1.0, 0.0}, 0.75, width, height);
+}
+
+}  // namespace tg::test

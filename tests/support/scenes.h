@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Seeded scenes that every renderer is tested on: the ordinary ones and each kind of hard one. Same seed, same scene,
+// on every machine.
+#pragma once
+#include <array>
+#include <string_view>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/model.h"
+#include "support/compare.h"
+
+namespace tg::test {
+
+enum class SceneKind {
+  ordinary,      // ellipsoids of moderate shape, 4 x 4 textures
+  needles,       // one long axis, two that are 20 to 200 times shorter
+  flat,          // one axis 50 to 1000 times shorter than the others, as training makes them
+  edgeOn,        // flat ones whose plane nearly holds the camera
+  nearPlane,     // means around camera z = 0.2, extents that cross it
+  oddTextures,   // 1 x 1, 37 x 5, 1 x 9 and 2 x 2 textures
+  mixed,         // every size up to 8 x 8, a third without texture
+  aroundCamera,  // some Gaussians so large that the camera is inside them
+  stacked,       // opaque layers, so that every ray ends at the transmittance stop
+};
+constexpr std::array<SceneKind, 9> kSceneKinds = {SceneKind::ordinary, SceneKind::needles,      SceneKind::flat,
+                                                  SceneKind::edgeOn,   SceneKind::nearPlane,    SceneKind::oddTextures,
+                                                  SceneKind::mixed,    SceneKind::aroundCamera, SceneKind::stacked};
+std::string_view name(SceneKind kind);
+
+struct TestScene {
+  GaussianModel model;  // SH degree 3, textures rgba, maxResponse; a few Gaussians too faint or behind the camera
+  Camera camera;        // turned and off centre, fx != fy
+};
+TestScene makeScene(SceneKind kind, unsigned seed, int gaussians = 200, int width = 64, int height = 48);
+
+// What a float32 renderer that uses the formulas of shaders/shared may differ from the reference by, on makeScene's
+// default size. Measured with a plain float loop over all Gaussians (tests/render/shared_math_test.cpp), then doubled.
+Tolerance tolerance(SceneKind kind, IntersectionModel intersection);
+
+// A scene such as training leaves behind: flat Gaussians with 4 x 4 textures on a floor, a box and a ball, SH degree 3,
+// mostly opaque. And a camera that sees it.
+GaussianModel trainedLikeModel(unsigned seed, int gaussians);
+Camera trainedLikeCamera(int width, int height);
+
+// Uniform numbers that are the same with every standard library.
+class Random {
+ public:
+  explicit Random(unsigned seed) : state_(0x9E3779B97F4A7C15ull * (seed + 1ull)) {}
+  double uniform(double low = 0.0, double high = 1.0);
+  double normal();
+  glm::dvec3 uniformVec3(double low, double high);
+  glm::dvec3 direction();
+  glm::dvec4 quaternion();  // unit, uniform over rotations
+
+ private:
+  std::uint64_t state_;
+};
+
+}  // namespace tg::test
