@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+// POSIX file input and output with bounds, fsync and rename.
+#include "core/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+
+#include "core/error.h"
+
+namespace tg {
+namespace {
+
+struct Descriptor {
+  int fd = -1;
+  explicit Descriptor(int f) : fd(f) {}
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  ~Descriptor() {
+    if (fd >= 0) ::close(fd);
+  }
+};
+
+// strerror is not thread-safe; this is.
+std::string reason() { return std::generic_category().message(errno); }
+
+// Removes the file unless released.
+struct TemporaryFile {
+  std::filesystem::path path;
+  bool released = false;
+  ~TemporaryFile() {
+    if (!released) ::unlink(path.c_str());
+  }
+};
+
+std::filesystem::path folderOf(const std::filesystem::path& path) {
+  const std::filesystem::path folder = path.parent_path();
+  return folder.empty() ? std::filesystem::path(".") : folder;
+}
+
+// A fresh empty file in the folder of `path`, with the same extension, readable as the umask says.
+std::filesystem::path createTemporary(const std::filesystem::path& path) {
+  static std::atomic<unsigned> counter{0};
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    const std::string stem = ".tg-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
+    const std::filesystem::path temporary = folderOf(path) / (stem + path.extension().string());
+    const Descriptor file(::open(temporary.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666));
+    if (file.fd >= 0) return temporary;
+    if (errno != EEXIST) throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
+  }
+  throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: no free temporary name");
+}
+
+void syncFile(const std::filesystem::path& file, const std::filesystem::path& reported) {
+  const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (descriptor.fd < 0 || ::fsync(descriptor.fd) != 0)
+    throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write to disk: " + reason());
+}
+
+void writeAll(const std::filesystem::path& file, std::span<const std::uint8_t> bytes,
+              const std::filesystem::path& reported) {
+  const Descriptor descriptor(::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC));
+  if (descriptor.fd < 0) throw Error(ErrorKind::cannotWrite, reported.string(), "cannot open: " + reason());
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(descriptor.fd, bytes.data(), std::min<std::size_t>(bytes.size(), 1u << 30));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write: " + reason());
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
+  }
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + reason());
+  struct stat status{};
+  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+  if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
+  const auto tooLong = [&](const std::string& found) {
+    return Error(ErrorKind::cannotRead, path.string(),
+                 "file is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " + found + ")");
+  };
+  const std::uint64_t size = S_ISREG(status.st_mode) ? static_cast<std::uint64_t>(status.st_size) : 0;
+  if (size > max_bytes) throw tooLong(std::to_string(size));
+
+  // The size is a hint only: pipes have none, and a file may grow while it is read.
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(size));
+  std::size_t used = 0;
+  for (;;) {
+    if (used == bytes.size()) {
+      std::uint8_t probe[65536];
+      const ssize_t got = ::read(file.fd, probe, sizeof(probe));
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+      if (got == 0) break;
+      if (used + static_cast<std::uint64_t>(got) > max_bytes) throw tooLong("more");
+      bytes.insert(bytes.end(), probe, probe + got);
+      used = bytes.size();
+      continue;
+    }
+    const ssize_t got = ::read(file.fd, bytes.data() + used, std::min<std::size_t>(bytes.size() - used, 1u << 30));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+    if (got == 0) break;
+    used += static_cast<std::size_t>(got);
+  }
+  bytes.resize(used);
+  return bytes;
+}
+
+void writeFileAtomically(const std::filesystem::path& path,
+                         const std::function<void(const std::filesystem::path& temporary)>& write) {
+  // Renaming over a device or a pipe would replace it (think of /dev/null).
+  std::error_code ignored;
+  const auto type = std::filesystem::status(path, ignored).type();
+  if (type != std::filesystem::file_type::not_found && type != std::filesystem::file_type::regular)
+    throw Error(ErrorKind::cannotWrite, path.string(), "exists and is not a regular file");
+  if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
+
+  TemporaryFile temporary{createTemporary(path)};
+  write(temporary.path);
+  syncFile(temporary.path, path);
+  if (::rename(temporary.path.c_str(), path.c_str()) != 0)
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot rename the finished file: " + reason());
+  temporary.released = true;
+  // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.
+  const Descriptor folder(::open(folderOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder.fd >= 0) (void)::fsync(folder.fd);
+}
+
+void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {
+  writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeAll(temporary, bytes, path); });
+}
+
+}  // namespace tg
