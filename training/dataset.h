@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs with known cameras: NeRF-synthetic and instant-ngp / nerfstudio JSON, COLMAP sparse models.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <glm/glm.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/image.h"
+#include "core/ply.h"
+
+namespace tg {
+
+enum class DatasetLayout { automatic, nerfSynthetic, transforms, colmap };
+std::string_view name(DatasetLayout layout);  // "auto", "nerf-synthetic", "transforms", "colmap"
+std::optional<DatasetLayout> parseDatasetLayout(std::string_view text);
+
+// One photograph: pixels composited over the data set's background.
+struct View {
+  Camera camera;
+  std::vector<std::uint8_t> rgb;  // [height, width, 3]
+  Image image() const;
+};
+
+struct Dataset {
+  std::string name;  // of the folder
+  DatasetLayout layout = DatasetLayout::automatic;
+  std::vector<View> views;  // sorted by image name inside train and test; train first
+  PointCloud points;        // empty when the data set has none
+  glm::vec3 background{0.0f};
+  int missing_images = 0;  // listed by the data set, not on disk: skipped
+
+  std::vector<std::size_t> indices(bool test) const;
+};
+
+struct DatasetOptions {
+  DatasetLayout layout = DatasetLayout::automatic;
+  int downscale = 1;                    // integer box filter
+  std::optional<glm::vec3> background;  // default: white for NeRF-synthetic, black otherwise
+  int test_every = 8;                   // every n-th image by name is held out, where no split is given; 0: none
+  std::string images = "images";        // COLMAP: folder of the photographs
+  std::optional<std::filesystem::path> points;  // point cloud PLY instead of the data set's own
+};
+
+// Throws Error(cannotRead / badData / usage).
+Dataset loadDataset(const std::filesystem::path& folder, const DatasetOptions& options = {});
+
+// 1.1 * the largest distance of a training camera from their mean: the unit of position learning rates and of the
+// densification thresholds. [world units]
+double cameraExtent(const Dataset& dataset);
+
+// What the loaders of each layout return: cameras whose images are not decoded yet. Exposed for the tests.
+struct DatasetIndex {
+  struct Entry {
+    Camera camera;  // width = height = 0: taken from the image, focal length from field_of_view
+    std::filesystem::path image;
+    std::optional<double> field_of_view_x;  // [rad]
+    std::optional<double> field_of_view_y;  // [rad]
+  };
+  std::vector<Entry> entries;
+  PointCloud points;
+  bool has_split = false;  // Camera::test is set
+};
+DatasetIndex readTransforms(const std::filesystem::path& folder);
+DatasetIndex readColmap(const std::filesystem::path& folder, const std::string& images_folder);
+// The COLMAP model's folder below a data set: sparse/0 or sparse.
+std::optional<std::filesystem::path> findColmapModel(const std::filesystem::path& folder);
+
+}  // namespace tg

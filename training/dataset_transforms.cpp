@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+// transforms_train.json / transforms_test.json (NeRF-synthetic) and transforms.json (instant-ngp, nerfstudio).
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "training/dataset.h"
+
+namespace tg {
+namespace fs = std::filesystem;
+
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
+constexpr double kMaxImageSide = 1 << 20;
+constexpr std::array<const char*, 10> kDistortion = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2"};
+constexpr std::array<const char*, 6> kExtensions = {"", ".png", ".jpg", ".jpeg", ".JPG", ".exr"};
+
+// A JSON file together with its name, for messages.
+struct Source {
+  Json json;
+  std::string path;
+  [[noreturn]] void fail(const std::string& what) const { throw Error(ErrorKind::badData, path, what); }
+};
+
+Source parse(const fs::path& path) {
+  const std::vector<std::uint8_t> bytes = readFile(path, kMaxJsonBytes);
+  Source source{Json::parse(bytes.begin(), bytes.end(), nullptr, false), path.string()};
+  if (source.json.is_discarded()) source.fail("not valid JSON");
+  if (!source.json.is_object()) source.fail("expected a JSON object at the top");
+  return source;
+}
+
+// frame[key], else top[key]: nerfstudio lets every frame override the shared intrinsics.
+std::optional<double> number(const Source& source, const Json& frame, const char* key) {
+  for (const Json* object : {&frame, &source.json}) {
+    const auto found = object->find(key);
+    if (found == object->end() || found->is_null()) continue;
+    if (!found->is_number() || !std::isfinite(found->get<double>())) {
+      source.fail(std::string("'") + key + "' is not a finite number");
+    }
+    return found->get<double>();
+  }
+  return std::nullopt;
+}
+
+void refuseDistortion(const Source& source, const Json& frame) {
+  for (const Json* object : {&frame, &source.json}) {
+    const auto model = object->find("camera_model");
+    if (model == object->end()) continue;
+    const std::string text = model->is_string() ? model->get<std::string>() : "?";
+    if (text != "PINHOLE" && text != "SIMPLE_PINHOLE" && text != "OPENCV" && text != "SIMPLE_RADIAL" &&
+        text != "RADIAL") {
+      source.fail("camera model '" + text +
+                  "' is not supported (expected a pinhole model: undistort the images first)");
+    }
+    break;
+  }
+  for (const char* key : kDistortion) {
+    const std::optional<double> value = number(source, frame, key);
+    if (value && *value != 0.0) {
+      source.fail(std::string("lens distortion is not supported (expected ") + key + " = 0, found " +
+                  Json(*value).dump() + "): undistort the images first");
+    }
+  }
+}
+
+// World-to-camera in OpenCV axes from camera-to-world in OpenGL axes (x right, y up, looks down -z).
+void setPose(const Source& source, const Json& frame, const std::string& label, Camera& camera) {
+  const auto found = frame.find("transform_matrix");
+  if (found == frame.end() || !found->is_array() || (found->size() != 4 && found->size() != 3)) {
+    source.fail(label + ": expected a 4 x 4 'transform_matrix'");
+  }
+  glm::dmat3 world_from_camera;
+  glm::dvec3 position;
+  for (int row = 0; row < 3; row++) {
+    const Json& values = (*found)[row];
+    if (!values.is_array() || values.size() != 4) source.fail(label + ": expected a 4 x 4 'transform_matrix'");
+    for (int column = 0; column < 4; column++) {
+      if (!values[column].is_number()) source.fail(label + ": 'transform_matrix' holds something that is not a number");
+      const double value = values[column].get<double>();
+      if (!std::isfinite(value)) source.fail(label + ": 'transform_matrix' is not finite");
+      if (column == 3) {
+        position[row] = value;
+      } else {
+        world_from_camera[column][row] = column == 0 ? value : -value;
+      }
+    }
+  }
+  const glm::dmat3 gram = glm::transpose(world_from_camera) * world_from_camera;
+  double deviation = 0;
+  for (int i = 0; i < 3; i++) {
+    for (int j = 0; j < 3; j++) deviation = std::max(deviation, std::abs(gram[i][j] - (i == j ? 1.0 : 0.0)));
+  }
+  if (!(deviation < 1e-2) || glm::determinant(world_from_camera) <= 0) {
+    source.fail(label + ": 'transform_matrix' is not a rotation and a translation (scaled, sheared or mirrored)");
+  }
+  // Files carry float32 noise: Gram-Schmidt makes the rotation exact again.
+  glm::dvec3 x = glm::normalize(world_from_camera[0]);
+  glm::dvec3 y = glm::normalize(world_from_camera[1] - x * glm::dot(x, world_from_camera[1]));
+  world_from_camera = glm::dmat3(x, y, glm::cross(x, y));
+  camera.camera_from_world_rotation = glm::transpose(world_from_camera);
+  camera.camera_from_world_translation = -camera.camera_from_world_rotation * position;
+}
+
+void setIntrinsics(const Source& source, const Json& frame, const std::string& label, DatasetIndex::Entry& entry) {
+  const std::optional<double> width = number(source, frame, "w");
+  const std::optional<double> height = number(source, frame, "h");
+  const std::optional<double> fl_x = number(source, frame, "fl_x");
+  entry.field_of_view_x = number(source, frame, "camera_angle_x");
+  entry.field_of_view_y = number(source, frame, "camera_angle_y");
+  for (const std::optional<double>& angle : {entry.field_of_view_x, entry.field_of_view_y}) {
+    if (angle && !(*angle > 0 && *angle < 3.14)) source.fail("camera angle out of range (expected 0 to pi)");
+  }
+  if (fl_x && width && height) {
+    if (!(*width >= 1 && *width <= kMaxImageSide && *height >= 1 && *height <= kMaxImageSide)) {
+      source.fail("image size out of range (found " + Json(*width).dump() + " x " + Json(*height).dump() + ")");
+    }
+    Camera& camera = entry.camera;
+    camera.width = static_cast<int>(*width);
+    camera.height = static_cast<int>(*height);
+    camera.fx = *fl_x;
+    camera.fy = number(source, frame, "fl_y").value_or(*fl_x);
+    camera.cx = number(source, frame, "cx").value_or(*width / 2);
+    camera.cy = number(source, frame, "cy").value_or(*height / 2);
+    if (!(camera.fx > 0 && camera.fy > 0)) source.fail("focal length is not positive");
+  } else if (!entry.field_of_view_x) {
+    source.fail(label + ": no intrinsics (expected fl_x, w and h, or camera_angle_x)");
+  }
+}
+
+fs::path imagePath(const fs::path& folder, const std::string& file_path) {
+  for (const char* extension : kExtensions) {
+    fs::path candidate = folder / (file_path + extension);
+    std::error_code ignored;
+    if (fs::is_regular_file(candidate, ignored)) return candidate;
+  }
+  return folder / file_path;
+}
+
+void readFrames(const Source& source, const fs::path& folder, bool test, DatasetIndex& index) {
+  const auto frames = source.json.find("frames");
+  if (frames == source.json.end() || !frames->is_array()) source.fail("expected an array 'frames'");
+  for (std::size_t i = 0; i < frames->size(); i++) {
+    const Json& frame = (*frames)[i];
+    const std::string label = "frame " + std::to_string(i);
+    if (!frame.is_object()) source.fail(label + ": expected an object");
+    const auto file_path = frame.find("file_path");
+    if (file_path == frame.end() || !file_path->is_string() || file_path->get<std::string>().empty()) {
+      source.fail(label + ": expected a string 'file_path'");
+    }
+    refuseDistortion(source, frame);
+    DatasetIndex::Entry entry;
+    entry.image = imagePath(folder, file_path->get<std::string>());
+    entry.camera.name = entry.image.filename().string();
+    entry.camera.test = test;
+    setIntrinsics(source, frame, label, entry);
+    setPose(source, frame, label, entry.camera);
+    index.entries.push_back(std::move(entry));
+  }
+}
+
+void readPoints(const Source& source, const fs::path& folder, DatasetIndex& index) {
+  const auto named = source.json.find("ply_file_path");
+  std::error_code ignored;
+  if (named != source.json.end()) {
+    if (!named->is_string()) source.fail("'ply_file_path' is not a string");
+    index.points = readPointCloudPly(folder / named->get<std::string>());
+  } else if (fs::is_regular_file(folder / "points3d.ply", ignored)) {
+    index.points = readPointCloudPly(folder / "points3d.ply");
+  }
+}
+
+}  // namespace
+
+DatasetIndex readTransforms(const fs::path& folder) {
+  DatasetIndex index;
+  std::error_code ignored;
+  const bool split_files = fs::is_regular_file(folder / "transforms_train.json", ignored);
+  const Source train = parse(folder / (split_files ? "transforms_train.json" : "transforms.json"));
+  readFrames(train, folder, false, index);
+  if (split_files && fs::is_regular_file(folder / "transforms_test.json", ignored)) {
+    readFrames(parse(folder / "transforms_test.json"), folder, true, index);
+    index.has_split = true;
+  }
+  readPoints(train, folder, index);
+  return index;
+}
+
+}  // namespace tg

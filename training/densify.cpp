@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decides from statistics, then rebuilds parameters and moments in one pass.
+#include "training/densify.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "shaders/shared/splat.h"
+
+namespace tg {
+namespace {
+
+float opacity(float logit) { return 1 / (1 + std::exp(-logit)); }
+float largest(glm::vec3 v) { return std::max({v.x, v.y, v.z}); }
+
+bool prunable(const GaussianModel& model, const DensityStatistics& statistics, const DensifySettings& settings,
+              std::size_t i) {
+  if (opacity(model.opacity_logit[i]) < settings.prune_opacity) return true;
+  return settings.prune_large && (std::exp(largest(model.log_scale[i])) > settings.prune_scale * settings.extent ||
+                                  statistics.max_radius[i] > settings.prune_radius);
+}
+
+// A point drawn from the Gaussian itself.
+glm::vec3 sample(const GaussianModel& model, std::size_t i, Random& random) {
+  glm::vec3 local;
+  for (int axis = 0; axis < 3; axis++) {
+    local[axis] = std::exp(model.log_scale[i][axis]) * static_cast<float>(random.normal());
+  }
+  return model.mean[i] + rotationFromQuaternion(model.rotation[i]) * local;
+}
+
+}  // namespace
+
+void DensityStatistics::reset(std::size_t count) {
+  score_sum.assign(count, 0.0f);
+  view_count.assign(count, 0u);
+  max_radius.assign(count, 0.0f);
+}
+
+void DensityStatistics::add(const ModelGradient& gradient) {
+  for (std::size_t i = 0; i < score_sum.size(); i++) {
+    if (gradient.screen_radius[i] <= 0) continue;
+    score_sum[i] += gradient.screen_gradient[i];
+    view_count[i]++;
+    max_radius[i] = std::max(max_radius[i], gradient.screen_radius[i]);
+  }
+}
+
+DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const DensifySettings& settings,
+                      Random& random) {
+  const GaussianModel& model = state.model;
+  struct Candidate {
+    std::uint32_t gaussian;
+    float score;
+  };
+  std::vector<std::uint32_t> source;
+  std::vector<Candidate> candidates;
+  for (std::uint32_t i = 0; i < model.size(); i++) {
+    if (prunable(model, statistics, settings, i)) continue;
+    source.push_back(i);
+    if (statistics.view_count[i] == 0) continue;
+    const float score = statistics.score_sum[i] / static_cast<float>(statistics.view_count[i]);
+    if (score >= settings.score_threshold) candidates.push_back({i, score});
+  }
+  DensifyResult result;
+  result.pruned = model.size() - source.size();
+  const std::size_t kept = source.size();
+
+  // Every clone and every split adds one Gaussian: the cap leaves room for the highest scores.
+  if (settings.max_gaussians > 0) {
+    const std::size_t room = settings.max_gaussians > kept ? settings.max_gaussians - kept : 0;
+    if (candidates.size() > room) {
+      std::stable_sort(candidates.begin(), candidates.end(),
+                       [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+      candidates.resize(room);
+      std::sort(candidates.begin(), candidates.end(),
+                [](const Candidate& a, const Candidate& b) { return a.gaussian < b.gaussian; });
+    }
+  }
+
+  struct Child {
+    std::size_t index;  // in the new model
+    glm::vec3 mean;
+    glm::vec3 log_scale;
+  };
+  std::vector<Child> children;
+  std::vector<std::size_t> fresh;  // survivors' places taken by a child: their moments restart
+  for (const Candidate& candidate : candidates) {
+    const std::size_t added = source.size();
+    source.push_back(candidate.gaussian);
+    if (std::exp(largest(model.log_scale[candidate.gaussian])) <= settings.clone_max_scale * settings.extent) {
+      result.cloned++;
+      continue;
+    }
+    result.split++;
+    const auto place = static_cast<std::size_t>(
+        std::lower_bound(source.begin(), source.begin() + static_cast<std::ptrdiff_t>(kept), candidate.gaussian) -
+        source.begin());
+    const glm::vec3 log_scale = model.log_scale[candidate.gaussian] - std::log(settings.split_shrink);
+    for (std::size_t index : {place, added}) {
+      children.push_back({index, sample(model, candidate.gaussian, random), log_scale});
+    }
+    fresh.push_back(place);
+  }
+
+  selectGaussians(state, source, kept);
+  for (const Child& child : children) {
+    state.model.mean[child.index] = child.mean;
+    state.model.log_scale[child.index] = child.log_scale;
+  }
+  const auto sh_floats = static_cast<std::size_t>(state.model.shCount()) * 3;
+  for (std::size_t place : fresh) {
+    const auto clear = [place](Moments& moments, std::size_t length) {
+      std::fill_n(moments.first.begin() + static_cast<std::ptrdiff_t>(place * length), length, 0.0f);
+      std::fill_n(moments.second.begin() + static_cast<std::ptrdiff_t>(place * length), length, 0.0f);
+    };
+    clear(state.mean, 3);
+    clear(state.rotation, 4);
+    clear(state.log_scale, 3);
+    clear(state.opacity_logit, 1);
+    clear(state.sh, sh_floats);
+  }
+  statistics.reset(state.model.size());
+  return result;
+}
+
+void resetOpacity(TrainingState& state) {
+  constexpr float kResetOpacity = 0.01f;  // 3DGS
+  const float limit = std::log(kResetOpacity / (1 - kResetOpacity));
+  for (float& logit : state.model.opacity_logit) logit = std::min(logit, limit);
+  std::fill(state.opacity_logit.first.begin(), state.opacity_logit.first.end(), 0.0f);
+  std::fill(state.opacity_logit.second.begin(), state.opacity_logit.second.end(), 0.0f);
+}
+
+}  // namespace tg

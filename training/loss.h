@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// The training loss: (1 - w) mean |x - y| + w (1 - SSIM(x, y)), w = 0.2, and its gradient (docs/math.md 7).
+#pragma once
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+namespace tg {
+
+struct LossValue {
+  double total = 0;
+  double l1 = 0;                  // mean absolute difference
+  double ssim = 0;                // mean over pixels and channels
+  double mean_squared_error = 0;  // after clamping the picture to [0, 1], for PSNR
+};
+
+// Keeps its scratch space between calls. Results do not depend on the thread count.
+class PhotometricLoss {
+ public:
+  explicit PhotometricLoss(float ssim_weight = 0.2f) : ssim_weight_(ssim_weight) {}
+  // picture, v_picture: [height * width]; target: [height * width * 3], 8 bit. v_picture receives dL/d(picture).
+  LossValue evaluate(int width, int height, std::span<const glm::vec3> picture, std::span<const std::uint8_t> target,
+                     std::span<glm::vec3> v_picture);
+
+ private:
+  struct RowSums {
+    double l1 = 0, ssim = 0, squared = 0;
+  };
+  float ssim_weight_;
+  std::vector<float> planes_;                // [2, 3, height, width] picture and target, one plane a channel
+  std::vector<float> v_moments_;             // [3, 3, height, width] dSSIM/d mean, variance, covariance of each window
+  std::vector<RowSums> row_sums_;            // [3, height]
+  std::vector<std::vector<float>> scratch_;  // one a worker
+};
+
+}  // namespace tg

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// Adam over flat float blocks in fixed chunks, and the bookkeeping that keeps moments beside their parameters.
+#include "training/optimizer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/parallel.h"
+#include "training/simd.h"
+
+namespace tg {
+namespace {
+
+constexpr float kBeta1 = 0.9f;
+constexpr float kBeta2 = 0.999f;
+constexpr float kEpsilon = 1e-15f;
+// Moments of Gaussians that no view sees decay into denormals, which cost 100 times a normal operation: cut to zero.
+constexpr float kTiny = 1e-30f;
+constexpr std::int64_t kChunk = 4096;     // rows of kLane floats a task
+constexpr std::size_t kUniformLane = 16;  // row length for blocks with one rate
+
+struct AdamScales {
+  float correction1;  // 1 / (1 - beta1^t)
+  float correction2;  // 1 / sqrt(1 - beta2^t)
+};
+
+// rates: [lane], the learning rate of each position in a row.
+TG_SIMD_CLONES void adamRow(float* __restrict value, const float* __restrict gradient, float* __restrict first,
+                            float* __restrict second, const float* __restrict rates, std::size_t lane,
+                            AdamScales scales) {
+  for (std::size_t i = 0; i < lane; i++) {
+    const float g = gradient[i];
+    const float m = kBeta1 * first[i] + (1 - kBeta1) * g;
+    const float v = kBeta2 * second[i] + (1 - kBeta2) * g * g;
+    first[i] = std::abs(m) < kTiny ? 0.0f : m;
+    second[i] = v < kTiny ? 0.0f : v;
+    value[i] -= rates[i] * (m * scales.correction1) / (std::sqrt(v) * scales.correction2 + kEpsilon);
+  }
+}
+
+void adamBlock(std::span<float> value, std::span<const float> gradient, Moments& moments, std::span<const float> rates,
+               AdamScales scales) {
+  const std::size_t lane = rates.size();
+  const auto rows = static_cast<std::int64_t>((value.size() + lane - 1) / lane);
+  parallelFor((rows + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
+    for (std::int64_t row = chunk * kChunk; row < std::min(rows, (chunk + 1) * kChunk); row++) {
+      const std::size_t at = static_cast<std::size_t>(row) * lane;
+      adamRow(value.data() + at, gradient.data() + at, moments.first.data() + at, moments.second.data() + at,
+              rates.data(), std::min(lane, value.size() - at), scales);
+    }
+  });
+}
+
+template <typename T>
+std::span<float> floats(std::vector<T>& values) {
+  return {reinterpret_cast<float*>(values.data()), values.size() * (sizeof(T) / sizeof(float))};
+}
+template <typename T>
+std::span<const float> floats(const std::vector<T>& values) {
+  return {reinterpret_cast<const float*>(values.data()), values.size() * (sizeof(T) / sizeof(float))};
+}
+
+template <typename T>
+void resetBlock(const std::vector<T>& parameter, Moments& moments) {
+  moments.first.assign(floats(parameter).size(), 0.0f);
+  moments.second.assign(floats(parameter).size(), 0.0f);
+}
+
+template <typename T>
+std::vector<T> gatherRows(const std::vector<T>& rows, std::size_t row_length, std::span<const std::uint32_t> source,
+                          std::size_t count) {
+  std::vector<T> result(source.size() * row_length);
+  for (std::size_t i = 0; i < count; i++) {
+    std::copy_n(rows.data() + source[i] * row_length, row_length, result.data() + i * row_length);
+  }
+  return result;
+}
+
+template <typename T>
+void selectBlock(std::vector<T>& parameter, Moments& moments, std::size_t per_gaussian,
+                 std::span<const std::uint32_t> source, std::size_t kept) {
+  parameter = gatherRows(parameter, per_gaussian, source, source.size());
+  const std::size_t row_length = per_gaussian * (sizeof(T) / sizeof(float));
+  moments.first = gatherRows(moments.first, row_length, source, kept);
+  moments.second = gatherRows(moments.second, row_length, source, kept);
+}
+
+template <typename T>
+std::vector<T> widenRows(const std::vector<T>& rows, std::size_t count, std::size_t from, std::size_t to) {
+  std::vector<T> result(count * to, T{});
+  for (std::size_t i = 0; i < count; i++) std::copy_n(rows.data() + i * from, from, result.data() + i * to);
+  return result;
+}
+
+}  // namespace
+
+float positionLearningRate(std::int64_t iteration, std::int64_t iterations, double extent) {
+  constexpr double kFirst = 1.6e-4;
+  constexpr double kLast = 1.6e-6;
+  const double progress = iterations > 0 ? static_cast<double>(iteration) / static_cast<double>(iterations) : 1.0;
+  return static_cast<float>(extent *
+                            std::exp(std::lerp(std::log(kFirst), std::log(kLast), std::clamp(progress, 0.0, 1.0))));
+}
+
+void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates) {
+  GaussianModel& model = state.model;
+  state.step++;
+  const auto t = static_cast<double>(state.step);
+  const AdamScales scales{static_cast<float>(1 / (1 - std::pow(double{kBeta1}, t))),
+                          static_cast<float>(1 / std::sqrt(1 - std::pow(double{kBeta2}, t)))};
+  const auto uniform = [&](auto& value, const auto& v_value, Moments& moments, float rate) {
+    std::array<float, kUniformLane> lane;
+    lane.fill(rate);
+    adamBlock(floats(value), floats(v_value), moments, lane, scales);
+  };
+  uniform(model.mean, gradient.v_mean, state.mean, rates.mean);
+  uniform(model.rotation, gradient.v_rotation, state.rotation, rates.rotation);
+  uniform(model.log_scale, gradient.v_log_scale, state.log_scale, rates.log_scale);
+  uniform(model.opacity_logit, gradient.v_opacity_logit, state.opacity_logit, rates.opacity_logit);
+  std::vector<float> sh_rates(static_cast<std::size_t>(model.shCount()) * 3, rates.sh_rest);
+  std::fill_n(sh_rates.begin(), 3, rates.sh_dc);
+  adamBlock(floats(model.sh), floats(gradient.v_sh), state.sh, sh_rates, scales);
+  if (model.texture_mode == TextureMode::none) return;
+  uniform(model.atlas.texels, gradient.v_texels, state.texels, rates.texels);
+  for (glm::vec4& texel : model.atlas.texels) texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+}
+
+void resetMoments(TrainingState& state) {
+  resetBlock(state.model.mean, state.mean);
+  resetBlock(state.model.rotation, state.rotation);
+  resetBlock(state.model.log_scale, state.log_scale);
+  resetBlock(state.model.opacity_logit, state.opacity_logit);
+  resetBlock(state.model.sh, state.sh);
+  resetBlock(state.model.atlas.texels, state.texels);
+  state.step = 0;
+}
+
+void growShDegree(TrainingState& state, int degree) {
+  GaussianModel& model = state.model;
+  if (degree <= model.sh_degree) return;
+  const auto from = static_cast<std::size_t>(model.shCount());
+  model.sh_degree = degree;
+  const auto to = static_cast<std::size_t>(model.shCount());
+  model.sh = widenRows(model.sh, model.size(), from, to);
+  state.sh.first = widenRows(state.sh.first, model.size(), 3 * from, 3 * to);
+  state.sh.second = widenRows(state.sh.second, model.size(), 3 * from, 3 * to);
+}
+
+void selectGaussians(TrainingState& state, std::span<const std::uint32_t> source, std::size_t kept) {
+  GaussianModel& model = state.model;
+  selectBlock(model.mean, state.mean, 1, source, kept);
+  selectBlock(model.rotation, state.rotation, 1, source, kept);
+  selectBlock(model.log_scale, state.log_scale, 1, source, kept);
+  selectBlock(model.opacity_logit, state.opacity_logit, 1, source, kept);
+  selectBlock(model.sh, state.sh, static_cast<std::size_t>(model.shCount()), source, kept);
+}
+
+}  // namespace tg
