@@ -4,9 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <limits>
-#include <tuple>
 
 #include "core/error.h"
 #include "core/parallel.h"

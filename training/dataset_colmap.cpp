@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // COLMAP sparse models, binary and text: cameras, images, points3D. Undistorted pinhole cameras only.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
 #include <map>
 #include <span>
+#include <locale>
 #include <sstream>
 
 #include "core/error.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // transforms_train.json / transforms_test.json (NeRF-synthetic) and transforms.json (instant-ngp, nerfstudio).
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
