@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// The vertex element of any PLY file as numbers. Private to core.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tg {
+
+enum class PlyType { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
+
+struct PlyProperty {
+  std::string name;
+  PlyType type = PlyType::float32;
+  std::size_t offset = 0;  // [bytes] in a binary vertex
+};
+
+class PlyVertices {
+ public:
+  // Parses the header and holds the vertex count against the bytes that follow, before anything is allocated. `bytes`
+  // must outlive this. `noun` is what messages call a vertex. Throws Error(badData).
+  PlyVertices(std::span<const std::uint8_t> bytes, const std::string& path, const char* noun);
+
+  std::size_t size() const { return count_; }
+  const std::vector<PlyProperty>& properties() const { return properties_; }
+  int find(std::string_view name) const;     // index into properties(), or -1
+  int require(std::string_view name) const;  // throws Error(badData) naming it
+  std::size_t countPrefix(std::string_view prefix) const;
+  [[noreturn]] void fail(const std::string& what) const;
+
+  // Calls visit(vertex, values) for every vertex, values[k] belonging to properties()[indices[k]]. From several threads
+  // when binary. Throws Error(badData) naming the first vertex and property that is not finite.
+  void read(std::span<const int> indices,
+            const std::function<void(std::size_t vertex, std::span<const float> values)>& visit) const;
+
+ private:
+  enum class Format { ascii, little, big };
+  struct Element {
+    std::string name;
+    std::uint64_t count = 0;
+    std::vector<PlyProperty> properties;
+    bool has_list = false;
+    std::size_t stride = 0;  // [bytes] when binary
+  };
+
+  void parseHeader(std::vector<Element>& elements);
+  void parseProperty(std::string_view line, Element& element) const;
+  void locateVertices(const std::vector<Element>& elements);
+  void readAscii(std::span<const int> indices,
+                 const std::function<void(std::size_t, std::span<const float>)>& visit) const;
+  void readBinary(std::span<const int> indices,
+                  const std::function<void(std::size_t, std::span<const float>)>& visit) const;
+  std::string label(std::size_t vertex) const;  // "Gaussian 7"
+  [[noreturn]] void failNotFinite(std::size_t vertex, int property) const;
+
+  const std::string path_;
+  const char* const noun_;
+  std::span<const std::uint8_t> body_;  // after the header; from the first vertex on once located
+  Format format_ = Format::ascii;
+  std::size_t count_ = 0;
+  std::size_t stride_ = 0;
+  bool last_element_ = false;
+  std::uint64_t tokens_before_ = 0;  // ASCII values of elements before the vertices
+  std::vector<PlyProperty> properties_;
+};
+
+}  // namespace tg
