@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Vulkan backend: compute passes, headless or into a window's command buffer.
 #pragma once
+#include <vulkan/vulkan.h>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
-#include <vulkan/vulkan.h>
 
 #include "render/renderer.h"
 
 namespace tg {
 
 struct VulkanOptions {
-  bool validation = false;                          // khronos validation + synchronization validation
+  bool validation = false;                          // Khronos + synchronization validation, where installed
   std::vector<const char*> instance_extensions;     // a window adds its surface extensions
   bool swapchain = false;                           // enable VK_KHR_swapchain and pick a device that can present
   std::function<VkSurfaceKHR(VkInstance)> surface;  // called once when `swapchain`
@@ -28,6 +28,7 @@ struct VulkanDevice {
   std::uint32_t queue_family = 0;
   VkQueue queue = VK_NULL_HANDLE;
   VkPhysicalDeviceProperties properties{};
+  bool validation = false;                       // the layer is on: asked for and installed
   std::vector<std::string> validation_messages;  // every warning and error, in order; tests demand none
 };
 

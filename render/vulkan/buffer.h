@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Buffers, the picture and the way from and to the host. One allocation each: a frame has about thirty.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "render/vulkan/vulkan_renderer.h"
+
+namespace tg {
+
+enum class Memory { device, host };  // host: mapped and coherent, for uniforms and transfers
+
+class Buffer {
+ public:
+  Buffer() = default;
+  // At least one element of 16 bytes is allocated, so that an empty model binds like any other.
+  Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes, Memory memory = Memory::device);
+  Buffer(Buffer&& other) noexcept { swap(other); }
+  Buffer& operator=(Buffer&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  ~Buffer();
+
+  VkBuffer handle() const { return buffer_; }
+  VkDeviceSize size() const { return size_; }  // [bytes]
+  std::byte* data() const { return data_; }    // Memory::host only
+
+ private:
+  void swap(Buffer& other) noexcept;
+
+  VkDevice device_ = VK_NULL_HANDLE;
+  VkBuffer buffer_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  VkDeviceSize size_ = 0;
+  std::byte* data_ = nullptr;
+};
+
+// The RGBA8 picture that a window copies from.
+class StorageImage {
+ public:
+  StorageImage() = default;
+  StorageImage(const VulkanDevice& device, std::uint32_t width, std::uint32_t height);
+  StorageImage(StorageImage&& other) noexcept { swap(other); }
+  StorageImage& operator=(StorageImage&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  ~StorageImage();
+
+  VkImage handle() const { return image_; }
+  VkImageView view() const { return view_; }
+
+ private:
+  void swap(StorageImage& other) noexcept;
+
+  VkDevice device_ = VK_NULL_HANDLE;
+  VkImage image_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  VkImageView view_ = VK_NULL_HANDLE;
+};
+
+// One command buffer with its fence, for work that the host waits for.
+class Commands {
+ public:
+  explicit Commands(const VulkanDevice& device);
+  Commands(const Commands&) = delete;
+  Commands& operator=(const Commands&) = delete;
+  ~Commands();
+
+  // Records, submits and waits.
+  void run(const std::function<void(VkCommandBuffer)>& record);
+
+ private:
+  const VulkanDevice& device_;
+  VkCommandPool pool_ = VK_NULL_HANDLE;
+  VkCommandBuffer commands_ = VK_NULL_HANDLE;
+  VkFence fence_ = VK_NULL_HANDLE;
+};
+
+// Makes what `before` wrote visible to `after`. Stages that transfer, compute, read arguments or read on the host.
+void stageBarrier(VkCommandBuffer commands, VkPipelineStageFlags before, VkPipelineStageFlags after);
+
+// Fills `target` from offset 0 through a staging buffer of bounded size: write(first_byte, staging) delivers the next
+// piece, whose length is a multiple of `granularity`.
+void upload(const VulkanDevice& device, Commands& commands, const Buffer& target, VkDeviceSize bytes,
+            VkDeviceSize granularity, const std::function<void(VkDeviceSize first, std::span<std::byte>)>& write);
+
+// Reads back `bytes` from offset 0 into `out`.
+void download(const VulkanDevice& device, Commands& commands, const Buffer& source, std::span<std::byte> out);
+
+}  // namespace tg

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// Instance, device, queue and validation messages.
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+
+#include "core/error.h"
+#include "render/vulkan/check.h"
+#include "render/vulkan/vulkan_renderer.h"
+
+namespace tg {
+namespace {
+
+constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
+constexpr std::uint32_t kStorageBuffersPerStage = 16;  // the most that a pass binds (blend)
+constexpr std::uint32_t kGroupSize = 256;              // threads of the widest pass
+constexpr std::uint32_t kSharedMemory = 20 * 1024;     // [bytes] of the pass with the most (sort_scatter)
+
+const char* resultName(VkResult result) {
+  switch (result) {
+    case VK_ERROR_OUT_OF_HOST_MEMORY:
+      return "out of host memory";
+    case VK_ERROR_OUT_OF_DEVICE_MEMORY:
+      return "out of device memory";
+    case VK_ERROR_INITIALIZATION_FAILED:
+      return "initialization failed";
+    case VK_ERROR_DEVICE_LOST:
+      return "device lost";
+    case VK_ERROR_MEMORY_MAP_FAILED:
+      return "memory map failed";
+    case VK_ERROR_LAYER_NOT_PRESENT:
+      return "layer not present";
+    case VK_ERROR_EXTENSION_NOT_PRESENT:
+      return "extension not present";
+    case VK_ERROR_FEATURE_NOT_PRESENT:
+      return "feature not present";
+    case VK_ERROR_INCOMPATIBLE_DRIVER:
+      return "no Vulkan driver";
+    case VK_ERROR_TOO_MANY_OBJECTS:
+      return "too many objects";
+    case VK_ERROR_SURFACE_LOST_KHR:
+      return "surface lost";
+    default:
+      return "error";
+  }
+}
+
+// A device plus what only its destruction needs.
+struct OwnedDevice : VulkanDevice {
+  VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
+};
+
+template <typename Function>
+Function instanceFunction(VkInstance instance, const char* name) {
+  return reinterpret_cast<Function>(vkGetInstanceProcAddr(instance, name));
+}
+
+void destroyDevice(VulkanDevice* base) {
+  auto* device = static_cast<OwnedDevice*>(base);
+  if (device->device) {
+    vkDeviceWaitIdle(device->device);
+    vkDestroyDevice(device->device, nullptr);
+  }
+  if (device->surface) vkDestroySurfaceKHR(device->instance, device->surface, nullptr);
+  if (device->messenger) {
+    instanceFunction<PFN_vkDestroyDebugUtilsMessengerEXT>(device->instance, "vkDestroyDebugUtilsMessengerEXT")(
+        device->instance, device->messenger, nullptr);
+  }
+  if (device->instance) vkDestroyInstance(device->instance, nullptr);
+  delete device;
+}
+
+// Printed at once as well as kept: what the layer says while the device is destroyed has no other reader.
+VKAPI_ATTR VkBool32 VKAPI_CALL keepMessage(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
+                                           const VkDebugUtilsMessengerCallbackDataEXT* data, void* user) {
+  static_cast<VulkanDevice*>(user)->validation_messages.emplace_back(data->pMessage);
+  std::fprintf(stderr, "vulkan: %s\n", data->pMessage);
+  return VK_FALSE;
+}
+
+VkDebugUtilsMessengerCreateInfoEXT messengerInfo(VulkanDevice& device) {
+  VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+  info.messageSeverity =
+      VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+  info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
+  info.pfnUserCallback = keepMessage;
+  info.pUserData = &device;
+  return info;
+}
+
+bool hasValidationLayer() {
+  std::uint32_t count = 0;
+  TG_VK(vkEnumerateInstanceLayerProperties(&count, nullptr));
+  std::vector<VkLayerProperties> layers(count);
+  TG_VK(vkEnumerateInstanceLayerProperties(&count, layers.data()));
+  return std::any_of(layers.begin(), layers.end(),
+                     [](const VkLayerProperties& layer) { return !std::strcmp(layer.layerName, kValidationLayer); });
+}
+
+void createInstance(const VulkanOptions& options, OwnedDevice& device) {
+  device.validation = options.validation && hasValidationLayer();
+  std::vector<const char*> extensions = options.instance_extensions;
+  if (device.validation) extensions.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
+
+  VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
+  application.pApplicationName = "textured_gaussians";
+  application.apiVersion = VK_API_VERSION_1_1;
+  VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
+  info.pApplicationInfo = &application;
+  info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+  info.ppEnabledExtensionNames = extensions.data();
+
+  const VkValidationFeatureEnableEXT synchronization = VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT;
+  VkValidationFeaturesEXT features{VK_STRUCTURE_TYPE_VALIDATION_FEATURES_EXT};
+  features.enabledValidationFeatureCount = 1;
+  features.pEnabledValidationFeatures = &synchronization;
+  VkDebugUtilsMessengerCreateInfoEXT messenger = messengerInfo(device);
+  if (device.validation) {
+    info.enabledLayerCount = 1;
+    info.ppEnabledLayerNames = &kValidationLayer;
+    features.pNext = &messenger;  // also hears what happens before and after the messenger's life
+    info.pNext = &features;
+  }
+  TG_VK(vkCreateInstance(&info, nullptr, &device.instance));
+  if (device.validation) {
+    messenger.pNext = nullptr;
+    TG_VK(instanceFunction<PFN_vkCreateDebugUtilsMessengerEXT>(device.instance, "vkCreateDebugUtilsMessengerEXT")(
+        device.instance, &messenger, nullptr, &device.messenger));
+  }
+}
+
+// The first queue family that can do everything (and present, when there is a surface).
+std::optional<std::uint32_t> findQueueFamily(VkPhysicalDevice physical, VkSurfaceKHR surface) {
+  std::uint32_t count = 0;
+  vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, nullptr);
+  std::vector<VkQueueFamilyProperties> families(count);
+  vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, families.data());
+  constexpr VkQueueFlags kAll = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT;  // both imply transfer
+  for (std::uint32_t i = 0; i < count; ++i) {
+    VkBool32 presents = VK_TRUE;
+    if (surface) TG_VK(vkGetPhysicalDeviceSurfaceSupportKHR(physical, i, surface, &presents));
+    if ((families[i].queueFlags & kAll) == kAll && presents) return i;
+  }
+  return std::nullopt;
+}
+
+bool hasExtension(VkPhysicalDevice physical, const char* name) {
+  std::uint32_t count = 0;
+  TG_VK(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr));
+  std::vector<VkExtensionProperties> extensions(count);
+  TG_VK(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, extensions.data()));
+  return std::any_of(extensions.begin(), extensions.end(), [&](const VkExtensionProperties& extension) {
+    return !std::strcmp(extension.extensionName, name);
+  });
+}
+
+// Why a device cannot run the passes, or empty.
+std::string whatIsMissing(VkPhysicalDevice physical, const VkPhysicalDeviceProperties& properties,
+                          const VulkanOptions& options, VkSurfaceKHR surface) {
+  const VkPhysicalDeviceLimits& limits = properties.limits;
+  if (properties.apiVersion < VK_API_VERSION_1_1) return "Vulkan 1.1";
+  if (limits.maxPerStageDescriptorStorageBuffers < kStorageBuffersPerStage) {
+    return std::to_string(kStorageBuffersPerStage) + " storage buffers per stage";
+  }
+  if (limits.maxComputeWorkGroupInvocations < kGroupSize || limits.maxComputeWorkGroupSize[0] < kGroupSize) {
+    return "workgroups of " + std::to_string(kGroupSize) + " threads";
+  }
+  if (limits.maxComputeSharedMemorySize < kSharedMemory) {
+    return std::to_string(kSharedMemory) + " bytes of shared memory";
+  }
+  if (!findQueueFamily(physical, surface)) return surface ? "a queue that draws to the window" : "a graphics queue";
+  if (options.swapchain && !hasExtension(physical, VK_KHR_SWAPCHAIN_EXTENSION_NAME)) {
+    return VK_KHR_SWAPCHAIN_EXTENSION_NAME;
+  }
+  return {};
+}
+
+int rank(VkPhysicalDeviceType type) {
+  switch (type) {
+    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
+      return 4;
+    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
+      return 3;
+    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
+      return 2;
+    case VK_PHYSICAL_DEVICE_TYPE_CPU:
+      return 1;
+    default:
+      return 0;
+  }
+}
+
+void pickPhysicalDevice(const VulkanOptions& options, VulkanDevice& device) {
+  std::uint32_t count = 0;
+  TG_VK(vkEnumeratePhysicalDevices(device.instance, &count, nullptr));
+  std::vector<VkPhysicalDevice> candidates(count);
+  TG_VK(vkEnumeratePhysicalDevices(device.instance, &count, candidates.data()));
+  std::string refused;
+  int best = -1;
+  for (VkPhysicalDevice candidate : candidates) {
+    VkPhysicalDeviceProperties properties;
+    vkGetPhysicalDeviceProperties(candidate, &properties);
+    const std::string name = properties.deviceName;
+    const std::string missing = whatIsMissing(candidate, properties, options, device.surface);
+    if (name.find(options.device) == std::string::npos) {
+      refused += "; \"" + name + "\" has another name";
+    } else if (!missing.empty()) {
+      refused += "; \"" + name + "\" lacks " + missing;
+    } else if (rank(properties.deviceType) > best) {
+      best = rank(properties.deviceType);
+      device.physical = candidate;
+      device.properties = properties;
+    }
+  }
+  if (best >= 0) return;
+  const std::string wanted = options.device.empty() ? "" : " named \"" + options.device + "\"";
+  throw Error(ErrorKind::device, "Vulkan: no usable device" + wanted + (count ? refused : "; the drivers list none"));
+}
+
+void createLogicalDevice(const VulkanOptions& options, VulkanDevice& device) {
+  device.queue_family = *findQueueFamily(device.physical, device.surface);
+  const float priority = 1.0f;
+  VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
+  queue.queueFamilyIndex = device.queue_family;
+  queue.queueCount = 1;
+  queue.pQueuePriorities = &priority;
+  const char* swapchain = VK_KHR_SWAPCHAIN_EXTENSION_NAME;
+  VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
+  info.queueCreateInfoCount = 1;
+  info.pQueueCreateInfos = &queue;
+  info.enabledExtensionCount = options.swapchain ? 1 : 0;
+  info.ppEnabledExtensionNames = &swapchain;
+  TG_VK(vkCreateDevice(device.physical, &info, nullptr, &device.device));
+  vkGetDeviceQueue(device.device, device.queue_family, 0, &device.queue);
+}
+
+}  // namespace
+
+void checkVulkan(VkResult result, const char* call, const char* file, int line) {
+  if (result >= 0) return;
+  const std::string place = std::filesystem::path(file).filename().string() + ":" + std::to_string(line);
+  throw Error(ErrorKind::device, "Vulkan: " + std::string(resultName(result)) + " (" + std::to_string(result) +
+                                     ") in " + call + " at " + place);
+}
+
+std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const VulkanOptions& options) {
+  std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device(new OwnedDevice, destroyDevice);
+  createInstance(options, static_cast<OwnedDevice&>(*device));
+  if (options.swapchain) device->surface = options.surface(device->instance);
+  pickPhysicalDevice(options, *device);
+  createLogicalDevice(options, *device);
+  return device;
+}
+
+}  // namespace tg

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// The frame: its buffers, by what their size follows from, and its list of passes (docs/frame.md).
+#pragma once
+#include <optional>
+
+#include "render/vulkan/model_buffers.h"
+#include "render/vulkan/passes.h"
+#include "shared/limits.h"
+
+namespace tg {
+
+// Sizes follow from the number of Gaussians N.
+struct SplatBuffers {
+  SplatBuffers(const VulkanDevice& device, std::uint32_t gaussian_count);
+  std::array<Buffer, 6> splat;  // [N] vec4 each: the members of Splat (shaders/shared/layout.h)
+  Buffer tile_rects;            // [N] uvec2: x0 | y0 << 16, x1 | y1 << 16 [tiles], ends exclusive
+  Buffer tile_counts;           // [N] uint: tiles of the rectangle; 0: culled
+  Buffer visible_offsets;       // [N] uint: visible splats before this one
+  PingPong depth_keys;          // [N] uint: bits of the depth, visible splats only
+  PingPong depth_splats;        // [N] uint: their numbers
+  Buffer pair_offsets;          // [N] uint: first pair of each visible splat, in depth order
+};
+
+// Sizes follow from the number of (tile, splat) pairs that there is room for.
+struct PairBuffers {
+  PairBuffers(const VulkanDevice& device, std::uint32_t room);
+  std::uint32_t capacity;
+  PingPong tiles;   // [capacity] uint: tile number
+  PingPong splats;  // [capacity] uint: splat number
+};
+
+// Sizes follow from the image.
+struct ImageBuffers {
+  ImageBuffers(const VulkanDevice& device, std::uint32_t w, std::uint32_t h);
+  std::uint32_t width;
+  std::uint32_t height;
+  Buffer tile_ranges;         // [tiles] uvec2: begin, end in PairBuffers
+  Buffer base_transmittance;  // [pixels] vec4: base colour with background, transmittance
+  Buffer texture_depth;       // [pixels] vec4: texture colour, depth
+  Buffer normal_count;        // [pixels] vec4: normal, count
+  StorageImage picture;       // RGBA8: one output as a picture
+
+  std::uint32_t tilesX() const { return (width + kTileSize - 1) / kTileSize; }
+  std::uint32_t tilesY() const { return (height + kTileSize - 1) / kTileSize; }
+};
+
+struct FrameInputs {
+  const VulkanDevice& device;
+  const ModelBuffers& model;
+  const SplatBuffers& splats;
+  const PairBuffers& pairs;
+  const ImageBuffers& image;
+  const Scratch& scratch;
+  std::optional<Output> shown;  // write `picture`; none: all outputs are left in the image's buffers
+};
+
+void buildFrame(PassList& list, const FrameInputs& inputs);
+
+// What Counters holds and the ranges are cleared to before the first pass.
+void recordFrameStart(VkCommandBuffer commands, const FrameInputs& inputs, const Buffer& counters);
+
+// As many pairs as the device can bind.
+std::uint32_t maxPairCapacity(const VulkanDevice& device);
+
+}  // namespace tg

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// Model to device: the layouts of shaders/project.comp and shaders/blend.comp.
+#include "render/vulkan/model_buffers.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <glm/gtc/packing.hpp>
+
+#include "core/error.h"
+#include "shared/work.h"
+
+namespace tg {
+namespace {
+
+constexpr float kLargestHalf = 65504.0f;
+
+// fill(i) is element i of a buffer of `count` elements.
+template <typename T, typename Fill>
+Buffer uploadArray(const VulkanDevice& device, Commands& commands, const char* name, std::size_t count, Fill fill) {
+  Buffer buffer(device, name, count * sizeof(T));
+  upload(device, commands, buffer, count * sizeof(T), sizeof(T), [&](VkDeviceSize first, std::span<std::byte> out) {
+    for (std::size_t i = 0; i < out.size() / sizeof(T); ++i) {
+      const T element = fill(static_cast<std::size_t>(first / sizeof(T)) + i);
+      std::memcpy(out.data() + i * sizeof(T), &element, sizeof(T));
+    }
+  });
+  return buffer;
+}
+
+std::uint32_t shRows(int degree) { return degree <= 1 ? 1 : degree == 2 ? 3 : 4; }
+
+glm::vec4 shElement(const GaussianModel& model, std::size_t element) {
+  const std::size_t row_elements = shRows(model.sh_degree) * 3;
+  const std::size_t gaussian = element / row_elements;
+  const std::size_t row = element % row_elements / 3;
+  const auto channel = static_cast<glm::length_t>(element % 3);
+  const auto count = static_cast<std::size_t>(model.shCount());
+  glm::vec4 value(0.0f);
+  for (glm::length_t k = 0; k < 4; ++k) {
+    const std::size_t coefficient = row * 4 + static_cast<std::size_t>(k);
+    if (coefficient < count) value[k] = model.sh[gaussian * count + coefficient][channel];
+  }
+  return value;
+}
+
+void uploadTexels(const VulkanDevice& device, Commands& commands, const GaussianModel& model, ModelBuffers& buffers) {
+  const std::vector<glm::vec4>& texels = model.atlas.texels;
+  const VkDeviceSize most = device.properties.limits.maxStorageBufferRange / kTexelBytes;
+  const bool one = texels.size() <= most;
+  buffers.texel_shift = one ? kOneTexelBuffer : static_cast<std::uint32_t>(std::bit_width(most) - 1);
+  const std::size_t per_buffer = std::size_t{1} << buffers.texel_shift;
+  if (texels.size() > per_buffer * kTexelBuffers) {
+    throw Error(ErrorKind::device, device.properties.deviceName,
+                "the model has " + std::to_string(texels.size()) + " texels, the device binds at most " +
+                    std::to_string(per_buffer * kTexelBuffers));
+  }
+  for (std::uint32_t b = 0; b < kTexelBuffers; ++b) {
+    const std::size_t first = std::min(b * per_buffer, texels.size());
+    const std::size_t count = std::min(per_buffer, texels.size() - first);
+    buffers.texels[b] = uploadArray<std::uint64_t>(device, commands, "texels", count, [&](std::size_t i) {
+      return glm::packHalf4x16(glm::clamp(texels[first + i], -kLargestHalf, kLargestHalf));
+    });
+  }
+}
+
+}  // namespace
+
+ModelBuffers uploadModel(const VulkanDevice& device, Commands& commands, const GaussianModel& model) {
+  const VkDeviceSize binding = device.properties.limits.maxStorageBufferRange;
+  const std::size_t count = model.size();
+  if (count * sizeof(glm::vec4) > binding) {
+    throw Error(ErrorKind::device, device.properties.deviceName,
+                "the model has " + std::to_string(count) + " Gaussians, the device binds at most " +
+                    std::to_string(binding / sizeof(glm::vec4)));
+  }
+  ModelBuffers buffers;
+  buffers.gaussian_count = static_cast<std::uint32_t>(count);
+  buffers.sh_degree = static_cast<std::uint32_t>(model.sh_degree);
+  buffers.texture_mode = model.texture_mode;
+  buffers.intersection = model.intersection;
+  buffers.sh_bytes = shRows(model.sh_degree) * 3 * sizeof(glm::vec4);
+  buffers.chunk = static_cast<std::uint32_t>(binding / buffers.sh_bytes / kGroupSize * kGroupSize);
+
+  const std::vector<TextureRect>& rects = model.atlas.rects;
+  buffers.mean_logit = uploadArray<glm::vec4>(device, commands, "means", count, [&](std::size_t i) {
+    return glm::vec4(model.mean[i], model.opacity_logit[i]);
+  });
+  buffers.rotation =
+      uploadArray<glm::vec4>(device, commands, "rotations", count, [&](std::size_t i) { return model.rotation[i]; });
+  buffers.scale_offset = uploadArray<glm::vec4>(device, commands, "scales", count, [&](std::size_t i) {
+    return glm::vec4(model.log_scale[i], std::bit_cast<float>(rects.empty() ? 0u : rects[i].offset));
+  });
+  buffers.texture_size = uploadArray<std::uint32_t>(device, commands, "texture sizes", count, [&](std::size_t i) {
+    const bool textured = !rects.empty() && rects[i].texelCount() > 0;
+    return textured ? rects[i].width | std::uint32_t{rects[i].height} << 16 : 0u;
+  });
+  buffers.sh = uploadArray<glm::vec4>(device, commands, "spherical harmonics", count * shRows(model.sh_degree) * 3,
+                                      [&](std::size_t i) { return shElement(model, i); });
+  uploadTexels(device, commands, model, buffers);
+  return buffers;
+}
+
+}  // namespace tg

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+// Embedded SPIR-V to pipelines, buffers to descriptor sets.
+#include "render/vulkan/pipeline.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+
+#include "blend_comp.h"
+#include "compact_comp.h"
+#include "emit_keys_comp.h"
+#include "output_range_comp.h"
+#include "present_comp.h"
+#include "project_comp.h"
+#include "render/vulkan/check.h"
+#include "scan_apply_comp.h"
+#include "scan_partitions_comp.h"
+#include "scan_reduce_comp.h"
+#include "shared/layout.h"
+#include "sort_count_comp.h"
+#include "sort_scan_comp.h"
+#include "sort_scatter_comp.h"
+#include "tile_ranges_comp.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint32_t kViewBinding = 16;  // shaders/pass.glsl
+constexpr std::uint32_t kPassBinding = 17;
+constexpr std::uint32_t kMostBuffers = 16;
+constexpr std::uint32_t kSetsPerPool = 64;
+
+struct Module {
+  std::span<const std::uint32_t> code;
+  std::uint32_t buffer_count;
+  bool image = false;
+};
+
+// In the order of enum class Shader.
+constexpr std::array<Module, 13> kModules = {{
+    {project_comp, 13},
+    {scan_reduce_comp, 4},
+    {scan_partitions_comp, 2},
+    {scan_apply_comp, 5},
+    {compact_comp, 6},
+    {sort_count_comp, 3},
+    {sort_scan_comp, 3},
+    {sort_scatter_comp, 7},
+    {emit_keys_comp, 6},
+    {tile_ranges_comp, 3},
+    {blend_comp, 15},
+    {output_range_comp, 3},
+    {present_comp, 4, true},
+}};
+
+VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const Module& module) {
+  std::vector<VkDescriptorSetLayoutBinding> bindings;
+  const auto add = [&](std::uint32_t binding, VkDescriptorType type) {
+    bindings.push_back({binding, type, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+  };
+  if (module.image) add(0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE);
+  for (std::uint32_t i = 0; i < module.buffer_count; ++i) add(module.image + i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+  add(kViewBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER);
+  add(kPassBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC);
+  VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
+  info.bindingCount = static_cast<std::uint32_t>(bindings.size());
+  info.pBindings = bindings.data();
+  VkDescriptorSetLayout layout = VK_NULL_HANDLE;
+  TG_VK(vkCreateDescriptorSetLayout(device.device, &info, nullptr, &layout));
+  return layout;
+}
+
+VkPipeline createPipeline(const VulkanDevice& device, VkPipelineLayout layout, const Module& module,
+                          std::span<const std::uint32_t> constants) {
+  VkShaderModuleCreateInfo code{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+  code.codeSize = module.code.size_bytes();
+  code.pCode = module.code.data();
+  std::vector<VkSpecializationMapEntry> entries;
+  for (std::uint32_t i = 0; i < constants.size(); ++i) entries.push_back({i, i * 4, 4});
+  const VkSpecializationInfo specialization{static_cast<std::uint32_t>(entries.size()), entries.data(),
+                                            constants.size_bytes(), constants.data()};
+  VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+  info.stage = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO};
+  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+  info.stage.pName = "main";
+  info.stage.pSpecializationInfo = &specialization;
+  info.layout = layout;
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  TG_VK(vkCreateShaderModule(device.device, &code, nullptr, &info.stage.module));
+  const VkResult result = vkCreateComputePipelines(device.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline);
+  vkDestroyShaderModule(device.device, info.stage.module, nullptr);
+  TG_VK(result);
+  return pipeline;
+}
+
+}  // namespace
+
+Pipelines::~Pipelines() {
+  for (const auto& [key, pipeline] : pipelines_) {
+    vkDestroyPipeline(device_.device, pipeline.pipeline, nullptr);
+    vkDestroyPipelineLayout(device_.device, pipeline.layout, nullptr);
+    vkDestroyDescriptorSetLayout(device_.device, pipeline.set_layout, nullptr);
+  }
+}
+
+const Pipeline& Pipelines::get(Shader shader, std::span<const std::uint32_t> constants) {
+  const auto [entry, is_new] = pipelines_.try_emplace({shader, {constants.begin(), constants.end()}});
+  Pipeline& pipeline = entry->second;  // in the map from here on: its handles are destroyed with it, complete or not
+  if (pipeline.pipeline) return pipeline;
+  const Module& module = kModules.at(static_cast<std::size_t>(shader));
+  pipeline.first_buffer = module.image;
+  pipeline.buffer_count = module.buffer_count;
+  if (!pipeline.set_layout) pipeline.set_layout = createSetLayout(device_, module);
+  if (!pipeline.layout) {
+    VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
+    info.setLayoutCount = 1;
+    info.pSetLayouts = &pipeline.set_layout;
+    TG_VK(vkCreatePipelineLayout(device_.device, &info, nullptr, &pipeline.layout));
+  }
+  pipeline.pipeline = createPipeline(device_, pipeline.layout, module, constants);
+  return pipeline;
+}
+
+DescriptorSets::DescriptorSets(const VulkanDevice& device, const Buffer& view, const Buffer& pass_slots)
+    : device_(device), view_(view), pass_slots_(pass_slots) {}
+
+DescriptorSets::~DescriptorSets() {
+  for (VkDescriptorPool pool : pools_) vkDestroyDescriptorPool(device_.device, pool, nullptr);
+}
+
+VkDescriptorPool DescriptorSets::addPool() {
+  const std::array<VkDescriptorPoolSize, 4> sizes = {{
+      {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, kSetsPerPool * kMostBuffers},
+      {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, kSetsPerPool},
+      {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, kSetsPerPool},
+      {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC, kSetsPerPool},
+  }};
+  VkDescriptorPoolCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO};
+  info.maxSets = kSetsPerPool;
+  info.poolSizeCount = static_cast<std::uint32_t>(sizes.size());
+  info.pPoolSizes = sizes.data();
+  VkDescriptorPool pool = VK_NULL_HANDLE;
+  TG_VK(vkCreateDescriptorPool(device_.device, &info, nullptr, &pool));
+  pools_.push_back(pool);
+  sets_left_ = kSetsPerPool;
+  return pool;
+}
+
+VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, std::span<const Binding> buffers, VkImageView image) {
+  assert(buffers.size() == pipeline.buffer_count);
+  VkDescriptorSetAllocateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO};
+  info.descriptorPool = sets_left_ ? pools_.back() : addPool();
+  info.descriptorSetCount = 1;
+  info.pSetLayouts = &pipeline.set_layout;
+  VkDescriptorSet set = VK_NULL_HANDLE;
+  TG_VK(vkAllocateDescriptorSets(device_.device, &info, &set));
+  --sets_left_;
+
+  std::vector<VkDescriptorBufferInfo> infos;
+  for (const Binding& buffer : buffers) infos.push_back({buffer.buffer, buffer.offset, buffer.bytes});
+  const VkDescriptorBufferInfo view{view_.handle(), 0, sizeof(ViewUniforms)};
+  const VkDescriptorBufferInfo slot{pass_slots_.handle(), 0, sizeof(PassUniforms)};
+  const VkDescriptorImageInfo picture{VK_NULL_HANDLE, image, VK_IMAGE_LAYOUT_GENERAL};
+  std::vector<VkWriteDescriptorSet> writes;
+  const auto write = [&](std::uint32_t binding, VkDescriptorType type) -> VkWriteDescriptorSet& {
+    VkWriteDescriptorSet& added = writes.emplace_back(VkWriteDescriptorSet{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET});
+    added.dstSet = set;
+    added.dstBinding = binding;
+    added.descriptorCount = 1;
+    added.descriptorType = type;
+    return added;
+  };
+  for (std::uint32_t i = 0; i < infos.size(); ++i) {
+    write(pipeline.first_buffer + i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER).pBufferInfo = &infos[i];
+  }
+  if (image) write(0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE).pImageInfo = &picture;
+  write(kViewBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER).pBufferInfo = &view;
+  write(kPassBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC).pBufferInfo = &slot;
+  vkUpdateDescriptorSets(device_.device, static_cast<std::uint32_t>(writes.size()), writes.data(), 0, nullptr);
+  return set;
+}
+
+}  // namespace tg

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// Compute pipelines by shader name, and the sets of buffers that they are given.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "render/vulkan/buffer.h"
+#include "shared/work.h"
+
+namespace tg {
+
+// The compiled passes. All share the two uniform blocks of shaders/pass.glsl; storage buffers are bound by position.
+enum class Shader {
+  project,
+  scanReduce,
+  scanPartitions,
+  scanApply,
+  compact,
+  sortCount,
+  sortScan,
+  sortScatter,
+  emitKeys,
+  tileRanges,
+  blend,
+  outputRange,
+  present,
+};
+
+struct Pipeline {
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  VkPipelineLayout layout = VK_NULL_HANDLE;
+  VkDescriptorSetLayout set_layout = VK_NULL_HANDLE;
+  std::uint32_t first_buffer = 0;  // binding of the first storage buffer: 1 where an image has binding 0
+  std::uint32_t buffer_count = 0;
+};
+
+// Part of a buffer, bound by position.
+struct Binding {
+  VkBuffer buffer = VK_NULL_HANDLE;
+  VkDeviceSize offset = 0;
+  VkDeviceSize bytes = VK_WHOLE_SIZE;
+  Binding(const Buffer& whole) : buffer(whole.handle()) {}  // implicit: a list of buffers is a list of bindings
+  Binding(const Buffer& part, VkDeviceSize first, VkDeviceSize length)
+      : buffer(part.handle()), offset(first), bytes(length) {}
+};
+
+// Pipelines by shader and specialization constants, each made at its first use and kept.
+class Pipelines {
+ public:
+  explicit Pipelines(const VulkanDevice& device) : device_(device) {}
+  Pipelines(const Pipelines&) = delete;
+  Pipelines& operator=(const Pipelines&) = delete;
+  ~Pipelines();
+
+  // constants[i] specializes constant_id i.
+  const Pipeline& get(Shader shader, std::span<const std::uint32_t> constants = {});
+
+ private:
+  const VulkanDevice& device_;
+  std::map<std::pair<Shader, std::vector<std::uint32_t>>, Pipeline> pipelines_;
+};
+
+// Descriptor sets that live and die together. The uniform blocks are the same for all: the view, and one slot per
+// dispatch, chosen by dynamic offset.
+class DescriptorSets {
+ public:
+  DescriptorSets(const VulkanDevice& device, const Buffer& view, const Buffer& pass_slots);
+  DescriptorSets(const DescriptorSets&) = delete;
+  DescriptorSets& operator=(const DescriptorSets&) = delete;
+  ~DescriptorSets();
+
+  // `buffers` in the order of the shader's bindings, exactly as many as it has.
+  VkDescriptorSet make(const Pipeline& pipeline, std::span<const Binding> buffers, VkImageView image = VK_NULL_HANDLE);
+
+ private:
+  VkDescriptorPool addPool();
+
+  const VulkanDevice& device_;
+  const Buffer& view_;
+  const Buffer& pass_slots_;
+  std::vector<VkDescriptorPool> pools_;
+  std::uint32_t sets_left_ = 0;  // in the last pool
+};
+
+}  // namespace tg

@@ -1,0 +1,41 @@
+#version 450
+// SPDX-License-Identifier: Apache-2.0
+// One output as a picture for people: the mapping of tg::visualize().
+#extension GL_GOOGLE_include_directive : require
+#include "pass.glsl"
+
+layout(local_size_x = 16, local_size_y = 16) in;
+layout(binding = 0, rgba8) uniform writeonly image2D picture;
+layout(std430, binding = 1) readonly buffer CountersBlock { Counters counters; };
+layout(std430, binding = 2) readonly buffer BaseTransmittance { vec4 base_transmittance[]; };  // [pixels]
+layout(std430, binding = 3) readonly buffer TextureDepth { vec4 texture_depth[]; };            // [pixels]
+layout(std430, binding = 4) readonly buffer NormalCount { vec4 normal_count[]; };              // [pixels]
+
+const float kFarthestGrey = 0.15;  // so that the farthest hit still differs from nothing at all
+
+vec3 depthGrey(float z, bool hit) {
+  if (!hit) return vec3(0.0);
+  float nearest = uintBitsToFloat(counters.output_range.x);
+  float span = uintBitsToFloat(counters.output_range.y) - nearest;
+  return vec3(1.0 - (1.0 - kFarthestGrey) * (span > 0.0 ? (z - nearest) / span : 0.0));
+}
+
+vec3 heat(float x) { return vec3(3.0 * x, 3.0 * x - 1.0, 3.0 * x - 2.0); }
+
+vec3 shown(uint i) {
+  switch (pass.output_kind) {
+    case kOutputBase: return base_transmittance[i].xyz;
+    case kOutputTexture: return 0.5 + 0.5 * texture_depth[i].xyz;
+    case kOutputAlpha: return vec3(1.0 - base_transmittance[i].w);
+    case kOutputDepth: return depthGrey(texture_depth[i].w, normal_count[i].w > 0.0);
+    case kOutputNormal: return 0.5 + 0.5 * vec3(1.0, -1.0, -1.0) * normal_count[i].xyz;
+    case kOutputCount: return heat(normal_count[i].w / float(max(counters.output_range.z, 1u)));
+    default: return base_transmittance[i].xyz + texture_depth[i].xyz;
+  }
+}
+
+void main() {
+  uvec2 at = gl_GlobalInvocationID.xy;
+  if (at.x >= view.width || at.y >= view.height) return;
+  imageStore(picture, ivec2(at), vec4(clamp(shown(at.y * view.width + at.x), 0.0, 1.0), 1.0));
+}
