@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// First stage of the CPU backend: the Gaussians that a camera sees, front to back, in the form that pixel loops read.
+#pragma once
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/model.h"
+#include "render/renderer.h"
+
+namespace tg::cpu {
+
+// One frame's view, with the switches resolved.
+struct View {
+  glm::dmat3 camera_from_world_rotation{1.0};
+  glm::dvec3 camera_from_world_translation{0.0};
+  glm::dvec3 position{0.0};      // world space
+  glm::dvec4 focal_center{1.0};  // fx, fy, cx, cy [px]
+  glm::vec3 background{0.0f};
+  int width = 0;  // [px]
+  int height = 0;
+  bool texture_rgb = false;
+  bool texture_alpha = false;
+  IntersectionModel intersection = IntersectionModel::maxResponse;
+
+  bool textured() const { return texture_rgb || texture_alpha; }
+};
+View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings);
+
+// A Gaussian's geometry as a camera sees it, in double precision: what both records below and the backward pass's chain
+// rule start from. Names as in shaders/shared/splat.h; local axes in the order (a, b, c).
+struct Geometry {
+  glm::ivec3 axes;        // the stored axis that a, b, c are
+  glm::dvec3 mean_c;      // camera space
+  glm::dvec3 scale;       // [world units]
+  glm::dmat3 axes_c;      // columns: local axes in camera space
+  glm::dmat3 m;           // local_from_camera, in sigma
+  glm::dvec3 o;           // the camera in the local frame
+  glm::dvec3 dx, dy, d0;  // D(x, y) = dx x + dy y + d0
+  glm::dvec3 wx, wy;      // W(x, y) = wx x + wy y
+  // What the power reads of D and W, divided by |d0|: the plane model drops D_a, D_b and W_c, with which both models
+  // are p = (D x W) / |D|^2.
+  double unit;           // 1 / |d0|
+  glm::dmat3 power_d;    // columns dx, dy, d0
+  glm::dmat2x3 power_w;  // columns wx, wy
+  // Moving the projected mean by (1, 0) px at one depth changes W at a pixel by -(wx + kappa y), by (0, 1) px by
+  // -(wy - kappa x).
+  glm::dvec3 kappa;
+  // Triangular factors: |W|^2 = (w_xx x + w_xy y)^2 + (w_yy y)^2, |D|^2 = (d_xx x + d_xy y + d_x1)^2 + (d_yy y +
+  // d_y1)^2
+  // + d_11^2. They keep sums of squares, so nothing cancels but the linear terms themselves.
+  double w_xx, w_xy, w_yy;
+  double d_xx, d_xy, d_x1, d_yy, d_y1, d_11;
+  glm::dvec3 w_first;  // unit vector: W = w_first (w_xx x + w_xy y) + w_second y
+  glm::dvec3 w_second;
+};
+Geometry makeGeometry(const View& view, const GaussianModel& model, std::uint32_t gaussian);
+
+// What blending one splat needs. (x, y) = pixel - center [px].
+struct Splat {
+  float center_x, center_y;  // [px]
+  float depth, opacity;
+  float radius2;           // [sigma^2] beyond it alpha < kAlphaMin
+  float margin;            // [px] slack of row spans
+  float w_xx, w_xy, w_yy;  // Geometry's
+  float d_xx, d_xy, d_x1, d_yy, d_y1, d_11;
+  float t_x, t_y, t_1;  // t |D|^2 = t_x x + t_y y + t_1
+  glm::vec3 base;
+  glm::vec3 normal;              // camera space, turned to the camera
+  glm::vec3 wx, wy, dx, dy, d0;  // Geometry::power_w and power_d
+  glm::vec3 kappa;               // Geometry's, and its products with w_first and w_second
+  float kappa_first, kappa_second;
+  std::int32_t x0, y0, x1, y1;  // [px] screen box clipped to the image, x1 and y1 exclusive; empty = not visible
+  std::uint32_t gaussian;
+  std::uint32_t texel_offset;
+  std::uint16_t texture_width, texture_height;  // 0 = no texture applies
+  bool near_plane;                              // some hit may lie before kNear
+};
+
+// Depth order: splats[k] belongs to Gaussian splats[k].gaussian. Those off screen have an empty box.
+struct ScreenSplats {
+  std::vector<Splat> splats;
+  std::vector<float> screen_radius;  // [px] half the longer side of the unclipped screen box
+};
+
+// Gaussians before the camera and not too faint, by ascending camera z of the mean, ties by index.
+std::vector<std::uint32_t> depthOrder(const View& view, const GaussianModel& model);
+void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& order,
+                   ScreenSplats& out);
+
+float opacity(float logit);
+
+}  // namespace tg::cpu

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bilinear texture look-ups for a vector of pixels. Neighbouring pixels mostly fall into one texel cell, so cells are
+// visited one by one with their four texels broadcast, instead of sixteen gathers.
+#include "render/cpu/kernel-inl.h"
+#include "shared/texture.h"
+
+#if defined(TG_RENDER_CPU_TEXTURE_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef TG_RENDER_CPU_TEXTURE_INL_H
+#undef TG_RENDER_CPU_TEXTURE_INL_H
+#else
+#define TG_RENDER_CPU_TEXTURE_INL_H
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace tg::cpu::HWY_NAMESPACE {
+
+// A splat's texture rectangle, ready for look-ups.
+struct Texture {
+  const float* texels;  // rgba of texel (0, 0)
+  std::uint32_t width;
+  std::ptrdiff_t step_u, step_v;  // [floats] to the texel i1, j1; 0 on a one-texel axis
+  float texels_per_sigma_u, texels_per_sigma_v;
+  float last_u, last_v;  // last cell
+};
+
+HWY_INLINE Texture makeTexture(const Splat& s, const glm::vec4* texels) {
+  Texture t;
+  t.texels = &texels[s.texel_offset].x;
+  t.width = s.texture_width;
+  t.step_u = s.texture_width > 1 ? 4 : 0;
+  t.step_v = s.texture_height > 1 ? std::ptrdiff_t{4} * s.texture_width : 0;
+  t.texels_per_sigma_u = texelsPerSigma(s.texture_width);
+  t.texels_per_sigma_v = texelsPerSigma(s.texture_height);
+  t.last_u = static_cast<float>(std::max(s.texture_width - 2, 0));
+  t.last_v = static_cast<float>(std::max(s.texture_height - 2, 0));
+  return t;
+}
+
+// Where a vector of pixels falls on a texture.
+struct TexturePoint {
+  V u, v;                    // [sigma]
+  M inside;                  // lanes to which the texture applies
+  V fraction_u, fraction_v;  // in the cell
+  VI cell;                   // texel index of its first corner
+};
+
+// The components of W and D at a vector of pixels (Geometry::power_w, power_d).
+struct LocalRay {
+  V w_a, w_b, w_c, d_a, d_b, d_c;
+};
+HWY_INLINE LocalRay localRay(const Splat& s, float y, V x) {
+  LocalRay ray;
+  ray.w_a = hn::MulAdd(set(s.wx.x), x, set(s.wy.x * y));
+  ray.w_b = hn::MulAdd(set(s.wx.y), x, set(s.wy.y * y));
+  ray.w_c = hn::MulAdd(set(s.wx.z), x, set(s.wy.z * y));
+  ray.d_a = hn::MulAdd(set(s.dx.x), x, set(s.dy.x * y + s.d0.x));
+  ray.d_b = hn::MulAdd(set(s.dx.y), x, set(s.dy.y * y + s.d0.y));
+  ray.d_c = hn::MulAdd(set(s.dx.z), x, set(s.dy.z * y + s.d0.z));
+  return ray;
+}
+
+HWY_INLINE TexturePoint locate(const Texture& texture, const LocalRay& ray, const Hit& hit, M candidates) {
+  TexturePoint at;
+  at.u = hn::Mul(hn::MulSub(ray.d_b, ray.w_c, hn::Mul(ray.d_c, ray.w_b)), hit.inverse_d2);
+  at.v = hn::Mul(hn::MulSub(ray.d_c, ray.w_a, hn::Mul(ray.d_a, ray.w_c)), hit.inverse_d2);
+  const V extent = set(kTextureExtent);
+  at.inside = hn::And(candidates, hn::And(hn::Le(hn::Abs(at.u), extent), hn::Le(hn::Abs(at.v), extent)));
+  const V texel_u = hn::Mul(hn::Add(at.u, extent), set(texture.texels_per_sigma_u));
+  const V texel_v = hn::Mul(hn::Add(at.v, extent), set(texture.texels_per_sigma_v));
+  const V cell_u = hn::Min(hn::Floor(texel_u), set(texture.last_u));
+  const V cell_v = hn::Min(hn::Floor(texel_v), set(texture.last_v));
+  at.fraction_u = hn::Sub(texel_u, cell_u);
+  at.fraction_v = hn::Sub(texel_v, cell_v);
+  at.cell = hn::Add(hn::ConvertTo(di, cell_u),
+                    hn::Mul(hn::ConvertTo(di, cell_v), hn::Set(di, static_cast<std::int32_t>(texture.width))));
+  return at;
+}
+
+// Bilinear weights of the corners (i0, j0), (i1, j0), (i0, j1), (i1, j1).
+struct Corners {
+  V weight[4];
+};
+HWY_INLINE Corners cornerWeights(const TexturePoint& at) {
+  const V one = set(1.0f);
+  const V rest_u = hn::Sub(one, at.fraction_u);
+  const V rest_v = hn::Sub(one, at.fraction_v);
+  return {{hn::Mul(rest_u, rest_v), hn::Mul(at.fraction_u, rest_v), hn::Mul(rest_u, at.fraction_v),
+           hn::Mul(at.fraction_u, at.fraction_v)}};
+}
+HWY_INLINE std::ptrdiff_t cornerStep(const Texture& texture, int corner) {
+  return (corner & 1 ? texture.step_u : 0) + (corner & 2 ? texture.step_v : 0);
+}
+
+// Calls visit(first_float_of_the_cell, lanes) for every distinct cell of the lanes inside.
+template <typename Visit>
+HWY_INLINE void forEachCell(const TexturePoint& at, const Visit& visit) {
+  std::uint32_t left = bitsOf(at.inside);
+  alignas(64) std::int32_t cells[kLanes];
+  hn::Store(at.cell, di, cells);
+  while (left != 0) {
+    const std::int32_t cell = cells[hwy::Num0BitsBelowLS1Bit_Nonzero32(left)];
+    const M lanes = hn::And(at.inside, hn::RebindMask(df, hn::Eq(at.cell, hn::Set(di, cell))));
+    visit(std::size_t{4} * static_cast<std::uint32_t>(cell), lanes);
+    left &= ~bitsOf(lanes);
+  }
+}
+
+// The texture's alpha factor; 1 outside.
+HWY_INLINE V alphaFactor(M inside, V alpha) { return hn::IfThenElse(inside, alpha, set(1.0f)); }
+
+}  // namespace tg::cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// A counting sort of (tile, splat) pairs: chunks of splats count, then fill their own places.
+#include "render/cpu/tiles.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace tg::cpu {
+namespace {
+
+struct TileRange {
+  int x0, y0, x1, y1;  // tiles, x1 and y1 exclusive
+  std::size_t count() const { return static_cast<std::size_t>(x1 - x0) * (y1 - y0); }
+};
+
+TileRange tileRange(const Splat& s) {
+  if (s.x0 >= s.x1 || s.y0 >= s.y1) return {0, 0, 0, 0};
+  return {s.x0 / kTileWidth, s.y0 / kTileHeight, (s.x1 - 1) / kTileWidth + 1, (s.y1 - 1) / kTileHeight + 1};
+}
+
+template <typename Visit>
+void forEachTile(const Splat& s, int tiles_x, const Visit& visit) {
+  const TileRange range = tileRange(s);
+  for (int y = range.y0; y < range.y1; ++y) {
+    for (int x = range.x0; x < range.x1; ++x) visit(static_cast<std::size_t>(y) * tiles_x + x);
+  }
+}
+
+}  // namespace
+
+void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pairs, TileLists& lists) {
+  lists.tiles_x = (view.width + kTileWidth - 1) / kTileWidth;
+  lists.tiles_y = (view.height + kTileHeight - 1) / kTileHeight;
+  const std::size_t tiles = lists.tiles();
+  const std::size_t count = screen.splats.size();
+
+  std::size_t total = 0;
+  lists.pair_begin.resize(count + 1);
+  for (std::size_t k = 0; k < count; ++k) {
+    lists.pair_begin[k] = static_cast<std::uint32_t>(total);
+    total += tileRange(screen.splats[k]).count();
+    if (total > std::numeric_limits<std::uint32_t>::max()) {
+      throw Error(ErrorKind::badData, "model", "too many large Gaussians (expected below 2^32 splats over all tiles)");
+    }
+  }
+  lists.pair_begin[count] = static_cast<std::uint32_t>(total);
+
+  // Few enough chunks that their counters (chunks x tiles) stay small beside the pairs.
+  const std::size_t chunk_size = std::max<std::size_t>(4096, count / 64 + 1);
+  const std::size_t chunks = (count + chunk_size - 1) / chunk_size;
+  std::vector<std::uint32_t> next(chunks * tiles, 0);
+  const auto range = [&](std::int64_t chunk) {
+    const std::size_t begin = static_cast<std::size_t>(chunk) * chunk_size;
+    return std::pair(begin, std::min(count, begin + chunk_size));
+  };
+  parallelFor(static_cast<std::int64_t>(chunks), 1, [&](std::int64_t chunk) {
+    const auto [begin, end] = range(chunk);
+    for (std::size_t k = begin; k < end; ++k) {
+      forEachTile(screen.splats[k], lists.tiles_x, [&](std::size_t tile) { ++next[chunk * tiles + tile]; });
+    }
+  });
+  lists.begin.resize(tiles + 1);
+  std::uint32_t at = 0;
+  for (std::size_t tile = 0; tile < tiles; ++tile) {
+    lists.begin[tile] = at;
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+      const std::uint32_t n = next[chunk * tiles + tile];
+      next[chunk * tiles + tile] = at;
+      at += n;
+    }
+  }
+  lists.begin[tiles] = at;
+  lists.splats.resize(total);
+  lists.pairs.resize(with_pairs ? total : 0);
+  parallelFor(static_cast<std::int64_t>(chunks), 1, [&](std::int64_t chunk) {
+    const auto [begin, end] = range(chunk);
+    for (std::size_t k = begin; k < end; ++k) {
+      std::uint32_t pair = lists.pair_begin[k];
+      forEachTile(screen.splats[k], lists.tiles_x, [&](std::size_t tile) {
+        const std::uint32_t position = next[chunk * tiles + tile]++;
+        lists.splats[position] = static_cast<std::uint32_t>(k);
+        if (with_pairs) lists.pairs[pair++] = position;
+      });
+    }
+  });
+}
+
+}  // namespace tg::cpu

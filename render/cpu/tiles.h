@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Second stage of the CPU backend: which splats each tile of the image may show, in depth order.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "render/cpu/project.h"
+
+namespace tg::cpu {
+
+// [px] A tile's pixel state stays in the first-level cache, and a row holds whole vectors up to 16 lanes. Wider than
+// the GPU's: exact row spans keep wasted pixels low at any size, and fewer (tile, splat) pairs cost less set-up.
+constexpr int kTileWidth = 32;
+constexpr int kTileHeight = 16;
+constexpr int kTilePixels = kTileWidth * kTileHeight;
+
+struct TileLists {
+  int tiles_x = 0;
+  int tiles_y = 0;
+  std::vector<std::uint32_t> begin;   // [tiles + 1] into `splats`
+  std::vector<std::uint32_t> splats;  // [pairs] positions in ScreenSplats::splats, ascending within a tile
+  // The pairs of splat k, in tile order: pairs[pair_begin[k] .. pair_begin[k + 1]) are positions in `splats`.
+  std::vector<std::uint32_t> pair_begin;  // [splats + 1]
+  std::vector<std::uint32_t> pairs;       // [pairs], empty unless asked for
+
+  int tiles() const { return tiles_x * tiles_y; }
+  std::span<const std::uint32_t> list(int tile) const {
+    return std::span(splats).subspan(begin[tile], begin[tile + 1] - begin[tile]);
+  }
+};
+
+// with_pairs: fill pair_begin and pairs too (the backward pass gathers by them).
+void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pairs, TileLists& lists);
+
+}  // namespace tg::cpu
