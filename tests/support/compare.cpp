@@ -10,6 +10,8 @@
 namespace tg::test {
 namespace {
 
+constexpr auto kDepth = static_cast<std::size_t>(Output::depth);
+
 double differ(double a, double b) {
   const double d = std::abs(a - b) / std::max(1.0, std::abs(b));
   return std::isfinite(d) ? d : std::numeric_limits<double>::infinity();
@@ -40,7 +42,8 @@ FrameDifference compare(const Frame& frame, const FrameT<T>& reference, const To
       output.max = std::max(output.max, distances[k]);
       if (!flipped) output.max_same = std::max(output.max_same, distances[k]);
       output.mean += distances[k] / static_cast<double>(result.pixels);
-      output.outliers += distances[k] > tolerance.tight;
+      const double factor = k == kDepth ? tolerance.depth_factor : 1.0;
+      output.outliers += distances[k] > tolerance.tight * factor;
     }
   }
   return result;
@@ -69,9 +72,10 @@ std::string violations(const FrameDifference& difference, const Tolerance& toler
       out << name(output) << ": too many outliers (expected " << tolerance.outlier_share << ", found " << outliers
           << ")\n";
     }
-    if (d.max_same > tolerance.loose) {
-      out << name(output) << ": pixels of the same splats differ (expected " << tolerance.loose << ", found "
-          << d.max_same << ")\n";
+    const double loose = tolerance.loose * (k == kDepth ? tolerance.depth_factor : 1.0);
+    if (d.max_same > loose) {
+      out << name(output) << ": pixels of the same splats differ (expected " << loose << ", found " << d.max_same
+          << ")\n";
     }
     // One splat more or less moves depth and count by any amount.
     const bool bounded = output != Output::depth && output != Output::count;

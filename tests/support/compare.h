@@ -32,6 +32,7 @@ struct Tolerance {
   double loose = 2e-4;          // what every pixel keeps that blended the same splats
   double flip = 2e-2;           // what flipped pixels keep in final, base, texture, alpha and normal: the stop can take
                                 // alpha 0.99 at transmittance 0.01 in or out, of colours up to 2
+  double depth_factor = 1.0;    // on tight and loose for depth: along a grazing plane, t multiplies rounding
 };
 
 FrameDifference compareFrames(const FrameT<float>& frame, const FrameT<double>& reference,
