@@ -196,7 +196,7 @@ Tolerance tolerance(SceneKind kind, IntersectionModel intersection) {
 GaussianModel trainedLikeModel(unsigned seed, int gaussians) {
   GaussianModel model = emptyModel();
   Random random(seed);
-  const double spacing = std::sqrt(16.0 / std::max(gaussians, 1));  // about 16 square units of surface
+  const double spacing = std::sqrt(27.0 / std::max(gaussians, 1));  // about 27 square units of surface
   for (int i = 0; i < gaussians; ++i) {
     glm::dvec3 mean, normal, color;
     if (i % 2 == 0) {  // floor, y = 1 (y points down)
@@ -220,14 +220,14 @@ GaussianModel trainedLikeModel(unsigned seed, int gaussians) {
     }
     const glm::dvec3 jitter = 0.003 * random.direction();
     const glm::dvec4 rotation = quaternionFacing(random, normal);
-    const double sigma = spacing * random.uniform(0.3, 0.7);
+    const double sigma = spacing * random.uniform(0.7, 1.3);
     const glm::dvec3 scale = sigma * glm::dvec3(1.0, random.uniform(0.4, 1.0), 0.02);
     addGaussian(model, random, mean + jitter, rotation, scale, random.uniform(0.6, 0.995));
     model.sh[model.sh.size() - model.shCount()] = glm::vec3((color - 0.5) / 0.28209479177387814);
     for (int k = 1; k < model.shCount(); ++k) model.sh[model.sh.size() - k] *= 0.2f;
     addTexture(model, random, 4, 4);
     for (std::size_t k = model.atlas.texels.size() - 16; k < model.atlas.texels.size(); ++k) {
-      model.atlas.texels[k] *= glm::vec4(0.3f, 0.3f, 0.3f, 0.5f);
+      model.atlas.texels[k] *= glm::vec4(0.6f, 0.6f, 0.6f, 0.5f);
       model.atlas.texels[k].a += 0.5f;
     }
   }
@@ -236,6 +236,31 @@ GaussianModel trainedLikeModel(unsigned seed, int gaussians) {
 
 Camera trainedLikeCamera(int width, int height) {
   return lookAt({1.6, -1.4, -4.2}, {0.0, 0.4, 0.0}, {0.0, -1.0, 0.0}, 0.75, width, height);
+}
+
+TestScene grazingScene(double degrees, int width, int height) {
+  TestScene scene{emptyModel(), {}};
+  scene.camera.width = width;
+  scene.camera.height = height;
+  scene.camera.fx = scene.camera.fy = 1.1 * height;
+  scene.camera.cx = width / 2 + 0.5;
+  scene.camera.cy = height / 2 + 0.5;
+  GaussianModel& model = scene.model;
+  model.sh_degree = 0;
+  const double half = glm::radians(degrees) / 2.0;
+  model.mean = {glm::vec3(0.0f, 0.0f, 4.0f)};
+  model.rotation = {glm::vec4(std::cos(half), 0.0, std::sin(half), 0.0)};
+  model.log_scale = {glm::log(glm::vec3(0.6f, 0.45f, 0.03f))};
+  model.opacity_logit = {3.0f};
+  model.sh = {glm::vec3(0.4f, 0.2f, -0.4f)};
+  model.atlas.rects = {{0, 4, 4}};
+  for (int v = 0; v < 4; ++v) {
+    for (int u = 0; u < 4; ++u) {
+      const bool odd = (u + v) % 2 != 0;
+      model.atlas.texels.push_back(odd ? glm::vec4(0.3f, -0.2f, 0.1f, 1.0f) : glm::vec4(-0.3f, 0.2f, 0.3f, 0.7f));
+    }
+  }
+  return scene;
 }
 
 }  // namespace tg::test

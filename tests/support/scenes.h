@@ -43,6 +43,10 @@ Tolerance tolerance(SceneKind kind, IntersectionModel intersection);
 GaussianModel trainedLikeModel(unsigned seed, int gaussians);
 Camera trainedLikeCamera(int width, int height);
 
+// One flat Gaussian with a 4 x 4 texture, turned by `degrees` about the image's vertical axis: 0 faces the camera, at
+// 90 the texture plane holds the camera and the ray of pixel (width / 2, height / 2) through the mean lies in it.
+TestScene grazingScene(double degrees, int width = 32, int height = 24);
+
 // Uniform numbers that are the same with every standard library.
 class Random {
  public:
