@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// The backward pixel loop: from dL/d(picture) to a few sums per (tile, splat) pair, from which all gradients follow.
+#pragma once
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "render/cpu/blend.h"
+#include "render/cpu/project.h"
+#include "render/cpu/tiles.h"
+
+namespace tg::cpu {
+
+// Sums over a tile's pixels. (x, y) = pixel - centre of the splat; with the power's v_power = dL/d(power),
+//   a = v_power / |D|^2 = dL/d|W|^2,   b = -a power - (v_u u + v_v v) / |D|^2 = dL/d|D|^2,
+// and w the first triangular component of W (cpu::Geometry).
+struct PairSums {
+  float aw, aw_x, aw_y;   // a w {1, x, y}
+  float a_y, a_xy, a_yy;  // a {y, x y, y^2}
+  float b, b_x, b_y, b_xx, b_xy, b_yy;
+  float base[3];     // dL/d(base colour)
+  float power;       // v_power: -2 v_power = opacity dL/d(opacity)
+  float screen_abs;  // |e|, method A.6
+};
+// dL/d(numerator of u) and of v, by the same moments.
+struct PairTextureSums {
+  float u, u_x, u_y, u_xx, u_xy, u_yy;
+  float v, v_x, v_y, v_xx, v_xy, v_yy;
+};
+
+// Where pairs leave the gradients of their texels: a pair's rectangle at texels[begin[pair - first]], in texel order.
+struct TexelSlots {
+  std::uint32_t first = 0;  // pair
+  std::vector<std::size_t> begin;
+  std::vector<glm::vec4> texels;
+  std::vector<std::uint8_t> used;  // whether the pair wrote its slot
+};
+
+struct BackwardInput {
+  const View& view;
+  const ScreenSplats& screen;
+  const TileLists& lists;
+  const BlendRecord& record;
+  const glm::vec4* texels;
+  std::span<const glm::vec3> v_color;
+};
+// Fills sums[pair] and, when the view is textured, texture_sums[pair] and the slots of the pairs of tiles
+// [first_tile, end_tile).
+void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, std::span<PairSums> sums,
+                   std::span<PairTextureSums> texture_sums, TexelSlots& slots);
+
+}  // namespace tg::cpu
