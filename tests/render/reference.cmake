@@ -6,5 +6,19 @@ target_compile_definitions(tg_goldens PUBLIC TG_GOLDENS="${CMAKE_SOURCE_DIR}/tes
 add_executable(tg_make_goldens ${CMAKE_SOURCE_DIR}/tests/goldens/make_goldens.cpp)
 target_link_libraries(tg_make_goldens PRIVATE tg_goldens)
 
-tg_add_test(test_reference LIBRARIES tg_render tg_goldens SOURCES
-  golden_test.cpp reference_cases_test.cpp reference_gradient_test.cpp shared_math_test.cpp)
+# What the GLSL compiler makes of shared/layout.h, for layout_test.cpp.
+find_program(TG_SPIRV_CROSS spirv-cross)
+set(layout_reflection "")
+if(TG_GLSLANG AND TG_SPIRV_CROSS)
+  set(layout_reflection ${CMAKE_CURRENT_BINARY_DIR}/layout.json)
+  add_custom_command(OUTPUT ${layout_reflection}
+    COMMAND ${TG_GLSLANG} -V --target-env vulkan1.0 --quiet -I${CMAKE_SOURCE_DIR}/shaders
+            -o ${CMAKE_CURRENT_BINARY_DIR}/layout.spv ${CMAKE_CURRENT_SOURCE_DIR}/layout.comp
+    COMMAND ${TG_SPIRV_CROSS} ${CMAKE_CURRENT_BINARY_DIR}/layout.spv --reflect --output ${layout_reflection}
+    DEPENDS layout.comp ${CMAKE_SOURCE_DIR}/shaders/shared/layout.h ${CMAKE_SOURCE_DIR}/shaders/shared/lang.h VERBATIM)
+endif()
+
+tg_add_test(test_reference LIBRARIES tg_render tg_goldens nlohmann_json::nlohmann_json SOURCES
+  frame_test.cpp golden_test.cpp layout_test.cpp reference_blend_test.cpp reference_cases_test.cpp
+  reference_gradient_test.cpp shared_math_test.cpp ${layout_reflection})
+target_compile_definitions(test_reference PRIVATE TG_LAYOUT_REFLECTION="${layout_reflection}")

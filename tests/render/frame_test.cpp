@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// The outputs of a frame by name, as numbers and as pictures.
+#include "render/renderer.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+namespace {
+
+constexpr Output kOutputs[] = {Output::final, Output::base,   Output::texture, Output::alpha,
+                               Output::depth, Output::normal, Output::count};
+
+// Two pixels: one that two splats cover, one that is empty.
+Frame twoPixels() {
+  Frame frame(2, 1);
+  frame.base = {{0.5f, 0.25f, 1.5f}, {0.0f, 0.0f, 0.0f}};
+  frame.texture = {{0.25f, -0.5f, 0.0f}, {0.0f, 0.0f, 0.0f}};
+  frame.alpha = {0.75f, 0.0f};
+  frame.depth = {4.0f, 0.0f};
+  frame.normal = {{0.0f, -0.5f, -0.5f}, {0.0f, 0.0f, 0.0f}};
+  frame.count = {2.0f, 0.0f};
+  return frame;
+}
+
+std::vector<float> firstPixel(const Image& image) { return {image.data.begin(), image.data.begin() + image.channels}; }
+
+}  // namespace
+
+TEST_CASE("outputs are found by their names and by no others") {
+  for (Output output : kOutputs) CHECK(parseOutput(name(output)) == output);
+  CHECK(name(Output::final) == "final");
+  CHECK(name(Output::count) == "count");
+  for (const char* text : {"", "Final", "final ", "rgb"}) CHECK_FALSE(parseOutput(text));
+}
+
+TEST_CASE("extract gives the numbers as they are") {
+  const Frame frame = twoPixels();
+  CHECK(firstPixel(extract(frame, Output::final)) == std::vector<float>{0.75f, -0.25f, 1.5f});
+  CHECK(firstPixel(extract(frame, Output::base)) == std::vector<float>{0.5f, 0.25f, 1.5f});
+  CHECK(firstPixel(extract(frame, Output::texture)) == std::vector<float>{0.25f, -0.5f, 0.0f});
+  CHECK(firstPixel(extract(frame, Output::normal)) == std::vector<float>{0.0f, -0.5f, -0.5f});
+  CHECK(extract(frame, Output::alpha).data == frame.alpha);
+  CHECK(extract(frame, Output::depth).data == frame.depth);
+  CHECK(extract(frame, Output::count).data == frame.count);
+}
+
+TEST_CASE("visualize gives pictures between 0 and 1") {
+  const Frame frame = twoPixels();
+  for (Output output : kOutputs) {
+    const Image image = visualize(frame, output);
+    CHECK(image.channels == 3);
+    for (float value : image.data) CHECK((value >= 0.0f && value <= 1.0f));
+  }
+  CHECK(firstPixel(visualize(frame, Output::final)) == std::vector<float>{0.75f, 0.0f, 1.0f});
+  CHECK(firstPixel(visualize(frame, Output::texture)) == std::vector<float>{0.625f, 0.25f, 0.5f});
+  CHECK(firstPixel(visualize(frame, Output::alpha)) == std::vector<float>{0.75f, 0.75f, 0.75f});
+  // y up, z to the viewer
+  CHECK(firstPixel(visualize(frame, Output::normal)) == std::vector<float>{0.5f, 0.75f, 0.75f});
+  CHECK(firstPixel(visualize(frame, Output::count)) == std::vector<float>{1.0f, 1.0f, 1.0f});
+}
+
+TEST_CASE("a depth picture is brightest where it is near and black where nothing is") {
+  Frame frame(3, 1);
+  frame.depth = {2.0f, 6.0f, 0.0f};
+  frame.count = {1.0f, 1.0f, 0.0f};
+  const Image image = visualize(frame, Output::depth);
+  CHECK(image.at(0, 0, 0) == 1.0f);
+  CHECK(image.at(1, 0, 0) == Approx(0.15f));
+  CHECK(image.at(2, 0, 0) == 0.0f);
+  CHECK(firstPixel(visualize(Frame(1, 1), Output::depth)) == std::vector<float>{0.0f, 0.0f, 0.0f});
+}
