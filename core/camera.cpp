@@ -10,7 +10,7 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxCamerasBytes = std::uint64_t{256} << 20;
+constexpr std::uint64_t kMaxCamerasBytes = std::uint64_t{32} << 20;
 constexpr std::int64_t kMaxImageSide = 65536;
 // Files carry rotations rounded to 6 or 7 digits; anything worse is no rotation.
 constexpr double kRotationTolerance = 1e-3;
@@ -119,24 +119,25 @@ std::vector<Camera> parseCameras(const std::string& json, const std::string& pat
 std::string formatCameras(const std::vector<Camera>& cameras) {
   using nlohmann::ordered_json;
   const auto vector = [](const glm::dvec3& v) { return ordered_json{v.x, v.y, v.z}; };
-  ordered_json root = ordered_json::array();
+  std::string text = "[\n";  // a camera a line
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const Camera& camera = cameras[i];
     const glm::dmat3& r = camera.camera_from_world_rotation;
-    root.push_back({{"id", i},
-                    {"img_name", camera.name},
-                    {"width", camera.width},
-                    {"height", camera.height},
-                    {"position", vector(camera.position())},
-                    {"rotation", {vector(r[0]), vector(r[1]), vector(r[2])}},
-                    {"fx", camera.fx},
-                    {"fy", camera.fy},
-                    {"cx", camera.cx},
-                    {"cy", camera.cy},
-                    {"translation", vector(camera.camera_from_world_translation)},
-                    {"split", camera.test ? "test" : "train"}});
+    const ordered_json json = {{"id", i},
+                               {"img_name", camera.name},
+                               {"width", camera.width},
+                               {"height", camera.height},
+                               {"position", vector(camera.position())},
+                               {"rotation", {vector(r[0]), vector(r[1]), vector(r[2])}},
+                               {"fx", camera.fx},
+                               {"fy", camera.fy},
+                               {"cx", camera.cx},
+                               {"cy", camera.cy},
+                               {"translation", vector(camera.camera_from_world_translation)},
+                               {"split", camera.test ? "test" : "train"}};
+    text += dumpJson(json) + (i + 1 < cameras.size() ? ",\n" : "\n");
   }
-  return dumpJson(root, 1);
+  return text + "]\n";
 }
 
 std::vector<Camera> readCameras(const std::filesystem::path& path) {

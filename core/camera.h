@@ -28,7 +28,8 @@ Camera lookAt(glm::dvec3 eye, glm::dvec3 target, glm::dvec3 up, double fov_y_rad
 Camera resized(const Camera& camera, int width, int height);
 
 // INRIA layout: [{id, img_name, width, height, position, rotation (world from camera, rows), fx, fy}], plus our optional
-// cx, cy, split ("train" / "test"); cx, cy default to the image centre. Throws Error(badData) with index and key.
+// cx, cy, split ("train" / "test") and translation (camera from world: survives files exactly, which -R * position does
+// not); cx, cy default to the image centre. Throws Error(badData) with index and key.
 std::vector<Camera> parseCameras(const std::string& json, const std::string& path);
 std::string formatCameras(const std::vector<Camera>& cameras);
 std::vector<Camera> readCameras(const std::filesystem::path& path);

@@ -27,8 +27,8 @@ inline nlohmann::json parseJson(const std::string& text, const std::string& path
 }
 
 // Text for a file; bytes that are no UTF-8 (from image names of another encoding) become U+FFFD.
-inline std::string dumpJson(const nlohmann::ordered_json& value, int indent) {
-  return value.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+inline std::string dumpJson(const nlohmann::ordered_json& value, int indent = -1) {
+  return value.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
 // One object of a file, for reading members: `where` precedes the key in messages ("camera 3: ").

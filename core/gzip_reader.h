@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Inflates a gzip file piece by piece, with a guard against bombs. Private to core.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+
+namespace tg {
+
+class GzipReader {
+ public:
+  // Throws Error(cannotRead) when the file cannot be opened.
+  GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes);
+  ~GzipReader();
+  GzipReader(const GzipReader&) = delete;
+  GzipReader& operator=(const GzipReader&) = delete;
+
+  // The next piece, valid until the next call; empty at the end. Throws Error(badData) when the stream is broken or
+  // cut, fails its checksum, inflates more than 1000 : 1 after the first MiB, or beyond the limit.
+  std::span<const std::uint8_t> next();
+
+  // More bytes than this cannot come out of the file.
+  std::uint64_t inflatedBound() const;
+  // After the end: bytes follow the gzip stream, which nobody has looked at.
+  bool hasTrailingBytes() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tg
