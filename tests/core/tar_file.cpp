@@ -69,7 +69,9 @@ std::vector<std::uint8_t> formatTar(const std::vector<TarEntry>& entries) {
     std::snprintf(header + 136, 12, "%011llo", static_cast<unsigned long long>(entry.mtime));
     header[156] = entry.type;
     std::memcpy(header + 157, entry.link.data(), std::min<std::size_t>(entry.link.size(), 100));
-    std::memcpy(header + 257, "ustar\00000", 8);
+    std::memcpy(header + 257, entry.magic.data(), 8);
+    std::memcpy(header + 386, entry.sparse_map.data(), std::min<std::size_t>(entry.sparse_map.size(), 96));
+    std::memcpy(header + 483, entry.real_size.data(), std::min<std::size_t>(entry.real_size.size(), 12));
     std::memset(header + 148, ' ', 8);
     unsigned sum = entry.bad_checksum ? 1 : 0;
     for (char c : header) sum += static_cast<unsigned char>(c);

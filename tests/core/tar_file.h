@@ -17,6 +17,9 @@ struct TarEntry {
   unsigned uid = 0;
   std::uint64_t mtime = 0;
   std::string raw_size;  // of the header's 12 bytes, instead of bytes.size()
+  std::string magic = std::string("ustar\00000", 8);
+  std::string sparse_map;  // of the header from byte 386, for type S
+  std::string real_size;   // from byte 483, for type S
   bool bad_checksum = false;
 };
 
