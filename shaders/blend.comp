@@ -1,20 +1,28 @@
 #version 450
 // SPDX-License-Identifier: Apache-2.0
-// One group per tile, 2 x 2 pixels per thread: the tile's splats front to back, 64 at a time through shared memory.
+// One group per tile, 2 x 2 pixels per thread. The tile's splats come front to back, 64 at a time, through shared
+// memory. A bit per splat and block of 4 x 4 pixels says whether its screen box touches the block, and a thread looks
+// only at the splats of its block: most splats are smaller than a tile.
 //
 // A dispatch does at most pass.count list entries of a tile, from number pass.first on: one driver ends every loop of a
 // thread after 65535 rounds without a word. Longer lists continue in the next dispatch from the sums stored here, which
 // are turned into outputs by the dispatch that reaches a tile's end.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "pass.glsl"
 #include "shared/splat.h"
 #include "shared/texture.h"
 
-const uint kGroupSide = kTileSize / 2u;
-const uint kBatch = kGroupSide * kGroupSide;
-layout(local_size_x = kGroupSide, local_size_y = kGroupSide) in;
-layout(constant_id = 0) const bool kGeometry = true;  // depth, normal and count are wanted
-layout(constant_id = 1) const uint kTexelShift = 31u; // log2(texels per buffer); 31: all are in the first
+const uint kThreads = 64u;
+const uint kThreadSide = 2u;  // [px]
+const uint kPixels = 4u;      // of a thread
+const uint kBlockSide = 4u;   // [px]
+const uint kBlocks = 16u;     // of a tile, 4 to a row, 4 threads to a block
+const uint kBatch = kThreads;
+const uint kWords = kBatch / 32u;
+layout(local_size_x = kThreads) in;
+layout(constant_id = 0) const bool kGeometry = true;   // depth, normal and count are wanted
+layout(constant_id = 1) const uint kTexelShift = 31u;  // log2(texels per buffer); 31: all are in the first
 
 layout(std430, binding = 0) readonly buffer TileRanges { uvec2 tile_ranges[]; };             // [tiles]
 layout(std430, binding = 1) readonly buffer Splats { uint pair_splats[]; };                  // [pairs]
@@ -31,6 +39,7 @@ layout(std430, binding = 11) readonly buffer Texels3 { uvec2 texels3[]; };
 layout(std430, binding = 12) buffer BaseTransmittance { vec4 base_transmittance[]; };        // [pixels]
 layout(std430, binding = 13) buffer TextureDepth { vec4 texture_depth[]; };                  // [pixels]
 layout(std430, binding = 14) buffer NormalCount { vec4 normal_count[]; };                    // [pixels]
+layout(std430, binding = 15) readonly buffer PixelRects { uvec2 pixel_rects[]; };            // [N] x0 | y0 << 16, x1 | y1 << 16
 
 // 2 ln 255 = 11.08: beyond, alpha < kAlphaMin for every opacity. Written so that no-number fails it.
 const float kPowerMax = 12.0;
@@ -47,7 +56,9 @@ struct Pixel {
 
 shared Splat batch[kBatch];
 shared vec4 batch_normals[kBatch];
-shared uint live[2];  // some pixel of the tile still takes splats; one flag per parity of the batch
+// Twice, for even and odd batches: one is cleared while the other is read.
+shared uint block_splats[2][kBlocks * kWords];  // which splats of the batch each block sees
+shared uint live[2];                            // some pixel of the tile still takes splats
 
 // The shortest axis in camera space, turned to the camera. It is the third row of what makeSplat() composed.
 vec3 splatNormal(Splat s) {
@@ -78,9 +89,8 @@ vec4 fetchTexture(vec2 uv, uint offset, uint size) {
   return mix(top, bottom, v.fraction);
 }
 
-void blendSplat(uint k, vec2 center, inout Pixel pixel) {
+void blendSplat(Splat s, vec3 normal, vec2 center, inout Pixel pixel) {
   if (pixel.done) return;
-  Splat s = batch[k];
   Hit hit;
   vec2 delta = center - s.center_depth_opacity.xy;
   if (!intersectSplat(s.wx_r.xyz, s.wy_g.xyz, s.dx_b.xyz, s.dy_offset.xyz, s.d0_size.xyz, s.center_depth_opacity.z,
@@ -108,7 +118,7 @@ void blendSplat(uint k, vec2 center, inout Pixel pixel) {
   pixel.tint += weight * tint;
   if (kGeometry) {
     pixel.depth += weight * hit.t;
-    pixel.normal += weight * batch_normals[k].xyz;
+    pixel.normal += weight * normal;
     pixel.count += 1.0;
   }
   pixel.transmittance = transmittance;
@@ -147,6 +157,28 @@ void storePixel(uvec2 at, Pixel pixel, bool finish) {
   if (kGeometry) normal_count[i] = vec4(pixel.normal, pixel.count);
 }
 
+// The blocks of this tile that a screen box [px, ends inclusive] touches, a bit each.
+uint touchedBlocks(uvec2 rect) {
+  ivec2 origin = ivec2(gl_WorkGroupID.xy * kTileSize);
+  ivec2 first = clamp(ivec2(rect.x & 0xFFFFu, rect.x >> 16u) - origin, 0, int(kTileSize) - 1) / int(kBlockSide);
+  ivec2 last = clamp(ivec2(rect.y & 0xFFFFu, rect.y >> 16u) - origin, 0, int(kTileSize) - 1) / int(kBlockSide);
+  uint columns = (2u << last.x) - (1u << first.x);
+  uint rows = (2u << (4 * last.y)) - (1u << (4 * first.y));
+  return columns * (rows & 0x1111u);
+}
+
+// Puts a list entry at this thread's place of an even (0) or odd (1) batch.
+void stage(uint entry, uint parity) {
+  uint thread = gl_LocalInvocationIndex;
+  uint i = pair_splats[entry];
+  batch[thread] = Splat(splat_center_depth_opacity[i], splat_wx_r[i], splat_wy_g[i], splat_dx_b[i], splat_dy_offset[i],
+                        splat_d0_size[i]);
+  if (kGeometry) batch_normals[thread] = vec4(splatNormal(batch[thread]), 0.0);
+  for (uint blocks = touchedBlocks(pixel_rects[i]); blocks != 0u; blocks &= blocks - 1u) {
+    atomicOr(block_splats[parity][uint(findLSB(blocks)) * kWords + thread / 32u], 1u << (thread % 32u));
+  }
+}
+
 void main() {
   uint thread = gl_LocalInvocationIndex;
   uvec2 range = tile_ranges[gl_WorkGroupID.y * view.tiles_x + gl_WorkGroupID.x];
@@ -155,40 +187,45 @@ void main() {
   uint begin = range.x + pass.first;
   uint end = begin + min(length - pass.first, pass.count);
 
-  uvec2 at = gl_WorkGroupID.xy * kTileSize + gl_LocalInvocationID.xy * 2u;
-  vec2 center = vec2(at) + 0.5;
-  Pixel p00 = loadPixel(at);
-  Pixel p10 = loadPixel(at + uvec2(1u, 0u));
-  Pixel p01 = loadPixel(at + uvec2(0u, 1u));
-  Pixel p11 = loadPixel(at + uvec2(1u, 1u));
+  uint block = thread / 4u;
+  uvec2 in_block = uvec2(thread % 2u, thread / 2u % 2u) * kThreadSide;
+  uvec2 at = gl_WorkGroupID.xy * kTileSize + uvec2(block % 4u, block / 4u) * kBlockSide + in_block;
+  Pixel pixels[kPixels];
+  bool done = true;
+  [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
+    pixels[j] = loadPixel(at + uvec2(j % kThreadSide, j / kThreadSide));
+    done = done && pixels[j].done;
+  }
 
-  if (thread < 2u) live[thread] = 0u;
+  if (thread < kBlocks * kWords) block_splats[0][thread] = 0u;
+  if (thread == 0u) live[0] = 0u;
   barrier();
   uint parity = 0u;
-  for (uint first = begin; first < end; first += kBatch) {
-    if (first + thread < end) {
-      uint i = pair_splats[first + thread];
-      batch[thread] = Splat(splat_center_depth_opacity[i], splat_wx_r[i], splat_wy_g[i], splat_dx_b[i],
-                            splat_dy_offset[i], splat_d0_size[i]);
-      if (kGeometry) batch_normals[thread] = vec4(splatNormal(batch[thread]), 0.0);
-    }
-    if (!(p00.done && p10.done && p01.done && p11.done)) live[parity] = 1u;
+  for (uint first = begin; first < end; first += kBatch, parity ^= 1u) {
+    if (first + thread < end) stage(first + thread, parity);
+    if (!done) live[parity] = 1u;
     barrier();
     if (live[parity] == 0u) break;
-    parity ^= 1u;
-    if (thread == 0u) live[parity] = 0u;
-    uint batch_size = min(kBatch, end - first);
-    for (uint k = 0u; k < batch_size; ++k) {
-      blendSplat(k, center, p00);
-      blendSplat(k, center + vec2(1.0, 0.0), p10);
-      blendSplat(k, center + vec2(0.0, 1.0), p01);
-      blendSplat(k, center + vec2(1.0, 1.0), p11);
+    if (thread < kBlocks * kWords) block_splats[parity ^ 1u][thread] = 0u;
+    if (thread == 0u) live[parity ^ 1u] = 0u;
+    for (uint word = 0u; word < kWords; ++word) {
+      uint splats = block_splats[parity][block * kWords + word];
+      while (splats != 0u && !done) {
+        uint k = word * 32u + uint(findLSB(splats));
+        splats &= splats - 1u;
+        Splat s = batch[k];
+        vec3 normal = kGeometry ? batch_normals[k].xyz : vec3(0.0);
+        done = true;
+        [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
+          blendSplat(s, normal, vec2(at + uvec2(j % kThreadSide, j / kThreadSide)) + 0.5, pixels[j]);
+          done = done && pixels[j].done;
+        }
+      }
     }
     barrier();
   }
   bool finish = pass.first + pass.count >= length;
-  storePixel(at, p00, finish);
-  storePixel(at + uvec2(1u, 0u), p10, finish);
-  storePixel(at + uvec2(0u, 1u), p01, finish);
-  storePixel(at + uvec2(1u, 1u), p11, finish);
+  [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
+    storePixel(at + uvec2(j % kThreadSide, j / kThreadSide), pixels[j], finish);
+  }
 }

@@ -9,7 +9,7 @@ layout(local_size_x = kGroupSize) in;
 layout(std430, binding = 0) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 1) readonly buffer Order { uint order[]; };            // [visible] splats, near to far
 layout(std430, binding = 2) readonly buffer PairOffsets { uint offsets[]; };    // [visible] first pair of each
-layout(std430, binding = 3) readonly buffer TileRects { uvec2 tile_rects[]; };  // [N] x0 | y0 << 16, x1 | y1 << 16
+layout(std430, binding = 3) readonly buffer PixelRects { uvec2 pixel_rects[]; };  // [N] x0 | y0 << 16, x1 | y1 << 16
 layout(std430, binding = 4) writeonly buffer Tiles { uint pair_tiles[]; };      // [pairs]
 layout(std430, binding = 5) writeonly buffer Splats { uint pair_splats[]; };    // [pairs]
 
@@ -42,10 +42,10 @@ void main() {
   if (pair >= count) return;
   uint entry = findEntry(pair, group_entries.x, group_entries.y);
   uint splat = order[entry];
-  uvec2 rect = tile_rects[splat];
-  uint x0 = rect.x & 0xFFFFu;
-  uint width = (rect.y & 0xFFFFu) - x0;
+  uvec2 rect = pixel_rects[splat];
+  uvec2 first = uvec2(rect.x & 0xFFFFu, rect.x >> 16u) / kTileSize;
+  uint columns = (rect.y & 0xFFFFu) / kTileSize - first.x + 1u;
   uint k = pair - offsets[entry];
-  pair_tiles[pair] = ((rect.x >> 16u) + k / width) * view.tiles_x + x0 + k % width;
+  pair_tiles[pair] = (first.y + k / columns) * view.tiles_x + first.x + k % columns;
   pair_splats[pair] = splat;
 }

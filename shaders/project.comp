@@ -19,7 +19,7 @@ layout(std430, binding = 7) writeonly buffer Wy { vec4 wy_g[]; };
 layout(std430, binding = 8) writeonly buffer Dx { vec4 dx_b[]; };
 layout(std430, binding = 9) writeonly buffer Dy { vec4 dy_offset[]; };
 layout(std430, binding = 10) writeonly buffer D0 { vec4 d0_size[]; };
-layout(std430, binding = 11) writeonly buffer TileRects { uvec2 tile_rects[]; };   // [N] x0 | y0 << 16, x1 | y1 << 16
+layout(std430, binding = 11) writeonly buffer PixelRects { uvec2 pixel_rects[]; }; // [N] x0 | y0 << 16, x1 | y1 << 16
 layout(std430, binding = 12) writeonly buffer TileCounts { uint tile_counts[]; };  // [N] 0: culled
 
 // Sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a needle without width, or everywhere.
@@ -39,14 +39,14 @@ vec3 baseColour(uint i, vec3 dir) {
   return max(colour, vec3(0.0));
 }
 
-// Tiles of the pixels whose centres lie in `box` [px]: x0, y0, x1, y1, ends exclusive. False: none.
-bool tilesOfBox(vec4 box, out uvec4 tiles) {
+// The pixels whose centres lie in `box` [px]: x0, y0, x1, y1, ends inclusive. False: none.
+bool pixelsOfBox(vec4 box, out uvec4 pixels) {
   vec4 image = vec4(0.0, 0.0, float(view.width) - 1.0, float(view.height) - 1.0);
   vec2 first = max(ceil(vec2(box.x, box.y) - 0.5 - kBoxMargin), vec2(image.x, image.y));
   vec2 last = min(floor(vec2(box.z, box.w) - 0.5 + kBoxMargin), vec2(image.z, image.w));
-  tiles = uvec4(0u);
+  pixels = uvec4(0u);
   if (!(first.x <= last.x && first.y <= last.y)) return false;  // also where a bound is no number
-  tiles = uvec4(uvec2(first) / kTileSize, uvec2(last) / kTileSize + 1u);
+  pixels = uvec4(uvec2(first), uvec2(last));
   return true;
 }
 
@@ -76,8 +76,8 @@ void main() {
   vec4 box;
   bool bounded = splatBox(mean_c, axes_c, scale_c, radius, view.intersection == kIntersectPlane, view.focal_center, box);
   if (!bounded) box = vec4(0.0, 0.0, float(view.width), float(view.height));
-  uvec4 tiles;
-  if (!tilesOfBox(box, tiles)) return;
+  uvec4 pixels;
+  if (!pixelsOfBox(box, pixels)) return;
 
   vec3 dir = normalize(mean.xyz - view.camera_position.xyz);
   Splat splat = makeSplat(mean_c, axes_c, scale_c, view.focal_center, opacity, baseColour(i, dir));
@@ -87,6 +87,7 @@ void main() {
   dx_b[global] = splat.dx_b;
   dy_offset[global] = vec4(splat.dy_offset.xyz, log_scale_offset.w);
   d0_size[global] = vec4(splat.d0_size.xyz, uintBitsToFloat(texture_size[i]));
-  tile_rects[global] = uvec2(tiles.x | tiles.y << 16u, tiles.z | tiles.w << 16u);
-  tile_counts[global] = (tiles.z - tiles.x) * (tiles.w - tiles.y);
+  pixel_rects[global] = uvec2(pixels.x | pixels.y << 16u, pixels.z | pixels.w << 16u);
+  uvec4 tiles = pixels / kTileSize;
+  tile_counts[global] = (tiles.z - tiles.x + 1u) * (tiles.w - tiles.y + 1u);
 }

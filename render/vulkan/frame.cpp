@@ -10,9 +10,9 @@
 namespace tg {
 namespace {
 
-// Mesa 22.3's llvmpipe ends all loops of a thread after 65535 rounds in total, without a word. blend.comp takes one
-// round per list entry and one per batch of 64; this leaves room for both.
-constexpr std::uint32_t kListEntriesOnCpu = 60000;
+// Mesa 22.3's llvmpipe ends all loops of a thread after 65535 rounds in total, without a word. blend.comp takes at most
+// 86 rounds for a batch of 64 entries: one per entry, 16 blocks, the batch itself and its words.
+constexpr std::uint32_t kListEntriesOnCpu = 32768;
 constexpr std::uint32_t kListEntries = 1u << 31;  // no limit
 constexpr std::uint32_t kPresentSide = 16;        // shaders/present.comp
 constexpr std::uint32_t kDepthBits = 32;
@@ -53,7 +53,7 @@ void addProject(PassList& list, const FrameInputs& in) {
     list.add("project", Shader::project,
              {part(m.mean_logit, 16), part(m.rotation, 16), part(m.scale_offset, 16), part(m.texture_size, 4),
               part(m.sh, m.sh_bytes), s.splat[0], s.splat[1], s.splat[2], s.splat[3], s.splat[4], s.splat[5],
-              s.tile_rects, s.tile_counts},
+              s.pixel_rects, s.tile_counts},
              uniforms, Groups::fixed(groups.x, groups.y));
   }
 }
@@ -70,7 +70,7 @@ void addBlend(PassList& list, const FrameInputs& in, const Buffer& pair_splats) 
              {in.image.tile_ranges, pair_splats, in.splats.splat[0], in.splats.splat[1], in.splats.splat[2],
               in.splats.splat[3], in.splats.splat[4], in.splats.splat[5], in.model.texels[0], in.model.texels[1],
               in.model.texels[2], in.model.texels[3], in.image.base_transmittance, in.image.texture_depth,
-              in.image.normal_count},
+              in.image.normal_count, in.splats.pixel_rects},
              uniforms, Groups::fixed(in.image.tilesX(), in.image.tilesY()), constants);
     uniforms.first += entries;
   } while (uniforms.first < longest);
@@ -94,7 +94,7 @@ void addPresent(PassList& list, const FrameInputs& in) {
 }  // namespace
 
 SplatBuffers::SplatBuffers(const VulkanDevice& device, std::uint32_t gaussian_count)
-    : tile_rects(device, "tile rectangles", VkDeviceSize{gaussian_count} * 8),
+    : pixel_rects(device, "screen boxes", VkDeviceSize{gaussian_count} * 8),
       tile_counts(device, "tile counts", VkDeviceSize{gaussian_count} * 4),
       visible_offsets(device, "visible offsets", VkDeviceSize{gaussian_count} * 4),
       depth_keys(makePingPong(device, "depth keys", VkDeviceSize{gaussian_count} * 4)),
@@ -153,7 +153,7 @@ void buildFrame(PassList& list, const FrameInputs& in) {
           {ScanInput::ordered, s.tile_counts, s.depth_splats[near_to_far], s.pair_offsets, kWorkVisible, kWorkPairs,
            p.capacity});
   list.add("emit_keys", Shader::emitKeys,
-           {list.counters(), s.depth_splats[near_to_far], s.pair_offsets, s.tile_rects, p.tiles[0], p.splats[0]}, {},
+           {list.counters(), s.depth_splats[near_to_far], s.pair_offsets, s.pixel_rects, p.tiles[0], p.splats[0]}, {},
            Groups::perItem(kWorkPairs));
   const auto tile_bits = static_cast<std::uint32_t>(std::bit_width(in.image.tilesX() * in.image.tilesY() - 1));
   const int by_tile = addSort(list, "sort_tiles", in.scratch, p.tiles, p.splats, kWorkPairs, tile_bits);

@@ -13,7 +13,7 @@ namespace tg {
 struct SplatBuffers {
   SplatBuffers(const VulkanDevice& device, std::uint32_t gaussian_count);
   std::array<Buffer, 6> splat;  // [N] vec4 each: the members of Splat (shaders/shared/layout.h)
-  Buffer tile_rects;            // [N] uvec2: x0 | y0 << 16, x1 | y1 << 16 [tiles], ends exclusive
+  Buffer pixel_rects;           // [N] uvec2: x0 | y0 << 16, x1 | y1 << 16 [px], ends inclusive
   Buffer tile_counts;           // [N] uint: tiles of the rectangle; 0: culled
   Buffer visible_offsets;       // [N] uint: visible splats before this one
   PingPong depth_keys;          // [N] uint: bits of the depth, visible splats only

@@ -48,7 +48,7 @@ constexpr std::array<Module, 13> kModules = {{
     {sort_scatter_comp, 7},
     {emit_keys_comp, 6},
     {tile_ranges_comp, 3},
-    {blend_comp, 15},
+    {blend_comp, 16},
     {output_range_comp, 3},
     {present_comp, 4, true},
 }};
