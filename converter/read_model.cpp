@@ -3,13 +3,13 @@
 #include "converter/read_model.h"
 
 #include "converter/file_format.h"
+#include "converter/read_gltf.h"
 #include "core/bundle.h"
-#include "core/error.h"
 #include "core/ply.h"
 
 namespace tg {
 
-LoadedModel readModel(const std::filesystem::path& path, const ReadOptions&) {
+LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& options) {
   const FileFormat format = detectFormat(path);
   LoadedModel loaded;
   switch (format) {
@@ -18,6 +18,8 @@ LoadedModel readModel(const std::filesystem::path& path, const ReadOptions&) {
       loaded.model = std::move(bundle.model);
       loaded.cameras = std::move(bundle.cameras);
       loaded.background = bundle.background;
+      loaded.training_json = std::move(bundle.training_json);
+      loaded.preview = std::move(bundle.preview);
       loaded.warnings = std::move(bundle.warnings);
       break;
     }
@@ -26,7 +28,8 @@ LoadedModel readModel(const std::filesystem::path& path, const ReadOptions&) {
       break;
     case FileFormat::glb:
     case FileFormat::gltf:
-      throw Error(ErrorKind::badData, path.string(), "glTF is not supported yet (tgz, ply are)");
+      loaded = readGltf(path, options);
+      break;
   }
   loaded.format = name(format);
   checkModel(loaded.model, path.string());

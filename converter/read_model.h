@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "core/image.h"
 #include "core/model.h"
 
 namespace tg {
@@ -17,6 +18,8 @@ struct LoadedModel {
   glm::vec3 background{0.0f};         // what the model was trained against; black where the file does not say
   std::vector<std::string> warnings;  // what was repaired or skipped, one line each, without the path
   std::string format;                 // "tgz", "ply", "glb" or "gltf"
+  std::string training_json;          // tgz only; "" = none
+  Image preview;                      // tgz only; empty = none
 };
 
 struct ReadOptions {

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// A glTF or GLB file whose every index, offset and count has been checked.
+#include "converter/gltf_document.h"
+
+#include <cstdint>
+#include <limits>
+
+#include "converter/gltf_check.h"
+#include "core/file.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxFileBytes = std::numeric_limits<std::uint32_t>::max();  // what a GLB header can say
+
+// tinygltf hands over an image's encoded bytes; they are kept as they are.
+bool keepEncoded(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes,
+                 int size, void*) {
+  image->image.assign(bytes, bytes + size);
+  return true;
+}
+
+// Nothing outside the file exists.
+tinygltf::FsCallbacks noFiles() {
+  tinygltf::FsCallbacks none{};
+  none.FileExists = [](const std::string&, void*) { return false; };
+  none.ExpandFilePath = [](const std::string& path, void*) { return path; };
+  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) { return false; };
+  none.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
+    return false;
+  };
+  return none;
+}
+
+std::string oneLine(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  for (char& c : text) {
+    if (c == '\n') c = ' ';
+  }
+  return text;
+}
+
+}  // namespace
+
+GltfDocument loadGltf(const std::filesystem::path& path) {
+  const std::vector<std::uint8_t> bytes = readFile(path, kMaxFileBytes);
+  GltfDocument document;
+  document.path = path.string();
+  GltfParts parts;
+  parts.json = bytes;
+  if (bytes.size() >= 4 && std::string_view(reinterpret_cast<const char*>(bytes.data()), 4) == "glTF") {
+    parts = splitGlb(bytes, document.path);
+  }
+  checkGltfJson(parseGltfJson(parts.json, document.path), parts, document.path);
+
+  tinygltf::TinyGLTF loader;
+  loader.SetImageLoader(keepEncoded, nullptr);
+  loader.SetFsCallbacks(noFiles());
+  std::string error;
+  std::string warning;
+  const auto size = static_cast<unsigned>(bytes.size());
+  bool ok = false;
+  try {
+    ok = parts.binary ? loader.LoadBinaryFromMemory(&document.model, &error, &warning, bytes.data(), size)
+                      : loader.LoadASCIIFromString(&document.model, &error, &warning,
+                                                   reinterpret_cast<const char*>(bytes.data()), size, "");
+  } catch (const std::exception& exception) {
+    error = exception.what();
+  }
+  if (!ok) throw Error(ErrorKind::badData, document.path, "no valid glTF: " + oneLine(error));
+  return document;
+}
+
+}  // namespace tg

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which local axes carry a texture.
+#include "converter/plane_order.h"
+
+#include "converter/axes.h"
+#include "shared/splat.h"
+
+namespace tg {
+namespace {
+
+// Scales closer than this are taken for a tie: backends compare exp(log_scale) in float, each with its own rounding.
+constexpr float kTieMargin = 1e-5f;  // of ln(sigma)
+
+// Column k of the result is column order[k] of q's matrix.
+glm::vec4 permuted(glm::vec4 q, glm::ivec3 order) {
+  const glm::dmat3 from = matrixFromQuaternion(glm::dvec4(q));
+  glm::dmat3 to(from[order.x], from[order.y], from[order.z]);
+  if (glm::determinant(to) < 0.0) to[2] = -to[2];
+  return glm::vec4(quaternionFromMatrix(to));
+}
+
+}  // namespace
+
+void orderAxesForGltf(std::vector<glm::vec3>& log_scale, std::vector<glm::vec4>& rotation) {
+  for (std::size_t i = 0; i < log_scale.size(); ++i) {
+    const glm::vec3 scale = glm::exp(log_scale[i]);
+    const int c = shortestAxis(scale);
+    if (c == 2) continue;
+    const glm::ivec3 order(axisU(c), axisV(c), c);
+    const glm::vec3 before = log_scale[i];
+    log_scale[i] = {before[order.x], before[order.y], before[order.z]};
+    rotation[i] = permuted(rotation[i], order);
+  }
+}
+
+bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation) {
+  const float shorter = glm::min(log_scale.x, log_scale.y);
+  if (log_scale.z < shorter - kTieMargin) return true;
+  if (log_scale.z > shorter) return false;
+  log_scale = {log_scale.z, log_scale.x, log_scale.y};
+  rotation = permuted(rotation, {2, 0, 1});
+  return true;
+}
+
+}  // namespace tg

@@ -1,0 +1,368 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads glTF and GLB files with KHR_gaussian_splatting, with or without our texture extension.
+#include "converter/read_gltf.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+#include <string_view>
+
+#include "converter/accessor.h"
+#include "converter/axes.h"
+#include "converter/gltf_cameras.h"
+#include "converter/gltf_document.h"
+#include "converter/gltf_nodes.h"
+#include "converter/plane_order.h"
+#include "converter/texture_layer.h"
+#include "core/ply.h"
+
+namespace tg {
+namespace {
+
+constexpr double kLogitLimit = 20.0;  // opacities 0 and 1 have no logit; 2e-9 from them, below a float's step at 1
+constexpr float kZeroScaleFraction =
+    1e-4f;                               // a scale of 0 has no logarithm: this part of the smallest other one instead
+constexpr float kPointScale = 1e-10f;    // [world units] when all three are 0
+constexpr float kNormTolerance = 1e-3f;  // of |q|^2 from 1
+constexpr float kByteNormTolerance = 2e-2f;  // 8-bit quaternions are off by their rounding alone
+constexpr int kMaxDegree = 3;
+
+struct SplatInstance {
+  SplatPrimitive splats;
+  RigidScale place;
+  int degree = 0;
+};
+
+// One primitive's numbers as stored, lengths count x components.
+struct BaseArrays {
+  std::vector<float> position, rotation, scale, opacity;
+  std::vector<std::vector<float>> sh;  // [coefficient][count * 3]
+  bool byte_rotation = false;          // stored in 8 bit
+};
+
+// What had to be put right, in Gaussians.
+struct Repairs {
+  std::size_t rotation = 0, opacity = 0, scale = 0, dropped = 0, plane = 0;
+};
+
+std::string splatName(std::string_view attribute) {
+  return std::string(kSplatExtension) + ":" + std::string(attribute);
+}
+
+std::string coefficientName(int degree, int k) {
+  return splatName("SH_DEGREE_" + std::to_string(degree) + "_COEF_" + std::to_string(k));
+}
+
+// The highest complete degree. Throws when a degree has gaps or stands on a missing one.
+int findDegree(const GltfDocument& document, const SplatPrimitive& splats) {
+  int degree = 0;
+  for (int l = 1; l <= kMaxDegree; ++l) {
+    int present = 0;
+    std::string missing;
+    for (int k = 0; k <= 2 * l; ++k) {
+      const std::string name = coefficientName(l, k);
+      if (splats.has(name)) {
+        ++present;
+      } else if (missing.empty()) {
+        missing = name;
+      }
+    }
+    if (present == 0) continue;
+    if (!missing.empty()) {
+      throw document.bad(splats.pointer + "/attributes",
+                         "SH degree " + std::to_string(l) + " is incomplete: " + missing + " is missing");
+    }
+    if (degree != l - 1) {
+      throw document.bad(splats.pointer + "/attributes",
+                         "SH degree " + std::to_string(l) + " stands without degree " + std::to_string(l - 1));
+    }
+    degree = l;
+  }
+  return degree;
+}
+
+void checkExtensionPlaces(const GltfDocument& document) {
+  const std::string ours(kTextureExtension);
+  const auto refuse = [&](const tinygltf::ExtensionMap& extensions, const std::string& pointer) {
+    if (extensions.count(ours) == 0) return;
+    throw document.bad(pointer + "/extensions/" + ours,
+                       "wrong place (expected inside " + std::string(kSplatExtension) + ")");
+  };
+  refuse(document.model.extensions, "");
+  for (std::size_t m = 0; m < document.model.meshes.size(); ++m) {
+    const tinygltf::Mesh& mesh = document.model.meshes[m];
+    const std::string pointer = "/meshes/" + std::to_string(m);
+    refuse(mesh.extensions, pointer);
+    for (std::size_t p = 0; p < mesh.primitives.size(); ++p) {
+      refuse(mesh.primitives[p].extensions, pointer + "/primitives/" + std::to_string(p));
+    }
+  }
+}
+
+// The Khronos extension object itself.
+void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, const tinygltf::Value& extension) {
+  const std::string pointer = splats.pointer + "/extensions/" + std::string(kSplatExtension);
+  const auto text = [&](const char* key) {
+    return extension.Has(key) && extension.Get(key).IsString() ? extension.Get(key).Get<std::string>() : std::string();
+  };
+  const tinygltf::Primitive& primitive = *splats.primitive;
+  if (primitive.attributes.count("_ROTATION") != 0 || primitive.attributes.count("_SCALE") != 0) {
+    throw document.bad(splats.pointer, "a pre-release draft of " + std::string(kSplatExtension) +
+                                           " (attributes _ROTATION, _SCALE) is not supported");
+  }
+  if (primitive.mode != TINYGLTF_MODE_POINTS) {
+    throw document.bad(splats.pointer + "/mode",
+                       "wrong mode for splats (expected 0, POINTS, found " + std::to_string(primitive.mode) + ")");
+  }
+  if (text("kernel") != "ellipse") {
+    throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
+  }
+  if (const std::string space = text("colorSpace"); space == "lin_rec709_display") {
+    document.warn(pointer, "colours are linear: the numbers are kept and shown as they are");
+  } else if (space != "srgb_rec709_display") {
+    document.warn(pointer, "unknown colorSpace \"" + space + "\", taken for srgb_rec709_display");
+  }
+  if (const std::string projection = text("projection"); !projection.empty() && projection != "perspective") {
+    document.warn(pointer, "unknown projection \"" + projection + "\", taken for perspective");
+  }
+  if (!extension.Has("extensions") || !extension.Get("extensions").IsObject()) return;
+  for (const std::string& name : extension.Get("extensions").Keys()) {
+    if (name == kTextureExtension) continue;
+    if (name.find("compression") != std::string::npos) {
+      throw document.bad(pointer + "/extensions/" + name, "compressed splats are not supported");
+    }
+    document.warn(pointer + "/extensions/" + name, "unknown extension, ignored");
+  }
+}
+
+std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<PlacedNode>& nodes) {
+  std::vector<SplatInstance> instances;
+  const tinygltf::Model& model = document.model;
+  std::size_t total = 0;
+  for (const PlacedNode& placed : nodes) {
+    const int mesh = model.nodes[placed.node].mesh;
+    if (mesh < 0) continue;
+    for (std::size_t p = 0; p < model.meshes[mesh].primitives.size(); ++p) {
+      SplatInstance instance;
+      instance.splats.primitive = &model.meshes[mesh].primitives[p];
+      instance.splats.pointer = "/meshes/" + std::to_string(mesh) + "/primitives/" + std::to_string(p);
+      const auto& extensions = instance.splats.primitive->extensions;
+      const auto found = extensions.find(std::string(kSplatExtension));
+      if (found == extensions.end()) {
+        document.warn(instance.splats.pointer, "no " + std::string(kSplatExtension) + ", ignored");
+        continue;
+      }
+      checkSplatExtension(document, instance.splats, found->second);
+      const auto position = instance.splats.primitive->attributes.find("POSITION");
+      if (position == instance.splats.primitive->attributes.end()) {
+        throw document.bad(instance.splats.pointer + "/attributes", "the attribute POSITION is missing");
+      }
+      const tinygltf::Accessor& accessor = model.accessors[position->second];
+      if (accessor.minValues.empty() || accessor.maxValues.empty()) {
+        document.warn(instance.splats.pointer + "/attributes/POSITION", "no min and max");
+      }
+      instance.splats.count = accessor.count;
+      total += accessor.count;
+      if (accessor.count > kMaxGaussians || total > kMaxGaussians) {
+        throw document.bad(instance.splats.pointer, "too many splats (expected at most " +
+                                                        std::to_string(kMaxGaussians) + ", found " +
+                                                        std::to_string(total) + ")");
+      }
+      instance.degree = findDegree(document, instance.splats);
+      instance.place = decompose(document, placed);
+      instances.push_back(std::move(instance));
+    }
+  }
+  if (instances.empty()) {
+    throw Error(ErrorKind::badData, document.path,
+                "the scene holds no splats (expected a primitive with " + std::string(kSplatExtension) + ")");
+  }
+  return instances;
+}
+
+BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance) {
+  constexpr unsigned integers = kByte | kUnsignedByte | kShort | kUnsignedShort | kByteNormalized |
+                                kUnsignedByteNormalized | kShortNormalized | kUnsignedShortNormalized;
+  const bool quantized = std::count(document.model.extensionsUsed.begin(), document.model.extensionsUsed.end(),
+                                    "KHR_mesh_quantization") != 0;
+  BaseArrays base;
+  const SplatPrimitive& splats = instance.splats;
+  base.position = readAttribute(document, splats, {"POSITION", 3, quantized ? kFloat | integers : unsigned{kFloat}});
+  base.rotation =
+      readAttribute(document, splats, {splatName("ROTATION"), 4, kFloat | kByteNormalized | kShortNormalized});
+  base.byte_rotation = document.model.accessors[splats.primitive->attributes.at(splatName("ROTATION"))].componentType ==
+                       TINYGLTF_COMPONENT_TYPE_BYTE;
+  // Signed integers: the first release candidate asked for them, files remain.
+  base.scale = readAttribute(document, splats, {splatName("SCALE"), 3, kFloat | integers});
+  base.opacity = readAttribute(document, splats,
+                               {splatName("OPACITY"), 1, kFloat | kUnsignedByteNormalized | kUnsignedShortNormalized});
+  for (int l = 0; l <= instance.degree; ++l) {
+    for (int k = 0; k <= 2 * l; ++k) base.sh.push_back(readAttribute(document, splats, {coefficientName(l, k), 3}));
+  }
+  return base;
+}
+
+float logit(float opacity) {
+  const double p = opacity;
+  return static_cast<float>(std::clamp(std::log(p) - std::log1p(-p), -kLogitLimit, kLogitLimit));
+}
+
+glm::vec3 repairedLogScale(glm::vec3 scale) {
+  float smallest = 0.0f;
+  for (int k = 0; k < 3; ++k) {
+    if (scale[k] > 0.0f && (smallest == 0.0f || scale[k] < smallest)) smallest = scale[k];
+  }
+  const float zero = std::max(smallest * kZeroScaleFraction, kPointScale);
+  glm::vec3 log_scale;
+  for (int k = 0; k < 3; ++k) {
+    log_scale[k] = static_cast<float>(std::log(static_cast<double>(scale[k] > 0.0f ? scale[k] : zero)));
+  }
+  return log_scale;
+}
+
+bool isFinite(const BaseArrays& base, const TextureLayer* layer, std::size_t i) {
+  bool ok = std::isfinite(base.opacity[i]);
+  if (layer && layer->opacity) ok = ok && std::isfinite((*layer->opacity)[i]);
+  for (int k = 0; k < 3 && layer && layer->dc; ++k) ok = ok && std::isfinite((*layer->dc)[i * 3 + k]);
+  for (int k = 0; k < 4; ++k) ok = ok && std::isfinite(base.rotation[i * 4 + k]);
+  for (int k = 0; k < 3; ++k)
+    ok = ok && std::isfinite(base.position[i * 3 + k]) && std::isfinite(base.scale[i * 3 + k]);
+  for (const std::vector<float>& coefficient : base.sh) {
+    for (int k = 0; k < 3; ++k) ok = ok && std::isfinite(coefficient[i * 3 + k]);
+  }
+  return ok;
+}
+
+// Appends a primitive in the model's world. `layer` may be null.
+void append(const SplatInstance& instance, const BaseArrays& base, const TextureLayer* layer, GaussianModel& model,
+            Repairs& repairs) {
+  const float norm_tolerance = base.byte_rotation ? kByteNormTolerance : kNormTolerance;
+  const ShRotation sh_rotation(instance.place.rotation);
+  const glm::dvec4 node_rotation = quaternionFromMatrix(instance.place.rotation);
+  const int coefficients = model.shCount();
+  std::vector<glm::vec3> sh(static_cast<std::size_t>(coefficients));
+  for (std::size_t i = 0; i < instance.splats.count; ++i) {
+    glm::vec4 q(base.rotation[i * 4 + 3], base.rotation[i * 4], base.rotation[i * 4 + 1], base.rotation[i * 4 + 2]);
+    const float norm = glm::dot(q, q);
+    if (!isFinite(base, layer, i) || !(norm > 1e-12f)) {
+      ++repairs.dropped;
+      continue;
+    }
+    if (std::abs(norm - 1.0f) > norm_tolerance) {
+      ++repairs.rotation;
+      q = glm::vec4(glm::normalize(glm::dvec4(q)));
+    }
+    float opacity = layer && layer->opacity ? (*layer->opacity)[i] : base.opacity[i];
+    if (!(opacity >= 0.0f && opacity <= 1.0f)) {
+      ++repairs.opacity;
+      opacity = opacity > 1.0f ? 1.0f : 0.0f;
+    }
+    glm::vec3 scale(base.scale[i * 3], base.scale[i * 3 + 1], base.scale[i * 3 + 2]);
+    if (scale.x < 0.0f || scale.y < 0.0f || scale.z < 0.0f) ++repairs.scale;
+    scale = glm::abs(scale);
+    glm::vec3 mean(base.position[i * 3], base.position[i * 3 + 1], base.position[i * 3 + 2]);
+    std::fill(sh.begin(), sh.end(), glm::vec3(0.0f));
+    for (std::size_t k = 0; k < base.sh.size(); ++k) {
+      const std::vector<float>& from = k == 0 && layer && layer->dc ? *layer->dc : base.sh[k];
+      sh[k] = {from[i * 3], from[i * 3 + 1], from[i * 3 + 2]};
+    }
+    if (!instance.place.identity) {
+      mean =
+          glm::vec3(instance.place.scale * (instance.place.rotation * glm::dvec3(mean)) + instance.place.translation);
+      q = glm::vec4(multiply(node_rotation, glm::normalize(glm::dvec4(q))));
+      scale *= static_cast<float>(instance.place.scale);
+      sh_rotation.apply(sh);
+    }
+    turnShAxes(sh);
+    q = modelFromGltfRotation(q);
+    glm::vec3 log_scale = repairedLogScale(scale);
+    const TextureRect rect = layer ? layer->atlas.rects[i] : TextureRect{};
+    if (rect.texelCount() != 0 && !orderAxesForModel(log_scale, q)) ++repairs.plane;
+    model.mean.push_back(turnAxes(mean));
+    model.rotation.push_back(q);
+    model.log_scale.push_back(log_scale);
+    model.opacity_logit.push_back(logit(opacity));
+    model.sh.insert(model.sh.end(), sh.begin(), sh.end());
+    if (rect.texelCount() != 0) {
+      const auto first = layer->atlas.texels.begin() + rect.offset;
+      model.atlas.rects.push_back({static_cast<std::uint32_t>(model.atlas.texels.size()), rect.width, rect.height});
+      model.atlas.texels.insert(model.atlas.texels.end(), first, first + rect.texelCount());
+    } else {
+      model.atlas.rects.push_back({});
+    }
+  }
+}
+
+void warnRepairs(GltfDocument& document, const SplatInstance& instance, const Repairs& repairs) {
+  const auto say = [&](std::size_t count, const std::string& what) {
+    if (count != 0) document.warn(instance.splats.pointer, std::to_string(count) + " splats " + what);
+  };
+  say(repairs.rotation, "with a quaternion that is not of unit length: normalised");
+  say(repairs.opacity, "with an opacity outside [0, 1]: clamped");
+  say(repairs.scale, "with a negative scale: sign dropped");
+  say(repairs.dropped, "with values that are not finite or a quaternion of length 0: dropped");
+  say(repairs.plane, "with a texture whose SCALE.z is not the smallest: it lies on the two longer axes");
+}
+
+// What write_gltf.cpp keeps in asset.extras.
+void readAssetExtras(const GltfDocument& document, LoadedModel& loaded) {
+  const tinygltf::Value& extras = document.model.asset.extras;
+  if (!extras.Has(kExtrasKey)) return;
+  const tinygltf::Value& ours = extras.Get(kExtrasKey);
+  if (ours.Has("intersection") && ours.Get("intersection").IsString()) {
+    const auto intersection = parseIntersectionModel(ours.Get("intersection").Get<std::string>());
+    if (intersection) loaded.model.intersection = *intersection;
+  }
+  if (!ours.Has("background")) return;
+  const tinygltf::Value& background = ours.Get("background");
+  if (!background.IsArray() || background.ArrayLen() != 3) return;
+  for (int c = 0; c < 3; ++c) {
+    const tinygltf::Value& number = background.Get(c);
+    if (number.IsNumber()) loaded.background[c] = static_cast<float>(number.GetNumberAsDouble());
+  }
+}
+
+}  // namespace
+
+LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options) {
+  GltfDocument document = loadGltf(path);
+  if (!options.base_only) checkExtensionPlaces(document);
+  const std::vector<PlacedNode> nodes = placeNodes(document);
+  const std::vector<SplatInstance> instances = findSplats(document, nodes);
+
+  LoadedModel loaded;
+  GaussianModel& model = loaded.model;
+  readAssetExtras(document, loaded);
+  for (const SplatInstance& instance : instances) model.sh_degree = std::max(model.sh_degree, instance.degree);
+  bool textured = false;
+  for (const SplatInstance& instance : instances) {
+    std::optional<TextureLayer> layer;
+    const tinygltf::Value* extension = findTextureExtension(*instance.splats.primitive);
+    if (extension != nullptr && !options.base_only) {
+      layer = readTextureLayer(document, instance.splats, *extension);
+      if (textured && layer->intersection != model.intersection) {
+        throw document.bad(instance.splats.pointer, "another intersection model than the primitives before (expected " +
+                                                        std::string(name(model.intersection)) + ", found " +
+                                                        std::string(name(layer->intersection)) + ")");
+      }
+      textured = true;
+      model.intersection = layer->intersection;
+      model.texture_mode =
+          static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(layer->mode));
+    }
+    Repairs repairs;
+    append(instance, readBase(document, instance), layer ? &*layer : nullptr, model, repairs);
+    warnRepairs(document, instance, repairs);
+  }
+  if (!textured) model.atlas = {};
+  if (model.size() == 0) throw Error(ErrorKind::badData, document.path, "no splat is left: none had finite values");
+  for (const PlacedNode& placed : nodes) {
+    if (document.model.nodes[placed.node].camera < 0) continue;
+    if (std::optional<Camera> camera = readCamera(document, placed)) loaded.cameras.push_back(std::move(*camera));
+  }
+  loaded.warnings = std::move(document.warnings);
+  return loaded;
+}
+
+}  // namespace tg

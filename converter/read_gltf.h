@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads glTF and GLB files with KHR_gaussian_splatting, with or without our texture extension (docs/gltf.md).
+#pragma once
+#include <filesystem>
+
+#include "converter/read_model.h"
+
+namespace tg {
+
+// All splat primitives of the scene as one model in the toolchain's axes. Throws Error(cannotRead / badData); a broken
+// texture layer is an error, never a silent fall back to the base.
+LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options = {});
+
+}  // namespace tg

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads the nested extension TG_gaussian_splatting_texture of one primitive.
+#include "converter/texture_layer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <string_view>
+
+#include "core/image.h"
+#include "shared/limits.h"
+
+namespace tg {
+namespace {
+
+constexpr const char* kRect = "TG_gaussian_splatting_texture:RECT";
+constexpr const char* kAtlas = "TG_gaussian_splatting_texture:ATLAS";
+constexpr const char* kOpacity = "TG_gaussian_splatting_texture:OPACITY";
+constexpr const char* kDc = "TG_gaussian_splatting_texture:SH_DEGREE_0_COEF_0";
+constexpr std::size_t kMaxAtlases = 255;
+constexpr std::uint64_t kMaxPageTexels = std::uint64_t{1} << 26;     // 8192 x 8192
+constexpr std::uint64_t kMaxAtlasTexels = std::uint64_t{1} << 28;    // of all pages of a primitive
+constexpr std::uint64_t kFreeSharedTexels = std::uint64_t{1} << 26;  // rectangles may overlap up to this sum of areas
+
+bool hasAlpha(TextureMode mode) { return (static_cast<unsigned>(mode) & kModeAlpha) != 0; }
+bool hasColor(TextureMode mode) { return (static_cast<unsigned>(mode) & kModeRgb) != 0; }
+
+// One object of the extension with its place in the file.
+struct Place {
+  const GltfDocument& document;
+  const tinygltf::Value& value;
+  std::string pointer;
+
+  [[noreturn]] void fail(const std::string& what) const { throw document.bad(pointer, what); }
+  bool has(const std::string& key) const { return value.Has(key); }
+  const tinygltf::Value& get(const std::string& key) const { return value.Get(key); }
+};
+
+std::string quoted(const tinygltf::Value& value) {
+  return value.IsString() ? "\"" + value.Get<std::string>() + "\"" : std::string("no string");
+}
+
+std::string readChoice(const Place& place, const std::string& key, const std::string& otherwise) {
+  if (!place.has(key)) return otherwise;
+  if (!place.get(key).IsString()) place.fail("\"" + key + "\" is no string");
+  return place.get(key).Get<std::string>();
+}
+
+std::array<double, 4> readVec4(const Place& place, const std::string& key, double otherwise) {
+  std::array<double, 4> numbers;
+  numbers.fill(otherwise);
+  if (!place.has(key)) return numbers;
+  const tinygltf::Value& list = place.get(key);
+  bool ok = list.IsArray() && list.ArrayLen() == 4;
+  for (std::size_t k = 0; ok && k < 4; ++k) {
+    const tinygltf::Value& number = list.Get(k);
+    ok = number.IsNumber() && std::isfinite(static_cast<float>(number.GetNumberAsDouble()));
+    if (ok) numbers[k] = number.GetNumberAsDouble();
+  }
+  if (!ok) place.fail("\"" + key + "\" is wrong (expected 4 finite numbers)");
+  return numbers;
+}
+
+// Width and height of a PNG, from its first chunk: decoders allocate by these numbers.
+std::pair<std::uint32_t, std::uint32_t> pngSize(const Place& place, const std::vector<unsigned char>& bytes) {
+  constexpr std::array<unsigned char, 8> magic = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+  if (bytes.size() < 33 || !std::equal(magic.begin(), magic.end(), bytes.begin())) place.fail("the image is no PNG");
+  const auto u32 = [&](std::size_t at) {
+    return std::uint32_t{bytes[at]} << 24 | std::uint32_t{bytes[at + 1]} << 16 | std::uint32_t{bytes[at + 2]} << 8 |
+           bytes[at + 3];
+  };
+  return {u32(16), u32(20)};
+}
+
+// An image of the file by way of a texture index. Empty when the key is absent.
+Image readPage(const Place& place, const std::string& key, std::uint64_t& texels) {
+  if (!place.has(key)) return {};
+  const tinygltf::Model& model = place.document.model;
+  const tinygltf::Value& index = place.get(key);
+  const int texture = index.IsInt() ? index.Get<int>() : -1;
+  if (texture < 0 || static_cast<std::size_t>(texture) >= model.textures.size()) {
+    place.fail("\"" + key + "\" names no texture (expected an index below " + std::to_string(model.textures.size()) +
+               ", found " + (index.IsInt() ? std::to_string(texture) : "no integer") + ")");
+  }
+  const int source = model.textures[texture].source;
+  if (source < 0) {
+    place.fail("texture " + std::to_string(texture) + " has no source image");
+  }
+  const Place image_place{place.document, place.value, "/images/" + std::to_string(source)};
+  const tinygltf::Image& image = model.images[source];
+  if (!image.mimeType.empty() && image.mimeType != "image/png") {
+    image_place.fail("an atlas of another type (expected image/png, found " + image.mimeType + ")");
+  }
+  const auto [width, height] = pngSize(image_place, image.image);
+  const std::uint64_t area = std::uint64_t{width} * height;
+  texels += area;
+  if (area == 0 || area > kMaxPageTexels || texels > kMaxAtlasTexels) {
+    image_place.fail("the atlas is too large (expected at most " + std::to_string(kMaxPageTexels) + " texels, " +
+                     std::to_string(kMaxAtlasTexels) + " in all, found " + std::to_string(width) + " x " +
+                     std::to_string(height) + ")");
+  }
+  return decodeImage(image.image, place.document.path + ": " + image_place.pointer);
+}
+
+// A stored value in [0, 1] to the texel's. Bytes are taken back to integers: byte 128 then is exactly 0 where the
+// offset says so.
+float texelValue(float stored, double scale, double offset) {
+  double byte = static_cast<double>(stored) * 255.0;
+  if (std::abs(byte - std::round(byte)) < 1e-4) byte = std::round(byte);
+  return static_cast<float>(byte * scale / 255.0 + offset);
+}
+
+AtlasPage readAtlas(const Place& place, TextureMode mode, std::uint64_t& texels) {
+  const std::array<double, 4> scale = readVec4(place, "scale", 1.0);
+  const std::array<double, 4> offset = readVec4(place, "offset", 0.0);
+  if (hasColor(mode) && !place.has("color")) place.fail("\"color\" is missing (the mode needs it)");
+  if (hasAlpha(mode) && !place.has("alpha")) place.fail("\"alpha\" is missing (the mode needs it)");
+  const Image color = hasColor(mode) ? readPage(place, "color", texels) : Image();
+  const Image alpha = hasAlpha(mode) ? readPage(place, "alpha", texels) : Image();
+  if (hasColor(mode) && hasAlpha(mode) && (color.width != alpha.width || color.height != alpha.height)) {
+    place.fail("the images differ in size (expected " + std::to_string(color.width) + " x " +
+               std::to_string(color.height) + " as color, found " + std::to_string(alpha.width) + " x " +
+               std::to_string(alpha.height) + " for alpha)");
+  }
+  AtlasPage page;
+  page.width = std::max(color.width, alpha.width);
+  page.height = std::max(color.height, alpha.height);
+  page.texels.assign(static_cast<std::size_t>(page.width) * page.height, glm::vec4(0, 0, 0, 1));
+  for (std::size_t i = 0; i < page.texels.size(); ++i) {
+    if (hasColor(mode)) {
+      for (int c = 0; c < 3; ++c) {
+        const int channel = color.channels >= 3 ? c : 0;
+        page.texels[i][c] = texelValue(color.data[i * color.channels + channel], scale[c], offset[c]);
+      }
+    }
+    if (hasAlpha(mode)) {
+      page.texels[i].a = std::clamp(texelValue(alpha.data[i * alpha.channels], scale[3], offset[3]), 0.0f, 1.0f);
+    }
+  }
+  return page;
+}
+
+std::vector<AtlasPlacement> readPlacements(const GltfDocument& document, const SplatPrimitive& splats) {
+  const std::vector<float> rects = readAttribute(document, splats, {kRect, 4, kUnsignedShort});
+  std::vector<float> atlases;
+  if (splats.has(kAtlas)) atlases = readAttribute(document, splats, {kAtlas, 1, kUnsignedByte});
+  std::vector<AtlasPlacement> placements(splats.count);
+  for (std::size_t i = 0; i < splats.count; ++i) {
+    AtlasPlacement p;
+    p.x = static_cast<std::uint16_t>(rects[i * 4]);
+    p.y = static_cast<std::uint16_t>(rects[i * 4 + 1]);
+    p.w = static_cast<std::uint16_t>(rects[i * 4 + 2]);
+    p.h = static_cast<std::uint16_t>(rects[i * 4 + 3]);
+    p.page = atlases.empty() ? 0 : static_cast<std::uint8_t>(atlases[i]);
+    if (p.w != 0 && p.h != 0) placements[i] = p;
+  }
+  return placements;
+}
+
+void checkPlacements(const GltfDocument& document, const SplatPrimitive& splats, const std::vector<AtlasPage>& pages,
+                     const std::vector<AtlasPlacement>& placements) {
+  for (std::size_t i = 0; i < splats.count; ++i) {
+    const AtlasPlacement& p = placements[i];
+    if (p.w == 0) continue;
+    const std::string splat = "splat " + std::to_string(i);
+    if (p.page >= pages.size()) {
+      throw document.bad(splats.pointer + "/attributes/" + kAtlas, splat + " names no atlas (expected below " +
+                                                                       std::to_string(pages.size()) + ", found " +
+                                                                       std::to_string(p.page) + ")");
+    }
+    const AtlasPage& page = pages[p.page];
+    if (p.x + p.w > page.width || p.y + p.h > page.height) {
+      throw document.bad(splats.pointer + "/attributes/" + kRect,
+                         splat + ": the rectangle leaves its atlas (expected within " + std::to_string(page.width) +
+                             " x " + std::to_string(page.height) + ", found " + std::to_string(p.x) + " + " +
+                             std::to_string(p.w) + ", " + std::to_string(p.y) + " + " + std::to_string(p.h) + ")");
+    }
+  }
+}
+
+TextureAtlas copyRectangles(const GltfDocument& document, const SplatPrimitive& splats,
+                            const std::vector<AtlasPage>& pages, const std::vector<AtlasPlacement>& placements) {
+  std::uint64_t page_texels = 0;
+  for (const AtlasPage& page : pages) page_texels += page.texels.size();
+  std::uint64_t wanted = 0;
+  for (const AtlasPlacement& p : placements) wanted += std::uint64_t{p.w} * p.h;
+  if (const std::uint64_t limit = std::max(page_texels, kFreeSharedTexels); wanted > limit) {
+    throw document.bad(splats.pointer + "/attributes/" + kRect, "the rectangles overlap too much (expected at most " +
+                                                                    std::to_string(limit) + " texels in all, found " +
+                                                                    std::to_string(wanted) + ")");
+  }
+  TextureAtlas atlas;
+  atlas.texels.reserve(wanted);
+  for (const AtlasPlacement& p : placements) {
+    atlas.rects.push_back({static_cast<std::uint32_t>(atlas.texels.size()), p.w, p.h});
+    const AtlasPage& page = pages[p.page];
+    for (int row = 0; row < p.h; ++row) {
+      const auto first = page.texels.begin() + static_cast<std::ptrdiff_t>(p.y + row) * page.width + p.x;
+      atlas.texels.insert(atlas.texels.end(), first, first + p.w);
+    }
+  }
+  return atlas;
+}
+
+}  // namespace
+
+const tinygltf::Value* findTextureExtension(const tinygltf::Primitive& primitive) {
+  const auto splatting = primitive.extensions.find(std::string(kSplatExtension));
+  if (splatting == primitive.extensions.end() || !splatting->second.Has("extensions")) return nullptr;
+  const tinygltf::Value& nested = splatting->second.Get("extensions");
+  return nested.Has(std::string(kTextureExtension)) ? &nested.Get(std::string(kTextureExtension)) : nullptr;
+}
+
+TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive& splats,
+                              const tinygltf::Value& extension) {
+  const Place place{
+      document, extension,
+      splats.pointer + "/extensions/" + std::string(kSplatExtension) + "/extensions/" + std::string(kTextureExtension)};
+  TextureLayer layer;
+  const std::optional<TextureMode> mode = parseTextureMode(readChoice(place, "mode", ""));
+  if (!mode || *mode == TextureMode::none) {
+    place.fail("unknown \"mode\" (expected \"alpha\", \"rgb\" or \"rgba\", found " + quoted(place.get("mode")) + ")");
+  }
+  layer.mode = *mode;
+  const std::optional<IntersectionModel> intersection =
+      parseIntersectionModel(readChoice(place, "intersection", "plane"));
+  if (!intersection) {
+    place.fail("unknown \"intersection\" (expected \"plane\" or \"maxResponse\", found " +
+               quoted(place.get("intersection")) + ")");
+  }
+  layer.intersection = *intersection;
+  if (place.has("extent")) {
+    const tinygltf::Value& extent = place.get("extent");
+    if (!extent.IsNumber() || extent.GetNumberAsDouble() != kTextureExtent) {
+      place.fail("\"extent\" is not supported (expected 3, found " +
+                 (extent.IsNumber() ? std::to_string(extent.GetNumberAsDouble()) : std::string("no number")) + ")");
+    }
+  }
+  if (readChoice(place, "filter", "bilinear") != "bilinear") {
+    place.fail("\"filter\" is not supported (expected \"bilinear\", found " + quoted(place.get("filter")) + ")");
+  }
+  const tinygltf::Value& atlases = place.get("atlases");
+  if (!atlases.IsArray() || atlases.ArrayLen() == 0 || atlases.ArrayLen() > kMaxAtlases) {
+    place.fail("\"atlases\" is wrong (expected an array of 1 to 255, found " +
+               (atlases.IsArray() ? std::to_string(atlases.ArrayLen()) : std::string("none")) + ")");
+  }
+  // The attributes first: an image can cost much more to decode.
+  const std::vector<AtlasPlacement> placements = readPlacements(document, splats);
+  if (splats.has(kOpacity)) {
+    layer.opacity =
+        readAttribute(document, splats, {kOpacity, 1, kFloat | kUnsignedByteNormalized | kUnsignedShortNormalized});
+  }
+  if (splats.has(kDc)) layer.dc = readAttribute(document, splats, {kDc, 3, kFloat});
+  std::uint64_t texels = 0;
+  std::vector<AtlasPage> pages;
+  for (std::size_t i = 0; i < atlases.ArrayLen(); ++i) {
+    const Place atlas{document, atlases.Get(i), place.pointer + "/atlases/" + std::to_string(i)};
+    if (!atlas.value.IsObject()) atlas.fail("is no object");
+    pages.push_back(readAtlas(atlas, layer.mode, texels));
+  }
+  checkPlacements(document, splats, pages, placements);
+  layer.atlas = copyRectangles(document, splats, pages, placements);
+  return layer;
+}
+
+}  // namespace tg
