@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// The best untextured stand-in for a textured model: what viewers show that know no textures.
+#pragma once
+#include "core/model.h"
+
+namespace tg {
+
+// The same Gaussians without textures: each colour and opacity moved by its texture's mean over the splat, weighted by
+// the Gaussian (docs/gltf.md, "Fallback"). Untextured Gaussians are unchanged.
+GaussianModel bakeFallback(const GaussianModel& model);
+
+}  // namespace tg
