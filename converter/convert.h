@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// One file to another: read, write, read back, compare.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "converter/read_model.h"
+
+namespace tg {
+
+struct ConvertOptions {
+  bool overwrite = false;
+  bool base_only = false;  // see ReadOptions
+  bool measure = true;     // render source and result
+};
+
+struct ConvertReport {
+  std::string input_format;
+  std::string output_format;
+  std::uint64_t input_bytes = 0;
+  std::uint64_t output_bytes = 0;
+  std::size_t gaussians = 0;
+  int sh_degree = 0;
+  std::size_t cameras = 0;
+  std::string texture_mode;  // of what was written
+  int atlases = 0;           // glb only, as the next four
+  int atlas_width = 0;
+  int atlas_height = 0;
+  std::uint64_t texels = 0;
+  std::uint64_t clipped_texels = 0;
+  std::size_t views = 0;                // rendered for the two figures below
+  std::optional<double> textured_psnr;  // [dB] the file read back; infinity when equal
+  std::optional<double> base_psnr;      // [dB] what a reader without textures shows; only for textured sources
+  std::vector<std::string> warnings;
+};
+
+// The output's format is its extension: .glb, .ply or .tgz. Throws Error(usage / cannotRead / badData / cannotWrite);
+// nothing is written then.
+ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
+                      const ConvertOptions& options = {});
+
+// The report and a loaded model's facts, for people and for programs.
+std::string describe(const ConvertReport& report);
+std::string describeJson(const ConvertReport& report);
+std::string describe(const LoadedModel& loaded);
+std::string describeJson(const LoadedModel& loaded);
+
+}  // namespace tg

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tgconvert prints.
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "converter/convert.h"
+
+namespace tg {
+namespace {
+
+using Json = nlohmann::ordered_json;  // keys in the order they are written here
+
+struct ModelFacts {
+  glm::vec3 low{std::numeric_limits<float>::max()};
+  glm::vec3 high{std::numeric_limits<float>::lowest()};
+  std::size_t textured = 0;
+  std::uint64_t texels = 0;
+  int smallest = 0;  // [texels] sides of textured Gaussians
+  int largest = 0;
+};
+
+ModelFacts factsOf(const GaussianModel& model) {
+  ModelFacts facts;
+  for (const glm::vec3& p : model.mean) {
+    facts.low = glm::min(facts.low, p + 0.0f);  // + 0: no "-0" in print
+    facts.high = glm::max(facts.high, p + 0.0f);
+  }
+  for (const TextureRect& rect : model.atlas.rects) {
+    if (rect.texelCount() == 0) continue;
+    const int shorter = std::min(rect.width, rect.height);
+    facts.smallest = facts.textured == 0 ? shorter : std::min(facts.smallest, shorter);
+    facts.largest = std::max<int>(facts.largest, std::max(rect.width, rect.height));
+    facts.texels += rect.texelCount();
+    ++facts.textured;
+  }
+  return facts;
+}
+
+template <typename... Args>
+std::string format(const char* pattern, Args... args) {
+  char line[256];
+  std::snprintf(line, sizeof(line), pattern, args...);
+  return line;
+}
+
+std::string decibels(double psnr) { return std::isinf(psnr) ? std::string("identical") : format("%.2f dB", psnr); }
+
+// JSON has no infinity: null says "identical" beside the number of views.
+Json decibelsJson(const std::optional<double>& psnr) {
+  return psnr && std::isfinite(*psnr) ? Json(*psnr) : Json(nullptr);
+}
+
+// File names in warnings may be any bytes.
+std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
+constexpr const char* kAxes = "x right, y down, z forward (COLMAP)";
+constexpr const char* kGltfAxes = "+y up, +z forward (glTF)";
+
+std::string axesOf(const std::string& file_format) {
+  return file_format == "glb" || file_format == "gltf" ? kGltfAxes : kAxes;
+}
+
+}  // namespace
+
+std::string describe(const ConvertReport& report) {
+  std::string text =
+      format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
+  const std::string from = axesOf(report.input_format), to = axesOf(report.output_format);
+  text += "axes: " + from + (from == to ? ", kept\n" : " -> " + to + ", a half turn about z\n");
+  text += format("size: %llu -> %llu bytes\n", static_cast<unsigned long long>(report.input_bytes),
+                 static_cast<unsigned long long>(report.output_bytes));
+  text += "textures: " + report.texture_mode;
+  if (report.atlases > 0) {
+    text += format(", %llu texels in %d atlas%s of %d x %d, %llu clipped",
+                   static_cast<unsigned long long>(report.texels), report.atlases, report.atlases == 1 ? "" : "es",
+                   report.atlas_width, report.atlas_height, static_cast<unsigned long long>(report.clipped_texels));
+  }
+  text += "\n";
+  if (report.views == 0) return text;
+  text += format("against the source, %zu views: ", report.views);
+  if (report.textured_psnr) text += (report.base_psnr ? "textured " : "") + decibels(*report.textured_psnr);
+  if (report.textured_psnr && report.base_psnr) text += ", ";
+  if (report.base_psnr) text += "base only " + decibels(*report.base_psnr);
+  return text + "\n";
+}
+
+std::string describeJson(const ConvertReport& report) {
+  Json json;
+  json["input"] = {
+      {"format", report.input_format}, {"bytes", report.input_bytes}, {"axes", axesOf(report.input_format)}};
+  json["output"] = {
+      {"format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
+  json["gaussians"] = report.gaussians;
+  json["shDegree"] = report.sh_degree;
+  json["cameras"] = report.cameras;
+  json["textures"] = {{"mode", report.texture_mode},      {"atlases", report.atlases},
+                      {"atlasWidth", report.atlas_width}, {"atlasHeight", report.atlas_height},
+                      {"texels", report.texels},          {"clippedTexels", report.clipped_texels}};
+  if (report.views > 0) {
+    Json psnr;
+    psnr["views"] = report.views;
+    if (report.textured_psnr) {
+      psnr["textured"] = decibelsJson(report.textured_psnr);
+      psnr["identical"] = std::isinf(*report.textured_psnr);
+    }
+    if (report.base_psnr) psnr["baseOnly"] = decibelsJson(report.base_psnr);
+    json["psnr"] = std::move(psnr);
+  }
+  json["warnings"] = report.warnings;
+  return dump(json);
+}
+
+std::string describe(const LoadedModel& loaded) {
+  const GaussianModel& model = loaded.model;
+  const ModelFacts facts = factsOf(model);
+  std::string text = "format: " + loaded.format + "\n";
+  text += format("Gaussians: %zu\nSH degree: %d\n", model.size(), model.sh_degree);
+  text += "textures: " + std::string(name(model.texture_mode));
+  if (facts.textured > 0) {
+    text += format(", %zu Gaussians, %llu texels, sides %d to %d", facts.textured,
+                   static_cast<unsigned long long>(facts.texels), facts.smallest, facts.largest);
+  }
+  text += "\nintersection: " + std::string(name(model.intersection)) + "\n";
+  text += format("bounds: (%g, %g, %g) to (%g, %g, %g)\n", facts.low.x, facts.low.y, facts.low.z, facts.high.x,
+                 facts.high.y, facts.high.z);
+  text += format("cameras: %zu\nbackground: (%g, %g, %g)\n", loaded.cameras.size(), loaded.background.x,
+                 loaded.background.y, loaded.background.z);
+  text += "axes: " + axesOf(loaded.format) + " in the file; bounds in " + kAxes + "\n";
+  return text;
+}
+
+std::string describeJson(const LoadedModel& loaded) {
+  const GaussianModel& model = loaded.model;
+  const ModelFacts facts = factsOf(model);
+  const auto triple = [](glm::vec3 v) { return Json{v.x, v.y, v.z}; };
+  Json json;
+  json["format"] = loaded.format;
+  json["gaussians"] = model.size();
+  json["shDegree"] = model.sh_degree;
+  json["textures"] = {{"mode", name(model.texture_mode)},
+                      {"gaussians", facts.textured},
+                      {"texels", facts.texels},
+                      {"smallestSide", facts.smallest},
+                      {"largestSide", facts.largest}};
+  json["intersection"] = name(model.intersection);
+  json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
+  json["cameras"] = loaded.cameras.size();
+  json["background"] = triple(loaded.background);
+  json["axes"] = axesOf(loaded.format);
+  json["warnings"] = loaded.warnings;
+  return dump(json);
+}
+
+}  // namespace tg

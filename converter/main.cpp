@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgconvert: models between tgz, ply and glb.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "converter/convert.h"
+#include "converter/read_model.h"
+#include "core/error.h"
+
+namespace {
+
+struct Arguments {
+  std::string input;
+  std::string output;
+  bool overwrite = false;
+  bool quiet = false;
+  bool json = false;
+  bool info = false;
+  bool base_only = false;
+  bool no_psnr = false;
+};
+
+void warn(const Arguments& arguments, const std::vector<std::string>& warnings) {
+  if (arguments.quiet || arguments.json) return;  // the JSON lists them
+  for (const std::string& warning : warnings) {
+    std::fprintf(stderr, "warning: %s: %s\n", arguments.input.c_str(), warning.c_str());
+  }
+}
+
+void print(const Arguments& arguments, const std::string& text, const std::string& json) {
+  if (arguments.json) {
+    std::fputs(json.c_str(), stdout);
+  } else if (!arguments.quiet) {
+    std::fputs(text.c_str(), stdout);
+  }
+}
+
+void run(const Arguments& arguments) {
+  if (arguments.info) {
+    tg::ReadOptions options;
+    options.base_only = arguments.base_only;
+    const tg::LoadedModel loaded = tg::readModel(arguments.input, options);
+    warn(arguments, loaded.warnings);
+    print(arguments, tg::describe(loaded), tg::describeJson(loaded));
+    return;
+  }
+  if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info)");
+  tg::ConvertOptions options;
+  options.overwrite = arguments.overwrite;
+  options.base_only = arguments.base_only;
+  options.measure = !arguments.no_psnr && (arguments.json || !arguments.quiet);
+  const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, options);
+  warn(arguments, report.warnings);
+  print(arguments, tg::describe(report), tg::describeJson(report));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app(
+      "Converts splat models between tgz, ply and glb. The input's format is its content, the output's its "
+      "extension.",
+      "tgconvert");
+  app.add_option("IN", arguments.input, "model to read: tgz, ply, glb or gltf")->required();
+  app.add_option("OUT", arguments.output, "file to write: .glb, .ply or .tgz");
+  app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");
+  app.add_flag("--quiet", arguments.quiet, "print errors only");
+  app.add_flag("--json", arguments.json, "print the summary as JSON");
+  app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
+  app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
+  app.add_flag("--no-psnr", arguments.no_psnr, "do not render source and result for the summary");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
+  }
+  try {
+    run(arguments);
+    return 0;
+  } catch (const tg::Error& error) {
+    std::fprintf(stderr, "tgconvert: %s\n", error.what());
+    return tg::exitCode(error);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "tgconvert: %s: the model does not fit into memory\n", arguments.input.c_str());
+    return static_cast<int>(tg::ErrorKind::badData);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "tgconvert: %s: %s\n", arguments.input.c_str(), error.what());
+    return static_cast<int>(tg::ErrorKind::badData);
+  }
+}

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// How much a written file differs from its source, seen through a few cameras.
+#include "converter/quality.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "core/image.h"
+#include "core/metrics.h"
+#include "render/renderer.h"
+
+namespace tg {
+namespace {
+
+constexpr std::size_t kMaxViews = 4;
+constexpr int kMaxSide = 256;  // [px]
+constexpr double kRingFov = 50.0 * M_PI / 180.0;
+constexpr double kRingLift = 0.35;    // height of the ring over the centre, as a part of its radius
+constexpr double kNearMargin = 0.25;  // [world units] beyond the near plane of shaders/shared/limits.h
+constexpr double kTrim = 0.05;        // of the means at either end of an axis: floaters do not set the distance
+
+Camera shrunk(const Camera& camera) {
+  const double factor = std::min(1.0, static_cast<double>(kMaxSide) / std::max(camera.width, camera.height));
+  return resized(camera, std::max(1, static_cast<int>(std::lround(camera.width * factor))),
+                 std::max(1, static_cast<int>(std::lround(camera.height * factor))));
+}
+
+// The means between the trimmed ends of each axis.
+void trimmedBounds(const GaussianModel& model, glm::dvec3& low, glm::dvec3& high) {
+  std::vector<float> values(model.size());
+  for (int axis = 0; axis < 3; ++axis) {
+    for (std::size_t i = 0; i < model.size(); ++i) values[i] = model.mean[i][axis];
+    const auto at = [&](double part) {
+      const auto nth = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
+      std::nth_element(values.begin(), nth, values.end());
+      return static_cast<double>(*nth);
+    };
+    low[axis] = at(kTrim);
+    high[axis] = at(1.0 - kTrim);
+  }
+}
+
+}  // namespace
+
+std::vector<Camera> qualityViews(const GaussianModel& model, std::span<const Camera> cameras) {
+  std::vector<Camera> views;
+  const std::size_t count = std::min(cameras.size(), kMaxViews);
+  for (std::size_t i = 0; i < count; ++i) views.push_back(shrunk(cameras[i * cameras.size() / count]));
+  if (!views.empty()) return views;
+
+  glm::dvec3 low(0.0), high(0.0);
+  trimmedBounds(model, low, high);
+  const glm::dvec3 center = 0.5 * (low + high);
+  double radius = 0.5 * glm::length(high - low);
+  if (radius == 0.0) radius = 3.0 * std::exp(static_cast<double>(glm::max(model.log_scale[0].x, model.log_scale[0].y)));
+  const double distance = std::max(radius / std::sin(0.5 * kRingFov), radius + kNearMargin);
+  for (std::size_t i = 0; i < kMaxViews; ++i) {
+    const double angle = 2.0 * M_PI * static_cast<double>(i) / kMaxViews;
+    const glm::dvec3 direction = glm::normalize(glm::dvec3(std::sin(angle), -kRingLift, -std::cos(angle)));
+    views.push_back(lookAt(center + distance * direction, center, glm::dvec3(0, -1, 0), kRingFov, kMaxSide, kMaxSide));
+  }
+  return views;
+}
+
+double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<const Camera> views,
+                    glm::vec3 background) {
+  const std::unique_ptr<Renderer> renderer_a = makeCpuRenderer();
+  const std::unique_ptr<Renderer> renderer_b = makeCpuRenderer();
+  renderer_a->setModel(a);
+  renderer_b->setModel(b);
+  RenderSettings settings;
+  settings.background = background;
+  // All views as one tall image: views of any size count by their pixels.
+  Image all_a, all_b;
+  for (const Camera& view : views) {
+    const Image image_a = extract(renderer_a->render(view, settings), Output::final);
+    const Image image_b = extract(renderer_b->render(view, settings), Output::final);
+    all_a.data.insert(all_a.data.end(), image_a.data.begin(), image_a.data.end());
+    all_b.data.insert(all_b.data.end(), image_b.data.begin(), image_b.data.end());
+  }
+  for (Image* image : {&all_a, &all_b}) {
+    image->channels = 3;
+    image->width = 1;
+    image->height = static_cast<int>(image->data.size() / 3);
+  }
+  return psnr(all_a, all_b);
+}
+
+}  // namespace tg

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// The program's exit codes, outputs and what it leaves behind.
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "core/ply.h"
+#include "glb.h"
+#include "scenes.h"
+#include "scratch.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+namespace {
+
+struct Result {
+  int code = 0;
+  std::string out;
+  std::string err;
+};
+
+Result tgconvert(const Scratch& scratch, const std::string& arguments) {
+  const auto out = scratch.folder() / "out.txt", err = scratch.folder() / "err.txt";
+  const std::string command = "cd '" + scratch.folder().string() + "' && '" TG_CONVERT_PROGRAM "' " + arguments +
+                              " >'" + out.string() + "' 2>'" + err.string() + "'";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Glb::slurp(out), Glb::slurp(err)};
+}
+
+}  // namespace
+
+TEST_CASE("tgconvert writes what it says and refuses with one line and the right code") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(test::SceneKind::ordinary, 41, 50).model;
+  writeSplatPly(scratch.folder() / "in.ply", model);
+
+  const Result first = tgconvert(scratch, "in.ply a.glb");
+  CHECK(first.code == 0);
+  CHECK(first.err.empty());
+  CHECK(first.out.find("50 Gaussians, SH degree 3") != std::string::npos);
+  CHECK(first.out.find("a half turn about z") != std::string::npos);
+
+  const Result again = tgconvert(scratch, "in.ply a.glb");
+  CHECK(again.code == 4);
+  CHECK(again.err == "tgconvert: a.glb: exists already (--overwrite replaces it)\n");
+  CHECK(tgconvert(scratch, "in.ply a.glb --overwrite --quiet").code == 0);
+
+  const Result json = tgconvert(scratch, "a.glb b.ply --json");
+  REQUIRE(json.code == 0);
+  CHECK(nlohmann::json::parse(json.out)["gaussians"] == 50);
+
+  const Result info = tgconvert(scratch, "a.glb --info --json");
+  REQUIRE(info.code == 0);
+  CHECK(nlohmann::json::parse(info.out)["shDegree"] == 3);
+
+  CHECK(tgconvert(scratch, "").code == 1);
+  CHECK(tgconvert(scratch, "in.ply").code == 1);
+  CHECK(tgconvert(scratch, "in.ply b.spz").code == 1);
+  CHECK(tgconvert(scratch, "in.ply b.glb --no-such-option").code == 1);
+  CHECK(tgconvert(scratch, "--help").code == 0);
+  CHECK(tgconvert(scratch, "missing.ply b.glb").code == 2);
+  CHECK(tgconvert(scratch, ". b.glb").code == 2);
+  scratch.write("empty.glb", "");
+  CHECK(tgconvert(scratch, "empty.glb b.glb").code == 3);
+  CHECK(tgconvert(scratch, "in.ply no/such/folder/b.glb").code == 4);
+  scratch.write("folder.txt", "");
+  CHECK(tgconvert(scratch, "in.ply folder.txt/b.glb").code == 4);
+  CHECK(!std::filesystem::exists(scratch.folder() / "b.glb"));
+
+  std::size_t files = 0;  // no temporary file is left
+  for (const auto& entry : std::filesystem::directory_iterator(scratch.folder())) files += entry.is_regular_file();
+  CHECK(files == 7);  // in.ply a.glb b.ply empty.glb folder.txt out.txt err.txt
+}
