@@ -161,6 +161,19 @@ TEST_CASE("images of every shape agree with the reference") {
   checkAgainstReference(scene, {}, limits);
 }
 
+TEST_CASE("a scene such as training leaves agrees with the CPU renderer") {
+  const TestScene scene = bundled({trainedLikeModel(3, 6000), trainedLikeCamera(160, 120)});
+  RenderSettings settings;
+  settings.background = {1.0f, 1.0f, 1.0f};
+  const Frame frame = renderScene(scene, settings);
+  const std::unique_ptr<Renderer> cpu = makeCpuRenderer();
+  cpu->setModel(scene.model);
+  const FrameDifference difference = compareFrames(frame, cpu->render(scene.camera, settings));
+  INFO(report(difference));
+  CHECK(violations(difference) == "");
+  CHECK(validationMessages() == "");
+}
+
 TEST_CASE("a frame is the same every time") {
   const TestScene scene = makeScene(SceneKind::stacked, 2, 500, 96, 64);
   const Frame first = renderScene(scene);
