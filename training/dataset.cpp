@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <locale>
+#include <sstream>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -101,6 +103,20 @@ std::optional<DatasetLayout> parseDatasetLayout(std::string_view text) {
     if (text == name(layout)) return layout;
   }
   return std::nullopt;
+}
+
+std::optional<glm::vec3> parseBackground(std::string_view text) {
+  if (text == "white") return glm::vec3(1.0f);
+  if (text == "black") return glm::vec3(0.0f);
+  glm::vec3 color;
+  std::istringstream stream{std::string(text)};
+  stream.imbue(std::locale::classic());
+  for (int c = 0; c < 3; c++) {
+    char comma = ',';
+    if (c > 0) stream >> comma;
+    if (!(stream >> color[c]) || comma != ',' || !(color[c] >= 0 && color[c] <= 1)) return std::nullopt;
+  }
+  return stream.peek() == std::istringstream::traits_type::eof() ? std::optional(color) : std::nullopt;
 }
 
 Image View::image() const {

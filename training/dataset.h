@@ -19,6 +19,9 @@ enum class DatasetLayout { automatic, nerfSynthetic, transforms, colmap };
 std::string_view name(DatasetLayout layout);  // "auto", "nerf-synthetic", "transforms", "colmap"
 std::optional<DatasetLayout> parseDatasetLayout(std::string_view text);
 
+// "white", "black" or "r,g,b" in [0,1].
+std::optional<glm::vec3> parseBackground(std::string_view text);
+
 // One photograph: pixels composited over the data set's background.
 struct View {
   Camera camera;

@@ -1,34 +1,199 @@
 // SPDX-License-Identifier: Apache-2.0
-// tgtrain: flags to settings, errors to exit codes.
+// tgtrain: flags to settings, signals to a clean end, errors to exit codes.
 #include <CLI/CLI.hpp>
+#include <atomic>
+#include <chrono>
+#include <csignal>
 #include <cstdio>
+#include <span>
 
+#include "core/bundle.h"
 #include "core/error.h"
+#include "core/file.h"
+#include "core/parallel.h"
+#include "training/cli.h"
+#include "training/report.h"
 #include "training/sample.h"
+#include "training/trainer.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kPreviewSide = 512;  // [px]
+
+std::atomic<bool> stop_requested{false};
+
+// The first Ctrl-C ends training after the current step and writes the model; the second ends the program at once.
+void requestStop(int signal) {
+  stop_requested = true;
+  std::signal(signal, SIG_DFL);
+}
+
+struct Options {
+  std::string dataset;
+  std::string output;
+  std::string untextured_output;
+  std::string json;
+  tg::DatasetFlags data;
+  std::string texture_mode = "rgba";
+  std::string intersection = "maxResponse";
+  int threads = 0;
+  bool overwrite = false;
+  bool quiet = false;
+  bool reproducible = false;
+  tg::TrainSettings settings;
+};
+
+void refuseExisting(const std::string& path, bool overwrite) {
+  if (!path.empty() && !overwrite && fs::exists(path)) {
+    throw tg::Error(tg::ErrorKind::cannotWrite, path, "exists already (add --overwrite to replace it)");
+  }
+}
+
+tg::Image previewOf(const tg::Dataset& dataset, const tg::GaussianModel& model, tg::DifferentiableRenderer& renderer) {
+  const std::vector<std::size_t> test = dataset.indices(true);
+  tg::Camera camera = dataset.views[test.empty() ? 0 : test.front()].camera;
+  const int side = std::max(camera.width, camera.height);
+  if (side > kPreviewSide) {
+    camera = tg::resized(camera, std::max(1, camera.width * kPreviewSide / side),
+                         std::max(1, camera.height * kPreviewSide / side));
+  }
+  return tg::renderPicture(renderer, model, camera, dataset.background);
+}
+
+int runTraining(Options options) {
+  if (options.dataset.empty() || options.output.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz (see --help)");
+  }
+  const auto mode = tg::parseTextureMode(options.texture_mode);
+  const auto intersection = tg::parseIntersectionModel(options.intersection);
+  options.settings.texture_mode = *mode;
+  options.settings.intersection = *intersection;
+  options.settings.compare_untextured |= !options.untextured_output.empty();
+  for (const std::string& path : {options.output, options.untextured_output, options.json}) {
+    refuseExisting(path, options.overwrite);
+  }
+  if (options.threads > 0) tg::setThreadCount(options.threads);
+
+  const auto start = std::chrono::steady_clock::now();
+  const tg::Dataset dataset = tg::loadDataset(options.dataset, tg::datasetOptions(options.data));
+  const tg::Camera& camera = dataset.views.front().camera;
+  if (dataset.missing_images > 0) {
+    std::fprintf(stderr, "%s: %d listed images are missing and were skipped\n", options.dataset.c_str(),
+                 dataset.missing_images);
+  }
+  if (!options.quiet) {
+    std::printf("%s: %zu train and %zu test views of %d x %d (%s), %zu points\n", dataset.name.c_str(),
+                dataset.indices(false).size(), dataset.indices(true).size(), camera.width, camera.height,
+                std::string(tg::name(dataset.layout)).c_str(), dataset.points.position.size());
+    std::fflush(stdout);
+  }
+
+  std::signal(SIGINT, requestStop);
+  std::signal(SIGTERM, requestStop);
+  tg::ProgressLine line;
+  tg::TrainHooks hooks;
+  hooks.stop = &stop_requested;
+  if (!options.quiet) hooks.progress = [&](const tg::TrainProgress& progress) { line.show(progress); };
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainResult result = tg::train(dataset, options.settings, *renderer, hooks);
+  line.finish();
+
+  tg::TrainingJsonOptions json_options;
+  json_options.downscale = options.data.downscale;
+  json_options.threads = tg::threadCount();
+  json_options.total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  json_options.measurements = !options.reproducible;
+
+  const auto save = [&](const std::string& path, tg::GaussianModel model) {
+    tg::Bundle bundle;
+    bundle.preview = previewOf(dataset, model, *renderer);
+    bundle.model = std::move(model);
+    bundle.background = dataset.background;
+    for (const tg::View& view : dataset.views) bundle.cameras.push_back(view.camera);
+    bundle.training_json = tg::formatTrainingJson(dataset, options.settings, result.report, bundle.model, json_options);
+    tg::writeBundle(path, bundle);
+    return bundle.training_json;
+  };
+  const std::string json = save(options.output, std::move(result.model));
+  if (!options.untextured_output.empty() && result.untextured) {
+    save(options.untextured_output, std::move(*result.untextured));
+  }
+  if (!options.json.empty()) {
+    tg::writeFileAtomically(options.json, std::span(reinterpret_cast<const std::uint8_t*>(json.data()), json.size()));
+  }
+  if (!options.quiet) {
+    std::fputs(tg::formatSummary(result.report, json_options.total_seconds).c_str(), stdout);
+    std::printf("%s%s (%ju bytes)\n", result.report.interrupted ? "interrupted; wrote " : "wrote ",
+                options.output.c_str(), static_cast<std::uintmax_t>(fs::file_size(options.output)));
+  }
+  return 0;
+}
+
+void addTrainingOptions(CLI::App& app, Options& options) {
+  tg::TrainSettings& settings = options.settings;
+  app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0");
+  app.add_option("-o,--output", options.output, "Model to write (.tgz)");
+  app.add_option("--iterations", settings.iterations, "Stage 1: plain Gaussians")->capture_default_str();
+  app.add_option("--texture-iterations", settings.texture_iterations, "Stage 2: with textures")->capture_default_str();
+  app.add_option("--texture-mode", options.texture_mode, "What a texture changes")
+      ->check(CLI::IsMember({"none", "alpha", "rgb", "rgba"}))
+      ->capture_default_str();
+  app.add_option("--texture-size", settings.texture_size, "Texels along each side")->capture_default_str();
+  app.add_option("--intersect", options.intersection, "Where a ray meets a Gaussian")
+      ->check(CLI::IsMember({"plane", "maxResponse"}))
+      ->capture_default_str();
+  app.add_option("--max-gaussians", settings.max_gaussians, "Most Gaussians (0: no limit)")->capture_default_str();
+  app.add_option("--init-count", settings.init_count, "Start from this many points (0: all; 100000 if random)")
+      ->capture_default_str();
+  app.add_option("--sh-degree", settings.sh_degree, "Highest degree of the spherical harmonics")->capture_default_str();
+  app.add_option("--seed", settings.seed, "Same seed, same model")->capture_default_str();
+  tg::addDatasetFlags(app, options.data);
+  app.add_flag("--compare-untextured", settings.compare_untextured,
+               "Also run stage 2 without textures from the same stage-1 model, and report both");
+  app.add_option("--untextured-output", options.untextured_output, "Write that model too (implies the comparison)");
+  app.add_option("--json", options.json, "Also write training.json here");
+  app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
+      ->check(CLI::Range(0, 4096));
+  app.add_flag("--reproducible", options.reproducible,
+               "No times and no memory in training.json: same seed, same bytes");
+  app.add_flag("--overwrite", options.overwrite, "Replace existing files");
+  app.add_flag("-q,--quiet", options.quiet, "Errors only");
+}
+
+void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& options, bool& overwrite) {
+  app.add_option("folder", folder, "Folder to write")->required();
+  app.add_option("--size", options.size, "Side of the images in pixels")->capture_default_str();
+  app.add_option("--views", options.train_views, "Training views")->capture_default_str();
+  app.add_option("--test-views", options.test_views, "Test views")->capture_default_str();
+  app.add_option("--points", options.points, "Points in points3d.ply")->capture_default_str();
+  app.add_option("--supersampling", options.supersampling, "Rays per pixel and axis")->capture_default_str();
+  app.add_flag("--overwrite", overwrite, "Replace an existing data set");
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Trains a textured Gaussian model from photographs with known cameras.");
-  app.require_subcommand(1);
-  CLI::App* sample = app.add_subcommand("make-sample", "Writes the built-in scene as a NeRF-synthetic data set");
-  tg::SampleOptions options;
-  std::string folder;
-  bool overwrite = false;
-  sample->add_option("folder", folder, "Folder to write")->required();
-  sample->add_option("--size", options.size, "Side of the images in pixels")->capture_default_str();
-  sample->add_option("--views", options.train_views, "Training views")->capture_default_str();
-  sample->add_option("--test-views", options.test_views, "Test views")->capture_default_str();
-  sample->add_option("--points", options.points, "Points in points3d.ply")->capture_default_str();
-  sample->add_option("--supersampling", options.supersampling, "Rays per pixel and axis")->capture_default_str();
-  sample->add_flag("--overwrite", overwrite, "Replace an existing data set");
-  try {
-    app.parse(argc, argv);
-    tg::writeSample(folder, options, overwrite);
-    return 0;
-  } catch (const CLI::ParseError& error) {
-    const int code = app.exit(error);
-    return code == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
-  } catch (const tg::Error& error) {
-    std::fprintf(stderr, "tgtrain: %s\n", error.what());
-    return tg::exitCode(error);
-  }
+  return tg::runProgram("tgtrain", [&] {
+    CLI::App app("Trains a textured Gaussian model from photographs with known cameras.");
+    app.require_subcommand(0, 1);
+    Options options;
+    addTrainingOptions(app, options);
+    tg::SampleOptions sample_options;
+    std::string sample_folder;
+    bool sample_overwrite = false;
+    CLI::App* sample = app.add_subcommand("make-sample", "Writes the built-in scene as a NeRF-synthetic data set");
+    addSampleOptions(*sample, sample_folder, sample_options, sample_overwrite);
+    try {
+      app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+      return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
+    }
+    if (*sample) {
+      tg::writeSample(sample_folder, sample_options, sample_overwrite);
+      return 0;
+    }
+    return runTraining(options);
+  });
 }

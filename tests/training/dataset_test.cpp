@@ -1,0 +1,418 @@
+// SPDX-License-Identifier: Apache-2.0
+// Data set loaders on tiny sets made here: every layout, every refusal with its message.
+#include "training/dataset.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using tg::DatasetOptions;
+using tg::loadDataset;
+
+namespace {
+
+void writeText(const fs::path& path, const std::string& text) {
+  fs::create_directories(path.parent_path());
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+// Left half red, right half green; alpha (if any) half.
+void writePicture(const fs::path& path, int width, int height, int channels = 3) {
+  fs::create_directories(path.parent_path());
+  tg::Image image(width, height, channels);
+  for (int y = 0; y < height; y++) {
+    for (int x = 0; x < width; x++) {
+      image.at(x, y, x < width / 2 ? 0 : 1) = 1.0f;
+      if (channels == 4) image.at(x, y, 3) = 128.0f / 255.0f;
+    }
+  }
+  tg::writeImage(path, image);
+}
+
+const Json kIdentity = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
+
+Json frame(const std::string& file, const Json& matrix = kIdentity) {
+  return {{"file_path", file}, {"transform_matrix", matrix}};
+}
+
+Json pinhole(Json frames) {
+  return {{"fl_x", 20.0}, {"fl_y", 21.0}, {"cx", 7.5}, {"cy", 6.5}, {"w", 16}, {"h", 12}, {"frames", std::move(frames)}};
+}
+
+// The message of the error that `action` throws, with its exit code in front.
+template <typename Action>
+std::string refusal(Action action) {
+  try {
+    action();
+  } catch (const tg::Error& error) {
+    return std::to_string(tg::exitCode(error)) + " " + error.what();
+  }
+  return "accepted";
+}
+std::string refusal(const fs::path& folder, const DatasetOptions& options = {}) {
+  return refusal([&] { loadDataset(folder, options); });
+}
+
+using Catch::Matchers::Contains;
+
+// A COLMAP model of ten images on one PINHOLE camera, in either encoding.
+struct ColmapText {
+  std::string cameras = "# comment\n1 PINHOLE 16 12 20 21 7.5 6.5\n";
+  std::string images;
+  std::string points = "# comment\n1 0.5 -1 4 255 0 51 0.1 1 0\n7 1 2 3 0 255 0 0.1\n";
+  ColmapText() {
+    for (int i = 0; i < 10; i++) {
+      // A quarter turn about y, not normalised; even images have no 2D points, hence an empty line.
+      images += std::to_string(i + 1) + " 2 0 2 0 " + std::to_string(i) + " 0 5 1 image" + std::to_string(9 - i) +
+                ".png\n" + (i % 2 ? "3.5 4.5 1 6 7 -1\n" : "\n");
+    }
+  }
+  void write(const fs::path& folder, const std::string& model = "sparse/0") const {
+    writeText(folder / model / "cameras.txt", cameras);
+    writeText(folder / model / "images.txt", images);
+    writeText(folder / model / "points3D.txt", points);
+    for (int i = 0; i < 10; i++) writePicture(folder / "images" / ("image" + std::to_string(i) + ".png"), 16, 12);
+  }
+};
+
+class Bytes {
+ public:
+  template <typename T>
+  Bytes& add(T value) {
+    data_.append(reinterpret_cast<const char*>(&value), sizeof value);
+    return *this;
+  }
+  Bytes& text(const std::string& value) {
+    data_.append(value.c_str(), value.size() + 1);
+    return *this;
+  }
+  const std::string& data() const { return data_; }
+
+ private:
+  std::string data_;
+};
+
+struct ColmapBinary {
+  std::string cameras, images, points;
+  explicit ColmapBinary(std::int32_t model = 1) {
+    Bytes c;
+    c.add<std::uint64_t>(1).add<std::uint32_t>(1).add(model).add<std::uint64_t>(16).add<std::uint64_t>(12);
+    for (double value : {20.0, 21.0, 7.5, 6.5}) c.add(value);
+    cameras = c.data();
+    Bytes i;
+    i.add<std::uint64_t>(10);
+    for (std::uint32_t n = 0; n < 10; n++) {
+      i.add(n + 1);
+      for (double value : {2.0, 0.0, 2.0, 0.0, double(n), 0.0, 5.0}) i.add(value);
+      i.add<std::uint32_t>(1).text("image" + std::to_string(9 - n) + ".png").add<std::uint64_t>(n % 2);
+      if (n % 2) i.add(3.5).add(4.5).add<std::int64_t>(1);
+    }
+    images = i.data();
+    Bytes p;
+    p.add<std::uint64_t>(2);
+    p.add<std::uint64_t>(1).add(0.5).add(-1.0).add(4.0).add<std::uint8_t>(255).add<std::uint8_t>(0).add<std::uint8_t>(51);
+    p.add(0.1).add<std::uint64_t>(1).add<std::int32_t>(1).add<std::int32_t>(0);
+    p.add<std::uint64_t>(7).add(1.0).add(2.0).add(3.0).add<std::uint8_t>(0).add<std::uint8_t>(255).add<std::uint8_t>(0);
+    p.add(0.1).add<std::uint64_t>(0);
+    points = p.data();
+  }
+  void write(const fs::path& folder) const {
+    writeText(folder / "sparse/0/cameras.bin", cameras);
+    writeText(folder / "sparse/0/images.bin", images);
+    writeText(folder / "sparse/0/points3D.bin", points);
+    for (int i = 0; i < 10; i++) writePicture(folder / "images" / ("image" + std::to_string(i) + ".png"), 16, 12);
+  }
+};
+
+void checkColmap(const tg::Dataset& dataset) {
+  CHECK(dataset.layout == tg::DatasetLayout::colmap);
+  REQUIRE(dataset.views.size() == 10);
+  // image0 and image8 are held out; the rest follow in order of their names.
+  CHECK(dataset.indices(true) == std::vector<std::size_t>{8, 9});
+  CHECK(dataset.views[0].camera.name == "image1.png");
+  CHECK(dataset.views[8].camera.name == "image0.png");
+  CHECK(dataset.views[9].camera.name == "image8.png");
+  const tg::Camera& camera = dataset.views[0].camera;  // image1 is entry 8
+  CHECK(camera.fx == 20);
+  CHECK(camera.fy == 21);
+  CHECK(camera.cx == 7.5);
+  CHECK(camera.cy == 6.5);
+  CHECK(camera.camera_from_world_translation == glm::dvec3(8, 0, 5));
+  // Quarter turn about y: world z comes out as camera x, world x as -z.
+  CHECK(glm::length(camera.camera_from_world_rotation * glm::dvec3(0, 0, 1) - glm::dvec3(1, 0, 0)) < 1e-15);
+  CHECK(glm::length(camera.camera_from_world_rotation * glm::dvec3(1, 0, 0) - glm::dvec3(0, 0, -1)) < 1e-15);
+  REQUIRE(dataset.points.position.size() == 2);
+  CHECK(dataset.points.position[0] == glm::vec3(0.5f, -1, 4));
+  CHECK(dataset.points.color[0] == glm::vec3(1, 0, 0.2f));
+  CHECK(dataset.background == glm::vec3(0.0f));
+}
+
+}  // namespace
+
+TEST_CASE("reads the NeRF-synthetic layout: camera angle, straight alpha over white, split files", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "train/r_0.png", 16, 12, 4);
+  writePicture(folder / "test/r_0.png", 16, 12, 4);
+  // A camera at (1, 2, 3) that looks along -x: OpenGL columns are right, up, backward.
+  const Json matrix = {{0, 0, 1, 1}, {1, 0, 0, 2}, {0, 1, 0, 3}, {0, 0, 0, 1}};
+  const double angle = 2 * std::atan(0.5);
+  writeText(folder / "transforms_train.json",
+            Json{{"camera_angle_x", angle}, {"frames", {frame("./train/r_0", matrix)}}}.dump());
+  writeText(folder / "transforms_test.json", Json{{"camera_angle_x", angle}, {"frames", {frame("./test/r_0")}}}.dump());
+  const tg::Dataset dataset = loadDataset(folder.path);
+
+  REQUIRE(dataset.views.size() == 2);
+  CHECK(dataset.layout == tg::DatasetLayout::nerfSynthetic);
+  CHECK(dataset.background == glm::vec3(1.0f));
+  CHECK_FALSE(dataset.views[0].camera.test);
+  CHECK(dataset.views[1].camera.test);
+  const tg::Camera& camera = dataset.views[0].camera;
+  CHECK(camera.fx == Approx(16.0).epsilon(1e-12));
+  CHECK(camera.fy == camera.fx);
+  CHECK(camera.cx == 8);
+  CHECK(camera.cy == 6);
+  CHECK(glm::length(camera.position() - glm::dvec3(1, 2, 3)) < 1e-12);
+  const glm::dvec3 ahead = camera.camera_from_world_rotation * glm::dvec3(0, 2, 3) + camera.camera_from_world_translation;
+  CHECK(glm::length(ahead - glm::dvec3(0, 0, 1)) < 1e-12);  // one unit in front
+  const glm::dvec3 above = camera.camera_from_world_rotation * glm::dvec3(1, 2, 4) + camera.camera_from_world_translation;
+  CHECK(glm::length(above - glm::dvec3(0, -1, 0)) < 1e-12);  // y points down
+  // 128/255 red over white, in 8 bit.
+  CHECK(dataset.views[0].rgb[0] == 255);
+  CHECK(dataset.views[0].rgb[1] == 127);
+  CHECK(dataset.views[0].rgb[2] == 127);
+
+  DatasetOptions black;
+  black.background = glm::vec3(0.0f);
+  CHECK(loadDataset(folder.path, black).views[0].rgb[0] == 128);
+}
+
+TEST_CASE("reads instant-ngp's transforms.json and skips missing images, counting them", "[dataset]") {
+  tg::TemporaryFolder folder;
+  Json frames = Json::array();
+  for (int i = 0; i < 10; i++) {
+    const std::string file = "images/" + std::to_string(i) + ".png";
+    frames.push_back(frame(file));
+    if (i != 3) writePicture(folder / file, 16, 12);
+  }
+  frames[5]["fl_x"] = 33.0;  // nerfstudio: intrinsics of a frame override the shared ones
+  Json json = pinhole(frames);
+  json["k1"] = 0.0;
+  json["ply_file_path"] = "cloud.ply";
+  writeText(folder / "transforms.json", json.dump());
+  writeText(folder / "cloud.ply",
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+            "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n1 2 3 255 0 0\n");
+  const tg::Dataset dataset = loadDataset(folder.path);
+  CHECK(dataset.missing_images == 1);
+  REQUIRE(dataset.views.size() == 9);
+  CHECK(dataset.indices(true).size() == 2);  // 0 and, of the nine that exist, the ninth
+  CHECK(dataset.views[7].camera.name == "0.png");
+  CHECK(dataset.views[8].camera.name == "9.png");
+  CHECK(dataset.views[0].camera.fx == 20);
+  CHECK(dataset.views[0].camera.fy == 21);
+  CHECK(dataset.views[3].camera.name == "5.png");
+  CHECK(dataset.views[3].camera.fx == 33);
+  CHECK(dataset.background == glm::vec3(0.0f));
+  REQUIRE(dataset.points.position.size() == 1);
+  CHECK(dataset.points.position[0] == glm::vec3(1, 2, 3));
+
+  DatasetOptions all;
+  all.test_every = 0;
+  CHECK(loadDataset(folder.path, all).indices(true).empty());
+  all.test_every = 3;
+  CHECK(loadDataset(folder.path, all).indices(true).size() == 3);
+}
+
+TEST_CASE("scales intrinsics to the image's size and by --downscale", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 34, 26);  // the file says 16 x 12
+  writeText(folder / "transforms.json", pinhole({frame("a.png")}).dump());
+  const tg::Camera scaled = loadDataset(folder.path).views[0].camera;
+  CHECK(scaled.width == 34);
+  CHECK(scaled.fx == Approx(20.0 * 34 / 16));
+  CHECK(scaled.cy == Approx(6.5 * 26 / 12));
+
+  DatasetOptions options;
+  options.downscale = 4;  // 34 = 8 * 4 + 2: two columns are cut, the scale stays 1/4
+  const tg::Dataset small = loadDataset(folder.path, options);
+  CHECK(small.views[0].camera.width == 8);
+  CHECK(small.views[0].camera.height == 6);
+  CHECK(small.views[0].camera.fx == Approx(20.0 * 34 / 16 / 4));
+  CHECK(small.views[0].camera.cx == Approx(7.5 * 34 / 16 / 4));
+  CHECK(small.views[0].rgb.size() == 8u * 6 * 3);
+  CHECK(small.views[0].rgb[0] == 255);
+}
+
+TEST_CASE("reads COLMAP text models", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapText().write(folder.path);
+  checkColmap(loadDataset(folder.path));
+}
+
+TEST_CASE("reads COLMAP binary models, from sparse/0", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapBinary().write(folder.path);
+  checkColmap(loadDataset(folder.path));
+}
+
+TEST_CASE("reads COLMAP models straight in sparse, and SIMPLE_PINHOLE", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapText text;
+  text.cameras = "1 SIMPLE_PINHOLE 16 12 20 7.5 6.5\n";
+  text.write(folder.path, "sparse");
+  const tg::Camera camera = loadDataset(folder.path).views[0].camera;
+  CHECK(camera.fx == 20);
+  CHECK(camera.fy == 20);
+  CHECK(camera.cx == 7.5);
+}
+
+TEST_CASE("refuses distorted COLMAP cameras by name", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapBinary().write(folder.path);
+  writeText(folder / "sparse/0/cameras.bin", ColmapBinary(2).cameras);
+  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("SIMPLE_RADIAL is not supported") &&
+                                       Contains("expected PINHOLE or SIMPLE_PINHOLE"));
+  writeText(folder / "sparse/0/cameras.bin", ColmapBinary(99).cameras);
+  CHECK_THAT(refusal(folder.path), Contains("unknown camera model 99"));
+}
+
+TEST_CASE("refuses a COLMAP file that ends anywhere, without crash or huge allocation", "[dataset]") {
+  tg::TemporaryFolder folder;
+  const ColmapBinary whole;
+  whole.write(folder.path);
+  const auto everyTruncation = [&](const std::string& file, const std::string& bytes) {
+    for (std::size_t length = 0; length < bytes.size(); length += 1 + length / 40) {
+      writeText(folder / file, bytes.substr(0, length));
+      CHECK_THAT(refusal([&] { tg::readColmap(folder.path, "images"); }), Contains("3 ") && Contains(file));
+    }
+    writeText(folder / file, bytes);
+  };
+  everyTruncation("sparse/0/cameras.bin", whole.cameras);
+  everyTruncation("sparse/0/images.bin", whole.images);
+  everyTruncation("sparse/0/points3D.bin", whole.points);
+  // A count of 2^61 records.
+  writeText(folder / "sparse/0/points3D.bin", Bytes().add<std::uint64_t>(std::uint64_t{1} << 61).data());
+  CHECK_THAT(refusal([&] { tg::readColmap(folder.path, "images"); }), Contains("too short"));
+}
+
+TEST_CASE("refuses broken COLMAP content with its place", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapText text;
+  text.write(folder.path);
+  const fs::path images = folder / "sparse/0/images.txt";
+  writeText(images, "1 1 0 0 0 0 0 0 5 a.png\n\n");
+  CHECK_THAT(refusal(folder.path), Contains("names camera 5, which cameras.txt lacks"));
+  writeText(images, "1 0 0 0 0 0 0 0 1 a.png\n\n");
+  CHECK_THAT(refusal(folder.path), Contains("image 'a.png': the pose is not usable"));
+  writeText(images, "1 1 0 0 oops 0 0 0 1 a.png\n\n");
+  CHECK_THAT(refusal(folder.path), Contains("line 1: expected a quaternion"));
+  writeText(images, text.images);
+  writeText(folder / "sparse/0/cameras.txt", "1 PINHOLE 16 12 20 21 7.5\n");
+  CHECK_THAT(refusal(folder.path), Contains("wrong number of parameters (expected 4, found 3)"));
+  writeText(folder / "sparse/0/cameras.txt", "1 PINHOLE 16 12 -20 21 7.5 6.5\n");
+  CHECK_THAT(refusal(folder.path), Contains("not usable"));
+}
+
+TEST_CASE("refuses what is no data set and says what it looked for", "[dataset]") {
+  tg::TemporaryFolder folder;
+  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("transforms_train.json") &&
+                                       Contains("transforms.json") && Contains("sparse/0"));
+  CHECK_THAT(refusal(folder / "absent"), Contains("2 ") && Contains("no such folder"));
+  writeText(folder / "file", "");
+  CHECK_THAT(refusal(folder / "file"), Contains("2 ") && Contains("not a folder"));
+}
+
+TEST_CASE("refuses broken transforms.json with the frame it is about", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 16, 12);
+  const auto refused = [&](const Json& json) {
+    writeText(folder / "transforms.json", json.dump());
+    return refusal(folder.path);
+  };
+  writeText(folder / "transforms.json", "{\"frames\": [");
+  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("transforms.json: not valid JSON"));
+  writeText(folder / "transforms.json", "");
+  CHECK_THAT(refusal(folder.path), Contains("not valid JSON"));
+  CHECK_THAT(refused(Json::array()), Contains("expected a JSON object"));
+  CHECK_THAT(refused(Json::object()), Contains("expected an array 'frames'"));
+  CHECK_THAT(refused(pinhole(Json::array())), Contains("lists no images"));
+  CHECK_THAT(refused(pinhole({frame("b.png")})), Contains("none of the 1 listed images exists"));
+  CHECK_THAT(refused({{"frames", {frame("a.png")}}}), Contains("frame 0: no intrinsics"));
+  CHECK_THAT(refused(pinhole({frame("a.png"), {{"file_path", "a.png"}}})), Contains("frame 1: expected a 4 x 4"));
+  CHECK_THAT(refused(pinhole({frame("a.png", {{2, 0, 0, 0}, {0, 2, 0, 0}, {0, 0, 2, 0}, {0, 0, 0, 1}})})),
+             Contains("not a rotation and a translation"));
+  CHECK_THAT(refused(pinhole({frame("a.png", {{-1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}})})),
+             Contains("not a rotation and a translation"));
+  Json distorted = pinhole({frame("a.png")});
+  distorted["k2"] = -0.08;
+  CHECK_THAT(refused(distorted), Contains("lens distortion is not supported (expected k2 = 0, found -0.08)"));
+  Json fisheye = pinhole({frame("a.png")});
+  fisheye["camera_model"] = "OPENCV_FISHEYE";
+  CHECK_THAT(refused(fisheye), Contains("camera model 'OPENCV_FISHEYE' is not supported"));
+  Json huge = pinhole({frame("a.png")});
+  huge["w"] = 1e12;
+  CHECK_THAT(refused(huge), Contains("image size out of range"));
+  Json points = pinhole({frame("a.png")});
+  points["ply_file_path"] = "absent.ply";
+  CHECK_THAT(refused(points), Contains("2 ") && Contains("absent.ply"));
+
+  writeText(folder / "transforms.json", pinhole({frame("a.png")}).dump());
+  writeText(folder / "a.png", "not an image");
+  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("a.png"));
+  writePicture(folder / "a.png", 16, 12);
+  DatasetOptions options;
+  options.downscale = 20;
+  CHECK_THAT(refusal(folder.path, options), Contains("1 ") && Contains("too small for the downscale factor"));
+  options.downscale = 0;
+  CHECK_THAT(refusal(folder.path, options), Contains("downscale factor out of range"));
+}
+
+TEST_CASE("reads background colours", "[dataset]") {
+  CHECK(tg::parseBackground("white") == glm::vec3(1.0f));
+  CHECK(tg::parseBackground("0.5,0,1") == glm::vec3(0.5f, 0, 1));
+  for (const char* text : {"", "grey", "1,1", "1,1,1,1", "0.5;0;1", "2,0,0", "0,0,nan"}) {
+    CHECK_FALSE(tg::parseBackground(text).has_value());
+  }
+}
+
+TEST_CASE("the extent is 1.1 times the largest distance from the training cameras' mean", "[dataset]") {
+  tg::Dataset dataset;
+  for (double x : {-1.0, 0.0, 4.0, 100.0}) {
+    tg::View view;
+    view.camera.camera_from_world_translation = {-x, 0, 0};
+    view.camera.test = x == 100.0;
+    dataset.views.push_back(view);
+  }
+  CHECK(tg::cameraExtent(dataset) == Approx(3.3));
+}
+
+TEST_CASE("reads the shared scenes; COLMAP and JSON poses of one scene agree", "[dataset][shared]") {
+  const char* environment = std::getenv("TG_SHARED");
+  const fs::path shared = environment ? fs::path(environment) : fs::path("../shared");
+  if (!fs::exists(shared / "data/fox")) {
+    std::cout << "skipped: no data sets at " << shared << " (set TG_SHARED)\n";
+    return;
+  }
+  const tg::DatasetIndex colmap = tg::readColmap(shared / "data/fox", "images");
+  const tg::DatasetIndex json = tg::readTransforms(shared / "data/fox");
+  REQUIRE(colmap.entries.size() == 50);
+  REQUIRE(json.entries.size() == 50);
+  CHECK(colmap.points.position.size() == 11357);
+  for (const auto& a : colmap.entries) {
+    for (const auto& b : json.entries) {
+      if (a.camera.name != b.camera.name) continue;
+      CHECK(glm::length(a.camera.position() - b.camera.position()) < 1e-5);
+      for (int c = 0; c < 3; c++) {
+        CHECK(glm::length(a.camera.camera_from_world_rotation[c] - b.camera.camera_from_world_rotation[c]) < 1e-5);
+      }
+    }
+  }
+}

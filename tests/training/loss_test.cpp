@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// The loss against a float64 version written from the definition, and its gradient against finite differences of that.
+#include "training/loss.h"
+
+#include <cmath>
+#include <vector>
+
+#include "core/metrics.h"
+#include "core/parallel.h"
+#include "support/catch.h"
+#include "training/random.h"
+
+namespace {
+
+// One channel at a time, every window summed on its own.
+double referenceSsim(const std::vector<double>& a, const std::vector<double>& b, int width, int height) {
+  double weights[11];
+  double norm = 0;
+  for (int i = 0; i < 11; i++) norm += weights[i] = std::exp(-(i - 5) * (i - 5) / 4.5);
+  double total = 0;
+  for (int y = 0; y < height; y++) {
+    for (int x = 0; x < width; x++) {
+      double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
+      for (int j = std::max(0, y - 5); j <= std::min(height - 1, y + 5); j++) {
+        for (int i = std::max(0, x - 5); i <= std::min(width - 1, x + 5); i++) {
+          const double w = weights[j - y + 5] * weights[i - x + 5] / (norm * norm);
+          const double p = a[static_cast<std::size_t>(j) * width + i];
+          const double q = b[static_cast<std::size_t>(j) * width + i];
+          ma += w * p, mb += w * q, aa += w * p * p, bb += w * q * q, ab += w * p * q;
+        }
+      }
+      total += (2 * ma * mb + 1e-4) * (2 * (ab - ma * mb) + 9e-4) /
+               ((ma * ma + mb * mb + 1e-4) * (aa - ma * ma + bb - mb * mb + 9e-4));
+    }
+  }
+  return total / (width * height);
+}
+
+struct Case {
+  int width, height;
+  std::vector<glm::vec3> picture;
+  std::vector<std::uint8_t> target;
+
+  Case(int w, int h, std::uint64_t seed) : width(w), height(h) {
+    tg::Random random(seed);
+    for (int i = 0; i < w * h; i++) {
+      glm::vec3 color;
+      for (int c = 0; c < 3; c++) {
+        target.push_back(static_cast<std::uint8_t>(random.below(256)));
+        color[c] = target.back() / 255.0f * 0.7f + 0.4f * static_cast<float>(random.uniform());
+      }
+      picture.push_back(color);
+    }
+  }
+  std::vector<double> plane(int channel) const {
+    std::vector<double> values;
+    for (const glm::vec3& color : picture) values.push_back(color[channel]);
+    return values;
+  }
+  std::vector<double> targetPlane(int channel) const {
+    std::vector<double> values;
+    for (std::size_t i = 0; i < picture.size(); i++) values.push_back(target[i * 3 + channel] / 255.0);
+    return values;
+  }
+  double channelLoss(const std::vector<double>& values, int channel) const {
+    const std::vector<double> wanted = targetPlane(channel);
+    double l1 = 0;
+    for (std::size_t i = 0; i < values.size(); i++) l1 += std::abs(values[i] - wanted[i]);
+    l1 /= static_cast<double>(values.size());
+    return (0.8 * l1 + 0.2 * (1 - referenceSsim(values, wanted, width, height))) / 3;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("the loss is 0.8 L1 + 0.2 (1 - SSIM)", "[loss]") {
+  for (const auto& [width, height] : {std::pair{37, 29}, std::pair{3, 70}, std::pair{70, 3}, std::pair{1, 1}}) {
+    const Case test(width, height, 5);
+    std::vector<glm::vec3> gradient(test.picture.size());
+    const tg::LossValue loss = tg::PhotometricLoss().evaluate(width, height, test.picture, test.target, gradient);
+    double expected = 0;
+    for (int c = 0; c < 3; c++) expected += test.channelLoss(test.plane(c), c);
+    CHECK(loss.total == Approx(expected).epsilon(1e-5));
+  }
+}
+
+TEST_CASE("the published constants: x = 0.5, y = 0.6 on 32 x 32", "[loss]") {
+  std::vector<glm::vec3> picture(32 * 32, glm::vec3(0.5f));
+  std::vector<std::uint8_t> target(32 * 32 * 3, 153);  // 0.6
+  std::vector<glm::vec3> gradient(picture.size());
+  const tg::LossValue loss = tg::PhotometricLoss().evaluate(32, 32, picture, target, gradient);
+  CHECK(loss.ssim == Approx(0.9762630995).epsilon(1e-5));
+  CHECK(loss.l1 == Approx(0.1).epsilon(1e-5));
+  CHECK(loss.mean_squared_error == Approx(0.01).epsilon(1e-5));
+}
+
+TEST_CASE("the loss gradient equals finite differences of the float64 definition", "[loss]") {
+  const Case test(23, 41, 7);  // crosses a band of rows
+  std::vector<glm::vec3> gradient(test.picture.size());
+  tg::PhotometricLoss().evaluate(test.width, test.height, test.picture, test.target, gradient);
+  tg::Random random(9);
+  for (int trial = 0; trial < 60; trial++) {
+    const auto i = static_cast<std::size_t>(random.below(test.picture.size()));
+    const int c = static_cast<int>(random.below(3));
+    const double h = 1e-6;
+    std::vector<double> plus = test.plane(c);
+    if (std::abs(plus[i] - test.target[i * 3 + c] / 255.0) < 1e-4) continue;  // the kink of the absolute value
+    std::vector<double> minus = plus;
+    plus[i] += h;
+    minus[i] -= h;
+    const double expected = (test.channelLoss(plus, c) - test.channelLoss(minus, c)) / (2 * h);
+    // float32 windows lose about 1e-7 / C2 of a gradient of size 1 / pixels.
+    CHECK(gradient[i][c] == Approx(expected).epsilon(2e-4).margin(2e-8));
+  }
+}
+
+TEST_CASE("the loss gradient has the same bytes at any thread count, and agrees with the metrics", "[loss]") {
+  Case test(50, 100, 3);
+  std::vector<glm::vec3> one(test.picture.size());
+  std::vector<glm::vec3> two(test.picture.size());
+  tg::setThreadCount(1);
+  tg::PhotometricLoss loss;
+  const tg::LossValue value = loss.evaluate(50, 100, test.picture, test.target, one);
+  tg::setThreadCount(2);
+  CHECK(loss.evaluate(50, 100, test.picture, test.target, two).total == value.total);
+  tg::setThreadCount(0);
+  CHECK(one == two);
+  tg::Image a(50, 100, 3);
+  tg::Image b(50, 100, 3);
+  for (std::size_t i = 0; i < a.data.size(); i++) {
+    a.data[i] = test.picture[i / 3][static_cast<int>(i % 3)];
+    b.data[i] = test.target[i] / 255.0f;
+  }
+  CHECK(-10 * std::log10(value.mean_squared_error) == Approx(tg::psnr(a, b)).epsilon(1e-6));
+  for (float& v : a.data) v = std::min(v, 1.0f);
+  for (glm::vec3& color : test.picture) color = glm::min(color, 1.0f);
+  CHECK(loss.evaluate(50, 100, test.picture, test.target, two).ssim == Approx(tg::ssim(a, b)).epsilon(1e-5));
+}

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgtrain and tgeval as users meet them: exit codes, messages, files that are never half written.
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "core/bundle.h"
+#include "core/file.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+
+namespace {
+
+struct Outcome {
+  int code = -1;
+  std::string output;  // both streams
+};
+
+Outcome run(const tg::TemporaryFolder& folder, const std::string& command) {
+  const fs::path log = folder / "log.txt";
+  const int status = std::system(("cd '" + folder.path.string() + "' && " + command + " >log.txt 2>&1").c_str());
+  std::ifstream stream(log);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, {std::istreambuf_iterator<char>(stream), {}}};
+}
+Outcome tgtrain(const tg::TemporaryFolder& folder, const std::string& arguments) {
+  return run(folder, "'" TG_TGTRAIN "' " + arguments);
+}
+Outcome tgeval(const tg::TemporaryFolder& folder, const std::string& arguments) {
+  return run(folder, "'" TG_TGEVAL "' " + arguments);
+}
+
+const std::string kSample = "make-sample scene --size 32 --views 4 --test-views 2 --points 200 --supersampling 1";
+const std::string kShort = " --iterations 6 --texture-iterations 4";
+
+}  // namespace
+
+TEST_CASE("train, evaluate, and everything that must be refused on the way", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const Outcome again = tgtrain(folder, kSample);
+  CHECK(again.code == 4);
+  CHECK_THAT(again.output, Contains("scene") && Contains("--overwrite"));
+
+  const Outcome trained =
+      tgtrain(folder, "scene -o model.tgz --untextured-output plain.tgz --json run.json" + kShort);
+  INFO(trained.output);
+  REQUIRE(trained.code == 0);
+  CHECK_THAT(trained.output, Contains("4 train and 2 test views of 32 x 32 (nerf-synthetic)"));
+  CHECK_THAT(trained.output, Contains("textured 4/4") && Contains("it/s") && Contains("left"));
+  CHECK_THAT(trained.output, Contains("textures gain") && Contains("peak memory"));
+  const tg::Bundle bundle = tg::readBundle(folder / "model.tgz");
+  CHECK(bundle.model.texture_mode == tg::TextureMode::rgba);
+  CHECK(bundle.cameras.size() == 6);
+  CHECK(bundle.cameras[5].test);
+  CHECK(bundle.background == glm::vec3(1.0f));
+  CHECK(bundle.preview.width == 32);
+  const nlohmann::json json = nlohmann::json::parse(bundle.training_json);
+  CHECK(json["stages"]["untextured"]["iterations"] == 4);
+  CHECK(json["machine"]["seconds"].get<double>() > 0);
+  CHECK(bundle.training_json.find(folder.path.filename().string()) == std::string::npos);
+  CHECK(tg::readBundle(folder / "plain.tgz").model.texture_mode == tg::TextureMode::none);
+
+  const Outcome scored = tgeval(folder, "model.tgz scene --json scores.json --images pictures");
+  INFO(scored.output);
+  REQUIRE(scored.code == 0);
+  CHECK_THAT(scored.output, Contains("r_0.png") && Contains("mean") && Contains("2 views"));
+  CHECK(fs::exists(folder / "pictures/r_1.png"));
+  const std::vector<std::uint8_t> bytes = tg::readFile(folder / "scores.json", 1 << 20);
+  const nlohmann::json scores = nlohmann::json::parse(bytes.begin(), bytes.end());
+  // The file's texels are half floats: the trainer's own score is met to that precision.
+  CHECK(scores["psnr"].get<double>() == Approx(json["stages"]["textured"]["test_psnr"].get<double>()).margin(0.01));
+  CHECK(tgeval(folder, "model.tgz scene --json scores.json").code == 4);
+  CHECK(tgeval(folder, "absent.tgz scene").code == 2);
+  CHECK(tgeval(folder, "model.tgz pictures").code == 3);
+  CHECK(tgeval(folder, "model.tgz").code == 1);
+
+  CHECK(tgtrain(folder, "scene").code == 1);
+  CHECK(tgtrain(folder, "scene -o x.tgz --texture-mode purple").code == 1);
+  CHECK(tgtrain(folder, "scene -o x.tgz --background 7").code == 1);
+  CHECK(tgtrain(folder, "absent -o x.tgz").code == 2);
+  const Outcome nothing = tgtrain(folder, "pictures -o x.tgz");
+  CHECK(nothing.code == 3);
+  CHECK_THAT(nothing.output, Contains("not a data set"));
+  CHECK(tgtrain(folder, "--help").code == 0);
+  CHECK_FALSE(fs::exists(folder / "x.tgz"));
+}
+
+TEST_CASE("an existing model is kept unless --overwrite, and when writing fails", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  REQUIRE(tgtrain(folder, "scene -o model.tgz --reproducible -q" + kShort).code == 0);
+  const std::vector<std::uint8_t> bytes = tg::readFile(folder / "model.tgz", 1 << 24);
+  const Outcome kept = tgtrain(folder, "scene -o model.tgz" + kShort);
+  CHECK(kept.code == 4);
+  CHECK_THAT(kept.output, Contains("model.tgz: exists already"));
+  CHECK(tgtrain(folder, "scene -o missing/model.tgz" + kShort).code == 4);
+  // A limit of 8 blocks on file sizes makes the write fail halfway.
+  const Outcome full = run(folder, "(ulimit -f 8; trap '' XFSZ; '" TG_TGTRAIN "' scene -o model.tgz --overwrite -q" +
+                                       kShort + ")");
+  CHECK(full.code == 4);
+  CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);
+  for (const auto& entry : fs::directory_iterator(folder.path)) {
+    const std::string name = entry.path().filename().string();
+    CHECK((name == "model.tgz" || name == "scene" || name == "log.txt"));
+  }
+  SECTION("same seed, same bytes") {
+    REQUIRE(tgtrain(folder, "scene -o model.tgz --overwrite --reproducible --threads 1 -q" + kShort).code == 0);
+    CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);
+  }
+}
+
+TEST_CASE("an interrupt ends training early and writes the model", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const Outcome outcome = run(folder, "timeout -s INT 2 '" TG_TGTRAIN "' scene -o model.tgz --iterations 1000000");
+  CHECK_THAT(outcome.output, Contains("interrupted; wrote model.tgz"));
+  const tg::Bundle bundle = tg::readBundle(folder / "model.tgz");
+  CHECK(nlohmann::json::parse(bundle.training_json)["interrupted"] == true);
+  CHECK(bundle.model.size() > 0);
+}

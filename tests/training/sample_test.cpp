@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// The built-in scene: same bytes every time, and geometry, cameras and points that agree.
+#include "training/sample.h"
+
+#include <algorithm>
+#include <map>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "core/parallel.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+#include "training/dataset.h"
+
+namespace fs = std::filesystem;
+
+namespace {
+
+const tg::SampleOptions kSmall{.size = 40, .train_views = 3, .test_views = 2, .points = 500, .supersampling = 2};
+
+std::map<std::string, std::vector<std::uint8_t>> contents(const fs::path& folder) {
+  std::map<std::string, std::vector<std::uint8_t>> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder)] = tg::readFile(entry.path(), 1 << 20);
+  }
+  return files;
+}
+
+}  // namespace
+
+TEST_CASE("make-sample writes the same bytes at any thread count", "[sample]") {
+  tg::TemporaryFolder folder;
+  tg::setThreadCount(1);
+  tg::writeSample(folder / "a", kSmall, false);
+  tg::setThreadCount(2);
+  tg::writeSample(folder / "b", kSmall, false);
+  tg::setThreadCount(0);
+  const auto files = contents(folder / "a");
+  CHECK(files.size() == 3 + 2 + 3);
+  CHECK(files == contents(folder / "b"));
+}
+
+TEST_CASE("make-sample's data set loads, and its points lie on what its cameras see", "[sample]") {
+  tg::TemporaryFolder folder;
+  tg::writeSample(folder.path, kSmall, true);
+  const tg::Dataset dataset = tg::loadDataset(folder.path);
+  CHECK(dataset.layout == tg::DatasetLayout::nerfSynthetic);
+  CHECK(dataset.indices(false).size() == 3);
+  CHECK(dataset.indices(true).size() == 2);
+  CHECK(dataset.points.position.size() == Approx(500).margin(10));
+  const tg::Camera expected = tg::sampleCamera(kSmall, false, 2);
+  const tg::Camera& camera = dataset.views[2].camera;
+  CHECK(camera.fx == Approx(expected.fx).epsilon(1e-9));
+  CHECK(glm::length(camera.position() - expected.position()) < 1e-9);
+
+  // A point that projects into a view falls on the object, never on the empty background.
+  const tg::Image image = tg::renderSample(kSmall, expected);
+  int checked = 0;
+  for (const glm::vec3& point : dataset.points.position) {
+    const glm::dvec3 p = camera.camera_from_world_rotation * glm::dvec3(point) + camera.camera_from_world_translation;
+    const double x = camera.fx * p.x / p.z + camera.cx;
+    const double y = camera.fy * p.y / p.z + camera.cy;
+    if (p.z <= 0 || x < 0 || y < 0 || x >= 40 || y >= 40) continue;
+    CHECK(image.at(static_cast<int>(x), static_cast<int>(y), 3) > 0);
+    checked++;
+  }
+  CHECK(checked > 400);
+}
+
+TEST_CASE("make-sample refuses sizes out of range and an existing data set", "[sample]") {
+  tg::TemporaryFolder folder;
+  tg::SampleOptions options = kSmall;
+  options.size = 0;
+  CHECK_THROWS_WITH(tg::writeSample(folder.path, options, false), Catch::Matchers::Contains("image size out of range"));
+  tg::writeSample(folder.path, kSmall, false);
+  CHECK_THROWS_WITH(tg::writeSample(folder.path, kSmall, false), Catch::Matchers::Contains("--overwrite"));
+}

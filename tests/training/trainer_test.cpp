@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole recipe on a small built-in scene: it learns, it is deterministic, it stops cleanly.
+#include "training/trainer.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+#include "training/init.h"
+#include "training/optimizer.h"
+#include "training/report.h"
+#include "training/sample.h"
+#include "training/schedule.h"
+#include "training/textures.h"
+
+namespace {
+
+constexpr tg::SampleOptions kScene{.size = 48, .train_views = 8, .test_views = 2, .points = 600, .supersampling = 2};
+
+// The built-in scene without a detour over files.
+tg::Dataset sampleDataset(const tg::SampleOptions& options = kScene) {
+  tg::Dataset dataset;
+  dataset.name = "sample";
+  dataset.layout = tg::DatasetLayout::nerfSynthetic;
+  dataset.background = glm::vec3(1.0f);
+  dataset.points = tg::samplePoints(options);
+  const float white[3] = {1, 1, 1};
+  for (const bool test : {false, true}) {
+    for (int i = 0; i < (test ? options.test_views : options.train_views); i++) {
+      tg::View view;
+      view.camera = tg::sampleCamera(options, test, i);
+      for (float value : tg::compositeOver(tg::renderSample(options, view.camera), white).data) {
+        view.rgb.push_back(static_cast<std::uint8_t>(std::lround(value * 255)));
+      }
+      dataset.views.push_back(std::move(view));
+    }
+  }
+  return dataset;
+}
+
+tg::TrainSettings shortRun() {
+  tg::TrainSettings settings;
+  settings.iterations = 60;
+  settings.texture_iterations = 60;
+  settings.seed = 7;
+  return settings;
+}
+
+void checkSameBytes(const tg::GaussianModel& a, const tg::GaussianModel& b) {
+  CHECK(a.mean == b.mean);
+  CHECK(a.rotation == b.rotation);
+  CHECK(a.log_scale == b.log_scale);
+  CHECK(a.opacity_logit == b.opacity_logit);
+  CHECK(a.sh == b.sh);
+  CHECK(a.atlas.texels == b.atlas.texels);
+  CHECK(a.atlas.rects == b.atlas.rects);
+}
+
+}  // namespace
+
+TEST_CASE("adding textures and SH degrees leaves the picture the same to the last bit", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  tg::TrainingState state;
+  state.model = tg::gaussiansFromPoints(dataset.points);
+  tg::resetMoments(state);
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  for (const tg::IntersectionModel model : {tg::IntersectionModel::plane, tg::IntersectionModel::maxResponse}) {
+    state.model.intersection = model;
+    const tg::Camera& camera = dataset.views[0].camera;
+    const tg::Image plain = tg::renderPicture(*renderer, state.model, camera, dataset.background);
+    for (const tg::TextureMode mode : {tg::TextureMode::alpha, tg::TextureMode::rgb, tg::TextureMode::rgba}) {
+      tg::TrainingState textured = state;
+      tg::growShDegree(textured, 3);
+      tg::addTextures(textured, 4, mode);
+      tg::checkModel(textured.model, "textured");
+      CHECK(tg::renderPicture(*renderer, textured.model, camera, dataset.background).data == plain.data);
+    }
+  }
+}
+
+TEST_CASE("both stages lower the loss, and the report says so", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.compare_untextured = true;
+  double first_loss = 0;
+  int calls = 0;
+  tg::TrainHooks hooks;
+  hooks.progress = [&](const tg::TrainProgress& progress) {
+    if (calls++ == 0) first_loss = progress.loss;
+    CHECK(progress.gaussians > 0);
+    CHECK(progress.seconds_left >= 0);
+  };
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer, hooks);
+  CHECK(calls == 180);
+  tg::checkModel(result.model, "model");
+  CHECK(result.model.sh_degree == 3);
+  CHECK(result.model.texture_mode == tg::TextureMode::rgba);
+  CHECK(result.model.atlas.texels.size() == result.model.size() * 16);
+  for (const glm::vec4& texel : result.model.atlas.texels) REQUIRE((texel.a >= 0 && texel.a <= 1));
+
+  const tg::TrainReport& report = result.report;
+  CHECK(report.plain.loss < 0.8 * first_loss);
+  REQUIRE(report.textured);
+  REQUIRE(report.untextured);
+  CHECK(report.textured->loss < report.plain.loss);
+  CHECK(report.textured->gaussians == report.untextured->gaussians);
+  REQUIRE(result.untextured);
+  CHECK(result.untextured->texture_mode == tg::TextureMode::none);
+  REQUIRE(report.plain.test);
+  REQUIRE(report.textured->test);
+  CHECK(report.textured->test->psnr > report.plain.test->psnr);
+  CHECK(report.textured->test->views == 2);
+
+  const std::string text = tg::formatTrainingJson(dataset, settings, report, result.model, {});
+  const nlohmann::json json = nlohmann::json::parse(text);
+  CHECK(json["stages"]["textured"]["test_psnr"].get<double>() == Approx(report.textured->test->psnr).margin(1e-3));
+  CHECK(json["settings"]["seed"] == 7);
+  CHECK(json["gaussians"] == result.model.size());
+  CHECK(text.find('/') == std::string::npos);  // no paths
+}
+
+TEST_CASE("same seed, same model at any thread count; another seed, another model", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  tg::TrainSettings settings = shortRun();
+  const auto trained = [&](int threads) {
+    tg::setThreadCount(threads);
+    const auto renderer = tg::makeCpuDifferentiableRenderer();
+    tg::TrainResult result = tg::train(dataset, settings, *renderer);
+    tg::setThreadCount(0);
+    return result;
+  };
+  const tg::TrainResult one = trained(1);
+  const tg::TrainResult two = trained(2);
+  checkSameBytes(one.model, two.model);
+  tg::TrainingJsonOptions json;
+  json.measurements = false;
+  CHECK(tg::formatTrainingJson(dataset, settings, one.report, one.model, json) ==
+        tg::formatTrainingJson(dataset, settings, two.report, two.model, json));
+  settings.seed = 8;
+  CHECK(trained(2).model.mean != one.model.mean);
+}
+
+TEST_CASE("the untextured twin does not change the textured result", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 20;
+  settings.texture_iterations = 20;
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  const tg::TrainResult alone = tg::train(dataset, settings, *renderer);
+  settings.compare_untextured = true;
+  checkSameBytes(tg::train(dataset, settings, *renderer).model, alone.model);
+}
+
+TEST_CASE("densification obeys the cap, and the start does too", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  settings.texture_iterations = 0;
+  settings.max_gaussians = 500;
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer);
+  CHECK(result.report.initial_gaussians == 500);
+  CHECK(result.model.size() <= 500);
+  CHECK(result.model.texture_mode == tg::TextureMode::none);
+  settings.max_gaussians = 700;
+  const std::size_t grown = tg::train(dataset, settings, *renderer).model.size();
+  CHECK(grown > 600);
+  CHECK(grown <= 700);
+}
+
+TEST_CASE("a stop request ends after the current step with a valid model", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  for (const int stop_at : {5, 70}) {
+    std::atomic<bool> stop{false};
+    int steps = 0;
+    tg::TrainHooks hooks;
+    hooks.stop = &stop;
+    hooks.progress = [&](const tg::TrainProgress&) { stop = ++steps == stop_at; };
+    const tg::TrainResult result = tg::train(dataset, shortRun(), *renderer, hooks);
+    CHECK(steps == stop_at);
+    CHECK(result.report.interrupted);
+    tg::checkModel(result.model, "model");
+    CHECK(result.model.sh_degree == 3);
+    CHECK((result.model.texture_mode == tg::TextureMode::rgba) == (stop_at == 70));
+  }
+}
+
+TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {
+  tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_size = 0;
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer), Catch::Matchers::Contains("texture size out of range"));
+  settings = shortRun();
+  settings.iterations = -1;
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer), Catch::Matchers::Contains("iterations out of range"));
+}
+
+TEST_CASE("short schedules keep the shape of long ones", "[trainer]") {
+  const tg::Schedule paper = tg::makeSchedule(30000);
+  CHECK(paper.sh_every == 1000);
+  CHECK_FALSE(paper.densifies(500));
+  CHECK(paper.densifies(600));
+  CHECK(paper.densifies(15000));
+  CHECK_FALSE(paper.densifies(15100));
+  CHECK(paper.resetsOpacity(3000));
+  CHECK(paper.resetsOpacity(12000));
+  CHECK(paper.prunesLarge(3100));
+  const tg::Schedule quick = tg::makeSchedule(2000);
+  CHECK(quick.densifies(300));
+  CHECK(quick.densifies(1000));
+  CHECK_FALSE(quick.densifies(1100));
+  for (int i = 1; i <= 2000; i++) CHECK_FALSE(quick.resetsOpacity(i));
+  CHECK(tg::makeSchedule(1).raisesShDegree(1));
+}

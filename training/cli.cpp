@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// Data set flags and the outermost catch.
+#include "training/cli.h"
+
+#include <cstdio>
+#include <exception>
+#include <new>
+
+#include "core/error.h"
+
+namespace tg {
+
+void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
+  app.add_option("--layout", flags.layout, "How the data set is laid out")
+      ->check(CLI::IsMember({"auto", "nerf-synthetic", "transforms", "colmap"}))
+      ->capture_default_str();
+  app.add_option("--downscale", flags.downscale, "Shrink the photographs by an integer")->capture_default_str();
+  app.add_option("--background", flags.background,
+                 "white, black or r,g,b in [0,1] (default: white for nerf-synthetic, else black)");
+  app.add_option("--test-every", flags.test_every, "Hold out every n-th image where no split is given (0: none)")
+      ->capture_default_str();
+  app.add_option("--images", flags.images, "COLMAP: folder of the photographs")->capture_default_str();
+  app.add_option("--points", flags.points, "Initial points (.ply) instead of the data set's own");
+}
+
+DatasetOptions datasetOptions(const DatasetFlags& flags) {
+  DatasetOptions options;
+  options.layout = parseDatasetLayout(flags.layout).value_or(DatasetLayout::automatic);
+  options.downscale = flags.downscale;
+  options.test_every = flags.test_every;
+  options.images = flags.images;
+  if (!flags.points.empty()) options.points = flags.points;
+  if (!flags.background.empty()) {
+    options.background = parseBackground(flags.background);
+    if (!options.background) {
+      throw Error(ErrorKind::usage, "--background: not a colour (expected white, black or r,g,b in [0,1], found '" +
+                                        flags.background + "')");
+    }
+  }
+  return options;
+}
+
+int runProgram(const char* name, const std::function<int()>& body) {
+  try {
+    return body();
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    return exitCode(error);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "%s: out of memory\n", name);
+    return static_cast<int>(ErrorKind::device);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    return static_cast<int>(ErrorKind::badData);
+  }
+}
+
+}  // namespace tg

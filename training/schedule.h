@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// When stage 1 does what. 3DGS plans for 30,000 iterations; shorter runs keep its shape.
+#pragma once
+#include <algorithm>
+
+namespace tg {
+
+// Iterations count from 1; an event at n happens after step n.
+struct Schedule {
+  int sh_every = 1000;       // the SH degree rises by one
+  int densify_every = 100;
+  int densify_from = 500;    // exclusive
+  int densify_until = 0;     // exclusive
+  int reset_every = 0;       // opacity reset; 0: never
+  int reset_until = 0;       // exclusive
+
+  bool densifies(int iteration) const {
+    return iteration > densify_from && iteration < densify_until && iteration % densify_every == 0;
+  }
+  bool raisesShDegree(int iteration) const { return iteration % sh_every == 0; }
+  bool resetsOpacity(int iteration) const {
+    return reset_every > 0 && iteration < reset_until && iteration % reset_every == 0;
+  }
+  // Large Gaussians are pruned once resets have begun, as in 3DGS: before, everything is still large.
+  bool prunesLarge(int iteration) const { return reset_every > 0 && iteration > reset_every; }
+};
+
+// 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion. Densification ends at half time.
+// An opacity reset costs about a thousand iterations of quality: only runs of 6,000 and more have any, and none in the
+// last third, which could not make up for it.
+inline Schedule makeSchedule(int iterations) {
+  Schedule schedule;
+  schedule.sh_every = std::clamp(iterations / 4, 1, 1000);
+  schedule.densify_from = std::min(500, iterations / 8);
+  schedule.densify_until = iterations / 2 + 1;
+  schedule.reset_every = iterations >= 6000 ? 3000 : 0;
+  schedule.reset_until = std::min(schedule.densify_until, iterations - iterations / 3);
+  return schedule;
+}
+
+}  // namespace tg
