@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <locale>
 #include <map>
 #include <span>
-#include <locale>
 #include <sstream>
 
 #include "core/error.h"

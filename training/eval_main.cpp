@@ -62,9 +62,13 @@ tg::Image toImage(const tg::Frame& frame) { return tg::extract(frame, tg::Output
 std::string formatJson(const tg::Dataset& dataset, const tg::GaussianModel& model, const std::string& split,
                        std::span<const tg::ViewScore> scores) {
   const tg::Score mean = tg::meanScore(scores);
-  nlohmann::ordered_json json = {{"dataset", dataset.name}, {"split", split},       {"gaussians", model.size()},
-                                 {"texels", model.atlas.texels.size()},             {"psnr", mean.psnr},
-                                 {"ssim", mean.ssim},       {"views", nlohmann::ordered_json::array()}};
+  nlohmann::ordered_json json = {{"dataset", dataset.name},
+                                 {"split", split},
+                                 {"gaussians", model.size()},
+                                 {"texels", model.atlas.texels.size()},
+                                 {"psnr", mean.psnr},
+                                 {"ssim", mean.ssim},
+                                 {"views", nlohmann::ordered_json::array()}};
   for (const tg::ViewScore& score : scores) {
     json["views"].push_back({{"name", score.name}, {"psnr", score.psnr}, {"ssim", score.ssim}});
   }
@@ -96,7 +100,8 @@ int run(const Options& options) {
       dataset, views, [&](const tg::Camera& camera) { return toImage(renderer->render(camera, settings)); },
       [&](const tg::View& view, const tg::Image& picture) {
         if (options.images.empty()) return;
-        const fs::path file = fs::path(options.images) / fs::path(view.camera.name).filename().replace_extension(".png");
+        const fs::path file =
+            fs::path(options.images) / fs::path(view.camera.name).filename().replace_extension(".png");
         if (!options.overwrite && fs::exists(file)) {
           throw tg::Error(tg::ErrorKind::cannotWrite, file.string(), "exists already (add --overwrite to replace it)");
         }

@@ -68,8 +68,8 @@ std::string stageLine(Stage stage, const StageReport& report) {
   std::string line = format("%-11s %6d iterations  %8zu Gaussians  loss %.4f", std::string(name(stage)).c_str(),
                             report.iterations, report.gaussians, report.loss);
   if (report.test) {
-    line += format("  test PSNR %.2f dB  SSIM %.4f (%zu views)", report.test->psnr, report.test->ssim,
-                   report.test->views);
+    line +=
+        format("  test PSNR %.2f dB  SSIM %.4f (%zu views)", report.test->psnr, report.test->ssim, report.test->views);
   }
   return line + "  " + formatSeconds(report.seconds) + "\n";
 }

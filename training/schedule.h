@@ -7,12 +7,12 @@ namespace tg {
 
 // Iterations count from 1; an event at n happens after step n.
 struct Schedule {
-  int sh_every = 1000;       // the SH degree rises by one
+  int sh_every = 1000;  // the SH degree rises by one
   int densify_every = 100;
-  int densify_from = 500;    // exclusive
-  int densify_until = 0;     // exclusive
-  int reset_every = 0;       // opacity reset; 0: never
-  int reset_until = 0;       // exclusive
+  int densify_from = 500;  // exclusive
+  int densify_until = 0;   // exclusive
+  int reset_every = 0;     // opacity reset; 0: never
+  int reset_until = 0;     // exclusive
 
   bool densifies(int iteration) const {
     return iteration > densify_from && iteration < densify_until && iteration % densify_every == 0;

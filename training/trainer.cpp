@@ -81,7 +81,11 @@ void checkSettings(const TrainSettings& settings) {
 class Run {
  public:
   Run(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer, const TrainHooks& hooks)
-      : dataset_(dataset), settings_(settings), renderer_(renderer), hooks_(hooks), extent_(cameraExtent(dataset)),
+      : dataset_(dataset),
+        settings_(settings),
+        renderer_(renderer),
+        hooks_(hooks),
+        extent_(cameraExtent(dataset)),
         densify_random_(stream(settings.seed, Stream::densify)) {}
 
   TrainResult operator()() {
@@ -229,9 +233,12 @@ class Run {
 
 std::string_view name(Stage stage) {
   switch (stage) {
-    case Stage::plain: return "plain";
-    case Stage::textured: return "textured";
-    case Stage::untextured: return "untextured";
+    case Stage::plain:
+      return "plain";
+    case Stage::textured:
+      return "textured";
+    case Stage::untextured:
+      return "untextured";
   }
   return "";
 }

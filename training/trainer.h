@@ -18,7 +18,7 @@ struct TrainSettings {
   int iterations = 7000;          // stage 1
   int texture_iterations = 7000;  // stage 2; none with texture mode none
   TextureMode texture_mode = TextureMode::rgba;
-  int texture_size = 4;           // [texels] a side
+  int texture_size = 4;  // [texels] a side
   IntersectionModel intersection = IntersectionModel::maxResponse;
   int sh_degree = 3;
   std::size_t max_gaussians = 0;  // 0: no limit
@@ -66,12 +66,13 @@ struct TrainProgress {
 };
 
 struct TrainHooks {
-  std::function<void(const TrainProgress&)> progress;      // after every iteration
+  std::function<void(const TrainProgress&)> progress;         // after every iteration
   std::function<void(Stage, const StageReport&)> stage_done;  // after evaluation
-  const std::atomic<bool>* stop = nullptr;                 // set: end after the current step
+  const std::atomic<bool>* stop = nullptr;                    // set: end after the current step
 };
 
-// Throws Error(usage) for settings out of range, Error(badData) when the loss is no longer finite or no Gaussian is left.
+// Throws Error(usage) for settings out of range, Error(badData) when the loss is no longer finite or no Gaussian is
+// left.
 TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
                   const TrainHooks& hooks = {});
 

@@ -64,7 +64,7 @@ HWY_INLINE TextureValue lookUp(const Texture& texture, const TexturePoint& at, c
       if (view.texture_rgb) {
         for (int ch = 0; ch < 3; ++ch) value.color[ch] = hn::MulAdd(weight, set(texel[ch]), value.color[ch]);
       }
-      value.alpha = hn::MulAdd(weight, set(texel[3]), value.alpha);
+      value.alpha = hn::MulAdd(weight, set(texel[3] - 1.0f), value.alpha);
     }
   });
   value.alpha = view.texture_alpha ? alphaFactor(at.inside, value.alpha) : set(1.0f);

@@ -105,8 +105,11 @@ HWY_INLINE void forEachCell(const TexturePoint& at, const Visit& visit) {
   }
 }
 
-// The texture's alpha factor; 1 outside.
-HWY_INLINE V alphaFactor(M inside, V alpha) { return hn::IfThenElse(inside, alpha, set(1.0f)); }
+// The texture's alpha factor from its interpolated deviation from 1: neutral texels give exactly 1 whatever the weights'
+// rounding, so that adding them leaves a picture the same to the last bit. 1 outside.
+HWY_INLINE V alphaFactor(M inside, V deviation) {
+  return hn::Add(set(1.0f), hn::IfThenElseZero(inside, deviation));
+}
 
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -44,7 +44,8 @@ Json frame(const std::string& file, const Json& matrix = kIdentity) {
 }
 
 Json pinhole(Json frames) {
-  return {{"fl_x", 20.0}, {"fl_y", 21.0}, {"cx", 7.5}, {"cy", 6.5}, {"w", 16}, {"h", 12}, {"frames", std::move(frames)}};
+  return {
+      {"fl_x", 20.0}, {"fl_y", 21.0}, {"cx", 7.5}, {"cy", 6.5}, {"w", 16}, {"h", 12}, {"frames", std::move(frames)}};
 }
 
 // The message of the error that `action` throws, with its exit code in front.
@@ -118,7 +119,8 @@ struct ColmapBinary {
     images = i.data();
     Bytes p;
     p.add<std::uint64_t>(2);
-    p.add<std::uint64_t>(1).add(0.5).add(-1.0).add(4.0).add<std::uint8_t>(255).add<std::uint8_t>(0).add<std::uint8_t>(51);
+    p.add<std::uint64_t>(1).add(0.5).add(-1.0).add(4.0).add<std::uint8_t>(255).add<std::uint8_t>(0).add<std::uint8_t>(
+        51);
     p.add(0.1).add<std::uint64_t>(1).add<std::int32_t>(1).add<std::int32_t>(0);
     p.add<std::uint64_t>(7).add(1.0).add(2.0).add(3.0).add<std::uint8_t>(0).add<std::uint8_t>(255).add<std::uint8_t>(0);
     p.add(0.1).add<std::uint64_t>(0);
@@ -180,9 +182,11 @@ TEST_CASE("reads the NeRF-synthetic layout: camera angle, straight alpha over wh
   CHECK(camera.cx == 8);
   CHECK(camera.cy == 6);
   CHECK(glm::length(camera.position() - glm::dvec3(1, 2, 3)) < 1e-12);
-  const glm::dvec3 ahead = camera.camera_from_world_rotation * glm::dvec3(0, 2, 3) + camera.camera_from_world_translation;
+  const glm::dvec3 ahead =
+      camera.camera_from_world_rotation * glm::dvec3(0, 2, 3) + camera.camera_from_world_translation;
   CHECK(glm::length(ahead - glm::dvec3(0, 0, 1)) < 1e-12);  // one unit in front
-  const glm::dvec3 above = camera.camera_from_world_rotation * glm::dvec3(1, 2, 4) + camera.camera_from_world_translation;
+  const glm::dvec3 above =
+      camera.camera_from_world_rotation * glm::dvec3(1, 2, 4) + camera.camera_from_world_translation;
   CHECK(glm::length(above - glm::dvec3(0, -1, 0)) < 1e-12);  // y points down
   // 128/255 red over white, in 8 bit.
   CHECK(dataset.views[0].rgb[0] == 255);
@@ -323,8 +327,8 @@ TEST_CASE("refuses broken COLMAP content with its place", "[dataset]") {
 
 TEST_CASE("refuses what is no data set and says what it looked for", "[dataset]") {
   tg::TemporaryFolder folder;
-  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("transforms_train.json") &&
-                                       Contains("transforms.json") && Contains("sparse/0"));
+  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("transforms_train.json") && Contains("transforms.json") &&
+                                       Contains("sparse/0"));
   CHECK_THAT(refusal(folder / "absent"), Contains("2 ") && Contains("no such folder"));
   writeText(folder / "file", "");
   CHECK_THAT(refusal(folder / "file"), Contains("2 ") && Contains("not a folder"));

@@ -67,7 +67,8 @@ TEST_CASE("without points Gaussians start where the cameras look", "[init]") {
   for (double angle : {0.0, 1.5, 3.0, 4.5}) {
     tg::View view;
     const glm::dvec3 target(10, 20, 30);
-    view.camera = tg::lookAt(target + 4.0 * glm::dvec3(std::cos(angle), std::sin(angle), 0), target, {0, 0, 1}, 1, 8, 8);
+    view.camera =
+        tg::lookAt(target + 4.0 * glm::dvec3(std::cos(angle), std::sin(angle), 0), target, {0, 0, 1}, 1, 8, 8);
     dataset.views.push_back(view);
   }
   dataset.layout = tg::DatasetLayout::transforms;

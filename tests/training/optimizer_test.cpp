@@ -79,7 +79,8 @@ TEST_CASE("every block moves at its own rate", "[optimizer]") {
   const auto moved = [](float from, float to, float g) { return (to - from) * (g > 0 ? -1 : 1); };
   for (std::size_t i = 0; i < 37; i++) {
     CHECK(moved(before.mean[i].y, state.model.mean[i].y, gradient.v_mean[i].y) == Approx(0.01f).margin(1e-6));
-    CHECK(moved(before.rotation[i].w, state.model.rotation[i].w, gradient.v_rotation[i].w) == Approx(1e-3f).margin(1e-6));
+    CHECK(moved(before.rotation[i].w, state.model.rotation[i].w, gradient.v_rotation[i].w) ==
+          Approx(1e-3f).margin(1e-6));
     CHECK(moved(before.log_scale[i].z, state.model.log_scale[i].z, gradient.v_log_scale[i].z) ==
           Approx(5e-3f).margin(1e-6));
     CHECK(moved(before.opacity_logit[i], state.model.opacity_logit[i], gradient.v_opacity_logit[i]) ==

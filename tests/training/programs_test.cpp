@@ -47,8 +47,7 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   CHECK(again.code == 4);
   CHECK_THAT(again.output, Contains("scene") && Contains("--overwrite"));
 
-  const Outcome trained =
-      tgtrain(folder, "scene -o model.tgz --untextured-output plain.tgz --json run.json" + kShort);
+  const Outcome trained = tgtrain(folder, "scene -o model.tgz --untextured-output plain.tgz --json run.json" + kShort);
   INFO(trained.output);
   REQUIRE(trained.code == 0);
   CHECK_THAT(trained.output, Contains("4 train and 2 test views of 32 x 32 (nerf-synthetic)"));
@@ -101,8 +100,8 @@ TEST_CASE("an existing model is kept unless --overwrite, and when writing fails"
   CHECK_THAT(kept.output, Contains("model.tgz: exists already"));
   CHECK(tgtrain(folder, "scene -o missing/model.tgz" + kShort).code == 4);
   // A limit of 8 blocks on file sizes makes the write fail halfway.
-  const Outcome full = run(folder, "(ulimit -f 8; trap '' XFSZ; '" TG_TGTRAIN "' scene -o model.tgz --overwrite -q" +
-                                       kShort + ")");
+  const Outcome full =
+      run(folder, "(ulimit -f 8; trap '' XFSZ; '" TG_TGTRAIN "' scene -o model.tgz --overwrite -q" + kShort + ")");
   CHECK(full.code == 4);
   CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);
   for (const auto& entry : fs::directory_iterator(folder.path)) {

@@ -134,7 +134,8 @@ HWY_INLINE TextureGradient lookUp(const Texture& texture, const TexturePoint& at
   });
   for (int k = 0; k < 4; ++k) {
     value.value_along = hn::MulAdd(value.corners.weight[k], value.along[k], value.value_along);
-    value.value_alpha = hn::MulAdd(value.corners.weight[k], value.alpha[k], value.value_alpha);
+    value.value_alpha =
+        hn::MulAdd(value.corners.weight[k], hn::Sub(value.alpha[k], set(1.0f)), value.value_alpha);
   }
   value.value_alpha = view.texture_alpha ? alphaFactor(at.inside, value.value_alpha) : set(1.0f);
   return value;
