@@ -19,7 +19,7 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
                  "white, black or r,g,b in [0,1] (default: white for nerf-synthetic, else black)");
   app.add_option("--test-every", flags.test_every, "Hold out every n-th image where no split is given (0: none)")
       ->capture_default_str();
-  app.add_option("--images", flags.images, "COLMAP: folder of the photographs")->capture_default_str();
+  app.add_option("--image-folder", flags.images, "COLMAP: folder of the photographs")->capture_default_str();
   app.add_option("--points", flags.points, "Initial points (.ply) instead of the data set's own");
 }
 
