@@ -39,7 +39,7 @@ layout(std430, binding = 11) readonly buffer Texels3 { uvec2 texels3[]; };
 layout(std430, binding = 12) buffer BaseTransmittance { vec4 base_transmittance[]; };        // [pixels]
 layout(std430, binding = 13) buffer TextureDepth { vec4 texture_depth[]; };                  // [pixels]
 layout(std430, binding = 14) buffer NormalCount { vec4 normal_count[]; };                    // [pixels]
-layout(std430, binding = 15) readonly buffer PixelRects { uvec2 pixel_rects[]; };            // [N] x0 | y0 << 16, x1 | y1 << 16
+layout(std430, binding = 15) readonly buffer PixelRects { uvec2 pixel_rects[]; };            // [N] see project.comp
 
 // 2 ln 255 = 11.08: beyond, alpha < kAlphaMin for every opacity. Written so that no-number fails it.
 const float kPowerMax = 12.0;

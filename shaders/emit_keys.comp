@@ -1,7 +1,7 @@
 #version 450
 // SPDX-License-Identifier: Apache-2.0
-// One (tile, splat) pair per thread, in depth order of the splats: however many tiles a splat covers, no thread has more
-// than one of them.
+// One (tile, splat) pair per thread, in depth order of the splats: however many tiles a splat covers, a thread has one
+// of them.
 #extension GL_GOOGLE_include_directive : require
 #include "pass.glsl"
 

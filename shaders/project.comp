@@ -1,7 +1,7 @@
 #version 450
 // SPDX-License-Identifier: Apache-2.0
-// One thread per Gaussian: cull, splat record, base colour, and the tiles that its exact screen box touches. Models that
-// exceed a binding come in chunks: the model's buffers are bound from the chunk's first Gaussian on.
+// One thread per Gaussian: cull, splat record, base colour, exact screen box and the number of tiles under it. Models
+// that exceed a binding come in chunks: the model's buffers are bound from the chunk's first Gaussian on.
 #extension GL_GOOGLE_include_directive : require
 #include "pass.glsl"
 #include "shared/sh.h"
@@ -74,7 +74,8 @@ void main() {
   vec3 scale_c = vec3(scale[a], scale[b], scale[c]);
 
   vec4 box;
-  bool bounded = splatBox(mean_c, axes_c, scale_c, radius, view.intersection == kIntersectPlane, view.focal_center, box);
+  bool flat_c = view.intersection == kIntersectPlane;
+  bool bounded = splatBox(mean_c, axes_c, scale_c, radius, flat_c, view.focal_center, box);
   if (!bounded) box = vec4(0.0, 0.0, float(view.width), float(view.height));
   uvec4 pixels;
   if (!pixelsOfBox(box, pixels)) return;

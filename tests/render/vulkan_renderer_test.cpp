@@ -174,6 +174,15 @@ TEST_CASE("a scene such as training leaves agrees with the CPU renderer") {
   CHECK(validationMessages() == "");
 }
 
+TEST_CASE("neutral texels leave the picture as it is without them, bit for bit") {
+  TestScene scene = makeScene(SceneKind::flat, 8);
+  scene.model.atlas = makeUniformAtlas(scene.model.size(), 5, 3);
+  RenderSettings without;
+  without.textures = TextureMode::none;
+  const Frame plain = renderScene(scene, without);
+  CHECK(same(plain, vulkanRenderer().render(scene.camera, {})));
+}
+
 TEST_CASE("a frame is the same every time") {
   const TestScene scene = makeScene(SceneKind::stacked, 2, 500, 96, 64);
   const Frame first = renderScene(scene);
