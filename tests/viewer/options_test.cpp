@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Values of flags and script commands.
+#include "viewer/options.h"
+
+#include "core/error.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+TEST_CASE("sizes: both numbers, whole, in range") {
+  CHECK(parseSize("640x480", "--size") == glm::ivec2(640, 480));
+  for (const char* bad : {"", "x", "640", "640x", "x480", "0x5", "5x0", "-1x5", "640x480x3", "640X480", "1e3x5", " 4x4",
+                          "99999x1", "99999999999999x1", "4.5x4"}) {
+    CHECK_THROWS_AS(parseSize(bad, "--size"), Error);
+  }
+}
+
+TEST_CASE("colours: three numbers in [0,1] or a name") {
+  CHECK(parseColor("white", "--background") == glm::vec3(1));
+  CHECK(parseColor("black", "--background") == glm::vec3(0));
+  CHECK(parseColor("0.25,0.5,1", "--background") == glm::vec3(0.25f, 0.5f, 1));
+  for (const char* bad : {"", "red", "1", "1,1", "1,1,", ",,", "1,1,1,1", "2,0,0", "-0.1,0,0", "nan,0,0", "inf,0,0"}) {
+    CHECK_THROWS_AS(parseColor(bad, "--background"), Error);
+  }
+}
+
+TEST_CASE("names: a wrong one says what was expected") {
+  CHECK(parseTextures("off", "--textures") == TextureMode::none);
+  CHECK(parseTextures("rgb", "--textures") == TextureMode::rgb);
+  CHECK(parseIntersection("plane", "--intersection") == IntersectionModel::plane);
+  CHECK(parseShow("count", "--show") == Output::count);
+  CHECK_THROWS_WITH(parseShow("colour", "--show"),
+                    "--show: expected final, base, texture, alpha, depth, normal or count, found \"colour\"");
+  CHECK_THROWS_AS(parseTextures("on", "--textures"), Error);
+  CHECK_THROWS_AS(parseNumber("1 2", "fov"), Error);
+  CHECK_THROWS_AS(parseNumber("nan", "fov"), Error);
+}
+
+TEST_CASE("a camera's number must exist") {
+  const std::vector<Camera> cameras(3, lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
+  CHECK(cameraOf("2", cameras, "--camera").width == 64);
+  CHECK_THROWS_WITH(cameraOf("3", cameras, "--camera"), "--camera: expected 0 to 2 (see --list-cameras), found \"3\"");
+  CHECK_THROWS_AS(cameraOf("99999999999999999999", cameras, "--camera"), Error);
+  CHECK_THROWS_AS(cameraOf("0", {}, "--camera"), Error);
+  CHECK_THROWS_AS(cameraOf("no-such-file.json", cameras, "--camera"), Error);
+}
+
+TEST_CASE("without --camera: the first test camera, else the first, else the whole model") {
+  Scene scene;
+  ViewOptions options;
+  const Camera whole = cameraFor(options, scene);
+  CHECK(whole.width == 1280);
+  CHECK(whole.height == 720);
+  for (int i = 0; i < 3; ++i) {
+    scene.cameras.push_back(lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64 + i, 48));
+  }
+  CHECK(cameraFor(options, scene).width == 64);
+  scene.cameras[2].test = true;
+  CHECK(cameraFor(options, scene).width == 66);
+  options.size = glm::ivec2(200, 100);
+  CHECK(cameraFor(options, scene).width == 200);
+  options.size.reset();
+  scene.cameras[2].width = 1 << 20;
+  CHECK_THROWS_AS(cameraFor(options, scene), Error);
+}

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs tgview and collects what it says.
+#include "process.h"
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+#include <stdexcept>
+
+#include "core/bundle.h"
+#include "core/error.h"
+#include "render/vulkan/vulkan_renderer.h"
+#include "support/scenes.h"
+
+namespace tg::test {
+namespace {
+
+std::string quoted(const std::string& word) {
+  std::string result = "'";
+  for (char c : word) result += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return result + "'";
+}
+
+std::string contents(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+}  // namespace
+
+Workshop::Workshop() {
+  std::string pattern = (std::filesystem::temp_directory_path() / "tg_viewer_XXXXXX").string();
+  if (!mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp failed");
+  folder_ = pattern;
+}
+
+Workshop::~Workshop() {
+  std::error_code ignored;
+  std::filesystem::remove_all(folder_, ignored);
+}
+
+ProcessResult Workshop::tgview(const std::vector<std::string>& arguments,
+                               const std::vector<std::string>& prefix) const {
+  std::string command = "cd " + quoted(folder_.string()) + " && env -u DISPLAY -u WAYLAND_DISPLAY";
+  for (const std::string& word : prefix) command += " " + quoted(word);
+  command += " " + quoted(TG_TGVIEW);
+  for (const std::string& word : arguments) command += " " + quoted(word);
+  command += " >.out 2>.err";
+  const int status = std::system(command.c_str());
+  ProcessResult result;
+  result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  result.out = contents(folder_ / ".out");
+  result.err = contents(folder_ / ".err");
+  return result;
+}
+
+void Workshop::write(const std::string& name, std::string_view bytes) const {
+  std::ofstream(folder_ / name, std::ios::binary) << bytes;
+}
+
+GaussianModel sampleModel() { return trainedLikeModel(11, 400); }
+
+void writeSample(const std::filesystem::path& path) {
+  Bundle bundle;
+  bundle.model = sampleModel();
+  bundle.background = glm::vec3(1.0f);
+  const Camera seen = trainedLikeCamera(96, 72);
+  for (int i = 0; i < 3; ++i) {
+    Camera camera = seen;
+    camera.name = "view" + std::to_string(i) + ".png";
+    camera.camera_from_world_translation.x += 0.1 * i;
+    camera.test = i == 1;
+    bundle.cameras.push_back(camera);
+  }
+  writeBundle(path, bundle);
+}
+
+bool haveVulkan() {
+  try {
+    createVulkanDevice({});
+    return true;
+  } catch (const Error& error) {
+    std::cout << "skipped: " << error.what() << "\n";
+    return false;
+  }
+}
+
+}  // namespace tg::test

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs tgview as a user does, in a folder of its own with a small model in it.
+#pragma once
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/image.h"
+#include "core/model.h"
+
+namespace tg::test {
+
+struct ProcessResult {
+  int exit_code = -1;  // 128 + signal when killed by one
+  std::string out;
+  std::string err;
+};
+
+// A folder that is gone at the end of a test.
+class Workshop {
+ public:
+  Workshop();
+  ~Workshop();
+  Workshop(const Workshop&) = delete;
+  Workshop& operator=(const Workshop&) = delete;
+
+  // Runs `prefix` (a wrapper or env, as words) and tgview with `arguments` inside the folder, without any display
+  // unless the prefix brings one.
+  ProcessResult tgview(const std::vector<std::string>& arguments, const std::vector<std::string>& prefix = {}) const;
+  std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
+  void write(const std::string& name, std::string_view bytes) const;
+  Image read(const std::string& name) const { return readImage(folder_ / name); }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+// Textured, with three cameras of 96 x 72 of which number 1 is a test view, and a white background.
+GaussianModel sampleModel();
+void writeSample(const std::filesystem::path& path);
+
+// Whether a Vulkan device is there; says why not, once.
+bool haveVulkan();
+
+}  // namespace tg::test

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// What keys, mouse and new models do to the viewer's state.
+#include "viewer/state.h"
+
+#include <set>
+#include <utility>
+
+#include "support/catch.h"
+
+using namespace tg;
+
+namespace {
+
+ViewerState stateWithCameras(int count) {
+  Scene scene;
+  scene.path = "fox.tgz";
+  scene.background = glm::vec3(1, 0.5f, 0);
+  scene.bounds = {{0, 0, 0}, 2.0};
+  for (int i = 0; i < count; ++i) {
+    scene.cameras.push_back(lookAt({i - 1.0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
+  }
+  ViewerState state;
+  setScene(state, scene);
+  return state;
+}
+
+void press(ViewerState& state, int key, bool shift = false) {
+  const auto action = actionOf(key, shift);
+  REQUIRE(action);
+  apply(state, *action);
+}
+
+}  // namespace
+
+TEST_CASE("a new model brings its background and its first test camera, and keeps the switches") {
+  ViewerState state = stateWithCameras(3);
+  CHECK(state.settings.background == glm::vec3(1, 0.5f, 0));
+  CHECK(state.camera == 0);
+  state.output = Output::depth;
+  state.settings.textures = TextureMode::alpha;
+  Scene next = state.scene;
+  next.cameras[1].test = true;
+  setScene(state, next);
+  CHECK(state.camera == 1);
+  CHECK(state.output == Output::depth);
+  CHECK(state.settings.textures == TextureMode::alpha);
+}
+
+TEST_CASE("a model without cameras is framed") {
+  const ViewerState state = stateWithCameras(0);
+  CHECK(state.camera == -1);
+  CHECK(glm::length(state.pose.pivot() - state.scene.bounds.center) < 1e-9);
+  CHECK(state.pose.distance > state.scene.bounds.radius);
+}
+
+TEST_CASE("no key has two meanings, and every listed key has a text") {
+  std::set<std::pair<int, bool>> seen;
+  for (const KeyBinding& binding : keyBindings()) {
+    CHECK(seen.insert({binding.key, binding.shift}).second);
+    CHECK((*binding.keys == 0) == (*binding.text == 0));
+    for (char fly : std::string("WASDQEZX")) CHECK(binding.key != fly);
+  }
+  CHECK_FALSE(actionOf('W', false));
+}
+
+TEST_CASE("the number keys choose the output") {
+  ViewerState state = stateWithCameras(1);
+  for (int i = 0; i < 7; ++i) {
+    press(state, '1' + i);
+    CHECK(static_cast<int>(state.output) == i);
+  }
+}
+
+TEST_CASE("T steps through the texture terms and back; Tab switches them off only while held") {
+  ViewerState state = stateWithCameras(1);
+  std::vector<TextureMode> seen;
+  for (int i = 0; i < 4; ++i) {
+    press(state, 'T');
+    seen.push_back(state.settings.textures);
+  }
+  CHECK(seen == std::vector{TextureMode::rgb, TextureMode::alpha, TextureMode::none, TextureMode::rgba});
+  state.textures_held_off = true;
+  CHECK(effectiveSettings(state).textures == TextureMode::none);
+  CHECK(state.settings.textures == TextureMode::rgba);
+}
+
+TEST_CASE("I starts from the model's own intersection") {
+  ViewerState state = stateWithCameras(1);
+  state.scene.intersection = IntersectionModel::plane;
+  press(state, 'I');
+  CHECK(state.settings.intersection == IntersectionModel::maxResponse);
+  press(state, 'I');
+  CHECK(state.settings.intersection == IntersectionModel::plane);
+}
+
+TEST_CASE("Space goes round the cameras in both directions") {
+  ViewerState state = stateWithCameras(3);
+  press(state, ' ');
+  CHECK(state.camera == 1);
+  press(state, ' ', true);
+  press(state, ' ', true);
+  CHECK(state.camera == 2);
+  press(state, ' ');
+  CHECK(state.camera == 0);
+  ViewerState none = stateWithCameras(0);
+  press(none, ' ');
+  CHECK(none.camera == -1);
+  CHECK_FALSE(none.notice.empty());
+}
+
+TEST_CASE("Esc closes an error, then the help, then the viewer") {
+  ViewerState state = stateWithCameras(1);
+  state.error = "x.ply: broken";
+  state.show_help = true;
+  press(state, kKeyEscape);
+  CHECK(state.error.empty());
+  CHECK(state.show_help);
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.show_help);
+  CHECK_FALSE(state.quit);
+  press(state, kKeyEscape);
+  CHECK(state.quit);
+}
+
+TEST_CASE("moving leaves the model's camera; Shift+F comes back to it") {
+  ViewerState state = stateWithCameras(2);
+  const ViewPose start = state.pose;
+  Input input;
+  input.seconds = 0.1;
+  CHECK_FALSE(applyInput(state, input, 480));
+  CHECK(state.camera == 0);
+  input.left = true;
+  input.drag = {12, -5};
+  CHECK(applyInput(state, input, 480));
+  CHECK(state.camera == -1);
+  press(state, 'F', true);
+  CHECK(state.camera == 0);
+  CHECK(glm::length(state.pose.position - start.position) < 1e-12);
+}
+
+TEST_CASE("a panned point stays under the pointer") {
+  ViewerState state = stateWithCameras(1);
+  const glm::dvec3 pivot = state.pose.pivot();
+  Input input;
+  input.middle = true;
+  input.drag = {17, -9};
+  applyInput(state, input, 480);
+  const Camera camera = toCamera(state.pose, state.lens, 640, 480);
+  const glm::dvec3 p = camera.camera_from_world_rotation * pivot + camera.camera_from_world_translation;
+  CHECK(camera.fx * p.x / p.z == Approx(17));
+  CHECK(camera.fy * p.y / p.z == Approx(-9));
+}
+
+TEST_CASE("the wheel comes closer; with Ctrl it changes the lens within its limits") {
+  ViewerState state = stateWithCameras(1);
+  const double distance = state.pose.distance;
+  Input input;
+  input.wheel = 1;
+  applyInput(state, input, 480);
+  CHECK(state.pose.distance < distance);
+  input.control = true;
+  for (int i = 0; i < 200; ++i) applyInput(state, input, 480);
+  CHECK(state.lens.fov_y == kMinFov);
+  input.wheel = -1;
+  for (int i = 0; i < 400; ++i) applyInput(state, input, 480);
+  CHECK(state.lens.fov_y == kMaxFov);
+}
+
+TEST_CASE("flying covers speed x radius in a second, whatever the frame rate") {
+  for (int frames : {10, 60}) {
+    ViewerState state = stateWithCameras(1);
+    const glm::dvec3 start = state.pose.position;
+    Input input;
+    input.fly = {0, 0, 1};
+    input.seconds = 1.0 / frames;
+    for (int i = 0; i < frames; ++i) applyInput(state, input, 480);
+    CHECK(glm::length(state.pose.position - start) == Approx(state.speed * state.scene.bounds.radius));
+  }
+}

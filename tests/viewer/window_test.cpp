@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// The real window, under a virtual X server: what is on screen is what --render writes.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+
+#include "core/metrics.h"
+#include "core/ply.h"
+#include "process.h"
+#include "render/renderer.h"
+#include "support/catch.h"
+
+using namespace tg;
+using test::ProcessResult;
+using test::Workshop;
+
+namespace {
+
+const std::vector<std::string> kXServer = {"xvfb-run", "-a", "-s", "-screen 0 1024x768x24"};
+
+bool haveWindow() {
+  if (std::system("command -v xvfb-run >/dev/null 2>&1") != 0) {
+    std::cout << "skipped: no xvfb-run (packages xvfb, xauth)\n";
+    return false;
+  }
+  return test::haveVulkan();
+}
+
+// Runs a script in a window, under validation.
+void play(const Workshop& shop, const std::string& script, const std::string& size,
+          const std::string& backend = "vulkan") {
+  shop.write("script.txt", script);
+  const ProcessResult result = shop.tgview(
+      {"model.tgz", "--script", "script.txt", "--size", size, "--backend", backend, "--validation"}, kXServer);
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(result.err.find("vulkan:") == std::string::npos);
+}
+
+Image render(const Workshop& shop, std::vector<std::string> flags) {
+  flags.insert(flags.begin(), {"model.tgz", "--render", "render.png", "--backend", "vulkan"});
+  const ProcessResult result = shop.tgview(flags);
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  return shop.read("render.png");
+}
+
+}  // namespace
+
+TEST_CASE("the window shows every output as --render writes it, before and after a resize") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  std::string script = "panel off\nwait 2\n";
+  const std::vector<std::string> outputs = {"final", "base", "texture", "alpha", "depth", "normal", "count"};
+  for (const std::string& output : outputs) script += "output " + output + "\nwindow " + output + ".png\n";
+  script += "output final\ntextures off\nwindow off.png\ntextures rgba\n";
+  script += "hold-textures-off on\nwindow held.png\nhold-textures-off off\n";
+  script += "size 300x260\norbit 20 -10\ndolly 0.9\nsave-camera camera.json\nwindow resized.png\npicture picture.png\n";
+  play(shop, script, "240x180");
+  for (const std::string& output : outputs) {
+    INFO(output);
+    CHECK(psnr(shop.read(output + ".png"), render(shop, {"--size", "240x180", "--show", output})) > 45);
+  }
+  const Image off = render(shop, {"--size", "240x180", "--textures", "off"});
+  CHECK(psnr(shop.read("off.png"), off) > 45);
+  CHECK(psnr(shop.read("held.png"), off) > 45);
+  const Image resized = shop.read("resized.png");
+  REQUIRE(resized.width == 300);
+  REQUIRE(resized.height == 260);
+  CHECK(psnr(resized, render(shop, {"--camera", "camera.json"})) > 45);
+  CHECK(psnr(resized, shop.read("picture.png")) > 60);
+}
+
+TEST_CASE("the panel lies beside the picture and never changes it") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "wait 3\nsave-camera camera.json\npicture picture.png\nwindow window.png\n", "800x480");
+  const Image window = shop.read("window.png");
+  const Image picture = shop.read("picture.png");
+  REQUIRE(window.width == 800);
+  REQUIRE(picture.width < 600);
+  REQUIRE(picture.height == 480);
+  CHECK(psnr(picture, render(shop, {"--camera", "camera.json"})) > 45);
+  // Below the notice that a save brings up, the right part of the window is the picture.
+  double worst = 0;
+  for (int y = 0; y < 400; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        worst = std::max(worst, double{std::abs(window.at(800 - picture.width + x, y, c) - picture.at(x, y, c))});
+      }
+    }
+  }
+  CHECK(worst == 0);
+}
+
+TEST_CASE("the CPU's pictures reach the window unchanged") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "panel off\nsave-camera camera.json\nsize 260x200\noutput normal\nwait 2\npicture picture.png\n",
+       "240x180", "cpu");
+  const ProcessResult result =
+      shop.tgview({"model.tgz", "--render", "render.png", "--backend", "cpu", "--show", "normal", "--size", "260x200"});
+  REQUIRE(result.exit_code == 0);
+  CHECK(psnr(shop.read("picture.png"), shop.read("render.png")) > 60);
+}
+
+TEST_CASE("a broken file shows an error and leaves the old model; a good one replaces it") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  GaussianModel half = test::sampleModel();
+  half.atlas = {};
+  half.texture_mode = TextureMode::none;
+  writeSplatPly(shop / "plain.ply", half);
+  shop.write("broken.tgz", "not an archive");
+  play(shop,
+       "panel off\nwait 2\npicture before.png\nopen broken.tgz\nwindow error.png\nkey Esc\npicture after.png\n"
+       "save-camera camera.json\nopen plain.ply\ncamera camera.json\npicture plain.png\n"
+       "open model.tgz\ntextures off\nbackground black\ncamera camera.json\npicture textured.png\n",
+       "240x180");
+  CHECK(psnr(shop.read("before.png"), shop.read("error.png")) < 40);  // the error panel is there
+  CHECK(psnr(shop.read("before.png"), shop.read("after.png")) > 60);
+  // Untextured, model.tgz is plain.ply.
+  CHECK(psnr(shop.read("plain.png"), shop.read("textured.png")) > 45);
+}
+
+TEST_CASE("a script that is wrong or cannot write ends with its exit code") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("unknown.txt", "dance\n");
+  shop.write("value.txt", "output red\n");
+  shop.write("write.txt", "window no/such/folder/a.png\n");
+  const auto run = [&shop](const std::string& script) {
+    return shop.tgview({"model.tgz", "--size", "200x150", "--script", script}, kXServer).exit_code;
+  };
+  CHECK(run("missing.txt") == 2);
+  CHECK(run("unknown.txt") == 3);
+  CHECK(run("value.txt") == 3);
+  CHECK(run("write.txt") == 4);
+}

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgview: look at a model in a window, or render it to a file.
+#include <CLI/CLI.hpp>
+
+#include <cstdio>
+#include <new>
+
+#include "core/error.h"
+#include "viewer/headless.h"
+#include "viewer/options.h"
+#include "viewer/window.h"
+
+namespace {
+
+constexpr const char* kFooter =
+    "Keys in the window: press ? or F1. Exit codes: 1 usage, 2 cannot read, 3 bad data, 4 cannot write, 5 device.";
+
+// Flags as typed; their values are checked here so that every refusal names its flag.
+struct Flags {
+  tg::ViewOptions view;
+  std::string show = "final", textures = "rgba", intersection, size, background, backend = "auto";
+  bool list_cameras = false;
+};
+
+void declare(CLI::App& app, Flags& flags) {
+  app.add_option("model", flags.view.model, "model.tgz, splat .ply, or .glb / .gltf")->required();
+  app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
+  app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
+  app.add_option("--show", flags.show, "final, base, texture, alpha, depth, normal or count")->capture_default_str();
+  app.add_option("--textures", flags.textures, "off, alpha, rgb or rgba: what of the textures counts")
+      ->capture_default_str();
+  app.add_option("--intersection", flags.intersection, "plane or maxResponse instead of the model's own");
+  app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window");
+  app.add_option("--background", flags.background, "r,g,b in [0,1], white or black instead of the model's own");
+  app.add_option("--backend", flags.backend, "auto, vulkan or cpu: what renders; auto is Vulkan on a GPU, else the CPU")
+      ->capture_default_str();
+  app.add_option("--device", flags.view.device, "part of the name of the Vulkan device to use");
+  app.add_flag("--validation", flags.view.validation, "run under Vulkan's validation layer; messages are errors");
+  app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
+  app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
+  app.footer(kFooter);
+}
+
+tg::Backend parseBackend(const std::string& text) {
+  if (text == "auto") return tg::Backend::automatic;
+  if (text == "vulkan") return tg::Backend::vulkan;
+  if (text == "cpu") return tg::Backend::cpu;
+  throw tg::Error(tg::ErrorKind::usage, "--backend: expected auto, vulkan or cpu, found \"" + text + "\"");
+}
+
+void parseValues(Flags& flags) {
+  tg::ViewOptions& view = flags.view;
+  view.show = tg::parseShow(flags.show, "--show");
+  view.textures = tg::parseTextures(flags.textures, "--textures");
+  if (!flags.intersection.empty()) view.intersection = tg::parseIntersection(flags.intersection, "--intersection");
+  if (!flags.size.empty()) view.size = tg::parseSize(flags.size, "--size");
+  if (!flags.background.empty()) view.background = tg::parseColor(flags.background, "--background");
+  view.backend = parseBackend(flags.backend);
+  if (!view.out.empty() && !view.script.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, "--script drives the window (expected no --render with it)");
+  }
+}
+
+void listCameras(const std::filesystem::path& path) {
+  const tg::LoadedModel loaded = tg::readModel(path);
+  for (std::size_t i = 0; i < loaded.cameras.size(); ++i) {
+    const tg::Camera& camera = loaded.cameras[i];
+    std::printf("%4zu  %-5s  %5d x %-5d  fy %8.1f  %s\n", i, camera.test ? "test" : "train", camera.width,
+                camera.height, camera.fy, camera.name.c_str());
+  }
+  if (loaded.cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", path.c_str());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Shows models of textured Gaussians, in a window or to a file.", "tgview");
+  Flags flags;
+  declare(app, flags);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
+  }
+  try {
+    parseValues(flags);
+    if (flags.list_cameras)
+      listCameras(flags.view.model);
+    else if (!flags.view.out.empty())
+      tg::renderToFile(flags.view);
+    else
+      tg::runWindow(flags.view);
+    return 0;
+  } catch (const tg::Error& error) {
+    std::fprintf(stderr, "tgview: %s\n", error.what());
+    return tg::exitCode(error);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "tgview: %s: not enough memory\n", flags.view.model.c_str());
+    return static_cast<int>(tg::ErrorKind::badData);
+  }
+}

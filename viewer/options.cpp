@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// Values as text, with errors that say what was expected.
+#include "viewer/options.h"
+
+#include <charconv>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace tg {
+namespace {
+
+constexpr glm::ivec2 kDefaultSize(1280, 720);
+
+[[noreturn]] void refuse(const std::string& what, const std::string& text, const std::string& expected) {
+  throw Error(ErrorKind::usage, what + ": expected " + expected + ", found \"" + text + "\"");
+}
+
+template <typename T>
+std::optional<T> parseWhole(std::string_view text) {
+  T value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+}  // namespace
+
+glm::ivec2 parseSize(const std::string& text, const std::string& what) {
+  const std::size_t x = text.find('x');
+  const auto width = parseWhole<int>(std::string_view(text).substr(0, x));
+  const auto height = x == std::string::npos ? std::nullopt : parseWhole<int>(std::string_view(text).substr(x + 1));
+  if (!width || !height || *width < 1 || *height < 1 || *width > kMaxImageSide || *height > kMaxImageSide) {
+    refuse(what, text, "WIDTHxHEIGHT of 1 to " + std::to_string(kMaxImageSide));
+  }
+  return {*width, *height};
+}
+
+glm::vec3 parseColor(const std::string& text, const std::string& what) {
+  if (text == "white") return glm::vec3(1.0f);
+  if (text == "black") return glm::vec3(0.0f);
+  glm::vec3 color;
+  std::string_view rest = text;
+  for (int c = 0; c < 3; ++c) {
+    const std::size_t comma = c < 2 ? rest.find(',') : rest.size();
+    const auto value = comma == std::string_view::npos ? std::nullopt : parseWhole<float>(rest.substr(0, comma));
+    if (!value || !(*value >= 0.0f && *value <= 1.0f)) refuse(what, text, "r,g,b in [0,1], white or black");
+    color[c] = *value;
+    if (c < 2) rest.remove_prefix(comma + 1);
+  }
+  return color;
+}
+
+TextureMode parseTextures(const std::string& text, const std::string& what) {
+  if (text == "off") return TextureMode::none;
+  const auto mode = parseTextureMode(text);
+  if (!mode) refuse(what, text, "off, alpha, rgb or rgba");
+  return *mode;
+}
+
+IntersectionModel parseIntersection(const std::string& text, const std::string& what) {
+  const auto model = parseIntersectionModel(text);
+  if (!model) refuse(what, text, "plane or maxResponse");
+  return *model;
+}
+
+Output parseShow(const std::string& text, const std::string& what) {
+  const auto output = parseOutput(text);
+  if (!output) refuse(what, text, "final, base, texture, alpha, depth, normal or count");
+  return *output;
+}
+
+double parseNumber(const std::string& text, const std::string& what) {
+  const auto value = parseWhole<double>(text);
+  if (!value || !std::isfinite(*value)) refuse(what, text, "a number");
+  return *value;
+}
+
+Camera cameraOf(const std::string& text, const std::vector<Camera>& model_cameras, const std::string& what) {
+  if (text.find_first_not_of("0123456789") == std::string::npos && !text.empty()) {
+    const auto index = parseWhole<std::size_t>(text);
+    if (model_cameras.empty()) refuse(what, text, "a cameras.json: the model has no cameras");
+    if (!index || *index >= model_cameras.size()) {
+      refuse(what, text, "0 to " + std::to_string(model_cameras.size() - 1) + " (see --list-cameras)");
+    }
+    return model_cameras[*index];
+  }
+  const std::vector<Camera> cameras = readCameras(text);
+  if (cameras.empty()) throw Error(ErrorKind::badData, text, "no camera inside (expected at least 1, found 0)");
+  return cameras.front();
+}
+
+Camera cameraFor(const ViewOptions& options, const Scene& scene) {
+  std::string which = options.camera;
+  if (which.empty() && !scene.cameras.empty()) which = std::to_string(startCamera(scene.cameras));
+  if (which.empty()) {
+    const glm::ivec2 size = options.size.value_or(kDefaultSize);
+    const Lens lens;
+    const double aspect = static_cast<double>(size.x) / size.y;
+    return toCamera(startPose(scene.up, scene.bounds, lens, aspect), lens, size.x, size.y);
+  }
+  const Camera camera = cameraOf(which, scene.cameras, "--camera");
+  if (camera.width < 1 || camera.height < 1 || camera.width > kMaxImageSide || camera.height > kMaxImageSide) {
+    throw Error(ErrorKind::badData, "--camera " + which,
+                "image size (expected sides of 1 to " + std::to_string(kMaxImageSide) + ", found " +
+                    std::to_string(camera.width) + "x" + std::to_string(camera.height) + ")");
+  }
+  return options.size ? fitted(camera, options.size->x, options.size->y) : camera;
+}
+
+Scene describe(const LoadedModel& loaded, const std::filesystem::path& path) {
+  const GaussianModel& model = loaded.model;
+  Scene scene;
+  scene.path = path;
+  scene.cameras = loaded.cameras;
+  scene.gaussians = model.size();
+  for (const TextureRect& rect : model.atlas.rects) {
+    scene.textured += rect.texelCount() > 0;
+    scene.texels += rect.texelCount();
+  }
+  scene.sh_degree = model.sh_degree;
+  scene.texture_mode = model.texture_mode;
+  scene.intersection = model.intersection;
+  scene.background = loaded.background;
+  scene.warnings = loaded.warnings;
+  scene.up = sceneUp(loaded.cameras);
+  scene.bounds = sceneBounds(model);
+  return scene;
+}
+
+}  // namespace tg

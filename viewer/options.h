@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the command line and scripts share: values as text, and models as scenes.
+#pragma once
+#include <filesystem>
+#include <glm/glm.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "converter/read_model.h"
+#include "viewer/state.h"
+
+namespace tg {
+
+constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
+
+// automatic: Vulkan on a GPU; the CPU renderer where Vulkan is missing or itself runs on the CPU (65 x slower there).
+enum class Backend { automatic, vulkan, cpu };
+
+// What the command line asks for, in a window or to a file.
+struct ViewOptions {
+  std::filesystem::path model;
+  std::filesystem::path out;     // .png, .jpg: a picture; .exr: the numbers. Empty: a window
+  std::filesystem::path script;  // drives the window; may be empty
+  std::string camera;            // "": the model's first test camera, else the whole model in view
+  Output show = Output::final;
+  TextureMode textures = TextureMode::rgba;
+  std::optional<IntersectionModel> intersection;  // default: the model's
+  std::optional<glm::ivec2> size;                 // default: the camera's
+  std::optional<glm::vec3> background;            // default: the model's
+  Backend backend = Backend::automatic;
+  std::string device;  // part of a Vulkan device's name
+  bool validation = false;
+};
+
+// Each throws Error(usage) that names `what`, the offending text and the form expected.
+glm::ivec2 parseSize(const std::string& text, const std::string& what);       // WxH
+glm::vec3 parseColor(const std::string& text, const std::string& what);       // r,g,b in [0,1], white, black
+TextureMode parseTextures(const std::string& text, const std::string& what);  // off, alpha, rgb, rgba
+IntersectionModel parseIntersection(const std::string& text, const std::string& what);
+Output parseShow(const std::string& text, const std::string& what);
+double parseNumber(const std::string& text, const std::string& what);  // finite
+
+// N, counted from 0, of the model's cameras, or the first camera of a cameras.json. Throws Error(usage) for a number
+// out of range, and what readCameras throws.
+Camera cameraOf(const std::string& text, const std::vector<Camera>& model_cameras, const std::string& what);
+
+// What --camera names, or the view that the window opens with; at --size.
+Camera cameraFor(const ViewOptions& options, const Scene& scene);
+
+Scene describe(const LoadedModel& loaded, const std::filesystem::path& path);
+
+}  // namespace tg

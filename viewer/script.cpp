@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// Script commands as changes of the viewer's state.
+#include "viewer/script.h"
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+#include <string_view>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "viewer/options.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxScriptBytes = 1 << 20;
+constexpr int kFramesAfterResize = 4;  // the window system answers a size request some events later
+constexpr int kFramesOfPanels = 2;     // an overlay measures itself in its first frame, unseen
+constexpr int kFramesOfOpening = 4;    // announced, opened, shown
+constexpr double kDegrees = 3.14159265358979323846 / 180.0;
+
+using Words = std::vector<std::string>;
+
+int parseFrames(const std::string& text, const std::string& what) {
+  const double count = parseNumber(text, what);
+  if (!(count >= 1 && count <= 100000)) {
+    throw Error(ErrorKind::usage, what + ": expected 1 to 100000 frames, found \"" + text + "\"");
+  }
+  return static_cast<int>(count);
+}
+
+bool parseSwitch(const std::string& text, const std::string& what) {
+  if (text != "on" && text != "off") {
+    throw Error(ErrorKind::usage, what + ": expected on or off, found \"" + text + "\"");
+  }
+  return text == "on";
+}
+
+int parseKey(const std::string& text, const std::string& what) {
+  if (text == "Space") return ' ';
+  if (text == "Esc") return kKeyEscape;
+  if (text.size() == 1 && text[0] > ' ' && text[0] <= 'Z') return text[0];
+  throw Error(ErrorKind::usage, what + ": expected a capital letter, a digit, Space or Esc, found \"" + text + "\"");
+}
+
+// A command: its words, and what it does. `wait`: frames to draw before the next one.
+struct Verb {
+  std::string_view name;
+  std::size_t words;
+  int wait;
+  void (*run)(ViewerState&, const Words&, const std::string& what);
+};
+
+constexpr std::array kVerbs = {
+    Verb{"output", 1, 0, [](ViewerState& s, const Words& w, const std::string& at) { s.output = parseShow(w[0], at); }},
+    Verb{"textures", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.settings.textures = parseTextures(w[0], at); }},
+    Verb{"intersection", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.settings.intersection = parseIntersection(w[0], at);
+         }},
+    Verb{"background", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.settings.background = parseColor(w[0], at); }},
+    Verb{"fov", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.lens.fov_y = std::clamp(parseNumber(w[0], at) * kDegrees, kMinFov, kMaxFov);
+         }},
+    Verb{"camera", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           setCamera(s, cameraOf(w[0], s.scene.cameras, at));
+         }},
+    Verb{"orbit", 2, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           orbit(s.pose, parseNumber(w[0], at) * kDegrees, parseNumber(w[1], at) * kDegrees);
+           s.camera = -1;
+         }},
+    Verb{"dolly", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) { dolly(s.pose, parseNumber(w[0], at)); }},
+    Verb{"key", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           const bool shift = w[0].starts_with("Shift+");
+           const int key = parseKey(shift ? w[0].substr(6) : w[0], at);
+           if (const auto action = actionOf(key, shift)) apply(s, *action);
+         }},
+    Verb{"hold-textures-off", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.textures_held_off = parseSwitch(w[0], at); }},
+    Verb{"panel", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.show_panel = parseSwitch(w[0], at); }},
+    Verb{"help", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.show_help = parseSwitch(w[0], at); }},
+    Verb{"open", 1, kFramesOfOpening,
+         [](ViewerState& s, const Words& w, const std::string&) { s.open_request = w[0]; }},
+    Verb{"wait", 1, 0, nullptr},
+    Verb{"size", 1, kFramesAfterResize, nullptr},
+    Verb{"picture", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.picture = w[0]; }},
+    Verb{"window", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.window = w[0]; }},
+    Verb{"save-camera", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.camera = w[0]; }},
+};
+
+const Verb* findVerb(std::string_view name) {
+  const auto at = std::find_if(kVerbs.begin(), kVerbs.end(), [name](const Verb& verb) { return verb.name == name; });
+  return at == kVerbs.end() ? nullptr : &*at;
+}
+
+}  // namespace
+
+Script readScript(const std::filesystem::path& path) {
+  const std::vector<std::uint8_t> bytes = readFile(path, kMaxScriptBytes);
+  return parseScript(std::string(bytes.begin(), bytes.end()), path.string());
+}
+
+Script parseScript(const std::string& text, const std::string& path) {
+  Script script;
+  script.path = path;
+  std::istringstream lines(text);
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    std::istringstream words(line.substr(0, line.find('#')));
+    ScriptCommand command;
+    command.line = number;
+    if (!(words >> command.verb)) continue;
+    for (std::string word; words >> word;) command.words.push_back(word);
+    const std::string at = "line " + std::to_string(number) + ": ";
+    const Verb* verb = findVerb(command.verb);
+    if (!verb) throw Error(ErrorKind::badData, path, at + "unknown command \"" + command.verb + "\"");
+    if (verb->words != command.words.size()) {
+      throw Error(ErrorKind::badData, path,
+                  at + command.verb + " (expected " + std::to_string(verb->words) + " words, found " +
+                      std::to_string(command.words.size()) + ")");
+    }
+    script.commands.push_back(std::move(command));
+  }
+  return script;
+}
+
+std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
+  if (script.wait > 0) --script.wait;
+  while (script.wait == 0 && script.next < script.commands.size()) {
+    const ScriptCommand& command = script.commands[script.next++];
+    const Verb& verb = *findVerb(command.verb);
+    const std::string at = "line " + std::to_string(command.line) + ": " + command.verb;
+    try {
+      script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;
+      if (command.verb == "size") return parseSize(command.words[0], at);
+      if (verb.run) verb.run(state, command.words, at);
+    } catch (const Error& error) {
+      throw Error(error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind, script.path, error.what());
+    }
+  }
+  if (script.wait == 0 && script.next == script.commands.size()) state.quit = true;
+  return std::nullopt;
+}
+
+}  // namespace tg

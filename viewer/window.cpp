@@ -1,0 +1,416 @@
+// SPDX-License-Identifier: Apache-2.0
+// The interactive viewer: GLFW window, events, and the frame loop.
+#include "viewer/window.h"
+
+#include <vulkan/vulkan.h>
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <imgui.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <utility>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "render/vulkan/vulkan_renderer.h"
+#include "viewer/cpu_picture.h"
+#include "viewer/gui.h"
+#include "viewer/panels.h"
+#include "viewer/presenter.h"
+#include "viewer/script.h"
+#include "viewer/state.h"
+
+namespace tg {
+namespace {
+
+constexpr glm::ivec2 kDefaultWindow(1280, 720);
+constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
+constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
+constexpr double kSmallestScale = 0.25;  // of that reduction, per side
+constexpr int kMaxGrowth = 8;            // repeats of a frame whose buffers were too small
+constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
+
+[[noreturn]] void refuseWindow(const std::string& reason) {
+  throw Error(ErrorKind::device, "cannot open a window: " + reason + " (--render OUT.png needs none)");
+}
+
+class Glfw {
+ public:
+  Glfw() {
+#if defined(__linux__)
+    // Asked before GLFW is touched: its own message names neither variable nor way out.
+    if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) {
+      refuseWindow("no display (expected DISPLAY or WAYLAND_DISPLAY to be set)");
+    }
+#endif
+    if (!glfwInit()) refuseWindow(lastError());
+  }
+  ~Glfw() { glfwTerminate(); }
+  Glfw(const Glfw&) = delete;
+  Glfw& operator=(const Glfw&) = delete;
+
+  static std::string lastError() {
+    const char* text = nullptr;
+    glfwGetError(&text);
+    return text ? text : "unknown GLFW error";
+  }
+};
+
+// What the callbacks collected since the last frame.
+struct Events {
+  std::vector<std::pair<int, bool>> keys;  // key, shift
+  std::vector<std::filesystem::path> dropped;
+};
+
+Events& eventsOf(GLFWwindow* window) { return *static_cast<Events*>(glfwGetWindowUserPointer(window)); }
+
+void onKey(GLFWwindow* window, int key, int, int action, int mods) {
+  if (action == GLFW_PRESS) eventsOf(window).keys.emplace_back(key, (mods & GLFW_MOD_SHIFT) != 0);
+}
+
+void onDrop(GLFWwindow* window, int count, const char** paths) {
+  for (int i = 0; i < count; ++i) eventsOf(window).dropped.emplace_back(paths[i]);
+}
+
+GLFWwindow* openWindow(glm::ivec2 size, Events& events) {
+  if (!glfwVulkanSupported()) refuseWindow("GLFW finds no Vulkan loader");
+  glfwWindowHint(GLFW_CLIENT_API, GLFW_NO_API);
+  GLFWwindow* window = glfwCreateWindow(size.x, size.y, "tgview", nullptr, nullptr);
+  if (!window) refuseWindow(Glfw::lastError());
+  glfwSetWindowUserPointer(window, &events);
+  glfwSetKeyCallback(window, onKey);
+  glfwSetDropCallback(window, onDrop);
+  return window;
+}
+
+auto createWindowDevice(GLFWwindow* window, const ViewOptions& view) {
+  VulkanOptions options;
+  options.validation = view.validation;
+  options.device = view.device;
+  std::uint32_t count = 0;
+  const char** extensions = glfwGetRequiredInstanceExtensions(&count);
+  if (!extensions) refuseWindow("Vulkan cannot draw to this display");
+  options.instance_extensions.assign(extensions, extensions + count);
+  options.swapchain = true;
+  options.surface = [window](VkInstance instance) {
+    VkSurfaceKHR surface = VK_NULL_HANDLE;
+    if (glfwCreateWindowSurface(instance, window, nullptr, &surface) != VK_SUCCESS) refuseWindow(Glfw::lastError());
+    return surface;
+  };
+  return createVulkanDevice(options);
+}
+
+std::unique_ptr<VulkanRenderer> makeRenderer(VulkanDevice& device, Backend backend) {
+  const bool software = device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+  const bool cpu = backend == Backend::cpu || (backend == Backend::automatic && software);
+  return cpu ? makeCpuPictureRenderer(device) : makeVulkanRenderer(device);
+}
+
+bool sameView(const Camera& a, const Camera& b) {
+  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
+         a.camera_from_world_rotation == b.camera_from_world_rotation &&
+         a.camera_from_world_translation == b.camera_from_world_translation;
+}
+
+bool sameRequest(const VulkanFrameRequest& a, const VulkanFrameRequest& b) {
+  return sameView(a.camera, b.camera) && a.output == b.output && a.settings.textures == b.settings.textures &&
+         a.settings.intersection == b.settings.intersection && a.settings.background == b.settings.background;
+}
+
+class Viewer {
+ public:
+  explicit Viewer(const ViewOptions& options);
+  void run();
+
+ private:
+  struct WindowCloser {
+    void operator()(GLFWwindow* window) const { glfwDestroyWindow(window); }
+  };
+
+  void waitForEvents();
+  PixelRect pictureArea() const;
+  void followAspect();
+  void handleEvents();
+  bool handlePointer();
+  void openPending();
+  void openModel(const std::filesystem::path& path);
+  void openCameras(const std::filesystem::path& path);
+  void drawFrame(bool moving);
+  void writeCaptures();
+  bool held(int key) const { return glfwGetKey(window_.get(), key) == GLFW_PRESS; }
+
+  ViewOptions options_;
+  std::optional<Script> script_;
+  LoadedModel first_;  // until the renderer has it
+  Glfw glfw_;
+  Events events_;
+  std::unique_ptr<GLFWwindow, WindowCloser> window_;
+  std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device_;
+  std::unique_ptr<VulkanRenderer> renderer_;
+  Presenter presenter_;
+  Gui gui_;
+  ViewerState state_;
+  FrameStatistics statistics_;
+  std::optional<VulkanFrameRequest> drawn_;  // what the renderer's image shows
+  double last_full_ms_ = 0;                  // of the last frame at full size
+  bool open_announced_ = false;
+  int frames_since_event_ = 0;
+  double last_time_ = 0;
+};
+
+Viewer::Viewer(const ViewOptions& options)
+    : options_(options),
+      script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script))),
+      first_(readModel(options.model)),
+      window_(openWindow(options.size.value_or(kDefaultWindow), events_)),
+      device_(createWindowDevice(window_.get(), options)),
+      renderer_(makeRenderer(*device_, options.backend)),
+      presenter_(*device_),
+      gui_(window_.get(), *device_, presenter_) {
+  renderer_->setModel(first_.model);
+  statistics_.device = renderer_->deviceName();
+  state_.output = options.show;
+  state_.settings.textures = options.textures;
+  state_.settings.intersection = options.intersection;
+  glfwSetWindowTitle(window_.get(), ("tgview - " + options.model.filename().string()).c_str());
+}
+
+void Viewer::run() {
+  bool started = false;
+  while (!state_.quit && !glfwWindowShouldClose(window_.get())) {
+    waitForEvents();
+    glm::ivec2 pixels;
+    glfwGetFramebufferSize(window_.get(), &pixels.x, &pixels.y);
+    if (!presenter_.acquire(pixels)) {
+      glfwWaitEventsTimeout(0.1);
+      continue;
+    }
+    state_.time = glfwGetTime();
+    gui_.beginFrame();
+    if (!started) {
+      const PixelRect area = pictureArea();
+      state_.aspect = static_cast<double>(area.size.x) / area.size.y;
+      setScene(state_, describe(first_, options_.model));
+      first_ = {};
+      if (options_.background) state_.settings.background = *options_.background;
+      if (!options_.camera.empty()) setCamera(state_, cameraOf(options_.camera, state_.scene.cameras, "--camera"));
+      started = true;
+    }
+    followAspect();
+    openPending();
+    if (script_) {
+      if (const auto size = step(*script_, state_)) glfwSetWindowSize(window_.get(), size->x, size->y);
+    }
+    handleEvents();
+    const bool moving = handlePointer();
+    drawPanels(state_, statistics_);
+    gui_.endFrame();
+    followAspect();
+    drawFrame(moving);
+    writeCaptures();
+    presenter_.present();
+  }
+  if (!device_->validation_messages.empty()) {
+    throw Error(ErrorKind::device,
+                std::to_string(device_->validation_messages.size()) + " validation messages (expected none)");
+  }
+}
+
+// Sleeps while nothing changes: a still picture costs nothing.
+void Viewer::waitForEvents() {
+  const bool busy = state_.continuous || script_ || state_.open_request || frames_since_event_ < kSettleFrames;
+  if (busy) {
+    glfwPollEvents();
+    ++frames_since_event_;
+  } else {
+    // A notice that must fade is the only thing that changes by itself.
+    if (state_.time < state_.notice_until)
+      glfwWaitEventsTimeout(state_.notice_until - state_.time + 0.01);
+    else
+      glfwWaitEvents();
+    frames_since_event_ = 0;
+  }
+}
+
+PixelRect Viewer::pictureArea() const {
+  const ImGuiIO& io = ImGui::GetIO();
+  const glm::ivec2 window = presenter_.size();
+  const float panel = panelWidth(state_, io.DisplaySize.x) * io.DisplayFramebufferScale.x;
+  PixelRect area;
+  area.origin.x = std::min(static_cast<int>(std::ceil(panel)), window.x - 1);
+  area.size = window - area.origin;
+  return area;
+}
+
+// A model's camera stays wholly in view when the window changes its shape.
+void Viewer::followAspect() {
+  const PixelRect area = pictureArea();
+  const double aspect = static_cast<double>(area.size.x) / area.size.y;
+  if (aspect == state_.aspect) return;
+  state_.aspect = aspect;
+  if (state_.camera >= 0) state_.lens = lensOf(state_.scene.cameras[state_.camera], aspect);
+}
+
+void Viewer::handleEvents() {
+  const Events events = std::exchange(events_, {});
+  for (const auto& [key, shift] : events.keys) {
+    if (ImGui::GetIO().WantTextInput) break;
+    if (const auto action = actionOf(key, shift)) apply(state_, *action);
+  }
+  if (!events.dropped.empty()) state_.open_request = events.dropped.front();
+}
+
+bool Viewer::handlePointer() {
+  const ImGuiIO& io = ImGui::GetIO();
+  Input input;
+  input.seconds = std::clamp(state_.time - last_time_, 0.0, 0.25);
+  last_time_ = state_.time;
+  input.shift = io.KeyShift;
+  input.control = io.KeyCtrl;
+  if (!io.WantCaptureMouse) {
+    input.drag = {io.MouseDelta.x, io.MouseDelta.y};
+    input.wheel = io.MouseWheel;
+    input.left = io.MouseDown[0];
+    input.right = io.MouseDown[1];
+    input.middle = io.MouseDown[2];
+  }
+  if (!io.WantTextInput) {
+    const auto axis = [this](int positive, int negative) { return held(positive) - held(negative); };
+    input.fly = {axis(GLFW_KEY_D, GLFW_KEY_A), axis(GLFW_KEY_Q, GLFW_KEY_E), axis(GLFW_KEY_W, GLFW_KEY_S)};
+    input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
+  }
+  if (!script_) state_.textures_held_off = !io.WantTextInput && held(kKeyTab);
+  const double units_high = pictureArea().size.y / std::max(io.DisplayFramebufferScale.y, 1e-3f);
+  const bool moved = applyInput(state_, input, static_cast<int>(units_high));
+  const bool active = moved || input.fly != glm::dvec3(0.0) || input.roll != 0;
+  if (active) frames_since_event_ = 0;
+  return active;
+}
+
+// A file is opened one frame after it was asked for, so that the notice is on screen meanwhile.
+void Viewer::openPending() {
+  if (!state_.open_request) return;
+  if (!open_announced_) {
+    notify(state_, "Opening " + state_.open_request->filename().string());
+    open_announced_ = true;
+    return;
+  }
+  const std::filesystem::path path = *std::exchange(state_.open_request, std::nullopt);
+  open_announced_ = false;
+  try {
+    if (path.extension() == ".json")
+      openCameras(path);
+    else
+      openModel(path);
+  } catch (const Error& error) {
+    state_.error = error.what();
+    state_.notice_until = 0;
+  } catch (const std::bad_alloc&) {
+    state_.error = path.string() + ": not enough memory";
+    state_.notice_until = 0;
+  }
+}
+
+void Viewer::openModel(const std::filesystem::path& path) {
+  const LoadedModel loaded = readModel(path);
+  // The old model stays whole until the new one is on the device.
+  std::unique_ptr<VulkanRenderer> fresh = makeRenderer(*device_, options_.backend);
+  fresh->setModel(loaded.model);
+  renderer_ = std::move(fresh);
+  drawn_.reset();
+  setScene(state_, describe(loaded, path));
+  glfwSetWindowTitle(window_.get(), ("tgview - " + path.filename().string()).c_str());
+  notify(state_, "Opened " + path.filename().string());
+}
+
+void Viewer::openCameras(const std::filesystem::path& path) {
+  std::vector<Camera> cameras = readCameras(path);
+  if (cameras.empty())
+    throw Error(ErrorKind::badData, path.string(), "no camera inside (expected at least 1, found 0)");
+  state_.scene.cameras = std::move(cameras);
+  goToCamera(state_, startCamera(state_.scene.cameras));
+  notify(state_, std::to_string(state_.scene.cameras.size()) + " cameras from " + path.filename().string());
+}
+
+void Viewer::drawFrame(bool moving) {
+  const PixelRect area = pictureArea();
+  glm::ivec2 size = area.size;
+  const bool capturing = !state_.capture.picture.empty() || !state_.capture.window.empty();
+  statistics_.reduced = moving && !capturing && last_full_ms_ > kSmoothFrame;
+  if (statistics_.reduced) {
+    const double scale = std::max(std::sqrt(kSmoothFrame / last_full_ms_), kSmallestScale);
+    size = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
+  }
+  const VulkanFrameRequest request{toCamera(state_.pose, state_.lens, size.x, size.y), effectiveSettings(state_),
+                                   state_.output};
+  const bool anew = state_.continuous || !drawn_ || !sameRequest(*drawn_, request);
+  // The window system may already have another size than the panels were laid out for.
+  const ImGuiIO& io = ImGui::GetIO();
+  const glm::ivec2 laid_out(std::lround(io.DisplaySize.x * io.DisplayFramebufferScale.x),
+                            std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
+  const auto start = std::chrono::steady_clock::now();
+  bool complete = false;
+  for (int attempt = 0; !complete && attempt < kMaxGrowth; ++attempt) {
+    const VkCommandBuffer commands = presenter_.beginCommands();
+    if (anew) renderer_->record(commands, request);
+    presenter_.recordPicture(renderer_->image(), size, area, kSurround);
+    presenter_.beginPanels();
+    if (laid_out == presenter_.size()) gui_.record(commands);
+    presenter_.endPanels();
+    presenter_.submitAndWait();
+    complete = !anew || renderer_->finishFrame();
+  }
+  if (!complete) throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
+  if (!anew) return;
+  drawn_ = request;
+  const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  if (!statistics_.reduced) last_full_ms_ = ms;
+  if (statistics_.reduced) frames_since_event_ = 0;  // the full picture is still owed
+  statistics_.frame_ms.push_back(static_cast<float>(ms));
+  if (statistics_.frame_ms.size() > kFrameHistory) statistics_.frame_ms.erase(statistics_.frame_ms.begin());
+  statistics_.passes = renderer_->passTimes();
+  statistics_.picture_size = size;
+}
+
+void Viewer::writeCaptures() {
+  const CaptureRequest capture = std::exchange(state_.capture, {});
+  const auto saved = [this](const std::filesystem::path& path) { notify(state_, "Saved " + path.string()); };
+  try {
+    if (!capture.picture.empty()) {
+      writeImage(capture.picture, presenter_.read(renderer_->image(), statistics_.picture_size));
+      saved(capture.picture);
+    }
+    if (!capture.window.empty()) {
+      writeImage(capture.window, presenter_.readWindow());
+      saved(capture.window);
+    }
+    if (!capture.camera.empty()) {
+      const glm::ivec2 size = pictureArea().size;
+      Camera camera = toCamera(state_.pose, state_.lens, size.x, size.y);
+      camera.name = state_.scene.path.stem().string();
+      const std::string text = formatCameras({camera});
+      writeFileAtomically(capture.camera, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+      saved(capture.camera);
+    }
+  } catch (const Error& error) {
+    if (script_) throw;
+    state_.error = error.what();
+  }
+}
+
+}  // namespace
+
+void runWindow(const ViewOptions& options) {
+  Viewer viewer(options);
+  viewer.run();
+}
+
+}  // namespace tg
