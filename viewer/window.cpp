@@ -382,7 +382,9 @@ void Viewer::drawFrame(bool moving) {
 
 void Viewer::writeCaptures() {
   const CaptureRequest capture = std::exchange(state_.capture, {});
-  const auto saved = [this](const std::filesystem::path& path) { notify(state_, "Saved " + path.string()); };
+  const auto saved = [this](const std::filesystem::path& path) {
+    if (!script_) notify(state_, "Saved " + path.string());  // the next capture of a script must not show it
+  };
   try {
     if (!capture.picture.empty()) {
       writeImage(capture.picture, presenter_.read(renderer_->image(), statistics_.picture_size));
