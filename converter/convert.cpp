@@ -98,10 +98,10 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
   const OutputFormat format = outputFormat(output);
+  checkOutput(output, options.overwrite);
   ReadOptions read_options;
   read_options.base_only = options.base_only;
   const LoadedModel source = readModel(input, read_options);
-  checkOutput(output, options.overwrite);
 
   ConvertReport report;
   report.input_format = source.format;

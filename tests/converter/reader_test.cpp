@@ -375,6 +375,65 @@ TEST_CASE("A GLB with any one byte of its JSON changed is read or refused, never
   }
 }
 
+TEST_CASE("A GLB with any one JSON value replaced is read or refused, never worse") {
+  const Scratch scratch;
+  const Glb good = smallGlb(scratch);
+  std::vector<nlohmann::json::json_pointer> places;
+  const std::function<void(const nlohmann::json&, const nlohmann::json::json_pointer&)> collect =
+      [&](const nlohmann::json& value, const nlohmann::json::json_pointer& at) {
+        if (!at.empty()) places.push_back(at);
+        if (value.is_object()) {
+          for (const auto& [key, child] : value.items()) collect(child, at / key);
+        } else if (value.is_array()) {
+          for (std::size_t i = 0; i < value.size(); ++i) collect(value[i], at / i);
+        }
+      };
+  collect(good.json, nlohmann::json::json_pointer());
+  const std::vector<nlohmann::json> nasty = {nullptr,
+                                             true,
+                                             -1,
+                                             0,
+                                             1,
+                                             3,
+                                             255,
+                                             65536,
+                                             2147483647,
+                                             2147483648u,
+                                             4294967295u,
+                                             4294967296u,
+                                             18446744073709551615u,
+                                             1e308,
+                                             -0.5,
+                                             "",
+                                             "data:image/png;base64,AAAA",
+                                             nlohmann::json::array(),
+                                             nlohmann::json::object(),
+                                             nlohmann::json::array({0, 0}),
+                                             nlohmann::json::array({nullptr}),
+                                             {{"a", 1}}};
+  test::Random random(34);
+  for (const auto& place : places) {
+    for (int n = 0; n < 2; ++n) {
+      Glb glb = good;
+      const auto& value = nasty[static_cast<std::size_t>(random.uniform(0.0, static_cast<double>(nasty.size())))];
+      glb.json[place] = value;
+      const std::string found = refusal(scratch.write("changed.glb", glb.bytes()));
+      CAPTURE(place.to_string(), value.dump(), found);
+      CHECK(!contains(found, "without the path"));
+    }
+  }
+}
+
+TEST_CASE("A texture whose SCALE.z is not the smallest is drawn on the longer axes, with a warning") {
+  const Scratch scratch;
+  Glb glb = smallGlb(scratch);
+  const float scales[3] = {0.1f, 0.2f, 0.3f};
+  std::memcpy(glb.bin.data() + glb.start(kKhr + "SCALE") + 4 * sizeof(scales), scales, sizeof(scales));
+  const LoadedModel loaded = readModel(scratch.write("a.glb", glb.bytes()));
+  REQUIRE(loaded.warnings.size() == 1);
+  CHECK(contains(loaded.warnings[0], "1 splats with a texture whose SCALE.z is not the smallest"));
+}
+
 TEST_CASE("JSON that is deep, broken or of another kind is refused in one line") {
   const Scratch scratch;
   const auto check = [&](const std::string& text, const std::string& expected) {
