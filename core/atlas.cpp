@@ -71,8 +71,10 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
   }
   if (order.empty()) return packed;
   // Tall shelves first: what is left at the end of a page is as thin as possible.
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::uint32_t a, std::uint32_t b) { return atlas.rects[a].height > atlas.rects[b].height; });
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    const std::uint16_t height_a = atlas.rects[a].height, height_b = atlas.rects[b].height;
+    return height_a != height_b ? height_a > height_b : a < b;
+  });
 
   const int page_width = pageWidth(texels, widest, max_page_size);
   int page_height = 0;  // the tallest of the pages
