@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The oracle's backward pass: docs/math.md 6, in the order of its steps.
-#include <cassert>
+#include <string>
 
+#include "core/error.h"
 #include "core/parallel.h"
 #include "render/reference/reference.h"
 #include "render/reference/splat.h"
@@ -159,7 +160,11 @@ void finish(const Scene& scene, const Splat& splat, const SplatSums& sum, Refere
 
 ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,
                                     std::span<const glm::dvec3> v_color, const ReferenceOptions& options) {
-  assert(v_color.size() == static_cast<std::size_t>(camera.width) * camera.height);
+  const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
+  if (v_color.size() != pixels) {
+    throw Error(ErrorKind::usage, "reference: picture gradient of the wrong size (expected " + std::to_string(pixels) +
+                                      " pixels, found " + std::to_string(v_color.size()) + ")");
+  }
   const Scene scene = reference::makeScene(model, camera, settings, options);
 
   // Bands of rows, their number fixed: every sum is taken in one order whatever the number of threads.

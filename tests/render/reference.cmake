@@ -1,11 +1,3 @@
-add_library(tg_goldens STATIC ${CMAKE_SOURCE_DIR}/tests/goldens/goldens.cpp)
-target_link_libraries(tg_goldens PUBLIC tg_render tg_test_support)
-target_compile_definitions(tg_goldens PUBLIC TG_GOLDENS="${CMAKE_SOURCE_DIR}/tests/goldens")
-
-# The one command that renders the golden frames anew.
-add_executable(tg_make_goldens ${CMAKE_SOURCE_DIR}/tests/goldens/make_goldens.cpp)
-target_link_libraries(tg_make_goldens PRIVATE tg_goldens)
-
 # What the GLSL compiler makes of shared/layout.h, for layout_test.cpp.
 find_program(TG_SPIRV_CROSS spirv-cross)
 set(layout_reflection "")

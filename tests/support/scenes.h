@@ -35,7 +35,7 @@ struct TestScene {
 TestScene makeScene(SceneKind kind, unsigned seed, int gaussians = 200, int width = 64, int height = 48);
 
 // What a float32 renderer that uses the formulas of shaders/shared may differ from the reference by, on makeScene's
-// default size. Measured with a plain float loop over all Gaussians (tests/render/shared_math_test.cpp), then doubled.
+// default size: two to four times what a plain float loop over all Gaussians does (tests/render/shared_math_test.cpp).
 Tolerance tolerance(SceneKind kind, IntersectionModel intersection);
 
 // A scene such as training leaves behind: flat Gaussians with 4 x 4 textures on a floor, a box and a ball, SH degree 3,
