@@ -24,15 +24,22 @@ std::optional<T> parseWhole(std::string_view text) {
   return value;
 }
 
+bool isImageSize(int width, int height) {
+  return width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide &&
+         std::int64_t{width} * height <= kMaxFramePixels;
+}
+
+std::string sizeLimits() {
+  return "sides of 1 to " + std::to_string(kMaxImageSide) + ", at most " + std::to_string(kMaxFramePixels) + " pixels";
+}
+
 }  // namespace
 
 glm::ivec2 parseSize(const std::string& text, const std::string& what) {
   const std::size_t x = text.find('x');
   const auto width = parseWhole<int>(std::string_view(text).substr(0, x));
   const auto height = x == std::string::npos ? std::nullopt : parseWhole<int>(std::string_view(text).substr(x + 1));
-  if (!width || !height || *width < 1 || *height < 1 || *width > kMaxImageSide || *height > kMaxImageSide) {
-    refuse(what, text, "WIDTHxHEIGHT of 1 to " + std::to_string(kMaxImageSide));
-  }
+  if (!width || !height || !isImageSize(*width, *height)) refuse(what, text, "WIDTHxHEIGHT, " + sizeLimits());
   return {*width, *height};
 }
 
@@ -100,10 +107,10 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene) {
     return toCamera(startPose(scene.up, scene.bounds, lens, aspect), lens, size.x, size.y);
   }
   const Camera camera = cameraOf(which, scene.cameras, "--camera");
-  if (camera.width < 1 || camera.height < 1 || camera.width > kMaxImageSide || camera.height > kMaxImageSide) {
+  if (!isImageSize(camera.width, camera.height)) {
     throw Error(ErrorKind::badData, "--camera " + which,
-                "image size (expected sides of 1 to " + std::to_string(kMaxImageSide) + ", found " +
-                    std::to_string(camera.width) + "x" + std::to_string(camera.height) + ")");
+                "image size (expected " + sizeLimits() + ", found " + std::to_string(camera.width) + "x" +
+                    std::to_string(camera.height) + ")");
   }
   return options.size ? fitted(camera, options.size->x, options.size->y) : camera;
 }

@@ -12,9 +12,11 @@
 
 namespace tg {
 
-constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
+constexpr int kMaxImageSide = 16384;                             // [px] what Vulkan devices offer
+constexpr std::int64_t kMaxFramePixels = std::int64_t{1} << 26;  // all outputs of a frame: 3 GiB
 
-// automatic: Vulkan on a GPU; the CPU renderer where Vulkan is missing or itself runs on the CPU (65 x slower there).
+// automatic: Vulkan on a GPU; the CPU renderer where Vulkan is missing or itself runs on the CPU (where it is far
+// slower).
 enum class Backend { automatic, vulkan, cpu };
 
 // What the command line asks for, in a window or to a file.

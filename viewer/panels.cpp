@@ -139,6 +139,8 @@ void textureSection(ViewerState& state) {
   choose("Max response", IntersectionModel::maxResponse, 1);
 }
 
+bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }
+
 std::string cameraLabel(const Camera& camera, int index) {
   std::string label = std::to_string(index);
   if (!camera.name.empty()) label += "  " + camera.name;
@@ -153,6 +155,7 @@ void cameraList(ViewerState& state) {
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - 2 * (button + spacing));
   if (ImGui::BeginCombo("##camera", preview.c_str(), ImGuiComboFlags_HeightLarge)) {
+    if (escapePressed()) ImGui::CloseCurrentPopup();
     ImGuiListClipper clipper;
     clipper.Begin(static_cast<int>(cameras.size()));
     while (clipper.Step()) {
@@ -165,10 +168,10 @@ void cameraList(ViewerState& state) {
     ImGui::EndCombo();
   }
   ImGui::SameLine(0, spacing);
-  if (ImGui::Button("<", {button, 0})) apply(state, Action::previousCamera);
+  if (ImGui::ArrowButton("##previous", ImGuiDir_Left)) apply(state, Action::previousCamera);
   hint("Previous camera (Shift+Space)");
   ImGui::SameLine(0, spacing);
-  if (ImGui::Button(">", {button, 0})) apply(state, Action::nextCamera);
+  if (ImGui::ArrowButton("##next", ImGuiDir_Right)) apply(state, Action::nextCamera);
   hint("Next camera (Space)");
 }
 
@@ -351,6 +354,8 @@ float panelWidth(const ViewerState& state, float window_width) {
   const float font = ImGui::GetFontSize();
   return state.show_panel && window_width >= kNarrowFonts * font ? kPanelFonts * font : 0.0f;
 }
+
+bool popupIsOpen() { return ImGui::IsPopupOpen(nullptr, ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel); }
 
 void drawPanels(ViewerState& state, const FrameStatistics& statistics) {
   if (state.show_panel) panel(state, statistics);

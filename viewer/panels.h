@@ -22,6 +22,9 @@ constexpr std::size_t kFrameHistory = 120;
 // Width of the panel [ImGui units]; 0 while it is hidden or the window is too narrow to give it room of its own.
 float panelWidth(const ViewerState& state, float window_width);
 
+// Whether a list or the colour picker is open: Esc is theirs then.
+bool popupIsOpen();
+
 void drawPanels(ViewerState& state, const FrameStatistics& statistics);
 
 }  // namespace tg

@@ -150,6 +150,7 @@ class Viewer {
   ViewOptions options_;
   std::optional<Script> script_;
   LoadedModel first_;  // until the renderer has it
+  std::optional<Camera> first_camera_;
   Glfw glfw_;
   Events events_;
   std::unique_ptr<GLFWwindow, WindowCloser> window_;
@@ -170,6 +171,8 @@ Viewer::Viewer(const ViewOptions& options)
     : options_(options),
       script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script))),
       first_(readModel(options.model)),
+      first_camera_(options.camera.empty() ? std::nullopt
+                                           : std::optional(cameraOf(options.camera, first_.cameras, "--camera"))),
       window_(openWindow(options.size.value_or(kDefaultWindow), events_)),
       device_(createWindowDevice(window_.get(), options)),
       renderer_(makeRenderer(*device_, options.backend)),
@@ -201,7 +204,7 @@ void Viewer::run() {
       setScene(state_, describe(first_, options_.model));
       first_ = {};
       if (options_.background) state_.settings.background = *options_.background;
-      if (!options_.camera.empty()) setCamera(state_, cameraOf(options_.camera, state_.scene.cameras, "--camera"));
+      if (first_camera_) setCamera(state_, *first_camera_);
       started = true;
     }
     followAspect();
@@ -263,6 +266,7 @@ void Viewer::handleEvents() {
   const Events events = std::exchange(events_, {});
   for (const auto& [key, shift] : events.keys) {
     if (ImGui::GetIO().WantTextInput) break;
+    if (key == kKeyEscape && popupIsOpen()) continue;  // closes the list, not the viewer
     if (const auto action = actionOf(key, shift)) apply(state_, *action);
   }
   if (!events.dropped.empty()) state_.open_request = events.dropped.front();

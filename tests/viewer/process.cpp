@@ -20,9 +20,13 @@ namespace tg::test {
 namespace {
 
 std::string quoted(const std::string& word) {
-  std::string result = "'";
-  for (char c : word) result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return result + "'";
+  std::string result("'");
+  for (char c : word) {
+    if (c == '\'') result.append("'\\'");
+    result.push_back(c);
+  }
+  result.push_back('\'');
+  return result;
 }
 
 std::string contents(const std::filesystem::path& path) {
