@@ -51,12 +51,13 @@ Workshop::~Workshop() {
 
 ProcessResult Workshop::tgview(const std::vector<std::string>& arguments,
                                const std::vector<std::string>& prefix) const {
-  std::string command = "cd " + quoted(folder_.string()) + " && env -u DISPLAY -u WAYLAND_DISPLAY";
-  for (const std::string& word : prefix) command += " " + quoted(word);
-  command += " " + quoted(TG_TGVIEW);
-  for (const std::string& word : arguments) command += " " + quoted(word);
-  command += " >.out 2>.err";
-  const int status = std::system(command.c_str());
+  std::ostringstream command;
+  command << "cd " << quoted(folder_.string()) << " && env -u DISPLAY -u WAYLAND_DISPLAY";
+  for (const std::string& word : prefix) command << ' ' << quoted(word);
+  command << ' ' << quoted(TG_TGVIEW);
+  for (const std::string& word : arguments) command << ' ' << quoted(word);
+  command << " >.out 2>.err";
+  const int status = std::system(command.str().c_str());
   ProcessResult result;
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   result.out = contents(folder_ / ".out");
