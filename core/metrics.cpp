@@ -13,7 +13,9 @@
 namespace tg {
 namespace {
 
-constexpr int kRadius = 5;  // 11 x 11 window
+constexpr int kRadius = 5;
+constexpr int kTaps = 2 * kRadius + 1;  // 11 x 11 window
+using Window = std::array<double, kTaps>;
 constexpr double kC1 = 0.01 * 0.01;
 constexpr double kC2 = 0.03 * 0.03;
 
@@ -52,8 +54,8 @@ double psnrOf(const Image& a, const Image& b, Quantize quantize) {
   return mse == 0.0 ? std::numeric_limits<double>::infinity() : -10.0 * std::log10(mse);
 }
 
-std::array<double, 2 * kRadius + 1> gaussianWindow() {
-  std::array<double, 2 * kRadius + 1> window{};
+Window gaussianWindow() {
+  Window window{};
   double total = 0.0;
   for (int i = -kRadius; i <= kRadius; ++i) {
     window[static_cast<std::size_t>(i + kRadius)] = std::exp(-i * i / (2.0 * 1.5 * 1.5));
@@ -61,6 +63,15 @@ std::array<double, 2 * kRadius + 1> gaussianWindow() {
   }
   for (double& w : window) w /= total;
   return window;
+}
+
+// out[x] = sum of window[k] * in[k][x]. The window is symmetric, and `out` is none of `in`.
+void blend(double* __restrict out, const std::array<const double*, kTaps>& in, const Window& window, int width) {
+  for (int x = 0; x < width; ++x) {
+    double sum = window[kRadius] * in[kRadius][x];
+    for (std::size_t k = 0; k < kRadius; ++k) sum += window[k] * (in[k][x] + in[kTaps - 1 - k][x]);
+    out[x] = sum;
+  }
 }
 
 // SSIM summed over the rows [y0, y1) of one channel. The five moments are blurred along x once per row, into planes
@@ -71,61 +82,71 @@ class SsimBand {
 
   void sumRows(int channel, int y0, int y1, std::vector<double>& row_sums) const {
     const int width = a_.width;
+    const std::size_t row = static_cast<std::size_t>(width);
     const int first = std::max(0, y0 - kRadius);
     const int last = std::min(a_.height, y1 + kRadius);
-    const std::size_t stride = static_cast<std::size_t>(width) * 5;
-    std::vector<double> blurred(static_cast<std::size_t>(last - first) * stride);
-    // Zero padding along x lives in the row buffers.
-    std::vector<double> moments[5];
-    for (auto& m : moments) m.assign(static_cast<std::size_t>(width) + 2 * kRadius, 0.0);
+    const std::vector<double> zeros(row, 0.0);  // the rows beyond the image
+    std::vector<double> blurred(static_cast<std::size_t>(last - first) * 5 * row);
+    std::vector<double> moments[5];  // of one row, with the zero padding along x
+    for (auto& m : moments) m.assign(row + 2 * kRadius, 0.0);
+    std::array<const double*, kTaps> taps;
     for (int y = first; y < last; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const double p = a_.at(x, y, channel);
-        const double q = b_.at(x, y, channel);
-        const std::size_t i = static_cast<std::size_t>(x + kRadius);
-        moments[0][i] = p;
-        moments[1][i] = q;
-        moments[2][i] = p * p;
-        moments[3][i] = q * q;
-        moments[4][i] = p * q;
-      }
-      double* out = blurred.data() + static_cast<std::size_t>(y - first) * stride;
+      computeMoments(channel, y, moments);
+      double* out = blurred.data() + static_cast<std::size_t>(y - first) * 5 * row;
       for (int m = 0; m < 5; ++m, out += width) {
-        std::fill(out, out + width, 0.0);
-        for (int k = 0; k <= 2 * kRadius; ++k) {
-          const double w = window_[static_cast<std::size_t>(k)];
-          const double* in = moments[m].data() + k;
-          for (int x = 0; x < width; ++x) out[x] += w * in[x];
-        }
+        for (std::size_t k = 0; k < kTaps; ++k) taps[k] = moments[m].data() + k;
+        blend(out, taps, window_, width);
       }
     }
-    std::vector<double> columns(stride);
+    std::vector<double> columns(5 * row);
     for (int y = y0; y < y1; ++y) {
-      std::fill(columns.begin(), columns.end(), 0.0);
-      for (int v = std::max(first, y - kRadius); v <= std::min(last - 1, y + kRadius); ++v) {
-        const double w = window_[static_cast<std::size_t>(v - y + kRadius)];
-        const double* in = blurred.data() + static_cast<std::size_t>(v - first) * stride;
-        for (std::size_t i = 0; i < stride; ++i) columns[i] += w * in[i];
+      for (std::size_t m = 0; m < 5; ++m) {
+        for (int k = 0; k < kTaps; ++k) {
+          const int v = y + k - kRadius;
+          const bool inside = v >= first && v < last;
+          taps[static_cast<std::size_t>(k)] =
+              inside ? blurred.data() + (static_cast<std::size_t>(v - first) * 5 + m) * row : zeros.data();
+        }
+        blend(columns.data() + m * row, taps, window_, width);
       }
-      double total = 0.0;
-      for (int x = 0; x < width; ++x) {
-        const double* c = columns.data() + x;
-        const double mean_a = c[0];
-        const double mean_b = c[width];
-        const double var_a = c[2 * width] - mean_a * mean_a;
-        const double var_b = c[3 * width] - mean_b * mean_b;
-        const double covariance = c[4 * width] - mean_a * mean_b;
-        total += (2.0 * mean_a * mean_b + kC1) * (2.0 * covariance + kC2) /
-                 ((mean_a * mean_a + mean_b * mean_b + kC1) * (var_a + var_b + kC2));
-      }
-      row_sums[static_cast<std::size_t>(channel) * a_.height + static_cast<std::size_t>(y)] = total;
+      row_sums[static_cast<std::size_t>(channel) * a_.height + static_cast<std::size_t>(y)] =
+          sumSsim(columns.data(), width);
     }
   }
 
  private:
+  void computeMoments(int channel, int y, std::vector<double> (&moments)[5]) const {
+    const std::size_t channels = static_cast<std::size_t>(a_.channels);
+    const std::size_t begin = static_cast<std::size_t>(y) * a_.width * channels + static_cast<std::size_t>(channel);
+    for (std::size_t x = 0; x < static_cast<std::size_t>(a_.width); ++x) {
+      const double p = a_.data[begin + x * channels];
+      const double q = b_.data[begin + x * channels];
+      moments[0][x + kRadius] = p;
+      moments[1][x + kRadius] = q;
+      moments[2][x + kRadius] = p * p;
+      moments[3][x + kRadius] = q * q;
+      moments[4][x + kRadius] = p * q;
+    }
+  }
+
+  static double sumSsim(const double* columns, int width) {
+    double total = 0.0;
+    for (int x = 0; x < width; ++x) {
+      const double* c = columns + x;
+      const double mean_a = c[0];
+      const double mean_b = c[width];
+      const double var_a = c[2 * width] - mean_a * mean_a;
+      const double var_b = c[3 * width] - mean_b * mean_b;
+      const double covariance = c[4 * width] - mean_a * mean_b;
+      total += (2.0 * mean_a * mean_b + kC1) * (2.0 * covariance + kC2) /
+               ((mean_a * mean_a + mean_b * mean_b + kC1) * (var_a + var_b + kC2));
+    }
+    return total;
+  }
+
   const Image& a_;
   const Image& b_;
-  std::array<double, 2 * kRadius + 1> window_;
+  const Window window_;
 };
 
 }  // namespace
