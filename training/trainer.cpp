@@ -179,7 +179,6 @@ class Run {
     report.train_psnr = report.iterations > 0 ? decibels(error_mean.value()) : 0;
     report.gaussians = state.model.size();
     report.test = testScore(state.model);
-    if (hooks_.stage_done) hooks_.stage_done(stage, report);
     return report;
   }
 
@@ -207,12 +206,16 @@ class Run {
     }
   }
 
+  // None without test views, or when a stop is asked for meanwhile.
   std::optional<Score> testScore(const GaussianModel& model) {
-    const std::vector<std::size_t> views = dataset_.indices(true);
-    if (views.empty() || stopped()) return std::nullopt;
-    return meanScore(scoreViews(dataset_, views, [&](const Camera& camera) {
-      return renderPicture(renderer_, model, camera, dataset_.background);
-    }));
+    std::vector<ViewScore> scores;
+    for (const std::size_t view : dataset_.indices(true)) {
+      if (stopped()) return std::nullopt;
+      scores.push_back(scoreViews(dataset_, {&view, 1}, [&](const Camera& camera) {
+                         return renderPicture(renderer_, model, camera, dataset_.background);
+                       }).front());
+    }
+    return scores.empty() ? std::nullopt : std::optional(meanScore(scores));
   }
 
   static double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }

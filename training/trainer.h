@@ -66,9 +66,8 @@ struct TrainProgress {
 };
 
 struct TrainHooks {
-  std::function<void(const TrainProgress&)> progress;         // after every iteration
-  std::function<void(Stage, const StageReport&)> stage_done;  // after evaluation
-  const std::atomic<bool>* stop = nullptr;                    // set: end after the current step
+  std::function<void(const TrainProgress&)> progress;  // after every iteration
+  const std::atomic<bool>* stop = nullptr;             // set: end after the current step
 };
 
 // Throws Error(usage) for settings out of range, Error(badData) when the loss is no longer finite or no Gaussian is
