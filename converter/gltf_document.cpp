@@ -32,15 +32,15 @@ tinygltf::FsCallbacks noFiles() {
   return none;
 }
 
-std::string oneLine(std::string text) {
+}  // namespace
+
+std::string printable(std::string text) {
   while (!text.empty() && text.back() == '\n') text.pop_back();
   for (char& c : text) {
-    if (c == '\n') c = ' ';
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = c == '\n' ? ' ' : '?';
   }
   return text;
 }
-
-}  // namespace
 
 GltfDocument loadGltf(const std::filesystem::path& path) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxFileBytes);
@@ -67,7 +67,7 @@ GltfDocument loadGltf(const std::filesystem::path& path) {
   } catch (const std::exception& exception) {
     error = exception.what();
   }
-  if (!ok) throw Error(ErrorKind::badData, document.path, "no valid glTF: " + oneLine(error));
+  if (!ok) throw Error(ErrorKind::badData, document.path, "no valid glTF: " + printable(error));
   return document;
 }
 

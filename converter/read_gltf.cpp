@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <span>
 #include <string_view>
 
@@ -25,7 +26,8 @@ constexpr float kZeroScaleFraction =
     1e-4f;                               // a scale of 0 has no logarithm: this part of the smallest other one instead
 constexpr float kPointScale = 1e-10f;    // [world units] when all three are 0
 constexpr float kNormTolerance = 1e-3f;  // of |q|^2 from 1
-constexpr float kByteNormTolerance = 2e-2f;  // 8-bit quaternions are off by their rounding alone
+constexpr float kByteNormTolerance = 2e-2f;                   // 8-bit quaternions are off by their rounding alone
+constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;  // of all primitives; offsets have 32 bits
 constexpr int kMaxDegree = 3;
 
 struct SplatInstance {
@@ -345,6 +347,10 @@ LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& optio
         throw document.bad(instance.splats.pointer, "another intersection model than the primitives before (expected " +
                                                         std::string(name(model.intersection)) + ", found " +
                                                         std::string(name(layer->intersection)) + ")");
+      }
+      if (model.atlas.texels.size() + layer->atlas.texels.size() > kMaxTexels) {
+        throw document.bad(instance.splats.pointer,
+                           "too many texels in all (expected at most " + std::to_string(kMaxTexels) + ")");
       }
       textured = true;
       model.intersection = layer->intersection;

@@ -444,6 +444,8 @@ TEST_CASE("JSON that is deep, broken or of another kind is refused in one line")
   };
   check("{\"asset\": " + std::string(100000, '['), "nests too deep");
   check("{\"asset\": }", "the JSON text is broken");
+  check("{\"asset\": {\"version\": \"2.0\"}, \"extensionsRequired\": [\"a\\n\\u001b[31m\"]}",
+        "the file requires a ?[31m, which");
   check("{}", "/: \"asset\" is missing");
   check("{\"asset\": {\"version\": \"2.0\"}}", "the scene holds no splats");
   check("{\"asset\": {\"version\": \"2.0\"}, \"buffers\": [{\"byteLength\": 4}]}", "/buffers/0: has neither a uri");
