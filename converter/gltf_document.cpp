@@ -2,16 +2,10 @@
 // A glTF or GLB file whose every index, offset and count has been checked.
 #include "converter/gltf_document.h"
 
-#include <cstdint>
-#include <limits>
-
 #include "converter/gltf_check.h"
-#include "core/file.h"
 
 namespace tg {
 namespace {
-
-constexpr std::uint64_t kMaxFileBytes = std::numeric_limits<std::uint32_t>::max();  // what a GLB header can say
 
 // tinygltf hands over an image's encoded bytes; they are kept as they are.
 bool keepEncoded(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes,
@@ -42,10 +36,9 @@ std::string printable(std::string text) {
   return text;
 }
 
-GltfDocument loadGltf(const std::filesystem::path& path) {
-  const std::vector<std::uint8_t> bytes = readFile(path, kMaxFileBytes);
+GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path) {
   GltfDocument document;
-  document.path = path.string();
+  document.path = path;
   GltfParts parts;
   parts.json = bytes;
   if (bytes.size() >= 4 && std::string_view(reinterpret_cast<const char*>(bytes.data()), 4) == "glTF") {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A glTF or GLB file whose every index, offset and count has been checked.
 #pragma once
-#include <filesystem>
+#include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -35,8 +36,8 @@ struct GltfDocument {
 
 // Container, JSON syntax, sizes and references are checked before tinygltf sees a byte: afterwards every accessor that
 // has a bufferView lies inside it, every view inside its buffer, every index names something that is there, and nothing
-// was loaded from outside the file. Throws Error(cannotRead / badData) with a JSON pointer, what was expected and
+// was loaded from outside the file. Throws Error(badData) with a JSON pointer, what was expected and
 // found.
-GltfDocument loadGltf(const std::filesystem::path& path);
+GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path);
 
 }  // namespace tg

@@ -16,11 +16,13 @@
 #include "converter/gltf_nodes.h"
 #include "converter/plane_order.h"
 #include "converter/texture_layer.h"
+#include "core/file.h"
 #include "core/ply.h"
 
 namespace tg {
 namespace {
 
+constexpr std::uint64_t kMaxFileBytes = 0xFFFFFFFF;  // what a GLB header can say
 constexpr double kLogitLimit = 20.0;  // opacities 0 and 1 have no logit; 2e-9 from them, below a float's step at 1
 constexpr float kZeroScaleFraction =
     1e-4f;                               // a scale of 0 has no logarithm: this part of the smallest other one instead
@@ -325,10 +327,8 @@ void readAssetExtras(const GltfDocument& document, LoadedModel& loaded) {
   }
 }
 
-}  // namespace
-
-LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options) {
-  GltfDocument document = loadGltf(path);
+// The model of a document that has been checked.
+LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
   if (!options.base_only) checkExtensionPlaces(document);
   const std::vector<PlacedNode> nodes = placeNodes(document);
   const std::vector<SplatInstance> instances = findSplats(document, nodes);
@@ -369,6 +369,16 @@ LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& optio
   }
   loaded.warnings = std::move(document.warnings);
   return loaded;
+}
+
+}  // namespace
+
+LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options) {
+  return assemble(loadGltf(readFile(path, kMaxFileBytes), path.string()), options);
+}
+
+LoadedModel parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {
+  return assemble(loadGltf(bytes, path), options);
 }
 
 }  // namespace tg

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads glTF and GLB files with KHR_gaussian_splatting, with or without our texture extension (docs/gltf.md).
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <span>
+#include <string>
 
 #include "converter/read_model.h"
 
@@ -10,5 +13,7 @@ namespace tg {
 // All splat primitives of the scene as one model in the toolchain's axes. Throws Error(cannotRead / badData); a broken
 // texture layer is an error, never a silent fall back to the base.
 LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options = {});
+// The same from memory; `path` starts the messages.
+LoadedModel parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
 
 }  // namespace tg

@@ -217,6 +217,7 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
   const Place place{
       document, extension,
       splats.pointer + "/extensions/" + std::string(kSplatExtension) + "/extensions/" + std::string(kTextureExtension)};
+  if (!extension.IsObject()) place.fail("is no object");
   TextureLayer layer;
   const std::optional<TextureMode> mode = parseTextureMode(readChoice(place, "mode", ""));
   if (!mode || *mode == TextureMode::none) {

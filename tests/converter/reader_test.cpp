@@ -274,6 +274,7 @@ TEST_CASE("Every broken promise has its message, with the place, what was expect
       {[](Glb& g) { g.json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0}}; },
        "/bufferViews/0: EXT_meshopt_compression is not supported"},
       // The texture layer.
+      {[](Glb& g) { g.textures() = 5; }, extension + ": is no object"},
       {[](Glb& g) { g.textures()["mode"] = "rgbx"; },
        extension + ": unknown \"mode\" (expected \"alpha\", \"rgb\" or \"rgba\", found \"rgbx\")"},
       {[](Glb& g) { g.textures().erase("mode"); }, extension + ": unknown \"mode\""},
