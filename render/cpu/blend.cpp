@@ -38,7 +38,7 @@ namespace tg::cpu::HWY_NAMESPACE {
 struct ColorState {
   alignas(64) float transmittance[kTilePixels];  // negative: the pixel is done, its magnitude is what is left
   alignas(64) float color[3][kTilePixels];       // of base and texture, or of the base alone with kAll
-  alignas(64) std::uint32_t stop[kTilePixels];
+  alignas(64) std::int32_t stop[kTilePixels];
   std::uint32_t live[kColumns];  // bit r: some pixel of row r of this column is not done
 };
 struct OutputState {
@@ -50,86 +50,87 @@ struct OutputState {
 
 HWY_INLINE void addTo(float* at, V weight, V value) { hn::Store(hn::MulAdd(weight, value, hn::Load(df, at)), df, at); }
 
-struct TextureValue {
-  V color[3];
-  V alpha;
+// A texture at the blocks of a splat.
+struct TextureBlocks {
+  alignas(64) float color[3][Blocks::kMax * kLanes];  // 0 where it does not apply
 };
-HWY_INLINE TextureValue lookUp(const Texture& texture, const TexturePoint& at, const View& view) {
-  TextureValue value{{hn::Zero(df), hn::Zero(df), hn::Zero(df)}, hn::Zero(df)};
-  const Corners corners = cornerWeights(at);
-  forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
-    for (int k = 0; k < 4; ++k) {
-      const float* texel = texture.texels + cell + cornerStep(texture, k);
-      const V weight = hn::IfThenElseZero(lanes, corners.weight[k]);
-      if (view.texture_rgb) {
-        for (int ch = 0; ch < 3; ++ch) value.color[ch] = hn::MulAdd(weight, set(texel[ch]), value.color[ch]);
+
+// Fills `texture_blocks`, multiplies the values of `blocks` by the alpha factor and drops what falls below the cut.
+HWY_INLINE void applyTexture(const Splat& s, const glm::vec4* texels, const View& view, const Rows& rows, int tile_x,
+                             Blocks& blocks, TextureBlocks& texture_blocks) {
+  const Texture texture = makeTexture(s, texels);
+  for (int column = 0; column < kColumns; ++column) {
+    const V x = columnX(s, tile_x, column);
+    for (int i = blocks.begin[column]; i < blocks.begin[column + 1]; ++i) {
+      const V value = hn::Load(df, blocks.value + i * kLanes);
+      const TexturePoint at = locate(texture, localRay(s, rows.y[blocks.row[i]], x),
+                                     hn::Load(df, blocks.inverse_d2 + i * kLanes), hn::Gt(value, hn::Zero(df)));
+      const Corners corners = cornerWeights(at);
+      V color[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
+      V alpha = hn::Zero(df);
+      forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
+        for (int k = 0; k < 4; ++k) {
+          const float* texel = texture.texels + cell + cornerStep(texture, k);
+          const V weight = hn::IfThenElseZero(lanes, corners.weight[k]);
+          if (view.texture_rgb) {
+            for (int ch = 0; ch < 3; ++ch) color[ch] = hn::MulAdd(weight, set(texel[ch]), color[ch]);
+          }
+          alpha = hn::MulAdd(weight, set(texel[3] - 1.0f), alpha);
+        }
+      });
+      for (int ch = 0; ch < 3; ++ch) hn::Store(color[ch], df, texture_blocks.color[ch] + i * kLanes);
+      if (view.texture_alpha) {
+        hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, alpha))), df, blocks.value + i * kLanes);
       }
-      value.alpha = hn::MulAdd(weight, set(texel[3] - 1.0f), value.alpha);
     }
-  });
-  value.alpha = view.texture_alpha ? alphaFactor(at.inside, value.alpha) : set(1.0f);
-  return value;
+  }
 }
 
-// Blends one splat into a tile. Returns false when every pixel of the tile is done.
+// Blends one splat into a tile.
 template <bool kAll, bool kTexture>
-void blendSplat(const BlendArgs& args, const Splat& s, std::uint32_t position, int tile_x, const Rows& rows,
-                ColorState& state, OutputState* outputs) {
-  Texture texture{};
-  if constexpr (kTexture) texture = makeTexture(s, args.texels);
+HWY_INLINE void blendSplat(const Splat& s, std::uint32_t position, int tile_x, const Rows& rows, const Blocks& blocks,
+                           const TextureBlocks& texture, ColorState& state, OutputState& outputs) {
   for (int column = 0; column < kColumns; ++column) {
-    std::uint32_t bits = rows.active[column] & state.live[column];
-    if (bits == 0) continue;
     const V x = columnX(s, tile_x, column);
-    const V wx = hn::Mul(set(s.w_xx), x);
-    const V dx = hn::Mul(set(s.d_xx), x);
-    for (; bits != 0; bits &= bits - 1) {
-      const int row = std::countr_zero(bits);
-      const int at = offsetOf(column, row);
-      const Hit hit = evaluate(s, rows, row, wx, dx);
-      const float y = rows.y[row];
+    for (int i = blocks.begin[column]; i < blocks.begin[column + 1]; ++i) {
+      const int at = blocks.at[i];
+      const V alpha = hn::Min(hn::Load(df, blocks.value + i * kLanes), set(kAlphaMax));
       const V transmittance = hn::Load(df, state.transmittance + at);
-      V alpha = hit.value;
-      TextureValue sample{};
-      if constexpr (kTexture) {
-        const M candidates = hn::And(hn::Ge(alpha, set(kAlphaMin)), hn::Gt(transmittance, hn::Zero(df)));
-        sample = lookUp(texture, locate(texture, localRay(s, y, x), hit, candidates), args.view);
-        alpha = hn::Mul(alpha, sample.alpha);
-      }
-      alpha = hn::Min(alpha, set(kAlphaMax));
-      const M visible = visibleLanes(s, y, x, hit, alpha);
       const V next = hn::Mul(transmittance, hn::Sub(set(1.0f), alpha));
       const M goes_on = hn::Ge(next, set(kTransmittanceStop));
-      const M blended = hn::And(visible, goes_on);
-      V left = hn::IfThenElse(blended, next, transmittance);
-      const M ends = hn::And(hn::AndNot(goes_on, visible), hn::Gt(transmittance, hn::Zero(df)));
+      V left = hn::IfThenElse(goes_on, next, transmittance);
+      const M ends = hn::AndNot(goes_on, hn::Gt(transmittance, hn::Zero(df)));
       if (HWY_UNLIKELY(!hn::AllFalse(df, ends))) {
         left = hn::IfThenElse(ends, hn::Neg(transmittance), left);
         hn::BlendedStore(hn::Set(di, static_cast<std::int32_t>(position)), hn::RebindMask(di, ends), di,
-                         reinterpret_cast<std::int32_t*>(state.stop) + at);
-        if (hn::AllTrue(df, hn::Le(left, hn::Zero(df)))) state.live[column] &= ~(1u << row);
+                         state.stop + at);
+        if (hn::AllTrue(df, hn::Le(left, hn::Zero(df)))) state.live[column] &= ~(1u << blocks.row[i]);
       }
       hn::Store(left, df, state.transmittance + at);
-      const V weight = hn::IfThenElseZero(blended, hn::Mul(alpha, transmittance));
+      const V weight = hn::IfThenElseZero(goes_on, hn::Mul(alpha, transmittance));
       for (int ch = 0; ch < 3; ++ch) {
         V color = set(s.base[ch]);
-        if constexpr (kTexture && !kAll) color = hn::Add(color, sample.color[ch]);
+        if constexpr (kTexture && !kAll) color = hn::Add(color, hn::Load(df, texture.color[ch] + i * kLanes));
         addTo(state.color[ch] + at, weight, color);
         if constexpr (kAll) {
-          addTo(outputs->normal[ch] + at, weight, set(s.normal[ch]));
-          if constexpr (kTexture) addTo(outputs->texture[ch] + at, weight, sample.color[ch]);
+          addTo(outputs.normal[ch] + at, weight, set(s.normal[ch]));
+          if constexpr (kTexture) {
+            addTo(outputs.texture[ch] + at, weight, hn::Load(df, texture.color[ch] + i * kLanes));
+          }
         }
       }
       if constexpr (kAll) {
-        addTo(outputs->depth + at, weight, hitDepth(s, y, x, hit));
-        addTo(outputs->count + at, hn::IfThenElseZero(blended, set(1.0f)), set(1.0f));
+        const V inverse_d2 = hn::Load(df, blocks.inverse_d2 + i * kLanes);
+        addTo(outputs.depth + at, weight, hitDepth(s, rows.y[blocks.row[i]], x, inverse_d2));
+        const V blended = hn::IfThenElseZero(hn::Gt(weight, hn::Zero(df)), set(1.0f));
+        addTo(outputs.count + at, blended, set(1.0f));
       }
     }
   }
 }
 
 // Marks pixels outside the image as done.
-HWY_INLINE void clear(ColorState& state, int width, int height, std::uint32_t list_size) {
+HWY_INLINE void clear(ColorState& state, int width, int height, std::int32_t list_size) {
   std::fill_n(&state.color[0][0], 3 * kTilePixels, 0.0f);
   std::fill_n(state.stop, kTilePixels, list_size);
   for (int column = 0; column < kColumns; ++column) {
@@ -154,17 +155,24 @@ void blendTile(const BlendArgs& args, int tile) {
   const std::span<const std::uint32_t> list = args.lists.list(tile);
 
   ColorState state;
-  clear(state, width, height, static_cast<std::uint32_t>(list.size()));
+  clear(state, width, height, static_cast<std::int32_t>(list.size()));
   OutputState outputs;
   if constexpr (kAll) outputs = {};
   Rows rows;
+  Blocks blocks;
+  TextureBlocks texture;
+  const auto any_lane = [](int) HWY_ATTR { return hn::FirstN(df, kLanes); };
   for (std::uint32_t position = 0; position < list.size(); ++position) {
     const Splat& s = args.splats[list[position]];
+    if (position + 1 < list.size()) prefetchSplat(args.splats[list[position + 1]]);
     if (!prepareRows(s, tile_x, tile_y, rows)) continue;
+    for (int column = 0; column < kColumns; ++column) rows.active[column] &= state.live[column];
+    evaluateBlocks(s, rows, tile_x, any_lane, blocks);
     if (s.texture_width > 0) {
-      blendSplat<kAll, true>(args, s, position, tile_x, rows, state, &outputs);
+      applyTexture(s, args.texels, view, rows, tile_x, blocks, texture);
+      blendSplat<kAll, true>(s, position, tile_x, rows, blocks, texture, state, outputs);
     } else {
-      blendSplat<kAll, false>(args, s, position, tile_x, rows, state, &outputs);
+      blendSplat<kAll, false>(s, position, tile_x, rows, blocks, texture, state, outputs);
     }
     std::uint32_t live = 0;
     for (int column = 0; column < kColumns; ++column) live |= state.live[column];

@@ -13,7 +13,7 @@ namespace tg::cpu {
 // What the backward pass takes from a forward pass, per pixel: [tiles, kTilePixels], a tile's rows one after another.
 struct BlendRecord {
   std::vector<float> transmittance;  // what is left behind the last blended splat
-  std::vector<std::uint32_t> stop;  // position in the tile's list of the splat that ended the pixel, or the list's size
+  std::vector<std::int32_t> stop;  // position in the tile's list of the splat that ended the pixel, or the list's size
 };
 
 // All outputs.

@@ -2,7 +2,11 @@
 // What the forward and the backward pixel loops share, once per SIMD target: the part of a splat's formulas that a tile
 // row fixes, where the splat can be seen in a tile, and the splat's value at a vector of pixels. Backward takes the
 // same decisions as forward because both run this code.
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
+
+#include <algorithm>
+#include <bit>
 
 #include "render/cpu/tiles.h"
 #include "shared/limits.h"
@@ -30,6 +34,12 @@ constexpr int kLanes = static_cast<int>(hn::MaxLanes(Floats()));
 constexpr int kColumns = kTileWidth / kLanes;  // vectors side by side in a tile
 static_assert(kTileWidth % kLanes == 0 && kTileHeight % kLanes == 0 && kTileHeight <= 32);
 
+// Asks for a splat that the loop reaches next: a tile's list jumps through memory.
+HWY_INLINE void prefetchSplat(const Splat& s) {
+  const char* bytes = reinterpret_cast<const char*>(&s);
+  for (std::size_t line = 0; line < sizeof(Splat); line += 64) hwy::Prefetch(bytes + line);
+}
+
 // Pixel state is stored [column][row][lane].
 HWY_INLINE int offsetOf(int column, int row) { return (column * kTileHeight + row) * kLanes; }
 
@@ -41,19 +51,21 @@ HWY_INLINE std::uint32_t bitsOf(M mask) {
   return bytes[0] | static_cast<std::uint32_t>(bytes[1]) << 8;
 }
 
-// exp(-power / 2). A minimax polynomial of 2^f on [-1/2, 1/2] (relative error 7.5e-8) times 2^n; below 2^-126 it stays
-// there, far under kAlphaMin.
-HWY_INLINE V expMinusHalf(V power) {
-  const V x = hn::Max(hn::Mul(power, set(-0.72134752044448170f)), set(-126.0f));
-  const VI n = hn::NearestInt(x);
-  const V f = hn::Sub(x, hn::ConvertTo(df, n));
+// 2^x. A minimax polynomial on [-1/2, 1/2] (relative error 7.5e-8) whose exponent is moved by the rounded x; the sum
+// with kRound holds that integer in its lowest bits. Below 2^-125, far under kAlphaMin, it stays there.
+HWY_INLINE V exp2Bounded(V x) {
+  const V round = set(12582912.0f);  // 1.5 * 2^23
+  x = hn::Max(x, set(-125.0f));
+  const V rounded = hn::Add(x, round);
+  const V f = hn::Sub(x, hn::Sub(rounded, round));
   V p = set(1.3276472e-3f);
   p = hn::MulAdd(p, f, set(9.6755413e-3f));
   p = hn::MulAdd(p, f, set(5.5507133e-2f));
   p = hn::MulAdd(p, f, set(2.4022120e-1f));
   p = hn::MulAdd(p, f, set(6.9314697e-1f));
   p = hn::MulAdd(p, f, set(1.0000001f));
-  return hn::Mul(p, hn::BitCast(df, hn::ShiftLeft<23>(hn::Add(n, hn::Set(di, 127)))));
+  const VI exponent = hn::ShiftLeft<23>(hn::BitCast(di, rounded));
+  return hn::BitCast(df, hn::Add(hn::BitCast(di, p), exponent));
 }
 
 // What the rows of a tile fix of a splat's formulas. (x, y) = pixel - centre of the splat.
@@ -126,36 +138,58 @@ HWY_INLINE V columnX(const Splat& s, int tile_x, int column) {
   return hn::Sub(hn::Iota(df, first), set(s.center_x));
 }
 
-// A splat at a vector of pixels.
-struct Hit {
-  V w;           // first triangular component of W
-  V inverse_d2;  // 1 / |D|^2
-  V power;
-  V value;  // opacity * G
+// A splat at the vectors of pixels of a tile where it shows, in column order. The stages of the pixel loops pass these
+// on in the first-level cache: each stage's chain of dependent operations is short enough for the processor to overlap
+// several vectors, which one long loop body does not allow.
+struct Blocks {
+  static constexpr int kMax = kColumns * kTileHeight;
+  int begin[kColumns + 1];  // column c holds blocks [begin[c], begin[c + 1])
+  std::int32_t at[kMax];    // offset of the pixel state
+  std::int32_t row[kMax];
+  alignas(64) float w[kMax * kLanes];           // first triangular component of W
+  alignas(64) float inverse_d2[kMax * kLanes];  // 1 / |D|^2
+  alignas(64) float power[kMax * kLanes];
+  alignas(64) float value[kMax * kLanes];  // opacity * G; 0 where the splat does not show
+  int count() const { return begin[kColumns]; }
 };
 
-// wx, dx: w_xx x and d_xx x of the column.
-HWY_INLINE Hit evaluate(const Splat& s, const Rows& rows, int row, V wx, V dx) {
-  Hit hit;
-  hit.w = hn::Add(wx, set(rows.w[row]));
-  const V d = hn::Add(dx, set(rows.d[row]));
-  const V w2 = hn::MulAdd(hit.w, hit.w, set(rows.w2[row]));
-  hit.inverse_d2 = hn::Div(set(1.0f), hn::MulAdd(d, d, set(rows.d2[row])));
-  hit.power = hn::Mul(w2, hit.inverse_d2);
-  hit.value = hn::Mul(set(s.opacity), expMinusHalf(hit.power));
-  return hit;
-}
-
 // Camera z of the hit.
-HWY_INLINE V hitDepth(const Splat& s, float y, V x, const Hit& hit) {
-  return hn::Mul(hn::MulAdd(set(s.t_x), x, set(s.t_y * y + s.t_1)), hit.inverse_d2);
+HWY_INLINE V hitDepth(const Splat& s, float y, V x, V inverse_d2) {
+  return hn::Mul(hn::MulAdd(set(s.t_x), x, set(s.t_y * y + s.t_1)), inverse_d2);
 }
 
-// Lanes whose alpha counts: not below the cut, not before the near plane.
-HWY_INLINE M visibleLanes(const Splat& s, float y, V x, const Hit& hit, V alpha) {
-  M visible = hn::Ge(alpha, set(kAlphaMin));
-  if (s.near_plane) visible = hn::And(visible, hn::Gt(hitDepth(s, y, x, hit), set(kNear)));
-  return visible;
+// Evaluates a splat at the active rows, restricted to the lanes open(at).
+template <typename Open>
+HWY_INLINE void evaluateBlocks(const Splat& s, const Rows& rows, int tile_x, const Open& open, Blocks& blocks) {
+  int n = 0;
+  for (int column = 0; column < kColumns; ++column) {
+    blocks.begin[column] = n;
+    const V x = columnX(s, tile_x, column);
+    const V wx = hn::Mul(set(s.w_xx), x);
+    const V dx = hn::Mul(set(s.d_xx), x);
+    for (std::uint32_t bits = rows.active[column]; bits != 0; bits &= bits - 1) {
+      const int row = std::countr_zero(bits);
+      const int at = offsetOf(column, row);
+      const V w = hn::Add(wx, set(rows.w[row]));
+      const V d = hn::Add(dx, set(rows.d[row]));
+      const V w2 = hn::MulAdd(w, w, set(rows.w2[row]));
+      const V inverse_d2 = hn::Div(set(1.0f), hn::MulAdd(d, d, set(rows.d2[row])));
+      const V power = hn::Mul(w2, inverse_d2);
+      const V value = exp2Bounded(hn::MulAdd(power, set(-0.72134752f), set(s.log2_opacity)));
+      M visible = hn::And(hn::Ge(value, set(kAlphaMin)), open(at));
+      if (HWY_UNLIKELY(s.near_plane)) {
+        visible = hn::And(visible, hn::Gt(hitDepth(s, rows.y[row], x, inverse_d2), set(kNear)));
+      }
+      hn::Store(w, df, blocks.w + n * kLanes);
+      hn::Store(inverse_d2, df, blocks.inverse_d2 + n * kLanes);
+      hn::Store(power, df, blocks.power + n * kLanes);
+      hn::Store(hn::IfThenElseZero(visible, value), df, blocks.value + n * kLanes);
+      blocks.at[n] = at;
+      blocks.row[n] = row;
+      n += hn::AllFalse(df, visible) ? 0 : 1;
+    }
+  }
+  blocks.begin[kColumns] = n;
 }
 
 }  // namespace tg::cpu::HWY_NAMESPACE

@@ -63,6 +63,7 @@ Splat makeSplat(const View& view, const GaussianModel& model, std::uint32_t i, f
   s.gaussian = i;
   s.depth = static_cast<float>(g.mean_c.z);
   s.opacity = opacity(model.opacity_logit[i]);
+  s.log2_opacity = std::log2(s.opacity);
   const glm::dvec2 focal(view.focal_center.x, view.focal_center.y);
   const glm::dvec2 center(view.focal_center.z, view.focal_center.w);
   s.center_x = static_cast<float>(g.mean_c.x / g.mean_c.z * focal.x + center.x);

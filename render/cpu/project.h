@@ -60,7 +60,7 @@ Geometry makeGeometry(const View& view, const GaussianModel& model, std::uint32_
 // What blending one splat needs. (x, y) = pixel - center [px].
 struct Splat {
   float center_x, center_y;  // [px]
-  float depth, opacity;
+  float depth, opacity, log2_opacity;
   float radius2;           // [sigma^2] beyond it alpha < kAlphaMin
   float margin;            // [px] slack of row spans
   float w_xx, w_xy, w_yy;  // Geometry's

@@ -59,10 +59,10 @@ HWY_INLINE LocalRay localRay(const Splat& s, float y, V x) {
   return ray;
 }
 
-HWY_INLINE TexturePoint locate(const Texture& texture, const LocalRay& ray, const Hit& hit, M candidates) {
+HWY_INLINE TexturePoint locate(const Texture& texture, const LocalRay& ray, V inverse_d2, M candidates) {
   TexturePoint at;
-  at.u = hn::Mul(hn::MulSub(ray.d_b, ray.w_c, hn::Mul(ray.d_c, ray.w_b)), hit.inverse_d2);
-  at.v = hn::Mul(hn::MulSub(ray.d_c, ray.w_a, hn::Mul(ray.d_a, ray.w_c)), hit.inverse_d2);
+  at.u = hn::Mul(hn::MulSub(ray.d_b, ray.w_c, hn::Mul(ray.d_c, ray.w_b)), inverse_d2);
+  at.v = hn::Mul(hn::MulSub(ray.d_c, ray.w_a, hn::Mul(ray.d_a, ray.w_c)), inverse_d2);
   const V extent = set(kTextureExtent);
   at.inside = hn::And(candidates, hn::And(hn::Le(hn::Abs(at.u), extent), hn::Le(hn::Abs(at.v), extent)));
   const V texel_u = hn::Mul(hn::Add(at.u, extent), set(texture.texels_per_sigma_u));
@@ -104,6 +104,9 @@ HWY_INLINE void forEachCell(const TexturePoint& at, const Visit& visit) {
     left &= ~bitsOf(lanes);
   }
 }
+
+// Alpha below the cut does not count.
+HWY_INLINE V cutAlpha(V alpha) { return hn::IfThenElseZero(hn::Ge(alpha, set(kAlphaMin)), alpha); }
 
 // The texture's alpha factor from its interpolated deviation from 1: neutral texels give exactly 1 whatever the weights'
 // rounding, so that adding them leaves a picture the same to the last bit. 1 outside.

@@ -39,7 +39,7 @@ struct GradientState {
   alignas(64) float behind[kTilePixels];  // dL/d(picture) . colour that arrives from behind the splats not visited
   alignas(64) float v_color[3][kTilePixels];
   alignas(64) std::int32_t stop[kTilePixels];
-  std::int32_t row_stop[kColumns][kTileHeight];  // highest stop of a vector
+  alignas(64) std::int32_t row_stop[kColumns][kTileHeight];  // highest stop of a vector
 };
 
 // Moments of one coefficient: per row while going down a column, then per splat.
@@ -108,179 +108,218 @@ HWY_INLINE void addLaneSums(V r, V g, V b, V a, float* texel) {
 #endif
 }
 
-// The splat's texture at a vector of pixels, as seen by a loss: per corner the texel's alpha and the loss's derivative
-// along its colour.
-struct TextureGradient {
-  Corners corners;
-  V along[4];  // dL/d(picture) . texel colour
-  V alpha[4];
-  V value_along;
-  V value_alpha;
+// A texture at the blocks of a splat, as a loss sees it: "along" is dL/d(picture) . texture colour.
+struct TextureBlocks {
+  alignas(64) float gaussian[Blocks::kMax * kLanes];  // opacity * G, before the alpha factor
+  alignas(64) float along[Blocks::kMax * kLanes];
+  alignas(64) float along_u[Blocks::kMax * kLanes];  // d(along)/du [per sigma], and so on
+  alignas(64) float along_v[Blocks::kMax * kLanes];
+  alignas(64) float alpha_u[Blocks::kMax * kLanes];  // of the alpha factor
+  alignas(64) float alpha_v[Blocks::kMax * kLanes];
+  alignas(64) float u[Blocks::kMax * kLanes];
+  alignas(64) float v[Blocks::kMax * kLanes];
+  alignas(64) float fraction_u[Blocks::kMax * kLanes];
+  alignas(64) float fraction_v[Blocks::kMax * kLanes];
+  alignas(64) std::int32_t cell[Blocks::kMax * kLanes];
+  alignas(64) float inside[Blocks::kMax * kLanes];  // 1 or 0
 };
-HWY_INLINE TextureGradient lookUp(const Texture& texture, const TexturePoint& at, const View& view,
-                                  const V v_color[3]) {
+
+// Fills `texture_blocks`, multiplies the values of `blocks` by the alpha factor and drops what falls below the cut.
+HWY_INLINE void applyTexture(const Texture& texture, const Splat& s, const View& view, const Rows& rows, int tile_x,
+                             const GradientState& state, Blocks& blocks, TextureBlocks& out) {
   const V zero = hn::Zero(df);
-  TextureGradient value{cornerWeights(at), {zero, zero, zero, zero}, {zero, zero, zero, zero}, zero, zero};
-  forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
-    for (int k = 0; k < 4; ++k) {
-      const float* texel = texture.texels + cell + cornerStep(texture, k);
-      if (view.texture_rgb) {
-        const V along = hn::MulAdd(v_color[2], set(texel[2]),
-                                   hn::MulAdd(v_color[1], set(texel[1]), hn::Mul(v_color[0], set(texel[0]))));
-        value.along[k] = hn::IfThenElse(lanes, along, value.along[k]);
+  for (int column = 0; column < kColumns; ++column) {
+    const V x = columnX(s, tile_x, column);
+    for (int i = blocks.begin[column]; i < blocks.begin[column + 1]; ++i) {
+      const int lane = i * kLanes;
+      const V value = hn::Load(df, blocks.value + lane);
+      const TexturePoint at = locate(texture, localRay(s, rows.y[blocks.row[i]], x),
+                                     hn::Load(df, blocks.inverse_d2 + lane), hn::Gt(value, zero));
+      V v_color[3];
+      for (int ch = 0; ch < 3; ++ch) v_color[ch] = hn::Load(df, state.v_color[ch] + blocks.at[i]);
+      V along[4] = {zero, zero, zero, zero};
+      V alpha[4] = {zero, zero, zero, zero};
+      forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
+        for (int k = 0; k < 4; ++k) {
+          const float* texel = texture.texels + cell + cornerStep(texture, k);
+          if (view.texture_rgb) {
+            const V red = hn::Mul(v_color[0], set(texel[0]));
+            const V red_green = hn::MulAdd(v_color[1], set(texel[1]), red);
+            along[k] = hn::IfThenElse(lanes, hn::MulAdd(v_color[2], set(texel[2]), red_green), along[k]);
+          }
+          alpha[k] = hn::IfThenElse(lanes, set(texel[3]), alpha[k]);
+        }
+      });
+      const Corners corners = cornerWeights(at);
+      V value_along = zero, value_alpha = zero;
+      for (int k = 0; k < 4; ++k) {
+        value_along = hn::MulAdd(corners.weight[k], along[k], value_along);
+        value_alpha = hn::MulAdd(corners.weight[k], hn::Sub(alpha[k], set(1.0f)), value_alpha);
       }
-      value.alpha[k] = hn::IfThenElse(lanes, set(texel[3]), value.alpha[k]);
+      const auto slope = [](V fraction, V low, V high, float scale)
+                             HWY_ATTR { return hn::Mul(set(scale), hn::MulAdd(fraction, hn::Sub(high, low), low)); };
+      hn::Store(value, df, out.gaussian + lane);
+      hn::Store(value_along, df, out.along + lane);
+      hn::Store(
+          slope(at.fraction_v, hn::Sub(along[1], along[0]), hn::Sub(along[3], along[2]), texture.texels_per_sigma_u),
+          df, out.along_u + lane);
+      hn::Store(
+          slope(at.fraction_u, hn::Sub(along[2], along[0]), hn::Sub(along[3], along[1]), texture.texels_per_sigma_v),
+          df, out.along_v + lane);
+      hn::Store(at.u, df, out.u + lane);
+      hn::Store(at.v, df, out.v + lane);
+      hn::Store(at.fraction_u, df, out.fraction_u + lane);
+      hn::Store(at.fraction_v, df, out.fraction_v + lane);
+      hn::Store(at.cell, di, out.cell + lane);
+      hn::Store(hn::IfThenElseZero(at.inside, set(1.0f)), df, out.inside + lane);
+      if (view.texture_alpha) {
+        hn::Store(
+            slope(at.fraction_v, hn::Sub(alpha[1], alpha[0]), hn::Sub(alpha[3], alpha[2]), texture.texels_per_sigma_u),
+            df, out.alpha_u + lane);
+        hn::Store(
+            slope(at.fraction_u, hn::Sub(alpha[2], alpha[0]), hn::Sub(alpha[3], alpha[1]), texture.texels_per_sigma_v),
+            df, out.alpha_v + lane);
+        hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, value_alpha))), df, blocks.value + lane);
+      } else {
+        hn::Store(zero, df, out.alpha_u + lane);
+        hn::Store(zero, df, out.alpha_v + lane);
+      }
     }
-  });
-  for (int k = 0; k < 4; ++k) {
-    value.value_along = hn::MulAdd(value.corners.weight[k], value.along[k], value.value_along);
-    value.value_alpha =
-        hn::MulAdd(value.corners.weight[k], hn::Sub(value.alpha[k], set(1.0f)), value.value_alpha);
   }
-  value.value_alpha = view.texture_alpha ? alphaFactor(at.inside, value.value_alpha) : set(1.0f);
-  return value;
 }
 
-// e of method A.6 without its factor -dL: how dN_u, dN_v (numerators of u, v) change as the projected mean moves.
-struct ScreenChange {
-  V u_x, v_x, u_y, v_y;
+// What the colour stage leaves for the geometry stages, per block.
+struct ColorGradient {
+  alignas(64) float v_power[Blocks::kMax * kLanes];
+  alignas(64) float v_alpha[Blocks::kMax * kLanes];  // with a texture: 0 where alpha is clamped
+  alignas(64) float weight[Blocks::kMax * kLanes];   // with a texture
 };
-HWY_INLINE ScreenChange screenChange(const Splat& s, const LocalRay& ray, float y, V x) {
+
+// Steps 1 and 2: colour and alpha, the transmittance before the splat rebuilt from the one behind it.
+template <bool kTexture>
+HWY_INLINE void backwardColor(const Splat& s, const Blocks& blocks, const TextureBlocks& texture, GradientState& state,
+                              ColorGradient& color, PairSums& sums) {
+  const V zero = hn::Zero(df);
+  V red = zero, green = zero, blue = zero, power = zero;
+  for (int i = 0; i < blocks.count(); ++i) {
+    const int at = blocks.at[i];
+    const int lane = i * kLanes;
+    const V alpha_raw = hn::Load(df, blocks.value + lane);
+    const V alpha = hn::Min(alpha_raw, set(kAlphaMax));
+    const V inverse = hn::Div(set(1.0f), hn::Sub(set(1.0f), alpha));
+    const V before = hn::Mul(hn::Load(df, state.transmittance + at), inverse);
+    const V weight = hn::Mul(before, alpha);
+    const V v_red = hn::Load(df, state.v_color[0] + at);
+    const V v_green = hn::Load(df, state.v_color[1] + at);
+    const V v_blue = hn::Load(df, state.v_color[2] + at);
+    V along = hn::Mul(v_red, set(s.base.x));
+    along = hn::MulAdd(v_green, set(s.base.y), along);
+    along = hn::MulAdd(v_blue, set(s.base.z), along);
+    if constexpr (kTexture) along = hn::Add(along, hn::Load(df, texture.along + lane));
+    const V behind = hn::Load(df, state.behind + at);
+    V v_alpha = hn::MulSub(before, along, hn::Mul(behind, inverse));
+    hn::Store(hn::MulAdd(weight, along, behind), df, state.behind + at);
+    hn::Store(before, df, state.transmittance + at);
+    red = hn::MulAdd(weight, v_red, red);
+    green = hn::MulAdd(weight, v_green, green);
+    blue = hn::MulAdd(weight, v_blue, blue);
+    v_alpha = hn::IfThenElseZero(hn::Lt(alpha_raw, set(kAlphaMax)), v_alpha);  // nothing flows through a clamped alpha
+    const V v_power = hn::Mul(hn::Mul(v_alpha, alpha_raw), set(-0.5f));
+    power = hn::Add(power, v_power);
+    hn::Store(v_power, df, color.v_power + lane);
+    if constexpr (kTexture) {
+      const V shows = hn::IfThenElseZero(hn::Gt(alpha_raw, zero), v_alpha);
+      hn::Store(shows, df, color.v_alpha + lane);
+      hn::Store(weight, df, color.weight + lane);
+    }
+  }
+  sums.base[0] = sum(red);
+  sums.base[1] = sum(green);
+  sums.base[2] = sum(blue);
+  sums.power = sum(power);
+}
+
+// Step 4 for u and v: gradients of their numerators, their share of dL/d|D|^2, and of e.
+struct NumeratorGradient {
+  V u, v;
+  V b;
+  V e_x, e_y;  // per pixel of the projected mean, without e's sign
+};
+HWY_INLINE NumeratorGradient numeratorGradient(const Splat& s, float y, V x, V inverse_d2, int lane,
+                                               const TextureBlocks& texture, const ColorGradient& color) {
+  const V weight = hn::Load(df, color.weight + lane);
+  const V v_sample = hn::Mul(hn::Load(df, color.v_alpha + lane), hn::Load(df, texture.gaussian + lane));
+  const V scale = hn::Mul(inverse_d2, hn::Load(df, texture.inside + lane));
+  NumeratorGradient g;
+  g.u = hn::Mul(scale, hn::MulAdd(weight, hn::Load(df, texture.along_u + lane),
+                                  hn::Mul(v_sample, hn::Load(df, texture.alpha_u + lane))));
+  g.v = hn::Mul(scale, hn::MulAdd(weight, hn::Load(df, texture.along_v + lane),
+                                  hn::Mul(v_sample, hn::Load(df, texture.alpha_v + lane))));
+  g.b = hn::MulAdd(g.u, hn::Load(df, texture.u + lane), hn::Mul(g.v, hn::Load(df, texture.v + lane)));
+  // Moving the projected mean changes the numerators by -D x (wx + kappa y) and -D x (wy - kappa x).
+  const LocalRay ray = localRay(s, y, x);
   const V xa = set(s.wx.x + s.kappa.x * y);
   const V xb = set(s.wx.y + s.kappa.y * y);
   const V xc = set(s.wx.z + s.kappa.z * y);
   const V ya = hn::NegMulAdd(set(s.kappa.x), x, set(s.wy.x));
   const V yb = hn::NegMulAdd(set(s.kappa.y), x, set(s.wy.y));
   const V yc = hn::NegMulAdd(set(s.kappa.z), x, set(s.wy.z));
-  return {hn::MulSub(ray.d_b, xc, hn::Mul(ray.d_c, xb)), hn::MulSub(ray.d_c, xa, hn::Mul(ray.d_a, xc)),
-          hn::MulSub(ray.d_b, yc, hn::Mul(ray.d_c, yb)), hn::MulSub(ray.d_c, ya, hn::Mul(ray.d_a, yc))};
+  g.e_x = hn::MulAdd(g.u, hn::MulSub(ray.d_b, xc, hn::Mul(ray.d_c, xb)),
+                     hn::Mul(g.v, hn::MulSub(ray.d_c, xa, hn::Mul(ray.d_a, xc))));
+  g.e_y = hn::MulAdd(g.u, hn::MulSub(ray.d_b, yc, hn::Mul(ray.d_c, yb)),
+                     hn::Mul(g.v, hn::MulSub(ray.d_c, ya, hn::Mul(ray.d_a, yc))));
+  return g;
 }
 
+// Steps 5 and 6: moments of dL/d|W|^2, dL/d|D|^2 and of the numerators' gradients, and |e|.
 template <bool kTexture>
-void backwardSplat(const BackwardArgs& args, const Splat& s, std::int32_t position, std::uint32_t pair, int tile_x,
-                   const Rows& rows, GradientState& state) {
-  const View& view = args.in.view;
+HWY_INLINE void backwardGeometry(const View& view, const Splat& s, const Rows& rows, int tile_x, const Blocks& blocks,
+                                 const TextureBlocks& texture, const ColorGradient& color, PairSums& sums,
+                                 PairTextureSums* texture_sums) {
   const V zero = hn::Zero(df);
-  const float ndc_x = 0.5f * static_cast<float>(view.width);
-  const float ndc_y = 0.5f * static_cast<float>(view.height);
-  Texture texture{};
-  glm::vec4* slot = nullptr;
-  if constexpr (kTexture) {
-    texture = makeTexture(s, args.in.texels);
-    slot = args.slots->texels.data() + args.slots->begin[pair - args.slots->first];
-    std::fill_n(slot, std::size_t{s.texture_width} * s.texture_height, glm::vec4(0.0f));
-    args.slots->used[pair - args.slots->first] = 1;
-  }
-
+  const auto size_x = static_cast<float>(view.width);  // NDC: half of it times the 2 of the square's derivative
+  const auto size_y = static_cast<float>(view.height);
+  const V e_x_w = set(size_x * s.w_xx);
+  const V e_y_w = set(size_y * s.w_xy);
+  const V kappa_first = set(s.kappa_first);
   Moments of_b = zeroMoments(), of_u = zeroMoments(), of_v = zeroMoments();
   V sum_aw = zero, sum_aw_x = zero, sum_aw_y = zero, sum_a_y = zero, sum_a_xy = zero, sum_a_yy = zero;
-  V sum_base[3] = {zero, zero, zero};
-  V sum_power = zero, sum_abs = zero;
+  V sum_abs = zero;
   for (int column = 0; column < kColumns; ++column) {
-    std::uint32_t bits = rows.active[column];
-    if (bits == 0) continue;
+    if (blocks.begin[column] == blocks.begin[column + 1]) continue;
     const V x = columnX(s, tile_x, column);
-    const V wx = hn::Mul(set(s.w_xx), x);
-    const V dx = hn::Mul(set(s.d_xx), x);
+    const V e_y_kappa = hn::Mul(x, set(size_y));
     ColumnMoments column_b = zeroColumn(), column_u = zeroColumn(), column_v = zeroColumn();
     V aw = zero, aw_y = zero, a_y = zero, a_yy = zero;
-    for (; bits != 0; bits &= bits - 1) {
-      const int row = std::countr_zero(bits);
-      if (state.row_stop[column][row] <= position) continue;
-      const int at = offsetOf(column, row);
-      const float y = rows.y[row];
-      const Hit hit = evaluate(s, rows, row, wx, dx);
-      const V v_color[3] = {hn::Load(df, state.v_color[0] + at), hn::Load(df, state.v_color[1] + at),
-                            hn::Load(df, state.v_color[2] + at)};
-      const M open = hn::RebindMask(df, hn::Gt(hn::Load(di, state.stop + at), hn::Set(di, position)));
-      V alpha_raw = hit.value;
-      LocalRay ray{};
-      TexturePoint point{};
-      TextureGradient sample{};
-      if constexpr (kTexture) {
-        ray = localRay(s, y, x);
-        point = locate(texture, ray, hit, hn::And(open, hn::Ge(hit.value, set(kAlphaMin))));
-        sample = lookUp(texture, point, view, v_color);
-        alpha_raw = hn::Mul(alpha_raw, sample.value_alpha);
-      }
-      const V alpha = hn::Min(alpha_raw, set(kAlphaMax));
-      const M blended = hn::And(open, visibleLanes(s, y, x, hit, alpha));
-      if (hn::AllFalse(df, blended)) continue;
-
-      // Step 1: colour and alpha, the transmittance before the splat rebuilt from the one behind it.
-      const V inverse = hn::Div(set(1.0f), hn::Sub(set(1.0f), alpha));
-      const V transmittance = hn::Load(df, state.transmittance + at);
-      const V before = hn::Mul(transmittance, inverse);
-      const V weight = hn::IfThenElseZero(blended, hn::Mul(before, alpha));
-      V along = hn::MulAdd(v_color[2], set(s.base.z),
-                           hn::MulAdd(v_color[1], set(s.base.y), hn::Mul(v_color[0], set(s.base.x))));
-      if constexpr (kTexture) along = hn::Add(along, sample.value_along);
-      const V behind = hn::Load(df, state.behind + at);
-      const V v_alpha = hn::MulSub(before, along, hn::Mul(behind, inverse));
-      hn::Store(hn::MulAdd(weight, along, behind), df, state.behind + at);
-      hn::Store(hn::IfThenElse(blended, before, transmittance), df, state.transmittance + at);
-      V v_base[3];
-      for (int ch = 0; ch < 3; ++ch) {
-        v_base[ch] = hn::Mul(weight, v_color[ch]);
-        sum_base[ch] = hn::Add(sum_base[ch], v_base[ch]);
-      }
-
-      // Steps 2 and 5: power = |W|^2 / |D|^2; nothing flows through a clamped alpha.
-      const M flows = hn::And(blended, hn::Lt(alpha_raw, set(kAlphaMax)));
-      const V v_power = hn::IfThenElseZero(flows, hn::Mul(hn::Mul(v_alpha, alpha_raw), set(-0.5f)));
-      const V a = hn::Mul(v_power, hit.inverse_d2);
-      V b = hn::Neg(hn::Mul(a, hit.power));
-      sum_power = hn::Add(sum_power, v_power);
-      const V a_w = hn::Mul(a, hit.w);
+    for (int i = blocks.begin[column]; i < blocks.begin[column + 1]; ++i) {
+      const int lane = i * kLanes;
+      const float y = rows.y[blocks.row[i]];
+      const V w = hn::Load(df, blocks.w + lane);
+      const V inverse_d2 = hn::Load(df, blocks.inverse_d2 + lane);
+      const V a = hn::Mul(hn::Load(df, color.v_power + lane), inverse_d2);
+      V b = hn::NegMulAdd(a, hn::Load(df, blocks.power + lane), zero);
+      const V a_w = hn::Mul(a, w);
+      const V ay = hn::Mul(a, set(y));
       aw = hn::Add(aw, a_w);
       aw_y = hn::MulAdd(a_w, set(y), aw_y);
-      a_y = hn::MulAdd(a, set(y), a_y);
-      a_yy = hn::MulAdd(a, set(y * y), a_yy);
-
-      // e: d|W|^2 = -2 (W . (wx + kappa y)) and -2 (W . (wy - kappa x)) per pixel of the projected mean.
-      const V w_kappa = hn::MulAdd(set(s.kappa_first), hit.w, set(s.kappa_second * y));
-      V e_x = hn::MulAdd(w_kappa, set(2.0f * y), hn::Mul(set(2.0f * s.w_xx), hit.w));
-      V e_y = hn::MulAdd(set(s.w_xy), hit.w, hn::NegMulAdd(w_kappa, x, set(s.w_yy * s.w_yy * y)));
-      e_x = hn::Mul(e_x, a);
-      e_y = hn::Mul(hn::Add(e_y, e_y), a);
-
+      a_y = hn::Add(a_y, ay);
+      a_yy = hn::MulAdd(ay, set(y), a_yy);
+      // e: d|W|^2 = -2 W . (wx + kappa y) and -2 W . (wy - kappa x) per pixel of the projected mean.
+      const V w_kappa = hn::MulAdd(kappa_first, w, set(s.kappa_second * y));
+      V e_x = hn::MulAdd(w_kappa, set(size_x * y), hn::Mul(e_x_w, w));
+      V e_y = hn::NegMulAdd(w_kappa, e_y_kappa, hn::MulAdd(e_y_w, w, set(size_y * s.w_yy * s.w_yy * y)));
       if constexpr (kTexture) {
-        // Steps 3 and 4.
-        const V v_sample_alpha = view.texture_alpha ? hn::IfThenElseZero(flows, hn::Mul(v_alpha, hit.value)) : zero;
-        V v_corner[4];
-        for (int k = 0; k < 4; ++k) {
-          v_corner[k] = hn::MulAdd(weight, sample.along[k], hn::Mul(v_sample_alpha, sample.alpha[k]));
-        }
-        const V one = set(1.0f);
-        const V down = hn::Sub(v_corner[1], v_corner[0]);
-        const V up = hn::Sub(v_corner[3], v_corner[2]);
-        const V left = hn::Sub(v_corner[2], v_corner[0]);
-        const V right = hn::Sub(v_corner[3], v_corner[1]);
-        const V v_u = hn::Mul(set(texture.texels_per_sigma_u),
-                              hn::MulAdd(point.fraction_v, up, hn::Mul(hn::Sub(one, point.fraction_v), down)));
-        const V v_v = hn::Mul(set(texture.texels_per_sigma_v),
-                              hn::MulAdd(point.fraction_u, right, hn::Mul(hn::Sub(one, point.fraction_u), left)));
-        const V u_numerator = hn::IfThenElseZero(point.inside, hn::Mul(v_u, hit.inverse_d2));
-        const V v_numerator = hn::IfThenElseZero(point.inside, hn::Mul(v_v, hit.inverse_d2));
-        b = hn::NegMulAdd(u_numerator, point.u, hn::NegMulAdd(v_numerator, point.v, b));
-        add(column_u, u_numerator, y);
-        add(column_v, v_numerator, y);
-        const ScreenChange change = screenChange(s, ray, y, x);
-        e_x = hn::MulAdd(u_numerator, change.u_x, hn::MulAdd(v_numerator, change.v_x, e_x));
-        e_y = hn::MulAdd(u_numerator, change.u_y, hn::MulAdd(v_numerator, change.v_y, e_y));
-        forEachCell(point, [&](std::size_t cell, M lanes) HWY_ATTR {
-          for (int k = 0; k < 4; ++k) {
-            const V w = hn::IfThenElseZero(lanes, sample.corners.weight[k]);
-            const V rgb_weight = view.texture_rgb ? w : hn::Zero(df);
-            addLaneSums(hn::Mul(rgb_weight, v_base[0]), hn::Mul(rgb_weight, v_base[1]), hn::Mul(rgb_weight, v_base[2]),
-                        hn::Mul(w, v_sample_alpha), &slot->x + cell + cornerStep(texture, k));
-          }
-        });
+        const NumeratorGradient g = numeratorGradient(s, y, x, inverse_d2, lane, texture, color);
+        b = hn::Sub(b, g.b);
+        add(column_u, g.u, y);
+        add(column_v, g.v, y);
+        e_x = hn::MulAdd(e_x, a, hn::Mul(g.e_x, set(0.5f * size_x)));
+        e_y = hn::MulAdd(e_y, a, hn::Mul(g.e_y, set(0.5f * size_y)));
+        sum_abs = hn::Add(sum_abs, hn::Sqrt(hn::MulAdd(e_x, e_x, hn::Mul(e_y, e_y))));
+      } else {
+        sum_abs = hn::MulAdd(hn::Abs(a), hn::Sqrt(hn::MulAdd(e_x, e_x, hn::Mul(e_y, e_y))), sum_abs);
       }
       add(column_b, b, y);
-      e_x = hn::Mul(e_x, set(ndc_x));
-      e_y = hn::Mul(e_y, set(ndc_y));
-      sum_abs = hn::Add(sum_abs, hn::Sqrt(hn::MulAdd(e_x, e_x, hn::Mul(e_y, e_y))));
     }
     sum_aw = hn::Add(sum_aw, aw);
     sum_aw_x = hn::MulAdd(aw, x, sum_aw_x);
@@ -294,22 +333,65 @@ void backwardSplat(const BackwardArgs& args, const Splat& s, std::int32_t positi
       fold(of_v, column_v, x);
     }
   }
-
-  PairSums& out = args.sums[pair];
-  out.aw = sum(sum_aw);
-  out.aw_x = sum(sum_aw_x);
-  out.aw_y = sum(sum_aw_y);
-  out.a_y = sum(sum_a_y);
-  out.a_xy = sum(sum_a_xy);
-  out.a_yy = sum(sum_a_yy);
-  store(of_b, &out.b);
-  for (int ch = 0; ch < 3; ++ch) out.base[ch] = sum(sum_base[ch]);
-  out.power = sum(sum_power);
-  out.screen_abs = sum(sum_abs);
+  sums.aw = sum(sum_aw);
+  sums.aw_x = sum(sum_aw_x);
+  sums.aw_y = sum(sum_aw_y);
+  sums.a_y = sum(sum_a_y);
+  sums.a_xy = sum(sum_a_xy);
+  sums.a_yy = sum(sum_a_yy);
+  store(of_b, &sums.b);
+  sums.screen_abs = sum(sum_abs);
   if constexpr (kTexture) {
-    store(of_u, &args.texture_sums[pair].u);
-    store(of_v, &args.texture_sums[pair].v);
+    store(of_u, &texture_sums->u);
+    store(of_v, &texture_sums->v);
   }
+}
+
+// Step 3: the gradients of the texels, into the pair's slot.
+HWY_INLINE void backwardTexels(const View& view, const Texture& texture, const Blocks& blocks,
+                               const TextureBlocks& texture_blocks, const ColorGradient& color,
+                               const GradientState& state, float* slot) {
+  for (int i = 0; i < blocks.count(); ++i) {
+    const int lane = i * kLanes;
+    TexturePoint at;
+    at.inside = hn::Gt(hn::Load(df, texture_blocks.inside + lane), hn::Zero(df));
+    at.fraction_u = hn::Load(df, texture_blocks.fraction_u + lane);
+    at.fraction_v = hn::Load(df, texture_blocks.fraction_v + lane);
+    at.cell = hn::Load(di, texture_blocks.cell + lane);
+    const Corners corners = cornerWeights(at);
+    const V weight = view.texture_rgb ? hn::Load(df, color.weight + lane) : hn::Zero(df);
+    V v_rgb[3];
+    for (int ch = 0; ch < 3; ++ch) v_rgb[ch] = hn::Mul(weight, hn::Load(df, state.v_color[ch] + blocks.at[i]));
+    const V v_a = view.texture_alpha
+                      ? hn::Mul(hn::Load(df, color.v_alpha + lane), hn::Load(df, texture_blocks.gaussian + lane))
+                      : hn::Zero(df);
+    forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
+      for (int k = 0; k < 4; ++k) {
+        const V w = hn::IfThenElseZero(lanes, corners.weight[k]);
+        addLaneSums(hn::Mul(w, v_rgb[0]), hn::Mul(w, v_rgb[1]), hn::Mul(w, v_rgb[2]), hn::Mul(w, v_a),
+                    slot + cell + cornerStep(texture, k));
+      }
+    });
+  }
+}
+
+// Bit r: some pixel of row r of this column blended the splat at `position` or one behind it.
+HWY_INLINE std::uint32_t openRows(const GradientState& state, int column, std::int32_t position) {
+  std::uint32_t bits = 0;
+  for (int row = 0; row < kTileHeight; row += kLanes) {
+    const auto later = hn::Gt(hn::Load(di, state.row_stop[column] + row), hn::Set(di, position));
+    bits |= bitsOf(hn::RebindMask(df, later)) << row;
+  }
+  return bits;
+}
+
+// The pair's texel gradients, zeroed.
+HWY_INLINE float* openSlot(TexelSlots& slots, const Splat& s, std::uint32_t pair) {
+  const std::size_t index = pair - slots.first;
+  glm::vec4* slot = slots.texels.data() + slots.begin[index];
+  std::fill_n(slot, std::size_t{s.texture_width} * s.texture_height, glm::vec4(0.0f));
+  slots.used[index] = 1;
+  return &slot->x;
 }
 
 void backwardTile(const BackwardArgs& args, int tile) {
@@ -329,7 +411,7 @@ void backwardTile(const BackwardArgs& args, int tile) {
       const int at = offsetOf(x / kLanes, row) + x % kLanes;
       const std::size_t recorded = static_cast<std::size_t>(tile) * kTilePixels + row * kTileWidth + x;
       const glm::vec3 v_color = in.v_color[static_cast<std::size_t>(tile_y + row) * in.view.width + tile_x + x];
-      const auto stop = static_cast<std::int32_t>(in.record.stop[recorded]);
+      const std::int32_t stop = in.record.stop[recorded];
       state.transmittance[at] = in.record.transmittance[recorded];
       state.behind[at] = in.record.transmittance[recorded] * glm::dot(v_color, in.view.background);
       for (int ch = 0; ch < 3; ++ch) state.v_color[ch][at] = v_color[ch];
@@ -339,17 +421,33 @@ void backwardTile(const BackwardArgs& args, int tile) {
     }
   }
   Rows rows;
+  Blocks blocks;
+  TextureBlocks texture_blocks;
+  ColorGradient color;
   for (auto position = static_cast<std::int32_t>(list.size()) - 1; position >= 0; --position) {
     const Splat& s = in.screen.splats[list[position]];
+    if (position > 0) prefetchSplat(in.screen.splats[list[position - 1]]);
     const std::uint32_t pair = first_pair + static_cast<std::uint32_t>(position);
-    if (position >= end || !prepareRows(s, tile_x, tile_y, rows)) {
-      args.sums[pair] = {};
-      if (in.view.textured()) args.texture_sums[pair] = {};
-    } else if (s.texture_width > 0) {
-      backwardSplat<true>(args, s, position, pair, tile_x, rows, state);
+    PairSums& sums = args.sums[pair];
+    PairTextureSums* texture_sums = in.view.textured() ? &args.texture_sums[pair] : nullptr;
+    sums = {};
+    if (texture_sums != nullptr) *texture_sums = {};
+    if (position >= end || !prepareRows(s, tile_x, tile_y, rows)) continue;
+    for (int column = 0; column < kColumns; ++column) rows.active[column] &= openRows(state, column, position);
+    const auto open = [&](int at) HWY_ATTR {
+      return hn::RebindMask(df, hn::Gt(hn::Load(di, state.stop + at), hn::Set(di, position)));
+    };
+    evaluateBlocks(s, rows, tile_x, open, blocks);
+    if (blocks.count() == 0) continue;
+    if (s.texture_width > 0) {
+      const Texture texture = makeTexture(s, in.texels);
+      applyTexture(texture, s, in.view, rows, tile_x, state, blocks, texture_blocks);
+      backwardColor<true>(s, blocks, texture_blocks, state, color, sums);
+      backwardGeometry<true>(in.view, s, rows, tile_x, blocks, texture_blocks, color, sums, texture_sums);
+      backwardTexels(in.view, texture, blocks, texture_blocks, color, state, openSlot(*args.slots, s, pair));
     } else {
-      backwardSplat<false>(args, s, position, pair, tile_x, rows, state);
-      if (in.view.textured()) args.texture_sums[pair] = {};
+      backwardColor<false>(s, blocks, texture_blocks, state, color, sums);
+      backwardGeometry<false>(in.view, s, rows, tile_x, blocks, texture_blocks, color, sums, nullptr);
     }
   }
 }
