@@ -164,7 +164,10 @@ void blendTile(const BlendArgs& args, int tile) {
   const auto any_lane = [](int) HWY_ATTR { return hn::FirstN(df, kLanes); };
   for (std::uint32_t position = 0; position < list.size(); ++position) {
     const Splat& s = args.splats[list[position]];
-    if (position + 1 < list.size()) prefetchSplat(args.splats[list[position + 1]]);
+    if (position + 2 < list.size()) {
+      prefetchSplat(args.splats[list[position + 2]]);
+      prefetchTexels(args.splats[list[position + 1]], args.texels);
+    }
     if (!prepareRows(s, tile_x, tile_y, rows)) continue;
     for (int column = 0; column < kColumns; ++column) rows.active[column] &= state.live[column];
     evaluateBlocks(s, rows, tile_x, any_lane, blocks);

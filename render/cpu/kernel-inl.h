@@ -34,10 +34,18 @@ constexpr int kLanes = static_cast<int>(hn::MaxLanes(Floats()));
 constexpr int kColumns = kTileWidth / kLanes;  // vectors side by side in a tile
 static_assert(kTileWidth % kLanes == 0 && kTileHeight % kLanes == 0 && kTileHeight <= 32);
 
-// Asks for a splat that the loop reaches next: a tile's list jumps through memory.
+constexpr std::size_t kCacheLine = 64;
+
+// Asks for a splat that the loop reaches soon, and for the texels of one it reaches before that: a tile's list jumps
+// through memory.
 HWY_INLINE void prefetchSplat(const Splat& s) {
   const char* bytes = reinterpret_cast<const char*>(&s);
-  for (std::size_t line = 0; line < sizeof(Splat); line += 64) hwy::Prefetch(bytes + line);
+  for (std::size_t line = 0; line < sizeof(Splat); line += kCacheLine) hwy::Prefetch(bytes + line);
+}
+HWY_INLINE void prefetchTexels(const Splat& s, const glm::vec4* texels) {
+  const std::size_t bytes = std::size_t{16} * s.texture_width * s.texture_height;
+  const char* first = reinterpret_cast<const char*>(texels + s.texel_offset);
+  for (std::size_t line = 0; line < std::min<std::size_t>(bytes, 1024); line += kCacheLine) hwy::Prefetch(first + line);
 }
 
 // Pixel state is stored [column][row][lane].

@@ -426,7 +426,10 @@ void backwardTile(const BackwardArgs& args, int tile) {
   ColorGradient color;
   for (auto position = static_cast<std::int32_t>(list.size()) - 1; position >= 0; --position) {
     const Splat& s = in.screen.splats[list[position]];
-    if (position > 0) prefetchSplat(in.screen.splats[list[position - 1]]);
+    if (position > 1) {
+      prefetchSplat(in.screen.splats[list[position - 2]]);
+      prefetchTexels(in.screen.splats[list[position - 1]], in.texels);
+    }
     const std::uint32_t pair = first_pair + static_cast<std::uint32_t>(position);
     PairSums& sums = args.sums[pair];
     PairTextureSums* texture_sums = in.view.textured() ? &args.texture_sums[pair] : nullptr;
