@@ -13,7 +13,8 @@ bin=build/bin
 mkdir -p "$out"
 rm -rf "$out/scene"
 "$bin/tgtrain" make-sample "$out/scene"
-"$bin/tgtrain" "$out/scene" -o "$out/model.tgz" --overwrite --iterations 700 --texture-iterations 700
+"$bin/tgtrain" "$out/scene" -o "$out/model.tgz" --overwrite --max-gaussians 5000 \
+  --iterations 1500 --texture-iterations 1500
 "$bin/tgconvert" "$out/model.tgz" "$out/model.glb" --overwrite
 
 if [ -n "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]; then

@@ -1,4 +1,5 @@
 tg_add_test(test_vulkan LIBRARIES tg_render_vulkan SOURCES
+  trained_model_test.cpp
   vulkan_device.cpp
   vulkan_passes_test.cpp
   vulkan_renderer_test.cpp)

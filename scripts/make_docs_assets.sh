@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# Makes docs/sample.tgz (the trained model that ships) and the README's pictures again, with the programs in build/bin.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+bin=build/bin
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+"$bin/tgtrain" make-sample "$work/scene"
+"$bin/tgtrain" "$work/scene" -o docs/sample.tgz --overwrite --reproducible --max-gaussians 5000 \
+  --iterations 4000 --texture-iterations 4000
+mkdir -p docs/images
+for show in final base texture normal; do
+  "$bin/tgview" docs/sample.tgz --render "docs/images/$show.png" --show "$show" --size 400x400
+done
