@@ -41,7 +41,7 @@ double halfError(const Image& a, const Image& b) {
 
 }  // namespace
 
-TEST_CASE("--render writes every output of the first test camera") {
+TEST_CASE("the flag --render writes every output of the first test camera") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   const Bundle bundle = readBundle(shop / "model.tgz");
@@ -84,7 +84,7 @@ TEST_CASE("Vulkan and CPU render the same pictures") {
   }
 }
 
-TEST_CASE("--render under validation: no message") {
+TEST_CASE("the flag --render under validation: no message") {
   if (!test::haveVulkan()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -131,7 +131,7 @@ TEST_CASE("texture terms, intersection, background, camera and size change the p
   CHECK(psnr8Bit(middle, render({})) > 45);
 }
 
-TEST_CASE("--list-cameras names them all") {
+TEST_CASE("the flag --list-cameras names them all") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   const ProcessResult result = shop.tgview({"model.tgz", "--list-cameras"});
