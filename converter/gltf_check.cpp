@@ -74,7 +74,7 @@ class Node {
 
   const json& value() const { return *value_; }
   [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ErrorKind::badData, *path_, printable((pointer_.empty() ? "/" : pointer_) + ": " + what));
+    throw Error(ErrorKind::badData, *path_, (pointer_.empty() ? "/" : pointer_) + ": " + what);
   }
 
   bool has(const char* key) const { return value_->contains(key); }
@@ -423,7 +423,7 @@ json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) 
     };
     return json::parse(text.begin(), text.end(), limit_depth);
   } catch (const json::exception& error) {
-    throw Error(ErrorKind::badData, path, printable(std::string("the JSON text is broken: ") + error.what()));
+    throw Error(ErrorKind::badData, path, std::string("the JSON text is broken: ") + error.what());
   }
 }
 

@@ -28,14 +28,6 @@ tinygltf::FsCallbacks noFiles() {
 
 }  // namespace
 
-std::string printable(std::string text) {
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  for (char& c : text) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = c == '\n' ? ' ' : '?';
-  }
-  return text;
-}
-
 GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path) {
   GltfDocument document;
   document.path = path;
@@ -60,7 +52,7 @@ GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& pa
   } catch (const std::exception& exception) {
     error = exception.what();
   }
-  if (!ok) throw Error(ErrorKind::badData, document.path, "no valid glTF: " + printable(error));
+  if (!ok) throw Error(ErrorKind::badData, document.path, "no valid glTF: " + error);
   return document;
 }
 

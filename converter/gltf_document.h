@@ -17,9 +17,6 @@ namespace tg {
 inline constexpr std::string_view kSplatExtension = "KHR_gaussian_splatting";
 inline constexpr std::string_view kTextureExtension = "TG_gaussian_splatting_texture";
 
-// One line without control characters: names inside a file may hold anything.
-std::string printable(std::string text);
-
 struct GltfDocument {
   std::string path;       // starts every error message
   tinygltf::Model model;  // image.image holds the encoded file's bytes; nothing is decoded
@@ -27,7 +24,7 @@ struct GltfDocument {
 
   // The error for something wrong at a JSON pointer.
   Error bad(const std::string& pointer, const std::string& what) const {
-    return Error(ErrorKind::badData, path, printable(pointer + ": " + what));
+    return Error(ErrorKind::badData, path, pointer + ": " + what);
   }
   void warn(const std::string& pointer, const std::string& what) {
     warnings.push_back(printable(pointer + ": " + what));

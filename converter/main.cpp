@@ -66,6 +66,9 @@ int main(int argc, char** argv) {
       "Converts splat models between tgz, ply and glb. The input's format is its content, the output's its "
       "extension.",
       "tgconvert");
+  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
+    return failed->get_name() + ": " + error.what() + " (see --help)\n";
+  });
   app.add_option("IN", arguments.input, "model to read: tgz, ply, glb or gltf")->required();
   app.add_option("OUT", arguments.output, "file to write: .glb, .ply or .tgz");
   app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");

@@ -165,9 +165,9 @@ class BundleReader {
     const char* raw_name = archive_entry_pathname(entry);
     if (!raw_name) raw_name = archive_entry_pathname_utf8(entry);
     const std::string name = raw_name ? raw_name : "";
+    if (const char* type = typeName(entry)) fail("entry " + shown(name) + " is a " + type + " (expected a file)");
     const std::string problem = nameProblem(name);
     if (!problem.empty()) fail("entry " + std::to_string(entries_) + ", " + shown(name) + ": name " + problem);
-    if (const char* type = typeName(entry)) fail("entry " + shown(name) + " is a " + type + " (expected a file)");
     names_.insert(name);
     if (!folded_names_.insert(folded(name)).second) fail("entry " + shown(name) + " is there twice");
     if (!archive_entry_size_is_set(entry) || archive_entry_size(entry) < 0)

@@ -10,11 +10,20 @@ namespace tg {
 // Exit codes of every program: 0 means success.
 enum class ErrorKind { usage = 1, cannotRead = 2, badData = 3, cannotWrite = 4, device = 5 };
 
-// what() is one line for the user: `path: what is wrong (expected X, found Y)`. Thrown by input, output and set-up code
+// Text that may hold bytes of a file, fit for a terminal: one line, no control characters.
+inline std::string printable(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = c == '\n' ? ' ' : '?';
+  }
+  return text;
+}
+
+// what() is one printable line for the user: `path: what is wrong (expected X, found Y)`. Thrown by input, output and set-up code
 // only, never from kernels; caught once, in main.
 struct Error : std::runtime_error {
   ErrorKind kind;
-  Error(ErrorKind k, const std::string& message) : std::runtime_error(message), kind(k) {}
+  Error(ErrorKind k, const std::string& message) : std::runtime_error(printable(message)), kind(k) {}
   Error(ErrorKind k, const std::string& path, const std::string& message) : Error(k, path + ": " + message) {}
 };
 

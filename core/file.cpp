@@ -43,6 +43,16 @@ std::filesystem::path folderOf(const std::filesystem::path& path) {
   return folder.empty() ? std::filesystem::path(".") : folder;
 }
 
+// Renaming over a device or a pipe would replace it (think of /dev/null).
+void requireFileName(const std::filesystem::path& path) {
+  std::error_code ignored;
+  const auto type = std::filesystem::status(path, ignored).type();
+  if (type != std::filesystem::file_type::not_found && type != std::filesystem::file_type::regular &&
+      type != std::filesystem::file_type::none)
+    throw Error(ErrorKind::cannotWrite, path.string(), "exists and is not a regular file");
+  if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
+}
+
 // A fresh empty file in the folder of `path`, with the same extension, readable as the umask says.
 std::filesystem::path createTemporary(const std::filesystem::path& path) {
   static std::atomic<unsigned> counter{0};
@@ -114,15 +124,18 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
   return bytes;
 }
 
+void requireWritable(const std::filesystem::path& path) {
+  requireFileName(path);
+  // The final name itself: the temporary one is shorter than a name the file system may refuse.
+  struct stat status{};
+  if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT)
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
+  const TemporaryFile removed{createTemporary(path)};
+}
+
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path& temporary)>& write) {
-  // Renaming over a device or a pipe would replace it (think of /dev/null).
-  std::error_code ignored;
-  const auto type = std::filesystem::status(path, ignored).type();
-  if (type != std::filesystem::file_type::not_found && type != std::filesystem::file_type::regular)
-    throw Error(ErrorKind::cannotWrite, path.string(), "exists and is not a regular file");
-  if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
-
+  requireFileName(path);
   TemporaryFile temporary{createTemporary(path)};
   write(temporary.path);
   syncFile(temporary.path, path);

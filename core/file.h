@@ -13,6 +13,9 @@ namespace tg {
 // Throws Error(cannotRead) when missing, a folder, unreadable, or longer than max_bytes.
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes);
 
+// Throws what writeFileAtomically would throw for a place that cannot be written: for use before hours of work.
+void requireWritable(const std::filesystem::path& path);
+
 // Writes to a temporary name beside `path`, syncs, renames. On any exception nothing is left behind. Throws
 // Error(cannotWrite).
 void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes);

@@ -40,6 +40,17 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
   return options;
 }
 
+std::string usageMessage(const CLI::App* app, const CLI::Error& error) {
+  return app->get_name() + ": " + error.what() + " (see --help)\n";
+}
+
+void refuseExisting(const std::string& path, bool overwrite) {
+  std::error_code ignored;
+  if (!overwrite && std::filesystem::exists(path, ignored)) {
+    throw Error(ErrorKind::cannotWrite, path, "exists already (add --overwrite to replace it)");
+  }
+}
+
 int runProgram(const char* name, const std::function<int()>& body) {
   try {
     return body();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tgtrain and tgeval share: flags that describe a data set, and errors to exit codes.
+// What tgtrain and tgeval share: flags that describe a data set, what may be overwritten, and errors to exit codes.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <functional>
@@ -20,6 +20,12 @@ struct DatasetFlags {
 void addDatasetFlags(CLI::App& app, DatasetFlags& flags);
 // Throws Error(usage) for a background that is no colour.
 DatasetOptions datasetOptions(const DatasetFlags& flags);
+
+// One line for a wrong command line, for App::failure_message.
+std::string usageMessage(const CLI::App* app, const CLI::Error& error);
+
+// Throws Error(cannotWrite) when there is something at `path`, unless it may be replaced.
+void refuseExisting(const std::string& path, bool overwrite);
 
 // Runs a program's body; errors become one line on stderr and the exit code of core/error.h.
 int runProgram(const char* name, const std::function<int()>& body);

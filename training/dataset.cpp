@@ -16,6 +16,9 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kMaxDownscale = 64;
+constexpr double kFarthest = 1e9;  // positions [world units] and principal points [px]: squares stay far inside float
+constexpr double kShortestFocal = 1e-3;  // [px]
+constexpr double kLongestFocal = 1e9;    // [px]
 
 bool isFile(const fs::path& path) {
   std::error_code ignored;
@@ -32,6 +35,13 @@ DatasetLayout detectLayout(const fs::path& folder) {
               "sparse with cameras.bin / cameras.txt; found none of them)");
 }
 
+std::string text(double value) {
+  std::ostringstream stream;
+  stream.imbue(std::locale::classic());
+  stream << value;
+  return stream.str();
+}
+
 std::uint8_t quantize(float value) {
   return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0f, 1.0f) * 255.0f));
 }
@@ -42,6 +52,35 @@ Camera downscaled(Camera camera, int factor) {
   camera.height /= factor;
   for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *value /= factor;
   return camera;
+}
+
+// What float cannot hold would train for hours to a model that cannot be written.
+void checkCamera(const fs::path& image, const Camera& camera) {
+  for (const double focal : {camera.fx, camera.fy}) {
+    if (!(focal >= kShortestFocal && focal <= kLongestFocal)) {
+      throw Error(ErrorKind::badData, image.string(),
+                  "focal length out of range (expected 0.001 to 1e9 pixels, found " + text(focal) + ")");
+    }
+  }
+  const glm::dvec3 position = camera.position();
+  for (const double value : {camera.cx, camera.cy, position.x, position.y, position.z}) {
+    if (!(std::abs(value) <= kFarthest)) {
+      throw Error(ErrorKind::badData, image.string(),
+                  "camera position or principal point out of range (expected -1e9 to 1e9, found " + text(value) + ")");
+    }
+  }
+}
+
+void checkPoints(const fs::path& folder, const PointCloud& points) {
+  for (std::size_t i = 0; i < points.position.size(); i++) {
+    for (int axis = 0; axis < 3; axis++) {
+      if (!(std::abs(points.position[i][axis]) <= kFarthest)) {
+        throw Error(ErrorKind::badData, folder.string(),
+                    "point " + std::to_string(i) + " is out of range (expected -1e9 to 1e9, found " +
+                        text(points.position[i][axis]) + ")");
+      }
+    }
+  }
 }
 
 View loadView(const DatasetIndex::Entry& entry, int downscale, const glm::vec3& background) {
@@ -59,6 +98,7 @@ View loadView(const DatasetIndex::Entry& entry, int downscale, const glm::vec3& 
   } else if (view.camera.width != image.width || view.camera.height != image.height) {
     view.camera = resized(view.camera, image.width, image.height);
   }
+  checkCamera(entry.image, view.camera);
   if (downscale > 1) {
     if (image.width < downscale || image.height < downscale) {
       throw Error(ErrorKind::usage, entry.image.string(),
@@ -156,6 +196,7 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   dataset.background =
       options.background.value_or(glm::vec3(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f));
   dataset.points = options.points ? readPointCloudPly(*options.points) : std::move(index.points);
+  checkPoints(options.points.value_or(folder), dataset.points);
 
   const std::size_t listed = index.entries.size();
   std::erase_if(index.entries, [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <set>
 #include <span>
 
 #include "core/bundle.h"
@@ -57,6 +58,22 @@ std::vector<std::size_t> chosenViews(const tg::Dataset& dataset, const std::stri
   return views;
 }
 
+// Where each picture goes, by view: named after the photograph's file, with a number where that is taken (train/0.png
+// and test/0.png). Names come from the data set: their folders are left aside, so that nothing lands elsewhere.
+std::vector<fs::path> pictureFiles(const Options& options, const tg::Dataset& dataset,
+                                   std::span<const std::size_t> views) {
+  std::vector<fs::path> files(dataset.views.size());
+  std::set<std::string> taken;
+  for (const std::size_t view : views) {
+    const std::string stem = fs::path(dataset.views[view].camera.name).stem().string();
+    std::string name = stem;
+    for (int number = 2; !taken.insert(name).second; number++) name = stem + "-" + std::to_string(number);
+    files[view] = fs::path(options.images) / (name + ".png");
+    tg::refuseExisting(files[view].string(), options.overwrite);
+  }
+  return files;
+}
+
 tg::Image toImage(const tg::Frame& frame) { return tg::extract(frame, tg::Output::final); }
 
 std::string formatJson(const tg::Dataset& dataset, const tg::GaussianModel& model, const std::string& split,
@@ -76,8 +93,9 @@ std::string formatJson(const tg::Dataset& dataset, const tg::GaussianModel& mode
 }
 
 int run(const Options& options) {
-  if (!options.json.empty() && !options.overwrite && fs::exists(options.json)) {
-    throw tg::Error(tg::ErrorKind::cannotWrite, options.json, "exists already (add --overwrite to replace it)");
+  if (!options.json.empty()) {
+    tg::refuseExisting(options.json, options.overwrite);
+    tg::requireWritable(options.json);
   }
   if (options.threads > 0) tg::setThreadCount(options.threads);
   const Scene scene = readScene(options.model);
@@ -85,10 +103,12 @@ int run(const Options& options) {
   if (!data.background) data.background = scene.background;
   const tg::Dataset dataset = tg::loadDataset(options.dataset, data);
   const std::vector<std::size_t> views = chosenViews(dataset, options.split);
+  std::vector<fs::path> files;
   if (!options.images.empty()) {
     std::error_code code;
     fs::create_directories(options.images, code);
     if (code) throw tg::Error(tg::ErrorKind::cannotWrite, options.images, code.message());
+    files = pictureFiles(options, dataset, views);
   }
 
   const auto renderer = tg::makeCpuRenderer();
@@ -99,16 +119,10 @@ int run(const Options& options) {
   const std::vector<tg::ViewScore> scores = tg::scoreViews(
       dataset, views, [&](const tg::Camera& camera) { return toImage(renderer->render(camera, settings)); },
       [&](const tg::View& view, const tg::Image& picture) {
-        if (options.images.empty()) return;
-        const fs::path file =
-            fs::path(options.images) / fs::path(view.camera.name).filename().replace_extension(".png");
-        if (!options.overwrite && fs::exists(file)) {
-          throw tg::Error(tg::ErrorKind::cannotWrite, file.string(), "exists already (add --overwrite to replace it)");
-        }
-        tg::writeImage(file, picture);
+        if (!files.empty()) tg::writeImage(files[static_cast<std::size_t>(&view - dataset.views.data())], picture);
       });
   for (const tg::ViewScore& score : scores) {
-    std::printf("%-32s %9.3f %8.5f\n", score.name.c_str(), score.psnr, score.ssim);
+    std::printf("%-32s %9.3f %8.5f\n", tg::printable(score.name).c_str(), score.psnr, score.ssim);
   }
   const tg::Score mean = tg::meanScore(scores);
   std::printf("%-32s %9.3f %8.5f   %zu views, %zu Gaussians\n", "mean", mean.psnr, mean.ssim, mean.views,
@@ -124,7 +138,8 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   return tg::runProgram("tgeval", [&] {
-    CLI::App app("Compares renderings of a model with the photographs of a data set.");
+    CLI::App app("Compares renderings of a model with the photographs of a data set.", "tgeval");
+    app.failure_message(tg::usageMessage);
     Options options;
     app.add_option("model", options.model, "model.tgz or splats.ply")->required();
     app.add_option("dataset", options.dataset, "Folder, as for tgtrain")->required();

@@ -45,9 +45,24 @@ struct Options {
   tg::TrainSettings settings;
 };
 
-void refuseExisting(const std::string& path, bool overwrite) {
-  if (!path.empty() && !overwrite && fs::exists(path)) {
-    throw tg::Error(tg::ErrorKind::cannotWrite, path, "exists already (add --overwrite to replace it)");
+// Before hours of training: what could not be written at their end.
+void checkOutputs(const Options& options) {
+  const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
+  for (std::size_t i = 0; i < paths.size(); i++) {
+    const std::string& path = paths[i];
+    if (path.empty()) continue;
+    const bool model = &path != &paths.back();
+    if (model && fs::path(path).extension() != ".tgz") {
+      throw tg::Error(tg::ErrorKind::usage, path,
+                      "unknown model format (expected .tgz, found \"" + fs::path(path).extension().string() + "\")");
+    }
+    for (std::size_t j = 0; j < i; j++) {
+      if (fs::path(path).lexically_normal() == fs::path(paths[j]).lexically_normal()) {
+        throw tg::Error(tg::ErrorKind::usage, path, "is named for two outputs (expected different files)");
+      }
+    }
+    tg::refuseExisting(path, options.overwrite);
+    tg::requireWritable(path);
   }
 }
 
@@ -71,9 +86,7 @@ int runTraining(Options options) {
   options.settings.texture_mode = *mode;
   options.settings.intersection = *intersection;
   options.settings.compare_untextured |= !options.untextured_output.empty();
-  for (const std::string& path : {options.output, options.untextured_output, options.json}) {
-    refuseExisting(path, options.overwrite);
-  }
+  checkOutputs(options);
   if (options.threads > 0) tg::setThreadCount(options.threads);
 
   const auto start = std::chrono::steady_clock::now();
@@ -141,14 +154,19 @@ void addTrainingOptions(CLI::App& app, Options& options) {
       ->check(CLI::IsMember({"none", "alpha", "rgb", "rgba"}))
       ->capture_default_str();
   app.add_option("--texture-size", settings.texture_size, "Texels along each side")->capture_default_str();
-  app.add_option("--intersect", options.intersection, "Where a ray meets a Gaussian")
+  app.add_option("--intersection", options.intersection, "Where a ray meets a Gaussian")
       ->check(CLI::IsMember({"plane", "maxResponse"}))
       ->capture_default_str();
-  app.add_option("--max-gaussians", settings.max_gaussians, "Most Gaussians (0: no limit)")->capture_default_str();
+  app.add_option("--max-gaussians", settings.max_gaussians, "Most Gaussians (0: no limit)")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app.add_option("--init-count", settings.init_count, "Start from this many points (0: all; 100000 if random)")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app.add_option("--sh-degree", settings.sh_degree, "Highest degree of the spherical harmonics")->capture_default_str();
-  app.add_option("--seed", settings.seed, "Same seed, same model")->capture_default_str();
+  app.add_option("--seed", settings.seed, "Same seed, same model")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   tg::addDatasetFlags(app, options.data);
   app.add_flag("--compare-untextured", settings.compare_untextured,
                "Also run stage 2 without textures from the same stage-1 model, and report both");
@@ -176,7 +194,8 @@ void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& opt
 
 int main(int argc, char** argv) {
   return tg::runProgram("tgtrain", [&] {
-    CLI::App app("Trains a textured Gaussian model from photographs with known cameras.");
+    CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
+    app.failure_message(tg::usageMessage);
     app.require_subcommand(0, 1);
     Options options;
     addTrainingOptions(app, options);

@@ -39,6 +39,9 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
   app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
   app.footer(kFooter);
+  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
+    return failed->get_name() + ": " + error.what() + " (see --help)\n";
+  });
 }
 
 tg::Backend parseBackend(const std::string& text) {
@@ -66,7 +69,7 @@ void listCameras(const std::filesystem::path& path) {
   for (std::size_t i = 0; i < loaded.cameras.size(); ++i) {
     const tg::Camera& camera = loaded.cameras[i];
     std::printf("%4zu  %-5s  %5d x %-5d  fy %8.1f  %s\n", i, camera.test ? "test" : "train", camera.width,
-                camera.height, camera.fy, camera.name.c_str());
+                camera.height, camera.fy, tg::printable(camera.name).c_str());
   }
   if (loaded.cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", path.c_str());
 }
@@ -96,6 +99,9 @@ int main(int argc, char** argv) {
     return tg::exitCode(error);
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "tgview: %s: not enough memory\n", flags.view.model.c_str());
+    return static_cast<int>(tg::ErrorKind::badData);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "tgview: %s: %s\n", flags.view.model.c_str(), error.what());
     return static_cast<int>(tg::ErrorKind::badData);
   }
 }

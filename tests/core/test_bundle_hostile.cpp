@@ -102,11 +102,16 @@ TEST_CASE("the archive these tests break is valid before") {
 
 TEST_CASE("names that could leave a folder are refused") {
   for (const char* name : {"/etc/passwd", "../a", "a/../b", "..", "./manifest.json", ".", "a//b", "a/.", "a\\b",
-                           "C:evil", "c:\\evil", "\xff\xfe", "\xc0\xaf", "//"}) {
+                           "C:evil", "c:\\evil", "\xff\xfe", "\xc0\xaf"}) {
     INFO(name);
     Archive archive;
     archive.add(name);
     REQUIRE_THROWS_WITH(archive.read(), Contains("name "));
+  }
+  {
+    Archive archive;
+    archive.add("//");  // a name that ends in a slash is a folder, whatever its type flag says
+    REQUIRE_THROWS_WITH(archive.read(), Contains("is a folder"));
   }
   // 256 bytes, by way of a pax header.
   Archive archive;

@@ -75,6 +75,20 @@ TEST_CASE("folders, devices and paths into nowhere cannot be written") {
   REQUIRE(fileCount(folder.path) == 0);
 }
 
+TEST_CASE("a place that cannot be written is known beforehand, and asking leaves nothing") {
+  const tg::TemporaryFolder folder;
+  tg::requireWritable(folder / "a");
+  REQUIRE(fileCount(folder.path) == 0);
+  tg::writeFileAtomically(folder / "a", Bytes{7});
+  tg::requireWritable(folder / "a");
+  REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
+  for (const std::filesystem::path& path : {folder / "no/a", folder.path, std::filesystem::path("/dev/full"),
+                                            folder / std::string(300, 'x'), folder / ""}) {
+    REQUIRE(kindOf([&] { tg::requireWritable(path); }) == tg::ErrorKind::cannotWrite);
+  }
+  REQUIRE(fileCount(folder.path) == 1);
+}
+
 TEST_CASE("a name without folder is written to the working folder") {
   const tg::TemporaryFolder folder;
   const std::filesystem::path before = std::filesystem::current_path();

@@ -379,6 +379,29 @@ TEST_CASE("refuses broken transforms.json with the frame it is about", "[dataset
   CHECK_THAT(refusal(folder.path, options), Contains("downscale factor out of range"));
 }
 
+TEST_CASE("refuses numbers that float cannot train with", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 16, 12);
+  const auto refusedWith = [&](const char* key, double value) {
+    Json json = pinhole({frame("a.png")});
+    json[key] = value;
+    writeText(folder / "transforms.json", json.dump());
+    return refusal(folder.path);
+  };
+  CHECK_THAT(refusedWith("fl_x", 1e300), Contains("3 ") && Contains("a.png: focal length out of range"));
+  CHECK_THAT(refusedWith("fl_y", 1e-300), Contains("expected 0.001 to 1e9 pixels, found 1e-300"));
+  CHECK_THAT(refusedWith("cx", -1e10), Contains("principal point out of range"));
+  const Json far = {{1, 0, 0, 1e300}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
+  writeText(folder / "transforms.json", pinhole({frame("a.png", far)}).dump());
+  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("camera position"));
+
+  tg::TemporaryFolder colmap;
+  ColmapText text;
+  text.points = "1 0 0 1e300 9 9 9 0.1\n";
+  text.write(colmap.path);
+  CHECK_THAT(refusal(colmap.path), Contains("3 ") && Contains("point 0 is out of range (expected -1e9 to 1e9"));
+}
+
 TEST_CASE("reads background colours", "[dataset]") {
   CHECK(tg::parseBackground("white") == glm::vec3(1.0f));
   CHECK(tg::parseBackground("0.5,0,1") == glm::vec3(0.5f, 0, 1));

@@ -2,10 +2,12 @@
 // tgtrain and tgeval as users meet them: exit codes, messages, files that are never half written.
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "core/bundle.h"
 #include "core/file.h"
@@ -79,6 +81,10 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   CHECK(tgeval(folder, "model.tgz pictures").code == 3);
   CHECK(tgeval(folder, "model.tgz").code == 1);
 
+  const Outcome all = tgeval(folder, "model.tgz scene --split all --images every");
+  CHECK(all.code == 0);
+  CHECK(fs::exists(folder / "every/r_0-2.png"));  // train/r_0.png and test/r_0.png
+
   CHECK(tgtrain(folder, "scene").code == 1);
   CHECK(tgtrain(folder, "scene -o x.tgz --texture-mode purple").code == 1);
   CHECK(tgtrain(folder, "scene -o x.tgz --background 7").code == 1);
@@ -111,6 +117,41 @@ TEST_CASE("an existing model is kept unless --overwrite, and when writing fails"
   SECTION("same seed, same bytes") {
     REQUIRE(tgtrain(folder, "scene -o model.tgz --overwrite --reproducible --threads 1 -q" + kShort).code == 0);
     CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);
+  }
+}
+
+TEST_CASE("what cannot be written is refused before training", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string forever = "scene --iterations 10000000 ";
+  for (const auto& [outputs, code, message] : std::initializer_list<std::tuple<std::string, int, std::string>>{
+           {"-o missing/m.tgz", 4, "missing/m.tgz: cannot write here"},
+           {"-o m.tgz --json missing/m.json", 4, "missing/m.json: cannot write here"},
+           {"-o m.tgz --untextured-output missing/p.tgz", 4, "missing/p.tgz: cannot write here"},
+           {"-o m.tgz --json /dev/full --overwrite", 4, "/dev/full: exists and is not a regular file"},
+           {"-o " + std::string(300, 'x') + ".tgz", 4, "cannot write here"},
+           {"-o m.glb", 1, "m.glb: unknown model format (expected .tgz, found \".glb\")"},
+           {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"}}) {
+    const Outcome outcome = tgtrain(folder, forever + outputs);
+    INFO(outputs << '\n' << outcome.output);
+    CHECK(outcome.code == code);
+    CHECK_THAT(outcome.output, Contains(message));
+  }
+  for (const auto& entry : fs::directory_iterator(folder.path)) {
+    const std::string name = entry.path().filename().string();
+    CHECK((name == "scene" || name == "log.txt"));
+  }
+}
+
+TEST_CASE("a wrong command line is one line that names the program", "[programs]") {
+  const tg::TemporaryFolder folder;
+  for (const std::string arguments : {"scene -o m.tgz --max-gaussians -1", "scene -o m.tgz --seed -1",
+                                      "scene -o m.tgz --unknown", "scene -o m.tgz --iterations many"}) {
+    const Outcome outcome = tgtrain(folder, arguments);
+    INFO(outcome.output);
+    CHECK(outcome.code == 1);
+    CHECK(outcome.output.rfind("tgtrain: ", 0) == 0);
+    CHECK(std::count(outcome.output.begin(), outcome.output.end(), '\n') == 1);
   }
 }
 
