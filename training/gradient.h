@@ -21,7 +21,7 @@ struct ModelGradient {
   std::vector<float> v_opacity_logit;
   std::vector<glm::vec3> v_sh;           // [N, K]
   std::vector<glm::vec4> v_texels;       // as atlas.texels; rgb zero in mode alpha, a zero in mode rgb
-  // Densification statistics of this view (method A.6), NDC units: x * width / 2, y * height / 2.
+  // Densification statistics of this view (docs/math.md 6.9), NDC units: x * width / 2, y * height / 2.
   std::vector<float> screen_gradient;      // [N] |sum over pixels of e_j|
   std::vector<float> screen_gradient_abs;  // [N] sum over pixels of |e_j|
   std::vector<float> screen_radius;        // [N] px, half the longer side of the screen box; 0 = not visible

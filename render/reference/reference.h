@@ -58,7 +58,7 @@ struct ReferenceGradient {
   std::vector<double> opacity_logit;
   std::vector<glm::dvec3> sh;
   std::vector<glm::dvec4> texels;
-  std::vector<glm::dvec2> screen;  // [N] sum over pixels of e_j, dL / d(mean in NDC) (method A.6)
+  std::vector<glm::dvec2> screen;  // [N] sum over pixels of e_j, dL / d(mean in NDC) (docs/math.md 6.9)
   std::vector<double> screen_abs;  // [N] sum over pixels of |e_j|
 };
 // v_color: dL/d(picture), [height * width]. Analytic, by docs/math.md 6.

@@ -21,7 +21,7 @@ struct PairSums {
   float b, b_x, b_y, b_xx, b_xy, b_yy;
   float base[3];     // dL/d(base colour)
   float power;       // v_power: -2 v_power = opacity dL/d(opacity)
-  float screen_abs;  // |e|, method A.6
+  float screen_abs;  // |e|, docs/math.md 6.9
 };
 // dL/d(numerator of u) and of v, by the same moments.
 struct PairTextureSums {
