@@ -368,7 +368,7 @@ TEST_CASE("a device that is not there is an error that lists those that are") {
                     Catch::Contains("no usable device named \"no such device\"") && Catch::Contains(present));
 }
 
-// Hidden: 2.4 GB and half a minute on a driver that runs on the CPU. Run with `test_vulkan [large]`.
+// Hidden: it takes 2.4 GB of memory, which not every machine that runs the tests has. Run with `test_vulkan [large]`.
 TEST_CASE("a model of over a million Gaussians exceeds the smallest binding and renders", "[.][large]") {
   const TestScene scene{trainedLikeModel(1, 1200000), trainedLikeCamera(160, 120)};
   REQUIRE(scene.model.sh.size() * sizeof(glm::vec4) > std::size_t{128} << 20);
