@@ -42,10 +42,6 @@ std::string text(double value) {
   return stream.str();
 }
 
-std::uint8_t quantize(float value) {
-  return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0f, 1.0f) * 255.0f));
-}
-
 Camera downscaled(Camera camera, int factor) {
   // The box filter cuts rows and columns that do not fill a box: the scale is exactly 1 / factor.
   camera.width /= factor;
@@ -83,42 +79,45 @@ void checkPoints(const fs::path& folder, const PointCloud& points) {
   }
 }
 
-View loadView(const DatasetIndex::Entry& entry, int downscale, const glm::vec3& background) {
-  Image image = readImage(entry.image);
-  View view;
-  view.camera = entry.camera;
-  if (view.camera.width == 0) {
-    view.camera.width = image.width;
-    view.camera.height = image.height;
-    view.camera.cx = image.width / 2.0;
-    view.camera.cy = image.height / 2.0;
-    view.camera.fx = image.width / 2.0 / std::tan(*entry.field_of_view_x / 2.0);
-    view.camera.fy =
-        entry.field_of_view_y ? image.height / 2.0 / std::tan(*entry.field_of_view_y / 2.0) : view.camera.fx;
-  } else if (view.camera.width != image.width || view.camera.height != image.height) {
-    view.camera = resized(view.camera, image.width, image.height);
+// The camera of a photograph of width x height pixels, before it is downscaled.
+Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
+  Camera camera = entry.camera;
+  if (camera.width == 0) {
+    camera.width = width;
+    camera.height = height;
+    camera.cx = width / 2.0;
+    camera.cy = height / 2.0;
+    camera.fx = width / 2.0 / std::tan(*entry.field_of_view_x / 2.0);
+    camera.fy = entry.field_of_view_y ? height / 2.0 / std::tan(*entry.field_of_view_y / 2.0) : camera.fx;
+  } else if (camera.width != width || camera.height != height) {
+    camera = resized(camera, width, height);
   }
-  checkCamera(entry.image, view.camera);
-  if (downscale > 1) {
-    if (image.width < downscale || image.height < downscale) {
-      throw Error(ErrorKind::usage, entry.image.string(),
-                  "too small for the downscale factor (expected at least " + std::to_string(downscale) +
-                      " pixels a side, found " + std::to_string(image.width) + " x " + std::to_string(image.height) +
-                      ")");
-    }
-    image = downsample(image, downscale);
-    view.camera = downscaled(view.camera, downscale);
+  checkCamera(entry.image, camera);
+  return camera;
+}
+
+// Decodes every photograph once: a broken file shows before hours of training, not after.
+void loadPhotographs(const DatasetIndex& index, const DatasetOptions& options, Dataset& dataset) {
+  std::vector<PhotographSource> sources;
+  for (const DatasetIndex::Entry& entry : index.entries) {
+    PhotographSource& source = sources.emplace_back();
+    source.image = entry.image;
+    source.mask = entry.mask;
+    source.downscale = options.downscale;
+    if (!dataset.random_background) source.background = dataset.background;
   }
-  const float over[3] = {background.x, background.y, background.z};
-  image = compositeOver(image, over);
-  const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
-  view.rgb.resize(pixels * 3);
-  for (std::size_t pixel = 0; pixel < pixels; pixel++) {
-    for (int c = 0; c < 3; c++) {
-      view.rgb[pixel * 3 + c] = quantize(image.data[pixel * image.channels + (image.channels == 1 ? 0 : c)]);
-    }
-  }
-  return view;
+  const std::int64_t count = static_cast<std::int64_t>(sources.size());
+  dataset.views.resize(sources.size());
+  dataset.photographs = std::make_shared<PhotographStore>(
+      sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
+  parallelFor(count, 1, [&](std::int64_t item) {
+    const auto i = static_cast<std::size_t>(item);
+    Photograph photograph = decodePhotograph(sources[i]);
+    dataset.views[i].camera = cameraOf(index.entries[i], photograph.file_width, photograph.file_height);
+    if (options.downscale > 1) dataset.views[i].camera = downscaled(dataset.views[i].camera, options.downscale);
+    dataset.photographs->offer(i, std::move(photograph));
+  });
+  dataset.photographs->finishOffers();
 }
 
 }  // namespace
@@ -159,12 +158,6 @@ std::optional<glm::vec3> parseBackground(std::string_view text) {
   return stream.peek() == std::istringstream::traits_type::eof() ? std::optional(color) : std::nullopt;
 }
 
-Image View::image() const {
-  Image result(camera.width, camera.height, 3);
-  for (std::size_t i = 0; i < rgb.size(); i++) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
-  return result;
-}
-
 std::vector<std::size_t> Dataset::indices(bool test) const {
   std::vector<std::size_t> result;
   for (std::size_t i = 0; i < views.size(); i++) {
@@ -172,6 +165,14 @@ std::vector<std::size_t> Dataset::indices(bool test) const {
   }
   return result;
 }
+
+std::shared_ptr<const ViewPixels> Dataset::pixels(std::size_t view) const { return composited(view, background); }
+
+std::shared_ptr<const ViewPixels> Dataset::composited(std::size_t view, const glm::vec3& color) const {
+  return compositeOver(photographs->get(view), color);
+}
+
+void Dataset::prefetch(std::size_t view) const { photographs->prefetch(view); }
 
 Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   std::error_code code;
@@ -195,6 +196,7 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
       dataset.layout == DatasetLayout::colmap ? readColmap(folder, options.images) : readTransforms(folder);
   dataset.background =
       options.background.value_or(glm::vec3(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f));
+  dataset.random_background = options.random_background;
   dataset.points = options.points ? readPointCloudPly(*options.points) : std::move(index.points);
   checkPoints(options.points.value_or(folder), dataset.points);
 
@@ -220,10 +222,7 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
     throw Error(ErrorKind::badData, folder.string(), "no image of the training split exists");
   }
 
-  dataset.views.resize(index.entries.size());
-  parallelFor(static_cast<std::int64_t>(index.entries.size()), 1, [&](std::int64_t i) {
-    dataset.views[i] = loadView(index.entries[i], options.downscale, dataset.background);
-  });
+  loadPhotographs(index, options, dataset);
   return dataset;
 }
 

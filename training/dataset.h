@@ -4,14 +4,15 @@
 #include <cstdint>
 #include <filesystem>
 #include <glm/glm.hpp>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/camera.h"
-#include "core/image.h"
 #include "core/ply.h"
+#include "training/photographs.h"
 
 namespace tg {
 
@@ -22,31 +23,39 @@ std::optional<DatasetLayout> parseDatasetLayout(std::string_view text);
 // "white", "black" or "r,g,b" in [0,1].
 std::optional<glm::vec3> parseBackground(std::string_view text);
 
-// One photograph: pixels composited over the data set's background.
+// One photograph's camera; its pixels are Dataset::pixels.
 struct View {
   Camera camera;
-  std::vector<std::uint8_t> rgb;  // [height, width, 3]
-  Image image() const;
 };
 
 struct Dataset {
   std::string name;  // of the folder
   DatasetLayout layout = DatasetLayout::automatic;
-  std::vector<View> views;  // sorted by image name inside train and test; train first
-  PointCloud points;        // empty when the data set has none
-  glm::vec3 background{0.0f};
-  int missing_images = 0;  // listed by the data set, not on disk: skipped
+  std::vector<View> views;         // sorted by image name inside train and test; train first
+  PointCloud points;               // empty when the data set has none
+  glm::vec3 background{0.0f};      // what scores are taken against, and training without random_background
+  bool random_background = false;  // transparency is kept: training composites over a new colour every time
+  int missing_images = 0;          // listed by the data set, not on disk: skipped
+  std::shared_ptr<PhotographStore> photographs;  // one a view
 
   std::vector<std::size_t> indices(bool test) const;
+  // The pixels of a view over `background`, or over a colour of the caller's choice: the same ones where the photograph
+  // is opaque or random_background is false. They stay valid as long as the result lives. Not inside a parallelFor.
+  std::shared_ptr<const ViewPixels> pixels(std::size_t view) const;
+  std::shared_ptr<const ViewPixels> composited(std::size_t view, const glm::vec3& color) const;
+  // A hint that the pixels of this view are wanted soon; up to PhotographStore::kReadAhead views ahead is of use.
+  void prefetch(std::size_t view) const;
 };
 
 struct DatasetOptions {
   DatasetLayout layout = DatasetLayout::automatic;
   int downscale = 1;                    // integer box filter
   std::optional<glm::vec3> background;  // default: white for NeRF-synthetic, black otherwise
-  int test_every = 8;                   // every n-th image by name is held out, where no split is given; 0: none
-  std::string images = "images";        // COLMAP: folder of the photographs
-  std::optional<std::filesystem::path> points;  // point cloud PLY instead of the data set's own
+  bool random_background = false;
+  int test_every = 8;             // every n-th image by name is held out, where no split is given; 0: none
+  std::string images = "images";  // COLMAP: folder of the photographs
+  std::optional<std::filesystem::path> points;        // point cloud PLY instead of the data set's own
+  std::uint64_t image_memory = defaultImageMemory();  // decoded photographs beyond it are decoded when needed [bytes]
 };
 
 // Throws Error(cannotRead / badData / usage).
@@ -61,6 +70,7 @@ struct DatasetIndex {
   struct Entry {
     Camera camera;  // width = height = 0: taken from the image, focal length from field_of_view
     std::filesystem::path image;
+    std::filesystem::path mask;             // empty: none
     std::optional<double> field_of_view_x;  // [rad]
     std::optional<double> field_of_view_y;  // [rad]
   };

@@ -15,7 +15,7 @@ std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::s
     const View& view = dataset.views[i];
     Image picture = render(view.camera);
     for (float& value : picture.data) value = std::clamp(value, 0.0f, 1.0f);
-    const Image photograph = view.image();
+    const Image photograph = dataset.pixels(i)->image();
     scores.push_back({view.camera.name, psnr8Bit(picture, photograph), ssim(picture, photograph)});
     if (sink) sink(view, picture);
   }

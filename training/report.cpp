@@ -36,13 +36,15 @@ class Fingerprint {
 
 std::string fingerprint(const Dataset& dataset) {
   Fingerprint hash;
-  for (const View& view : dataset.views) {
-    const Camera& camera = view.camera;
+  for (std::size_t i = 0; i < dataset.views.size(); i++) {
+    const Camera& camera = dataset.views[i].camera;
     const double intrinsics[] = {camera.fx, camera.fy, camera.cx, camera.cy, camera.test ? 1.0 : 0.0};
     hash.add(intrinsics, sizeof intrinsics);
     hash.add(&camera.camera_from_world_rotation, sizeof camera.camera_from_world_rotation);
     hash.add(&camera.camera_from_world_translation, sizeof camera.camera_from_world_translation);
-    hash.add(view.rgb.data(), view.rgb.size());
+    const std::shared_ptr<const ViewPixels> pixels = dataset.pixels(i);
+    hash.add(pixels->rgb.data(), pixels->rgb.size());
+    hash.add(pixels->mask.data(), pixels->mask.size());
   }
   hash.add(dataset.points.position.data(), dataset.points.position.size() * sizeof(glm::vec3));
   return hash.text();

@@ -151,10 +151,12 @@ class Run {
     const Clock::time_point start = Clock::now();
 
     for (int iteration = 1; iteration <= iterations && !stopped(); iteration++) {
-      const View& view = dataset_.views[order.next()];
+      const std::size_t index = order.next();
+      const View& view = dataset_.views[index];
+      const std::shared_ptr<const ViewPixels> photograph = dataset_.pixels(index);
       const std::vector<glm::vec3>& picture = renderer_.forward(state.model, view.camera, render);
       v_picture_.resize(picture.size());
-      const LossValue loss = loss_.evaluate(view.camera.width, view.camera.height, picture, view.rgb, v_picture_);
+      const LossValue loss = loss_.evaluate(view.camera.width, view.camera.height, picture, photograph->rgb, v_picture_);
       if (!std::isfinite(loss.total)) {
         throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
                                             std::to_string(iteration) + " of stage '" + std::string(name(stage)) + "'");

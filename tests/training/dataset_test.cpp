@@ -189,13 +189,13 @@ TEST_CASE("reads the NeRF-synthetic layout: camera angle, straight alpha over wh
       camera.camera_from_world_rotation * glm::dvec3(1, 2, 4) + camera.camera_from_world_translation;
   CHECK(glm::length(above - glm::dvec3(0, -1, 0)) < 1e-12);  // y points down
   // 128/255 red over white, in 8 bit.
-  CHECK(dataset.views[0].rgb[0] == 255);
-  CHECK(dataset.views[0].rgb[1] == 127);
-  CHECK(dataset.views[0].rgb[2] == 127);
+  CHECK(dataset.pixels(0)->rgb[0] == 255);
+  CHECK(dataset.pixels(0)->rgb[1] == 127);
+  CHECK(dataset.pixels(0)->rgb[2] == 127);
 
   DatasetOptions black;
   black.background = glm::vec3(0.0f);
-  CHECK(loadDataset(folder.path, black).views[0].rgb[0] == 128);
+  CHECK(loadDataset(folder.path, black).pixels(0)->rgb[0] == 128);
 }
 
 TEST_CASE("reads instant-ngp's transforms.json and skips missing images, counting them", "[dataset]") {
@@ -251,8 +251,8 @@ TEST_CASE("scales intrinsics to the image's size and by --downscale", "[dataset]
   CHECK(small.views[0].camera.height == 6);
   CHECK(small.views[0].camera.fx == Approx(20.0 * 34 / 16 / 4));
   CHECK(small.views[0].camera.cx == Approx(7.5 * 34 / 16 / 4));
-  CHECK(small.views[0].rgb.size() == 8u * 6 * 3);
-  CHECK(small.views[0].rgb[0] == 255);
+  CHECK(small.pixels(0)->rgb.size() == 8u * 6 * 3);
+  CHECK(small.pixels(0)->rgb[0] == 255);
 }
 
 TEST_CASE("reads COLMAP text models", "[dataset]") {

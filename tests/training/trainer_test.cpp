@@ -28,16 +28,21 @@ tg::Dataset sampleDataset(const tg::SampleOptions& options = kScene) {
   dataset.background = glm::vec3(1.0f);
   dataset.points = tg::samplePoints(options);
   const float white[3] = {1, 1, 1};
+  std::vector<tg::Photograph> photographs;
   for (const bool test : {false, true}) {
     for (int i = 0; i < (test ? options.test_views : options.train_views); i++) {
       tg::View view;
       view.camera = tg::sampleCamera(options, test, i);
+      tg::ViewPixels& pixels = photographs.emplace_back().pixels;
+      pixels.width = view.camera.width;
+      pixels.height = view.camera.height;
       for (float value : tg::compositeOver(tg::renderSample(options, view.camera), white).data) {
-        view.rgb.push_back(static_cast<std::uint8_t>(std::lround(value * 255)));
+        pixels.rgb.push_back(static_cast<std::uint8_t>(std::lround(value * 255)));
       }
       dataset.views.push_back(std::move(view));
     }
   }
+  dataset.photographs = tg::storeInMemory(std::move(photographs));
   return dataset;
 }
 
