@@ -16,15 +16,24 @@ namespace tg {
 // dL/d(parameter) as stored in GaussianModel, same shapes. v_x is dL/dx.
 struct ModelGradient {
   std::vector<glm::vec3> v_mean;
-  std::vector<glm::vec4> v_rotation;     // of the raw quaternion
+  std::vector<glm::vec4> v_rotation;  // of the raw quaternion
   std::vector<glm::vec3> v_log_scale;
   std::vector<float> v_opacity_logit;
-  std::vector<glm::vec3> v_sh;           // [N, K]
-  std::vector<glm::vec4> v_texels;       // as atlas.texels; rgb zero in mode alpha, a zero in mode rgb
+  std::vector<glm::vec3> v_sh;      // [N, K]
+  std::vector<glm::vec4> v_texels;  // as atlas.texels; rgb zero in mode alpha, a zero in mode rgb
   // Densification statistics of this view (docs/math.md 6.9), NDC units: x * width / 2, y * height / 2.
   std::vector<float> screen_gradient;      // [N] |sum over pixels of e_j|
   std::vector<float> screen_gradient_abs;  // [N] sum over pixels of |e_j|
   std::vector<float> screen_radius;        // [N] px, half the longer side of the screen box; 0 = not visible
+};
+
+struct GradientOptions {
+  // Off: screen_gradient_abs stays zero. It costs a square root per pixel and splat, and only densification reads it.
+  bool statistics = true;
+  // Ablations of the exact gradients (docs/math.md 6). Off: no gradient flows from a texture's coordinates into the
+  // geometry (6.3d); what lies behind a splat counts with its base colour alone (6.1c).
+  bool texture_to_geometry = true;
+  bool texture_in_suffix = true;
 };
 
 class DifferentiableRenderer {
@@ -36,7 +45,8 @@ class DifferentiableRenderer {
   // Gradient of a loss whose derivative with respect to the picture of the last forward() is v_color. Overwrites
   // `gradient` (resized as needed). Texel gradients pass only where the stored alpha texel lies in [0, 1].
   // Same bytes for any thread count.
-  virtual void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient) = 0;
+  virtual void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient,
+                        const GradientOptions& options = {}) = 0;
 };
 
 std::unique_ptr<DifferentiableRenderer> makeCpuDifferentiableRenderer();

@@ -60,8 +60,8 @@ RayGradient rayGradient(const Splat& splat, const reference::Intersection& at, g
 }
 
 // Adds one hit's share to the sums. v_color: dL/d(colour of the splat); v_alpha: dL/d(its alpha).
-void addHit(const Scene& scene, const Blended& blended, glm::dvec3 direction, glm::dvec3 v_color, double v_alpha,
-            Sums& sums) {
+void addHit(const Scene& scene, const ReferenceOptions& options, const Blended& blended, glm::dvec3 direction,
+            glm::dvec3 v_color, double v_alpha, Sums& sums) {
   const Splat& splat = scene.splats[blended.splat];
   const ReferenceHit& hit = blended.hit;
   SplatSums& sum = sums.splats[blended.splat];
@@ -79,8 +79,10 @@ void addHit(const Scene& scene, const Blended& blended, glm::dvec3 direction, gl
     if (scene.texture_rgb) v_sample = glm::dvec4(v_color, 0.0);
     if (scene.texture_alpha) v_sample.a = v_alpha * splat.opacity * hit.value;
     for (int k = 0; k < 4; ++k) sums.texels[sample->texels[k]] += sample->weights[k] * v_sample;
-    v_p[splat.a] += glm::dot(v_sample, sample->du);
-    v_p[splat.b] += glm::dot(v_sample, sample->dv);
+    if (options.texture_to_geometry) {
+      v_p[splat.a] += glm::dot(v_sample, sample->du);
+      v_p[splat.b] += glm::dot(v_sample, sample->dv);
+    }
   }
 
   const RayGradient ray = rayGradient(splat, at, v_p, scene.intersection);
@@ -96,7 +98,8 @@ void addHit(const Scene& scene, const Blended& blended, glm::dvec3 direction, gl
   sum.screen_abs += glm::length(e);
 }
 
-void addPixel(const Scene& scene, int x, int y, glm::dvec3 v_color, std::vector<Blended>& list, Sums& sums) {
+void addPixel(const Scene& scene, const ReferenceOptions& options, int x, int y, glm::dvec3 v_color,
+              std::vector<Blended>& list, Sums& sums) {
   const glm::dvec3 direction = reference::rayDirection(scene.camera, x + 0.5, y + 0.5);
   list.clear();
   const double transmittance = reference::blend(scene, direction, [&](const Splat& splat, const ReferenceHit& hit) {
@@ -108,8 +111,8 @@ void addPixel(const Scene& scene, int x, int y, glm::dvec3 v_color, std::vector<
     const glm::dvec3 color = hit.base + hit.texture;
     const double weight = hit.transmittance * hit.alpha;
     const double v_alpha = glm::dot(v_color, hit.transmittance * color - behind / (1.0 - hit.alpha));
-    addHit(scene, *it, direction, weight * v_color, v_alpha, sums);
-    behind += weight * color;
+    addHit(scene, options, *it, direction, weight * v_color, v_alpha, sums);
+    behind += weight * (options.texture_in_suffix ? color : hit.base);
   }
 }
 
@@ -177,7 +180,7 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
     std::vector<Blended> list;
     for (int y = camera.height * band / kBands; y < camera.height * (band + 1) / kBands; ++y) {
       for (int x = 0; x < camera.width; ++x) {
-        addPixel(scene, x, y, v_color[static_cast<std::size_t>(y) * camera.width + x], list, sums);
+        addPixel(scene, options, x, y, v_color[static_cast<std::size_t>(y) * camera.width + x], list, sums);
       }
     }
   });

@@ -42,6 +42,9 @@ struct ReferenceHit {
 // smooth function; both are on in every image.
 struct ReferenceOptions {
   bool cutoffs = true;
+  // GradientOptions' ablations; off, the gradient is no longer that of the picture.
+  bool texture_to_geometry = true;
+  bool texture_in_suffix = true;
 };
 
 FrameT<double> renderReference(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,

@@ -27,12 +27,12 @@ std::vector<glm::dvec3> randomWeights(const Camera& camera, unsigned seed) {
 }
 
 ModelGradient gradientCpu(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
-                          const std::vector<glm::dvec3>& weights) {
+                          const std::vector<glm::dvec3>& weights, const GradientOptions& options = {}) {
   const auto renderer = makeCpuDifferentiableRenderer();
   renderer->forward(model, camera, settings);
   ModelGradient gradient;
   const std::vector<glm::vec3> v_color(weights.begin(), weights.end());
-  renderer->backward(v_color, gradient);
+  renderer->backward(v_color, gradient, options);
   return gradient;
 }
 
@@ -159,6 +159,47 @@ TEST_CASE("the picture of a forward pass is the renderer's") {
   for (std::size_t pixel = 0; pixel < picture.size(); ++pixel) {
     REQUIRE(glm::length(picture[pixel] - frame.color(pixel)) < 1e-5f);
   }
+}
+
+TEST_CASE("each ablation of the exact gradients equals the reference's, and changes the gradient") {
+  const TestScene scene = makeScene(SceneKind::ordinary, 7);
+  const auto weights = randomWeights(scene.camera, 2);
+  const ReferenceModel reference(scene.model);
+  const BlockErrors exact = compare(gradientCpu(scene.model, scene.camera, {}, weights),
+                                    backwardReference(reference, scene.camera, {}, weights));
+  for (const bool suffix : {false, true}) {
+    GradientOptions options;
+    (suffix ? options.texture_in_suffix : options.texture_to_geometry) = false;
+    ReferenceOptions reference_options;
+    reference_options.texture_in_suffix = options.texture_in_suffix;
+    reference_options.texture_to_geometry = options.texture_to_geometry;
+    INFO((suffix ? "suffix" : "geometry"));
+    const ReferenceGradient expected = backwardReference(reference, scene.camera, {}, weights, reference_options);
+    const BlockErrors same = compare(gradientCpu(scene.model, scene.camera, {}, weights, options), expected);
+    CHECK(same.mean < 1e-4);
+    CHECK(same.rotation < 1e-4);
+    CHECK(same.log_scale < 1e-4);
+    CHECK(same.opacity_logit < 1e-4);
+    CHECK(same.texels < 1e-4);
+    CHECK(same.screen_abs < 1e-4);
+    CHECK(exact.mean < 1e-4);
+    const BlockErrors other = compare(gradientCpu(scene.model, scene.camera, {}, weights), expected);
+    CHECK(other.mean > 1e-2);
+    CHECK(other.log_scale > 1e-2);
+  }
+}
+
+TEST_CASE("without statistics everything but the sum of magnitudes has the same bytes") {
+  const TestScene scene = makeScene(SceneKind::mixed, 8);
+  const auto weights = randomWeights(scene.camera, 2);
+  ModelGradient with = gradientCpu(scene.model, scene.camera, {}, weights);
+  GradientOptions options;
+  options.statistics = false;
+  const ModelGradient without = gradientCpu(scene.model, scene.camera, {}, weights, options);
+  CHECK(without.screen_gradient_abs == std::vector<float>(scene.model.size(), 0.0f));
+  CHECK_FALSE(sameBytes(with, without));
+  with.screen_gradient_abs = without.screen_gradient_abs;
+  CHECK(sameBytes(with, without));
 }
 
 TEST_CASE("alpha texels outside [0, 1] get no gradient") {

@@ -199,8 +199,9 @@ struct ColorGradient {
 
 // Steps 1 and 2: colour and alpha, the transmittance before the splat rebuilt from the one behind it.
 template <bool kTexture>
-HWY_INLINE void backwardColor(const Splat& s, const Blocks& blocks, const TextureBlocks& texture, GradientState& state,
-                              ColorGradient& color, PairSums& sums) {
+HWY_INLINE void backwardColor(const Splat& s, const Blocks& blocks, const TextureBlocks& texture,
+                              const GradientOptions& options, GradientState& state, ColorGradient& color,
+                              PairSums& sums) {
   const V zero = hn::Zero(df);
   V red = zero, green = zero, blue = zero, power = zero;
   for (int i = 0; i < blocks.count(); ++i) {
@@ -217,10 +218,14 @@ HWY_INLINE void backwardColor(const Splat& s, const Blocks& blocks, const Textur
     V along = hn::Mul(v_red, set(s.base.x));
     along = hn::MulAdd(v_green, set(s.base.y), along);
     along = hn::MulAdd(v_blue, set(s.base.z), along);
-    if constexpr (kTexture) along = hn::Add(along, hn::Load(df, texture.along + lane));
+    V along_behind = along;  // as splats before this one see it
+    if constexpr (kTexture) {
+      along = hn::Add(along, hn::Load(df, texture.along + lane));
+      if (options.texture_in_suffix) along_behind = along;
+    }
     const V behind = hn::Load(df, state.behind + at);
     V v_alpha = hn::MulSub(before, along, hn::Mul(behind, inverse));
-    hn::Store(hn::MulAdd(weight, along, behind), df, state.behind + at);
+    hn::Store(hn::MulAdd(weight, along_behind, behind), df, state.behind + at);
     hn::Store(before, df, state.transmittance + at);
     red = hn::MulAdd(weight, v_red, red);
     green = hn::MulAdd(weight, v_green, green);
@@ -274,13 +279,13 @@ HWY_INLINE NumeratorGradient numeratorGradient(const Splat& s, float y, V x, V i
 }
 
 // Steps 5 and 6: moments of dL/d|W|^2, dL/d|D|^2 and of the numerators' gradients, and |e|.
-template <bool kTexture>
-HWY_INLINE void backwardGeometry(const View& view, const Splat& s, const Rows& rows, int tile_x, const Blocks& blocks,
-                                 const TextureBlocks& texture, const ColorGradient& color, PairSums& sums,
-                                 PairTextureSums* texture_sums) {
+template <bool kTexture, bool kStatistics>
+HWY_INLINE void backwardGeometry(const BackwardInput& in, const Splat& s, const Rows& rows, int tile_x,
+                                 const Blocks& blocks, const TextureBlocks& texture, const ColorGradient& color,
+                                 PairSums& sums, PairTextureSums* texture_sums) {
   const V zero = hn::Zero(df);
-  const auto size_x = static_cast<float>(view.width);  // NDC: half of it times the 2 of the square's derivative
-  const auto size_y = static_cast<float>(view.height);
+  const auto size_x = static_cast<float>(in.view.width);  // NDC: half of it times the 2 of the square's derivative
+  const auto size_y = static_cast<float>(in.view.height);
   const V e_x_w = set(size_x * s.w_xx);
   const V e_y_w = set(size_y * s.w_xy);
   const V kappa_first = set(s.kappa_first);
@@ -317,8 +322,8 @@ HWY_INLINE void backwardGeometry(const View& view, const Splat& s, const Rows& r
         add(column_v, g.v, y);
         e_x = hn::MulAdd(e_x, a, hn::Mul(g.e_x, set(0.5f * size_x)));
         e_y = hn::MulAdd(e_y, a, hn::Mul(g.e_y, set(0.5f * size_y)));
-        sum_abs = hn::Add(sum_abs, hn::Sqrt(hn::MulAdd(e_x, e_x, hn::Mul(e_y, e_y))));
-      } else {
+        if (kStatistics) sum_abs = hn::Add(sum_abs, hn::Sqrt(hn::MulAdd(e_x, e_x, hn::Mul(e_y, e_y))));
+      } else if constexpr (kStatistics) {
         sum_abs = hn::MulAdd(hn::Abs(a), hn::Sqrt(hn::MulAdd(e_x, e_x, hn::Mul(e_y, e_y))), sum_abs);
       }
       add(column_b, b, y);
@@ -396,6 +401,7 @@ HWY_INLINE float* openSlot(TexelSlots& slots, const Splat& s, std::uint32_t pair
   return &slot->x;
 }
 
+template <bool kStatistics>
 void backwardTile(const BackwardArgs& args, int tile) {
   const BackwardInput& in = args.in;
   const int tile_x = tile % in.lists.tiles_x * kTileWidth;
@@ -447,28 +453,42 @@ void backwardTile(const BackwardArgs& args, int tile) {
     if (s.texture_width > 0) {
       const Texture texture = makeTexture(s, in.texels);
       applyTexture(texture, s, in.view, rows, tile_x, state, blocks, texture_blocks);
-      backwardColor<true>(s, blocks, texture_blocks, state, color, sums);
-      backwardGeometry<true>(in.view, s, rows, tile_x, blocks, texture_blocks, color, sums, texture_sums);
+      backwardColor<true>(s, blocks, texture_blocks, in.options, state, color, sums);
+      if (in.options.texture_to_geometry) {
+        backwardGeometry<true, kStatistics>(in, s, rows, tile_x, blocks, texture_blocks, color, sums, texture_sums);
+      } else {
+        backwardGeometry<false, kStatistics>(in, s, rows, tile_x, blocks, texture_blocks, color, sums, nullptr);
+      }
       backwardTexels(in.view, texture, blocks, texture_blocks, color, state, openSlot(*args.slots, s, pair));
     } else {
-      backwardColor<false>(s, blocks, texture_blocks, state, color, sums);
-      backwardGeometry<false>(in.view, s, rows, tile_x, blocks, texture_blocks, color, sums, nullptr);
+      backwardColor<false>(s, blocks, texture_blocks, in.options, state, color, sums);
+      backwardGeometry<false, kStatistics>(in, s, rows, tile_x, blocks, texture_blocks, color, sums, nullptr);
     }
   }
 }
+
+void backwardTileAll(const BackwardArgs& args, int tile) { backwardTile<true>(args, tile); }
+void backwardTileGradient(const BackwardArgs& args, int tile) { backwardTile<false>(args, tile); }
 
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace tg::cpu {
-HWY_EXPORT(backwardTile);
+HWY_EXPORT(backwardTileAll);
+HWY_EXPORT(backwardTileGradient);
 
 void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, std::span<PairSums> sums,
                    std::span<PairTextureSums> texture_sums, TexelSlots& slots) {
   const BackwardArgs args{input, sums.data(), texture_sums.data(), &slots};
-  parallelFor(end_tile - first_tile, 1,
-              [&](std::int64_t i) { HWY_DYNAMIC_DISPATCH(backwardTile)(args, first_tile + static_cast<int>(i)); });
+  parallelFor(end_tile - first_tile, 1, [&](std::int64_t i) {
+    const int tile = first_tile + static_cast<int>(i);
+    if (input.options.statistics) {
+      HWY_DYNAMIC_DISPATCH(backwardTileAll)(args, tile);
+    } else {
+      HWY_DYNAMIC_DISPATCH(backwardTileGradient)(args, tile);
+    }
+  });
 }
 
 }  // namespace tg::cpu

@@ -9,6 +9,7 @@
 #include "render/cpu/blend.h"
 #include "render/cpu/project.h"
 #include "render/cpu/tiles.h"
+#include "training/gradient.h"
 
 namespace tg::cpu {
 
@@ -44,6 +45,7 @@ struct BackwardInput {
   const BlendRecord& record;
   const glm::vec4* texels;
   std::span<const glm::vec3> v_color;
+  GradientOptions options;
 };
 // Fills sums[pair] and, when the view is textured, texture_sums[pair] and the slots of the pairs of tiles
 // [first_tile, end_tile).

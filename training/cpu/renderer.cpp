@@ -33,7 +33,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     return picture_;
   }
 
-  void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient) override {
+  void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient, const GradientOptions& options) override {
     if (model_ == nullptr) throw Error(ErrorKind::usage, "backward", "no forward pass (expected forward first)");
     if (v_color.size() != picture_.size()) {
       throw Error(ErrorKind::usage, "backward",
@@ -43,7 +43,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     clear(gradient);
     sums_.resize(lists_.splats.size());
     texture_sums_.resize(view_.textured() ? lists_.splats.size() : 0);
-    const cpu::BackwardInput input{view_, screen_, lists_, record_, model_->atlas.texels.data(), v_color};
+    const cpu::BackwardInput input{view_, screen_, lists_, record_, model_->atlas.texels.data(), v_color, options};
     for (int first = 0; first < lists_.tiles();) {
       const int end = makeSlots(first);
       cpu::backwardTiles(input, first, end, sums_, texture_sums_, slots_);
