@@ -136,8 +136,12 @@ class BlurBand {
 }  // namespace
 
 LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::vec3> picture,
-                                    std::span<const std::uint8_t> target, std::span<glm::vec3> v_picture) {
+                                    std::span<const std::uint8_t> target, std::span<glm::vec3> v_picture,
+                                    std::span<const std::uint8_t> mask) {
   const std::size_t pixels = static_cast<std::size_t>(width) * height;
+  const std::size_t ignored = static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
+  const double counted = static_cast<double>(3 * std::max<std::size_t>(pixels - ignored, 1));
+  if (ignored == 0) mask = {};
   const Window window = makeWindow();
   planes_.resize(6 * pixels);
   v_moments_.resize(9 * pixels);
@@ -163,6 +167,7 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         const std::size_t i = static_cast<std::size_t>(y) * width + x;
         a[x] = picture[i][c];
         b[x] = static_cast<float>(target[i * 3 + c]) / 255.0f;
+        if (!mask.empty() && mask[i] == 0) a[x] = b[x] = 0;
         const double clamped = std::clamp(a[x], 0.0f, 1.0f) - b[x];
         sums.l1 += std::abs(a[x] - b[x]);
         sums.squared += clamped * clamped;
@@ -201,13 +206,17 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         float* ssim = value(kForward);
         ssimRow(value(0), value(1), value(2), value(3), value(4), width, ssim, moment(0, c, done), moment(1, c, done),
                 moment(2, c, done));
+        for (int x = 0; x < width && !mask.empty(); x++) {
+          if (mask[static_cast<std::size_t>(done) * width + x] != 0) continue;
+          ssim[x] = moment(0, c, done)[x] = moment(1, c, done)[x] = moment(2, c, done)[x] = 0;
+        }
         RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + done];
         for (int x = 0; x < width; x++) sums.ssim += ssim[x];
       }
     }
   });
 
-  const float count = static_cast<float>(3 * pixels);
+  const float count = static_cast<float>(counted);
   parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
     std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
     scratch.resize(scratch_size);
@@ -231,7 +240,8 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         gradientRow(plane(0, c, done), plane(1, c, done), value(0), value(1), value(2), width,
                     (1 - ssim_weight_) / count, ssim_weight_ / count, value(kBackward));
         for (int x = 0; x < width; x++) {
-          v_picture[static_cast<std::size_t>(done) * width + x][c] = value(kBackward)[x];
+          const std::size_t i = static_cast<std::size_t>(done) * width + x;
+          v_picture[i][c] = mask.empty() || mask[i] != 0 ? value(kBackward)[x] : 0.0f;
         }
       }
     }
@@ -244,9 +254,9 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
     sums.squared += row.squared;
   }
   LossValue loss;
-  loss.l1 = sums.l1 / static_cast<double>(3 * pixels);
-  loss.ssim = sums.ssim / static_cast<double>(3 * pixels);
-  loss.mean_squared_error = sums.squared / static_cast<double>(3 * pixels);
+  loss.l1 = sums.l1 / counted;
+  loss.ssim = sums.ssim / counted;
+  loss.mean_squared_error = sums.squared / counted;
   loss.total = (1 - ssim_weight_) * loss.l1 + ssim_weight_ * (1 - loss.ssim);
   return loss;
 }

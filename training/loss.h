@@ -20,8 +20,10 @@ class PhotometricLoss {
  public:
   explicit PhotometricLoss(float ssim_weight = 0.2f) : ssim_weight_(ssim_weight) {}
   // picture, v_picture: [height * width]; target: [height * width * 3], 8 bit. v_picture receives dL/d(picture).
+  // mask: [height * width], 0: ignored; empty: all pixels count. An ignored pixel is black in both for the windows that
+  // overlap it, as if it lay beyond the border; it has no window of its own, no gradient, and no share in the means.
   LossValue evaluate(int width, int height, std::span<const glm::vec3> picture, std::span<const std::uint8_t> target,
-                     std::span<glm::vec3> v_picture);
+                     std::span<glm::vec3> v_picture, std::span<const std::uint8_t> mask = {});
 
  private:
   struct RowSums {

@@ -13,13 +13,21 @@
 namespace {
 
 // One channel at a time, every window summed on its own.
-double referenceSsim(const std::vector<double>& a, const std::vector<double>& b, int width, int height) {
+// Masked pixels are zero in both, and their windows are left out.
+double referenceSsim(std::vector<double> a, std::vector<double> b, int width, int height,
+                     const std::vector<std::uint8_t>& mask = {}) {
+  int windows = 0;
+  for (std::size_t i = 0; i < mask.size(); i++) {
+    if (mask[i] == 0) a[i] = b[i] = 0;
+  }
   double weights[11];
   double norm = 0;
   for (int i = 0; i < 11; i++) norm += weights[i] = std::exp(-(i - 5) * (i - 5) / 4.5);
   double total = 0;
   for (int y = 0; y < height; y++) {
     for (int x = 0; x < width; x++) {
+      if (!mask.empty() && mask[static_cast<std::size_t>(y) * width + x] == 0) continue;
+      windows++;
       double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
       for (int j = std::max(0, y - 5); j <= std::min(height - 1, y + 5); j++) {
         for (int i = std::max(0, x - 5); i <= std::min(width - 1, x + 5); i++) {
@@ -33,13 +41,14 @@ double referenceSsim(const std::vector<double>& a, const std::vector<double>& b,
                ((ma * ma + mb * mb + 1e-4) * (aa - ma * ma + bb - mb * mb + 9e-4));
     }
   }
-  return total / (width * height);
+  return total / windows;
 }
 
 struct Case {
   int width, height;
   std::vector<glm::vec3> picture;
   std::vector<std::uint8_t> target;
+  std::vector<std::uint8_t> mask;  // empty: none
 
   Case(int w, int h, std::uint64_t seed) : width(w), height(h) {
     tg::Random random(seed);
@@ -65,9 +74,13 @@ struct Case {
   double channelLoss(const std::vector<double>& values, int channel) const {
     const std::vector<double> wanted = targetPlane(channel);
     double l1 = 0;
-    for (std::size_t i = 0; i < values.size(); i++) l1 += std::abs(values[i] - wanted[i]);
-    l1 /= static_cast<double>(values.size());
-    return (0.8 * l1 + 0.2 * (1 - referenceSsim(values, wanted, width, height))) / 3;
+    int counted = 0;
+    for (std::size_t i = 0; i < values.size(); i++) {
+      if (!mask.empty() && mask[i] == 0) continue;
+      l1 += std::abs(values[i] - wanted[i]);
+      counted++;
+    }
+    return (0.8 * l1 / counted + 0.2 * (1 - referenceSsim(values, wanted, width, height, mask))) / 3;
   }
 };
 
@@ -136,4 +149,56 @@ TEST_CASE("the loss gradient has the same bytes at any thread count, and agrees 
   for (float& v : a.data) v = std::min(v, 1.0f);
   for (glm::vec3& color : test.picture) color = glm::min(color, 1.0f);
   CHECK(loss.evaluate(50, 100, test.picture, test.target, two).ssim == Approx(tg::ssim(a, b)).epsilon(1e-5));
+}
+
+TEST_CASE("masked pixels change neither the loss nor its gradient, which equals finite differences", "[loss]") {
+  Case test(29, 37, 11);
+  tg::Random random(13);
+  // A half plane, and single pixels here and there: windows that overlap the mask by little and by much.
+  for (int i = 0; i < test.width * test.height; i++) {
+    test.mask.push_back(i % test.width < 9 || random.below(20) == 0 ? 0 : 255);
+  }
+  std::vector<glm::vec3> gradient(test.picture.size());
+  tg::PhotometricLoss loss;
+  const tg::LossValue value = loss.evaluate(test.width, test.height, test.picture, test.target, gradient, test.mask);
+  double expected = 0;
+  for (int c = 0; c < 3; c++) expected += test.channelLoss(test.plane(c), c);
+  CHECK(value.total == Approx(expected).epsilon(1e-5));
+
+  int compared = 0;
+  for (int trial = 0; trial < 80; trial++) {
+    const auto i = static_cast<std::size_t>(random.below(test.picture.size()));
+    const int c = static_cast<int>(random.below(3));
+    if (test.mask[i] == 0) {
+      CHECK(gradient[i] == glm::vec3(0.0f));
+      continue;
+    }
+    const double h = 1e-6;
+    std::vector<double> plus = test.plane(c);
+    if (std::abs(plus[i] - test.target[i * 3 + c] / 255.0) < 1e-4) continue;
+    std::vector<double> minus = plus;
+    plus[i] += h;
+    minus[i] -= h;
+    const double difference = (test.channelLoss(plus, c) - test.channelLoss(minus, c)) / (2 * h);
+    CHECK(gradient[i][c] == Approx(difference).epsilon(2e-4).margin(2e-8));
+    compared++;
+  }
+  CHECK(compared > 30);
+
+  Case noise = test;  // whatever the masked pixels hold
+  for (std::size_t i = 0; i < test.mask.size(); i++) {
+    if (test.mask[i] != 0) continue;
+    noise.picture[i] = glm::vec3(static_cast<float>(random.uniform()));
+    noise.target[i * 3 + 1] = static_cast<std::uint8_t>(random.below(256));
+  }
+  std::vector<glm::vec3> again(test.picture.size());
+  const tg::LossValue same = loss.evaluate(test.width, test.height, noise.picture, noise.target, again, test.mask);
+  CHECK(same.total == value.total);
+  CHECK(same.mean_squared_error == value.mean_squared_error);
+  CHECK(again == gradient);
+
+  const std::vector<std::uint8_t> all(test.mask.size(), 1);
+  const double unmasked = loss.evaluate(test.width, test.height, test.picture, test.target, gradient).total;
+  CHECK(loss.evaluate(test.width, test.height, test.picture, test.target, again, all).total == unmasked);
+  CHECK(again == gradient);
 }
