@@ -13,7 +13,7 @@ bin=build/bin
 mkdir -p "$out"
 rm -rf "$out/scene"
 "$bin/tgtrain" make-sample "$out/scene"
-"$bin/tgtrain" "$out/scene" -o "$out/model.tgz" --overwrite --max-gaussians 5000 \
+"$bin/tgtrain" "$out/scene" -o "$out/model.tgz" --overwrite --gaussians 5000 \
   --iterations 1500 --texture-iterations 1500
 "$bin/tgconvert" "$out/model.tgz" "$out/model.glb" --overwrite
 

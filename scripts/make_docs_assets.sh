@@ -7,7 +7,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 "$bin/tgtrain" make-sample "$work/scene"
-"$bin/tgtrain" "$work/scene" -o docs/sample.tgz --overwrite --reproducible --max-gaussians 5000 \
+"$bin/tgtrain" "$work/scene" -o docs/sample.tgz --overwrite --reproducible --gaussians 5000 \
   --iterations 4000 --texture-iterations 4000
 mkdir -p docs/images
 for show in final base texture normal; do

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "shaders/shared/splat.h"
 
@@ -20,6 +21,32 @@ bool prunable(const GaussianModel& model, const DensityStatistics& statistics, c
                                   statistics.max_radius[i] > settings.prune_radius);
 }
 
+// Scores above 1 densify: the mean gradient over its threshold, and the mean magnitude over the quantile that as many
+// Gaussians reach.
+std::vector<float> densificationScores(const DensityStatistics& statistics, const DensifySettings& settings) {
+  const std::size_t count = statistics.score_sum.size();
+  std::vector<float> scores(count, 0.0f);
+  std::size_t passing = 0;
+  for (std::size_t i = 0; i < count; i++) {
+    if (statistics.view_count[i] == 0) continue;
+    scores[i] = statistics.score_sum[i] / static_cast<float>(statistics.view_count[i]) / settings.score_threshold;
+    passing += scores[i] >= 1;
+  }
+  if (!settings.magnitudes || passing == 0) return scores;
+  std::vector<float> magnitudes(count, 0.0f);
+  for (std::size_t i = 0; i < count; i++) {
+    if (statistics.view_count[i] > 0) {
+      magnitudes[i] = statistics.magnitude_sum[i] / static_cast<float>(statistics.view_count[i]);
+    }
+  }
+  std::vector<float> sorted = magnitudes;
+  const auto quantile = sorted.begin() + static_cast<std::ptrdiff_t>(passing - 1);
+  std::nth_element(sorted.begin(), quantile, sorted.end(), std::greater<>());
+  if (*quantile <= 0) return scores;
+  for (std::size_t i = 0; i < count; i++) scores[i] = std::max(scores[i], magnitudes[i] / *quantile);
+  return scores;
+}
+
 // A point drawn from the Gaussian itself.
 glm::vec3 sample(const GaussianModel& model, std::size_t i, Random& random) {
   glm::vec3 local;
@@ -33,6 +60,7 @@ glm::vec3 sample(const GaussianModel& model, std::size_t i, Random& random) {
 
 void DensityStatistics::reset(std::size_t count) {
   score_sum.assign(count, 0.0f);
+  magnitude_sum.assign(count, 0.0f);
   view_count.assign(count, 0u);
   max_radius.assign(count, 0.0f);
 }
@@ -41,6 +69,7 @@ void DensityStatistics::add(const ModelGradient& gradient) {
   for (std::size_t i = 0; i < score_sum.size(); i++) {
     if (gradient.screen_radius[i] <= 0) continue;
     score_sum[i] += gradient.screen_gradient[i];
+    magnitude_sum[i] += gradient.screen_gradient_abs[i];
     view_count[i]++;
     max_radius[i] = std::max(max_radius[i], gradient.screen_radius[i]);
   }
@@ -53,14 +82,13 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
     std::uint32_t gaussian;
     float score;
   };
+  const std::vector<float> scores = densificationScores(statistics, settings);
   std::vector<std::uint32_t> source;
   std::vector<Candidate> candidates;
   for (std::uint32_t i = 0; i < model.size(); i++) {
     if (prunable(model, statistics, settings, i)) continue;
     source.push_back(i);
-    if (statistics.view_count[i] == 0) continue;
-    const float score = statistics.score_sum[i] / static_cast<float>(statistics.view_count[i]);
-    if (score >= settings.score_threshold) candidates.push_back({i, score});
+    if (scores[i] >= 1) candidates.push_back({i, scores[i]});
   }
   DensifyResult result;
   result.pruned = model.size() - source.size();

@@ -12,6 +12,7 @@ namespace tg {
 // Gathered over the views since the last densification.
 struct DensityStatistics {
   std::vector<float> score_sum;           // [N] sum of screen_gradient
+  std::vector<float> magnitude_sum;       // [N] sum of screen_gradient_abs
   std::vector<std::uint32_t> view_count;  // [N] views that saw the Gaussian
   std::vector<float> max_radius;          // [N] px
 
@@ -22,13 +23,16 @@ struct DensityStatistics {
 struct DensifySettings {
   double extent = 1;              // [world units] cameraExtent()
   float score_threshold = 2e-4f;  // NDC gradient, mean over the views
+  // Also densify by the mean of magnitude_sum: as many Gaussians as pass the threshold, those with the largest
+  // (the quantile rule of Gaussian Opacity Fields, Yu et al. 2024).
+  bool magnitudes = false;
   float clone_max_scale = 0.01f;  // of the extent: smaller Gaussians are cloned, larger ones split
   float split_shrink = 1.6f;      // children of a split are this much smaller
   float prune_opacity = 0.005f;
   bool prune_large = false;       // also those wider than the next two allow
   float prune_scale = 0.1f;       // of the extent
   float prune_radius = 20;        // [px] on screen
-  std::size_t max_gaussians = 0;  // 0: no limit. Above it only the highest scores grow (D11)
+  std::size_t max_gaussians = 0;  // 0: no limit. Under one, the highest scores grow first
 };
 
 struct DensifyResult {

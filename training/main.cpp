@@ -5,6 +5,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <map>
 #include <span>
 
 #include "core/bundle.h"
@@ -36,13 +37,13 @@ struct Options {
   std::string untextured_output;
   std::string json;
   tg::DatasetFlags data;
-  std::string texture_mode = "rgba";
-  std::string intersection = "maxResponse";
+  std::string preset = "default";
+  std::map<const tg::SettingEntry*, std::string> chosen;  // over the preset; empty: not given
   int threads = 0;
   bool overwrite = false;
   bool quiet = false;
   bool reproducible = false;
-  tg::TrainSettings settings;
+  bool print_config = false;
 };
 
 // Before hours of training: what could not be written at their end.
@@ -77,15 +78,25 @@ tg::Image previewOf(const tg::Dataset& dataset, const tg::GaussianModel& model, 
   return tg::renderPicture(renderer, model, camera, dataset.background);
 }
 
-int runTraining(Options options) {
+tg::TrainSettings settingsOf(const Options& options) {
+  tg::TrainSettings settings = tg::presetSettings(options.preset);
+  for (const auto& [entry, value] : options.chosen) {
+    if (!value.empty()) entry->set(settings, value == "true" ? "on" : value == "false" ? "off" : value);
+  }
+  settings.compare_untextured |= !options.untextured_output.empty();
+  tg::checkSettings(settings);
+  return settings;
+}
+
+int runTraining(const Options& options) {
+  if (options.print_config) {
+    std::fputs(tg::formatSettings(settingsOf(options)).c_str(), stdout);
+    return 0;
+  }
   if (options.dataset.empty() || options.output.empty()) {
     throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz (see --help)");
   }
-  const auto mode = tg::parseTextureMode(options.texture_mode);
-  const auto intersection = tg::parseIntersectionModel(options.intersection);
-  options.settings.texture_mode = *mode;
-  options.settings.intersection = *intersection;
-  options.settings.compare_untextured |= !options.untextured_output.empty();
+  const tg::TrainSettings settings = settingsOf(options);
   checkOutputs(options);
   if (options.threads > 0) tg::setThreadCount(options.threads);
 
@@ -108,9 +119,9 @@ int runTraining(Options options) {
   tg::ProgressLine line;
   tg::TrainHooks hooks;
   hooks.stop = &stop_requested;
-  if (!options.quiet) hooks.progress = [&](const tg::TrainProgress& progress) { line.show(progress); };
+  if (!options.quiet) hooks.after_step = [&](const tg::Trainer& trainer) { line.show(trainer.progress()); };
   const auto renderer = tg::makeCpuDifferentiableRenderer();
-  tg::TrainResult result = tg::train(dataset, options.settings, *renderer, hooks);
+  tg::TrainResult result = tg::train(dataset, settings, *renderer, hooks);
   line.finish();
 
   tg::TrainingJsonOptions json_options;
@@ -125,7 +136,7 @@ int runTraining(Options options) {
     bundle.model = std::move(model);
     bundle.background = dataset.background;
     for (const tg::View& view : dataset.views) bundle.cameras.push_back(view.camera);
-    bundle.training_json = tg::formatTrainingJson(dataset, options.settings, result.report, bundle.model, json_options);
+    bundle.training_json = tg::formatTrainingJson(dataset, settings, result.report, bundle.model, json_options);
     tg::writeBundle(path, bundle);
     return bundle.training_json;
   };
@@ -144,33 +155,37 @@ int runTraining(Options options) {
   return 0;
 }
 
+// Every entry of the settings as a flag; what is given stands in `chosen`, over the preset. Switches are flags that
+// also take =on and =off.
+void addSettingFlags(CLI::App& app, Options& options) {
+  const tg::TrainSettings defaults;
+  for (const tg::SettingEntry& entry : tg::settingEntries()) {
+    const std::string flag = "--" + entry.name;
+    const std::string value = entry.get(defaults);
+    const bool is_switch = value == "on" || value == "off";
+    const std::string help = entry.help + (entry.unit.empty() ? "" : " [" + entry.unit + "]");
+    CLI::Option* option = is_switch
+                              ? app.add_flag(flag, options.chosen[&entry], help)
+                              : app.add_option(flag, options.chosen[&entry], help)->default_str(value)->type_name("");
+    option->group("Recipe");
+  }
+}
+
 void addTrainingOptions(CLI::App& app, Options& options) {
-  tg::TrainSettings& settings = options.settings;
   app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0");
   app.add_option("-o,--output", options.output, "Model to write (.tgz)");
-  app.add_option("--iterations", settings.iterations, "Stage 1: plain Gaussians")->capture_default_str();
-  app.add_option("--texture-iterations", settings.texture_iterations, "Stage 2: with textures")->capture_default_str();
-  app.add_option("--texture-mode", options.texture_mode, "What a texture changes")
-      ->check(CLI::IsMember({"none", "alpha", "rgb", "rgba"}))
+  app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
+      ->check(CLI::IsMember(tg::presetNames()))
       ->capture_default_str();
-  app.add_option("--texture-size", settings.texture_size, "Texels along each side")->capture_default_str();
-  app.add_option("--intersection", options.intersection, "Where a ray meets a Gaussian")
-      ->check(CLI::IsMember({"plane", "maxResponse"}))
-      ->capture_default_str();
-  app.add_option("--max-gaussians", settings.max_gaussians, "Most Gaussians (0: no limit)")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  app.add_option("--init-count", settings.init_count, "Start from this many points (0: all; 100000 if random)")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  app.add_option("--sh-degree", settings.sh_degree, "Highest degree of the spherical harmonics")->capture_default_str();
-  app.add_option("--seed", settings.seed, "Same seed, same model")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+  app.set_config("--config", "", "Settings from a file, as --print-config writes it; flags go over it")
+      ->configurable(false);
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  app.add_flag("--print-config", options.print_config, "Print all settings with their units and end")
+      ->configurable(false);
+  addSettingFlags(app, options);
   tg::addDatasetFlags(app, options.data);
-  app.add_flag("--compare-untextured", settings.compare_untextured,
-               "Also run stage 2 without textures from the same stage-1 model, and report both");
-  app.add_option("--untextured-output", options.untextured_output, "Write that model too (implies the comparison)");
+  app.add_option("--untextured-output", options.untextured_output,
+                 "Write the untextured model too (implies --compare-untextured)");
   app.add_option("--json", options.json, "Also write training.json here");
   app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
       ->check(CLI::Range(0, 4096));

@@ -95,12 +95,11 @@ std::vector<T> widenRows(const std::vector<T>& rows, std::size_t count, std::siz
 
 }  // namespace
 
-float positionLearningRate(std::int64_t iteration, std::int64_t iterations, double extent) {
-  constexpr double kFirst = 1.6e-4;
-  constexpr double kLast = 1.6e-6;
-  const double progress = iterations > 0 ? static_cast<double>(iteration) / static_cast<double>(iterations) : 1.0;
-  return static_cast<float>(extent *
-                            std::exp(std::lerp(std::log(kFirst), std::log(kLast), std::clamp(progress, 0.0, 1.0))));
+double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations) {
+  const double progress =
+      iterations > 0 ? std::clamp(static_cast<double>(iteration) / static_cast<double>(iterations), 0.0, 1.0) : 1.0;
+  if (!(first > 0 && last > 0)) return std::lerp(first, last, progress);
+  return std::exp(std::lerp(std::log(first), std::log(last), progress));
 }
 
 void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates) {
@@ -136,15 +135,20 @@ void resetMoments(TrainingState& state) {
   state.step = 0;
 }
 
-void growShDegree(TrainingState& state, int degree) {
-  GaussianModel& model = state.model;
+void growShDegree(GaussianModel& model, int degree) {
   if (degree <= model.sh_degree) return;
   const auto from = static_cast<std::size_t>(model.shCount());
   model.sh_degree = degree;
-  const auto to = static_cast<std::size_t>(model.shCount());
-  model.sh = widenRows(model.sh, model.size(), from, to);
-  state.sh.first = widenRows(state.sh.first, model.size(), 3 * from, 3 * to);
-  state.sh.second = widenRows(state.sh.second, model.size(), 3 * from, 3 * to);
+  model.sh = widenRows(model.sh, model.size(), from, static_cast<std::size_t>(model.shCount()));
+}
+
+void growShDegree(TrainingState& state, int degree) {
+  const std::size_t from = 3 * static_cast<std::size_t>(state.model.shCount());
+  growShDegree(state.model, degree);
+  const std::size_t to = 3 * static_cast<std::size_t>(state.model.shCount());
+  if (to == from) return;
+  state.sh.first = widenRows(state.sh.first, state.model.size(), from, to);
+  state.sh.second = widenRows(state.sh.second, state.model.size(), from, to);
 }
 
 void selectGaussians(TrainingState& state, std::span<const std::uint32_t> source, std::size_t kept) {

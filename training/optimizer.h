@@ -22,8 +22,7 @@ struct TrainingState {
   std::int64_t step = 0;  // Adam steps done since the moments were reset
 };
 
-// Learning rates of 3DGS; texel rate of the paper's appendix. The mean's rate is in world units: see
-// positionLearningRate().
+// Learning rates of 3DGS; texel rate of the paper's appendix. The mean's rate is in world units.
 struct LearningRates {
   float mean = 0;
   float rotation = 1e-3f;
@@ -34,8 +33,8 @@ struct LearningRates {
   float texels = 1e-3f;
 };
 
-// Log-linear from 1.6e-4 to 1.6e-6 of the scene's extent over `iterations`.
-float positionLearningRate(std::int64_t iteration, std::int64_t iterations, double extent);
+// Log-linear from `first` to `last` over `iterations`; both above 0, or else linear.
+double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations);
 
 // Adam, beta 0.9 / 0.999, epsilon 1e-15, bias-corrected, on every parameter; alpha texels are then clamped to [0, 1].
 // Moments must have the model's size (see resetMoments). Any thread count, same bytes.
@@ -45,6 +44,7 @@ void adamStep(TrainingState& state, const ModelGradient& gradient, const Learnin
 void resetMoments(TrainingState& state);
 
 // New SH coefficients are zero, with zero moments: the picture does not change.
+void growShDegree(GaussianModel& model, int degree);
 void growShDegree(TrainingState& state, int degree);
 
 // Gaussian i becomes a copy of the old Gaussian source[i]. The first `kept` take their moments along, the others start

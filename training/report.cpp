@@ -112,7 +112,8 @@ std::string formatProgress(const TrainProgress& progress) {
 }
 
 std::string formatSummary(const TrainReport& report, double total_seconds) {
-  std::string text = stageLine(Stage::plain, report.plain);
+  std::string text = report.count ? stageLine(Stage::count, *report.count) : "";
+  text += stageLine(Stage::plain, report.plain);
   if (report.textured) text += stageLine(Stage::textured, *report.textured);
   if (report.untextured) text += stageLine(Stage::untextured, *report.untextured);
   if (report.textured && report.textured->test && report.untextured && report.untextured->test) {
@@ -140,21 +141,18 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
                      {"downscale", options.downscale},
                      {"points", dataset.points.position.size()},
                      {"fingerprint", fingerprint(dataset)}};
-  json["settings"] = {{"iterations", settings.iterations},
-                      {"texture_iterations", settings.texture_iterations},
-                      {"texture_mode", name(settings.texture_mode)},
-                      {"texture_size", settings.texture_size},
-                      {"intersection", name(settings.intersection)},
-                      {"sh_degree", settings.sh_degree},
-                      {"max_gaussians", settings.max_gaussians},
-                      {"init_count", settings.init_count},
-                      {"seed", settings.seed},
-                      {"background", {dataset.background.x, dataset.background.y, dataset.background.z}}};
+  for (const SettingEntry& entry : settingEntries()) {
+    const std::string value = entry.get(settings);
+    const Json number = Json::parse(value, nullptr, false);
+    json["settings"][entry.name] = number.is_number() ? number : Json(value);
+  }
+  json["background"] = {dataset.background.x, dataset.background.y, dataset.background.z};
   json["extent"] = report.extent;
   json["initial_gaussians"] = report.initial_gaussians;
   json["gaussians"] = model.size();
   json["texels"] = model.atlas.texels.size();
   json["interrupted"] = report.interrupted;
+  if (report.count) json["stages"]["count"] = stageJson(*report.count, options.measurements);
   json["stages"]["plain"] = stageJson(report.plain, options.measurements);
   if (report.textured) json["stages"]["textured"] = stageJson(*report.textured, options.measurements);
   if (report.untextured) json["stages"]["untextured"] = stageJson(*report.untextured, options.measurements);

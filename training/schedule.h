@@ -3,6 +3,8 @@
 #pragma once
 #include <algorithm>
 
+#include "training/settings.h"
+
 namespace tg {
 
 // Iterations count from 1; an event at n happens after step n.
@@ -17,7 +19,7 @@ struct Schedule {
   bool densifies(int iteration) const {
     return iteration > densify_from && iteration < densify_until && iteration % densify_every == 0;
   }
-  bool raisesShDegree(int iteration) const { return iteration % sh_every == 0; }
+  bool raisesShDegree(int iteration) const { return sh_every > 0 && iteration % sh_every == 0; }
   bool resetsOpacity(int iteration) const {
     return reset_every > 0 && iteration < reset_until && iteration % reset_every == 0;
   }
@@ -25,15 +27,21 @@ struct Schedule {
   bool prunesLarge(int iteration) const { return reset_every > 0 && iteration > reset_every; }
 };
 
-// 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion. Densification ends at half time.
-// An opacity reset costs about a thousand iterations of quality: only runs of 6,000 and more have any, and none in the
-// last third, which could not make up for it.
-inline Schedule makeSchedule(int iterations) {
+// Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion.
+// ADC ends at half time, MCMC after five sixths (Kheradmand et al.: 25,000 of 30,000). An opacity reset costs about a
+// thousand iterations of quality: only ADC runs of 6,000 and more have any, and none in the last third, which could
+// not make up for it.
+inline Schedule makeSchedule(const TrainSettings& settings) {
+  const int iterations = settings.iterations;
+  const auto pick = [](int setting, int automatic) { return setting >= 0 ? setting : automatic; };
   Schedule schedule;
-  schedule.sh_every = std::clamp(iterations / 4, 1, 1000);
-  schedule.densify_from = std::min(500, iterations / 8);
-  schedule.densify_until = iterations / 2 + 1;
-  schedule.reset_every = iterations >= 6000 ? 3000 : 0;
+  schedule.sh_every = pick(settings.sh_every, std::clamp(iterations / 4, 1, 1000));
+  schedule.densify_every = settings.densify_every;
+  schedule.densify_from = pick(settings.densify_from, std::min(500, iterations / 8));
+  const bool adc = settings.densification == Densification::adc;
+  schedule.densify_until = pick(settings.densify_until, (adc ? iterations / 2 : iterations - iterations / 6) + 1);
+  if (settings.densification == Densification::none) schedule.densify_until = 0;
+  schedule.reset_every = adc ? pick(settings.reset_every, iterations >= 6000 ? 3000 : 0) : 0;
   schedule.reset_until = std::min(schedule.densify_until, iterations - iterations / 3);
   return schedule;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The loop: next view, forward, loss, backward, step, densify.
+// The loop: next view, forward, loss, backward, step, densify; and what happens between stages.
 #include "training/trainer.h"
 
 #include <algorithm>
@@ -7,14 +7,12 @@
 #include <cmath>
 #include <numeric>
 #include <string>
+#include <utility>
 
 #include "core/error.h"
-#include "training/densify.h"
+#include "core/parallel.h"
 #include "training/init.h"
-#include "training/loss.h"
-#include "training/optimizer.h"
-#include "training/random.h"
-#include "training/schedule.h"
+#include "training/mcmc.h"
 #include "training/textures.h"
 
 namespace tg {
@@ -23,235 +21,386 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kRandomPoints = 100'000;  // the Blender recipe of 3DGS
-constexpr int kMaxTextureSize = 256;
-constexpr double kRunningMean = 0.98;  // weight of the past in the numbers shown: about 50 views
+constexpr int kFilterEvery = 100;               // steps between two updates of the 3D filter
 
 // Independent streams of one seed.
-enum class Stream : std::uint64_t { points = 1, densify, plain, textured };
+enum class Stream : std::uint64_t { points = 1, densify, plain, textured, noise, count, background };
 Random stream(std::uint64_t seed, Stream which) {
   return Random(Random(seed + 0x632be59bd9b4e019u * static_cast<std::uint64_t>(which)).bits());
 }
 
-double secondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }
 
-// Every view once in random order, then again in another.
-class ViewOrder {
+// While it lives, the model's scales and opacities are the effective ones.
+class DrawnModel {
  public:
-  ViewOrder(std::vector<std::size_t> views, Random random) : views_(std::move(views)), random_(random) {}
-  std::size_t next() {
-    if (position_ == 0) random_.shuffle(views_);
-    const std::size_t view = views_[position_];
-    position_ = (position_ + 1) % views_.size();
-    return view;
+  DrawnModel(GaussianModel& model, EffectiveParameters& effective, bool filtered)
+      : model_(model), effective_(effective), filtered_(filtered) {
+    exchange();
   }
+  ~DrawnModel() { exchange(); }
+  DrawnModel(const DrawnModel&) = delete;
+  DrawnModel& operator=(const DrawnModel&) = delete;
 
  private:
-  std::vector<std::size_t> views_;
-  Random random_;
-  std::size_t position_ = 0;
-};
-
-// Mean of a series that forgets; unbiased from the first value on.
-class RunningMean {
- public:
-  void add(double value) {
-    sum_ = kRunningMean * sum_ + value;
-    weight_ = kRunningMean * weight_ + 1;
+  void exchange() {
+    if (!filtered_) return;
+    std::swap(model_.log_scale, effective_.log_scale);
+    std::swap(model_.opacity_logit, effective_.opacity_logit);
   }
-  double value() const { return weight_ > 0 ? sum_ / weight_ : 0; }
-
- private:
-  double sum_ = 0;
-  double weight_ = 0;
+  GaussianModel& model_;
+  EffectiveParameters& effective_;
+  bool filtered_;
 };
 
-void checkSettings(const TrainSettings& settings) {
-  const auto check = [](const char* what, long value, long low, long high) {
-    if (value < low || value > high) {
-      throw Error(ErrorKind::usage, std::string(what) + " out of range (expected " + std::to_string(low) + " to " +
-                                        std::to_string(high) + ", found " + std::to_string(value) + ")");
+void clampColors(std::vector<glm::vec4>& texels) {
+  constexpr std::int64_t kChunk = 1 << 16;
+  const auto count = static_cast<std::int64_t>(texels.size());
+  parallelFor((count + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
+    for (std::int64_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); i++) {
+      texels[i] = glm::clamp(texels[i], glm::vec4(0.0f), glm::vec4(1.0f));
     }
-  };
-  check("iterations", settings.iterations, 0, 10'000'000);
-  check("texture iterations", settings.texture_iterations, 0, 10'000'000);
-  check("texture size", settings.texture_size, 1, kMaxTextureSize);
-  check("SH degree", settings.sh_degree, 0, 3);
+  });
 }
-
-class Run {
- public:
-  Run(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer, const TrainHooks& hooks)
-      : dataset_(dataset),
-        settings_(settings),
-        renderer_(renderer),
-        hooks_(hooks),
-        extent_(cameraExtent(dataset)),
-        densify_random_(stream(settings.seed, Stream::densify)) {}
-
-  TrainResult operator()() {
-    TrainResult result;
-    TrainReport& report = result.report;
-    report.extent = extent_;
-    TrainingState state;
-    state.model = firstGaussians();
-    state.model.intersection = settings_.intersection;
-    resetMoments(state);
-    report.initial_gaussians = state.model.size();
-
-    const bool textured = settings_.texture_mode != TextureMode::none && settings_.texture_iterations > 0;
-    const bool twin = textured && settings_.compare_untextured;
-    later_iterations_ = (textured + twin) * settings_.texture_iterations;
-    report.plain = optimize(state, Stage::plain, settings_.iterations);
-    if (textured && !stopped()) {
-      growShDegree(state, settings_.sh_degree);
-      TrainingState untextured = twin ? state : TrainingState{};
-      addTextures(state, settings_.texture_size, settings_.texture_mode);
-      later_iterations_ = twin * settings_.texture_iterations;
-      report.textured = optimize(state, Stage::textured, settings_.texture_iterations);
-      if (twin && !stopped()) {
-        resetMoments(untextured);
-        later_iterations_ = 0;
-        report.untextured = optimize(untextured, Stage::untextured, settings_.texture_iterations);
-        result.untextured = std::move(untextured.model);
-      }
-    }
-    growShDegree(state, settings_.sh_degree);
-    result.model = std::move(state.model);
-    report.interrupted = stopped();
-    return result;
-  }
-
- private:
-  bool stopped() const { return hooks_.stop && hooks_.stop->load(std::memory_order_relaxed); }
-
-  GaussianModel firstGaussians() const {
-    std::size_t limit = settings_.init_count;
-    if (settings_.max_gaussians > 0) limit = limit ? std::min(limit, settings_.max_gaussians) : settings_.max_gaussians;
-    Random random = stream(settings_.seed, Stream::points);
-    if (!dataset_.points.position.empty()) {
-      return gaussiansFromPoints(limit ? randomSubset(dataset_.points, limit, random.bits()) : dataset_.points);
-    }
-    const std::size_t count = settings_.init_count ? limit : std::min(limit ? limit : kRandomPoints, kRandomPoints);
-    return gaussiansFromPoints(randomPoints(dataset_, count, random.bits()));
-  }
-
-  StageReport optimize(TrainingState& state, Stage stage, int iterations) {
-    // Both versions of stage 2 see the same views in the same order.
-    ViewOrder order(dataset_.indices(false),
-                    stream(settings_.seed, stage == Stage::plain ? Stream::plain : Stream::textured));
-    const Schedule schedule = makeSchedule(iterations);
-    DensityStatistics statistics;
-    statistics.reset(state.model.size());
-    LearningRates rates;
-    RenderSettings render;
-    render.background = dataset_.background;
-    RunningMean loss_mean;
-    RunningMean error_mean;
-    StageReport report;
-    const Clock::time_point start = Clock::now();
-
-    for (int iteration = 1; iteration <= iterations && !stopped(); iteration++) {
-      const std::size_t index = order.next();
-      const View& view = dataset_.views[index];
-      const std::shared_ptr<const ViewPixels> photograph = dataset_.pixels(index);
-      const std::vector<glm::vec3>& picture = renderer_.forward(state.model, view.camera, render);
-      v_picture_.resize(picture.size());
-      const LossValue loss = loss_.evaluate(view.camera.width, view.camera.height, picture, photograph->rgb, v_picture_);
-      if (!std::isfinite(loss.total)) {
-        throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
-                                            std::to_string(iteration) + " of stage '" + std::string(name(stage)) + "'");
-      }
-      renderer_.backward(v_picture_, gradient_);
-      rates.mean = positionLearningRate(iteration, iterations, extent_);
-      adamStep(state, gradient_, rates);
-      if (stage == Stage::plain) adapt(state, statistics, schedule, iteration);
-
-      loss_mean.add(loss.total);
-      error_mean.add(loss.mean_squared_error);
-      report.iterations = iteration;
-      if (hooks_.progress) {
-        const double rate = iteration / std::max(secondsSince(start), 1e-9);
-        hooks_.progress({stage, iteration, iterations, loss_mean.value(), decibels(error_mean.value()),
-                         state.model.size(), rate, (iterations - iteration + later_iterations_) / rate});
-      }
-    }
-
-    report.seconds = secondsSince(start);
-    report.loss = loss_mean.value();
-    report.train_psnr = report.iterations > 0 ? decibels(error_mean.value()) : 0;
-    report.gaussians = state.model.size();
-    report.test = testScore(state.model);
-    return report;
-  }
-
-  void adapt(TrainingState& state, DensityStatistics& statistics, const Schedule& schedule, int iteration) {
-    if (iteration < schedule.densify_until) statistics.add(gradient_);
-    if (schedule.densifies(iteration)) {
-      DensifySettings densify_settings;
-      densify_settings.extent = extent_;
-      densify_settings.prune_large = schedule.prunesLarge(iteration);
-      densify_settings.max_gaussians = settings_.max_gaussians;
-      densify(state, statistics, densify_settings, densify_random_);
-      if (state.model.size() == 0) {
-        throw Error(ErrorKind::badData, "no Gaussian is left after densification at iteration " +
-                                            std::to_string(iteration) + ": do the cameras see the initial points?");
-      }
-    }
-    // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
-    const bool white = dataset_.background == glm::vec3(1.0f);
-    if (schedule.resetsOpacity(iteration) ||
-        (schedule.reset_every > 0 && white && iteration == schedule.densify_from)) {
-      resetOpacity(state);
-    }
-    if (schedule.raisesShDegree(iteration)) {
-      growShDegree(state, std::min(state.model.sh_degree + 1, settings_.sh_degree));
-    }
-  }
-
-  // None without test views, or when a stop is asked for meanwhile.
-  std::optional<Score> testScore(const GaussianModel& model) {
-    std::vector<ViewScore> scores;
-    for (const std::size_t view : dataset_.indices(true)) {
-      if (stopped()) return std::nullopt;
-      scores.push_back(scoreViews(dataset_, {&view, 1}, [&](const Camera& camera) {
-                         return renderPicture(renderer_, model, camera, dataset_.background);
-                       }).front());
-    }
-    return scores.empty() ? std::nullopt : std::optional(meanScore(scores));
-  }
-
-  static double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }
-
-  const Dataset& dataset_;
-  const TrainSettings& settings_;
-  DifferentiableRenderer& renderer_;
-  const TrainHooks& hooks_;
-  const double extent_;
-  Random densify_random_;
-  int later_iterations_ = 0;  // of the stages that follow
-  PhotometricLoss loss_;
-  ModelGradient gradient_;
-  std::vector<glm::vec3> v_picture_;
-};
 
 }  // namespace
 
-std::string_view name(Stage stage) {
-  switch (stage) {
-    case Stage::plain:
-      return "plain";
-    case Stage::textured:
-      return "textured";
-    case Stage::untextured:
-      return "untextured";
+Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer)
+    : Trainer(dataset, settings, renderer, RunState{}) {
+  state_.default_gaussians = settings.default_gaussians;
+  state_.densify_random = stream(settings.seed, Stream::densify);
+  state_.report.extent = extent_;
+  begin(settings.percent > 0 && settings.default_gaussians == 0 ? Stage::count : Stage::plain);
+}
+
+Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                 RunState state)
+    : dataset_(dataset),
+      settings_((checkSettings(settings), settings)),
+      renderer_(renderer),
+      schedule_(makeSchedule(settings)),
+      extent_(cameraExtent(dataset)),
+      state_(std::move(state)),
+      loss_(settings.ssim_weight) {}
+
+int Trainer::iterationsOf(Stage stage) const {
+  return stage == Stage::textured || stage == Stage::untextured ? settings_.texture_iterations : settings_.iterations;
+}
+
+std::size_t Trainer::limit() const {
+  if (state_.stage == Stage::count) return 0;
+  if (settings_.percent > 0) {
+    const double share = settings_.percent / 100 * static_cast<double>(state_.default_gaussians);
+    return std::max<std::size_t>(1, static_cast<std::size_t>(std::llround(share)));
   }
-  return "";
+  return settings_.gaussians;
+}
+
+GaussianModel Trainer::firstGaussians() const {
+  std::size_t count = settings_.init_count;
+  if (limit() > 0) count = count ? std::min(count, limit()) : limit();
+  Random random = stream(settings_.seed, Stream::points);
+  GaussianModel model;
+  if (settings_.start == Start::points && !dataset_.points.position.empty()) {
+    model = gaussiansFromPoints(count ? randomSubset(dataset_.points, count, random.bits()) : dataset_.points);
+  } else {
+    if (!settings_.init_count) count = std::min(count ? count : kRandomPoints, kRandomPoints);
+    model = gaussiansFromPoints(randomPoints(dataset_, count, random.bits()));
+  }
+  model.intersection = settings_.intersection;
+  if (settings_.densification == Densification::mcmc) {
+    // Kheradmand et al., implementation: half opaque and small, so that noise can explore.
+    std::fill(model.opacity_logit.begin(), model.opacity_logit.end(), 0.0f);
+    for (glm::vec3& log_scale : model.log_scale) log_scale += std::log(0.1f);
+  }
+  return model;
+}
+
+void Trainer::begin(Stage stage) {
+  state_.stage = stage;
+  state_.iteration = 0;
+  state_.seconds = 0;
+  state_.loss = {};
+  state_.squared_error = {};
+  if (stage == Stage::count || stage == Stage::plain) {
+    state_.training = {};
+    state_.training.model = firstGaussians();
+    resetMoments(state_.training);
+    if (stage == Stage::plain) state_.report.initial_gaussians = state_.training.model.size();
+  } else if (stage == Stage::textured) {
+    growShDegree(state_.training, settings_.sh_degree);
+    if (settings_.compare_untextured) state_.untextured_start = state_.training.model;
+    GaussianModel& model = state_.training.model;
+    const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : settings_.texture_size;
+    const std::size_t budget = settings_.texel_budget
+                                   ? settings_.texel_budget
+                                   : model.size() * static_cast<std::size_t>(size) * static_cast<std::size_t>(size);
+    addTextures(state_.training,
+                settings_.texture_sizes == TextureSizes::footprint
+                    ? footprintRects(model, pixelSizes(dataset_, model), budget)
+                    : uniformRects(model.size(), size, settings_.texel_budget),
+                settings_.texture_mode, settings_.texture_init);
+  } else {
+    state_.textured = model();
+    state_.training = {};
+    state_.training.model = std::exchange(state_.untextured_start, {});
+    resetMoments(state_.training);
+  }
+  state_.statistics.reset(state_.training.model.size());
+  updateFilter();
+  // Both versions of stage 2 see the same views in the same order.
+  const std::vector<std::size_t> train = dataset_.indices(false);
+  state_.order = {};
+  state_.order.views.assign(train.begin(), train.end());
+  const bool second = stage == Stage::textured || stage == Stage::untextured;
+  state_.order.random = stream(settings_.seed, stage == Stage::count ? Stream::count
+                                               : second              ? Stream::textured
+                                                                     : Stream::plain);
+}
+
+void Trainer::updateFilter() {
+  if (!settings_.filter_3d) return;
+  state_.min_sigma = minSigmas(dataset_, state_.training.model);
+}
+
+bool Trainer::step(const std::atomic<bool>* stop) {
+  while (!state_.finished && state_.iteration >= iterationsOf(state_.stage)) {
+    if (!end(stop)) return false;
+  }
+  if (state_.finished) return false;
+  const Clock::time_point start = Clock::now();
+  iterate();
+  state_.seconds += std::chrono::duration<double>(Clock::now() - start).count();
+  return true;
+}
+
+TrainProgress Trainer::progress() const {
+  const int iterations = iterationsOf(state_.stage);
+  const bool textured = settings_.texture_mode != TextureMode::none;
+  int left = iterations - state_.iteration;
+  if (state_.stage == Stage::count) left += settings_.iterations;
+  if (textured && state_.stage < Stage::textured) left += settings_.texture_iterations;
+  if (textured && settings_.compare_untextured && state_.stage < Stage::untextured) {
+    left += settings_.texture_iterations;
+  }
+  const double rate = std::max(state_.iteration, 1) / std::max(state_.seconds, 1e-9);
+  return {state_.stage,
+          state_.iteration,
+          iterations,
+          state_.loss.value(),
+          decibels(state_.squared_error.value()),
+          state_.training.model.size(),
+          rate,
+          left / rate};
+}
+
+void Trainer::iterate() {
+  const int iteration = ++state_.iteration;
+  TrainingState& training = state_.training;
+  const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
+  const bool adc = settings_.densification == Densification::adc;
+  const bool filtered = !state_.min_sigma.empty();
+  const std::size_t view = state_.order.next();
+  const Camera& camera = dataset_.views[view].camera;
+  RenderSettings render;
+  render.background = dataset_.background;
+  if (dataset_.random_background) {
+    Random random = stream(settings_.seed + static_cast<std::uint64_t>(iteration), Stream::background);
+    for (int c = 0; c < 3; c++) render.background[c] = static_cast<float>(random.uniform());
+  }
+  const std::shared_ptr<const ViewPixels> photograph = dataset_.composited(view, render.background);
+  if (const auto following = state_.order.following()) dataset_.prefetch(*following);
+  if (filtered) applyFilter(training.model, state_.min_sigma, effective_);
+  LossValue loss;
+  {
+    const DrawnModel drawn(training.model, effective_, filtered);
+    const std::vector<glm::vec3>& picture = renderer_.forward(training.model, camera, render);
+    v_picture_.resize(picture.size());
+    loss = loss_.evaluate(camera.width, camera.height, picture, photograph->rgb, v_picture_, photograph->mask);
+    if (!std::isfinite(loss.total)) {
+      throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
+                                          std::to_string(iteration) + " of stage '" + std::string(name(state_.stage)) +
+                                          "'");
+    }
+    GradientOptions options;
+    options.statistics = first_stage && adc && iteration < schedule_.densify_until;
+    options.texture_to_geometry = settings_.texture_gradient_geometry;
+    options.texture_in_suffix = settings_.texture_gradient_suffix;
+    renderer_.backward(v_picture_, gradient_, options);
+  }
+  if (filtered) filterGradient(training.model, state_.min_sigma, gradient_);
+  const bool mcmc = first_stage && settings_.densification == Densification::mcmc;
+  if (mcmc) {
+    addRegularizerGradient(training.model, settings_.mcmc_opacity_weight, settings_.mcmc_scale_weight, gradient_);
+  }
+
+  LearningRates rates;
+  rates.mean = static_cast<float>(extent_ * decayedRate(settings_.rate_position, settings_.rate_position_end, iteration,
+                                                        iterationsOf(state_.stage)));
+  rates.rotation = settings_.rate_rotation;
+  rates.log_scale = settings_.rate_scale;
+  rates.opacity_logit = settings_.rate_opacity;
+  rates.sh_dc = settings_.rate_sh_dc;
+  rates.sh_rest = settings_.rate_sh_rest;
+  rates.texels = settings_.rate_texels;
+  adamStep(training, gradient_, rates);
+  if (settings_.texture_init == TextureInit::paper) clampColors(training.model.atlas.texels);
+  if (mcmc) {
+    addExplorationNoise(training.model, settings_.mcmc_noise * rates.mean, stream(settings_.seed, Stream::noise).bits(),
+                        iteration);
+  }
+  if (first_stage) densifyAndSchedule(iteration);
+  const int left = iterationsOf(state_.stage) - iteration;
+  if (filtered && iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
+
+  state_.loss.add(loss.total);
+  state_.squared_error.add(loss.mean_squared_error);
+}
+
+void Trainer::densifyAndSchedule(int iteration) {
+  TrainingState& training = state_.training;
+  const bool adc = settings_.densification == Densification::adc;
+  if (adc && iteration < schedule_.densify_until) state_.statistics.add(gradient_);
+  if (schedule_.densifies(iteration)) {
+    if (adc) {
+      DensifySettings densify_settings;
+      densify_settings.extent = extent_;
+      densify_settings.score_threshold = settings_.densify_threshold;
+      densify_settings.magnitudes = settings_.densify_score == DensifyScore::magnitudes;
+      densify_settings.prune_opacity = settings_.prune_opacity;
+      densify_settings.prune_large = schedule_.prunesLarge(iteration);
+      densify_settings.max_gaussians = limit();
+      densify(training, state_.statistics, densify_settings, state_.densify_random);
+    } else {
+      McmcSettings mcmc_settings;
+      mcmc_settings.max_gaussians = limit();
+      mcmc_settings.dead_opacity = settings_.prune_opacity;
+      mcmc_settings.growth = settings_.mcmc_growth;
+      relocateAndGrow(training, mcmc_settings, state_.densify_random);
+      state_.statistics.reset(training.model.size());
+    }
+    if (training.model.size() == 0) {
+      throw Error(ErrorKind::badData, "no Gaussian is left after densification at iteration " +
+                                          std::to_string(iteration) + ": do the cameras see the initial points?");
+    }
+    updateFilter();
+  }
+  // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
+  const bool white = dataset_.background == glm::vec3(1.0f);
+  if (schedule_.resetsOpacity(iteration) ||
+      (schedule_.reset_every > 0 && white && iteration == schedule_.densify_from)) {
+    resetOpacity(training);
+  }
+  if (schedule_.raisesShDegree(iteration)) {
+    growShDegree(training, std::min(training.model.sh_degree + 1, settings_.sh_degree));
+  }
+}
+
+StageReport Trainer::stageReport() const {
+  StageReport report;
+  report.iterations = state_.iteration;
+  report.seconds = state_.seconds;
+  report.loss = state_.loss.value();
+  report.train_psnr = state_.iteration > 0 ? decibels(state_.squared_error.value()) : 0;
+  report.gaussians = state_.training.model.size();
+  return report;
+}
+
+bool Trainer::end(const std::atomic<bool>* stop) {
+  StageReport report = stageReport();
+  if (state_.stage != Stage::count && !dataset_.indices(true).empty()) {
+    report.test = testScore(stop);
+    if (!report.test) return false;
+  }
+  const bool textured = settings_.texture_mode != TextureMode::none && settings_.texture_iterations > 0;
+  switch (state_.stage) {
+    case Stage::count:
+      state_.report.count = report;
+      state_.default_gaussians = report.gaussians;
+      begin(Stage::plain);
+      return true;
+    case Stage::plain:
+      state_.report.plain = report;
+      if (!textured) break;
+      begin(Stage::textured);
+      return true;
+    case Stage::textured:
+      state_.report.textured = report;
+      if (!settings_.compare_untextured) break;
+      begin(Stage::untextured);
+      return true;
+    case Stage::untextured:
+      state_.report.untextured = report;
+      break;
+  }
+  state_.finished = true;
+  return true;
+}
+
+GaussianModel Trainer::model() const {
+  GaussianModel drawn = state_.training.model;
+  growShDegree(drawn, settings_.sh_degree);
+  if (!state_.min_sigma.empty()) {
+    EffectiveParameters effective;
+    applyFilter(drawn, state_.min_sigma, effective);
+    drawn.log_scale = std::move(effective.log_scale);
+    drawn.opacity_logit = std::move(effective.opacity_logit);
+  }
+  return drawn;
+}
+
+std::optional<Score> Trainer::testScore(const std::atomic<bool>* stop) const {
+  std::vector<ViewScore> scores;
+  const std::vector<std::size_t> views = dataset_.indices(true);
+  if (views.empty()) return std::nullopt;
+  const GaussianModel drawn = model();
+  for (const std::size_t view : views) {
+    if (stop && stop->load(std::memory_order_relaxed)) return std::nullopt;
+    scores.push_back(scoreViews(dataset_, {&view, 1}, [&](const Camera& camera) {
+                       return renderPicture(renderer_, drawn, camera, dataset_.background);
+                     }).front());
+  }
+  return meanScore(scores);
+}
+
+TrainResult Trainer::result() const {
+  TrainResult result;
+  result.report = state_.report;
+  result.report.interrupted = !state_.finished;
+  if (!state_.finished) {
+    // The stage that was cut short, so far.
+    StageReport report = stageReport();
+    switch (state_.stage) {
+      case Stage::count:
+        result.report.count = report;
+        break;
+      case Stage::plain:
+        result.report.plain = report;
+        break;
+      case Stage::textured:
+        result.report.textured = report;
+        break;
+      case Stage::untextured:
+        result.report.untextured = report;
+        break;
+    }
+  }
+  if (state_.stage == Stage::untextured) {
+    result.model = state_.textured;
+    result.untextured = model();
+  } else {
+    result.model = model();
+  }
+  return result;
 }
 
 TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
                   const TrainHooks& hooks) {
-  checkSettings(settings);
-  return Run(dataset, settings, renderer, hooks)();
+  Trainer trainer(dataset, settings, renderer);
+  while (!trainer.finished() && !(hooks.stop && hooks.stop->load(std::memory_order_relaxed))) {
+    if (trainer.step(hooks.stop) && hooks.after_step) hooks.after_step(trainer);
+  }
+  return trainer.result();
 }
 
 Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,

@@ -2,51 +2,19 @@
 // The two-stage recipe: plain Gaussians with densification, then textures on a fixed set of Gaussians.
 #pragma once
 #include <atomic>
-#include <cstdint>
 #include <functional>
 #include <optional>
-#include <string_view>
 
 #include "core/model.h"
 #include "training/dataset.h"
-#include "training/evaluate.h"
+#include "training/filter_3d.h"
 #include "training/gradient.h"
+#include "training/loss.h"
+#include "training/run_state.h"
+#include "training/schedule.h"
+#include "training/settings.h"
 
 namespace tg {
-
-struct TrainSettings {
-  int iterations = 7000;          // stage 1
-  int texture_iterations = 7000;  // stage 2; none with texture mode none
-  TextureMode texture_mode = TextureMode::rgba;
-  int texture_size = 4;  // [texels] a side
-  IntersectionModel intersection = IntersectionModel::maxResponse;
-  int sh_degree = 3;
-  std::size_t max_gaussians = 0;  // 0: no limit
-  std::size_t init_count = 0;     // points to start from; 0: all, or 100,000 random ones where there are none
-  std::uint64_t seed = 1;
-  bool compare_untextured = false;  // stage 2 once more without textures, from the same stage-1 model
-};
-
-enum class Stage { plain, textured, untextured };
-std::string_view name(Stage stage);
-
-struct StageReport {
-  int iterations = 0;  // done
-  double seconds = 0;  // without evaluation
-  double loss = 0;     // running means at the end
-  double train_psnr = 0;
-  std::size_t gaussians = 0;
-  std::optional<Score> test;
-};
-
-struct TrainReport {
-  double extent = 0;
-  std::size_t initial_gaussians = 0;
-  StageReport plain;
-  std::optional<StageReport> textured;
-  std::optional<StageReport> untextured;
-  bool interrupted = false;
-};
 
 struct TrainResult {
   GaussianModel model;
@@ -65,13 +33,62 @@ struct TrainProgress {
   double seconds_left = 0;  // of the whole run, at the pace of this stage
 };
 
-struct TrainHooks {
-  std::function<void(const TrainProgress&)> progress;  // after every iteration
-  const std::atomic<bool>* stop = nullptr;             // set: end after the current step
+// A run, one iteration at a time. Its state after a step determines everything that follows: a Trainer made from that
+// state goes on to the same bytes, with any number of threads.
+class Trainer {
+ public:
+  // The data set and the renderer must outlive the trainer. Throws Error(usage) for settings that checkSettings()
+  // refuses, Error(badData) when there is nothing to start from.
+  Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer);
+  // Goes on from a state of a trainer with the same data set and settings.
+  Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer, RunState state);
+
+  bool finished() const { return state_.finished; }
+  // Ends the stage when it is complete - its test score, the next stage's start - then does one iteration. False: there
+  // was none left to do, or `stop` was set during the test score, which leaves the stage to be ended by another call.
+  // Throws Error(badData) when the loss is no longer finite or no Gaussian is left.
+  bool step(const std::atomic<bool>* stop = nullptr);
+
+  const RunState& state() const { return state_; }
+  const Dataset& dataset() const { return dataset_; }
+  const TrainSettings& settings() const { return settings_; }
+  TrainProgress progress() const;
+  // The model as a file would hold it: 3D filter baked, SH of the full degree.
+  GaussianModel model() const;
+  // On the held-out views; none without test views, or when `stop` is set meanwhile.
+  std::optional<Score> testScore(const std::atomic<bool>* stop = nullptr) const;
+  // What stands, finished or not.
+  TrainResult result() const;
+
+ private:
+  void begin(Stage stage);
+  bool end(const std::atomic<bool>* stop);
+  void iterate();
+  void densifyAndSchedule(int iteration);
+  void updateFilter();
+  int iterationsOf(Stage stage) const;
+  std::size_t limit() const;  // of the count; 0: none
+  GaussianModel firstGaussians() const;
+  StageReport stageReport() const;
+
+  const Dataset& dataset_;
+  const TrainSettings settings_;
+  DifferentiableRenderer& renderer_;
+  const Schedule schedule_;
+  const double extent_;
+  RunState state_;
+  EffectiveParameters effective_;
+  PhotometricLoss loss_;
+  ModelGradient gradient_;
+  std::vector<glm::vec3> v_picture_;
 };
 
-// Throws Error(usage) for settings out of range, Error(badData) when the loss is no longer finite or no Gaussian is
-// left.
+struct TrainHooks {
+  std::function<void(const Trainer&)> after_step;
+  const std::atomic<bool>* stop = nullptr;  // set: end after the current step
+};
+
+// Steps a trainer to its end.
 TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
                   const TrainHooks& hooks = {});
 

@@ -135,17 +135,38 @@ TEST_CASE("under a cap the highest scores grow, and no more than fit", "[densify
   CHECK(state.model.size() == 6);
 }
 
+TEST_CASE("by magnitudes, as many again grow whose pixels pull hard in opposite directions", "[densify]") {
+  tg::TrainingState state = rowOf(5);
+  tg::DensityStatistics statistics = scores({3e-4f, 1e-4f, 1e-4f, 5e-4f, 0});
+  statistics.magnitude_sum = {2, 8, 30, 20, 10};  // two pass the threshold: the two largest magnitudes are 2 and 3
+  tg::DensifySettings settings;
+  settings.magnitudes = true;
+  tg::Random random(1);
+  tg::densify(state, statistics, settings, random);
+  CHECK(positions(state) == std::vector<float>{0, 1, 2, 3, 4, 0, 2, 3});
+
+  SECTION("nothing grows by magnitude alone") {
+    tg::TrainingState quiet = rowOf(3);
+    statistics = scores({1e-4f, 1e-4f, 1e-4f});
+    statistics.magnitude_sum = {2, 8, 30};
+    tg::densify(quiet, statistics, settings, random);
+    CHECK(quiet.model.size() == 3);
+  }
+}
+
 TEST_CASE("scores are means over the views that saw the Gaussian", "[densify]") {
   tg::DensityStatistics statistics;
   statistics.reset(2);
   tg::ModelGradient gradient;
   gradient.screen_gradient = {0.5f, 0.25f};
+  gradient.screen_gradient_abs = {2, 1};
   gradient.screen_radius = {4, 0};
   statistics.add(gradient);
   gradient.screen_gradient = {0.25f, 0.125f};
   gradient.screen_radius = {9, 2};
   statistics.add(gradient);
   CHECK(statistics.score_sum == std::vector<float>{0.75f, 0.125f});
+  CHECK(statistics.magnitude_sum == std::vector<float>{4, 1});
   CHECK(statistics.view_count == std::vector<std::uint32_t>{2, 1});
   CHECK(statistics.max_radius == std::vector<float>{9, 2});
 }

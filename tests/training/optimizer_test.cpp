@@ -69,7 +69,7 @@ TEST_CASE("Adam follows the published update", "[optimizer]") {
 
 TEST_CASE("every block moves at its own rate", "[optimizer]") {
   tg::TrainingState state = randomState(37, 2, 3);
-  tg::addTextures(state, 3, tg::TextureMode::rgba);
+  tg::addTextures(state, tg::uniformRects(state.model.size(), 3, 0), tg::TextureMode::rgba, tg::TextureInit::neutral);
   const tg::GaussianModel before = state.model;
   tg::ModelGradient gradient = randomGradient(state.model, 4);
   tg::LearningRates rates;
@@ -113,9 +113,9 @@ TEST_CASE("a step has the same bytes at any thread count", "[optimizer]") {
 }
 
 TEST_CASE("position rates fall log-linearly from 1.6e-4 to 1.6e-6 of the extent", "[optimizer]") {
-  CHECK(tg::positionLearningRate(0, 1000, 2) == Approx(3.2e-4));
-  CHECK(tg::positionLearningRate(500, 1000, 2) == Approx(3.2e-5));
-  CHECK(tg::positionLearningRate(1000, 1000, 2) == Approx(3.2e-6));
+  CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 0, 1000) == Approx(3.2e-4));
+  CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 500, 1000) == Approx(3.2e-5));
+  CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 1000, 1000) == Approx(3.2e-6));
 }
 
 TEST_CASE("a higher SH degree adds zeros behind each Gaussian's coefficients", "[optimizer]") {

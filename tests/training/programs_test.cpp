@@ -145,7 +145,7 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
 
 TEST_CASE("a wrong command line is one line that names the program", "[programs]") {
   const tg::TemporaryFolder folder;
-  for (const std::string arguments : {"scene -o m.tgz --max-gaussians -1", "scene -o m.tgz --seed -1",
+  for (const std::string arguments : {"scene -o m.tgz --gaussians -1", "scene -o m.tgz --seed -1",
                                       "scene -o m.tgz --unknown", "scene -o m.tgz --iterations many"}) {
     const Outcome outcome = tgtrain(folder, arguments);
     INFO(outcome.output);

@@ -79,7 +79,7 @@ TEST_CASE("adding textures and SH degrees leaves the picture the same to the las
     for (const tg::TextureMode mode : {tg::TextureMode::alpha, tg::TextureMode::rgb, tg::TextureMode::rgba}) {
       tg::TrainingState textured = state;
       tg::growShDegree(textured, 3);
-      tg::addTextures(textured, 4, mode);
+      tg::addTextures(textured, tg::uniformRects(textured.model.size(), 4, 0), mode, tg::TextureInit::neutral);
       tg::checkModel(textured.model, "textured");
       CHECK(tg::renderPicture(*renderer, textured.model, camera, dataset.background).data == plain.data);
     }
@@ -94,7 +94,8 @@ TEST_CASE("both stages lower the loss, and the report says so", "[trainer]") {
   double first_loss = 0;
   int calls = 0;
   tg::TrainHooks hooks;
-  hooks.progress = [&](const tg::TrainProgress& progress) {
+  hooks.after_step = [&](const tg::Trainer& trainer) {
+    const tg::TrainProgress progress = trainer.progress();
     if (calls++ == 0) first_loss = progress.loss;
     CHECK(progress.gaussians > 0);
     CHECK(progress.seconds_left >= 0);
@@ -166,12 +167,12 @@ TEST_CASE("densification obeys the cap, and the start does too", "[trainer]") {
   tg::TrainSettings settings = shortRun();
   settings.iterations = 240;
   settings.texture_iterations = 0;
-  settings.max_gaussians = 500;
+  settings.gaussians = 500;
   const tg::TrainResult result = tg::train(dataset, settings, *renderer);
   CHECK(result.report.initial_gaussians == 500);
   CHECK(result.model.size() <= 500);
   CHECK(result.model.texture_mode == tg::TextureMode::none);
-  settings.max_gaussians = 700;
+  settings.gaussians = 700;
   const std::size_t grown = tg::train(dataset, settings, *renderer).model.size();
   CHECK(grown > 600);
   CHECK(grown <= 700);
@@ -185,7 +186,7 @@ TEST_CASE("a stop request ends after the current step with a valid model", "[tra
     int steps = 0;
     tg::TrainHooks hooks;
     hooks.stop = &stop;
-    hooks.progress = [&](const tg::TrainProgress&) { stop = ++steps == stop_at; };
+    hooks.after_step = [&](const tg::Trainer&) { stop = ++steps == stop_at; };
     const tg::TrainResult result = tg::train(dataset, shortRun(), *renderer, hooks);
     CHECK(steps == stop_at);
     CHECK(result.report.interrupted);
@@ -200,14 +201,21 @@ TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::TrainSettings settings = shortRun();
   settings.texture_size = 0;
-  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer), Catch::Matchers::Contains("texture size out of range"));
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
+                    Catch::Matchers::Contains("--texture-size: expected an integer from 1 to 256, found '0'"));
   settings = shortRun();
   settings.iterations = -1;
-  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer), Catch::Matchers::Contains("iterations out of range"));
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
+                    Catch::Matchers::Contains("--iterations: expected an integer from 0 to 10000000, found '-1'"));
 }
 
 TEST_CASE("short schedules keep the shape of long ones", "[trainer]") {
-  const tg::Schedule paper = tg::makeSchedule(30000);
+  const auto schedule = [](int iterations) {
+    tg::TrainSettings settings;
+    settings.iterations = iterations;
+    return tg::makeSchedule(settings);
+  };
+  const tg::Schedule paper = schedule(30000);
   CHECK(paper.sh_every == 1000);
   CHECK_FALSE(paper.densifies(500));
   CHECK(paper.densifies(600));
@@ -216,10 +224,10 @@ TEST_CASE("short schedules keep the shape of long ones", "[trainer]") {
   CHECK(paper.resetsOpacity(3000));
   CHECK(paper.resetsOpacity(12000));
   CHECK(paper.prunesLarge(3100));
-  const tg::Schedule quick = tg::makeSchedule(2000);
+  const tg::Schedule quick = schedule(2000);
   CHECK(quick.densifies(300));
   CHECK(quick.densifies(1000));
   CHECK_FALSE(quick.densifies(1100));
   for (int i = 1; i <= 2000; i++) CHECK_FALSE(quick.resetsOpacity(i));
-  CHECK(tg::makeSchedule(1).raisesShDegree(1));
+  CHECK(schedule(1).raisesShDegree(1));
 }

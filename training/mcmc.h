@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Densification as Markov chain Monte Carlo (Kheradmand et al. 2024): Gaussians that died are moved onto live ones, the
+// count grows to a cap, and noise explores where opacity is low.
+#pragma once
+#include <cstdint>
+
+#include "training/optimizer.h"
+#include "training/random.h"
+
+namespace tg {
+
+struct McmcSettings {
+  std::size_t max_gaussians = 0;  // the cap
+  float dead_opacity = 0.005f;    // at or below it a Gaussian is relocated
+  float growth = 0.05f;           // of the count, a round
+};
+
+struct McmcResult {
+  std::size_t relocated = 0;
+  std::size_t added = 0;
+};
+
+// One round: every dead Gaussian goes where a live one is, drawn with probability proportional to opacity; then the
+// count grows by `growth`, up to the cap, by the same draw. n Gaussians that end up at one place share its opacity and
+// scale by equation 9 of the paper, so that the picture stays nearly the same. Their moments restart. Gaussians keep
+// their order; new ones follow.
+McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, Random& random);
+
+// Opacity and scale factor of each of `count` equal Gaussians at one place that look like one of opacity `opacity`
+// (equation 9). count is capped at 51.
+struct SharedGaussian {
+  float opacity;
+  float scale;
+};
+SharedGaussian shareGaussian(float opacity, int count);
+
+// Equation 8 after a step: mean += strength * sigmoid(-100 (opacity - 0.005)) * Sigma * n, n standard normal, drawn
+// from (seed, iteration, index). strength: noise factor times the position rate. Same bytes for any thread count.
+void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration);
+
+// Adds the gradients of weight * mean opacity and weight * mean sigma to `gradient`.
+void addRegularizerGradient(const GaussianModel& model, float opacity_weight, float scale_weight,
+                            ModelGradient& gradient);
+
+}  // namespace tg

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every choice of a training run, by name, with its unit: what flags, configuration files and training.json share.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/model.h"
+
+namespace tg {
+
+// How stage 1 changes the set of Gaussians: not at all; clone, split and prune by screen gradient (3DGS); relocation
+// and growth to a cap as Markov chain Monte Carlo (Kheradmand et al. 2024).
+enum class Densification { none, adc, mcmc };
+// What adc ranks by: |sum of the pixels' gradients| (3DGS), or also the sum of their magnitudes with the quantile rule
+// of GOF (docs/math.md 6.9).
+enum class DensifyScore { sum, magnitudes };
+// Where stage 1 starts: the data set's points, or random ones.
+enum class Start { points, random };
+// How texels are shared out: the same rectangle for all, or in proportion to the pixels each Gaussian covers.
+enum class TextureSizes { uniform, footprint };
+// Texels that change nothing (colour 0, alpha 1), or the paper's: colour 25/255, kept in [0, 1].
+enum class TextureInit { neutral, paper };
+
+std::string_view name(Densification value);
+std::string_view name(DensifyScore value);
+std::string_view name(Start value);
+std::string_view name(TextureSizes value);
+std::string_view name(TextureInit value);
+
+// Rates are Adam step sizes; "extent" is cameraExtent(). -1 in a schedule entry: chosen from the iterations
+// (schedule.h).
+struct TrainSettings {
+  int iterations = 7000;          // stage 1
+  int texture_iterations = 7000;  // stage 2; none with texture mode none
+  std::uint64_t seed = 1;
+
+  Start start = Start::points;
+  std::size_t init_count = 0;  // points to start from; 0: all, or 100,000 random ones
+  std::size_t gaussians = 0;   // most Gaussians; 0: no limit
+  double percent = 0;          // the limit as a share of default_gaussians [%]; 0: off
+  std::size_t default_gaussians = 0;
+  int sh_degree = 3;
+  IntersectionModel intersection = IntersectionModel::maxResponse;
+  bool filter_3d = false;
+
+  Densification densification = Densification::adc;
+  DensifyScore densify_score = DensifyScore::sum;
+  float densify_threshold = 2e-4f;  // NDC gradient, mean over views
+  float prune_opacity = 0.005f;
+  int densify_every = 100;
+  int densify_from = -1;
+  int densify_until = -1;
+  int reset_every = -1;
+  int sh_every = -1;
+  float mcmc_growth = 0.05f;          // of the count, a round
+  float mcmc_noise = 5e5f;            // times the position rate
+  float mcmc_opacity_weight = 0.01f;  // of mean opacity in the loss
+  float mcmc_scale_weight = 0.01f;    // of mean sigma [world units] in the loss
+
+  TextureMode texture_mode = TextureMode::rgba;
+  int texture_size = 4;          // [texels] a side
+  std::size_t texel_budget = 0;  // [texels] of the model; 0: texture_size rules
+  TextureSizes texture_sizes = TextureSizes::uniform;
+  TextureInit texture_init = TextureInit::neutral;
+  bool texture_gradient_geometry = true;  // off: as the public re-implementation, for ablation
+  bool texture_gradient_suffix = true;    // likewise
+
+  float ssim_weight = 0.2f;
+  float rate_position = 1.6e-4f;      // of the extent, at the start of a stage
+  float rate_position_end = 1.6e-6f;  // of the extent, at its end
+  float rate_rotation = 1e-3f;
+  float rate_scale = 5e-3f;
+  float rate_opacity = 5e-2f;
+  float rate_sh_dc = 2.5e-3f;
+  float rate_sh_rest = 2.5e-3f / 20;
+  float rate_texels = 1e-3f;
+
+  bool compare_untextured = false;  // stage 2 once more without textures, from the same stage-1 model
+
+  bool operator==(const TrainSettings&) const = default;
+};
+
+// "default": what measured best (docs/training.md); "paper": every choice as published. Throws Error(usage) for another
+// name.
+TrainSettings presetSettings(std::string_view preset);
+const std::vector<std::string>& presetNames();
+
+// One entry of TrainSettings. Values travel as text: numbers in the C locale, enums by name, on / off.
+struct SettingEntry {
+  std::string name;  // as the flag, without --
+  std::string unit;  // "" for names and pure numbers
+  std::string help;
+  std::function<std::string(const TrainSettings&)> get;
+  // Throws Error(usage) naming the entry, what it expects and what it found.
+  std::function<void(TrainSettings&, const std::string&)> set;
+};
+// In the order of the struct.
+const std::vector<SettingEntry>& settingEntries();
+
+// "name = value" with the meaning and the unit of each entry above it: a configuration file.
+std::string formatSettings(const TrainSettings& settings);
+
+// Throws Error(usage) for entries that contradict each other.
+void checkSettings(const TrainSettings& settings);
+
+// D12 of the design: side of the square textures with which `percent` % of the Gaussians have as many texels as all of
+// them at 4 x 4: round(4 sqrt(100 / percent)).
+int textureSizeForPercent(double percent);
+
+}  // namespace tg
