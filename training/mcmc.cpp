@@ -86,8 +86,8 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
     copies[source[i]]++;
   }
   result.relocated = dead.size();
-  const auto grown = static_cast<std::size_t>(std::ceil(static_cast<double>(count) * (1.0 + settings.growth)));
-  const std::size_t target = std::max(count, std::min(settings.max_gaussians, grown));
+  const auto step = static_cast<std::size_t>(std::ceil(static_cast<double>(count) * double{settings.growth} - 1e-3));
+  const std::size_t target = std::max(count, std::min(settings.max_gaussians, count + step));
   while (source.size() < target) {
     source.push_back(draw(cumulative, random));
     copies[source.back()]++;
