@@ -103,10 +103,7 @@ int runTraining(const Options& options) {
   const auto start = std::chrono::steady_clock::now();
   const tg::Dataset dataset = tg::loadDataset(options.dataset, tg::datasetOptions(options.data));
   const tg::Camera& camera = dataset.views.front().camera;
-  if (dataset.missing_images > 0) {
-    std::fprintf(stderr, "%s: %d listed images are missing and were skipped\n", options.dataset.c_str(),
-                 dataset.missing_images);
-  }
+  tg::printNotes(options.dataset, dataset);
   if (!options.quiet) {
     std::printf("%s: %zu train and %zu test views of %d x %d (%s), %zu points\n", dataset.name.c_str(),
                 dataset.indices(false).size(), dataset.indices(true).size(), camera.width, camera.height,
