@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/file.h"
 #include "core/parallel.h"
+#include "core/ply.h"
 #include "training/cli.h"
 #include "training/report.h"
 #include "training/sample.h"
@@ -35,6 +36,7 @@ struct Options {
   std::string dataset;
   std::string output;
   std::string untextured_output;
+  std::string start_model;
   std::string json;
   tg::DatasetFlags data;
   std::string preset = "default";
@@ -88,6 +90,13 @@ tg::TrainSettings settingsOf(const Options& options) {
   return settings;
 }
 
+// The model that --start-model names.
+std::optional<tg::GaussianModel> startModel(const Options& options) {
+  if (options.start_model.empty()) return std::nullopt;
+  if (!tg::looksLikeBundle(options.start_model)) return tg::readSplatPly(options.start_model);
+  return tg::readBundle(options.start_model).model;
+}
+
 int runTraining(const Options& options) {
   if (options.print_config) {
     std::fputs(tg::formatSettings(settingsOf(options)).c_str(), stdout);
@@ -118,7 +127,7 @@ int runTraining(const Options& options) {
   hooks.stop = &stop_requested;
   if (!options.quiet) hooks.after_step = [&](const tg::Trainer& trainer) { line.show(trainer.progress()); };
   const auto renderer = tg::makeCpuDifferentiableRenderer();
-  tg::TrainResult result = tg::train(dataset, settings, *renderer, hooks);
+  tg::TrainResult result = tg::train(dataset, settings, *renderer, hooks, startModel(options));
   line.finish();
 
   tg::TrainingJsonOptions json_options;
@@ -181,6 +190,8 @@ void addTrainingOptions(CLI::App& app, Options& options) {
       ->configurable(false);
   addSettingFlags(app, options);
   tg::addDatasetFlags(app, options.data);
+  app.add_option("--start-model", options.start_model,
+                 "Start from this plain model (.tgz or 3DGS .ply); with --iterations 0, only add textures to it");
   app.add_option("--untextured-output", options.untextured_output,
                  "Write the untextured model too (implies --compare-untextured)");
   app.add_option("--json", options.json, "Also write training.json here");

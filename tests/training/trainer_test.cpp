@@ -161,6 +161,68 @@ TEST_CASE("the untextured twin does not change the textured result", "[trainer]"
   checkSameBytes(tg::train(dataset, settings, *renderer).model, alone.model);
 }
 
+TEST_CASE("stage 2 on a saved stage-1 model is stage 2 of one run", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = settings.texture_iterations = 20;
+  const tg::TrainResult whole = tg::train(dataset, settings, *renderer);
+  settings.texture_iterations = 0;
+  const tg::GaussianModel plain = tg::train(dataset, settings, *renderer).model;
+  settings.iterations = 0;
+  settings.texture_iterations = 20;
+  checkSameBytes(tg::train(dataset, settings, *renderer, {}, plain).model, whole.model);
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer, {}, whole.model),
+                    Catch::Matchers::Contains("the start model has textures already"));
+}
+
+TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  SECTION("MCMC reaches its cap exactly") {
+    settings.densification = tg::Densification::mcmc;
+    settings.gaussians = 700;
+  }
+  SECTION("magnitudes") { settings.densify_score = tg::DensifyScore::magnitudes; }
+  SECTION("3D filter") { settings.filter_3d = true; }
+  SECTION("random start, fixed count") {
+    settings.start = tg::Start::random;
+    settings.init_count = 900;
+    settings.densification = tg::Densification::none;
+  }
+  SECTION("texels by footprint, plane in stage 2") {
+    settings.texture_sizes = tg::TextureSizes::footprint;
+    settings.texel_budget = 3000;
+    settings.texture_intersection = tg::TextureIntersection::plane;
+  }
+  SECTION("the paper's texels") { settings.texture_init = tg::TextureInit::paper; }
+  SECTION("a share of the default count") {
+    settings.percent = 50;
+    settings.iterations = 120;
+  }
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer);
+  tg::checkModel(result.model, "model");
+  REQUIRE(result.report.textured);
+  CHECK(result.report.textured->loss < result.report.plain.loss);
+  CHECK(result.report.plain.test->psnr > 15);
+  if (settings.densification == tg::Densification::mcmc) CHECK(result.model.size() == 700);
+  if (settings.densification == tg::Densification::none) CHECK(result.model.size() == 900);
+  if (settings.texel_budget > 0) CHECK(result.model.atlas.texels.size() <= 3000);
+  if (settings.texture_intersection == tg::TextureIntersection::plane) {
+    CHECK(result.model.intersection == tg::IntersectionModel::plane);
+  }
+  if (settings.texture_init == tg::TextureInit::paper) {
+    for (const glm::vec4& texel : result.model.atlas.texels) REQUIRE((texel.r >= 0 && texel.r <= 1));
+  }
+  if (settings.percent > 0) {
+    REQUIRE(result.report.count);
+    CHECK(result.model.size() <= (result.report.count->gaussians + 1) / 2);
+    CHECK(result.model.atlas.rects[0].width == 6);
+  }
+}
+
 TEST_CASE("densification obeys the cap, and the start does too", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
