@@ -23,8 +23,4 @@ void writeFileAtomically(const std::filesystem::path& path, std::span<const std:
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path& temporary)>& write);
 
-// Removes the temporary files of writes that are under way in any thread, for a signal handler that ends the program:
-// async-signal-safe. Those writes fail.
-void removeTemporaryFiles() noexcept;
-
 }  // namespace tg

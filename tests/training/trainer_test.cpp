@@ -8,7 +8,6 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/temporary_folder.h"
-#include "sample_dataset.h"
 #include "support/catch.h"
 #include "training/init.h"
 #include "training/optimizer.h"
@@ -21,7 +20,31 @@ namespace {
 
 constexpr tg::SampleOptions kScene{.size = 48, .train_views = 8, .test_views = 2, .points = 600, .supersampling = 2};
 
-tg::Dataset sampleDataset() { return tg::test::sampleDataset(kScene); }
+// The built-in scene without a detour over files.
+tg::Dataset sampleDataset(const tg::SampleOptions& options = kScene) {
+  tg::Dataset dataset;
+  dataset.name = "sample";
+  dataset.layout = tg::DatasetLayout::nerfSynthetic;
+  dataset.background = glm::vec3(1.0f);
+  dataset.points = tg::samplePoints(options);
+  const float white[3] = {1, 1, 1};
+  std::vector<tg::Photograph> photographs;
+  for (const bool test : {false, true}) {
+    for (int i = 0; i < (test ? options.test_views : options.train_views); i++) {
+      tg::View view;
+      view.camera = tg::sampleCamera(options, test, i);
+      tg::ViewPixels& pixels = photographs.emplace_back().pixels;
+      pixels.width = view.camera.width;
+      pixels.height = view.camera.height;
+      for (float value : tg::compositeOver(tg::renderSample(options, view.camera), white).data) {
+        pixels.rgb.push_back(static_cast<std::uint8_t>(std::lround(value * 255)));
+      }
+      dataset.views.push_back(std::move(view));
+    }
+  }
+  dataset.photographs = tg::storeInMemory(std::move(photographs));
+  return dataset;
+}
 
 tg::TrainSettings shortRun() {
   tg::TrainSettings settings;
