@@ -8,8 +8,10 @@
 
 #include <atomic>
 #include <cerrno>
+#include <climits>
 #include <cstring>
 #include <system_error>
+#include <utility>
 
 #include "core/error.h"
 
@@ -29,13 +31,42 @@ struct Descriptor {
 // strerror is not thread-safe; this is.
 std::string reason() { return std::generic_category().message(errno); }
 
-// Removes the file unless released.
-struct TemporaryFile {
-  std::filesystem::path path;
-  bool released = false;
+// Names of the temporary files there are, where a signal handler finds them.
+struct TemporarySlot {
+  std::atomic<bool> taken{false};
+  std::atomic<bool> named{false};
+  char path[PATH_MAX];
+};
+constinit TemporarySlot temporary_slots[8];
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+// Removes the file unless released. Of more than eight at a time, the others are left behind by a signal.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(std::filesystem::path file) : path(std::move(file)) {
+    if (path.native().size() >= PATH_MAX) return;
+    for (TemporarySlot& slot : temporary_slots) {
+      if (slot.taken.exchange(true)) continue;
+      std::memcpy(slot.path, path.c_str(), path.native().size() + 1);
+      slot.named = true;
+      slot_ = &slot;
+      return;
+    }
+  }
   ~TemporaryFile() {
     if (!released) ::unlink(path.c_str());
+    if (!slot_) return;
+    slot_->named = false;
+    slot_->taken = false;
   }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  const std::filesystem::path path;
+  bool released = false;
+
+ private:
+  TemporarySlot* slot_ = nullptr;
 };
 
 std::filesystem::path folderOf(const std::filesystem::path& path) {
@@ -130,13 +161,13 @@ void requireWritable(const std::filesystem::path& path) {
   struct stat status{};
   if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT)
     throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
-  const TemporaryFile removed{createTemporary(path)};
+  const TemporaryFile removed(createTemporary(path));
 }
 
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path& temporary)>& write) {
   requireFileName(path);
-  TemporaryFile temporary{createTemporary(path)};
+  TemporaryFile temporary(createTemporary(path));
   write(temporary.path);
   syncFile(temporary.path, path);
   if (::rename(temporary.path.c_str(), path.c_str()) != 0)
@@ -149,6 +180,21 @@ void writeFileAtomically(const std::filesystem::path& path,
 
 void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeAll(temporary, bytes, path); });
+}
+
+void copyFileAtomically(const std::filesystem::path& source, const std::filesystem::path& path) {
+  writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
+    std::error_code error;
+    std::filesystem::copy_file(source, temporary, std::filesystem::copy_options::overwrite_existing, error);
+    if (error)
+      throw Error(ErrorKind::cannotWrite, path.string(), "cannot copy " + source.string() + ": " + error.message());
+  });
+}
+
+void removeTemporaryFiles() noexcept {
+  for (TemporarySlot& slot : temporary_slots) {
+    if (slot.named) ::unlink(slot.path);
+  }
 }
 
 }  // namespace tg

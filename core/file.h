@@ -23,4 +23,11 @@ void writeFileAtomically(const std::filesystem::path& path, std::span<const std:
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path& temporary)>& write);
 
+// A copy of `source` under another name. Throws Error(cannotWrite).
+void copyFileAtomically(const std::filesystem::path& source, const std::filesystem::path& path);
+
+// Removes the temporary files of writes that are under way in any thread, for a signal handler that ends the program:
+// async-signal-safe. Those writes fail.
+void removeTemporaryFiles() noexcept;
+
 }  // namespace tg

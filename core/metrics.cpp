@@ -28,6 +28,18 @@ void checkSameSize(const Image& a, const Image& b) {
   if (a.data.empty()) throw Error(ErrorKind::badData, "images without pixels (expected at least one)");
 }
 
+// How many pixels count.
+std::size_t countPixels(const Image& image, Mask mask) {
+  const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
+  if (mask.empty()) return pixels;
+  if (mask.size() != pixels)
+    throw Error(ErrorKind::badData, "mask of another size than the image (expected " + std::to_string(pixels) +
+                                        " pixels, found " + std::to_string(mask.size()) + ")");
+  const std::size_t counted = pixels - static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
+  if (counted == 0) throw Error(ErrorKind::badData, "the mask hides every pixel");
+  return counted;
+}
+
 double sum(const std::vector<double>& values) {
   double total = 0.0;
   for (double v : values) total += v;
@@ -36,8 +48,9 @@ double sum(const std::vector<double>& values) {
 
 // `quantize` maps a value in [0, 1] to what is compared.
 template <typename Quantize>
-double psnrOf(const Image& a, const Image& b, Quantize quantize) {
+double psnrOf(const Image& a, const Image& b, Mask mask, Quantize quantize) {
   checkSameSize(a, b);
+  const std::size_t counted = countPixels(a, mask);
   const std::size_t row = static_cast<std::size_t>(a.width) * a.channels;
   std::vector<double> row_sums(static_cast<std::size_t>(a.height));
   parallelFor(a.height, 16, [&](std::int64_t y) {
@@ -45,12 +58,13 @@ double psnrOf(const Image& a, const Image& b, Quantize quantize) {
     const float* pb = b.data.data() + static_cast<std::size_t>(y) * row;
     double total = 0.0;
     for (std::size_t i = 0; i < row; ++i) {
+      if (!mask.empty() && mask[(static_cast<std::size_t>(y) * row + i) / a.channels] == 0) continue;
       const double d = quantize(std::clamp(pa[i], 0.0f, 1.0f)) - quantize(std::clamp(pb[i], 0.0f, 1.0f));
       total += d * d;
     }
     row_sums[static_cast<std::size_t>(y)] = total;
   });
-  const double mse = sum(row_sums) / static_cast<double>(a.data.size());
+  const double mse = sum(row_sums) / static_cast<double>(counted * a.channels);
   return mse == 0.0 ? std::numeric_limits<double>::infinity() : -10.0 * std::log10(mse);
 }
 
@@ -78,7 +92,7 @@ void blend(double* __restrict out, const std::array<const double*, kTaps>& in, c
 // that reach kRadius rows beyond the band, then along y.
 class SsimBand {
  public:
-  SsimBand(const Image& a, const Image& b) : a_(a), b_(b), window_(gaussianWindow()) {}
+  SsimBand(const Image& a, const Image& b, Mask mask) : a_(a), b_(b), mask_(mask), window_(gaussianWindow()) {}
 
   void sumRows(int channel, int y0, int y1, std::vector<double>& row_sums) const {
     const int width = a_.width;
@@ -110,7 +124,7 @@ class SsimBand {
         blend(columns.data() + m * row, taps, window_, width);
       }
       row_sums[static_cast<std::size_t>(channel) * a_.height + static_cast<std::size_t>(y)] =
-          sumSsim(columns.data(), width);
+          sumSsim(columns.data(), width, y);
     }
   }
 
@@ -119,8 +133,8 @@ class SsimBand {
     const std::size_t channels = static_cast<std::size_t>(a_.channels);
     const std::size_t begin = static_cast<std::size_t>(y) * a_.width * channels + static_cast<std::size_t>(channel);
     for (std::size_t x = 0; x < static_cast<std::size_t>(a_.width); ++x) {
-      const double p = a_.data[begin + x * channels];
-      const double q = b_.data[begin + x * channels];
+      const double p = counts(static_cast<int>(x), y) ? a_.data[begin + x * channels] : 0.0;
+      const double q = counts(static_cast<int>(x), y) ? b_.data[begin + x * channels] : 0.0;
       moments[0][x + kRadius] = p;
       moments[1][x + kRadius] = q;
       moments[2][x + kRadius] = p * p;
@@ -129,9 +143,12 @@ class SsimBand {
     }
   }
 
-  static double sumSsim(const double* columns, int width) {
+  bool counts(int x, int y) const { return mask_.empty() || mask_[static_cast<std::size_t>(y) * a_.width + x] != 0; }
+
+  double sumSsim(const double* columns, int width, int y) const {
     double total = 0.0;
     for (int x = 0; x < width; ++x) {
+      if (!counts(x, y)) continue;
       const double* c = columns + x;
       const double mean_a = c[0];
       const double mean_b = c[width];
@@ -146,30 +163,32 @@ class SsimBand {
 
   const Image& a_;
   const Image& b_;
+  const Mask mask_;
   const Window window_;
 };
 
 }  // namespace
 
-double psnr(const Image& a, const Image& b) {
-  return psnrOf(a, b, [](float v) { return static_cast<double>(v); });
+double psnr(const Image& a, const Image& b, Mask mask) {
+  return psnrOf(a, b, mask, [](float v) { return static_cast<double>(v); });
 }
 
-double psnr8Bit(const Image& a, const Image& b) {
-  return psnrOf(a, b, [](float v) { return std::floor(v * 255.0 + 0.5) / 255.0; });
+double psnr8Bit(const Image& a, const Image& b, Mask mask) {
+  return psnrOf(a, b, mask, [](float v) { return std::floor(v * 255.0 + 0.5) / 255.0; });
 }
 
-double ssim(const Image& a, const Image& b) {
+double ssim(const Image& a, const Image& b, Mask mask) {
   checkSameSize(a, b);
+  const std::size_t counted = countPixels(a, mask);
   constexpr int band_rows = 32;
   const int bands = (a.height + band_rows - 1) / band_rows;
-  const SsimBand band(a, b);
+  const SsimBand band(a, b, mask);
   std::vector<double> row_sums(static_cast<std::size_t>(a.channels) * a.height);
   parallelFor(std::int64_t{bands} * a.channels, 1, [&](std::int64_t item) {
     const int y0 = static_cast<int>(item % bands) * band_rows;
     band.sumRows(static_cast<int>(item / bands), y0, std::min(y0 + band_rows, a.height), row_sums);
   });
-  return sum(row_sums) / static_cast<double>(a.data.size());
+  return sum(row_sums) / static_cast<double>(counted * a.channels);
 }
 
 }  // namespace tg

@@ -15,11 +15,19 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
       ->check(CLI::IsMember({"auto", "nerf-synthetic", "transforms", "colmap"}))
       ->capture_default_str();
   app.add_option("--downscale", flags.downscale, "Shrink the photographs by an integer")->capture_default_str();
-  app.add_option("--background", flags.background,
-                 "white, black or r,g,b in [0,1] (default: white for nerf-synthetic, else black)");
+  app.add_option(
+      "--background", flags.background,
+      "white, black, r,g,b in [0,1], or random: transparent pixels over a new colour every time, scored over "
+      "the default (white for nerf-synthetic, else black)");
   app.add_option("--test-every", flags.test_every, "Hold out every n-th image where no split is given (0: none)")
       ->capture_default_str();
-  app.add_option("--image-folder", flags.images, "COLMAP: folder of the photographs")->capture_default_str();
+  app.add_option("--image-folder", flags.images,
+                 "Folder of the photographs (with --downscale N, images_N where it fits)")
+      ->capture_default_str();
+  app.add_option("--image-memory", flags.image_memory,
+                 "MiB for decoded photographs; more are decoded when needed (0: a quarter of the machine's memory)")
+      ->check(CLI::Range(0, 1 << 30))
+      ->capture_default_str();
   app.add_option("--points", flags.points, "Initial points (.ply) instead of the data set's own");
 }
 
@@ -30,14 +38,23 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
   options.test_every = flags.test_every;
   options.images = flags.images;
   if (!flags.points.empty()) options.points = flags.points;
-  if (!flags.background.empty()) {
+  if (flags.image_memory > 0) options.image_memory = flags.image_memory << 20;
+  options.random_background = flags.background == "random";
+  if (!flags.background.empty() && !options.random_background) {
     options.background = parseBackground(flags.background);
     if (!options.background) {
-      throw Error(ErrorKind::usage, "--background: not a colour (expected white, black or r,g,b in [0,1], found '" +
-                                        flags.background + "')");
+      throw Error(ErrorKind::usage,
+                  "--background: not a colour (expected white, black, random or r,g,b in [0,1], found '" +
+                      flags.background + "')");
     }
   }
   return options;
+}
+
+void printNotes(const std::string& folder, const Dataset& dataset) {
+  for (const std::string& note : dataset.notes) {
+    std::fprintf(stderr, "%s: %s\n", printable(folder).c_str(), printable(note).c_str());
+  }
 }
 
 std::string usageMessage(const CLI::App* app, const CLI::Error& error) {

@@ -16,10 +16,14 @@ struct DatasetFlags {
   std::string points;
   int downscale = 1;
   int test_every = 8;
+  std::uint64_t image_memory = 0;  // [MiB]; 0: a quarter of the machine's
 };
 void addDatasetFlags(CLI::App& app, DatasetFlags& flags);
 // Throws Error(usage) for a background that is no colour.
 DatasetOptions datasetOptions(const DatasetFlags& flags);
+
+// What loading a data set found worth saying, one line each on stderr.
+void printNotes(const std::string& folder, const Dataset& dataset);
 
 // One line for a wrong command line, for App::failure_message.
 std::string usageMessage(const CLI::App* app, const CLI::Error& error);

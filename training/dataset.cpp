@@ -79,6 +79,103 @@ void checkPoints(const fs::path& folder, const PointCloud& points) {
   }
 }
 
+bool isFolder(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_directory(path, ignored);
+}
+
+// Whether a picture is 1/factor of another, give or take the rounding of whoever reduced it.
+bool isReduced(int small, int large, int factor) { return std::abs(std::int64_t{small} * factor - large) < factor; }
+
+// The data set's own reduced photographs spare the decoding of the large ones. Points the entries at `images_N` and
+// returns true where it holds all of them at the size that the factor asks for.
+bool useReducedFolder(const fs::path& folder, int factor, DatasetIndex& index, std::vector<std::string>& notes) {
+  const std::string name = "images_" + std::to_string(factor);
+  if (factor == 1 || !isFolder(folder / name)) return false;
+  const auto reduced = [&](const DatasetIndex::Entry& entry) { return folder / name / entry.below_images; };
+  const DatasetIndex::Entry* first = nullptr;
+  std::size_t full_files = 0, reduced_files = 0;
+  for (const DatasetIndex::Entry& entry : index.entries) {
+    full_files += isFile(entry.image);
+    const bool found = !entry.below_images.empty() && isFile(reduced(entry));
+    reduced_files += found;
+    if (found && !first) first = &entry;
+  }
+  if (!first || reduced_files < full_files) {
+    notes.push_back(name + " lacks photographs (found " + std::to_string(reduced_files) + " of " +
+                    std::to_string(full_files) + "): images is reduced instead");
+    return false;
+  }
+  const Image small = readImage(reduced(*first));
+  glm::ivec2 large(first->camera.width, first->camera.height);
+  if (large.x == 0 && isFile(first->image)) {
+    const Image image = readImage(first->image);
+    large = {image.width, image.height};
+  }
+  if (large.x > 0 && !(isReduced(small.width, large.x, factor) && isReduced(small.height, large.y, factor))) {
+    notes.push_back(name + " is of another size (expected 1/" + std::to_string(factor) + " of " +
+                    std::to_string(large.x) + " x " + std::to_string(large.y) + ", found " +
+                    std::to_string(small.width) + " x " + std::to_string(small.height) +
+                    "): images is reduced instead");
+    return false;
+  }
+  for (DatasetIndex::Entry& entry : index.entries) entry.image = reduced(entry);
+  notes.push_back("photographs are read from " + name + ", which holds them at 1/" + std::to_string(factor));
+  return true;
+}
+
+// A mask that goes with the photograph by its name: for images/a/b.jpg the first that exists of masks/a/b.jpg.png (as
+// COLMAP names them), masks/a/b.jpg.mask.png and masks/a/b.png; masks_N before masks where images_N is read.
+fs::path findMask(const fs::path& folder, const std::vector<std::string>& mask_folders,
+                  const DatasetIndex::Entry& entry) {
+  const fs::path below =
+      entry.below_images.empty() ? entry.image.lexically_relative(folder) : fs::path(entry.below_images);
+  for (const std::string& masks : mask_folders) {
+    const std::string name = (folder / masks / below).string();
+    for (const fs::path& candidate :
+         {fs::path(name + ".png"), fs::path(name + ".mask.png"), fs::path(name).replace_extension(".png")}) {
+      if (isFile(candidate)) return candidate;
+    }
+  }
+  return {};
+}
+
+void findMasks(const fs::path& folder, const std::string& images, DatasetIndex& index,
+               std::vector<std::string>& notes) {
+  std::vector<std::string> mask_folders;
+  for (const std::string& name :
+       {images.starts_with("images_") ? "masks" + images.substr(6) : "", std::string("masks")}) {
+    if (!name.empty() && isFolder(folder / name)) mask_folders.push_back(name);
+  }
+  std::size_t masked = 0;
+  for (DatasetIndex::Entry& entry : index.entries) {
+    if (entry.mask.empty()) entry.mask = findMask(folder, mask_folders, entry);
+    masked += !entry.mask.empty();
+  }
+  if (masked > 0) {
+    notes.push_back(std::to_string(masked) + " of " + std::to_string(index.entries.size()) +
+                    " photographs have a mask: pixels where it is 0 are not trained and not scored");
+  } else if (!mask_folders.empty()) {
+    notes.push_back(mask_folders.front() +
+                    " holds no mask that goes with a photograph (expected NAME.EXTENSION.png, "
+                    "NAME.EXTENSION.mask.png or NAME.png)");
+  }
+}
+
+PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std::vector<std::string>& notes) {
+  if (options.points) {
+    PointCloud points = readPointCloudPly(*options.points);
+    if (points.position.empty()) {
+      throw Error(ErrorKind::badData, options.points->string(), "holds no points (expected at least one)");
+    }
+    return points;
+  }
+  if (!index.points_file.empty() && index.points.position.empty()) {
+    notes.push_back(index.points_file + " holds no points: training starts from random ones");
+  }
+  return std::move(index.points);
+}
+
 // The camera of a photograph of width x height pixels, before it is downscaled.
 Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
   Camera camera = entry.camera;
@@ -97,27 +194,33 @@ Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
 }
 
 // Decodes every photograph once: a broken file shows before hours of training, not after.
-void loadPhotographs(const DatasetIndex& index, const DatasetOptions& options, Dataset& dataset) {
+void loadPhotographs(const DatasetIndex& index, int downscale, std::uint64_t image_memory, Dataset& dataset) {
   std::vector<PhotographSource> sources;
   for (const DatasetIndex::Entry& entry : index.entries) {
     PhotographSource& source = sources.emplace_back();
     source.image = entry.image;
     source.mask = entry.mask;
-    source.downscale = options.downscale;
+    source.downscale = downscale;
     if (!dataset.random_background) source.background = dataset.background;
   }
   const std::int64_t count = static_cast<std::int64_t>(sources.size());
   dataset.views.resize(sources.size());
   dataset.photographs = std::make_shared<PhotographStore>(
-      sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
+      sources.size(), image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
   parallelFor(count, 1, [&](std::int64_t item) {
     const auto i = static_cast<std::size_t>(item);
     Photograph photograph = decodePhotograph(sources[i]);
     dataset.views[i].camera = cameraOf(index.entries[i], photograph.file_width, photograph.file_height);
-    if (options.downscale > 1) dataset.views[i].camera = downscaled(dataset.views[i].camera, options.downscale);
+    if (downscale > 1) dataset.views[i].camera = downscaled(dataset.views[i].camera, downscale);
     dataset.photographs->offer(i, std::move(photograph));
   });
   dataset.photographs->finishOffers();
+  const std::size_t kept = dataset.photographs->keptViews();
+  if (kept < dataset.views.size()) {
+    dataset.notes.push_back("the decoded photographs exceed " + std::to_string(image_memory >> 20) +
+                            " MiB: " + std::to_string(dataset.views.size() - kept) + " of " +
+                            std::to_string(dataset.views.size()) + " are decoded whenever they are needed");
+  }
 }
 
 }  // namespace
@@ -193,16 +296,30 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   dataset.name = fs::weakly_canonical(folder).filename().string();
   dataset.layout = options.layout == DatasetLayout::automatic ? detectLayout(folder) : options.layout;
   DatasetIndex index =
-      dataset.layout == DatasetLayout::colmap ? readColmap(folder, options.images) : readTransforms(folder);
+      dataset.layout == DatasetLayout::colmap ? readColmap(folder) : readTransforms(folder, dataset.layout);
   dataset.background =
       options.background.value_or(glm::vec3(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f));
   dataset.random_background = options.random_background;
-  dataset.points = options.points ? readPointCloudPly(*options.points) : std::move(index.points);
+  dataset.points = choosePoints(options, index, dataset.notes);
   checkPoints(options.points.value_or(folder), dataset.points);
 
+  std::string images = options.images;
+  int downscale = options.downscale;
+  if (images != "images") {
+    for (DatasetIndex::Entry& entry : index.entries) {
+      if (!entry.below_images.empty()) entry.image = folder / images / entry.below_images;
+    }
+  } else if (useReducedFolder(folder, downscale, index, dataset.notes)) {
+    images += "_" + std::to_string(downscale);
+    downscale = 1;
+  }
   const std::size_t listed = index.entries.size();
   std::erase_if(index.entries, [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });
   dataset.missing_images = static_cast<int>(listed - index.entries.size());
+  if (dataset.missing_images > 0) {
+    dataset.notes.push_back(std::to_string(dataset.missing_images) + " of " + std::to_string(listed) +
+                            " listed images are missing and were skipped");
+  }
   if (index.entries.empty()) {
     throw Error(ErrorKind::badData, folder.string(),
                 listed == 0 ? "the data set lists no images"
@@ -222,7 +339,11 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
     throw Error(ErrorKind::badData, folder.string(), "no image of the training split exists");
   }
 
-  loadPhotographs(index, options, dataset);
+  if (options.only_test) {
+    std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
+  }
+  findMasks(folder, images, index, dataset.notes);
+  loadPhotographs(index, downscale, options.image_memory, dataset);
   return dataset;
 }
 

@@ -35,6 +35,7 @@ struct Dataset {
   PointCloud points;               // empty when the data set has none
   glm::vec3 background{0.0f};      // what scores are taken against, and training without random_background
   bool random_background = false;  // transparency is kept: training composites over a new colour every time
+  std::vector<std::string> notes;  // what a user should know: one line each, no path in front
   int missing_images = 0;          // listed by the data set, not on disk: skipped
   std::shared_ptr<PhotographStore> photographs;  // one a view
 
@@ -52,9 +53,12 @@ struct DatasetOptions {
   int downscale = 1;                    // integer box filter
   std::optional<glm::vec3> background;  // default: white for NeRF-synthetic, black otherwise
   bool random_background = false;
-  int test_every = 8;             // every n-th image by name is held out, where no split is given; 0: none
-  std::string images = "images";  // COLMAP: folder of the photographs
+  int test_every = 8;  // every n-th image by name is held out, where no split is given; 0: none
+  // Folder of the photographs: COLMAP's, and JSON's where file_path begins with images/. With the default and a
+  // downscale factor N, images_N is read instead where it holds the photographs at that size.
+  std::string images = "images";
   std::optional<std::filesystem::path> points;        // point cloud PLY instead of the data set's own
+  std::optional<bool> only_test;                      // keep the views of one side of the split only
   std::uint64_t image_memory = defaultImageMemory();  // decoded photographs beyond it are decoded when needed [bytes]
 };
 
@@ -70,16 +74,19 @@ struct DatasetIndex {
   struct Entry {
     Camera camera;  // width = height = 0: taken from the image, focal length from field_of_view
     std::filesystem::path image;
-    std::filesystem::path mask;             // empty: none
+    std::string below_images;               // the image's path below the folder `images`; empty: it is in another one
+    std::filesystem::path mask;             // named by the data set; empty: found by its name, or none
     std::optional<double> field_of_view_x;  // [rad]
     std::optional<double> field_of_view_y;  // [rad]
   };
   std::vector<Entry> entries;
   PointCloud points;
-  bool has_split = false;  // Camera::test is set
+  std::string points_file;  // where they are from; empty: the data set names none
+  bool has_split = false;   // Camera::test is set
 };
-DatasetIndex readTransforms(const std::filesystem::path& folder);
-DatasetIndex readColmap(const std::filesystem::path& folder, const std::string& images_folder);
+// nerfSynthetic: transforms_train.json and transforms_test.json. transforms: transforms.json, or those two without it.
+DatasetIndex readTransforms(const std::filesystem::path& folder, DatasetLayout layout = DatasetLayout::transforms);
+DatasetIndex readColmap(const std::filesystem::path& folder);
 // The COLMAP model's folder below a data set: sparse/0 or sparse.
 std::optional<std::filesystem::path> findColmapModel(const std::filesystem::path& folder);
 

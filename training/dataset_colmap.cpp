@@ -309,7 +309,7 @@ std::optional<fs::path> findColmapModel(const fs::path& folder) {
   return std::nullopt;
 }
 
-DatasetIndex readColmap(const fs::path& folder, const std::string& images_folder) {
+DatasetIndex readColmap(const fs::path& folder) {
   const std::optional<fs::path> model = findColmapModel(folder);
   if (!model) fail(folder, "no COLMAP model (expected cameras.bin or cameras.txt in sparse/0 or sparse)");
   const bool binary = isFile(*model / "cameras.bin");
@@ -331,10 +331,14 @@ DatasetIndex readColmap(const fs::path& folder, const std::string& images_folder
     entry.camera.name = image.name;
     entry.camera.camera_from_world_rotation = rotationMatrix(images_path, image);
     entry.camera.camera_from_world_translation = image.translation;
-    entry.image = folder / images_folder / image.name;
+    entry.image = folder / "images" / image.name;
+    entry.below_images = image.name;
     index.entries.push_back(std::move(entry));
   }
-  if (isFile(points_path)) index.points = binary ? readPointsBinary(points_path) : readPointsText(points_path);
+  if (isFile(points_path)) {
+    index.points_file = points_path.filename().string();
+    index.points = binary ? readPointsBinary(points_path) : readPointsText(points_path);
+  }
   return index;
 }
 

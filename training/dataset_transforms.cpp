@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "core/error.h"
 #include "core/file.h"
@@ -143,9 +144,34 @@ fs::path imagePath(const fs::path& folder, const std::string& file_path) {
   return folder / file_path;
 }
 
+// Below images/, where the path is there.
+std::string belowImages(const std::string& file_path, const fs::path& image) {
+  const fs::path path = fs::path(file_path).lexically_normal();
+  if (path.begin() == path.end() || *path.begin() != "images") return {};
+  return (path.lexically_relative("images").parent_path() / image.filename()).string();
+}
+
+// nerfstudio's optional lists of file paths: what `test_filenames` or, without it, `val_filenames` lists is held out.
+std::optional<std::set<std::string>> testFiles(const Source& source) {
+  for (const char* key : {"test_filenames", "val_filenames"}) {
+    const auto list = source.json.find(key);
+    if (list == source.json.end()) continue;
+    if (!list->is_array()) source.fail(std::string("'") + key + "' is not an array");
+    std::set<std::string> files;
+    for (const Json& file : *list) {
+      if (!file.is_string()) source.fail(std::string("'") + key + "' holds something that is not a string");
+      files.insert(fs::path(file.get<std::string>()).lexically_normal().string());
+    }
+    if (!files.empty()) return files;
+  }
+  return std::nullopt;
+}
+
 void readFrames(const Source& source, const fs::path& folder, bool test, DatasetIndex& index) {
   const auto frames = source.json.find("frames");
   if (frames == source.json.end() || !frames->is_array()) source.fail("expected an array 'frames'");
+  const std::optional<std::set<std::string>> test_files = testFiles(source);
+  index.has_split |= test_files.has_value();
   for (std::size_t i = 0; i < frames->size(); i++) {
     const Json& frame = (*frames)[i];
     const std::string label = "frame " + std::to_string(i);
@@ -156,35 +182,53 @@ void readFrames(const Source& source, const fs::path& folder, bool test, Dataset
     }
     refuseDistortion(source, frame);
     DatasetIndex::Entry entry;
-    entry.image = imagePath(folder, file_path->get<std::string>());
+    const std::string file = file_path->get<std::string>();
+    entry.image = imagePath(folder, file);
+    entry.below_images = belowImages(file, entry.image);
     entry.camera.name = entry.image.filename().string();
-    entry.camera.test = test;
+    entry.camera.test = test || (test_files && test_files->contains(fs::path(file).lexically_normal().string()));
+    if (const auto mask = frame.find("mask_path"); mask != frame.end() && !mask->is_null()) {
+      if (!mask->is_string() || mask->get<std::string>().empty()) source.fail(label + ": 'mask_path' is not a path");
+      entry.mask = folder / mask->get<std::string>();
+    }
     setIntrinsics(source, frame, label, entry);
     setPose(source, frame, label, entry.camera);
     index.entries.push_back(std::move(entry));
   }
 }
 
+// nerfstudio's `applied_transform` tells how poses and points were moved from COLMAP's frame: both are written after
+// it, in one frame, so nothing is left to apply.
 void readPoints(const Source& source, const fs::path& folder, DatasetIndex& index) {
   const auto named = source.json.find("ply_file_path");
   std::error_code ignored;
   if (named != source.json.end()) {
     if (!named->is_string()) source.fail("'ply_file_path' is not a string");
-    index.points = readPointCloudPly(folder / named->get<std::string>());
+    index.points_file = named->get<std::string>();
   } else if (fs::is_regular_file(folder / "points3d.ply", ignored)) {
-    index.points = readPointCloudPly(folder / "points3d.ply");
+    index.points_file = "points3d.ply";
   }
+  if (!index.points_file.empty()) index.points = readPointCloudPly(folder / index.points_file);
 }
 
 }  // namespace
 
-DatasetIndex readTransforms(const fs::path& folder) {
+DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout) {
+  const auto exists = [&](const char* file) {
+    std::error_code ignored;
+    return fs::is_regular_file(folder / file, ignored);
+  };
   DatasetIndex index;
-  std::error_code ignored;
-  const bool split_files = fs::is_regular_file(folder / "transforms_train.json", ignored);
+  const bool one_file = exists("transforms.json");
+  const bool split_files = layout == DatasetLayout::nerfSynthetic || !one_file;
+  if (layout == DatasetLayout::nerfSynthetic && !exists("transforms_train.json") && one_file) {
+    throw Error(ErrorKind::badData, folder.string(),
+                "not in the NeRF-synthetic layout (expected transforms_train.json, found transforms.json: use --layout "
+                "transforms)");
+  }
   const Source train = parse(folder / (split_files ? "transforms_train.json" : "transforms.json"));
   readFrames(train, folder, false, index);
-  if (split_files && fs::is_regular_file(folder / "transforms_test.json", ignored)) {
+  if (split_files && exists("transforms_test.json")) {
     readFrames(parse(folder / "transforms_test.json"), folder, true, index);
     index.has_split = true;
   }

@@ -5,49 +5,62 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <map>
+#include <memory>
+#include <optional>
 #include <span>
+#include <utility>
 
 #include "core/bundle.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/parallel.h"
+#include "core/ply.h"
 #include "training/cli.h"
 #include "training/report.h"
+#include "training/run_folder.h"
 #include "training/sample.h"
+#include "training/trained_bundle.h"
 #include "training/trainer.h"
+#include "training/watch.h"
 
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kPreviewSide = 512;  // [px]
-
 std::atomic<bool> stop_requested{false};
 
-// The first Ctrl-C ends training after the current step and writes the model; the second ends the program at once.
+// The first Ctrl-C ends training after the current step and writes the model; the second ends the program at once, with
+// no file half written.
 void requestStop(int signal) {
-  stop_requested = true;
-  std::signal(signal, SIG_DFL);
+  if (stop_requested.exchange(true)) {
+    tg::removeTemporaryFiles();
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+  }
 }
 
 struct Options {
   std::string dataset;
   std::string output;
   std::string untextured_output;
+  std::string start_model;
   std::string json;
+  tg::RunFolderOptions run;
   tg::DatasetFlags data;
   std::string preset = "default";
   std::map<const tg::SettingEntry*, std::string> chosen;  // over the preset; empty: not given
   int threads = 0;
   bool overwrite = false;
+  bool watch = false;
   bool quiet = false;
   bool reproducible = false;
   bool print_config = false;
 };
 
 // Before hours of training: what could not be written at their end.
-void checkOutputs(const Options& options) {
+void checkOutputs(const Options& options, bool overwrite) {
   const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
   for (std::size_t i = 0; i < paths.size(); i++) {
     const std::string& path = paths[i];
@@ -62,20 +75,9 @@ void checkOutputs(const Options& options) {
         throw tg::Error(tg::ErrorKind::usage, path, "is named for two outputs (expected different files)");
       }
     }
-    tg::refuseExisting(path, options.overwrite);
+    tg::refuseExisting(path, overwrite);
     tg::requireWritable(path);
   }
-}
-
-tg::Image previewOf(const tg::Dataset& dataset, const tg::GaussianModel& model, tg::DifferentiableRenderer& renderer) {
-  const std::vector<std::size_t> test = dataset.indices(true);
-  tg::Camera camera = dataset.views[test.empty() ? 0 : test.front()].camera;
-  const int side = std::max(camera.width, camera.height);
-  if (side > kPreviewSide) {
-    camera = tg::resized(camera, std::max(1, camera.width * kPreviewSide / side),
-                         std::max(1, camera.height * kPreviewSide / side));
-  }
-  return tg::renderPicture(renderer, model, camera, dataset.background);
 }
 
 tg::TrainSettings settingsOf(const Options& options) {
@@ -88,59 +90,101 @@ tg::TrainSettings settingsOf(const Options& options) {
   return settings;
 }
 
-int runTraining(const Options& options) {
-  if (options.print_config) {
-    std::fputs(tg::formatSettings(settingsOf(options)).c_str(), stdout);
-    return 0;
-  }
-  if (options.dataset.empty() || options.output.empty()) {
-    throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz (see --help)");
-  }
-  const tg::TrainSettings settings = settingsOf(options);
-  checkOutputs(options);
-  if (options.threads > 0) tg::setThreadCount(options.threads);
+// The model that --start-model names.
+std::optional<tg::GaussianModel> startModel(const Options& options) {
+  if (options.start_model.empty()) return std::nullopt;
+  if (!tg::looksLikeBundle(options.start_model)) return tg::readSplatPly(options.start_model);
+  return tg::readBundle(options.start_model).model;
+}
 
-  const auto start = std::chrono::steady_clock::now();
-  const tg::Dataset dataset = tg::loadDataset(options.dataset, tg::datasetOptions(options.data));
-  const tg::Camera& camera = dataset.views.front().camera;
-  if (dataset.missing_images > 0) {
-    std::fprintf(stderr, "%s: %d listed images are missing and were skipped\n", options.dataset.c_str(),
-                 dataset.missing_images);
+std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
+  if (options.run.folder.empty()) {
+    if (options.run.resume || options.watch) {
+      throw tg::Error(tg::ErrorKind::usage, "--resume and --watch expect a run folder (--run FOLDER)");
+    }
+    return nullptr;
   }
+  if (options.watch) tg::requireViewer();
+  tg::RunFolderOptions folder = options.run;
+  folder.overwrite = options.overwrite;
+  return std::make_unique<tg::RunFolder>(folder);
+}
+
+tg::Dataset loadData(const Options& options) {
+  tg::Dataset dataset = tg::loadDataset(options.dataset, tg::datasetOptions(options.data));
+  const tg::Camera& camera = dataset.views.front().camera;
+  tg::printNotes(options.dataset, dataset);
   if (!options.quiet) {
     std::printf("%s: %zu train and %zu test views of %d x %d (%s), %zu points\n", dataset.name.c_str(),
                 dataset.indices(false).size(), dataset.indices(true).size(), camera.width, camera.height,
                 std::string(tg::name(dataset.layout)).c_str(), dataset.points.position.size());
     std::fflush(stdout);
   }
+  return dataset;
+}
 
+int runTraining(const Options& options) {
+  if (options.print_config) {
+    std::fputs(tg::formatSettings(settingsOf(options)).c_str(), stdout);
+    return 0;
+  }
+  if (options.dataset.empty() || (options.output.empty() && options.run.folder.empty())) {
+    throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
+  }
+  const tg::TrainSettings settings = settingsOf(options);
+  const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
+  // What a run wrote when it was stopped, it replaces when it goes on.
+  checkOutputs(options, options.overwrite || (run && run->hasCheckpoint()));
+  if (options.threads > 0) tg::setThreadCount(options.threads);
+
+  const auto start = std::chrono::steady_clock::now();
+  const tg::Dataset dataset = loadData(options);
   std::signal(SIGINT, requestStop);
   std::signal(SIGTERM, requestStop);
-  tg::ProgressLine line;
-  tg::TrainHooks hooks;
-  hooks.stop = &stop_requested;
-  if (!options.quiet) hooks.after_step = [&](const tg::Trainer& trainer) { line.show(trainer.progress()); };
-  const auto renderer = tg::makeCpuDifferentiableRenderer();
-  tg::TrainResult result = tg::train(dataset, settings, *renderer, hooks);
-  line.finish();
-
   tg::TrainingJsonOptions json_options;
   json_options.downscale = options.data.downscale;
   json_options.threads = tg::threadCount();
-  json_options.total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   json_options.measurements = !options.reproducible;
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  std::optional<tg::GaussianModel> start_model = startModel(options);
+  std::optional<tg::RunState> state;
+  if (run) {
+    json_options.fingerprint = tg::datasetFingerprint(dataset);
+    state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, *renderer, json_options});
+    if (options.run.resume && !state && !options.quiet) {
+      std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
+    }
+    if (options.watch) tg::startViewer(run->folder());
+  }
+
+  tg::Trainer trainer = state ? tg::Trainer(dataset, settings, *renderer, std::move(*state))
+                              : tg::Trainer(dataset, settings, *renderer, std::move(start_model));
+  state.reset();
+  start_model.reset();
+  tg::ProgressLine line;
+  while (!trainer.finished() && !stop_requested) {
+    if (!trainer.step(&stop_requested)) continue;
+    if (!options.quiet) line.show(trainer.progress());
+    if (run) run->afterStep(trainer);
+  }
+  line.finish();
+  tg::TrainResult result = trainer.result();
+  json_options.total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
   const auto save = [&](const std::string& path, tg::GaussianModel model) {
-    tg::Bundle bundle;
-    bundle.preview = previewOf(dataset, model, *renderer);
-    bundle.model = std::move(model);
-    bundle.background = dataset.background;
-    for (const tg::View& view : dataset.views) bundle.cameras.push_back(view.camera);
-    bundle.training_json = tg::formatTrainingJson(dataset, settings, result.report, bundle.model, json_options);
+    const tg::Bundle bundle =
+        tg::makeTrainedBundle(dataset, settings, result.report, std::move(model), *renderer, json_options);
     tg::writeBundle(path, bundle);
     return bundle.training_json;
   };
-  const std::string json = save(options.output, std::move(result.model));
+  std::string json;
+  if (run) {
+    json = run->finish(trainer);
+    json_options.total_seconds = run->seconds();
+    if (!options.output.empty()) tg::copyFileAtomically(run->model(), options.output);
+  } else {
+    json = save(options.output, std::move(result.model));
+  }
   if (!options.untextured_output.empty() && result.untextured) {
     save(options.untextured_output, std::move(*result.untextured));
   }
@@ -148,9 +192,13 @@ int runTraining(const Options& options) {
     tg::writeFileAtomically(options.json, std::span(reinterpret_cast<const std::uint8_t*>(json.data()), json.size()));
   }
   if (!options.quiet) {
+    const std::string written = options.output.empty() ? run->model().string() : options.output;
     std::fputs(tg::formatSummary(result.report, json_options.total_seconds).c_str(), stdout);
-    std::printf("%s%s (%ju bytes)\n", result.report.interrupted ? "interrupted; wrote " : "wrote ",
-                options.output.c_str(), static_cast<std::uintmax_t>(fs::file_size(options.output)));
+    std::printf("%s%s (%ju bytes)\n", result.report.interrupted ? "interrupted; wrote " : "wrote ", written.c_str(),
+                static_cast<std::uintmax_t>(fs::file_size(written)));
+    if (run && result.report.interrupted) {
+      std::printf("the same command with --resume goes on from %s\n", run->checkpoint().c_str());
+    }
   }
   return 0;
 }
@@ -173,7 +221,7 @@ void addSettingFlags(CLI::App& app, Options& options) {
 
 void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0");
-  app.add_option("-o,--output", options.output, "Model to write (.tgz)");
+  app.add_option("-o,--output", options.output, "Model to write (.tgz); optional with --run");
   app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
       ->check(CLI::IsMember(tg::presetNames()))
       ->capture_default_str();
@@ -184,6 +232,8 @@ void addTrainingOptions(CLI::App& app, Options& options) {
       ->configurable(false);
   addSettingFlags(app, options);
   tg::addDatasetFlags(app, options.data);
+  app.add_option("--start-model", options.start_model,
+                 "Start from this plain model (.tgz or 3DGS .ply); with --iterations 0, only add textures to it");
   app.add_option("--untextured-output", options.untextured_output,
                  "Write the untextured model too (implies --compare-untextured)");
   app.add_option("--json", options.json, "Also write training.json here");
@@ -193,6 +243,30 @@ void addTrainingOptions(CLI::App& app, Options& options) {
                "No times and no memory in training.json: same seed, same bytes");
   app.add_flag("--overwrite", options.overwrite, "Replace existing files");
   app.add_flag("-q,--quiet", options.quiet, "Errors only");
+}
+
+void addRunOptions(CLI::App& app, Options& options) {
+  const auto add = [&](auto* option) { option->group("Run folder")->configurable(false); };
+  const CLI::Range iterations(0, 10'000'000);
+  add(app.add_option("--run", options.run.folder,
+                     "Folder for checkpoint, model.tgz, metrics.jsonl and previews/ of this run"));
+  add(app.add_flag("--resume", options.run.resume, "Go on from the run folder's checkpoint, to the same model"));
+  add(app.add_option("--checkpoint-every", options.run.checkpoint_seconds,
+                     "Time between checkpoints (0: after every step) [s]")
+          ->check(CLI::Range(0.0, 1e6))
+          ->capture_default_str());
+  add(app.add_option("--metrics-every", options.run.metrics_every, "A line of metrics.jsonl (0: none) [iterations]")
+          ->check(iterations)
+          ->capture_default_str());
+  add(app.add_option("--eval-every", options.run.eval_every,
+                     "Test scores in metrics.jsonl (0: at the end of each stage) [iterations]")
+          ->check(iterations)
+          ->capture_default_str());
+  add(app.add_option("--preview-every", options.run.preview_every,
+                     "A picture in previews/, truth beside rendering (0: none) [iterations]")
+          ->check(iterations)
+          ->capture_default_str());
+  add(app.add_flag("--watch", options.watch, "Show the model in tgview while it trains"));
 }
 
 void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& options, bool& overwrite) {
@@ -214,6 +288,7 @@ int main(int argc, char** argv) {
     app.require_subcommand(0, 1);
     Options options;
     addTrainingOptions(app, options);
+    addRunOptions(app, options);
     tg::SampleOptions sample_options;
     std::string sample_folder;
     bool sample_overwrite = false;

@@ -22,19 +22,19 @@ struct McmcResult {
 
 // One round: every dead Gaussian goes where a live one is, drawn with probability proportional to opacity; then the
 // count grows by `growth`, up to the cap, by the same draw. n Gaussians that end up at one place share its opacity and
-// scale by equation 9 of the paper, so that the picture stays nearly the same. Their moments restart. Gaussians keep
+// scale by docs/math.md (9a, 9b), so that the picture stays nearly the same. Their moments restart. Gaussians keep
 // their order; new ones follow.
 McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, Random& random);
 
 // Opacity and scale factor of each of `count` equal Gaussians at one place that look like one of opacity `opacity`
-// (equation 9). count is capped at 51.
+// (docs/math.md 9a, 9b). count is capped at 51.
 struct SharedGaussian {
   float opacity;
   float scale;
 };
 SharedGaussian shareGaussian(float opacity, int count);
 
-// Equation 8 after a step: mean += strength * sigmoid(-100 (opacity - 0.005)) * Sigma * n, n standard normal, drawn
+// docs/math.md (9c) after a step, n drawn
 // from (seed, iteration, index). strength: noise factor times the position rate. Same bytes for any thread count.
 void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration);
 

@@ -5,10 +5,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include "core/error.h"
 
@@ -19,24 +21,27 @@ std::uint8_t quantize(float value) { return static_cast<std::uint8_t>(std::clamp
 
 std::string sizeText(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
-// How many pixels of the mask a pixel of the image covers along each side; 0 when the sizes do not fit.
-int maskFactor(const Image& mask, int width, int height) {
-  const int factor = mask.width / width;
-  return factor >= 1 && mask.width / factor == width && mask.height / factor == height ? factor : 0;
+// Whether the mask shows the same picture, at the same size or larger: rows may be off by one pixel of the image.
+bool maskFits(const Image& mask, int width, int height) {
+  const double scale = static_cast<double>(mask.width) / width;
+  return mask.width >= width && mask.height >= height && std::abs(mask.height - scale * height) <= scale;
+}
+
+// First and last + 1 of the mask's pixels that a box of the image's covers along one side.
+std::pair<int, int> footprint(int box, int downscale, int mask_side, int side) {
+  const std::int64_t first = std::int64_t{box} * downscale * mask_side / side;
+  const std::int64_t last = (std::int64_t{box + 1} * downscale * mask_side + side - 1) / side;
+  return {static_cast<int>(first), static_cast<int>(std::min<std::int64_t>(last, mask_side))};
 }
 
 // Zero is masked, as COLMAP and nerfstudio have it: a mask of 0 and 1 works as well as one of 0 and 255.
 std::vector<std::uint8_t> readMask(const PhotographSource& source, int width, int height) {
   const Image image = readImage(source.mask);
-  const int factor = maskFactor(image, width, height);
-  if (factor == 0) {
+  if (!maskFits(image, width, height)) {
     throw Error(ErrorKind::badData, source.mask.string(),
-                "mask and image differ in size (expected " + sizeText(width, height) +
-                    " or an integer multiple, found " + sizeText(image.width, image.height) + ")");
+                "mask and image differ in size (expected " + sizeText(width, height) + " or an enlargement, found " +
+                    sizeText(image.width, image.height) + ")");
   }
-  const int box = factor * source.downscale;
-  const int mask_width = width / source.downscale;
-  const int mask_height = height / source.downscale;
   const int colors = std::min(image.channels, 3);
   const auto counts = [&](int x, int y) {
     for (int c = 0; c < colors; c++) {
@@ -44,16 +49,20 @@ std::vector<std::uint8_t> readMask(const PhotographSource& source, int width, in
     }
     return false;
   };
-  std::vector<std::uint8_t> mask(static_cast<std::size_t>(mask_width) * mask_height, 255);
+  const int columns = width / source.downscale;
+  const int rows = height / source.downscale;
+  std::vector<std::uint8_t> mask(static_cast<std::size_t>(columns) * rows, 255);
   bool any = false;
-  for (int y = 0; y < mask_height; y++) {
-    for (int x = 0; x < mask_width; x++) {
+  for (int y = 0; y < rows; y++) {
+    const auto [top, bottom] = footprint(y, source.downscale, image.height, height);
+    for (int x = 0; x < columns; x++) {
+      const auto [left, right] = footprint(x, source.downscale, image.width, width);
       bool all = true;
-      for (int v = y * box; all && v < (y + 1) * box; v++) {
-        for (int u = x * box; all && u < (x + 1) * box; u++) all = counts(u, v);
+      for (int v = top; all && v < bottom; v++) {
+        for (int u = left; all && u < right; u++) all = counts(u, v);
       }
       any |= all;
-      if (!all) mask[static_cast<std::size_t>(y) * mask_width + x] = 0;
+      if (!all) mask[static_cast<std::size_t>(y) * columns + x] = 0;
     }
   }
   if (!any) throw Error(ErrorKind::badData, source.mask.string(), "the mask hides every pixel (0 hides)");

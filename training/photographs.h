@@ -41,11 +41,11 @@ struct Photograph {
 struct PhotographSource {
   std::filesystem::path image;
   std::filesystem::path mask;           // empty: none
-  int downscale = 1;                    // integer box filter; a pixel counts when all pixels of its box do
+  int downscale = 1;                    // integer box filter; a pixel counts where the mask has no 0 in its box
   std::optional<glm::vec3> background;  // composited over it, in 8 bit; none: alpha is kept
 };
 // Throws Error(cannotRead / badData / usage): a mask of another size or that hides every pixel, an image smaller than
-// one box of the filter. A mask may be larger than the image by an integer.
+// one box of the filter. A mask may be larger than the image.
 Photograph decodePhotograph(const PhotographSource& source);
 
 // The pixels over a colour. Opaque ones are returned as they are, without a copy.

@@ -34,35 +34,17 @@ class Fingerprint {
   std::uint64_t hash_ = 0xcbf29ce484222325u;
 };
 
-std::string fingerprint(const Dataset& dataset) {
-  Fingerprint hash;
-  for (std::size_t i = 0; i < dataset.views.size(); i++) {
-    const Camera& camera = dataset.views[i].camera;
-    const double intrinsics[] = {camera.fx, camera.fy, camera.cx, camera.cy, camera.test ? 1.0 : 0.0};
-    hash.add(intrinsics, sizeof intrinsics);
-    hash.add(&camera.camera_from_world_rotation, sizeof camera.camera_from_world_rotation);
-    hash.add(&camera.camera_from_world_translation, sizeof camera.camera_from_world_translation);
-    const std::shared_ptr<const ViewPixels> pixels = dataset.pixels(i);
-    hash.add(pixels->rgb.data(), pixels->rgb.size());
-    hash.add(pixels->mask.data(), pixels->mask.size());
-  }
-  hash.add(dataset.points.position.data(), dataset.points.position.size() * sizeof(glm::vec3));
-  return hash.text();
-}
-
-double rounded(double value, double step) { return std::round(value / step) * step; }
-
 Json stageJson(const StageReport& stage, bool measurements) {
   Json json = {{"iterations", stage.iterations},
                {"gaussians", stage.gaussians},
-               {"loss", rounded(stage.loss, 1e-6)},
-               {"train_psnr", rounded(stage.train_psnr, 1e-4)}};
+               {"loss", rounded(stage.loss, 6)},
+               {"train_psnr", rounded(stage.train_psnr, 4)}};
   if (stage.test) {
-    json["test_psnr"] = rounded(stage.test->psnr, 1e-4);
-    json["test_ssim"] = rounded(stage.test->ssim, 1e-5);
+    json["test_psnr"] = rounded(stage.test->psnr, 4);
+    json["test_ssim"] = rounded(stage.test->ssim, 5);
     json["test_views"] = stage.test->views;
   }
-  if (measurements) json["seconds"] = rounded(stage.seconds, 1e-2);
+  if (measurements) json["seconds"] = rounded(stage.seconds, 2);
   return json;
 }
 
@@ -126,6 +108,27 @@ std::string formatSummary(const TrainReport& report, double total_seconds) {
   return text;
 }
 
+double rounded(double value, int decimals) {
+  const double scale = std::pow(10.0, decimals);
+  return std::round(value * scale) / scale;
+}
+
+std::string datasetFingerprint(const Dataset& dataset) {
+  Fingerprint hash;
+  for (std::size_t i = 0; i < dataset.views.size(); i++) {
+    const Camera& camera = dataset.views[i].camera;
+    const double intrinsics[] = {camera.fx, camera.fy, camera.cx, camera.cy, camera.test ? 1.0 : 0.0};
+    hash.add(intrinsics, sizeof intrinsics);
+    hash.add(&camera.camera_from_world_rotation, sizeof camera.camera_from_world_rotation);
+    hash.add(&camera.camera_from_world_translation, sizeof camera.camera_from_world_translation);
+    const std::shared_ptr<const ViewPixels> pixels = dataset.pixels(i);
+    hash.add(pixels->rgb.data(), pixels->rgb.size());
+    hash.add(pixels->mask.data(), pixels->mask.size());
+  }
+  hash.add(dataset.points.position.data(), dataset.points.position.size() * sizeof(glm::vec3));
+  return hash.text();
+}
+
 std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
                                const GaussianModel& model, const TrainingJsonOptions& options) {
   const Camera& camera = dataset.views.front().camera;
@@ -140,7 +143,7 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
                      {"height", camera.height},
                      {"downscale", options.downscale},
                      {"points", dataset.points.position.size()},
-                     {"fingerprint", fingerprint(dataset)}};
+                     {"fingerprint", options.fingerprint.empty() ? datasetFingerprint(dataset) : options.fingerprint}};
   for (const SettingEntry& entry : settingEntries()) {
     const std::string value = entry.get(settings);
     const Json number = Json::parse(value, nullptr, false);
@@ -158,7 +161,7 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
   if (report.untextured) json["stages"]["untextured"] = stageJson(*report.untextured, options.measurements);
   if (options.measurements) {
     json["machine"] = {{"threads", options.threads},
-                       {"seconds", rounded(options.total_seconds, 1e-2)},
+                       {"seconds", rounded(options.total_seconds, 2)},
                        {"peak_memory_bytes", peakMemory()}};
   }
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -34,7 +34,12 @@ struct TrainingJsonOptions {
   double total_seconds = 0;
   // Times, threads and memory differ between runs that give the same model; without them the bytes are the same too.
   bool measurements = true;
+  std::string fingerprint;  // datasetFingerprint(), where it is known already
 };
+// To so many decimals, and to the number whose text has no more.
+double rounded(double value, int decimals);
+// Of every pixel, mask, camera and point: 16 hexadecimal digits.
+std::string datasetFingerprint(const Dataset& dataset);
 // The settings, the data set (name, sizes, fingerprint of the pixels and cameras), metrics per stage. No paths.
 std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
                                const GaussianModel& model, const TrainingJsonOptions& options);

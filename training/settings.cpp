@@ -23,6 +23,9 @@ constexpr Named<Start> kStarts[] = {{Start::points, "points"}, {Start::random, "
 constexpr Named<TextureSizes> kTextureSizes[] = {{TextureSizes::uniform, "uniform"},
                                                  {TextureSizes::footprint, "footprint"}};
 constexpr Named<TextureInit> kTextureInits[] = {{TextureInit::neutral, "neutral"}, {TextureInit::paper, "paper"}};
+constexpr Named<TextureIntersection> kTextureIntersections[] = {{TextureIntersection::same, "same"},
+                                                                {TextureIntersection::plane, "plane"},
+                                                                {TextureIntersection::maxResponse, "maxResponse"}};
 constexpr Named<TextureMode> kTextureModes[] = {
     {TextureMode::none, "none"}, {TextureMode::alpha, "alpha"}, {TextureMode::rgb, "rgb"}, {TextureMode::rgba, "rgba"}};
 constexpr Named<IntersectionModel> kIntersections[] = {{IntersectionModel::plane, "plane"},
@@ -126,7 +129,7 @@ std::vector<SettingEntry> makeEntries() {
       number("reset-every", &S::reset_every, -1, kMostIterations, "steps",
              "adc: steps between opacity resets (0: none, -1: auto)"),
       number("sh-every", &S::sh_every, -1, kMostIterations, "steps", "Steps between two SH degrees (-1: auto)"),
-      number("mcmc-growth", &S::mcmc_growth, 0, 1, "", "mcmc: growth of the count each round, as a share"),
+      number("mcmc-growth", &S::mcmc_growth, -1, 1, "", "mcmc: growth of the count each round, as a share (-1: auto)"),
       number("mcmc-noise", &S::mcmc_noise, 0, 1e9, "", "mcmc: noise on positions, times the position rate"),
       number("mcmc-opacity-weight", &S::mcmc_opacity_weight, 0, 100, "", "mcmc: weight of mean opacity in the loss"),
       number("mcmc-scale-weight", &S::mcmc_scale_weight, 0, 100, "", "mcmc: weight of mean sigma in the loss"),
@@ -137,6 +140,8 @@ std::vector<SettingEntry> makeEntries() {
       choice("texture-sizes", &S::texture_sizes, kTextureSizes,
              "One size for all, or in proportion to the pixels a Gaussian covers"),
       choice("texture-init", &S::texture_init, kTextureInits, "First texels: no change, or the paper's 25/255"),
+      choice("texture-intersection", &S::texture_intersection, kTextureIntersections,
+             "Where a ray meets a Gaussian in stage 2"),
       choice("texture-gradient-geometry", &S::texture_gradient_geometry, kSwitch,
              "Texture gradients reach the geometry (off: ablation)"),
       choice("texture-gradient-suffix", &S::texture_gradient_suffix, kSwitch,
@@ -162,20 +167,34 @@ std::string_view name(DensifyScore value) { return nameOf(kDensifyScores, value)
 std::string_view name(Start value) { return nameOf(kStarts, value); }
 std::string_view name(TextureSizes value) { return nameOf(kTextureSizes, value); }
 std::string_view name(TextureInit value) { return nameOf(kTextureInits, value); }
+std::string_view name(TextureIntersection value) { return nameOf(kTextureIntersections, value); }
 
 TrainSettings presetSettings(std::string_view preset) {
   TrainSettings settings;
   if (preset == "default") return settings;
-  if (preset != "paper") refuse("preset", "default, paper", std::string(preset));
+  if (preset == "quick") {
+    settings.iterations = 600;
+    settings.texture_iterations = 400;
+    settings.gaussians = 25'000;
+    settings.densify_every = 50;
+    settings.densify_from = 50;
+    settings.sh_every = 60;
+    settings.rate_scale = 1e-2f;
+    settings.rate_sh_dc = 5e-3f;
+    settings.rate_sh_rest = 1e-3f;
+    return settings;
+  }
+  if (preset != "paper") refuse("preset", "default, quick, paper", std::string(preset));
   settings.iterations = 30'000;
   settings.texture_iterations = 30'000;
   settings.densify_score = DensifyScore::magnitudes;
   settings.texture_init = TextureInit::paper;
+  settings.texture_intersection = TextureIntersection::plane;
   return settings;
 }
 
 const std::vector<std::string>& presetNames() {
-  static const std::vector<std::string> names = {"default", "paper"};
+  static const std::vector<std::string> names = {"default", "quick", "paper"};
   return names;
 }
 

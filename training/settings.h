@@ -23,6 +23,8 @@ enum class DensifyScore { sum, magnitudes };
 enum class Start { points, random };
 // How texels are shared out: the same rectangle for all, or in proportion to the pixels each Gaussian covers.
 enum class TextureSizes { uniform, footprint };
+// Where a ray meets a Gaussian in stage 2.
+enum class TextureIntersection { same, plane, maxResponse };
 // Texels that change nothing (colour 0, alpha 1), or the paper's: colour 25/255, kept in [0, 1].
 enum class TextureInit { neutral, paper };
 
@@ -31,6 +33,7 @@ std::string_view name(DensifyScore value);
 std::string_view name(Start value);
 std::string_view name(TextureSizes value);
 std::string_view name(TextureInit value);
+std::string_view name(TextureIntersection value);
 
 // Rates are Adam step sizes; "extent" is cameraExtent(). -1 in a schedule entry: chosen from the iterations
 // (schedule.h).
@@ -57,7 +60,7 @@ struct TrainSettings {
   int densify_until = -1;
   int reset_every = -1;
   int sh_every = -1;
-  float mcmc_growth = 0.05f;          // of the count, a round
+  float mcmc_growth = -1;             // of the count, a round
   float mcmc_noise = 5e5f;            // times the position rate
   float mcmc_opacity_weight = 0.01f;  // of mean opacity in the loss
   float mcmc_scale_weight = 0.01f;    // of mean sigma [world units] in the loss
@@ -67,6 +70,7 @@ struct TrainSettings {
   std::size_t texel_budget = 0;  // [texels] of the model; 0: texture_size rules
   TextureSizes texture_sizes = TextureSizes::uniform;
   TextureInit texture_init = TextureInit::neutral;
+  TextureIntersection texture_intersection = TextureIntersection::same;  // as stage 1
   bool texture_gradient_geometry = true;  // off: as the public re-implementation, for ablation
   bool texture_gradient_suffix = true;    // likewise
 
@@ -85,8 +89,8 @@ struct TrainSettings {
   bool operator==(const TrainSettings&) const = default;
 };
 
-// "default": what measured best (docs/training.md); "paper": every choice as published. Throws Error(usage) for another
-// name.
+// "default": what measured best (docs/training.md); "paper": every choice as published; "quick": a usable model in the
+// shortest time. Throws Error(usage) for another name.
 TrainSettings presetSettings(std::string_view preset);
 const std::vector<std::string>& presetNames();
 

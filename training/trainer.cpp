@@ -65,12 +65,26 @@ void clampColors(std::vector<glm::vec4>& texels) {
 
 }  // namespace
 
-Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer)
+Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                 std::optional<GaussianModel> start)
     : Trainer(dataset, settings, renderer, RunState{}) {
   state_.default_gaussians = settings.default_gaussians;
   state_.densify_random = stream(settings.seed, Stream::densify);
   state_.report.extent = extent_;
-  begin(settings.percent > 0 && settings.default_gaussians == 0 ? Stage::count : Stage::plain);
+  const bool count_first = settings.percent > 0 && settings.default_gaussians == 0;
+  if (!start) {
+    begin(count_first ? Stage::count : Stage::plain, {});
+    return;
+  }
+  if (count_first) {
+    throw Error(ErrorKind::usage,
+                "a start model leaves nothing to count (expected --default-gaussians with --percent)");
+  }
+  if (start->texture_mode != TextureMode::none) {
+    throw Error(ErrorKind::usage, "the start model has textures already (expected a plain model)");
+  }
+  start->intersection = settings.intersection;
+  begin(Stage::plain, std::move(*start));
 }
 
 Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
@@ -116,7 +130,7 @@ GaussianModel Trainer::firstGaussians() const {
   return model;
 }
 
-void Trainer::begin(Stage stage) {
+void Trainer::begin(Stage stage, GaussianModel first) {
   state_.stage = stage;
   state_.iteration = 0;
   state_.seconds = 0;
@@ -124,13 +138,18 @@ void Trainer::begin(Stage stage) {
   state_.squared_error = {};
   if (stage == Stage::count || stage == Stage::plain) {
     state_.training = {};
-    state_.training.model = firstGaussians();
+    state_.training.model = first.mean.empty() ? firstGaussians() : std::move(first);
     resetMoments(state_.training);
     if (stage == Stage::plain) state_.report.initial_gaussians = state_.training.model.size();
   } else if (stage == Stage::textured) {
     growShDegree(state_.training, settings_.sh_degree);
     if (settings_.compare_untextured) state_.untextured_start = state_.training.model;
     GaussianModel& model = state_.training.model;
+    if (settings_.texture_intersection != TextureIntersection::same) {
+      model.intersection = settings_.texture_intersection == TextureIntersection::plane
+                               ? IntersectionModel::plane
+                               : IntersectionModel::maxResponse;
+    }
     const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : settings_.texture_size;
     const std::size_t budget = settings_.texel_budget
                                    ? settings_.texel_budget
@@ -275,7 +294,7 @@ void Trainer::densifyAndSchedule(int iteration) {
       McmcSettings mcmc_settings;
       mcmc_settings.max_gaussians = limit();
       mcmc_settings.dead_opacity = settings_.prune_opacity;
-      mcmc_settings.growth = settings_.mcmc_growth;
+      mcmc_settings.growth = mcmcGrowth();
       relocateAndGrow(training, mcmc_settings, state_.densify_random);
       state_.statistics.reset(training.model.size());
     }
@@ -294,6 +313,14 @@ void Trainer::densifyAndSchedule(int iteration) {
   if (schedule_.raisesShDegree(iteration)) {
     growShDegree(training, std::min(training.model.sh_degree + 1, settings_.sh_degree));
   }
+}
+
+float Trainer::mcmcGrowth() const {
+  if (settings_.mcmc_growth >= 0) return settings_.mcmc_growth;
+  constexpr float kPublished = 0.05f;
+  const double rounds = (schedule_.densify_until - schedule_.densify_from) / (2.0 * schedule_.densify_every);
+  const double factor = static_cast<double>(limit()) / static_cast<double>(state_.report.initial_gaussians);
+  return std::max(kPublished, static_cast<float>(std::pow(std::max(factor, 1.0), 1 / std::max(rounds, 1.0)) - 1));
 }
 
 StageReport Trainer::stageReport() const {
@@ -317,17 +344,17 @@ bool Trainer::end(const std::atomic<bool>* stop) {
     case Stage::count:
       state_.report.count = report;
       state_.default_gaussians = report.gaussians;
-      begin(Stage::plain);
+      begin(Stage::plain, {});
       return true;
     case Stage::plain:
       state_.report.plain = report;
       if (!textured) break;
-      begin(Stage::textured);
+      begin(Stage::textured, {});
       return true;
     case Stage::textured:
       state_.report.textured = report;
       if (!settings_.compare_untextured) break;
-      begin(Stage::untextured);
+      begin(Stage::untextured, {});
       return true;
     case Stage::untextured:
       state_.report.untextured = report;
@@ -395,8 +422,8 @@ TrainResult Trainer::result() const {
 }
 
 TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
-                  const TrainHooks& hooks) {
-  Trainer trainer(dataset, settings, renderer);
+                  const TrainHooks& hooks, std::optional<GaussianModel> start) {
+  Trainer trainer(dataset, settings, renderer, std::move(start));
   while (!trainer.finished() && !(hooks.stop && hooks.stop->load(std::memory_order_relaxed))) {
     if (trainer.step(hooks.stop) && hooks.after_step) hooks.after_step(trainer);
   }

@@ -37,9 +37,11 @@ struct TrainProgress {
 // state goes on to the same bytes, with any number of threads.
 class Trainer {
  public:
-  // The data set and the renderer must outlive the trainer. Throws Error(usage) for settings that checkSettings()
-  // refuses, Error(badData) when there is nothing to start from.
-  Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer);
+  // The data set and the renderer must outlive the trainer. `start`: a plain model for stage 1 to go on from, instead
+  // of the data set's points. Throws Error(usage) for settings that checkSettings() refuses and for a start model with
+  // textures, Error(badData) when there is nothing to start from.
+  Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+          std::optional<GaussianModel> start = std::nullopt);
   // Goes on from a state of a trainer with the same data set and settings.
   Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer, RunState state);
 
@@ -61,13 +63,16 @@ class Trainer {
   TrainResult result() const;
 
  private:
-  void begin(Stage stage);
+  // first: where stage plain starts; empty: at the data set's points.
+  void begin(Stage stage, GaussianModel first);
   bool end(const std::atomic<bool>* stop);
   void iterate();
   void densifyAndSchedule(int iteration);
   void updateFilter();
   int iterationsOf(Stage stage) const;
   std::size_t limit() const;  // of the count; 0: none
+  // The published 5 % a round, or what reaches the limit halfway through the densification of a short run.
+  float mcmcGrowth() const;
   GaussianModel firstGaussians() const;
   StageReport stageReport() const;
 
@@ -90,7 +95,7 @@ struct TrainHooks {
 
 // Steps a trainer to its end.
 TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
-                  const TrainHooks& hooks = {});
+                  const TrainHooks& hooks = {}, std::optional<GaussianModel> start = std::nullopt);
 
 // The picture of a model as an image, by the training renderer.
 Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,

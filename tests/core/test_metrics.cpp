@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <vector>
 
 #include "core/error.h"
 #include "core/metrics.h"
@@ -97,6 +98,28 @@ TEST_CASE("8-bit PSNR compares rounded values") {
   REQUIRE(std::isinf(tg::psnr8Bit(Image(4, 4, 1, 0.5f), Image(4, 4, 1, 0.5005f))));
   // 127.5 rounds up to 128; 0.6 is 153: a difference of 25 / 255.
   REQUIRE(tg::psnr8Bit(Image(4, 4, 1, 0.5f), Image(4, 4, 1, 0.6f)) == Approx(-20.0 * std::log10(25.0 / 255.0)));
+}
+
+TEST_CASE("a mask leaves pixels out of PSNR; for SSIM they are as beyond the border") {
+  // A mask that leaves a rectangle is the same as cutting it out: the rest is zero padding.
+  const int left = 7, top = 3, w = 20, h = 15;
+  Image a = noise(40, 30, 3, 6), b = noise(40, 30, 3, 7);
+  std::vector<std::uint8_t> mask(40 * 30, 0);
+  Image cut_a(w, h, 3), cut_b(w, h, 3);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      mask[static_cast<std::size_t>(y + top) * 40 + x + left] = 1;
+      for (int c = 0; c < 3; ++c) {
+        cut_a.at(x, y, c) = a.at(x + left, y + top, c);
+        cut_b.at(x, y, c) = b.at(x + left, y + top, c);
+      }
+    }
+  REQUIRE(tg::psnr(a, b, mask) == Approx(tg::psnr(cut_a, cut_b)).epsilon(1e-14));
+  REQUIRE(tg::psnr8Bit(a, b, mask) == Approx(tg::psnr8Bit(cut_a, cut_b)).epsilon(1e-14));
+  REQUIRE(tg::ssim(a, b, mask) == Approx(tg::ssim(cut_a, cut_b)).epsilon(1e-12));
+  REQUIRE(tg::ssim(a, b, std::vector<std::uint8_t>(40 * 30, 255)) == tg::ssim(a, b));
+  REQUIRE_THROWS_AS(tg::psnr(a, b, std::vector<std::uint8_t>(40 * 30, 0)), tg::Error);
+  REQUIRE_THROWS_AS(tg::ssim(a, b, std::vector<std::uint8_t>(40, 255)), tg::Error);
 }
 
 TEST_CASE("metrics refuse images of different sizes") {

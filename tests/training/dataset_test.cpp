@@ -2,6 +2,8 @@
 // Data set loaders on tiny sets made here: every layout, every refusal with its message.
 #include "training/dataset.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -295,7 +297,7 @@ TEST_CASE("refuses a COLMAP file that ends anywhere, without crash or huge alloc
   const auto everyTruncation = [&](const std::string& file, const std::string& bytes) {
     for (std::size_t length = 0; length < bytes.size(); length += 1 + length / 40) {
       writeText(folder / file, bytes.substr(0, length));
-      CHECK_THAT(refusal([&] { tg::readColmap(folder.path, "images"); }), Contains("3 ") && Contains(file));
+      CHECK_THAT(refusal([&] { tg::readColmap(folder.path); }), Contains("3 ") && Contains(file));
     }
     writeText(folder / file, bytes);
   };
@@ -304,7 +306,7 @@ TEST_CASE("refuses a COLMAP file that ends anywhere, without crash or huge alloc
   everyTruncation("sparse/0/points3D.bin", whole.points);
   // A count of 2^61 records.
   writeText(folder / "sparse/0/points3D.bin", Bytes().add<std::uint64_t>(std::uint64_t{1} << 61).data());
-  CHECK_THAT(refusal([&] { tg::readColmap(folder.path, "images"); }), Contains("too short"));
+  CHECK_THAT(refusal([&] { tg::readColmap(folder.path); }), Contains("too short"));
 }
 
 TEST_CASE("refuses broken COLMAP content with its place", "[dataset]") {
@@ -410,6 +412,202 @@ TEST_CASE("reads background colours", "[dataset]") {
   }
 }
 
+TEST_CASE("--downscale N reads images_N where it holds the photographs at that size", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapText text;
+  text.cameras = "1 PINHOLE 18 14 20 21 7.5 6.5\n";
+  text.write(folder.path);  // images of 16 x 12 under a camera of 18 x 14
+  const auto reduce = [&](int count, int width, int height) {
+    fs::remove_all(folder / "images_4");
+    for (int i = 0; i < count; i++) {
+      writePicture(folder / "images_4" / ("image" + std::to_string(i) + ".png"), width, height);
+    }
+  };
+  DatasetOptions options;
+  options.downscale = 4;
+  reduce(10, 5, 4);  // 18 / 4 and 14 / 4, rounded up by whoever made them
+  const tg::Dataset reduced = loadDataset(folder.path, options);
+  const tg::Camera& camera = reduced.views[0].camera;
+  CHECK(camera.width == 5);
+  CHECK(camera.height == 4);
+  CHECK(camera.fx == Approx(20.0 * 5 / 18));
+  CHECK(camera.cy == Approx(6.5 * 4 / 14));
+  REQUIRE(reduced.notes.size() == 1);
+  CHECK_THAT(reduced.notes[0], Contains("read from images_4"));
+
+  SECTION("the originals need not be there") {
+    fs::remove_all(folder / "images");
+    CHECK(loadDataset(folder.path, options).views[0].camera.width == 5);
+  }
+  SECTION("another size is not used") {
+    reduce(10, 8, 7);
+    const tg::Dataset dataset = loadDataset(folder.path, options);
+    CHECK(dataset.views[0].camera.width == 4);
+    CHECK_THAT(dataset.notes.at(0), Contains("images_4 is of another size (expected 1/4 of 18 x 14, found 8 x 7)"));
+  }
+  SECTION("an incomplete folder is not used") {
+    reduce(9, 5, 4);
+    const tg::Dataset dataset = loadDataset(folder.path, options);
+    CHECK(dataset.views[0].camera.width == 4);
+    CHECK_THAT(dataset.notes.at(0), Contains("images_4 lacks photographs (found 9 of 10)"));
+  }
+  SECTION("a folder that is named is read as it is") {
+    options.images = "images_4";
+    options.downscale = 2;
+    const tg::Dataset dataset = loadDataset(folder.path, options);
+    CHECK(dataset.views[0].camera.width == 2);
+    CHECK(dataset.views[0].camera.fx == Approx(20.0 * 5 / 18 / 2));
+    CHECK(dataset.notes.empty());
+  }
+}
+
+TEST_CASE("masks are found by name, or named by a frame", "[dataset]") {
+  tg::TemporaryFolder folder;
+  const auto writeMask = [&](const fs::path& path, int hidden) {
+    fs::create_directories(path.parent_path());
+    tg::Image mask(16, 12, 1, 1.0f);
+    for (int x = 0; x < hidden; x++) mask.at(x, 0, 0) = 0;
+    tg::writeImage(path, mask);
+  };
+  const auto hidden = [](const tg::Dataset& dataset, std::size_t view) {
+    const std::vector<std::uint8_t>& mask = dataset.pixels(view)->mask;
+    return mask.empty() ? -1 : static_cast<int>(std::count(mask.begin(), mask.end(), 0));
+  };
+  DatasetOptions all;
+  all.test_every = 0;
+  SECTION("COLMAP") {
+    ColmapText().write(folder.path);
+    writeMask(folder / "masks/image1.png.png", 3);
+    writeMask(folder / "masks/image1.png", 5);  // the longer name goes first
+    writeMask(folder / "masks/image2.png.mask.png", 4);
+    writeMask(folder / "masks/image3.png", 6);
+    const tg::Dataset dataset = loadDataset(folder.path, all);
+    CHECK(hidden(dataset, 0) == -1);
+    CHECK(hidden(dataset, 1) == 3);
+    CHECK(hidden(dataset, 2) == 4);
+    CHECK(hidden(dataset, 3) == 6);
+    REQUIRE(dataset.notes.size() == 1);
+    CHECK_THAT(dataset.notes[0], Contains("3 of 10 photographs have a mask"));
+    fs::remove_all(folder / "masks");
+    writeMask(folder / "masks/other.png", 1);
+    CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("masks holds no mask that goes with a photograph"));
+  }
+  SECTION("JSON") {
+    Json frames = {frame("images/a.png"), frame("images/b.png"), frame("c.png")};
+    for (const char* file : {"images/a.png", "images/b.png", "c.png"}) writePicture(folder / file, 16, 12);
+    frames[0]["mask_path"] = "elsewhere/hide.png";
+    writeMask(folder / "elsewhere/hide.png", 2);
+    writeMask(folder / "masks/a.png", 9);  // a mask that is named wins
+    writeMask(folder / "masks/b.png", 3);
+    writeMask(folder / "masks/c.png", 4);
+    writeText(folder / "transforms.json", pinhole(frames).dump());
+    const tg::Dataset dataset = loadDataset(folder.path, all);
+    CHECK(hidden(dataset, 0) == 2);
+    CHECK(hidden(dataset, 1) == 3);
+    CHECK(hidden(dataset, 2) == 4);
+    fs::remove(folder / "elsewhere/hide.png");
+    CHECK_THAT(refusal(folder.path), Contains("2 ") && Contains("hide.png"));
+    frames[0]["mask_path"] = 7;
+    writeText(folder / "transforms.json", pinhole(frames).dump());
+    CHECK_THAT(refusal(folder.path), Contains("frame 0: 'mask_path' is not a path"));
+  }
+  SECTION("NeRF-synthetic: train and test views of one name have masks of their own") {
+    for (const char* side : {"train", "test"}) {
+      writePicture(folder / side / "r_0.png", 16, 12);
+      writeText(folder / ("transforms_" + std::string(side) + ".json"),
+                Json{{"camera_angle_x", 1.0}, {"frames", {frame("./" + std::string(side) + "/r_0")}}}.dump());
+    }
+    writeMask(folder / "masks/train/r_0.png", 1);
+    writeMask(folder / "masks/test/r_0.png", 2);
+    const tg::Dataset dataset = loadDataset(folder.path);
+    CHECK(hidden(dataset, 0) == 1);
+    CHECK(hidden(dataset, 1) == 2);
+  }
+}
+
+TEST_CASE("nerfstudio's points are in the frame of its poses: applied_transform is not applied again", "[dataset]") {
+  tg::TemporaryFolder folder;
+  for (const char* file : {"images/a.png", "images/b.png"}) writePicture(folder / file, 16, 12);
+  const Json moved = {{1, 0, 0, 4}, {0, 1, 0, 5}, {0, 0, 1, 6}, {0, 0, 0, 1}};
+  Json json = pinhole({frame("images/a.png", moved), frame("./images/b.png")});
+  json["applied_transform"] = {{1, 0, 0, 0}, {0, 0, 1, 0}, {0, -1, 0, 0}};
+  json["ply_file_path"] = "sparse_pc.ply";
+  json["train_filenames"] = {"./images/b.png"};
+  json["test_filenames"] = {"./images/a.png"};
+  writeText(folder / "transforms.json", json.dump());
+  const std::string header = "ply\nformat ascii 1.0\nelement vertex ";
+  const std::string properties = "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+  writeText(folder / "sparse_pc.ply", header + "1" + properties + "1 2 3\n");
+  const tg::Dataset dataset = loadDataset(folder.path);
+  REQUIRE(dataset.points.position.size() == 1);
+  CHECK(dataset.points.position[0] == glm::vec3(1, 2, 3));
+  REQUIRE(dataset.views.size() == 2);
+  CHECK(dataset.views[0].camera.name == "b.png");
+  CHECK(dataset.views[1].camera.test);  // listed, though the first of all names
+  CHECK(dataset.views[1].camera.name == "a.png");
+  CHECK(glm::length(dataset.views[1].camera.position() - glm::dvec3(4, 5, 6)) < 1e-12);
+  DatasetOptions test;
+  test.only_test = true;
+  CHECK(loadDataset(folder.path, test).views.size() == 1);
+  CHECK(loadDataset(folder.path, test).views[0].camera.name == "a.png");
+
+  writeText(folder / "sparse_pc.ply", header + "0" + properties);
+  CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("sparse_pc.ply holds no points"));
+  DatasetOptions points;
+  points.points = folder / "sparse_pc.ply";
+  CHECK_THAT(refusal(folder.path, points), Contains("3 ") && Contains("sparse_pc.ply: holds no points"));
+  json["test_filenames"] = "a.png";
+  writeText(folder / "transforms.json", json.dump());
+  CHECK_THAT(refusal(folder.path), Contains("'test_filenames' is not an array"));
+}
+
+TEST_CASE("the layout that is asked for is the one that is read", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 16, 12);
+  writePicture(folder / "b.png", 16, 12);
+  writeText(folder / "transforms.json", pinhole({frame("a.png")}).dump());
+  DatasetOptions options;
+  options.layout = tg::DatasetLayout::nerfSynthetic;
+  CHECK_THAT(refusal(folder.path, options), Contains("3 ") && Contains("expected transforms_train.json, found "
+                                                                       "transforms.json: use --layout transforms"));
+  writeText(folder / "transforms_train.json", pinhole({frame("b.png")}).dump());
+  CHECK(loadDataset(folder.path, options).views[0].camera.name == "b.png");
+  options.layout = tg::DatasetLayout::transforms;
+  CHECK(loadDataset(folder.path, options).views[0].camera.name == "a.png");
+  fs::remove(folder / "transforms.json");
+  CHECK(loadDataset(folder.path, options).views[0].camera.name == "b.png");
+}
+
+TEST_CASE("a data set reads the same pixels whatever the memory limit; a random background keeps alpha", "[dataset]") {
+  tg::TemporaryFolder folder;
+  Json frames = Json::array();
+  for (int i = 0; i < 6; i++) {
+    const std::string file = std::to_string(i) + ".png";
+    tg::Image image(16, 12, 4, static_cast<float>(i) / 6);
+    tg::writeImage(folder / file, image);
+    frames.push_back(frame(file));
+  }
+  writeText(folder / "transforms.json", pinhole(frames).dump());
+  const tg::Dataset kept = loadDataset(folder.path);
+  CHECK(kept.photographs->keptViews() == 6);
+  DatasetOptions options;
+  options.image_memory = 16 * 12 * 3 * 5;
+  const tg::Dataset streamed = loadDataset(folder.path, options);
+  CHECK(streamed.photographs->keptViews() == 2);
+  CHECK_THAT(streamed.notes.at(0), Contains("4 of 6 are decoded whenever they are needed"));
+  options.random_background = true;
+  const tg::Dataset random = loadDataset(folder.path, options);
+  for (std::size_t i = 0; i < 6; i++) {
+    streamed.prefetch((i + 1) % 6);
+    CHECK(streamed.pixels(i)->rgb == kept.pixels(i)->rgb);
+    CHECK(random.pixels(i)->rgb == kept.pixels(i)->rgb);
+    CHECK(kept.composited(i, glm::vec3(1.0f))->rgb == kept.pixels(i)->rgb);
+  }
+  // View 1 of the training views is 2.png: 2/6 grey at alpha 2/6, 85 of 255, over white.
+  REQUIRE(random.views[1].camera.name == "2.png");
+  CHECK(random.composited(1, glm::vec3(1.0f))->rgb[0] == std::lround(85 * (85 / 255.0) + 255 * (1 - 85 / 255.0)));
+}
+
 TEST_CASE("the extent is 1.1 times the largest distance from the training cameras' mean", "[dataset]") {
   tg::Dataset dataset;
   for (double x : {-1.0, 0.0, 4.0, 100.0}) {
@@ -428,7 +626,7 @@ TEST_CASE("reads the shared scenes; COLMAP and JSON poses of one scene agree", "
     std::cout << "skipped: no data sets at " << shared << " (set TG_SHARED)\n";
     return;
   }
-  const tg::DatasetIndex colmap = tg::readColmap(shared / "data/fox", "images");
+  const tg::DatasetIndex colmap = tg::readColmap(shared / "data/fox");
   const tg::DatasetIndex json = tg::readTransforms(shared / "data/fox");
   REQUIRE(colmap.entries.size() == 50);
   REQUIRE(json.entries.size() == 50);

@@ -13,7 +13,7 @@ using Catch::Matchers::Contains;
 
 TEST_CASE("every setting has its own name and survives its text", "[settings]") {
   std::set<std::string> names;
-  for (const char* preset : {"default", "paper"}) {
+  for (const char* preset : {"default", "quick", "paper"}) {
     const tg::TrainSettings settings = tg::presetSettings(preset);
     tg::checkSettings(settings);
     tg::TrainSettings copy;
@@ -25,7 +25,7 @@ TEST_CASE("every setting has its own name and survives its text", "[settings]") 
     CHECK(copy == settings);
   }
   CHECK(names.size() == tg::settingEntries().size());
-  CHECK_THROWS_WITH(tg::presetSettings("best"), Contains("expected default, paper, found 'best'"));
+  CHECK_THROWS_WITH(tg::presetSettings("best"), Contains("expected default, quick, paper, found 'best'"));
 }
 
 TEST_CASE("values out of range and nonsense are refused by name", "[settings]") {

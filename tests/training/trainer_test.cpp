@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/temporary_folder.h"
+#include "sample_dataset.h"
 #include "support/catch.h"
 #include "training/init.h"
 #include "training/optimizer.h"
@@ -20,31 +21,7 @@ namespace {
 
 constexpr tg::SampleOptions kScene{.size = 48, .train_views = 8, .test_views = 2, .points = 600, .supersampling = 2};
 
-// The built-in scene without a detour over files.
-tg::Dataset sampleDataset(const tg::SampleOptions& options = kScene) {
-  tg::Dataset dataset;
-  dataset.name = "sample";
-  dataset.layout = tg::DatasetLayout::nerfSynthetic;
-  dataset.background = glm::vec3(1.0f);
-  dataset.points = tg::samplePoints(options);
-  const float white[3] = {1, 1, 1};
-  std::vector<tg::Photograph> photographs;
-  for (const bool test : {false, true}) {
-    for (int i = 0; i < (test ? options.test_views : options.train_views); i++) {
-      tg::View view;
-      view.camera = tg::sampleCamera(options, test, i);
-      tg::ViewPixels& pixels = photographs.emplace_back().pixels;
-      pixels.width = view.camera.width;
-      pixels.height = view.camera.height;
-      for (float value : tg::compositeOver(tg::renderSample(options, view.camera), white).data) {
-        pixels.rgb.push_back(static_cast<std::uint8_t>(std::lround(value * 255)));
-      }
-      dataset.views.push_back(std::move(view));
-    }
-  }
-  dataset.photographs = tg::storeInMemory(std::move(photographs));
-  return dataset;
-}
+tg::Dataset sampleDataset() { return tg::test::sampleDataset(kScene); }
 
 tg::TrainSettings shortRun() {
   tg::TrainSettings settings;
@@ -159,6 +136,68 @@ TEST_CASE("the untextured twin does not change the textured result", "[trainer]"
   const tg::TrainResult alone = tg::train(dataset, settings, *renderer);
   settings.compare_untextured = true;
   checkSameBytes(tg::train(dataset, settings, *renderer).model, alone.model);
+}
+
+TEST_CASE("stage 2 on a saved stage-1 model is stage 2 of one run", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = settings.texture_iterations = 20;
+  const tg::TrainResult whole = tg::train(dataset, settings, *renderer);
+  settings.texture_iterations = 0;
+  const tg::GaussianModel plain = tg::train(dataset, settings, *renderer).model;
+  settings.iterations = 0;
+  settings.texture_iterations = 20;
+  checkSameBytes(tg::train(dataset, settings, *renderer, {}, plain).model, whole.model);
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer, {}, whole.model),
+                    Catch::Matchers::Contains("the start model has textures already"));
+}
+
+TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  SECTION("MCMC reaches its cap exactly") {
+    settings.densification = tg::Densification::mcmc;
+    settings.gaussians = 700;
+  }
+  SECTION("magnitudes") { settings.densify_score = tg::DensifyScore::magnitudes; }
+  SECTION("3D filter") { settings.filter_3d = true; }
+  SECTION("random start, fixed count") {
+    settings.start = tg::Start::random;
+    settings.init_count = 900;
+    settings.densification = tg::Densification::none;
+  }
+  SECTION("texels by footprint, plane in stage 2") {
+    settings.texture_sizes = tg::TextureSizes::footprint;
+    settings.texel_budget = 3000;
+    settings.texture_intersection = tg::TextureIntersection::plane;
+  }
+  SECTION("the paper's texels") { settings.texture_init = tg::TextureInit::paper; }
+  SECTION("a share of the default count") {
+    settings.percent = 50;
+    settings.iterations = 120;
+  }
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer);
+  tg::checkModel(result.model, "model");
+  REQUIRE(result.report.textured);
+  CHECK(result.report.textured->loss < result.report.plain.loss);
+  CHECK(result.report.plain.test->psnr > 15);
+  if (settings.densification == tg::Densification::mcmc) CHECK(result.model.size() == 700);
+  if (settings.densification == tg::Densification::none) CHECK(result.model.size() == 900);
+  if (settings.texel_budget > 0) CHECK(result.model.atlas.texels.size() <= 3000);
+  if (settings.texture_intersection == tg::TextureIntersection::plane) {
+    CHECK(result.model.intersection == tg::IntersectionModel::plane);
+  }
+  if (settings.texture_init == tg::TextureInit::paper) {
+    for (const glm::vec4& texel : result.model.atlas.texels) REQUIRE((texel.r >= 0 && texel.r <= 1));
+  }
+  if (settings.percent > 0) {
+    REQUIRE(result.report.count);
+    CHECK(result.model.size() <= (result.report.count->gaussians + 1) / 2);
+    CHECK(result.model.atlas.rects[0].width == 6);
+  }
 }
 
 TEST_CASE("densification obeys the cap, and the start does too", "[trainer]") {

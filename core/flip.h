@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// LDR-FLIP: how different two pictures look when flipped between (Andersson et al., HPG 2020).
+#pragma once
+#include "core/image.h"
+#include "core/metrics.h"
+
+namespace tg {
+
+// A 0.7 m wide monitor of 3840 pixels seen from 0.7 m: the paper's default. [pixels per degree of vision]
+constexpr double kFlipPixelsPerDegree = 67.020643276582255;
+
+// The error of every pixel, in [0, 1], 1 channel. Both images have 3 channels, sRGB; values are clamped to [0, 1].
+// Where the mask is 0 the test picture is taken to be the reference: no error, there or from there.
+Image flipMap(const Image& reference, const Image& test, Mask mask = {},
+              double pixels_per_degree = kFlipPixelsPerDegree);
+// Its mean over the pixels that count.
+double flip(const Image& map, Mask mask = {});
+
+}  // namespace tg

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer as a process of its own.
+#include "training/watch.h"
+
+#include <spawn.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <system_error>
+
+#include "core/error.h"
+
+namespace tg {
+namespace {
+
+std::filesystem::path viewerProgram() {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (error) throw Error(ErrorKind::device, "--watch: cannot tell where this program lies: " + error.message());
+  return self.parent_path() / "tgview";
+}
+
+}  // namespace
+
+void requireViewer() {
+  const std::filesystem::path viewer = viewerProgram();
+  if (::access(viewer.c_str(), X_OK) != 0) {
+    throw Error(ErrorKind::device, "--watch: no viewer (expected " + viewer.string() + ", built with TG_VIEWER)");
+  }
+  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) {
+    throw Error(ErrorKind::device, "--watch: no display (expected DISPLAY or WAYLAND_DISPLAY to be set)");
+  }
+}
+
+void startViewer(const std::filesystem::path& folder) {
+  requireViewer();
+  const std::string viewer = viewerProgram().string(), shown = folder.string();
+  std::string words[] = {viewer, "--follow", "--", shown};
+  char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
+  posix_spawnattr_t attributes;
+  if (const int error = ::posix_spawnattr_init(&attributes)) {
+    throw Error(ErrorKind::device, viewer, "cannot start: " + std::generic_category().message(error));
+  }
+  const std::unique_ptr<posix_spawnattr_t, int (*)(posix_spawnattr_t*)> destroyed(&attributes,
+                                                                                  ::posix_spawnattr_destroy);
+  // A process group of its own keeps the terminal's Ctrl-C away; the training's handlers are reset by exec itself.
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  ::posix_spawnattr_setpgroup(&attributes, 0);
+  pid_t process = 0;
+  if (const int error = ::posix_spawn(&process, viewer.c_str(), nullptr, &attributes, arguments, environ)) {
+    throw Error(ErrorKind::device, viewer, "cannot start: " + std::generic_category().message(error));
+  }
+}
+
+}  // namespace tg

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// --watch: tgview on a run folder, beside the training.
+#pragma once
+#include <filesystem>
+
+namespace tg {
+
+// Before hours of training. Throws Error(device) when there is no tgview beside this program or no display to open its
+// window on.
+void requireViewer();
+
+// Starts `tgview --follow FOLDER` and returns at once. The window belongs to itself: Ctrl-C in the terminal does not
+// close it, nor does the end of the training. Throws what requireViewer does.
+void startViewer(const std::filesystem::path& folder);
+
+}  // namespace tg
