@@ -36,6 +36,13 @@ struct GradientOptions {
   bool texture_in_suffix = true;
 };
 
+// Where a step's time went.
+struct PhaseTime {
+  const char* name;
+  double wall;       // [ms]
+  double processor;  // [ms] of all threads together
+};
+
 class DifferentiableRenderer {
  public:
   virtual ~DifferentiableRenderer() = default;
@@ -47,6 +54,8 @@ class DifferentiableRenderer {
   // Same bytes for any thread count.
   virtual void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient,
                         const GradientOptions& options = {}) = 0;
+  // Of the last forward() and backward(), in order of execution.
+  virtual std::span<const PhaseTime> phaseTimes() const = 0;
 };
 
 std::unique_ptr<DifferentiableRenderer> makeCpuDifferentiableRenderer();

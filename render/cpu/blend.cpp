@@ -3,7 +3,6 @@
 #include "render/cpu/blend.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "core/parallel.h"
 
@@ -36,13 +35,17 @@ struct BlendArgs {
 HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
 
-// Pixel state of a tile, [column][row][lane].
-struct ColorState {
-  alignas(64) float transmittance[kTilePixels];  // negative: the pixel is done, its magnitude is what is left
-  alignas(64) float color[3][kTilePixels];       // of base and texture, or of the base alone with kAll
-  alignas(64) std::int32_t stop[kTilePixels];
-  std::uint32_t live[kColumns];  // bit r: some pixel of row r of this column is not done
+// Pixel state of a block. Interleaved: one stream of stores, and nothing that aliases at the same page offset.
+struct PixelBlock {
+  alignas(4 * kLanes) float transmittance[kLanes];  // negative: the pixel is done, its magnitude is what is left
+  float color[3][kLanes];                           // of base and texture, or of the base alone with kAll
 };
+struct ColorState {
+  alignas(64) PixelBlock blocks[kBlocks];
+  alignas(64) std::int32_t stop[kTilePixels];
+  BlockSet live;  // blocks with a pixel that is not done
+};
+// [block, lane]
 struct OutputState {
   alignas(64) float texture[3][kTilePixels];
   alignas(64) float normal[3][kTilePixels];
@@ -52,98 +55,98 @@ struct OutputState {
 
 HWY_INLINE void addTo(float* at, V weight, V value) { hn::Store(hn::MulAdd(weight, value, hn::Load(df, at)), df, at); }
 
-// A texture at the blocks of a splat.
-struct TextureBlocks {
-  alignas(64) float color[3][Blocks::kMax * kLanes];  // 0 where it does not apply
+// A texture at the samples of a splat.
+struct TextureSamples {
+  alignas(64) float color[kBlocks][3][kLanes];  // 0 where it does not apply
 };
 
-// Fills `texture_blocks`, multiplies the values of `blocks` by the alpha factor and drops what falls below the cut.
+// Fills `colors`, multiplies the values of `samples` by the alpha factor and drops what falls below the cut.
 HWY_INLINE void applyTexture(const Splat& s, const glm::vec4* texels, const View& view, const Rows& rows, int tile_x,
-                             Blocks& blocks, TextureBlocks& texture_blocks) {
+                             Samples& samples, TextureSamples& colors) {
   const Texture texture = makeTexture(s, texels);
-  for (int column = 0; column < kColumns; ++column) {
-    const V x = columnX(s, tile_x, column);
-    for (int i = blocks.begin[column]; i < blocks.begin[column + 1]; ++i) {
-      const V value = hn::Load(df, blocks.value + i * kLanes);
-      const TexturePoint at = locate(texture, localRay(s, rows.y[blocks.row[i]], x),
-                                     hn::Load(df, blocks.inverse_d2 + i * kLanes), hn::Gt(value, hn::Zero(df)));
-      const Corners corners = cornerWeights(at);
-      V color[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
-      V alpha = hn::Zero(df);
-      forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
-        for (int k = 0; k < 4; ++k) {
-          const float* texel = texture.texels + cell + cornerStep(texture, k);
-          const V weight = hn::IfThenElseZero(lanes, corners.weight[k]);
-          if (view.texture_rgb) {
-            for (int ch = 0; ch < 3; ++ch) color[ch] = hn::MulAdd(weight, set(texel[ch]), color[ch]);
-          }
-          alpha = hn::MulAdd(weight, set(texel[3] - 1.0f), alpha);
+  for (int i = 0; i < samples.count; ++i) {
+    Sample& sample = samples.at[i];
+    const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
+    const V value = hn::Load(df, sample.value);
+    const TexturePoint at = locate(texture, localRay(s, rows.y[samples.row(i)], x), hn::Load(df, sample.inverse_d2),
+                                   hn::Gt(value, hn::Zero(df)));
+    const Corners corners = cornerWeights(at);
+    V color[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
+    V alpha = hn::Zero(df);
+    forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
+      for (int k = 0; k < 4; ++k) {
+        const float* texel = texture.texels + cell + cornerStep(texture, k);
+        const V weight = hn::IfThenElseZero(lanes, corners.weight[k]);
+        if (view.texture_rgb) {
+          for (int ch = 0; ch < 3; ++ch) color[ch] = hn::MulAdd(weight, set(texel[ch]), color[ch]);
         }
-      });
-      for (int ch = 0; ch < 3; ++ch) hn::Store(color[ch], df, texture_blocks.color[ch] + i * kLanes);
-      if (view.texture_alpha) {
-        hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, alpha))), df, blocks.value + i * kLanes);
+        alpha = hn::MulAdd(weight, set(texel[3] - 1.0f), alpha);
       }
-    }
+    });
+    for (int ch = 0; ch < 3; ++ch) hn::Store(color[ch], df, colors.color[i][ch]);
+    if (view.texture_alpha) hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, alpha))), df, sample.value);
   }
 }
 
 // Blends one splat into a tile.
 template <bool kAll, bool kTexture>
-HWY_INLINE void blendSplat(const Splat& s, std::uint32_t position, int tile_x, const Rows& rows, const Blocks& blocks,
-                           const TextureBlocks& texture, ColorState& state, OutputState& outputs) {
-  for (int column = 0; column < kColumns; ++column) {
-    const V x = columnX(s, tile_x, column);
-    for (int i = blocks.begin[column]; i < blocks.begin[column + 1]; ++i) {
-      const int at = blocks.at[i];
-      const V alpha = hn::Min(hn::Load(df, blocks.value + i * kLanes), set(kAlphaMax));
-      const V transmittance = hn::Load(df, state.transmittance + at);
-      const V next = hn::Mul(transmittance, hn::Sub(set(1.0f), alpha));
-      const M goes_on = hn::Ge(next, set(kTransmittanceStop));
-      V left = hn::IfThenElse(goes_on, next, transmittance);
-      const M ends = hn::AndNot(goes_on, hn::Gt(transmittance, hn::Zero(df)));
-      if (HWY_UNLIKELY(!hn::AllFalse(df, ends))) {
-        left = hn::IfThenElse(ends, hn::Neg(transmittance), left);
-        hn::BlendedStore(hn::Set(di, static_cast<std::int32_t>(position)), hn::RebindMask(di, ends), di,
-                         state.stop + at);
-        if (hn::AllTrue(df, hn::Le(left, hn::Zero(df)))) state.live[column] &= ~(1u << blocks.row[i]);
+HWY_INLINE void blendSplat(const Splat& s, std::uint32_t position, int tile_x, const Rows& rows, const Samples& samples,
+                           const TextureSamples& texture, ColorState& state, OutputState& outputs) {
+  const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
+  for (int i = 0; i < samples.count; ++i) {
+    const int block = samples.block[i];
+    const Sample& sample = samples.at[i];
+    PixelBlock& pixels = state.blocks[block];
+    const V transmittance = hn::Load(df, pixels.transmittance);
+    const V blended = hn::Mul(transmittance, hn::Min(hn::Load(df, sample.value), set(kAlphaMax)));
+    const V next = hn::Sub(transmittance, blended);
+    const M goes_on = hn::Ge(next, set(kTransmittanceStop));
+    V left = hn::IfThenElse(goes_on, next, transmittance);
+    const M ends = hn::AndNot(goes_on, hn::Gt(transmittance, hn::Zero(df)));
+    if (HWY_UNLIKELY(!hn::AllFalse(df, ends))) {
+      left = hn::IfThenElse(ends, hn::Neg(transmittance), left);
+      hn::BlendedStore(hn::Set(di, static_cast<std::int32_t>(position)), hn::RebindMask(di, ends), di,
+                       state.stop + block * kLanes);
+      if (hn::AllTrue(df, hn::Le(left, hn::Zero(df)))) {
+        state.live.words[block / 64] &= ~(std::uint64_t{1} << (block % 64));
       }
-      hn::Store(left, df, state.transmittance + at);
-      const V weight = hn::IfThenElseZero(goes_on, hn::Mul(alpha, transmittance));
-      for (int ch = 0; ch < 3; ++ch) {
-        V color = set(s.base[ch]);
-        if constexpr (kTexture && !kAll) color = hn::Add(color, hn::Load(df, texture.color[ch] + i * kLanes));
-        addTo(state.color[ch] + at, weight, color);
-        if constexpr (kAll) {
-          addTo(outputs.normal[ch] + at, weight, set(s.normal[ch]));
-          if constexpr (kTexture) {
-            addTo(outputs.texture[ch] + at, weight, hn::Load(df, texture.color[ch] + i * kLanes));
-          }
+    }
+    hn::Store(left, df, pixels.transmittance);
+    const V weight = hn::IfThenElseZero(goes_on, blended);
+    for (int ch = 0; ch < 3; ++ch) {
+      V color = base[ch];
+      if constexpr (kTexture && !kAll) color = hn::Add(color, hn::Load(df, texture.color[i][ch]));
+      addTo(pixels.color[ch], weight, color);
+      if constexpr (kAll) {
+        addTo(outputs.normal[ch] + block * kLanes, weight, set(s.normal[ch]));
+        if constexpr (kTexture) {
+          addTo(outputs.texture[ch] + block * kLanes, weight, hn::Load(df, texture.color[i][ch]));
         }
       }
-      if constexpr (kAll) {
-        const V inverse_d2 = hn::Load(df, blocks.inverse_d2 + i * kLanes);
-        addTo(outputs.depth + at, weight, hitDepth(s, rows.y[blocks.row[i]], x, inverse_d2));
-        const V blended = hn::IfThenElseZero(hn::Gt(weight, hn::Zero(df)), set(1.0f));
-        addTo(outputs.count + at, blended, set(1.0f));
-      }
+    }
+    if constexpr (kAll) {
+      const V x = columnX(s, tile_x, block / kTileHeight);
+      const V depth = hitDepth(s, rows.y[block % kTileHeight], x, hn::Load(df, sample.inverse_d2));
+      addTo(outputs.depth + block * kLanes, weight, depth);
+      const V shows = hn::IfThenElseZero(hn::Gt(weight, hn::Zero(df)), set(1.0f));
+      addTo(outputs.count + block * kLanes, shows, set(1.0f));
     }
   }
 }
 
 // Marks pixels outside the image as done.
 HWY_INLINE void clear(ColorState& state, int width, int height, std::int32_t list_size) {
-  std::fill_n(&state.color[0][0], 3 * kTilePixels, 0.0f);
   std::fill_n(state.stop, kTilePixels, list_size);
-  for (int column = 0; column < kColumns; ++column) {
-    state.live[column] = 0;
-    for (int row = 0; row < kTileHeight; ++row) {
-      if (row < height && column * kLanes < width) state.live[column] |= 1u << row;
-      for (int lane = 0; lane < kLanes; ++lane) {
-        const bool in_image = row < height && column * kLanes + lane < width;
-        state.transmittance[offsetOf(column, row) + lane] = in_image ? 1.0f : -1.0f;
-      }
-    }
+  state.live = {};
+  for (int block = 0; block < kBlocks; ++block) {
+    const int row = block % kTileHeight;
+    const int column = block / kTileHeight;
+    const int columns_left = row < height ? std::clamp(width - column * kLanes, 0, kLanes) : 0;
+    PixelBlock& pixels = state.blocks[block];
+    hn::Store(hn::IfThenElse(hn::FirstN(df, static_cast<std::size_t>(columns_left)), set(1.0f), set(-1.0f)), df,
+              pixels.transmittance);
+    for (int ch = 0; ch < 3; ++ch) hn::Store(hn::Zero(df), df, pixels.color[ch]);
+    if (columns_left > 0) state.live.words[block / 64] |= std::uint64_t{1} << (block % 64);
   }
 }
 
@@ -155,42 +158,51 @@ void blendTile(const BlendArgs& args, int tile) {
   const int width = std::min(kTileWidth, view.width - tile_x);
   const int height = std::min(kTileHeight, view.height - tile_y);
   const std::span<const std::uint32_t> list = args.lists.list(tile);
+  std::uint64_t* record = nullptr;
+  if constexpr (!kAll) record = args.record->blocks.data() + std::size_t{args.lists.begin[tile]} * kWords;
 
   ColorState state;
   clear(state, width, height, static_cast<std::int32_t>(list.size()));
   OutputState outputs;
   if constexpr (kAll) outputs = {};
   Rows rows;
-  Blocks blocks;
-  TextureBlocks texture;
-  const auto any_lane = [](int) HWY_ATTR { return hn::FirstN(df, kLanes); };
-  for (std::uint32_t position = 0; position < list.size(); ++position) {
+  Samples samples;
+  TextureSamples texture;
+  const auto any_lane = [](M visible, int) HWY_ATTR { return visible; };
+  constexpr Keep kKeepUntextured = kAll ? Keep::hit : Keep::value;
+  std::uint32_t position = 0;
+  for (; position < list.size() && !empty(state.live); ++position) {
     const Splat& s = args.splats[list[position]];
     if (position + 2 < list.size()) {
       prefetchSplat(args.splats[list[position + 2]]);
       prefetchTexels(args.splats[list[position + 1]], args.texels);
     }
-    if (!prepareRows(s, tile_x, tile_y, rows)) continue;
-    for (int column = 0; column < kColumns; ++column) rows.active[column] &= state.live[column];
-    evaluateBlocks(s, rows, tile_x, any_lane, blocks);
+    BlockSet candidates = findBlocks(s, tile_x, tile_y, rows);
+    for (int word = 0; word < kWords; ++word) candidates.words[word] &= state.live.words[word];
     if (s.texture_width > 0) {
-      applyTexture(s, args.texels, view, rows, tile_x, blocks, texture);
-      blendSplat<kAll, true>(s, position, tile_x, rows, blocks, texture, state, outputs);
+      evaluate<Keep::hit>(s, rows, tile_x, candidates, any_lane, samples);
+      applyTexture(s, args.texels, view, rows, tile_x, samples, texture);
+      blendSplat<kAll, true>(s, position, tile_x, rows, samples, texture, state, outputs);
     } else {
-      blendSplat<kAll, false>(s, position, tile_x, rows, blocks, texture, state, outputs);
+      evaluate<kKeepUntextured>(s, rows, tile_x, candidates, any_lane, samples);
+      blendSplat<kAll, false>(s, position, tile_x, rows, samples, texture, state, outputs);
     }
-    std::uint32_t live = 0;
-    for (int column = 0; column < kColumns; ++column) live |= state.live[column];
-    if (live == 0) break;
+    if constexpr (!kAll) std::copy_n(samples.set.words, kWords, record + std::size_t{position} * kWords);
+  }
+  if constexpr (!kAll) {
+    std::fill_n(record + std::size_t{position} * kWords, (list.size() - position) * kWords, std::uint64_t{0});
   }
 
   for (int row = 0; row < height; ++row) {
     for (int x = 0; x < width; ++x) {
-      const int at = offsetOf(x / kLanes, row) + x % kLanes;
+      const int block = x / kLanes * kTileHeight + row;
+      const int at = block * kLanes + x % kLanes;
+      const PixelBlock& pixels = state.blocks[block];
       const std::size_t pixel = static_cast<std::size_t>(tile_y + row) * view.width + tile_x + x;
-      const float transmittance = std::abs(state.transmittance[at]);
+      const float transmittance = std::abs(pixels.transmittance[x % kLanes]);
       const glm::vec3 color =
-          glm::vec3(state.color[0][at], state.color[1][at], state.color[2][at]) + transmittance * view.background;
+          glm::vec3(pixels.color[0][x % kLanes], pixels.color[1][x % kLanes], pixels.color[2][x % kLanes]) +
+          transmittance * view.background;
       if constexpr (kAll) {
         Frame& frame = *args.frame;
         const float sum = 1.0f - transmittance;
@@ -212,6 +224,7 @@ void blendTile(const BlendArgs& args, int tile) {
 
 void blendFrameTile(const BlendArgs& args, int tile) { blendTile<true>(args, tile); }
 void blendPictureTile(const BlendArgs& args, int tile) { blendTile<false>(args, tile); }
+int blockWords() { return kWords; }
 
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -220,6 +233,7 @@ HWY_AFTER_NAMESPACE();
 namespace tg::cpu {
 HWY_EXPORT(blendFrameTile);
 HWY_EXPORT(blendPictureTile);
+HWY_EXPORT(blockWords);
 
 void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& lists, const glm::vec4* texels,
                 Frame& frame) {
@@ -233,6 +247,8 @@ void blendPicture(const View& view, const ScreenSplats& screen, const TileLists&
   picture.resize(static_cast<std::size_t>(view.width) * view.height);
   record.transmittance.resize(static_cast<std::size_t>(lists.tiles()) * kTilePixels);
   record.stop.resize(record.transmittance.size());
+  record.words_per_pair = HWY_DYNAMIC_DISPATCH(blockWords)();
+  record.blocks.resize(lists.splats.size() * static_cast<std::size_t>(record.words_per_pair));
   const BlendArgs args{view, screen.splats.data(), lists, texels, nullptr, &picture, &record};
   parallelFor(lists.tiles(), 1,
               [&](std::int64_t tile) { HWY_DYNAMIC_DISPATCH(blendPictureTile)(args, static_cast<int>(tile)); });

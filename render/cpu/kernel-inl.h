@@ -32,7 +32,30 @@ constexpr Floats df;
 constexpr Ints di;
 constexpr int kLanes = static_cast<int>(hn::MaxLanes(Floats()));
 constexpr int kColumns = kTileWidth / kLanes;  // vectors side by side in a tile
-static_assert(kTileWidth % kLanes == 0 && kTileHeight % kLanes == 0 && kTileHeight <= 32);
+constexpr int kBlocks = kColumns * kTileHeight;
+constexpr int kWords = (kBlocks + 63) / 64;
+static_assert(kTileWidth % kLanes == 0 && kTileHeight % kLanes == 0 && 64 % kTileHeight == 0);
+
+// A block is a vector of pixels: column b / kTileHeight, row b % kTileHeight of a tile. A set of blocks is a bit mask:
+// one loop over its bits serves a whole tile, and ends with one branch that the processor guesses wrong.
+struct BlockSet {
+  std::uint64_t words[kWords];
+};
+HWY_INLINE bool empty(const BlockSet& set) {
+  std::uint64_t any = 0;
+  for (const std::uint64_t word : set.words) any |= word;
+  return any == 0;
+}
+// Number of blocks in columns before `column`.
+HWY_INLINE int countBefore(const BlockSet& set, int column) {
+  const int end = column * kTileHeight;
+  int count = 0;
+  for (int word = 0; word < kWords && word * 64 < end; ++word) {
+    const int bits = end - word * 64;
+    count += std::popcount(bits >= 64 ? set.words[word] : set.words[word] & ((std::uint64_t{1} << bits) - 1));
+  }
+  return count;
+}
 
 constexpr std::size_t kCacheLine = 64;
 
@@ -47,9 +70,6 @@ HWY_INLINE void prefetchTexels(const Splat& s, const glm::vec4* texels) {
   const char* first = reinterpret_cast<const char*>(texels + s.texel_offset);
   for (std::size_t line = 0; line < std::min<std::size_t>(bytes, 1024); line += kCacheLine) hwy::Prefetch(first + line);
 }
-
-// Pixel state is stored [column][row][lane].
-HWY_INLINE int offsetOf(int column, int row) { return (column * kTileHeight + row) * kLanes; }
 
 HWY_INLINE V set(float value) { return hn::Set(df, value); }
 
@@ -66,12 +86,12 @@ HWY_INLINE V exp2Bounded(V x) {
   x = hn::Max(x, set(-125.0f));
   const V rounded = hn::Add(x, round);
   const V f = hn::Sub(x, hn::Sub(rounded, round));
-  V p = set(1.3276472e-3f);
-  p = hn::MulAdd(p, f, set(9.6755413e-3f));
-  p = hn::MulAdd(p, f, set(5.5507133e-2f));
-  p = hn::MulAdd(p, f, set(2.4022120e-1f));
-  p = hn::MulAdd(p, f, set(6.9314697e-1f));
-  p = hn::MulAdd(p, f, set(1.0000001f));
+  // Estrin's order: half the latency of Horner's.
+  const V f2 = hn::Mul(f, f);
+  const V low = hn::MulAdd(set(6.9314697e-1f), f, set(1.0000001f));
+  const V middle = hn::MulAdd(set(5.5507133e-2f), f, set(2.4022120e-1f));
+  const V high = hn::MulAdd(set(1.3276472e-3f), f, set(9.6755413e-3f));
+  const V p = hn::MulAdd(hn::MulAdd(high, f2, middle), f2, low);
   const VI exponent = hn::ShiftLeft<23>(hn::BitCast(di, rounded));
   return hn::BitCast(df, hn::Add(hn::BitCast(di, p), exponent));
 }
@@ -83,121 +103,158 @@ struct Rows {
   alignas(64) float w2[kTileHeight];  // (w_yy y)^2
   alignas(64) float d[kTileHeight];   // d_xy y + d_x1
   alignas(64) float d2[kTileHeight];  // (d_yy y + d_y1)^2 + d_11^2
-  std::uint32_t active[kColumns];     // bit r: row r may show the splat in this column of vectors
 };
-
-// Fills `rows` and returns whether the splat may show at all in the tile whose first pixel is (tile_x, tile_y). A row's
-// span solves power <= radius2, a quadratic in x; it may be wider than the truth, never narrower.
-HWY_INLINE bool prepareRows(const Splat& s, int tile_x, int tile_y, Rows& rows) {
-  const int first_row = std::max(s.y0 - tile_y, 0);
-  const int end_row = std::min(s.y1 - tile_y, kTileHeight);
-  const int first_column = std::max(s.x0 - tile_x, 0) / kLanes;
-  const int last_column = std::min(s.x1 - 1 - tile_x, kTileWidth - 1) / kLanes;
-  for (int c = 0; c < kColumns; ++c) rows.active[c] = 0;
-  if (first_row >= end_row || first_column > last_column) return false;
-  const std::uint32_t row_bits = (end_row == 32 ? ~0u : (1u << end_row) - 1u) & ~((1u << first_row) - 1u);
-
-  const float leading = s.w_xx * s.w_xx - s.radius2 * s.d_xx * s.d_xx;
-  const bool bounded =
-      leading > 1e-3f * s.w_xx * s.w_xx;  // else the conic is no ellipse, or too near to one that isn't
-  const V inverse = set(bounded ? 1.0f / leading : 0.0f);
-  const float origin = s.center_x - static_cast<float>(tile_x);
-  std::uint32_t any = 0;
-  for (int r = first_row / kLanes * kLanes; r < end_row; r += kLanes) {
-    const V pixel_y = hn::Add(hn::Iota(df, static_cast<float>(r) + 0.5f), set(static_cast<float>(tile_y)));
-    const V y = hn::Sub(pixel_y, set(s.center_y));
-    const V w = hn::Mul(set(s.w_xy), y);
-    const V wy = hn::Mul(set(s.w_yy), y);
-    const V w2 = hn::Mul(wy, wy);
-    const V d = hn::MulAdd(set(s.d_xy), y, set(s.d_x1));
-    const V dy = hn::MulAdd(set(s.d_yy), y, set(s.d_y1));
-    const V d2 = hn::MulAdd(dy, dy, set(s.d_11 * s.d_11));
-    hn::Store(y, df, rows.y + r);
-    hn::Store(w, df, rows.w + r);
-    hn::Store(w2, df, rows.w2 + r);
-    hn::Store(d, df, rows.d + r);
-    hn::Store(d2, df, rows.d2 + r);
-
-    // radius2 (w_xx d - d_xx w)^2 - leading (w2 - radius2 d2): the discriminant without its cancelling terms.
-    const V radius2 = set(s.radius2);
-    const V cross = hn::Sub(hn::Mul(set(s.w_xx), d), hn::Mul(set(s.d_xx), w));
-    const V rest = hn::NegMulAdd(radius2, d2, w2);
-    const V discriminant = hn::NegMulAdd(set(leading), rest, hn::Mul(radius2, hn::Mul(cross, cross)));
-    const V half_b = hn::NegMulAdd(hn::Mul(radius2, set(s.d_xx)), d, hn::Mul(set(s.w_xx), w));
-    const V middle = hn::NegMulAdd(half_b, inverse, set(origin));
-    const V half = hn::MulAdd(hn::Sqrt(hn::Max(discriminant, hn::Zero(df))), inverse, set(s.margin));
-    const V low = hn::Sub(middle, half);
-    const V high = hn::Add(middle, half);
-    const M meets = hn::Ge(discriminant, hn::Zero(df));
-    for (int c = first_column; c <= last_column; ++c) {
-      const float left = static_cast<float>(c * kLanes) + 0.5f;
-      const M inside = hn::And(hn::Ge(high, set(left)), hn::Le(low, set(left + static_cast<float>(kLanes - 1))));
-      const std::uint32_t bits = bounded ? bitsOf(hn::And(meets, inside)) : (1u << kLanes) - 1u;
-      rows.active[c] |= (bits << r) & row_bits;
-      any |= rows.active[c];
-    }
-  }
-  return any != 0;
+// Rows of a tile that a splat's screen box meets.
+struct RowRange {
+  int begin, end;
+};
+HWY_INLINE RowRange rowRange(const Splat& s, int tile_y) {
+  return {std::max(s.y0 - tile_y, 0), std::min(s.y1 - tile_y, kTileHeight)};
 }
 
-// Offset of the pixels of a column of vectors from the splat's centre.
+// Fills rows [r, r + kLanes).
+HWY_INLINE void fillRows(const Splat& s, int tile_y, int r, Rows& rows) {
+  const V pixel_y = hn::Add(hn::Iota(df, static_cast<float>(r) + 0.5f), set(static_cast<float>(tile_y)));
+  const V y = hn::Sub(pixel_y, set(s.center_y));
+  const V wy = hn::Mul(set(s.w_yy), y);
+  const V dy = hn::MulAdd(set(s.d_yy), y, set(s.d_y1));
+  hn::Store(y, df, rows.y + r);
+  hn::Store(hn::Mul(set(s.w_xy), y), df, rows.w + r);
+  hn::Store(hn::Mul(wy, wy), df, rows.w2 + r);
+  hn::Store(hn::MulAdd(set(s.d_xy), y, set(s.d_x1)), df, rows.d + r);
+  hn::Store(hn::MulAdd(dy, dy, set(s.d_11 * s.d_11)), df, rows.d2 + r);
+}
+HWY_INLINE void fillRows(const Splat& s, int tile_y, Rows& rows) {
+  const RowRange range = rowRange(s, tile_y);
+  for (int r = range.begin / kLanes * kLanes; r < range.end; r += kLanes) fillRows(s, tile_y, r, rows);
+}
+
+// Fills `rows` and returns the blocks that may show the splat. A row's span solves exponent >= log2(kAlphaMin), a
+// quadratic in x; it may be wider than the truth, never narrower.
+HWY_INLINE BlockSet findBlocks(const Splat& s, int tile_x, int tile_y, Rows& rows) {
+  BlockSet blocks{};
+  const RowRange range = rowRange(s, tile_y);
+  const float leading = s.w_xx * s.w_xx - s.radius2 * s.d_xx * s.d_xx;
+  // Else the conic is no ellipse, or too near to one that isn't.
+  const bool bounded = leading > 1e-3f * s.w_xx * s.w_xx;
+  const V inverse = set(bounded ? 1.0f / leading : 0.0f);
+  const V origin = set(s.center_x - static_cast<float>(tile_x));
+  const V radius2 = set(s.radius2);
+  const V radius2_d_xx = set(s.radius2 * s.d_xx);
+  for (int r = range.begin / kLanes * kLanes; r < range.end; r += kLanes) {
+    fillRows(s, tile_y, r, rows);
+    const V w = hn::Load(df, rows.w + r);
+    const V d = hn::Load(df, rows.d + r);
+    // radius2 (w_xx d - d_xx w)^2 - leading (w2 - radius2 d2): the discriminant without its cancelling terms.
+    const V cross = hn::Sub(hn::Mul(set(s.w_xx), d), hn::Mul(set(s.d_xx), w));
+    const V rest = hn::NegMulAdd(radius2, hn::Load(df, rows.d2 + r), hn::Load(df, rows.w2 + r));
+    const V discriminant = hn::NegMulAdd(set(leading), rest, hn::Mul(radius2, hn::Mul(cross, cross)));
+    const V half_b = hn::NegMulAdd(radius2_d_xx, d, hn::Mul(set(s.w_xx), w));
+    const V middle = hn::NegMulAdd(half_b, inverse, origin);
+    const V half = hn::MulAdd(hn::Sqrt(hn::Max(discriminant, hn::Zero(df))), inverse, set(s.margin));
+    // No row meets: the span is turned inside out.
+    const V low = hn::IfThenElse(hn::Ge(discriminant, hn::Zero(df)), hn::Sub(middle, half), set(2.0f * kTileWidth));
+    const V high = hn::Add(middle, half);
+    const int first = std::max(range.begin - r, 0);
+    const int end = std::min(range.end - r, kLanes);
+    const std::uint32_t row_bits = ((1u << end) - 1u) & ~((1u << first) - 1u);
+    for (int c = 0; c < kColumns; ++c) {
+      const float left = static_cast<float>(c * kLanes) + 0.5f;
+      const M inside = hn::And(hn::Ge(high, set(left)), hn::Le(low, set(left + static_cast<float>(kLanes - 1))));
+      const std::uint64_t bits = (bounded ? bitsOf(inside) : ~0u) & row_bits;
+      const int block = c * kTileHeight + r;
+      blocks.words[block / 64] |= bits << (block % 64);
+    }
+  }
+  // An unbounded span still ends at the screen box.
+  if (HWY_UNLIKELY(!bounded)) {
+    for (int c = 0; c < kColumns; ++c) {
+      const int left = tile_x + c * kLanes;
+      if (left < s.x1 && left + kLanes > s.x0) continue;
+      const int block = c * kTileHeight;
+      const std::uint64_t column = kTileHeight == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << (kTileHeight % 64)) - 1;
+      blocks.words[block / 64] &= ~(column << (block % 64));
+    }
+  }
+  return blocks;
+}
+
+// Offset of the pixels of a column of blocks from the splat's centre.
 HWY_INLINE V columnX(const Splat& s, int tile_x, int column) {
   const float first = static_cast<float>(tile_x + column * kLanes) + 0.5f;
   return hn::Sub(hn::Iota(df, first), set(s.center_x));
 }
 
-// A splat at the vectors of pixels of a tile where it shows, in column order. The stages of the pixel loops pass these
-// on in the first-level cache: each stage's chain of dependent operations is short enough for the processor to overlap
-// several vectors, which one long loop body does not allow.
-struct Blocks {
-  static constexpr int kMax = kColumns * kTileHeight;
-  int begin[kColumns + 1];  // column c holds blocks [begin[c], begin[c + 1])
-  std::int32_t at[kMax];    // offset of the pixel state
-  std::int32_t row[kMax];
-  alignas(64) float w[kMax * kLanes];           // first triangular component of W
-  alignas(64) float inverse_d2[kMax * kLanes];  // 1 / |D|^2
-  alignas(64) float power[kMax * kLanes];
-  alignas(64) float value[kMax * kLanes];  // opacity * G; 0 where the splat does not show
-  int count() const { return begin[kColumns]; }
+// A splat at the blocks of a tile where it shows, in the order of blocks. The stages of the pixel loops pass these on
+// in the first-level cache: each stage's chain of dependent operations is short enough for the processor to overlap
+// several blocks, which one long loop body does not allow.
+struct Sample {
+  alignas(4 * kLanes) float value[kLanes];  // opacity * G; 0 where the splat does not show
+  float w[kLanes];                          // first triangular component of W
+  float inverse_d2[kLanes];                 // 1 / |D|^2
+  float q[kLanes];                          // |W|^2 / |D|^2
 };
+struct Samples {
+  alignas(64) Sample at[kBlocks];
+  std::int32_t block[kBlocks];
+  BlockSet set;  // the same blocks
+  int count;
+
+  int row(int i) const { return block[i] % kTileHeight; }
+};
+enum class Keep { value, hit, all };  // what to store of a sample: value, + inverse_d2, everything
 
 // Camera z of the hit.
 HWY_INLINE V hitDepth(const Splat& s, float y, V x, V inverse_d2) {
   return hn::Mul(hn::MulAdd(set(s.t_x), x, set(s.t_y * y + s.t_1)), inverse_d2);
 }
 
-// Evaluates a splat at the active rows, restricted to the lanes open(at).
-template <typename Open>
-HWY_INLINE void evaluateBlocks(const Splat& s, const Rows& rows, int tile_x, const Open& open, Blocks& blocks) {
-  int n = 0;
+// Evaluates a splat at `candidates`; restrict(visible, block) takes lanes away.
+template <Keep kKeep, typename Restrict>
+HWY_INLINE void evaluate(const Splat& s, const Rows& rows, int tile_x, const BlockSet& candidates,
+                         const Restrict& restrict_lanes, Samples& samples) {
+  alignas(64) float column_w[kTileWidth];
+  alignas(64) float column_d[kTileWidth];
   for (int column = 0; column < kColumns; ++column) {
-    blocks.begin[column] = n;
     const V x = columnX(s, tile_x, column);
-    const V wx = hn::Mul(set(s.w_xx), x);
-    const V dx = hn::Mul(set(s.d_xx), x);
-    for (std::uint32_t bits = rows.active[column]; bits != 0; bits &= bits - 1) {
-      const int row = std::countr_zero(bits);
-      const int at = offsetOf(column, row);
-      const V w = hn::Add(wx, set(rows.w[row]));
-      const V d = hn::Add(dx, set(rows.d[row]));
+    hn::Store(hn::Mul(set(s.w_xx), x), df, column_w + column * kLanes);
+    hn::Store(hn::Mul(set(s.d_xx), x), df, column_d + column * kLanes);
+  }
+  const V log2_opacity = set(s.log2_opacity);
+  int n = 0;
+  for (int word = 0; word < kWords; ++word) {
+    std::uint64_t shown = 0;
+    for (std::uint64_t bits = candidates.words[word]; bits != 0; bits &= bits - 1) {
+      const int block = word * 64 + std::countr_zero(bits);
+      const int row = block % kTileHeight;
+      const int lane = block / kTileHeight * kLanes;
+      const V w = hn::Add(hn::Load(df, column_w + lane), set(rows.w[row]));
+      const V d = hn::Add(hn::Load(df, column_d + lane), set(rows.d[row]));
       const V w2 = hn::MulAdd(w, w, set(rows.w2[row]));
       const V inverse_d2 = hn::Div(set(1.0f), hn::MulAdd(d, d, set(rows.d2[row])));
-      const V power = hn::Mul(w2, inverse_d2);
-      const V value = exp2Bounded(hn::MulAdd(power, set(-0.72134752f), set(s.log2_opacity)));
-      M visible = hn::And(hn::Ge(value, set(kAlphaMin)), open(at));
+      const V q = hn::Mul(w2, inverse_d2);
+      const V value = exp2Bounded(hn::Sub(log2_opacity, q));
+      M visible = restrict_lanes(hn::Ge(value, set(kAlphaMin)), block);
       if (HWY_UNLIKELY(s.near_plane)) {
+        const V x = columnX(s, tile_x, block / kTileHeight);
         visible = hn::And(visible, hn::Gt(hitDepth(s, rows.y[row], x, inverse_d2), set(kNear)));
       }
-      hn::Store(w, df, blocks.w + n * kLanes);
-      hn::Store(inverse_d2, df, blocks.inverse_d2 + n * kLanes);
-      hn::Store(power, df, blocks.power + n * kLanes);
-      hn::Store(hn::IfThenElseZero(visible, value), df, blocks.value + n * kLanes);
-      blocks.at[n] = at;
-      blocks.row[n] = row;
-      n += hn::AllFalse(df, visible) ? 0 : 1;
+      Sample& sample = samples.at[n];
+      hn::Store(hn::IfThenElseZero(visible, value), df, sample.value);
+      if constexpr (kKeep != Keep::value) hn::Store(inverse_d2, df, sample.inverse_d2);
+      if constexpr (kKeep == Keep::all) {
+        hn::Store(w, df, sample.w);
+        hn::Store(q, df, sample.q);
+      }
+      samples.block[n] = block;
+      const std::uint64_t lowest = bits & (0 - bits);
+      const bool none = hn::AllFalse(df, visible);
+      shown |= none ? 0 : lowest;
+      n += none ? 0 : 1;
     }
+    samples.set.words[word] = shown;
   }
-  blocks.begin[kColumns] = n;
+  samples.count = n;
 }
 
 }  // namespace tg::cpu::HWY_NAMESPACE

@@ -68,9 +68,9 @@ Splat makeSplat(const View& view, const GaussianModel& model, std::uint32_t i, f
   const glm::dvec2 center(view.focal_center.z, view.focal_center.w);
   s.center_x = static_cast<float>(g.mean_c.x / g.mean_c.z * focal.x + center.x);
   s.center_y = static_cast<float>(g.mean_c.y / g.mean_c.z * focal.y + center.y);
-  s.w_xx = static_cast<float>(g.w_xx);
-  s.w_xy = static_cast<float>(g.w_xy);
-  s.w_yy = static_cast<float>(g.w_yy);
+  s.w_xx = static_cast<float>(kExponentScale * g.w_xx);
+  s.w_xy = static_cast<float>(kExponentScale * g.w_xy);
+  s.w_yy = static_cast<float>(kExponentScale * g.w_yy);
   s.d_xx = static_cast<float>(g.d_xx);
   s.d_xy = static_cast<float>(g.d_xy);
   s.d_x1 = static_cast<float>(g.d_x1);
@@ -90,8 +90,8 @@ Splat makeSplat(const View& view, const GaussianModel& model, std::uint32_t i, f
   s.dy = glm::vec3(g.power_d[1]);
   s.d0 = glm::vec3(g.power_d[2]);
   s.kappa = glm::vec3(g.kappa);
-  s.kappa_first = static_cast<float>(glm::dot(g.kappa, g.w_first));
-  s.kappa_second = static_cast<float>(glm::dot(g.kappa, g.w_second));
+  s.kappa_first = static_cast<float>(kExponentScale * glm::dot(g.kappa, g.w_first));
+  s.kappa_second = static_cast<float>(kExponentScale * kExponentScale * glm::dot(g.kappa, g.w_second));
   if (!model.atlas.rects.empty() && view.textured()) {
     const TextureRect& rect = model.atlas.rects[i];
     s.texel_offset = rect.offset;
@@ -100,7 +100,7 @@ Splat makeSplat(const View& view, const GaussianModel& model, std::uint32_t i, f
   }
 
   const float radius = visibleRadius(s.opacity);
-  s.radius2 = radius * radius;
+  s.radius2 = static_cast<float>(kExponentScale * kExponentScale) * radius * radius;
   screen_radius = 0.0f;
   if (radius <= 0.0f || !finite(s)) return s;  // the box stays empty
   glm::dvec3 extent = static_cast<double>(radius) * g.scale;

@@ -57,19 +57,21 @@ struct Geometry {
 };
 Geometry makeGeometry(const View& view, const GaussianModel& model, std::uint32_t gaussian);
 
+constexpr double kExponentScale = 0.84932180028801904272;  // sqrt(log2(e) / 2): exp(-p^2 / 2) = 2^-(kExponentScale p)^2
+
 // What blending one splat needs. (x, y) = pixel - center [px].
 struct Splat {
   float center_x, center_y;  // [px]
   float depth, opacity, log2_opacity;
-  float radius2;           // [sigma^2] beyond it alpha < kAlphaMin
+  float radius2;           // beyond q = |W|^2 / |D|^2 = radius2 alpha < kAlphaMin
   float margin;            // [px] slack of row spans
-  float w_xx, w_xy, w_yy;  // Geometry's
+  float w_xx, w_xy, w_yy;  // Geometry's times kExponentScale: alpha = 2^(log2_opacity - q)
   float d_xx, d_xy, d_x1, d_yy, d_y1, d_11;
   float t_x, t_y, t_1;  // t |D|^2 = t_x x + t_y y + t_1
   glm::vec3 base;
   glm::vec3 normal;              // camera space, turned to the camera
   glm::vec3 wx, wy, dx, dy, d0;  // Geometry::power_w and power_d
-  glm::vec3 kappa;               // Geometry's, and its products with w_first and w_second
+  glm::vec3 kappa;               // Geometry's, and its products with w_first and w_second, scaled like w and w^2
   float kappa_first, kappa_second;
   std::int32_t x0, y0, x1, y1;  // [px] screen box clipped to the image, x1 and y1 exclusive; empty = not visible
   std::uint32_t gaussian;

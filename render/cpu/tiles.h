@@ -9,10 +9,11 @@
 
 namespace tg::cpu {
 
-// [px] A tile's pixel state stays in the first-level cache, and a row holds whole vectors up to 16 lanes. Wider than
-// the GPU's: exact row spans keep wasted pixels low at any size, and fewer (tile, splat) pairs cost less set-up.
-constexpr int kTileWidth = 32;
-constexpr int kTileHeight = 16;
+// [px] A tile's pixel state stays in the first-level cache, and a row holds whole vectors up to 16 lanes. Larger than
+// the GPU's: exact row spans keep wasted pixels low at any size, and fewer (tile, splat) pairs cost less set-up. Tall,
+// because what is fixed down a column of vectors (x) is set up less often.
+constexpr int kTileWidth = 16;
+constexpr int kTileHeight = 32;
 constexpr int kTilePixels = kTileWidth * kTileHeight;
 
 struct TileLists {

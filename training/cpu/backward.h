@@ -13,16 +13,16 @@
 
 namespace tg::cpu {
 
-// Sums over a tile's pixels. (x, y) = pixel - centre of the splat; with the power's v_power = dL/d(power),
-//   a = v_power / |D|^2 = dL/d|W|^2,   b = -a power - (v_u u + v_v v) / |D|^2 = dL/d|D|^2,
-// and w the first triangular component of W (cpu::Geometry).
+// Sums over a tile's pixels. (x, y) = pixel - centre of the splat. With alpha = 2^(log2_opacity - q), q = |W|^2 / |D|^2
+// and w the first triangular component of W, both scaled as in cpu::Splat,
+//   a = alpha dL/d(alpha) / |D|^2,   b = a q - (v_u u + v_v v) / (|D|^2 ln 2),
+// so that dL/d|W|^2 = -ln 2 a and dL/d|D|^2 = ln 2 b; v_u, v_v = dL/du, dL/dv. One cache line.
 struct PairSums {
+  float base[3];          // dL/d(base colour)
+  float opacity;          // alpha dL/d(alpha) = opacity dL/d(opacity)
   float aw, aw_x, aw_y;   // a w {1, x, y}
   float a_y, a_xy, a_yy;  // a {y, x y, y^2}
   float b, b_x, b_y, b_xx, b_xy, b_yy;
-  float base[3];     // dL/d(base colour)
-  float power;       // v_power: -2 v_power = opacity dL/d(opacity)
-  float screen_abs;  // |e|, docs/math.md 6.9
 };
 // dL/d(numerator of u) and of v, by the same moments.
 struct PairTextureSums {
@@ -35,7 +35,14 @@ struct TexelSlots {
   std::uint32_t first = 0;  // pair
   std::vector<std::size_t> begin;
   std::vector<glm::vec4> texels;
-  std::vector<std::uint8_t> used;  // whether the pair wrote its slot
+};
+
+// What backwardTiles() fills, all [pairs]; entries of pairs that do not show (BlendRecord::shows) are left as they are.
+struct PairGradients {
+  std::span<PairSums> sums;
+  std::span<float> screen_abs;              // sum of |e| / ln 2 (docs/math.md 6.9); empty without statistics
+  std::span<PairTextureSums> texture_sums;  // empty without textures
+  TexelSlots& slots;
 };
 
 struct BackwardInput {
@@ -47,9 +54,7 @@ struct BackwardInput {
   std::span<const glm::vec3> v_color;
   GradientOptions options;
 };
-// Fills sums[pair] and, when the view is textured, texture_sums[pair] and the slots of the pairs of tiles
-// [first_tile, end_tile).
-void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, std::span<PairSums> sums,
-                   std::span<PairTextureSums> texture_sums, TexelSlots& slots);
+// For the pairs of tiles [first_tile, end_tile).
+void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, const PairGradients& out);
 
 }  // namespace tg::cpu

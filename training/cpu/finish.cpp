@@ -3,6 +3,7 @@
 #include "training/cpu/finish.h"
 
 #include <cmath>
+#include <numbers>
 
 #include "shared/sh.h"
 
@@ -92,37 +93,40 @@ glm::dvec3 finishColor(const View& view, const GaussianModel& model, std::uint32
 
 }  // namespace
 
-void SplatSums::add(const PairSums& pair) {
-  aw += pair.aw;
-  aw_x += pair.aw_x;
-  aw_y += pair.aw_y;
-  a_y += pair.a_y;
-  a_xy += pair.a_xy;
-  a_yy += pair.a_yy;
-  b += pair.b;
-  b_x += pair.b_x;
-  b_y += pair.b_y;
-  b_xx += pair.b_xx;
-  b_xy += pair.b_xy;
-  b_yy += pair.b_yy;
-  base += glm::dvec3(pair.base[0], pair.base[1], pair.base[2]);
-  power += pair.power;
-  screen_abs += pair.screen_abs;
+SplatSums::SplatSums(const PairSums& pairs, float abs) {
+  constexpr double kLn2 = std::numbers::ln2;
+  const double of_aw = -kLn2 * kExponentScale;  // dL/d|W|^2 = -ln 2 a, in Geometry's units of W
+  const double of_a = of_aw * kExponentScale;
+  aw = of_aw * pairs.aw;
+  aw_x = of_aw * pairs.aw_x;
+  aw_y = of_aw * pairs.aw_y;
+  a_y = of_a * pairs.a_y;
+  a_xy = of_a * pairs.a_xy;
+  a_yy = of_a * pairs.a_yy;
+  b = kLn2 * pairs.b;
+  b_x = kLn2 * pairs.b_x;
+  b_y = kLn2 * pairs.b_y;
+  b_xx = kLn2 * pairs.b_xx;
+  b_xy = kLn2 * pairs.b_xy;
+  b_yy = kLn2 * pairs.b_yy;
+  base = {pairs.base[0], pairs.base[1], pairs.base[2]};
+  opacity = pairs.opacity;
+  screen_abs = kLn2 * abs;
 }
 
-void SplatSums::add(const PairTextureSums& pair) {
-  u += pair.u;
-  u_x += pair.u_x;
-  u_y += pair.u_y;
-  u_xx += pair.u_xx;
-  u_xy += pair.u_xy;
-  u_yy += pair.u_yy;
-  v += pair.v;
-  v_x += pair.v_x;
-  v_y += pair.v_y;
-  v_xx += pair.v_xx;
-  v_xy += pair.v_xy;
-  v_yy += pair.v_yy;
+void SplatSums::set(const PairTextureSums& pairs) {
+  u = pairs.u;
+  u_x = pairs.u_x;
+  u_y = pairs.u_y;
+  u_xx = pairs.u_xx;
+  u_xy = pairs.u_xy;
+  u_yy = pairs.u_yy;
+  v = pairs.v;
+  v_x = pairs.v_x;
+  v_y = pairs.v_y;
+  v_xx = pairs.v_xx;
+  v_xy = pairs.v_xy;
+  v_yy = pairs.v_yy;
 }
 
 void finishGaussian(const View& view, const GaussianModel& model, std::uint32_t i, const SplatSums& sums,
@@ -157,7 +161,7 @@ void finishGaussian(const View& view, const GaussianModel& model, std::uint32_t 
   const glm::dvec3 v_mean_c = -glm::transpose(g.m) * v_o;
   gradient.v_mean[i] = glm::vec3(glm::transpose(view.camera_from_world_rotation) * v_mean_c +
                                  finishColor(view, model, i, sums.base, gradient));
-  gradient.v_opacity_logit[i] = static_cast<float>(-2.0 * sums.power * (1.0 - opacity(model.opacity_logit[i])));
+  gradient.v_opacity_logit[i] = static_cast<float>(sums.opacity * (1.0 - opacity(model.opacity_logit[i])));
   const glm::dvec2 e(v_mean_c.x * g.mean_c.z / focal.x * view.width / 2,
                      v_mean_c.y * g.mean_c.z / focal.y * view.height / 2);
   gradient.screen_gradient[i] = static_cast<float>(glm::length(e));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU's DifferentiableRenderer: the render stages forward, then sums per (tile, splat) pair, then per Gaussian.
 #include <algorithm>
+#include <chrono>
+#include <ctime>
 #include <string>
 
 #include "core/error.h"
@@ -26,10 +28,12 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
                                         const RenderSettings& settings) override {
     model_ = &model;
     view_ = cpu::makeView(model, camera, settings);
-    order_ = cpu::depthOrder(view_, model);
-    cpu::projectSplats(view_, model, order_, screen_);
-    cpu::buildTileLists(view_, screen_, true, lists_);
-    cpu::blendPicture(view_, screen_, lists_, model.atlas.texels.data(), picture_, record_);
+    times_.clear();
+    timed("order", [&] { order_ = cpu::depthOrder(view_, model); });
+    timed("project", [&] { cpu::projectSplats(view_, model, order_, screen_); });
+    timed("lists", [&] { cpu::buildTileLists(view_, screen_, true, lists_); });
+    timed("blend forward",
+          [&] { cpu::blendPicture(view_, screen_, lists_, model.atlas.texels.data(), picture_, record_); });
     return picture_;
   }
 
@@ -40,21 +44,42 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
                   "wrong number of pixels (expected " + std::to_string(picture_.size()) + ", found " +
                       std::to_string(v_color.size()) + ")");
     }
-    clear(gradient);
+    times_.erase(std::find_if(times_.begin(), times_.end(), [](const PhaseTime& t) { return t.name == kBackward; }),
+                 times_.end());
     sums_.resize(lists_.splats.size());
+    screen_abs_.resize(options.statistics ? lists_.splats.size() : 0);
     texture_sums_.resize(view_.textured() ? lists_.splats.size() : 0);
     const cpu::BackwardInput input{view_, screen_, lists_, record_, model_->atlas.texels.data(), v_color, options};
-    for (int first = 0; first < lists_.tiles();) {
-      const int end = makeSlots(first);
-      cpu::backwardTiles(input, first, end, sums_, texture_sums_, slots_);
-      if (!slots_.texels.empty()) gatherTexels(first, end, gradient);
-      first = end;
-    }
-    parallelFor(static_cast<std::int64_t>(screen_.splats.size()), kGrain,
-                [&](std::int64_t k) { gatherSplat(static_cast<std::size_t>(k), gradient); });
+    timed(kBackward, [&] {
+      if (view_.textured()) gradient.v_texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
+      for (int first = 0; first < lists_.tiles();) {
+        const int end = makeSlots(first);
+        cpu::backwardTiles(input, first, end, {sums_, screen_abs_, texture_sums_, slots_});
+        if (!slots_.texels.empty()) gatherTexels(first, end, gradient);
+        first = end;
+      }
+    });
+    timed("finish", [&] {
+      clear(gradient);
+      parallelFor(static_cast<std::int64_t>(screen_.splats.size()), kGrain,
+                  [&](std::int64_t k) { gatherSplat(static_cast<std::size_t>(k), gradient); });
+    });
   }
 
+  std::span<const PhaseTime> phaseTimes() const override { return times_; }
+
  private:
+  static constexpr const char* kBackward = "blend backward";  // backward()'s first phase
+
+  template <typename Body>
+  void timed(const char* phase, const Body& body) {
+    const auto wall = std::chrono::steady_clock::now();
+    const std::clock_t processor = std::clock();
+    body();
+    const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - wall;
+    times_.push_back({phase, elapsed.count(), 1e3 * static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC});
+  }
+
   void clear(ModelGradient& gradient) const {
     const std::size_t n = model_->size();
     gradient.v_mean.assign(n, glm::vec3(0.0f));
@@ -62,7 +87,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     gradient.v_log_scale.assign(n, glm::vec3(0.0f));
     gradient.v_opacity_logit.assign(n, 0.0f);
     gradient.v_sh.assign(model_->sh.size(), glm::vec3(0.0f));
-    gradient.v_texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
+    if (!view_.textured()) gradient.v_texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
     gradient.screen_gradient.assign(n, 0.0f);
     gradient.screen_gradient_abs.assign(n, 0.0f);
     gradient.screen_radius.assign(n, 0.0f);
@@ -96,7 +121,6 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
       }
     }
     if (slots_.texels.size() < texels || texels == 0) slots_.texels.resize(texels);
-    slots_.used.assign(slots_.begin.size(), 0);
     return tile;
   }
 
@@ -109,11 +133,20 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
       if (count == 0) return;
       glm::vec4* v_texels = gradient.v_texels.data() + s.texel_offset;
       for (const std::uint32_t pair : pairsOf(k)) {
-        if (pair < first || pair >= end || !slots_.used[pair - first]) continue;
+        if (pair < first || pair >= end || !record_.shows(pair)) continue;
         const glm::vec4* slot = slots_.texels.data() + slots_.begin[pair - first];
         for (std::size_t i = 0; i < count; ++i) v_texels[i] += slot[i];
       }
     });
+  }
+
+  // Sums is a row of floats.
+  template <typename Sums>
+  static void add(const Sums& from, Sums& to) {
+    static_assert(sizeof(Sums) % sizeof(float) == 0);
+    const auto* a = reinterpret_cast<const float*>(&from);
+    auto* b = reinterpret_cast<float*>(&to);
+    for (std::size_t i = 0; i < sizeof(Sums) / sizeof(float); ++i) b[i] += a[i];
   }
 
   void gatherSplat(std::size_t k, ModelGradient& gradient) const {
@@ -121,11 +154,17 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     gradient.screen_radius[s.gaussian] = screen_.screen_radius[k];
     const auto pairs = pairsOf(k);
     if (pairs.empty()) return;
-    cpu::SplatSums sums;
+    cpu::PairSums total{};
+    cpu::PairTextureSums texture_total{};
+    float screen_abs = 0.0f;
     for (const std::uint32_t pair : pairs) {
-      sums.add(sums_[pair]);
-      if (s.texture_width > 0) sums.add(texture_sums_[pair]);
+      if (!record_.shows(pair)) continue;
+      add(sums_[pair], total);
+      if (!screen_abs_.empty()) screen_abs += screen_abs_[pair];
+      if (s.texture_width > 0) add(texture_sums_[pair], texture_total);
     }
+    cpu::SplatSums sums(total, screen_abs);
+    sums.set(texture_total);
     cpu::finishGaussian(view_, *model_, s.gaussian, sums, gradient);
     // An alpha texel outside [0, 1] is about to be clamped by its owner: no gradient pushes it further.
     const std::size_t texels = std::size_t{s.texture_width} * s.texture_height;
@@ -143,8 +182,10 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   std::vector<glm::vec3> picture_;
   cpu::BlendRecord record_;
   std::vector<cpu::PairSums> sums_;
+  std::vector<float> screen_abs_;
   std::vector<cpu::PairTextureSums> texture_sums_;
   cpu::TexelSlots slots_;
+  std::vector<PhaseTime> times_;
 };
 
 }  // namespace

@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+// What does a training step on the CPU cost, phase by phase, and how near do its kernels come to the machine's peak?
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "fma_peak.h"
+#include "render/renderer.h"
+#include "support/scenes.h"
+#include "training/dataset.h"
+#include "training/gradient.h"
+#include "training/init.h"
+#include "training/loss.h"
+#include "training/optimizer.h"
+
+namespace {
+
+using namespace tg;
+
+// Floating-point operations per blended pair by counting, whatever the kernels really execute: 2 offsets, 7 conic, 14
+// exponential, 3 alpha, 8 blending; backward 26 to evaluate again, 5 reciprocal, 38 gradients.
+constexpr double kForwardFlops = 34;
+constexpr double kBackwardFlops = 69;
+
+struct Options {
+  std::string data;
+  int width = 640, height = 360, gaussians = 16000, iterations = 40, threads = 0, texels = 0, sh_degree = 3;
+  double splats = 60.0;
+  bool statistics = true;
+};
+
+// Semi-transparent ellipsoids of 1 : 3 : 10 in random directions before a camera, sized so that about sixty of them
+// blend in a pixel: what a scene looks like early in training.
+GaussianModel cloud(const Options& options, const Camera& camera) {
+  test::Random random(1);
+  GaussianModel model;
+  model.sh_degree = options.sh_degree;
+  // A splat of opacity 0.1 shows out to radius 2.55 sigma; its area on screen is about 8 sigma_1 sigma_2 pixels.
+  const double pixels = options.splats * camera.width * camera.height / options.gaussians;
+  const double sigma = std::sqrt(pixels / 14.0) / camera.fx * 4.0;
+  for (int i = 0; i < options.gaussians; ++i) {
+    const double z = random.uniform(2.0, 6.0);
+    const glm::dvec3 mean((random.uniform(0.0, 1.0) * camera.width - camera.cx) / camera.fx * z,
+                          (random.uniform(0.0, 1.0) * camera.height - camera.cy) / camera.fy * z, z);
+    model.mean.push_back(glm::vec3(mean));
+    model.rotation.push_back(glm::vec4(random.quaternion()));
+    model.log_scale.push_back(glm::vec3(glm::log(sigma * z / 4.0 * glm::dvec3(1.8, 0.6, 0.18))));
+    model.opacity_logit.push_back(static_cast<float>(random.uniform(-3.5, -1.0)));
+    for (int k = 0; k < model.shCount(); ++k) {
+      model.sh.push_back(glm::vec3(random.uniformVec3(-0.5, 0.5)) * (k == 0 ? 2.0f : 0.2f));
+    }
+  }
+  return model;
+}
+
+void addTextures(GaussianModel& model, int texels) {
+  if (texels == 0) return;
+  test::Random random(3);
+  model.texture_mode = TextureMode::rgba;
+  model.atlas = makeUniformAtlas(model.size(), texels, texels);
+  for (auto& texel : model.atlas.texels) {
+    texel = glm::vec4(glm::vec3(random.uniformVec3(-0.2, 0.2)), random.uniform(0.5, 1.0));
+  }
+}
+
+// What is trained on: cameras and the photographs that they took.
+struct Scene {
+  std::vector<Camera> cameras;
+  std::vector<std::vector<std::uint8_t>> photographs;  // [height * width * 3]
+  GaussianModel model;
+  double extent = 1.0;
+};
+
+Scene seededScene(const Options& options) {
+  Scene scene;
+  scene.cameras.push_back(lookAt({0, 0, 0}, {0, 0, 1}, {0, -1, 0}, 0.8, options.width, options.height));
+  scene.model = cloud(options, scene.cameras[0]);
+  GaussianModel truth = scene.model;
+  test::Random random(2);
+  for (auto& sh : truth.sh) sh += glm::vec3(random.uniformVec3(-0.1, 0.1));
+  const auto renderer = makeCpuRenderer();
+  renderer->setModel(truth);
+  const Frame frame = renderer->render(scene.cameras[0], {});
+  std::vector<std::uint8_t> photograph;
+  for (std::size_t pixel = 0; pixel < frame.base.size(); ++pixel) {
+    const glm::vec3 color = glm::clamp(frame.color(pixel), 0.0f, 1.0f) * 255.0f;
+    for (int ch = 0; ch < 3; ++ch) photograph.push_back(static_cast<std::uint8_t>(std::lround(color[ch])));
+  }
+  scene.photographs.push_back(std::move(photograph));
+  addTextures(scene.model, options.texels);
+  return scene;
+}
+
+Scene loadScene(const Options& options) {
+  const Dataset dataset = loadDataset(options.data);
+  if (dataset.points.position.empty()) {
+    throw Error(ErrorKind::badData, options.data, "no points to start from (expected a data set with a point cloud)");
+  }
+  Scene scene;
+  for (const std::size_t index : dataset.indices(false)) {
+    scene.cameras.push_back(dataset.views[index].camera);
+    scene.photographs.push_back(dataset.pixels(index)->rgb);
+  }
+  scene.extent = cameraExtent(dataset);
+  scene.model = gaussiansFromPoints(dataset.points);
+  growShDegree(scene.model, options.sh_degree);
+  addTextures(scene.model, options.texels);
+  return scene;
+}
+
+// Per camera.
+std::vector<double> blendedPairs(const GaussianModel& model, const std::vector<Camera>& cameras) {
+  const auto renderer = makeCpuRenderer();
+  renderer->setModel(model);
+  std::vector<double> pairs;
+  for (const Camera& camera : cameras) {
+    const Frame frame = renderer->render(camera, {});
+    pairs.push_back(std::accumulate(frame.count.begin(), frame.count.end(), 0.0));
+  }
+  return pairs;
+}
+
+// The times of one phase over all iterations. On a shared machine the best processor time says more than the mean.
+struct Phase {
+  std::string name;
+  std::vector<double> wall, processor;  // [ms]
+};
+class Phases {
+ public:
+  void add(const PhaseTime& time) {
+    auto at = std::find_if(phases_.begin(), phases_.end(), [&](const Phase& p) { return p.name == time.name; });
+    if (at == phases_.end()) at = phases_.insert(phases_.end(), Phase{time.name, {}, {}});
+    at->wall.push_back(time.wall);
+    at->processor.push_back(time.processor);
+  }
+  template <typename Body>
+  void measure(const char* name, const Body& body) {
+    const auto wall = std::chrono::steady_clock::now();
+    const std::clock_t processor = std::clock();
+    body();
+    const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - wall;
+    add({name, elapsed.count(), 1e3 * static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC});
+  }
+  std::vector<Phase>& all() { return phases_; }
+
+ private:
+  std::vector<Phase> phases_;
+};
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+double best(const std::vector<double>& values) { return *std::min_element(values.begin(), values.end()); }
+
+double mebibytes(double bytes) { return bytes / (1 << 20); }
+
+std::size_t viewOf(int iteration, const Scene& scene) {
+  return static_cast<std::size_t>(iteration) * 7 % scene.cameras.size();
+}
+
+void run(const Options& options) {
+  Scene scene = options.data.empty() ? seededScene(options) : loadScene(options);
+  TrainingState state;
+  state.model = std::move(scene.model);
+  resetMoments(state);
+  const auto renderer = makeCpuDifferentiableRenderer();
+  PhotometricLoss loss;
+  ModelGradient gradient;
+  GradientOptions gradient_options;
+  gradient_options.statistics = options.statistics;
+  LearningRates rates;
+  rates.mean = static_cast<float>(1.6e-4 * scene.extent);
+  std::vector<glm::vec3> v_picture;
+
+  const std::vector<double> pairs_before = blendedPairs(state.model, scene.cameras);
+  const double peak = bench::fmaPeak();
+  Phases phases;
+  LossValue first, last;
+  for (int i = 0; i < options.iterations; ++i) {
+    const std::size_t view = viewOf(i, scene);
+    const Camera& camera = scene.cameras[view];
+    phases.measure("step", [&] {
+      const auto& picture = renderer->forward(state.model, camera, {});
+      v_picture.resize(picture.size());
+      phases.measure("loss", [&] {
+        last = loss.evaluate(camera.width, camera.height, picture, scene.photographs[view], v_picture);
+      });
+      renderer->backward(v_picture, gradient, gradient_options);
+      phases.measure("adam", [&] { adamStep(state, gradient, rates); });
+    });
+    if (i == 0) first = last;
+    for (const PhaseTime& time : renderer->phaseTimes()) phases.add(time);
+  }
+  // Of each iteration: its camera's, between the first and the last model.
+  const std::vector<double> pairs_after = blendedPairs(state.model, scene.cameras);
+  std::vector<double> pairs_of;
+  for (int i = 0; i < options.iterations; ++i) {
+    const std::size_t view = viewOf(i, scene);
+    pairs_of.push_back(std::lerp(pairs_before[view], pairs_after[view], i / std::max(1.0, options.iterations - 1.0)));
+  }
+  const double pairs = std::accumulate(pairs_of.begin(), pairs_of.end(), 0.0) / options.iterations;
+  const double pixels = static_cast<double>(scene.cameras[0].width) * scene.cameras[0].height;
+
+  std::printf("%s, %d lanes; FMA peak of one thread %.1f GFLOP/s\n", makeCpuRenderer()->deviceName().c_str(),
+              bench::vectorLanes(), peak * 1e-9);
+  std::printf("%d x %d px, %zu Gaussians, %d x %d texels, %.2f M blended pairs (%.1f a pixel), %d iterations\n",
+              scene.cameras[0].width, scene.cameras[0].height, state.model.size(), options.texels, options.texels,
+              pairs * 1e-6, pairs / pixels, options.iterations);
+  std::printf("%-15s %10s %10s %16s\n", "phase", "best wall", "median", "best processor");
+  double step_wall = 0.0;
+  for (const Phase& phase : phases.all()) {
+    std::printf("%-15s %7.2f ms %7.2f ms %13.2f ms", phase.name.c_str(), best(phase.wall), median(phase.wall),
+                best(phase.processor));
+    const double flops = phase.name == "blend forward"    ? kForwardFlops
+                         : phase.name == "blend backward" ? kBackwardFlops
+                                                          : 0.0;
+    if (flops > 0.0) {
+      std::vector<double> nanoseconds;
+      for (int i = 0; i < options.iterations; ++i) nanoseconds.push_back(phase.processor[i] * 1e6 / pairs_of[i]);
+      const double each = best(nanoseconds);
+      std::printf("   %.3f ns a pair (median %.3f), %.1f %% of the FMA peak", each, median(nanoseconds),
+                  100.0 * flops / (each * 1e-9) / peak);
+    }
+    std::printf("\n");
+    if (phase.name == "step") step_wall = median(phase.wall);
+  }
+  const double floor = pairs * (kForwardFlops + kBackwardFlops) / (peak * threadCount()) * 1e3;
+  std::printf("%.1f it/s (median); floor of the blending by counted flops on %d threads %.2f ms = %.1f it/s\n",
+              1e3 / step_wall, threadCount(), floor, 1e3 / floor);
+  std::printf("loss %.5f -> %.5f\n", first.total, last.total);
+
+  const auto floats =
+      static_cast<double>(state.model.size() * (11 + 3 * static_cast<std::size_t>(state.model.shCount())) +
+                          4 * state.model.atlas.texels.size());
+  double images = 0.0;
+  for (const auto& photograph : scene.photographs) images += static_cast<double>(photograph.size());
+  const double needed = 3 * 4 * floats + images;  // a parameter and two moments
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const double used = 1024.0 * static_cast<double>(usage.ru_maxrss);
+  std::printf("peak memory %.1f MiB; parameters, optimiser and images %.1f MiB: ratio %.2f\n", mebibytes(used),
+              mebibytes(needed), used / needed);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Times training steps on the CPU, phase by phase, with a fixed number of Gaussians");
+  Options options;
+  app.add_option("--data", options.data, "data set with a point cloud (default: a seeded scene)");
+  app.add_option("--width", options.width, "[px]")->check(CLI::Range(1, 8192));
+  app.add_option("--height", options.height, "[px]")->check(CLI::Range(1, 8192));
+  app.add_option("--gaussians", options.gaussians)->check(CLI::Range(1, 10000000));
+  app.add_option("--splats", options.splats, "blended splats per pixel to aim at")->check(CLI::Range(0.1, 1000.0));
+  app.add_option("--texels", options.texels, "texture side, 0 = none")->check(CLI::Range(0, 64));
+  app.add_option("--sh-degree", options.sh_degree)->check(CLI::Range(0, 3));
+  app.add_option("--iterations", options.iterations)->check(CLI::Range(1, 100000));
+  app.add_option("--threads", options.threads, "0 = all")->check(CLI::Range(0, 1024));
+  app.add_flag("!--no-statistics", options.statistics, "as after densification");
+  CLI11_PARSE(app, argc, argv);
+  setThreadCount(options.threads);
+  try {
+    run(options);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "train_bench: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}
