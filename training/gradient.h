@@ -58,6 +58,10 @@ class DifferentiableRenderer {
   virtual std::span<const PhaseTime> phaseTimes() const = 0;
 };
 
-std::unique_ptr<DifferentiableRenderer> makeCpuDifferentiableRenderer();
+// Splats that reach over several tiles keep one copy of their texels' gradients per tile until they are added up; tiles
+// wait when more than texels_in_flight are kept. 16 Mi texels are 256 MiB: a million 4 x 4 textures. Does not change
+// the result.
+std::unique_ptr<DifferentiableRenderer> makeCpuDifferentiableRenderer(std::size_t texels_in_flight = std::size_t{16}
+                                                                                                     << 20);
 
 }  // namespace tg

@@ -14,14 +14,14 @@ namespace tg::cpu {
 struct BlendRecord {
   std::vector<float> transmittance;  // what is left behind the last blended splat
   std::vector<std::int32_t> stop;  // position in the tile's list of the splat that ended the pixel, or the list's size
-  // The vectors of pixels in which each (tile, splat) pair shows: [pairs, words_per_pair], kernel-inl.h's BlockSet.
+  // The vectors of pixels in which a splat of a tile's list shows: [as TileLists::splats, words_per_pair],
+  // kernel-inl.h's BlockSet.
   std::vector<std::uint64_t> blocks;
   int words_per_pair = 0;
 
-  // Whether the pair left anything in the picture.
-  bool shows(std::size_t pair) const {
+  bool shows(std::size_t position) const {
     std::uint64_t any = 0;
-    for (int word = 0; word < words_per_pair; ++word) any |= blocks[pair * words_per_pair + word];
+    for (int word = 0; word < words_per_pair; ++word) any |= blocks[position * words_per_pair + word];
     return any != 0;
   }
 };

@@ -1,122 +1,238 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera, spherical harmonics and screen boxes, one Gaussian at a time on all threads.
+// Camera, spherical harmonics and screen boxes: a batch of Gaussians at a time on all threads.
 #include "render/cpu/project.h"
+
+#include <hwy/cache_control.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <glm/gtc/quaternion.hpp>
+#include <limits>
 #include <string>
 #include <utility>
 
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/cpu/sort.h"
-#include "shared/sh.h"
+
+// Structs hold vectors here, which the scalable targets forbid.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "render/cpu/project.cpp"
+#include <hwy/foreach_target.h>
+//
+#include <hwy/highway.h>
+
+#include "render/cpu/geometry-inl.h"
+#include "render/cpu/sh-inl.h"
+#include "shared/limits.h"
 #include "shared/splat.h"
 
-namespace tg::cpu {
-namespace {
+HWY_BEFORE_NAMESPACE();
+namespace tg::cpu::HWY_NAMESPACE {
 
-constexpr int kGrain = 256;  // Gaussians per grab: some ten microseconds
+// Writes one member of up to kBatch records.
+struct SplatWriter {
+  Splat* splats;
+  int count;
 
-glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
-  return view.camera_from_world_rotation * x + view.camera_from_world_translation;
-}
+  HWY_INLINE void put(float Splat::* member, VD value) const {
+    alignas(64) float lanes[kBatch];
+    hn::Store(hn::DemoteTo(dbf, value), dbf, lanes);
+    for (int lane = 0; lane < count; ++lane) splats[lane].*member = lanes[lane];
+  }
+  HWY_INLINE void put(glm::vec3 Splat::* member, V3 value) const {
+    alignas(64) float lanes[3][kBatch];
+    hn::Store(hn::DemoteTo(dbf, value.x), dbf, lanes[0]);
+    hn::Store(hn::DemoteTo(dbf, value.y), dbf, lanes[1]);
+    hn::Store(hn::DemoteTo(dbf, value.z), dbf, lanes[2]);
+    for (int lane = 0; lane < count; ++lane) {
+      splats[lane].*member = glm::vec3(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
+    }
+  }
+};
 
-// v / |v|, zero for the zero vector.
-glm::dvec3 unitOrZero(glm::dvec3 v) {
-  const double length = glm::length(v);
-  return length > 0.0 ? v / length : glm::dvec3(0.0);
-}
-
-glm::vec3 baseColor(const View& view, const GaussianModel& model, std::uint32_t i) {
-  const glm::vec3 direction(glm::normalize(glm::dvec3(model.mean[i]) - view.position));
-  glm::vec4 basis[4];
-  shBasis(direction, basis[0], basis[1], basis[2], basis[3]);
-  const int count = model.shCount();
-  const glm::vec3* sh = model.sh.data() + static_cast<std::size_t>(i) * count;
-  glm::vec3 color(0.5f);
-  for (int k = 0; k < count; ++k) color += basis[k / 4][k % 4] * sh[k];
-  return glm::max(color, glm::vec3(0.0f));
+// Bounds of one normalised image coordinate of an ellipsoid, tangentBounds() of shaders/shared/splat.h. lm, lz: the
+// rows of its root for that coordinate and for z. Lanes that touch the plane z = 0 leave `bounded`.
+struct Bounds {
+  VD low, high;
+};
+HWY_INLINE Bounds tangentBounds(VD m, VD z, V3 lm, V3 lz, MD& bounded) {
+  const VD c = hn::Div(m, z);
+  const V3 e = subtract(lm, scaled(lz, c));
+  const VD zz = hn::Mul(z, z);
+  const VD denominator = hn::Sub(zz, dot(lz, lz));
+  bounded = hn::And(bounded, hn::Gt(denominator, hn::Mul(splat(1e-6), zz)));
+  const V3 ez = cross(e, lz);
+  const VD root = hn::Sqrt(hn::Max(hn::MulSub(zz, dot(e, e), dot(ez, ez)), hn::Zero(dd)));
+  const VD middle = hn::Neg(dot(e, lz));
+  return {hn::Add(c, hn::Div(hn::Sub(middle, root), denominator)),
+          hn::Add(c, hn::Div(hn::Add(middle, root), denominator))};
 }
 
 // First and one past the last pixel whose centre lies in [low, high], within [0, size). The slack covers float
 // rounding.
-void pixelRange(float low, float high, int size, std::int32_t& begin, std::int32_t& end) {
-  const float slack = 0.01f;
-  const float limit = static_cast<float>(size);
-  begin = static_cast<std::int32_t>(std::ceil(std::clamp(low - 0.5f - slack, 0.0f, limit)));
-  end = static_cast<std::int32_t>(std::floor(std::clamp(high + 0.5f + slack, 0.0f, limit)));
+HWY_INLINE void pixelRange(double low, double high, int size, std::int32_t& begin, std::int32_t& end) {
+  const double slack = 0.01;
+  begin = static_cast<std::int32_t>(std::ceil(std::clamp(low - 0.5 - slack, 0.0, static_cast<double>(size))));
+  end = static_cast<std::int32_t>(std::floor(std::clamp(high + 0.5 + slack, 0.0, static_cast<double>(size))));
 }
 
-bool finite(const Splat& s) {
-  const float sum = s.center_x + s.center_y + s.depth + s.opacity + s.radius2 + s.w_xx + s.w_xy + s.w_yy + s.d_xx +
-                    s.d_xy + s.d_x1 + s.d_yy + s.d_y1 + s.d_11 + s.t_x + s.t_y + s.t_1 + s.base.x + s.base.y + s.base.z;
-  return std::isfinite(sum);
-}
-
-Splat makeSplat(const View& view, const GaussianModel& model, std::uint32_t i, float& screen_radius) {
-  const Geometry g = makeGeometry(view, model, i);
-  const bool plane = view.intersection == IntersectionModel::plane;
-  Splat s{};
-  s.gaussian = i;
-  s.depth = static_cast<float>(g.mean_c.z);
-  s.opacity = opacity(model.opacity_logit[i]);
-  s.log2_opacity = std::log2(s.opacity);
-  const glm::dvec2 focal(view.focal_center.x, view.focal_center.y);
-  const glm::dvec2 center(view.focal_center.z, view.focal_center.w);
-  s.center_x = static_cast<float>(g.mean_c.x / g.mean_c.z * focal.x + center.x);
-  s.center_y = static_cast<float>(g.mean_c.y / g.mean_c.z * focal.y + center.y);
-  s.w_xx = static_cast<float>(kExponentScale * g.w_xx);
-  s.w_xy = static_cast<float>(kExponentScale * g.w_xy);
-  s.w_yy = static_cast<float>(kExponentScale * g.w_yy);
-  s.d_xx = static_cast<float>(g.d_xx);
-  s.d_xy = static_cast<float>(g.d_xy);
-  s.d_x1 = static_cast<float>(g.d_x1);
-  s.d_yy = static_cast<float>(g.d_yy);
-  s.d_y1 = static_cast<float>(g.d_y1);
-  s.d_11 = static_cast<float>(g.d_11);
-  const glm::dvec3 t_direction = g.mean_c.z * g.power_d[2];
-  s.t_x = static_cast<float>(glm::dot(t_direction, g.power_d[0]));
-  s.t_y = static_cast<float>(glm::dot(t_direction, g.power_d[1]));
-  s.t_1 = static_cast<float>(glm::dot(t_direction, g.power_d[2]));
-  s.base = baseColor(view, model, i);
-  const glm::dvec3 normal = g.axes_c[2];
-  s.normal = glm::vec3(glm::dot(normal, g.mean_c) > 0.0 ? -normal : normal);
-  s.wx = glm::vec3(g.power_w[0]);
-  s.wy = glm::vec3(g.power_w[1]);
-  s.dx = glm::vec3(g.power_d[0]);
-  s.dy = glm::vec3(g.power_d[1]);
-  s.d0 = glm::vec3(g.power_d[2]);
-  s.kappa = glm::vec3(g.kappa);
-  s.kappa_first = static_cast<float>(kExponentScale * glm::dot(g.kappa, g.w_first));
-  s.kappa_second = static_cast<float>(kExponentScale * kExponentScale * glm::dot(g.kappa, g.w_second));
-  if (!model.atlas.rects.empty() && view.textured()) {
-    const TextureRect& rect = model.atlas.rects[i];
-    s.texel_offset = rect.offset;
-    s.texture_width = rect.texelCount() > 0 ? rect.width : 0;
-    s.texture_height = rect.texelCount() > 0 ? rect.height : 0;
+// Screen box, row margin and screen radius; the box stays empty in lanes that are not `visible`.
+HWY_INLINE void putBoxes(const View& view, const Geometry& g, VD radius, MD visible, const SplatWriter& out,
+                         float* screen_radius) {
+  V3 extent = scaled(g.scale, radius);
+  if (view.intersection == IntersectionModel::plane) extent.z = hn::Zero(dd);
+  const auto root = [&](VD a, VD b, VD c) HWY_ATTR { return product(extent, {a, b, c}); };
+  const V3 lx = root(g.axes_c[0].x, g.axes_c[1].x, g.axes_c[2].x);
+  const V3 ly = root(g.axes_c[0].y, g.axes_c[1].y, g.axes_c[2].y);
+  const V3 lz = root(g.axes_c[0].z, g.axes_c[1].z, g.axes_c[2].z);
+  const VD z = g.mean_c.z;
+  MD bounded = hn::Gt(z, hn::Zero(dd));
+  const Bounds bx = tangentBounds(g.mean_c.x, z, lx, lz, bounded);
+  const Bounds by = tangentBounds(g.mean_c.y, z, ly, lz, bounded);
+  const glm::dvec4 f = view.focal_center;
+  VD box[4] = {hn::MulAdd(bx.low, splat(f.x), splat(f.z)), hn::MulAdd(by.low, splat(f.y), splat(f.w)),
+               hn::MulAdd(bx.high, splat(f.x), splat(f.z)), hn::MulAdd(by.high, splat(f.y), splat(f.w))};
+  const VD most = splat(1e30);  // beyond it, and for no number at all, the whole image
+  for (const VD& side : box) bounded = hn::And(bounded, hn::Lt(hn::Abs(side), most));
+  const double whole[4] = {0.0, 0.0, static_cast<double>(view.width), static_cast<double>(view.height)};
+  alignas(64) double boxes[4][kBatch];
+  for (int side = 0; side < 4; ++side) {
+    hn::Store(hn::IfThenElse(bounded, box[side], splat(whole[side])), dd, boxes[side]);
   }
+  alignas(64) double shows[kBatch];
+  alignas(64) double nearest[kBatch];
+  hn::Store(hn::IfThenElseZero(visible, splat(1.0)), dd, shows);
+  hn::Store(hn::Sub(z, length(lz)), dd, nearest);
+  for (int lane = 0; lane < out.count; ++lane) {
+    Splat& s = out.splats[lane];
+    s.x0 = s.y0 = s.x1 = s.y1 = 0;
+    screen_radius[lane] = 0.0f;
+    s.near_plane = nearest[lane] <= kNear * 1.001;
+    const double width = boxes[2][lane] - boxes[0][lane];
+    const double height = boxes[3][lane] - boxes[1][lane];
+    s.margin = 0.05f + 1e-3f * static_cast<float>(width);
+    if (shows[lane] == 0.0) continue;
+    pixelRange(boxes[0][lane], boxes[2][lane], view.width, s.x0, s.x1);
+    pixelRange(boxes[1][lane], boxes[3][lane], view.height, s.y0, s.y1);
+    if (s.x0 < s.x1 && s.y0 < s.y1) screen_radius[lane] = static_cast<float>(0.5 * std::max(width, height));
+  }
+}
 
-  const float radius = visibleRadius(s.opacity);
-  s.radius2 = static_cast<float>(kExponentScale * kExponentScale) * radius * radius;
-  screen_radius = 0.0f;
-  if (radius <= 0.0f || !finite(s)) return s;  // the box stays empty
-  glm::dvec3 extent = static_cast<double>(radius) * g.scale;
-  if (plane) extent.z = 0.0;
-  const glm::dvec3 extent_z(extent.x * g.axes_c[0].z, extent.y * g.axes_c[1].z, extent.z * g.axes_c[2].z);
-  s.near_plane = g.mean_c.z - glm::length(extent_z) <= kNear * 1.001;
-  glm::vec4 box;
-  const bool bounded = splatBox(glm::vec3(g.mean_c), glm::mat3(g.axes_c), glm::vec3(g.scale), radius, plane,
-                                glm::vec4(view.focal_center), box) &&
-                       std::isfinite(box.x + box.y + box.z + box.w);
-  if (!bounded) box = glm::vec4(0.0f, 0.0f, view.width, view.height);
-  s.margin = 0.05f + 1e-3f * (box.z - box.x);
-  pixelRange(box.x, box.z, view.width, s.x0, s.x1);
-  pixelRange(box.y, box.w, view.height, s.y0, s.y1);
-  if (s.x0 < s.x1 && s.y0 < s.y1) screen_radius = 0.5f * std::max(box.z - box.x, box.w - box.y);
-  return s;
+HWY_INLINE void putTexture(const View& view, const GaussianModel& model, Splat& s) {
+  s.texel_offset = 0;
+  s.texture_width = s.texture_height = 0;
+  if (model.atlas.rects.empty() || !view.textured()) return;
+  const TextureRect& rect = model.atlas.rects[s.gaussian];
+  s.texel_offset = rect.offset;
+  if (rect.texelCount() == 0) return;
+  s.texture_width = rect.width;
+  s.texture_height = rect.height;
+}
+
+HWY_INLINE glm::vec3 baseColor(const GaussianModel& model, std::uint32_t gaussian, const ShBasis& basis, int lane) {
+  const int count = model.shCount();
+  const glm::vec3* sh = model.sh.data() + static_cast<std::size_t>(gaussian) * count;
+  glm::vec3 color(0.5f);
+  for (int k = 0; k < count; ++k) color += basis.at[k][lane] * sh[k];
+  return glm::max(color, glm::vec3(0.0f));
+}
+
+// The records of `count` <= kBatch Gaussians; gaussians holds kBatch indices.
+void projectBatch(const View& view, const GaussianModel& model, const std::uint32_t* gaussians, int count,
+                  Splat* splats, float* screen_radius) {
+  const SplatWriter out{splats, count};
+  const Batch batch = loadBatch(model, gaussians);
+  const Geometry g = makeGeometry(view, batch);
+  const glm::dvec4 f = view.focal_center;
+  const VD inverse_z = hn::Div(splat(1.0), g.mean_c.z);
+  const VD center_x = hn::MulAdd(hn::Mul(g.mean_c.x, inverse_z), splat(f.x), splat(f.z));
+  const VD center_y = hn::MulAdd(hn::Mul(g.mean_c.y, inverse_z), splat(f.y), splat(f.w));
+  const VD t[3] = {hn::Mul(g.mean_c.z, dot(g.power_d[2], g.power_d[0])),
+                   hn::Mul(g.mean_c.z, dot(g.power_d[2], g.power_d[1])),
+                   hn::Mul(g.mean_c.z, dot(g.power_d[2], g.power_d[2]))};
+  const VD unit_w = splat(kExponentScale);
+  const VD w[3] = {hn::Mul(unit_w, g.w_xx), hn::Mul(unit_w, g.w_xy), hn::Mul(unit_w, g.w_yy)};
+  out.put(&Splat::center_x, center_x);
+  out.put(&Splat::center_y, center_y);
+  out.put(&Splat::depth, g.mean_c.z);
+  out.put(&Splat::w_xx, w[0]);
+  out.put(&Splat::w_xy, w[1]);
+  out.put(&Splat::w_yy, w[2]);
+  out.put(&Splat::d_xx, g.d_xx);
+  out.put(&Splat::d_xy, g.d_xy);
+  out.put(&Splat::d_x1, g.d_x1);
+  out.put(&Splat::d_yy, g.d_yy);
+  out.put(&Splat::d_y1, g.d_y1);
+  out.put(&Splat::d_11, g.d_11);
+  out.put(&Splat::t_x, t[0]);
+  out.put(&Splat::t_y, t[1]);
+  out.put(&Splat::t_1, t[2]);
+  const V3 normal = g.axes_c[2];
+  const MD away = hn::Gt(dot(normal, g.mean_c), hn::Zero(dd));
+  out.put(&Splat::normal, select(away, scaled(normal, splat(-1.0)), normal));
+  out.put(&Splat::wx, g.power_w[0]);
+  out.put(&Splat::wy, g.power_w[1]);
+  out.put(&Splat::dx, g.power_d[0]);
+  out.put(&Splat::dy, g.power_d[1]);
+  out.put(&Splat::d0, g.power_d[2]);
+  out.put(&Splat::kappa, g.kappa);
+  out.put(&Splat::kappa_first, hn::Mul(unit_w, dot(g.kappa, g.w_first)));
+  out.put(&Splat::kappa_second, hn::Mul(hn::Mul(unit_w, unit_w), dot(g.kappa, g.w_second)));
+
+  ShBasis basis;
+  shBasis(directionsTo(view, batch.mean), model.shCount(), basis);
+  alignas(64) double radius[kBatch] = {};
+  float finite_base[kBatch] = {};
+  for (int lane = 0; lane < count; ++lane) {
+    Splat& s = splats[lane];
+    s.gaussian = gaussians[lane];
+    s.opacity = opacity(model.opacity_logit[s.gaussian]);
+    s.log2_opacity = std::log2(s.opacity);
+    radius[lane] = visibleRadius(s.opacity);
+    s.radius2 = static_cast<float>(kExponentScale * kExponentScale * radius[lane] * radius[lane]);
+    s.base = baseColor(model, s.gaussian, basis, lane);
+    finite_base[lane] = s.base.x + s.base.y + s.base.z + s.log2_opacity;
+    putTexture(view, model, s);
+  }
+  // What float cannot hold is not drawn.
+  VD size = hn::Add(hn::Abs(center_x), hn::Abs(center_y));
+  for (const VD value : {g.mean_c.z, w[0], w[1], w[2], g.d_xx, g.d_xy, g.d_x1, g.d_yy, g.d_y1, g.d_11, t[0], t[1], t[2],
+                         hn::PromoteTo(dd, hn::LoadU(dbf, finite_base))}) {
+    size = hn::Add(size, hn::Abs(value));
+  }
+  const VD r = hn::Load(dd, radius);
+  const MD visible = hn::And(hn::Lt(size, splat(std::numeric_limits<float>::max())), hn::Gt(r, hn::Zero(dd)));
+  putBoxes(view, g, r, visible, out, screen_radius);
+}
+
+int projectBatchSize() { return kBatch; }
+
+}  // namespace tg::cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace tg::cpu {
+namespace {
+
+HWY_EXPORT(projectBatch);
+HWY_EXPORT(projectBatchSize);
+
+// Asks for a Gaussian's parameters: depth order jumps through memory.
+void prefetch(const GaussianModel& model, std::uint32_t i) {
+  hwy::Prefetch(&model.mean[i]);
+  hwy::Prefetch(&model.rotation[i]);
+  hwy::Prefetch(&model.log_scale[i]);
+  const auto count = static_cast<std::size_t>(model.shCount());
+  const auto* sh = reinterpret_cast<const char*>(model.sh.data() + i * count);
+  for (std::size_t line = 0; line < count * sizeof(glm::vec3); line += 64) hwy::Prefetch(sh + line);
+}
+
+constexpr int kMaxBatch = 8;  // Gaussians in a batch of any target
+
+glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
+  return view.camera_from_world_rotation * x + view.camera_from_world_translation;
 }
 
 }  // namespace
@@ -143,55 +259,6 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
   view.texture_alpha = (mode & kModeAlpha) != 0u;
   view.intersection = settings.intersection.value_or(model.intersection);
   return view;
-}
-
-Geometry makeGeometry(const View& view, const GaussianModel& model, std::uint32_t i) {
-  Geometry g;
-  const glm::dvec3 stored_scale = glm::exp(glm::dvec3(model.log_scale[i]));
-  const int c = shortestAxis(model.log_scale[i]);
-  g.axes = {axisU(c), axisV(c), c};
-  const glm::dvec4 q(model.rotation[i]);
-  const glm::dmat3 rotation = glm::mat3_cast(glm::normalize(glm::dquat(q[0], q[1], q[2], q[3])));
-  g.mean_c = cameraFromWorld(view, model.mean[i]);
-  for (int k = 0; k < 3; ++k) {
-    g.scale[k] = stored_scale[g.axes[k]];
-    g.axes_c[k] = view.camera_from_world_rotation * rotation[g.axes[k]];
-    for (int j = 0; j < 3; ++j) g.m[j][k] = g.axes_c[k][j] / g.scale[k];
-  }
-  g.dx = g.m[0] / view.focal_center.x;
-  g.dy = g.m[1] / view.focal_center.y;
-  g.d0 = g.m * (g.mean_c / g.mean_c.z);
-  g.o = -g.mean_c.z * g.d0;
-  g.wx = glm::cross(g.o, g.dx);
-  g.wy = glm::cross(g.o, g.dy);
-
-  g.unit = 1.0 / glm::length(g.d0);
-  g.power_d = glm::dmat3(g.unit * g.dx, g.unit * g.dy, g.unit * g.d0);
-  g.power_w = glm::dmat2x3(g.unit * g.wx, g.unit * g.wy);
-  g.kappa = g.unit * g.mean_c.z * glm::cross(g.dx, g.dy);
-  if (view.intersection == IntersectionModel::plane) {
-    for (int j = 0; j < 3; ++j) g.power_d[j].x = g.power_d[j].y = 0.0;
-    for (int j = 0; j < 2; ++j) g.power_w[j].z = 0.0;
-    g.kappa.z = 0.0;
-  }
-  g.w_first = unitOrZero(g.power_w[0]);
-  g.w_xx = glm::length(g.power_w[0]);
-  g.w_xy = glm::dot(g.w_first, g.power_w[1]);
-  g.w_second = g.power_w[1] - g.w_xy * g.w_first;
-  g.w_yy = glm::length(g.w_second);
-  const glm::dvec3 first = unitOrZero(g.power_d[0]);
-  g.d_xx = glm::length(g.power_d[0]);
-  g.d_xy = glm::dot(first, g.power_d[1]);
-  g.d_x1 = glm::dot(first, g.power_d[2]);
-  const glm::dvec3 rest_y = g.power_d[1] - g.d_xy * first;
-  const glm::dvec3 rest_1 = g.power_d[2] - g.d_x1 * first;
-  // In the plane model all of D but its first row is rounding noise of the subtraction; it must not outweigh D_c = 0.
-  const bool flat = view.intersection == IntersectionModel::plane;
-  const glm::dvec3 second = flat ? glm::dvec3(0.0) : unitOrZero(rest_y);
-  g.d_yy = flat ? 0.0 : glm::length(rest_y);
-  g.d_y1 = glm::dot(second, rest_1);
-  g.d_11 = flat ? 0.0 : glm::length(rest_1 - g.d_y1 * second);
-  return g;
 }
 
 std::vector<std::uint32_t> depthOrder(const View& view, const GaussianModel& model) {
@@ -228,10 +295,23 @@ std::vector<std::uint32_t> depthOrder(const View& view, const GaussianModel& mod
 
 void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& order,
                    ScreenSplats& out) {
-  out.splats.resize(order.size());
-  out.screen_radius.resize(order.size());
-  parallelFor(static_cast<std::int64_t>(order.size()), kGrain,
-              [&](std::int64_t k) { out.splats[k] = makeSplat(view, model, order[k], out.screen_radius[k]); });
+  constexpr std::size_t kChunk = 256;  // Gaussians per grab: some ten microseconds
+  const std::size_t count = order.size();
+  out.splats.resize(count);
+  out.screen_radius.resize(count);
+  const auto batch = static_cast<std::size_t>(HWY_DYNAMIC_DISPATCH(projectBatchSize)());
+  parallelFor(static_cast<std::int64_t>((count + kChunk - 1) / kChunk), 1, [&](std::int64_t chunk) {
+    const std::size_t begin = static_cast<std::size_t>(chunk) * kChunk;
+    const std::size_t end = std::min(count, begin + kChunk);
+    for (std::size_t k = begin; k < end; k += batch) {
+      for (std::size_t lane = k + batch; lane < std::min(end, k + 2 * batch); ++lane) prefetch(model, order[lane]);
+      std::uint32_t gaussians[kMaxBatch];
+      for (std::size_t lane = 0; lane < batch; ++lane) gaussians[lane] = order[std::min(k + lane, end - 1)];
+      HWY_DYNAMIC_DISPATCH(projectBatch)
+      (view, model, gaussians, static_cast<int>(std::min(batch, end - k)), &out.splats[k], &out.screen_radius[k]);
+    }
+  });
 }
 
 }  // namespace tg::cpu
+#endif

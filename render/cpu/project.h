@@ -28,38 +28,9 @@ struct View {
 };
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings);
 
-// A Gaussian's geometry as a camera sees it, in double precision: what both records below and the backward pass's chain
-// rule start from. Names as in shaders/shared/splat.h; local axes in the order (a, b, c).
-struct Geometry {
-  glm::ivec3 axes;        // the stored axis that a, b, c are
-  glm::dvec3 mean_c;      // camera space
-  glm::dvec3 scale;       // [world units]
-  glm::dmat3 axes_c;      // columns: local axes in camera space
-  glm::dmat3 m;           // local_from_camera, in sigma
-  glm::dvec3 o;           // the camera in the local frame
-  glm::dvec3 dx, dy, d0;  // D(x, y) = dx x + dy y + d0
-  glm::dvec3 wx, wy;      // W(x, y) = wx x + wy y
-  // What the power reads of D and W, divided by |d0|: the plane model drops D_a, D_b and W_c, with which both models
-  // are p = (D x W) / |D|^2.
-  double unit;           // 1 / |d0|
-  glm::dmat3 power_d;    // columns dx, dy, d0
-  glm::dmat2x3 power_w;  // columns wx, wy
-  // Moving the projected mean by (1, 0) px at one depth changes W at a pixel by -(wx + kappa y), by (0, 1) px by
-  // -(wy - kappa x).
-  glm::dvec3 kappa;
-  // Triangular factors: |W|^2 = (w_xx x + w_xy y)^2 + (w_yy y)^2, |D|^2 = (d_xx x + d_xy y + d_x1)^2 + (d_yy y +
-  // d_y1)^2
-  // + d_11^2. They keep sums of squares, so nothing cancels but the linear terms themselves.
-  double w_xx, w_xy, w_yy;
-  double d_xx, d_xy, d_x1, d_yy, d_y1, d_11;
-  glm::dvec3 w_first;  // unit vector: W = w_first (w_xx x + w_xy y) + w_second y
-  glm::dvec3 w_second;
-};
-Geometry makeGeometry(const View& view, const GaussianModel& model, std::uint32_t gaussian);
-
 constexpr double kExponentScale = 0.84932180028801904272;  // sqrt(log2(e) / 2): exp(-p^2 / 2) = 2^-(kExponentScale p)^2
 
-// What blending one splat needs. (x, y) = pixel - center [px].
+// What blending one splat needs. (x, y) = pixel - center [px]. Names are those of Geometry in geometry-inl.h.
 struct Splat {
   float center_x, center_y;  // [px]
   float depth, opacity, log2_opacity;

@@ -82,7 +82,7 @@ void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pair
       forEachTile(screen.splats[k], lists.tiles_x, [&](std::size_t tile) {
         const std::uint32_t position = next[chunk * tiles + tile]++;
         lists.splats[position] = static_cast<std::uint32_t>(k);
-        if (with_pairs) lists.pairs[pair++] = position;
+        if (with_pairs) lists.pairs[position] = pair++;
       });
     }
   });

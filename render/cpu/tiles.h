@@ -21,9 +21,9 @@ struct TileLists {
   int tiles_y = 0;
   std::vector<std::uint32_t> begin;   // [tiles + 1] into `splats`
   std::vector<std::uint32_t> splats;  // [pairs] positions in ScreenSplats::splats, ascending within a tile
-  // The pairs of splat k, in tile order: pairs[pair_begin[k] .. pair_begin[k + 1]) are positions in `splats`.
+  // The pairs of one splat, in tile order, have the consecutive numbers pair_begin[k] .. pair_begin[k + 1].
   std::vector<std::uint32_t> pair_begin;  // [splats + 1]
-  std::vector<std::uint32_t> pairs;       // [pairs], empty unless asked for
+  std::vector<std::uint32_t> pairs;       // [pairs] number of the pair at a position in `splats`; empty unless asked for
 
   int tiles() const { return tiles_x * tiles_y; }
   std::span<const std::uint32_t> list(int tile) const {
@@ -31,7 +31,7 @@ struct TileLists {
   }
 };
 
-// with_pairs: fill pair_begin and pairs too (the backward pass gathers by them).
+// with_pairs: fill `pairs` too (the backward pass leaves its sums there).
 void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pairs, TileLists& lists);
 
 }  // namespace tg::cpu

@@ -148,6 +148,19 @@ TEST_CASE("gradients have the same bytes for any number of threads") {
   setThreadCount(0);
 }
 
+TEST_CASE("gradients have the same bytes however few texel gradients are kept at once") {
+  const TestScene scene = makeScene(SceneKind::oddTextures, 9, 300, 100, 80);
+  const auto weights = randomWeights(scene.camera, 2);
+  const ModelGradient all = gradientCpu(scene.model, scene.camera, {}, weights);
+  for (const std::size_t limit : {std::size_t{0}, std::size_t{1000}, std::size_t{20000}}) {
+    const auto renderer = makeCpuDifferentiableRenderer(limit);
+    renderer->forward(scene.model, scene.camera, {});
+    ModelGradient rounds;
+    renderer->backward(std::vector<glm::vec3>(weights.begin(), weights.end()), rounds);
+    CHECK(sameBytes(rounds, all));
+  }
+}
+
 TEST_CASE("the picture of a forward pass is the renderer's") {
   const TestScene scene = makeScene(SceneKind::mixed, 5);
   const auto renderer = makeCpuRenderer();

@@ -25,6 +25,7 @@
 namespace tg::cpu {
 struct BackwardArgs {
   const BackwardInput& in;
+  std::uint8_t* shows;
   PairSums* sums;
   float* screen_abs;
   PairTextureSums* texture_sums;
@@ -395,7 +396,7 @@ HWY_INLINE void backwardTexels(const View& view, const Texture& texture, const S
 
 // The pair's texel gradients, zeroed.
 HWY_INLINE float* openSlot(TexelSlots& slots, const Splat& s, std::uint32_t pair) {
-  glm::vec4* slot = slots.texels.data() + slots.begin[pair - slots.first];
+  glm::vec4* slot = slots.texels.data() + slots.begin[pair];
   std::fill_n(slot, std::size_t{s.texture_width} * s.texture_height, glm::vec4(0.0f));
   return &slot->x;
 }
@@ -424,7 +425,7 @@ void backwardTile(const BackwardArgs& args, int tile) {
   const int tile_x = tile % in.lists.tiles_x * kTileWidth;
   const int tile_y = tile / in.lists.tiles_x * kTileHeight;
   const std::span<const std::uint32_t> list = in.lists.list(tile);
-  const std::uint32_t first_pair = in.lists.begin[tile];
+  const std::uint32_t first = in.lists.begin[tile];
 
   GradientState state;
   loadState(in, tile, tile_x, tile_y, state);
@@ -432,10 +433,12 @@ void backwardTile(const BackwardArgs& args, int tile) {
   Samples samples;
   TextureSamples texture_samples;
   for (auto position = static_cast<std::int32_t>(list.size()) - 1; position >= 0; --position) {
-    const std::uint32_t pair = first_pair + static_cast<std::uint32_t>(position);
+    const std::uint32_t at = first + static_cast<std::uint32_t>(position);
     BlockSet blocks;
-    std::copy_n(in.record.blocks.data() + std::size_t{pair} * kWords, kWords, blocks.words);
+    std::copy_n(in.record.blocks.data() + std::size_t{at} * kWords, kWords, blocks.words);
     if (empty(blocks)) continue;
+    const std::uint32_t pair = in.lists.pairs[at];
+    args.shows[pair] = 1;
     const Splat& s = in.screen.splats[list[position]];
     if (position > 1) {
       prefetchSplat(in.screen.splats[list[position - 2]]);
@@ -483,7 +486,8 @@ HWY_EXPORT(backwardTileAll);
 HWY_EXPORT(backwardTileGradient);
 
 void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, const PairGradients& out) {
-  const BackwardArgs args{input, out.sums.data(), out.screen_abs.data(), out.texture_sums.data(), &out.slots};
+  const BackwardArgs args{input,     out.shows.data(), out.sums.data(), out.screen_abs.data(), out.texture_sums.data(),
+                          &out.slots};
   parallelFor(end_tile - first_tile, 1, [&](std::int64_t i) {
     const int tile = first_tile + static_cast<int>(i);
     if (input.options.statistics) {

@@ -30,15 +30,16 @@ struct PairTextureSums {
   float v, v_x, v_y, v_xx, v_xy, v_yy;
 };
 
-// Where pairs leave the gradients of their texels: a pair's rectangle at texels[begin[pair - first]], in texel order.
+// Where pairs leave the gradients of their texels: the splat's rectangle at texels[begin[pair]], in texel order.
 struct TexelSlots {
-  std::uint32_t first = 0;  // pair
-  std::vector<std::size_t> begin;
+  static constexpr std::size_t kNone = ~std::size_t{0};
+  std::vector<std::size_t> begin;  // [pairs] kNone: not of the tiles in work
   std::vector<glm::vec4> texels;
 };
 
-// What backwardTiles() fills, all [pairs]; entries of pairs that do not show (BlendRecord::shows) are left as they are.
+// What backwardTiles() fills, all [pairs], by TileLists::pairs; entries of pairs that do not show are left as they are.
 struct PairGradients {
+  std::span<std::uint8_t> shows;  // zeros before; 1: the pair's other entries hold
   std::span<PairSums> sums;
   std::span<float> screen_abs;              // sum of |e| / ln 2 (docs/math.md 6.9); empty without statistics
   std::span<PairTextureSums> texture_sums;  // empty without textures

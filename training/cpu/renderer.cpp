@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU's DifferentiableRenderer: the render stages forward, then sums per (tile, splat) pair, then per Gaussian.
+#include <hwy/cache_control.h>
+
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <ctime>
 #include <string>
@@ -17,13 +20,14 @@
 namespace tg {
 namespace {
 
-// Texels of all pairs that are in flight at once. 16 Mi texels are 256 MiB: a million pairs of 4 x 4 textures. Tiles
-// beyond that follow in further rounds; the order of every sum stays the same.
-constexpr std::size_t kMaxSlotTexels = std::size_t{16} << 20;
-constexpr int kGrain = 64;  // Gaussians per grab
+constexpr std::size_t kGrain = 128;  // Gaussians per grab
+constexpr std::size_t kCacheLine = 64;
+constexpr std::uint32_t kNoSplat = ~std::uint32_t{0};
 
 class CpuDifferentiableRenderer final : public DifferentiableRenderer {
  public:
+  explicit CpuDifferentiableRenderer(std::size_t texels_in_flight) : texels_in_flight_(texels_in_flight) {}
+
   const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
                                         const RenderSettings& settings) override {
     model_ = &model;
@@ -46,6 +50,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     }
     times_.erase(std::find_if(times_.begin(), times_.end(), [](const PhaseTime& t) { return t.name == kBackward; }),
                  times_.end());
+    shows_.assign(lists_.splats.size(), 0);
     sums_.resize(lists_.splats.size());
     screen_abs_.resize(options.statistics ? lists_.splats.size() : 0);
     texture_sums_.resize(view_.textured() ? lists_.splats.size() : 0);
@@ -53,17 +58,13 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     timed(kBackward, [&] {
       if (view_.textured()) gradient.v_texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
       for (int first = 0; first < lists_.tiles();) {
-        const int end = makeSlots(first);
-        cpu::backwardTiles(input, first, end, {sums_, screen_abs_, texture_sums_, slots_});
-        if (!slots_.texels.empty()) gatherTexels(first, end, gradient);
+        const int end = view_.textured() ? makeSlots(first) : lists_.tiles();
+        cpu::backwardTiles(input, first, end, {shows_, sums_, screen_abs_, texture_sums_, slots_});
+        if (view_.textured()) gatherTexels(gradient);
         first = end;
       }
     });
-    timed("finish", [&] {
-      clear(gradient);
-      parallelFor(static_cast<std::int64_t>(screen_.splats.size()), kGrain,
-                  [&](std::int64_t k) { gatherSplat(static_cast<std::size_t>(k), gradient); });
-    });
+    timed("finish", [&] { finish(gradient); });
   }
 
   std::span<const PhaseTime> phaseTimes() const override { return times_; }
@@ -80,64 +81,95 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     times_.push_back({phase, elapsed.count(), 1e3 * static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC});
   }
 
-  void clear(ModelGradient& gradient) const {
+  // Gaussians in their own order, so that the gradient is written as one stream.
+  void finish(ModelGradient& gradient) {
     const std::size_t n = model_->size();
-    gradient.v_mean.assign(n, glm::vec3(0.0f));
-    gradient.v_rotation.assign(n, glm::vec4(0.0f));
-    gradient.v_log_scale.assign(n, glm::vec3(0.0f));
-    gradient.v_opacity_logit.assign(n, 0.0f);
-    gradient.v_sh.assign(model_->sh.size(), glm::vec3(0.0f));
+    gradient.v_mean.resize(n);
+    gradient.v_rotation.resize(n);
+    gradient.v_log_scale.resize(n);
+    gradient.v_opacity_logit.resize(n);
+    gradient.v_sh.resize(model_->sh.size());
     if (!view_.textured()) gradient.v_texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
-    gradient.screen_gradient.assign(n, 0.0f);
-    gradient.screen_gradient_abs.assign(n, 0.0f);
-    gradient.screen_radius.assign(n, 0.0f);
+    gradient.screen_gradient.resize(n);
+    gradient.screen_gradient_abs.resize(n);
+    gradient.screen_radius.resize(n);
+    splat_of_.assign(n, kNoSplat);
+    for (std::size_t k = 0; k < order_.size(); ++k) splat_of_[order_[k]] = static_cast<std::uint32_t>(k);
+
+    const auto batch = static_cast<std::size_t>(cpu::finishBatchSize());
+    parallelFor(static_cast<std::int64_t>((n + kGrain - 1) / kGrain), 1, [&](std::int64_t chunk) {
+      std::array<cpu::SplatSums, cpu::kMaxFinishBatch> sums;
+      std::size_t filled = 0;
+      const std::size_t begin = static_cast<std::size_t>(chunk) * kGrain;
+      const std::size_t end = std::min(n, begin + kGrain);
+      for (std::size_t i = begin; i < end; ++i) {
+        const std::uint32_t k = splat_of_[i];
+        if (i + 4 < end && splat_of_[i + 4] != kNoSplat) prefetch(splat_of_[i + 4]);
+        gradient.screen_radius[i] = k == kNoSplat ? 0.0f : screen_.screen_radius[k];
+        if (k == kNoSplat || !gather(k, sums[filled])) {
+          clear(i, gradient);
+          continue;
+        }
+        maskAlphaTexels(*sums[filled].splat, gradient);
+        if (++filled == batch) {
+          cpu::finishSplats(view_, *model_, std::span(sums).first(filled), gradient);
+          filled = 0;
+        }
+      }
+      if (filled > 0) cpu::finishSplats(view_, *model_, std::span(sums).first(filled), gradient);
+    });
   }
 
-  std::span<const std::uint32_t> pairsOf(std::size_t k) const {
-    return std::span(lists_.pairs).subspan(lists_.pair_begin[k], lists_.pair_begin[k + 1] - lists_.pair_begin[k]);
+  void clear(std::size_t i, ModelGradient& gradient) const {
+    const std::size_t count = static_cast<std::size_t>(model_->shCount());
+    gradient.v_mean[i] = glm::vec3(0.0f);
+    gradient.v_rotation[i] = glm::vec4(0.0f);
+    gradient.v_log_scale[i] = glm::vec3(0.0f);
+    gradient.v_opacity_logit[i] = 0.0f;
+    std::fill_n(gradient.v_sh.begin() + static_cast<std::ptrdiff_t>(i * count), count, glm::vec3(0.0f));
+    gradient.screen_gradient[i] = 0.0f;
+    gradient.screen_gradient_abs[i] = 0.0f;
   }
 
   // Lays out the texel slots of as many tiles from `first` on as fit, at least one. Returns the tile after the last.
   int makeSlots(int first) {
-    slots_.first = lists_.begin[first];
-    slots_.begin.clear();
+    slots_.begin.assign(lists_.splats.size(), cpu::TexelSlots::kNone);
     std::size_t texels = 0;
     int tile = first;
-    if (!view_.textured()) {
-      tile = lists_.tiles();
-    } else {
-      for (; tile < lists_.tiles(); ++tile) {
-        const std::size_t before = texels;
-        const std::size_t pairs = slots_.begin.size();
-        for (const std::uint32_t k : lists_.list(tile)) {
-          slots_.begin.push_back(texels);
-          texels += std::size_t{screen_.splats[k].texture_width} * screen_.splats[k].texture_height;
-        }
-        if (tile > first && texels > kMaxSlotTexels) {
-          texels = before;
-          slots_.begin.resize(pairs);
-          break;
-        }
+    for (; tile < lists_.tiles(); ++tile) {
+      std::size_t next = texels;
+      for (std::uint32_t at = lists_.begin[tile]; at < lists_.begin[tile + 1]; ++at) next += texelsAt(at);
+      if (tile > first && next > texels_in_flight_) break;
+      for (std::uint32_t at = lists_.begin[tile]; at < lists_.begin[tile + 1]; ++at) {
+        if (texelsAt(at) == 0) continue;
+        slots_.begin[lists_.pairs[at]] = texels;
+        texels += texelsAt(at);
       }
     }
-    if (slots_.texels.size() < texels || texels == 0) slots_.texels.resize(texels);
+    if (slots_.texels.size() < texels) slots_.texels.resize(texels);
     return tile;
   }
 
-  void gatherTexels(int first_tile, int end_tile, ModelGradient& gradient) const {
-    const std::uint32_t first = lists_.begin[first_tile];
-    const std::uint32_t end = lists_.begin[end_tile];
-    parallelFor(static_cast<std::int64_t>(screen_.splats.size()), kGrain, [&](std::int64_t k) {
-      const cpu::Splat& s = screen_.splats[k];
-      const std::size_t count = std::size_t{s.texture_width} * s.texture_height;
-      if (count == 0) return;
-      glm::vec4* v_texels = gradient.v_texels.data() + s.texel_offset;
-      for (const std::uint32_t pair : pairsOf(k)) {
-        if (pair < first || pair >= end || !record_.shows(pair)) continue;
-        const glm::vec4* slot = slots_.texels.data() + slots_.begin[pair - first];
-        for (std::size_t i = 0; i < count; ++i) v_texels[i] += slot[i];
-      }
-    });
+  // Texels of the splat at a position of the tile lists, 0 if it does not show there.
+  std::size_t texelsAt(std::uint32_t position) const {
+    const cpu::Splat& s = screen_.splats[lists_.splats[position]];
+    return record_.shows(position) ? std::size_t{s.texture_width} * s.texture_height : 0;
+  }
+
+  // Adds the slots to the texels' gradients.
+  void gatherTexels(ModelGradient& gradient) const {
+    parallelFor(static_cast<std::int64_t>(screen_.splats.size()), static_cast<std::int64_t>(kGrain),
+                [&](std::int64_t k) {
+                  const cpu::Splat& s = screen_.splats[k];
+                  const std::size_t count = std::size_t{s.texture_width} * s.texture_height;
+                  if (count == 0) return;
+                  glm::vec4* v_texels = gradient.v_texels.data() + s.texel_offset;
+                  for (std::uint32_t pair = lists_.pair_begin[k]; pair < lists_.pair_begin[k + 1]; ++pair) {
+                    if (slots_.begin[pair] == cpu::TexelSlots::kNone) continue;
+                    const glm::vec4* slot = slots_.texels.data() + slots_.begin[pair];
+                    for (std::size_t i = 0; i < count; ++i) v_texels[i] += slot[i];
+                  }
+                });
   }
 
   // Sums is a row of floats.
@@ -149,24 +181,31 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     for (std::size_t i = 0; i < sizeof(Sums) / sizeof(float); ++i) b[i] += a[i];
   }
 
-  void gatherSplat(std::size_t k, ModelGradient& gradient) const {
-    const cpu::Splat& s = screen_.splats[k];
-    gradient.screen_radius[s.gaussian] = screen_.screen_radius[k];
-    const auto pairs = pairsOf(k);
-    if (pairs.empty()) return;
-    cpu::PairSums total{};
-    cpu::PairTextureSums texture_total{};
-    float screen_abs = 0.0f;
-    for (const std::uint32_t pair : pairs) {
-      if (!record_.shows(pair)) continue;
-      add(sums_[pair], total);
-      if (!screen_abs_.empty()) screen_abs += screen_abs_[pair];
-      if (s.texture_width > 0) add(texture_sums_[pair], texture_total);
+  // Asks for a splat's record and first sums: the loop over Gaussians jumps through them.
+  void prefetch(std::uint32_t k) const {
+    const char* splat = reinterpret_cast<const char*>(&screen_.splats[k]);
+    for (std::size_t line = 0; line < sizeof(cpu::Splat); line += kCacheLine) hwy::Prefetch(splat + line);
+    const std::uint32_t first = lists_.pair_begin[k];
+    if (first < lists_.pair_begin[k + 1]) hwy::Prefetch(&sums_[first]);
+  }
+
+  // Adds up a splat's pairs. Returns whether it shows anywhere.
+  bool gather(std::uint32_t k, cpu::SplatSums& sums) const {
+    bool shows = false;
+    const cpu::Splat& splat = screen_.splats[k];
+    for (std::uint32_t pair = lists_.pair_begin[k]; pair < lists_.pair_begin[k + 1]; ++pair) {
+      if (shows_[pair] == 0) continue;
+      if (!shows) sums = {&splat, {}, {}, 0.0f};
+      shows = true;
+      add(sums_[pair], sums.pairs);
+      if (!screen_abs_.empty()) sums.screen_abs += screen_abs_[pair];
+      if (splat.texture_width > 0) add(texture_sums_[pair], sums.texture);
     }
-    cpu::SplatSums sums(total, screen_abs);
-    sums.set(texture_total);
-    cpu::finishGaussian(view_, *model_, s.gaussian, sums, gradient);
-    // An alpha texel outside [0, 1] is about to be clamped by its owner: no gradient pushes it further.
+    return shows;
+  }
+
+  // An alpha texel outside [0, 1] is about to be clamped by its owner: no gradient pushes it further.
+  void maskAlphaTexels(const cpu::Splat& s, ModelGradient& gradient) const {
     const std::size_t texels = std::size_t{s.texture_width} * s.texture_height;
     for (std::size_t i = s.texel_offset; i < s.texel_offset + texels; ++i) {
       const float alpha = model_->atlas.texels[i].a;
@@ -174,6 +213,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     }
   }
 
+  std::size_t texels_in_flight_;
   const GaussianModel* model_ = nullptr;
   cpu::View view_;
   std::vector<std::uint32_t> order_;
@@ -181,17 +221,19 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   cpu::TileLists lists_;
   std::vector<glm::vec3> picture_;
   cpu::BlendRecord record_;
+  std::vector<std::uint8_t> shows_;
   std::vector<cpu::PairSums> sums_;
   std::vector<float> screen_abs_;
   std::vector<cpu::PairTextureSums> texture_sums_;
   cpu::TexelSlots slots_;
+  std::vector<std::uint32_t> splat_of_;  // [Gaussians] kNoSplat: not before the camera
   std::vector<PhaseTime> times_;
 };
 
 }  // namespace
 
-std::unique_ptr<DifferentiableRenderer> makeCpuDifferentiableRenderer() {
-  return std::make_unique<CpuDifferentiableRenderer>();
+std::unique_ptr<DifferentiableRenderer> makeCpuDifferentiableRenderer(std::size_t texels_in_flight) {
+  return std::make_unique<CpuDifferentiableRenderer>(texels_in_flight);
 }
 
 }  // namespace tg
