@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "render/vulkan/vulkan_renderer.h"
+#include "viewer/follow.h"
 
 namespace tg {
 namespace {
@@ -51,11 +52,7 @@ bool writesNumbers(const std::filesystem::path& path) {
               "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
 }
 
-}  // namespace
-
-void renderToFile(const ViewOptions& options) {
-  const bool numbers = writesNumbers(options.out);
-  const LoadedModel loaded = readModel(options.model);
+void render(const LoadedModel& loaded, const ViewOptions& options, bool numbers, const HeadlessRenderer& backend) {
   for (const std::string& warning : loaded.warnings) {
     std::fprintf(stderr, "%s: warning: %s\n", options.model.c_str(), warning.c_str());
   }
@@ -66,7 +63,6 @@ void renderToFile(const ViewOptions& options) {
   settings.intersection = options.intersection;
   settings.background = options.background.value_or(loaded.background);
 
-  const HeadlessRenderer backend = makeRenderer(options);
   backend.renderer->setModel(loaded.model);
   const Frame frame = backend.renderer->render(camera, settings);
   if (backend.device && !backend.device->validation_messages.empty()) {
@@ -77,10 +73,34 @@ void renderToFile(const ViewOptions& options) {
 
   double milliseconds = 0;
   for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;
-  std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s\n", options.out.c_str(), frame.width,
+  std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s%s\n", options.out.c_str(), frame.width,
               frame.height, std::string(name(options.show)).c_str(),
               options.textures == TextureMode::none ? "off" : std::string(name(options.textures)).c_str(),
-              loaded.model.size(), milliseconds, backend.renderer->deviceName().c_str());
+              loaded.model.size(), milliseconds, backend.renderer->deviceName().c_str(),
+              options.follow && !scene.training.empty() ? (", " + scene.training).c_str() : "");
+}
+
+// Every model that comes, until one is the last of its training.
+void followToFile(const ViewOptions& options, bool numbers) {
+  ModelFollower follower(options.model, [] {});
+  const HeadlessRenderer backend = makeRenderer(options);
+  for (;;) {
+    const ModelFollower::News news = follower.wait();
+    if (!news.problem.empty()) std::fprintf(stderr, "tgview: %s\n", news.problem.c_str());
+    if (!news.model) continue;
+    render(*news.model, options, numbers, backend);
+    std::fflush(stdout);
+    if (trainingProgress(news.model->training_json).finished) return;
+  }
+}
+
+}  // namespace
+
+void renderToFile(const ViewOptions& options) {
+  const bool numbers = writesNumbers(options.out);
+  if (options.follow) return followToFile(options, numbers);
+  const LoadedModel loaded = readModel(options.model);
+  render(loaded, options, numbers, makeRenderer(options));
 }
 
 }  // namespace tg

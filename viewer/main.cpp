@@ -6,6 +6,7 @@
 #include <new>
 
 #include "core/error.h"
+#include "viewer/follow.h"
 #include "viewer/headless.h"
 #include "viewer/options.h"
 #include "viewer/window.h"
@@ -23,7 +24,7 @@ struct Flags {
 };
 
 void declare(CLI::App& app, Flags& flags) {
-  app.add_option("model", flags.view.model, "model.tgz, splat .ply, or .glb / .gltf")->required();
+  app.add_option("model", flags.view.model, "model.tgz, splat .ply, or .glb / .gltf; a run folder with --follow")->required();
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
   app.add_option("--show", flags.show, "final, base, texture, alpha, depth, normal or count")->capture_default_str();
@@ -36,6 +37,8 @@ void declare(CLI::App& app, Flags& flags) {
       ->capture_default_str();
   app.add_option("--device", flags.view.device, "part of the name of the Vulkan device to use");
   app.add_flag("--validation", flags.view.validation, "run under Vulkan's validation layer; messages are errors");
+  app.add_flag("--follow", flags.view.follow,
+               "read the model again whenever it changes; model may be a run folder of tgtrain");
   app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
   app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
   app.footer(kFooter);
@@ -59,6 +62,7 @@ void parseValues(Flags& flags) {
   if (!flags.size.empty()) view.size = tg::parseSize(flags.size, "--size");
   if (!flags.background.empty()) view.background = tg::parseColor(flags.background, "--background");
   view.backend = parseBackend(flags.backend);
+  if (view.follow) view.model = tg::followedFile(view.model);
   if (!view.out.empty() && !view.script.empty()) {
     throw tg::Error(tg::ErrorKind::usage, "--script drives the window (expected no --render with it)");
   }

@@ -4,8 +4,10 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 
 #include "core/error.h"
+#include "viewer/follow.h"
 
 namespace tg {
 namespace {
@@ -132,6 +134,13 @@ Scene describe(const LoadedModel& loaded, const std::filesystem::path& path) {
   scene.warnings = loaded.warnings;
   scene.up = sceneUp(loaded.cameras);
   scene.bounds = sceneBounds(model);
+  const TrainingProgress progress = trainingProgress(loaded.training_json);
+  scene.training = formatProgress(progress);
+  if (progress.psnr > 0) {
+    char text[32];
+    std::snprintf(text, sizeof text, ", %.2f dB in training", progress.psnr);
+    scene.training += text;
+  }
   return scene;
 }
 

@@ -24,6 +24,7 @@ struct ViewOptions {
   std::filesystem::path model;
   std::filesystem::path out;     // .png, .jpg: a picture; .exr: the numbers. Empty: a window
   std::filesystem::path script;  // drives the window; may be empty
+  bool follow = false;           // the model is a file or a run folder that changes
   std::string camera;            // "": the model's first test camera, else the whole model in view
   Output show = Output::final;
   TextureMode textures = TextureMode::rgba;

@@ -20,6 +20,7 @@ const ImVec4 kAccent(0.184f, 0.435f, 0.624f, 1.0f);
 const ImVec4 kAccentHovered(0.231f, 0.506f, 0.710f, 1.0f);
 const ImVec4 kErrorText(0.98f, 0.52f, 0.47f, 1.0f);
 const ImVec4 kWarningText(0.93f, 0.77f, 0.42f, 1.0f);
+const ImVec4 kFollowText(0.455f, 0.714f, 0.894f, 1.0f);
 
 void heading(const char* text) {
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
@@ -75,6 +76,12 @@ void modelSection(ViewerState& state) {
                         std::string(name(scene.texture_mode)).c_str(), grouped(scene.texels).c_str());
   } else {
     ImGui::TextDisabled("no textures");
+  }
+  if (!scene.training.empty()) ImGui::TextDisabled("%s", scene.training.c_str());
+  if (state.following) {
+    ImGui::PushStyleColor(ImGuiCol_Text, state.follow_problem.empty() ? kFollowText : kWarningText);
+    ImGui::TextWrapped("%s", state.follow_problem.empty() ? "following the file" : state.follow_problem.c_str());
+    ImGui::PopStyleColor();
   }
   if (!scene.warnings.empty()) {
     ImGui::PushStyleColor(ImGuiCol_Text, kWarningText);
@@ -333,6 +340,16 @@ void errorPanel(ViewerState& state) {
   ImGui::End();
 }
 
+// In the middle while --follow has no model yet.
+void waiting(const ViewerState& state) {
+  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::Begin("waiting", nullptr, kOverlay);
+  ImGui::PushTextWrapPos(ImGui::GetFontSize() * 32);
+  ImGui::TextUnformatted(state.follow_problem.c_str());
+  ImGui::PopTextWrapPos();
+  ImGui::End();
+}
+
 void notice(const ViewerState& state) {
   const ImVec2 center = pictureCenter(state);
   const ImVec2 text = ImGui::CalcTextSize(state.notice.c_str());
@@ -360,6 +377,7 @@ bool popupIsOpen() { return ImGui::IsPopupOpen(nullptr, ImGuiPopupFlags_AnyPopup
 void drawPanels(ViewerState& state, const FrameStatistics& statistics) {
   if (state.show_panel) panel(state, statistics);
   if (state.show_help) help(state);
+  if (state.following && state.reloads == 0 && !state.follow_problem.empty()) waiting(state);
   if (!state.error.empty()) errorPanel(state);
   if (state.time < state.notice_until) notice(state);
 }

@@ -18,6 +18,7 @@ constexpr std::uint64_t kMaxScriptBytes = 1 << 20;
 constexpr int kFramesAfterResize = 4;  // the window system answers a size request some events later
 constexpr int kFramesOfPanels = 2;     // an overlay measures itself in its first frame, unseen
 constexpr int kFramesOfOpening = 4;    // announced, opened, shown
+constexpr double kLongestAwait = 60;   // [s]
 constexpr double kDegrees = 3.14159265358979323846 / 180.0;
 
 using Words = std::vector<std::string>;
@@ -42,6 +43,21 @@ int parseKey(const std::string& text, const std::string& what) {
   if (text == "Esc") return kKeyEscape;
   if (text.size() == 1 && text[0] > ' ' && text[0] <= 'Z') return text[0];
   throw Error(ErrorKind::usage, what + ": expected a capital letter, a digit, Space or Esc, found \"" + text + "\"");
+}
+
+// Whether --follow has brought that many models. Throws Error(badData) when it takes too long.
+bool arrived(Script& script, const ViewerState& state, const std::string& text, const std::string& what) {
+  const double count = parseNumber(text, what);
+  if (state.reloads >= count) {
+    script.waiting_since = 0;
+    return true;
+  }
+  if (script.waiting_since == 0) script.waiting_since = std::max(state.time, 1e-9);
+  if (state.time - script.waiting_since > kLongestAwait) {
+    throw Error(ErrorKind::badData, what + ": no such model came in 60 s (expected --follow and " + text +
+                                        " models, found " + std::to_string(state.reloads) + ")");
+  }
+  return false;
 }
 
 // A command: its words, and what it does. `wait`: frames to draw before the next one.
@@ -92,6 +108,7 @@ constexpr std::array kVerbs = {
     Verb{"open", 1, kFramesOfOpening,
          [](ViewerState& s, const Words& w, const std::string&) { s.open_request = w[0]; }},
     Verb{"wait", 1, 0, nullptr},
+    Verb{"await", 1, kFramesOfPanels, nullptr},
     Verb{"size", 1, kFramesAfterResize, nullptr},
     Verb{"picture", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.picture = w[0]; }},
     Verb{"window", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.window = w[0]; }},
@@ -137,10 +154,12 @@ Script parseScript(const std::string& text, const std::string& path) {
 std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
   if (script.wait > 0) --script.wait;
   while (script.wait == 0 && script.next < script.commands.size()) {
-    const ScriptCommand& command = script.commands[script.next++];
+    const ScriptCommand& command = script.commands[script.next];
     const Verb& verb = *findVerb(command.verb);
     const std::string at = "line " + std::to_string(command.line) + ": " + command.verb;
     try {
+      if (command.verb == "await" && !arrived(script, state, command.words[0], at)) return std::nullopt;
+      ++script.next;
       script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;
       if (command.verb == "size") return parseSize(command.words[0], at);
       if (verb.run) verb.run(state, command.words, at);

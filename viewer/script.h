@@ -21,7 +21,8 @@ struct Script {
   std::string path;
   std::vector<ScriptCommand> commands;
   std::size_t next = 0;
-  int wait = 0;  // frames still to draw before the next command
+  int wait = 0;              // frames still to draw before the next command
+  double waiting_since = 0;  // [s] window time of the command that waits for a model; 0: none does
 };
 
 // Throws Error(badData) with the line for an unknown command or a wrong number of words; Error(cannotRead).

@@ -116,6 +116,11 @@ void setScene(ViewerState& state, Scene scene) {
   resetView(state);
 }
 
+void replaceScene(ViewerState& state, Scene scene) {
+  state.scene = std::move(scene);
+  if (state.camera >= static_cast<int>(state.scene.cameras.size())) state.camera = -1;
+}
+
 void goToCamera(ViewerState& state, int index) {
   setCamera(state, state.scene.cameras.at(index));
   state.camera = index;

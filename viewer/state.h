@@ -26,6 +26,7 @@ struct Scene {
   std::vector<std::string> warnings;
   glm::dvec3 up{0, -1, 0};
   SceneBounds bounds;
+  std::string training;  // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
 };
 
 // What to write after the next complete frame. Empty paths: nothing.
@@ -57,6 +58,10 @@ struct ViewerState {
   double aspect = 16.0 / 9.0;  // of the picture, written by the window
   double time = 0;             // [s] since the window opened, written by the window
 
+  bool following = false;      // --follow
+  int reloads = 0;             // models that --follow has brought
+  std::string follow_problem;  // why there is no newer one; "" = none
+
   std::optional<std::filesystem::path> open_request;
   CaptureRequest capture;
   bool quit = false;
@@ -68,6 +73,8 @@ RenderSettings effectiveSettings(const ViewerState& state);
 // A new model: its background, its first test camera (else its first camera, else all of it in view). Output, texture
 // and intersection switches stay as they are.
 void setScene(ViewerState& state, Scene scene);
+// The same model, further trained: camera and background stay.
+void replaceScene(ViewerState& state, Scene scene);
 void goToCamera(ViewerState& state, int index);
 void setCamera(ViewerState& state, const Camera& camera);  // any pose and lens, from a file for example
 // The camera that setScene and --render start from; -1: the model has none.

@@ -22,6 +22,7 @@
 #include "core/file.h"
 #include "render/vulkan/vulkan_renderer.h"
 #include "viewer/cpu_picture.h"
+#include "viewer/follow.h"
 #include "viewer/gui.h"
 #include "viewer/panels.h"
 #include "viewer/presenter.h"
@@ -142,6 +143,9 @@ class Viewer {
   bool handlePointer();
   void openPending();
   void openModel(const std::filesystem::path& path);
+  void takeNews();
+  void upload(const GaussianModel& model);
+  void setTitle();
   void openCameras(const std::filesystem::path& path);
   void drawFrame(bool moving);
   void writeCaptures();
@@ -165,14 +169,16 @@ class Viewer {
   bool open_announced_ = false;
   int frames_since_event_ = 0;
   double last_time_ = 0;
+  std::optional<ModelFollower> follower_;  // last: its thread wakes GLFW
 };
 
 Viewer::Viewer(const ViewOptions& options)
     : options_(options),
       script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script))),
-      first_(readModel(options.model)),
-      first_camera_(options.camera.empty() ? std::nullopt
-                                           : std::optional(cameraOf(options.camera, first_.cameras, "--camera"))),
+      first_(options.follow ? LoadedModel{} : readModel(options.model)),
+      first_camera_(options.camera.empty() || options.follow
+                        ? std::nullopt
+                        : std::optional(cameraOf(options.camera, first_.cameras, "--camera"))),
       window_(openWindow(options.size.value_or(kDefaultWindow), events_)),
       device_(createWindowDevice(window_.get(), options)),
       renderer_(makeRenderer(*device_, options.backend)),
@@ -183,7 +189,18 @@ Viewer::Viewer(const ViewOptions& options)
   state_.output = options.show;
   state_.settings.textures = options.textures;
   state_.settings.intersection = options.intersection;
-  glfwSetWindowTitle(window_.get(), ("tgview - " + options.model.filename().string()).c_str());
+  setTitle();
+  if (options.follow) {
+    state_.following = true;
+    follower_.emplace(options.model, glfwPostEmptyEvent);
+  }
+}
+
+void Viewer::setTitle() {
+  const Scene& scene = state_.scene;
+  std::string title = "tgview - " + (scene.path.empty() ? options_.model : scene.path).filename().string();
+  if (!scene.training.empty()) title += " - " + scene.training;
+  glfwSetWindowTitle(window_.get(), title.c_str());
 }
 
 void Viewer::run() {
@@ -209,6 +226,7 @@ void Viewer::run() {
     }
     followAspect();
     openPending();
+    takeNews();
     if (script_) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(window_.get(), size->x, size->y);
     }
@@ -325,14 +343,48 @@ void Viewer::openPending() {
 
 void Viewer::openModel(const std::filesystem::path& path) {
   const LoadedModel loaded = readModel(path);
-  // The old model stays whole until the new one is on the device.
+  upload(loaded.model);
+  setScene(state_, describe(loaded, path));
+  setTitle();
+  notify(state_, "Opened " + path.filename().string());
+  if (follower_ && path != follower_->file()) {
+    follower_.reset();
+    state_.following = false;
+  }
+}
+
+// The old model stays whole until the new one is on the device.
+void Viewer::upload(const GaussianModel& model) {
   std::unique_ptr<VulkanRenderer> fresh = makeRenderer(*device_, options_.backend);
-  fresh->setModel(loaded.model);
+  fresh->setModel(model);
   renderer_ = std::move(fresh);
   drawn_.reset();
-  setScene(state_, describe(loaded, path));
-  glfwSetWindowTitle(window_.get(), ("tgview - " + path.filename().string()).c_str());
-  notify(state_, "Opened " + path.filename().string());
+}
+
+// What --follow has found since the last frame. The first model opens like any other; later ones change nothing but
+// the model.
+void Viewer::takeNews() {
+  if (!follower_) return;
+  const std::optional<ModelFollower::News> news = follower_->take();
+  if (!news) return;
+  frames_since_event_ = 0;
+  state_.follow_problem = news->problem;
+  if (!news->model) return;
+  try {
+    upload(news->model->model);
+    Scene scene = describe(*news->model, follower_->file());
+    if (state_.reloads++ > 0) {
+      replaceScene(state_, std::move(scene));
+    } else {
+      const std::vector<Camera> cameras = scene.cameras;
+      setScene(state_, std::move(scene));
+      if (options_.background) state_.settings.background = *options_.background;
+      if (!options_.camera.empty()) setCamera(state_, cameraOf(options_.camera, cameras, "--camera"));
+    }
+    setTitle();
+  } catch (const std::bad_alloc&) {
+    state_.follow_problem = follower_->file().string() + ": not enough memory";
+  }
 }
 
 void Viewer::openCameras(const std::filesystem::path& path) {

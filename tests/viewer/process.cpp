@@ -69,11 +69,12 @@ void Workshop::write(const std::string& name, std::string_view bytes) const {
   std::ofstream(folder_ / name, std::ios::binary) << bytes;
 }
 
-GaussianModel sampleModel() { return trainedLikeModel(11, 400); }
+GaussianModel sampleModel(int gaussians) { return trainedLikeModel(11, gaussians); }
 
-void writeSample(const std::filesystem::path& path) {
+void writeSample(const std::filesystem::path& path, int gaussians, const std::string& training_json) {
   Bundle bundle;
-  bundle.model = sampleModel();
+  bundle.model = sampleModel(gaussians);
+  bundle.training_json = training_json;
   bundle.background = glm::vec3(1.0f);
   const Camera seen = trainedLikeCamera(96, 72);
   for (int i = 0; i < 3; ++i) {

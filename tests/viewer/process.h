@@ -37,8 +37,8 @@ class Workshop {
 };
 
 // Textured, with three cameras of 96 x 72 of which number 1 is a test view, and a white background.
-GaussianModel sampleModel();
-void writeSample(const std::filesystem::path& path);
+GaussianModel sampleModel(int gaussians = 400);
+void writeSample(const std::filesystem::path& path, int gaussians = 400, const std::string& training_json = "");
 
 // Whether a Vulkan device is there; says why not, once.
 bool haveVulkan();

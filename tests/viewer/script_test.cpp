@@ -32,6 +32,25 @@ TEST_CASE("wait draws that many frames") {
   CHECK(state.output == Output::base);
 }
 
+TEST_CASE("await waits for the models of --follow, but not for ever") {
+  ViewerState state;
+  state.time = 5;
+  Script script = parseScript("await 2\noutput base", "s");
+  step(script, state);
+  state.reloads = 1;
+  state.time = 60;
+  step(script, state);
+  CHECK(state.output == Output::final);
+  state.reloads = 2;
+  for (int frame = 0; frame < 4; ++frame) step(script, state);
+  CHECK(state.output == Output::base);
+  Script late = parseScript("await 3", "s");
+  step(late, state);
+  state.time += 61;
+  CHECK_THROWS_WITH(step(late, state),
+                    "s: line 1: await: no such model came in 60 s (expected --follow and 3 models, found 2)");
+}
+
 TEST_CASE("a size request is handed to the window, and time given to follow it") {
   ViewerState state;
   Script script = parseScript("size 320x200\noutput base", "s");

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <iostream>
+#include <thread>
 
 #include "core/metrics.h"
 #include "core/ply.h"
@@ -126,6 +128,59 @@ TEST_CASE("a broken file shows an error and leaves the old model; a good one rep
   CHECK(psnr(shop.read("before.png"), shop.read("after.png")) > 60);
   // Untextured, model.tgz is plain.ply.
   CHECK(psnr(shop.read("plain.png"), shop.read("textured.png")) > 45);
+}
+
+TEST_CASE("a followed run folder is waited for, shown, and shown again from the same camera when it changes") {
+  if (!haveWindow()) return;
+  for (const char* backend : {"vulkan", "cpu"}) {
+    const Workshop shop;
+    shop.write("script.txt",
+               "wait 3\nwindow waiting.png\nawait 1\norbit 20 -10\nsave-camera camera.json\npicture first.png\n"
+               "await 2\nwindow panel.png\npicture second.png\n");
+    // A training run, seen from outside: the model comes late, half of it first; then another one.
+    std::thread trainer([&] {
+      const auto awaitFile = [&](const std::string& name) {
+        for (int i = 0; i < 6000 && !std::filesystem::exists(shop / name); ++i) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+      };
+      awaitFile("waiting.png");
+      std::filesystem::create_directory(shop / "run");
+      shop.write("run/model.tgz", "half a model");
+      std::this_thread::sleep_for(std::chrono::milliseconds(700));
+      test::writeSample(shop / "run/model.tgz");
+      awaitFile("first.png");
+      test::writeSample(shop / "run/model.tgz", 90);
+      std::filesystem::copy(shop / "run/model.tgz", shop / "model.tgz");
+    });
+    const ProcessResult result = shop.tgview(
+        {"--follow", "run", "--script", "script.txt", "--size", "800x480", "--backend", backend, "--validation"},
+        kXServer);
+    trainer.join();
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    CHECK(result.err.find("vulkan:") == std::string::npos);
+    const Image second = shop.read("second.png");
+    CHECK(psnr(second, render(shop, {"--camera", "camera.json"})) > 45);
+    CHECK(psnr(second, shop.read("first.png")) < 45);
+  }
+}
+
+TEST_CASE("without a display, a followed model is rendered whenever it changes, until its training is finished") {
+  const Workshop shop;
+  test::writeSample(shop / "run.tgz", 400, R"({"interrupted": true, "stages": {"plain": {"iterations": 5}}})");
+  std::thread trainer([&] {
+    for (int i = 0; i < 6000 && !std::filesystem::exists(shop / "out.png"); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    test::writeSample(shop / "run.tgz", 90, R"({"interrupted": false, "stages": {"plain": {"iterations": 9}}})");
+  });
+  const ProcessResult result = shop.tgview({"--follow", "run.tgz", "--render", "out.png", "--backend", "cpu"});
+  trainer.join();
+  INFO(result.err);
+  CHECK(result.exit_code == 0);
+  CHECK_THAT(result.out, Catch::Contains("400 Gaussians") && Catch::Contains("plain 5"));
+  CHECK_THAT(result.out, Catch::Contains("90 Gaussians") && Catch::Contains("plain 9"));
 }
 
 TEST_CASE("a script that is wrong or cannot write ends with its exit code") {
