@@ -2,8 +2,6 @@
 // Camera, spherical harmonics and screen boxes: a batch of Gaussians at a time on all threads.
 #include "render/cpu/project.h"
 
-#include <hwy/cache_control.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -219,16 +217,6 @@ namespace {
 HWY_EXPORT(projectBatch);
 HWY_EXPORT(projectBatchSize);
 
-// Asks for a Gaussian's parameters: depth order jumps through memory.
-void prefetch(const GaussianModel& model, std::uint32_t i) {
-  hwy::Prefetch(&model.mean[i]);
-  hwy::Prefetch(&model.rotation[i]);
-  hwy::Prefetch(&model.log_scale[i]);
-  const auto count = static_cast<std::size_t>(model.shCount());
-  const auto* sh = reinterpret_cast<const char*>(model.sh.data() + i * count);
-  for (std::size_t line = 0; line < count * sizeof(glm::vec3); line += 64) hwy::Prefetch(sh + line);
-}
-
 constexpr int kMaxBatch = 8;  // Gaussians in a batch of any target
 
 glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
@@ -261,7 +249,7 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
   return view;
 }
 
-std::vector<std::uint32_t> depthOrder(const View& view, const GaussianModel& model) {
+void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out) {
   constexpr std::size_t kChunk = 4096;
   const std::size_t chunks = (model.size() + kChunk - 1) / kChunk;
   std::vector<DepthKey> keys(model.size());
@@ -287,16 +275,20 @@ std::vector<std::uint32_t> depthOrder(const View& view, const GaussianModel& mod
     kept += counts[chunk];
   }
   keys.resize(kept);
+  out.gaussians.resize(kept);
+  for (std::size_t k = 0; k < kept; ++k) {
+    out.gaussians[k] = keys[k].index;
+    keys[k].index = static_cast<std::uint32_t>(k);
+  }
   sortByKey(keys);
-  std::vector<std::uint32_t> order(kept);
-  for (std::size_t k = 0; k < kept; ++k) order[k] = keys[k].index;
-  return order;
+  out.order.resize(kept);
+  for (std::size_t k = 0; k < kept; ++k) out.order[k] = keys[k].index;
 }
 
-void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& order,
+void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& gaussians,
                    ScreenSplats& out) {
   constexpr std::size_t kChunk = 256;  // Gaussians per grab: some ten microseconds
-  const std::size_t count = order.size();
+  const std::size_t count = gaussians.size();
   out.splats.resize(count);
   out.screen_radius.resize(count);
   const auto batch = static_cast<std::size_t>(HWY_DYNAMIC_DISPATCH(projectBatchSize)());
@@ -304,11 +296,10 @@ void projectSplats(const View& view, const GaussianModel& model, const std::vect
     const std::size_t begin = static_cast<std::size_t>(chunk) * kChunk;
     const std::size_t end = std::min(count, begin + kChunk);
     for (std::size_t k = begin; k < end; k += batch) {
-      for (std::size_t lane = k + batch; lane < std::min(end, k + 2 * batch); ++lane) prefetch(model, order[lane]);
-      std::uint32_t gaussians[kMaxBatch];
-      for (std::size_t lane = 0; lane < batch; ++lane) gaussians[lane] = order[std::min(k + lane, end - 1)];
+      std::uint32_t lanes[kMaxBatch];
+      for (std::size_t lane = 0; lane < batch; ++lane) lanes[lane] = gaussians[std::min(k + lane, end - 1)];
       HWY_DYNAMIC_DISPATCH(projectBatch)
-      (view, model, gaussians, static_cast<int>(std::min(batch, end - k)), &out.splats[k], &out.screen_radius[k]);
+      (view, model, lanes, static_cast<int>(std::min(batch, end - k)), &out.splats[k], &out.screen_radius[k]);
     }
   });
 }

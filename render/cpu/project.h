@@ -51,15 +51,20 @@ struct Splat {
   bool near_plane;                              // some hit may lie before kNear
 };
 
-// Depth order: splats[k] belongs to Gaussian splats[k].gaussian. Those off screen have an empty box.
+// The splats of some Gaussians, in the Gaussians' order. Those off screen have an empty box.
 struct ScreenSplats {
   std::vector<Splat> splats;
   std::vector<float> screen_radius;  // [px] half the longer side of the unclipped screen box
 };
 
-// Gaussians before the camera and not too faint, by ascending camera z of the mean, ties by index.
-std::vector<std::uint32_t> depthOrder(const View& view, const GaussianModel& model);
-void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& order,
+// Gaussians before the camera and not too faint. Their parameters and records are walked through in the Gaussians'
+// order, as one stream; only the tile lists jump.
+struct DepthOrder {
+  std::vector<std::uint32_t> gaussians;  // ascending
+  std::vector<std::uint32_t> order;      // positions in `gaussians` by ascending camera z of the mean, ties by position
+};
+void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out);
+void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& gaussians,
                    ScreenSplats& out);
 
 float opacity(float logit);

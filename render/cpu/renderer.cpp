@@ -26,9 +26,9 @@ class CpuRenderer final : public Renderer {
     const cpu::View view = cpu::makeView(model_, camera, settings);
     Frame frame(camera.width, camera.height);
     times_.clear();
-    timed("sort", [&] { order_ = cpu::depthOrder(view, model_); });
-    timed("project", [&] { cpu::projectSplats(view, model_, order_, screen_); });
-    timed("tiles", [&] { cpu::buildTileLists(view, screen_, false, lists_); });
+    timed("sort", [&] { cpu::findDepthOrder(view, model_, depth_order_); });
+    timed("project", [&] { cpu::projectSplats(view, model_, depth_order_.gaussians, screen_); });
+    timed("tiles", [&] { cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_); });
     timed("blend", [&] { cpu::blendFrame(view, screen_, lists_, model_.atlas.texels.data(), frame); });
     return frame;
   }
@@ -51,7 +51,7 @@ class CpuRenderer final : public Renderer {
 
   GaussianModel model_;
   bool has_model_ = false;
-  std::vector<std::uint32_t> order_;
+  cpu::DepthOrder depth_order_;
   cpu::ScreenSplats screen_;
   cpu::TileLists lists_;
   std::vector<PassTime> times_;

@@ -12,8 +12,8 @@ namespace tg::cpu {
 namespace {
 
 struct TileRange {
-  int x0, y0, x1, y1;  // tiles, x1 and y1 exclusive
-  std::size_t count() const { return static_cast<std::size_t>(x1 - x0) * (y1 - y0); }
+  std::int32_t x0, y0, x1, y1;  // tiles, x1 and y1 exclusive
+  std::size_t count() const { return static_cast<std::size_t>(x1 - x0) * static_cast<std::size_t>(y1 - y0); }
 };
 
 TileRange tileRange(const Splat& s) {
@@ -22,8 +22,7 @@ TileRange tileRange(const Splat& s) {
 }
 
 template <typename Visit>
-void forEachTile(const Splat& s, int tiles_x, const Visit& visit) {
-  const TileRange range = tileRange(s);
+void forEachTile(const TileRange& range, int tiles_x, const Visit& visit) {
   for (int y = range.y0; y < range.y1; ++y) {
     for (int x = range.x0; x < range.x1; ++x) visit(static_cast<std::size_t>(y) * tiles_x + x);
   }
@@ -31,17 +30,21 @@ void forEachTile(const Splat& s, int tiles_x, const Visit& visit) {
 
 }  // namespace
 
-void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pairs, TileLists& lists) {
+void buildTileLists(const View& view, const ScreenSplats& screen, const std::vector<std::uint32_t>& order,
+                    bool with_pairs, TileLists& lists) {
   lists.tiles_x = (view.width + kTileWidth - 1) / kTileWidth;
   lists.tiles_y = (view.height + kTileHeight - 1) / kTileHeight;
   const std::size_t tiles = lists.tiles();
   const std::size_t count = screen.splats.size();
 
+  // Apart from the records: small enough to be looked at in depth order.
+  std::vector<TileRange> ranges(count);
+  parallelFor(static_cast<std::int64_t>(count), 4096, [&](std::int64_t k) { ranges[k] = tileRange(screen.splats[k]); });
   std::size_t total = 0;
   lists.pair_begin.resize(count + 1);
   for (std::size_t k = 0; k < count; ++k) {
     lists.pair_begin[k] = static_cast<std::uint32_t>(total);
-    total += tileRange(screen.splats[k]).count();
+    total += ranges[k].count();
     if (total > std::numeric_limits<std::uint32_t>::max()) {
       throw Error(ErrorKind::badData, "model", "too many large Gaussians (expected below 2^32 splats over all tiles)");
     }
@@ -58,8 +61,8 @@ void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pair
   };
   parallelFor(static_cast<std::int64_t>(chunks), 1, [&](std::int64_t chunk) {
     const auto [begin, end] = range(chunk);
-    for (std::size_t k = begin; k < end; ++k) {
-      forEachTile(screen.splats[k], lists.tiles_x, [&](std::size_t tile) { ++next[chunk * tiles + tile]; });
+    for (std::size_t place = begin; place < end; ++place) {
+      forEachTile(ranges[order[place]], lists.tiles_x, [&](std::size_t tile) { ++next[chunk * tiles + tile]; });
     }
   });
   lists.begin.resize(tiles + 1);
@@ -77,11 +80,12 @@ void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pair
   lists.pairs.resize(with_pairs ? total : 0);
   parallelFor(static_cast<std::int64_t>(chunks), 1, [&](std::int64_t chunk) {
     const auto [begin, end] = range(chunk);
-    for (std::size_t k = begin; k < end; ++k) {
+    for (std::size_t place = begin; place < end; ++place) {
+      const std::uint32_t k = order[place];
       std::uint32_t pair = lists.pair_begin[k];
-      forEachTile(screen.splats[k], lists.tiles_x, [&](std::size_t tile) {
+      forEachTile(ranges[k], lists.tiles_x, [&](std::size_t tile) {
         const std::uint32_t position = next[chunk * tiles + tile]++;
-        lists.splats[position] = static_cast<std::uint32_t>(k);
+        lists.splats[position] = k;
         if (with_pairs) lists.pairs[position] = pair++;
       });
     }

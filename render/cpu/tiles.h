@@ -20,10 +20,10 @@ struct TileLists {
   int tiles_x = 0;
   int tiles_y = 0;
   std::vector<std::uint32_t> begin;   // [tiles + 1] into `splats`
-  std::vector<std::uint32_t> splats;  // [pairs] positions in ScreenSplats::splats, ascending within a tile
+  std::vector<std::uint32_t> splats;  // [pairs] positions in ScreenSplats::splats, front to back within a tile
   // The pairs of one splat, in tile order, have the consecutive numbers pair_begin[k] .. pair_begin[k + 1].
   std::vector<std::uint32_t> pair_begin;  // [splats + 1]
-  std::vector<std::uint32_t> pairs;       // [pairs] number of the pair at a position in `splats`; empty unless asked for
+  std::vector<std::uint32_t> pairs;  // [pairs] number of the pair at a position in `splats`; empty unless asked for
 
   int tiles() const { return tiles_x * tiles_y; }
   std::span<const std::uint32_t> list(int tile) const {
@@ -32,6 +32,7 @@ struct TileLists {
 };
 
 // with_pairs: fill `pairs` too (the backward pass leaves its sums there).
-void buildTileLists(const View& view, const ScreenSplats& screen, bool with_pairs, TileLists& lists);
+void buildTileLists(const View& view, const ScreenSplats& screen, const std::vector<std::uint32_t>& order,
+                    bool with_pairs, TileLists& lists);
 
 }  // namespace tg::cpu

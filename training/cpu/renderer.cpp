@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU's DifferentiableRenderer: the render stages forward, then sums per (tile, splat) pair, then per Gaussian.
-#include <hwy/cache_control.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -21,7 +19,6 @@ namespace tg {
 namespace {
 
 constexpr std::size_t kGrain = 128;  // Gaussians per grab
-constexpr std::size_t kCacheLine = 64;
 constexpr std::uint32_t kNoSplat = ~std::uint32_t{0};
 
 class CpuDifferentiableRenderer final : public DifferentiableRenderer {
@@ -33,9 +30,9 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     model_ = &model;
     view_ = cpu::makeView(model, camera, settings);
     times_.clear();
-    timed("order", [&] { order_ = cpu::depthOrder(view_, model); });
-    timed("project", [&] { cpu::projectSplats(view_, model, order_, screen_); });
-    timed("lists", [&] { cpu::buildTileLists(view_, screen_, true, lists_); });
+    timed("order", [&] { cpu::findDepthOrder(view_, model, depth_order_); });
+    timed("project", [&] { cpu::projectSplats(view_, model, depth_order_.gaussians, screen_); });
+    timed("lists", [&] { cpu::buildTileLists(view_, screen_, depth_order_.order, true, lists_); });
     timed("blend forward",
           [&] { cpu::blendPicture(view_, screen_, lists_, model.atlas.texels.data(), picture_, record_); });
     return picture_;
@@ -94,7 +91,8 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     gradient.screen_gradient_abs.resize(n);
     gradient.screen_radius.resize(n);
     splat_of_.assign(n, kNoSplat);
-    for (std::size_t k = 0; k < order_.size(); ++k) splat_of_[order_[k]] = static_cast<std::uint32_t>(k);
+    const auto& gaussians = depth_order_.gaussians;
+    for (std::size_t k = 0; k < gaussians.size(); ++k) splat_of_[gaussians[k]] = static_cast<std::uint32_t>(k);
 
     const auto batch = static_cast<std::size_t>(cpu::finishBatchSize());
     parallelFor(static_cast<std::int64_t>((n + kGrain - 1) / kGrain), 1, [&](std::int64_t chunk) {
@@ -104,7 +102,6 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
       const std::size_t end = std::min(n, begin + kGrain);
       for (std::size_t i = begin; i < end; ++i) {
         const std::uint32_t k = splat_of_[i];
-        if (i + 4 < end && splat_of_[i + 4] != kNoSplat) prefetch(splat_of_[i + 4]);
         gradient.screen_radius[i] = k == kNoSplat ? 0.0f : screen_.screen_radius[k];
         if (k == kNoSplat || !gather(k, sums[filled])) {
           clear(i, gradient);
@@ -181,14 +178,6 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     for (std::size_t i = 0; i < sizeof(Sums) / sizeof(float); ++i) b[i] += a[i];
   }
 
-  // Asks for a splat's record and first sums: the loop over Gaussians jumps through them.
-  void prefetch(std::uint32_t k) const {
-    const char* splat = reinterpret_cast<const char*>(&screen_.splats[k]);
-    for (std::size_t line = 0; line < sizeof(cpu::Splat); line += kCacheLine) hwy::Prefetch(splat + line);
-    const std::uint32_t first = lists_.pair_begin[k];
-    if (first < lists_.pair_begin[k + 1]) hwy::Prefetch(&sums_[first]);
-  }
-
   // Adds up a splat's pairs. Returns whether it shows anywhere.
   bool gather(std::uint32_t k, cpu::SplatSums& sums) const {
     bool shows = false;
@@ -216,7 +205,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   std::size_t texels_in_flight_;
   const GaussianModel* model_ = nullptr;
   cpu::View view_;
-  std::vector<std::uint32_t> order_;
+  cpu::DepthOrder depth_order_;
   cpu::ScreenSplats screen_;
   cpu::TileLists lists_;
   std::vector<glm::vec3> picture_;
