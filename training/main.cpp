@@ -150,7 +150,8 @@ int runTraining(const Options& options) {
   std::optional<tg::RunState> state;
   if (run) {
     json_options.fingerprint = tg::datasetFingerprint(dataset);
-    state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, *renderer, json_options});
+    state = run->begin(
+        {dataset, settings, start_model ? &*start_model : nullptr, *renderer, json_options, &stop_requested});
     if (options.run.resume && !state && !options.quiet) {
       std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
     }

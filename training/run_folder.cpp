@@ -130,6 +130,7 @@ std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
   dataset_ = &inputs.dataset;
   renderer_ = &inputs.renderer;
   json_ = inputs.json;
+  stop_ = inputs.stop;
   if (json_.fingerprint.empty()) json_.fingerprint = datasetFingerprint(inputs.dataset);
   identity_ = runIdentity(inputs.dataset, inputs.settings, json_.fingerprint, inputs.start);
   if (!has_checkpoint_) {
@@ -183,7 +184,7 @@ void RunFolder::writeStepMetrics(const Trainer& trainer, const TrainProgress& pr
                {"gaussians", progress.gaussians},   {"per_second", rounded(progress.per_second, 3)},
                {"seconds", rounded(seconds(), 3)}};
   if (evaluate) {
-    if (const std::optional<Score> score = trainer.testScore()) addScore(line, *score);
+    if (const std::optional<Score> score = trainer.testScore(stop_)) addScore(line, *score);
   }
   writeMetrics(line.dump() + "\n");
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The folder of a run that can be watched, killed and resumed: checkpoint, model.tgz, metrics.jsonl, previews/.
 #pragma once
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -30,6 +31,7 @@ struct RunInputs {
   const GaussianModel* start = nullptr;  // that stage 1 goes on from, if any
   DifferentiableRenderer& renderer;
   TrainingJsonOptions json;
+  const std::atomic<bool>* stop = nullptr;  // set: leave out test scores, the run is about to end
 };
 
 // One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.
@@ -77,6 +79,7 @@ class RunFolder {
   const Dataset* dataset_ = nullptr;
   DifferentiableRenderer* renderer_ = nullptr;
   TrainingJsonOptions json_;
+  const std::atomic<bool>* stop_ = nullptr;
   RunIdentity identity_;
   int metrics_ = -1;  // descriptor
   std::uint64_t metrics_bytes_ = 0;

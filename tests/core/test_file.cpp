@@ -50,6 +50,37 @@ TEST_CASE("missing files, folders and files beyond the bound cannot be read") {
   REQUIRE_THROWS_WITH(tg::readFile("/dev/zero", 100000), Contains("too long"));
 }
 
+TEST_CASE("a copy is whole or not there") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes{1, 2, 3});
+  tg::writeFileAtomically(folder / "b", Bytes{4});
+  tg::copyFileAtomically(folder / "a", folder / "b");
+  REQUIRE(tg::readFile(folder / "b", 10) == Bytes{1, 2, 3});
+  REQUIRE_THROWS_WITH(tg::copyFileAtomically(folder / "missing", folder / "b"), Contains("cannot copy"));
+  REQUIRE(kindOf([&] { tg::copyFileAtomically(folder / "a", folder / "no/b"); }) == tg::ErrorKind::cannotWrite);
+  REQUIRE(tg::readFile(folder / "b", 10) == Bytes{1, 2, 3});
+  REQUIRE(fileCount(folder.path) == 2);
+}
+
+TEST_CASE("what a signal handler removes is what is half written, and nothing else") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes{7});
+  const auto interrupted = [&] {
+    tg::writeFileAtomically(folder / "a", [&](const std::filesystem::path& outer) {
+      tg::writeFileAtomically(folder / "b", [&](const std::filesystem::path& inner) {
+        tg::removeTemporaryFiles();
+        REQUIRE_FALSE(std::filesystem::exists(outer));
+        REQUIRE_FALSE(std::filesystem::exists(inner));
+      });
+    });
+  };
+  // More often than names are remembered at a time.
+  for (int i = 0; i < 20; ++i) REQUIRE(kindOf(interrupted) == tg::ErrorKind::cannotWrite);
+  REQUIRE(fileCount(folder.path) == 1);
+  tg::removeTemporaryFiles();
+  REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
+}
+
 TEST_CASE("an exception while writing leaves the older file and nothing beside it") {
   const tg::TemporaryFolder folder;
   tg::writeFileAtomically(folder / "a.txt", Bytes{7});
