@@ -240,7 +240,7 @@ double colorError(const glm::dvec3& a, const glm::dvec3& b, double largest) {
 
 }  // namespace
 
-Image flipMap(const Image& reference, const Image& test, Mask mask, double pixels_per_degree) {
+Image flipMap(const Image& reference, const Image& test, double pixels_per_degree) {
   if (reference.width != test.width || reference.height != test.height || reference.channels != 3 ||
       test.channels != 3 || reference.data.empty()) {
     throw Error(ErrorKind::badData, "FLIP compares two pictures of one size with 3 channels");
@@ -249,15 +249,8 @@ Image flipMap(const Image& reference, const Image& test, Mask mask, double pixel
     throw Error(ErrorKind::usage, "pixels per degree out of range (expected 1 to 10000, found " +
                                       std::to_string(pixels_per_degree) + ")");
   }
-  Image masked;
-  if (!mask.empty()) {
-    masked = test;
-    for (std::size_t i = 0; i < mask.size(); i++) {
-      if (mask[i] == 0) std::copy_n(reference.data.data() + i * 3, 3, masked.data.data() + i * 3);
-    }
-  }
   const Picture a = process(reference, pixels_per_degree);
-  const Picture b = process(mask.empty() ? test : masked, pixels_per_degree);
+  const Picture b = process(test, pixels_per_degree);
   const double largest =
       std::pow(colorDistance(huntLab({0, 1, 0}), huntLab({0, 0, 1})), kColorExponent);  // green against blue
   Image map(reference.width, reference.height, 1);

@@ -10,9 +10,7 @@ namespace tg {
 constexpr double kFlipPixelsPerDegree = 67.020643276582255;
 
 // The error of every pixel, in [0, 1], 1 channel. Both images have 3 channels, sRGB; values are clamped to [0, 1].
-// Where the mask is 0 the test picture is taken to be the reference: no error, there or from there.
-Image flipMap(const Image& reference, const Image& test, Mask mask = {},
-              double pixels_per_degree = kFlipPixelsPerDegree);
+Image flipMap(const Image& reference, const Image& test, double pixels_per_degree = kFlipPixelsPerDegree);
 // Its mean over the pixels that count.
 double flip(const Image& map, Mask mask = {});
 

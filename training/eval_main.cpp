@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// tgeval: a model against the photographs of a data set, per view and in the mean.
+// tgeval: a model against the photographs of a data set, per view and in the mean; the shapes of its Gaussians.
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
-#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <csignal>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <span>
 
@@ -15,19 +19,34 @@
 #include "core/ply.h"
 #include "render/renderer.h"
 #include "training/cli.h"
-#include "training/evaluate.h"
+#include "training/eval_report.h"
+#include "training/report.h"
 
 namespace {
 
 namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+std::atomic<bool> stop_requested{false};
+
+// The first Ctrl-C ends after the current view and reports what was scored; the second ends the program at once.
+void requestStop(int signal) {
+  stop_requested = true;
+  std::signal(signal, SIG_DFL);
+}
 
 struct Options {
   std::string model;
   std::string dataset;
   std::string json;
   std::string images;
+  std::string side_by_side;
+  std::string lpips;
+  std::string lpips_range = "symmetric";
   std::string split = "test";
+  double pixels_per_degree = tg::kFlipPixelsPerDegree;
   int threads = 0;
+  bool effective_rank = false;
   bool overwrite = false;
   tg::DatasetFlags data;
 };
@@ -44,91 +63,138 @@ Scene readScene(const std::string& path) {
   return {std::move(bundle.model), bundle.background};
 }
 
-std::vector<std::size_t> chosenViews(const tg::Dataset& dataset, const std::string& split) {
-  std::vector<std::size_t> views;
-  if (split == "all") {
-    views.resize(dataset.views.size());
-    std::iota(views.begin(), views.end(), std::size_t{0});
-  } else {
-    views = dataset.indices(split == "test");
+// Of the views that are asked for, and no others.
+tg::Dataset readViews(const Options& options, const Scene& scene) {
+  tg::DatasetOptions data = tg::datasetOptions(options.data);
+  if (data.random_background) {
+    throw tg::Error(tg::ErrorKind::usage, "--background: scores need one colour (expected white, black or r,g,b)");
   }
-  if (views.empty()) {
-    throw tg::Error(tg::ErrorKind::usage, dataset.name, "has no " + split + " views (try --split train)");
+  if (!data.background) data.background = scene.background;
+  if (options.split != "all") data.only_test = options.split == "test";
+  tg::Dataset dataset = tg::loadDataset(options.dataset, data);
+  tg::printNotes(options.dataset, dataset);
+  if (dataset.views.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, dataset.name, "has no " + options.split + " views (try --split all)");
   }
-  return views;
+  return dataset;
 }
 
 // Where each picture goes, by view: named after the photograph's file, with a number where that is taken (train/0.png
 // and test/0.png). Names come from the data set: their folders are left aside, so that nothing lands elsewhere.
-std::vector<fs::path> pictureFiles(const Options& options, const tg::Dataset& dataset,
-                                   std::span<const std::size_t> views) {
+std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset& dataset, bool overwrite) {
   std::vector<fs::path> files(dataset.views.size());
+  if (folder.empty()) return files;
+  std::error_code code;
+  fs::create_directories(folder, code);
+  if (code) throw tg::Error(tg::ErrorKind::cannotWrite, folder, code.message());
   std::set<std::string> taken;
-  for (const std::size_t view : views) {
+  for (std::size_t view = 0; view < files.size(); view++) {
     const std::string stem = fs::path(dataset.views[view].camera.name).stem().string();
     std::string name = stem;
     for (int number = 2; !taken.insert(name).second; number++) name = stem + "-" + std::to_string(number);
-    files[view] = fs::path(options.images) / (name + ".png");
-    tg::refuseExisting(files[view].string(), options.overwrite);
+    files[view] = fs::path(folder) / (name + ".png");
+    tg::refuseExisting(files[view].string(), overwrite);
   }
   return files;
 }
 
-tg::Image toImage(const tg::Frame& frame) { return tg::extract(frame, tg::Output::final); }
+// A line on stderr: rewritten in place on a terminal, now and then elsewhere.
+class Progress {
+ public:
+  explicit Progress(std::size_t views) : views_(views), terminal_(isatty(STDERR_FILENO) != 0) {}
+  void show(std::size_t done) {
+    const Clock::time_point now = Clock::now();
+    if (now < next_ || done == views_) return;
+    next_ = now + (terminal_ ? std::chrono::milliseconds(100) : std::chrono::seconds(5));
+    const double seconds = std::chrono::duration<double>(now - start_).count();
+    const std::string left =
+        tg::formatSeconds(seconds / static_cast<double>(done) * static_cast<double>(views_ - done));
+    std::fprintf(stderr, terminal_ ? "\r\033[K%zu of %zu views, %s left" : "%zu of %zu views, %s left\n", done, views_,
+                 left.c_str());
+  }
+  void finish() const {
+    if (terminal_) std::fputs("\r\033[K", stderr);
+  }
 
-std::string formatJson(const tg::Dataset& dataset, const tg::GaussianModel& model, const std::string& split,
-                       std::span<const tg::ViewScore> scores) {
-  const tg::Score mean = tg::meanScore(scores);
-  nlohmann::ordered_json json = {{"dataset", dataset.name},
-                                 {"split", split},
-                                 {"gaussians", model.size()},
-                                 {"texels", model.atlas.texels.size()},
-                                 {"psnr", mean.psnr},
-                                 {"ssim", mean.ssim},
-                                 {"views", nlohmann::ordered_json::array()}};
-  for (const tg::ViewScore& score : scores) {
-    json["views"].push_back({{"name", score.name}, {"psnr", score.psnr}, {"ssim", score.ssim}});
-  }
-  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
-}
+ private:
+  const std::size_t views_;
+  const bool terminal_;
+  const Clock::time_point start_ = Clock::now();
+  Clock::time_point next_ = start_ + std::chrono::seconds(1);
+};
 
-int run(const Options& options) {
-  if (!options.json.empty()) {
-    tg::refuseExisting(options.json, options.overwrite);
-    tg::requireWritable(options.json);
-  }
-  if (options.threads > 0) tg::setThreadCount(options.threads);
-  const Scene scene = readScene(options.model);
-  tg::DatasetOptions data = tg::datasetOptions(options.data);
-  if (!data.background) data.background = scene.background;
-  const tg::Dataset dataset = tg::loadDataset(options.dataset, data);
-  const std::vector<std::size_t> views = chosenViews(dataset, options.split);
-  std::vector<fs::path> files;
-  if (!options.images.empty()) {
-    std::error_code code;
-    fs::create_directories(options.images, code);
-    if (code) throw tg::Error(tg::ErrorKind::cannotWrite, options.images, code.message());
-    files = pictureFiles(options, dataset, views);
-  }
+tg::EvalReport::Views score(const Options& options, const Scene& scene, const std::optional<tg::Lpips>& lpips) {
+  const tg::Dataset dataset = readViews(options, scene);
+  const std::vector<fs::path> pictures = pictureFiles(options.images, dataset, options.overwrite);
+  const std::vector<fs::path> comparisons = pictureFiles(options.side_by_side, dataset, options.overwrite);
+  tg::EvalReport::Views views;
+  views.dataset = dataset.name;
+  views.split = options.split;
+  views.background = dataset.background;
+  views.asked = dataset.views.size();
+  views.options.flip = true;
+  views.options.pixels_per_degree = options.pixels_per_degree;
+  views.options.lpips = lpips ? &*lpips : nullptr;
+  views.options.lpips_range = options.lpips_range == "unit" ? tg::LpipsRange::unit : tg::LpipsRange::symmetric;
 
   const auto renderer = tg::makeCpuRenderer();
   renderer->setModel(scene.model);
   tg::RenderSettings settings;
   settings.background = dataset.background;
-  std::printf("%-32s %9s %8s\n", "view", "PSNR [dB]", "SSIM");
-  const std::vector<tg::ViewScore> scores = tg::scoreViews(
-      dataset, views, [&](const tg::Camera& camera) { return toImage(renderer->render(camera, settings)); },
-      [&](const tg::View& view, const tg::Image& picture) {
-        if (!files.empty()) tg::writeImage(files[static_cast<std::size_t>(&view - dataset.views.data())], picture);
-      });
-  for (const tg::ViewScore& score : scores) {
-    std::printf("%-32s %9.3f %8.5f\n", tg::printable(score.name).c_str(), score.psnr, score.ssim);
+  std::signal(SIGINT, requestStop);
+  std::signal(SIGTERM, requestStop);
+  Progress progress(views.asked);
+  for (std::size_t i = 0; i < views.asked && !stop_requested; i++) {
+    if (i + 1 < views.asked) dataset.prefetch(i + 1);
+    const tg::Camera& camera = dataset.views[i].camera;
+    tg::Image picture = tg::extract(renderer->render(camera, settings), tg::Output::final);
+    tg::clampToUnit(picture);
+    const std::shared_ptr<const tg::ViewPixels> photograph = dataset.pixels(i);
+    tg::Image flip_map;
+    views.scores.push_back(tg::scoreView(camera.name, *photograph, picture, views.options, &flip_map));
+    if (!pictures[i].empty()) tg::writeImage(pictures[i], picture);
+    if (!comparisons[i].empty()) tg::writeImage(comparisons[i], tg::sideBySide(*photograph, picture, flip_map));
+    progress.show(i + 1);
   }
-  const tg::Score mean = tg::meanScore(scores);
-  std::printf("%-32s %9.3f %8.5f   %zu views, %zu Gaussians\n", "mean", mean.psnr, mean.ssim, mean.views,
-              scene.model.size());
+  progress.finish();
+  return views;
+}
+
+void checkOptions(const Options& options) {
+  if (options.dataset.empty() && !options.effective_rank) {
+    throw tg::Error(tg::ErrorKind::usage, "expected a model and a data set (see --help)");
+  }
+  if (!options.images.empty() &&
+      (fs::path(options.images) / "").lexically_normal() == (fs::path(options.side_by_side) / "").lexically_normal()) {
+    throw tg::Error(tg::ErrorKind::usage, options.images, "is named for two outputs (expected different folders)");
+  }
   if (!options.json.empty()) {
-    const std::string json = formatJson(dataset, scene.model, options.split, scores);
+    tg::refuseExisting(options.json, options.overwrite);
+    tg::requireWritable(options.json);
+  }
+}
+
+int run(const Options& options) {
+  checkOptions(options);
+  if (options.threads > 0) tg::setThreadCount(options.threads);
+  std::optional<tg::Lpips> lpips;
+  if (!options.lpips.empty()) lpips.emplace(tg::Safetensors::read(options.lpips));
+  const Scene scene = readScene(options.model);
+  tg::EvalReport report;
+  report.gaussians = scene.model.size();
+  report.texels = scene.model.atlas.texels.size();
+  report.parameters = tg::parameterCount(scene.model);
+  report.bytes = fs::file_size(options.model);
+  if (options.effective_rank) {
+    report.ranks = tg::effectiveRanks(scene.model.log_scale);
+    std::fputs(tg::formatRanks(*report.ranks).c_str(), stdout);
+  }
+  if (!options.dataset.empty()) {
+    report.views = score(options, scene, lpips);
+    std::fputs(tg::formatScores(report).c_str(), stdout);
+  }
+  if (!options.json.empty()) {
+    const std::string json = tg::formatEvalJson(report);
     tg::writeFileAtomically(options.json, std::span(reinterpret_cast<const std::uint8_t*>(json.data()), json.size()));
   }
   return 0;
@@ -142,12 +208,23 @@ int main(int argc, char** argv) {
     app.failure_message(tg::usageMessage);
     Options options;
     app.add_option("model", options.model, "model.tgz or splats.ply")->required();
-    app.add_option("dataset", options.dataset, "Folder, as for tgtrain")->required();
+    app.add_option("dataset", options.dataset, "Folder, as for tgtrain");
     app.add_option("--split", options.split, "Which views")
         ->check(CLI::IsMember({"test", "train", "all"}))
         ->capture_default_str();
     app.add_option("--json", options.json, "Write the numbers here");
     app.add_option("--images", options.images, "Write the renderings into this folder");
+    app.add_option("--side-by-side", options.side_by_side,
+                   "Write photograph | rendering | FLIP error into this folder, as PNG");
+    app.add_option("--flip-ppd", options.pixels_per_degree, "FLIP: pixels per degree of vision")
+        ->check(CLI::Range(1.0, 10000.0))
+        ->capture_default_str();
+    app.add_option("--lpips", options.lpips, "LPIPS with these weights (.safetensors, see docs/training.md)");
+    app.add_option("--lpips-range", options.lpips_range, "LPIPS input: symmetric = [-1,1], unit = [0,1]")
+        ->check(CLI::IsMember({"symmetric", "unit"}))
+        ->capture_default_str();
+    app.add_flag("--effective-rank", options.effective_rank,
+                 "Histogram of the shapes of the Gaussians, needle to disc to ball; needs no data set");
     tg::addDatasetFlags(app, options.data);
     app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(CLI::Range(0, 4096));
     app.add_flag("--overwrite", options.overwrite, "Replace existing files");

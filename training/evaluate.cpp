@@ -8,28 +8,63 @@
 
 namespace tg {
 
-std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::size_t> views,
-                                  const RenderFunction& render, const PictureSink& sink) {
-  std::vector<ViewScore> scores;
-  for (std::size_t i : views) {
-    const View& view = dataset.views[i];
-    Image picture = render(view.camera);
-    for (float& value : picture.data) value = std::clamp(value, 0.0f, 1.0f);
-    const Image photograph = dataset.pixels(i)->image();
-    scores.push_back({view.camera.name, psnr8Bit(picture, photograph), ssim(picture, photograph)});
-    if (sink) sink(view, picture);
+namespace {
+
+// Masked pixels black.
+Image masked(Image image, Mask mask) {
+  for (std::size_t i = 0; i < mask.size(); i++) {
+    if (mask[i] == 0) std::fill_n(image.data.begin() + static_cast<std::ptrdiff_t>(i * 3), 3, 0.0f);
   }
-  return scores;
+  return image;
+}
+
+}  // namespace
+
+ViewScore scoreView(const std::string& name, const ViewPixels& photograph, const Image& picture,
+                    const ScoreOptions& options, Image* flip_map) {
+  const Image truth = masked(photograph.image(), photograph.mask);
+  const Image shown = masked(picture, photograph.mask);
+  ViewScore score;
+  score.name = name;
+  score.psnr = psnr8Bit(shown, truth, photograph.mask);
+  score.psnr_float = psnr(shown, truth, photograph.mask);
+  score.ssim = ssim(shown, truth, photograph.mask);
+  if (options.flip) {
+    Image map = flipMap(truth, shown, options.pixels_per_degree);
+    score.flip = flip(map, photograph.mask);
+    if (flip_map) *flip_map = std::move(map);
+  }
+  if (options.lpips) score.lpips = options.lpips->distance(truth, shown, options.lpips_range);
+  return score;
 }
 
 Score meanScore(std::span<const ViewScore> scores) {
   Score mean;
   mean.views = scores.size();
+  const double share = 1.0 / static_cast<double>(std::max<std::size_t>(scores.size(), 1));
   for (const ViewScore& score : scores) {
-    mean.psnr += score.psnr / static_cast<double>(scores.size());
-    mean.ssim += score.ssim / static_cast<double>(scores.size());
+    mean.psnr += score.psnr * share;
+    mean.psnr_float += score.psnr_float * share;
+    mean.ssim += score.ssim * share;
+    if (score.flip) mean.flip = mean.flip.value_or(0.0) + *score.flip * share;
+    if (score.lpips) mean.lpips = mean.lpips.value_or(0.0) + *score.lpips * share;
   }
   return mean;
+}
+
+std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::size_t> views,
+                                  const RenderFunction& render) {
+  std::vector<ViewScore> scores;
+  for (std::size_t i : views) {
+    Image picture = render(dataset.views[i].camera);
+    clampToUnit(picture);
+    scores.push_back(scoreView(dataset.views[i].camera.name, *dataset.pixels(i), picture));
+  }
+  return scores;
+}
+
+void clampToUnit(Image& picture) {
+  for (float& value : picture.data) value = std::clamp(value, 0.0f, 1.0f);
 }
 
 }  // namespace tg

@@ -3,33 +3,56 @@
 #pragma once
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "core/flip.h"
 #include "training/dataset.h"
+#include "training/lpips.h"
 
 namespace tg {
 
 struct ViewScore {
   std::string name;
-  double psnr = 0;  // [dB] after rounding to 8 bit, as papers report
+  double psnr = 0;        // [dB] after rounding to 8 bit, as papers report
+  double psnr_float = 0;  // [dB] of values clamped to [0, 1]
   double ssim = 0;
+  std::optional<double> flip;  // where asked for
+  std::optional<double> lpips;
 };
 
+// Means over the views.
 struct Score {
-  double psnr = 0;  // means over the views
+  double psnr = 0;
+  double psnr_float = 0;
   double ssim = 0;
+  std::optional<double> flip;
+  std::optional<double> lpips;
   std::size_t views = 0;
 };
 
-// Pictures come back as 3 channels of the camera's size; they are clamped to [0, 1] for the comparison.
-using RenderFunction = std::function<Image(const Camera&)>;
-// Receives every picture as it is scored.
-using PictureSink = std::function<void(const View&, const Image&)>;
+struct ScoreOptions {
+  bool flip = false;
+  double pixels_per_degree = kFlipPixelsPerDegree;
+  const Lpips* lpips = nullptr;
+  LpipsRange lpips_range = LpipsRange::symmetric;
+};
 
-std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::size_t> views,
-                                  const RenderFunction& render, const PictureSink& sink = {});
+// `picture` has 3 channels and values in [0, 1]. Masked pixels are black in both pictures for the metrics that look at
+// neighbourhoods (SSIM, FLIP, LPIPS), and left out of all means but LPIPS's: what they hold makes no difference.
+// `flip_map` receives the map where FLIP is asked for.
+ViewScore scoreView(const std::string& name, const ViewPixels& photograph, const Image& picture,
+                    const ScoreOptions& options = {}, Image* flip_map = nullptr);
 Score meanScore(std::span<const ViewScore> scores);
+
+// PSNR and SSIM of several views. Pictures come back as 3 channels of the camera's size; they are clamped to [0, 1] for
+// the comparison.
+using RenderFunction = std::function<Image(const Camera&)>;
+std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::size_t> views,
+                                  const RenderFunction& render);
+
+void clampToUnit(Image& picture);
 
 }  // namespace tg

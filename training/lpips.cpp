@@ -156,22 +156,14 @@ Lpips::Lpips(Lpips&&) noexcept = default;
 
 LpipsNetwork Lpips::network() const { return layers_->network; }
 
-double Lpips::distance(const Image& reference, const Image& picture, LpipsRange range, Mask mask) const {
+double Lpips::distance(const Image& reference, const Image& picture, LpipsRange range) const {
   if (reference.width != picture.width || reference.height != picture.height || reference.channels != 3 ||
       picture.channels != 3) {
     throw Error(ErrorKind::badData, "LPIPS compares two pictures of one size with 3 channels");
   }
   const std::vector<ConvolutionPlace>& places = layers_->places;
-  std::array<FeatureMap, 2> maps = {networkInput(reference, range, places[0].padding), FeatureMap{}};
-  if (mask.empty()) {
-    maps[1] = networkInput(picture, range, places[0].padding);
-  } else {
-    Image masked = picture;
-    for (std::size_t i = 0; i < mask.size(); i++) {
-      if (mask[i] == 0) std::copy_n(reference.data.data() + i * 3, 3, masked.data.data() + i * 3);
-    }
-    maps[1] = networkInput(masked, range, places[0].padding);
-  }
+  std::array<FeatureMap, 2> maps = {networkInput(reference, range, places[0].padding),
+                                    networkInput(picture, range, places[0].padding)};
   double total = 0;
   for (std::size_t i = 0; i < places.size();) {
     std::size_t end = i;

@@ -8,7 +8,6 @@
 #include <string_view>
 
 #include "core/image.h"
-#include "core/metrics.h"
 #include "core/safetensors.h"
 
 namespace tg {
@@ -31,9 +30,8 @@ class Lpips {
   Lpips(Lpips&&) noexcept;
 
   LpipsNetwork network() const;
-  // Pictures of 3 channels, clamped to [0, 1]. Where the mask is 0 the second picture is taken to be the first; the
-  // mean is over the whole picture all the same. Throws Error(badData) when they are too small for the network.
-  double distance(const Image& reference, const Image& picture, LpipsRange range, Mask mask = {}) const;
+  // Pictures of 3 channels, clamped to [0, 1]. Throws Error(badData) when they are too small for the network.
+  double distance(const Image& reference, const Image& picture, LpipsRange range) const;
 
  private:
   struct Layers;

@@ -212,17 +212,6 @@ TEST_CASE("LPIPS is 0 for equal pictures, symmetric, and the same at any thread 
   CHECK(lpips.distance(bright, clamped, LpipsRange::symmetric) == 0);
 }
 
-TEST_CASE("LPIPS takes masked pixels from the reference", "[lpips]") {
-  const tg::Lpips lpips(Weights(alex()).file());
-  const Image a = noise(48, 40, 5);
-  Image b = a;
-  std::vector<std::uint8_t> mask(48 * 40, 255);
-  b.at(20, 20, 1) = 1 - b.at(20, 20, 1);
-  mask[20 * 48 + 20] = 0;
-  CHECK(lpips.distance(a, b, LpipsRange::symmetric) > 0);
-  CHECK(lpips.distance(a, b, LpipsRange::symmetric, mask) == 0);
-}
-
 TEST_CASE("LPIPS refuses weights that do not fit together, and pictures that are too small", "[lpips]") {
   const auto refusal = [](const Weights& weights) -> std::string {
     try {

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgeval as users meet it: what it writes, what it refuses, and how it ends early.
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "core/file.h"
+#include "core/image.h"
+#include "core/model.h"
+#include "core/ply.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+#include "training/init.h"
+#include "training/sample.h"
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+
+namespace {
+
+struct Outcome {
+  int code = -1;
+  std::string output;  // both streams
+};
+
+Outcome run(const tg::TemporaryFolder& folder, const std::string& command) {
+  const int status = std::system(("cd '" + folder.path.string() + "' && (" + command + ") >log.txt 2>&1").c_str());
+  std::ifstream stream(folder / "log.txt");
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, {std::istreambuf_iterator<char>(stream), {}}};
+}
+Outcome tgeval(const tg::TemporaryFolder& folder, const std::string& arguments) {
+  return run(folder, "'" TG_TGEVAL "' " + arguments);
+}
+
+nlohmann::json readJson(const fs::path& path) {
+  const std::vector<std::uint8_t> bytes = tg::readFile(path, 1 << 24);
+  return nlohmann::json::parse(bytes.begin(), bytes.end());
+}
+
+// A data set and a model that was not trained: its first Gaussians.
+void writeScene(const tg::TemporaryFolder& folder, int test_views) {
+  const tg::SampleOptions options{
+      .size = 32, .train_views = 2, .test_views = test_views, .points = 200, .supersampling = 1};
+  tg::writeSample(folder / "scene", options, false);
+  tg::writeSplatPly(folder / "model.ply", tg::gaussiansFromPoints(tg::samplePoints(options)));
+}
+
+}  // namespace
+
+TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 2);
+  const Outcome outcome =
+      tgeval(folder, "model.ply scene --json s.json --images pictures --side-by-side both --effective-rank");
+  INFO(outcome.output);
+  REQUIRE(outcome.code == 0);
+  CHECK_THAT(outcome.output, Contains("PSNR [dB]") && Contains("FLIP") && Contains("effective rank"));
+  const nlohmann::json json = readJson(folder / "s.json");
+  CHECK(json["interrupted"] == false);
+  CHECK(json["views"].size() == 2);
+  const std::size_t gaussians = tg::readSplatPly(folder / "model.ply").size();
+  CHECK(json["gaussians"] == gaussians);
+  CHECK(json["parameters"] == gaussians * 14);  // degree 0
+  CHECK(json["bytes"] == fs::file_size(folder / "model.ply"));
+  CHECK(json["flip"].get<double>() > 0);
+  CHECK(json["effective_rank"]["round"] == 1.0);  // the first Gaussians are balls
+  CHECK(tg::readImage(folder / "pictures/r_1.png").width == 32);
+  CHECK(tg::readImage(folder / "both/r_1.png").width == 3 * 32 + 8);
+
+  const Outcome kept = tgeval(folder, "model.ply scene --side-by-side both");
+  CHECK(kept.code == 4);
+  CHECK_THAT(kept.output, Contains("both/r_0.png: exists already"));
+  CHECK(tgeval(folder, "model.ply scene --side-by-side both --images both/").code == 1);
+  CHECK(tgeval(folder, "model.ply scene --background random").code == 1);
+  CHECK(tgeval(folder, "model.ply scene --lpips model.ply").code == 3);
+  CHECK(tgeval(folder, "model.ply scene --lpips absent").code == 2);
+  CHECK(tgeval(folder, "model.ply").code == 1);
+
+  const Outcome shapes = tgeval(folder, "model.ply --effective-rank --json shapes.json");
+  INFO(shapes.output);
+  CHECK(shapes.code == 0);
+  CHECK_FALSE(readJson(folder / "shapes.json").contains("psnr"));
+}
+
+TEST_CASE("tgeval leaves masked pixels out, and says that there are masks", "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 1);
+  tg::Image photograph = tg::readImage(folder / "scene/test/r_0.png");
+  REQUIRE(tgeval(folder, "model.ply scene --json whole.json").code == 0);
+  tg::Image mask(32, 32, 1, 1.0f);
+  for (int y = 0; y < 32; y++) {
+    for (int x = 0; x < 16; x++) mask.at(x, y, 0) = 0;
+  }
+  fs::create_directories(folder / "scene/masks/test");
+  tg::writeImage(folder / "scene/masks/test/r_0.png", mask);
+  const Outcome masked = tgeval(folder, "model.ply scene --json masked.json");
+  CHECK_THAT(masked.output, Contains("scene: 1 of 1 photographs have a mask"));
+  for (int y = 0; y < 32; y++) {
+    for (int x = 0; x < 16; x++) photograph.at(x, y, 0) = 1 - photograph.at(x, y, 0);
+  }
+  tg::writeImage(folder / "scene/test/r_0.png", photograph);
+  REQUIRE(tgeval(folder, "model.ply scene --json changed.json").code == 0);
+  CHECK(readJson(folder / "changed.json")["views"] == readJson(folder / "masked.json")["views"]);
+  CHECK(readJson(folder / "whole.json")["views"] != readJson(folder / "masked.json")["views"]);
+}
+
+TEST_CASE("an interrupt ends tgeval after the current view, with what was scored", "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 400);
+  const Outcome outcome = run(folder, "'" TG_TGEVAL
+                                      "' model.ply scene --images out --json s.json & "
+                                      "until [ -e out/r_0.png ]; do sleep 0.01; done; kill -INT $!; wait $!");
+  INFO(outcome.output);
+  CHECK(outcome.code == 0);
+  CHECK_THAT(outcome.output, Contains("interrupted: ") && Contains("of 400 views were scored"));
+  const nlohmann::json json = readJson(folder / "s.json");
+  CHECK(json["interrupted"] == true);
+  CHECK(json["views"].size() >= 1);
+  CHECK(json["views"].size() < 400);
+  CHECK(json["psnr"].get<double>() > 0);
+}

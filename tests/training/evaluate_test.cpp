@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scores of a view with and without a mask, means, the effective rank, and what tgeval writes.
+#include "training/evaluate.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "core/metrics.h"
+#include "support/catch.h"
+#include "training/eval_report.h"
+#include "training/random.h"
+
+using Catch::Matchers::Contains;
+
+namespace {
+
+tg::ViewPixels photograph(int width, int height, std::uint64_t seed) {
+  tg::ViewPixels pixels;
+  pixels.width = width;
+  pixels.height = height;
+  tg::Random random(seed);
+  for (int i = 0; i < width * height * 3; i++) pixels.rgb.push_back(static_cast<std::uint8_t>(random.below(256)));
+  return pixels;
+}
+
+}  // namespace
+
+TEST_CASE("a view is scored by every metric, over the pixels that count", "[evaluate]") {
+  tg::ViewPixels pixels = photograph(24, 20, 1);
+  tg::Image picture = pixels.image();
+  for (float& value : picture.data) value = std::min(value + 0.02f, 1.0f);
+  tg::ScoreOptions options;
+  options.flip = true;
+  tg::Image map;
+  const tg::ViewScore score = tg::scoreView("a", pixels, picture, options, &map);
+  CHECK(score.psnr == tg::psnr8Bit(picture, pixels.image()));
+  CHECK(score.psnr_float == tg::psnr(picture, pixels.image()));
+  CHECK(score.ssim == tg::ssim(picture, pixels.image()));
+  REQUIRE(score.flip.has_value());
+  CHECK(*score.flip == tg::flip(map));
+  CHECK_FALSE(score.lpips.has_value());
+  CHECK_FALSE(tg::scoreView("a", pixels, picture).flip.has_value());
+
+  // What lies under the mask makes no difference, however wrong.
+  pixels.mask.assign(24 * 20, 255);
+  for (int i = 0; i < 100; i++) pixels.mask[static_cast<std::size_t>(i)] = 0;
+  const tg::ViewScore masked = tg::scoreView("a", pixels, picture, options);
+  for (std::size_t i = 0; i < 300; i++) picture.data[i] = 1 - picture.data[i];
+  const tg::ViewScore same = tg::scoreView("a", pixels, picture, options);
+  CHECK(same.psnr == masked.psnr);
+  CHECK(same.psnr_float == masked.psnr_float);
+  CHECK(same.ssim == masked.ssim);
+  CHECK(same.flip == masked.flip);
+}
+
+TEST_CASE("means are over the views; a metric that no view has stays away", "[evaluate]") {
+  std::vector<tg::ViewScore> scores(2);
+  scores[0] = {"a", 20, 21, 0.5, 0.1, std::nullopt};
+  scores[1] = {"b", 30, 32, 0.7, 0.3, std::nullopt};
+  const tg::Score mean = tg::meanScore(scores);
+  CHECK(mean.views == 2);
+  CHECK(mean.psnr == Approx(25));
+  CHECK(mean.psnr_float == Approx(26.5));
+  CHECK(mean.ssim == Approx(0.6));
+  CHECK(mean.flip.value() == Approx(0.2));
+  CHECK_FALSE(mean.lpips.has_value());
+  CHECK(tg::meanScore({}).views == 0);
+}
+
+TEST_CASE("the effective rank counts the axes that matter", "[evaluate]") {
+  const auto rank = [](double x, double y, double z) {
+    return tg::effectiveRank(
+        {static_cast<float>(std::log(x)), static_cast<float>(std::log(y)), static_cast<float>(std::log(z))});
+  };
+  CHECK(rank(1, 1, 1) == Approx(3));
+  CHECK(rank(1e-9, 5, 5) == Approx(2));
+  CHECK(rank(1e-9, 5, 1e-9) == Approx(1));
+  CHECK(rank(1e-15, 1e-15, 1e-15) == Approx(3));  // whatever the size
+  // Squared shares 4/6, 1/6, 1/6.
+  const double entropy = -(4.0 / 6 * std::log(4.0 / 6) + 2 * (1.0 / 6) * std::log(1.0 / 6));
+  CHECK(rank(1, 2, 1) == Approx(std::exp(entropy)).epsilon(1e-6));
+  CHECK(tg::effectiveRank({300, -300, 300}) == Approx(2));  // exp would overflow
+
+  const float small = -20;
+  const std::vector<glm::vec3> scales = {{0, small, small}, {0, small, 0}, {small, 0, 0}, {0, 0, 0}};
+  const tg::EffectiveRanks ranks = tg::effectiveRanks(scales);
+  CHECK(ranks.count == 4);
+  CHECK(ranks.needle == 0.25);
+  CHECK(ranks.flat == 0.5);
+  CHECK(ranks.round == 0.25);
+  CHECK(ranks.mean == Approx(2));
+  CHECK(ranks.bins.front() == 1);
+  CHECK(ranks.bins.back() == 1);  // 3 itself belongs to the last bin
+  std::size_t total = 0;
+  for (std::size_t bin : ranks.bins) total += bin;
+  CHECK(total == 4);
+  CHECK_THAT(tg::formatRanks(ranks), Contains("25.0 % needles") && Contains("50.0 % flat"));
+  CHECK(tg::effectiveRanks({}).count == 0);
+  CHECK_THAT(tg::formatRanks(tg::effectiveRanks({})), Contains("of 0 Gaussians"));
+}
+
+TEST_CASE("the report says what was measured and how", "[evaluate]") {
+  tg::EvalReport report;
+  report.gaussians = 7;
+  report.parameters = 1'500'000;
+  report.bytes = 42;
+  tg::EvalReport::Views& views = report.views.emplace();
+  views.dataset = "fox";
+  views.split = "test";
+  views.asked = 3;
+  views.options.flip = true;
+  views.scores = {{"short.png", 20, 21, 0.5, 0.1, std::nullopt},
+                  {"much_longer_name.png", 30, std::numeric_limits<double>::infinity(), 1, 0.3, std::nullopt}};
+  const std::string text = tg::formatScores(report);
+  CHECK_THAT(text, Contains("short.png             ") && Contains("7 Gaussians, 1.500 M parameters, 42 bytes"));
+  CHECK_THAT(text, Contains("FLIP at 67.02 pixels per degree") && Contains("interrupted: 2 of 3 views"));
+  // Columns line up: every line of the table ends at one place.
+  const std::size_t first = text.find('\n');
+  CHECK(text.find('\n', first + 1) == 2 * first + 1);
+  CHECK(text.find('\n', 2 * first + 2) == 3 * first + 2);
+
+  const nlohmann::json json = nlohmann::json::parse(tg::formatEvalJson(report));
+  CHECK(json["interrupted"] == true);
+  CHECK(json["psnr"] == 25);
+  CHECK(json["flip"].get<double>() == Approx(0.2));
+  CHECK(json["views"].size() == 2);
+  CHECK(json["views"][1]["psnr_float"].is_null());  // JSON has no infinity
+  CHECK_FALSE(json.contains("lpips"));
+  CHECK_FALSE(json.contains("effective_rank"));
+}
+
+TEST_CASE("parameters are what training fits", "[evaluate]") {
+  tg::GaussianModel model;
+  model.mean.resize(10);
+  model.sh_degree = 3;
+  CHECK(tg::parameterCount(model) == 590);
+  model.atlas.texels.resize(160);
+  model.texture_mode = tg::TextureMode::alpha;
+  CHECK(tg::parameterCount(model) == 590 + 160);
+  model.texture_mode = tg::TextureMode::rgba;
+  CHECK(tg::parameterCount(model) == 590 + 640);
+}
+
+TEST_CASE("photograph, rendering and error stand side by side", "[evaluate]") {
+  tg::ViewPixels pixels = photograph(6, 5, 3);
+  pixels.mask.assign(30, 1);
+  pixels.mask[0] = 0;
+  const tg::Image picture(6, 5, 3, 0.25f);
+  tg::Image error(6, 5, 1);
+  error.at(5, 4, 0) = 1;
+  const tg::Image image = tg::sideBySide(pixels, picture, error);
+  CHECK(image.width == 3 * 6 + 8);
+  CHECK(image.height == 5);
+  CHECK(image.at(3, 2, 1) == pixels.image().at(3, 2, 1));
+  CHECK(image.at(6 + 4 + 3, 2, 1) == 0.25f);
+  CHECK(image.at(20 + 3, 2, 0) == 0);  // no error: black
+  CHECK(image.at(20 + 5, 4, 2) == 1);  // the largest: white
+  CHECK(image.at(20, 0, 0) == 0.5f);   // masked: grey
+}
