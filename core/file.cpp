@@ -35,7 +35,7 @@ std::string reason() { return std::generic_category().message(errno); }
 struct TemporarySlot {
   std::atomic<bool> taken{false};
   std::atomic<bool> named{false};
-  char path[PATH_MAX];
+  char path[PATH_MAX] = {};
 };
 constinit TemporarySlot temporary_slots[8];
 static_assert(std::atomic<bool>::is_always_lock_free);

@@ -26,16 +26,14 @@ std::string format(const char* pattern, Values... values) {
   return text;
 }
 
-template <typename AnyScore>
-std::string numbers(const AnyScore& score) {
+std::string numbers(const ViewScore& score) {
   std::string line = format("  %9.3f  %10.3f  %8.5f", score.psnr, score.psnr_float, score.ssim);
   if (score.flip) line += format("  %8.5f", *score.flip);
   if (score.lpips) line += format("  %8.5f", *score.lpips);
   return line;
 }
 
-template <typename AnyScore>
-void addNumbers(const AnyScore& score, Json& json) {
+void addNumbers(const ViewScore& score, Json& json) {
   json["psnr"] = score.psnr;
   json["psnr_float"] = score.psnr_float;
   json["ssim"] = score.ssim;
@@ -79,15 +77,15 @@ std::string formatScores(const EvalReport& report) {
   const auto cell = [&](const std::string& name) {
     return name + std::string(width - std::min(width, name.size()), ' ');
   };
-  const Score mean = meanScore(views.scores);
+  const ViewScore mean = meanView(views.scores);
   std::string text = cell("view") + "  PSNR [dB]  float [dB]      SSIM";
   if (mean.flip) text += "      FLIP";
   if (mean.lpips) text += "     LPIPS";
   text += "\n";
   for (std::size_t i = 0; i < names.size(); i++) text += cell(names[i]) + numbers(views.scores[i]) + "\n";
-  if (mean.views > 0) text += cell("mean") + numbers(mean) + "\n";
-  text += format("%s split: %zu views, %zu Gaussians, %.3f M parameters, %ju bytes\n", views.split.c_str(), mean.views,
-                 report.gaussians, static_cast<double>(report.parameters) * 1e-6, report.bytes);
+  if (!views.scores.empty()) text += cell("mean") + numbers(mean) + "\n";
+  text += format("%s split: %zu views, %zu Gaussians, %.3f M parameters, %ju bytes\n", views.split.c_str(),
+                 views.scores.size(), report.gaussians, static_cast<double>(report.parameters) * 1e-6, report.bytes);
   if (mean.flip) text += format("FLIP at %.4g pixels per degree", views.options.pixels_per_degree);
   if (views.options.lpips) {
     text += format("%sLPIPS %s, input in %s", mean.flip ? "; " : "",
@@ -138,7 +136,7 @@ std::string formatEvalJson(const EvalReport& report) {
       json["lpips_range"] = name(views.options.lpips_range);
     }
     json["interrupted"] = views.scores.size() < views.asked;
-    addNumbers(meanScore(views.scores), json);
+    addNumbers(meanView(views.scores), json);
     json["views"] = Json::array();
     for (const ViewScore& score : views.scores) {
       Json view = {{"name", score.name}};

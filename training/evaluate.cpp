@@ -38,9 +38,9 @@ ViewScore scoreView(const std::string& name, const ViewPixels& photograph, const
   return score;
 }
 
-Score meanScore(std::span<const ViewScore> scores) {
-  Score mean;
-  mean.views = scores.size();
+ViewScore meanView(std::span<const ViewScore> scores) {
+  ViewScore mean;
+  mean.name = "mean";
   const double share = 1.0 / static_cast<double>(std::max<std::size_t>(scores.size(), 1));
   for (const ViewScore& score : scores) {
     mean.psnr += score.psnr * share;
@@ -50,6 +50,11 @@ Score meanScore(std::span<const ViewScore> scores) {
     if (score.lpips) mean.lpips = mean.lpips.value_or(0.0) + *score.lpips * share;
   }
   return mean;
+}
+
+Score meanScore(std::span<const ViewScore> scores) {
+  const ViewScore mean = meanView(scores);
+  return {mean.psnr, mean.ssim, scores.size()};
 }
 
 std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::size_t> views,

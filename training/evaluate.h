@@ -23,13 +23,10 @@ struct ViewScore {
   std::optional<double> lpips;
 };
 
-// Means over the views.
+// Means over the views, of what training reports.
 struct Score {
   double psnr = 0;
-  double psnr_float = 0;
   double ssim = 0;
-  std::optional<double> flip;
-  std::optional<double> lpips;
   std::size_t views = 0;
 };
 
@@ -45,6 +42,8 @@ struct ScoreOptions {
 // `flip_map` receives the map where FLIP is asked for.
 ViewScore scoreView(const std::string& name, const ViewPixels& photograph, const Image& picture,
                     const ScoreOptions& options = {}, Image* flip_map = nullptr);
+// Of every metric; one that no view has stays away.
+ViewScore meanView(std::span<const ViewScore> scores);
 Score meanScore(std::span<const ViewScore> scores);
 
 // PSNR and SSIM of several views. Pictures come back as 3 channels of the camera's size; they are clamped to [0, 1] for

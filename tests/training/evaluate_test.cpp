@@ -58,13 +58,16 @@ TEST_CASE("means are over the views; a metric that no view has stays away", "[ev
   std::vector<tg::ViewScore> scores(2);
   scores[0] = {"a", 20, 21, 0.5, 0.1, std::nullopt};
   scores[1] = {"b", 30, 32, 0.7, 0.3, std::nullopt};
-  const tg::Score mean = tg::meanScore(scores);
-  CHECK(mean.views == 2);
+  const tg::ViewScore mean = tg::meanView(scores);
   CHECK(mean.psnr == Approx(25));
   CHECK(mean.psnr_float == Approx(26.5));
   CHECK(mean.ssim == Approx(0.6));
   CHECK(mean.flip.value() == Approx(0.2));
   CHECK_FALSE(mean.lpips.has_value());
+  const tg::Score short_mean = tg::meanScore(scores);
+  CHECK(short_mean.psnr == mean.psnr);
+  CHECK(short_mean.ssim == mean.ssim);
+  CHECK(short_mean.views == 2);
   CHECK(tg::meanScore({}).views == 0);
 }
 

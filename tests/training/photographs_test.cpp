@@ -10,7 +10,10 @@
 #include "core/error.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "training/dataset.h"
 #include "training/random.h"
+#include "training/sample.h"
+#include "training/trainer.h"
 
 using Catch::Matchers::Contains;
 
@@ -179,9 +182,38 @@ TEST_CASE("a mask hides where it is zero; a downscaled pixel counts when its who
   SECTION("other sizes, and masks that hide everything, are refused") {
     tg::writeImage(folder / "small.png", tg::Image(8, 6, 1, 1.0f));
     CHECK_THROWS_WITH(tg::decodePhotograph({folder / "a.png", folder / "small.png", 1, glm::vec3(0.0f)}),
-                      Contains("small.png: mask and image differ in size (expected 9 x 6 or an enlargement") && Contains("found 8 x 6"));
+                      Contains("small.png: mask and image differ in size (expected 9 x 6 or an enlargement") &&
+                          Contains("found 8 x 6"));
     tg::writeImage(folder / "none.png", tg::Image(9, 6, 1, 0.0f));
     CHECK_THROWS_WITH(tg::decodePhotograph({folder / "a.png", folder / "none.png", 1, glm::vec3(0.0f)}),
                       Contains("none.png: the mask hides every pixel"));
   }
+}
+
+TEST_CASE("training gives the same model whether photographs are kept or streamed", "[photographs]") {
+  const tg::TemporaryFolder folder;
+  tg::writeSample(folder / "scene", {.size = 24, .train_views = 6, .test_views = 1, .points = 80, .supersampling = 1},
+                  false);
+  tg::TrainSettings settings;
+  settings.iterations = 30;
+  settings.texture_iterations = 10;
+  std::vector<tg::GaussianModel> models;
+  for (const bool random_background : {false, true}) {
+    for (const std::uint64_t memory : {std::uint64_t{1} << 30, std::uint64_t{9000}, std::uint64_t{0}}) {
+      tg::DatasetOptions options;
+      options.image_memory = memory;
+      options.random_background = random_background;
+      const tg::Dataset dataset = tg::loadDataset(folder / "scene", options);
+      CHECK((dataset.photographs->keptViews() == 7) == (memory > 9000));
+      const auto renderer = tg::makeCpuDifferentiableRenderer();
+      models.push_back(tg::train(dataset, settings, *renderer).model);
+    }
+  }
+  for (const std::size_t i : {1, 2, 4, 5}) {
+    const tg::GaussianModel& kept = models[i - i % 3];
+    CHECK(models[i].mean == kept.mean);
+    CHECK(models[i].sh == kept.sh);
+    CHECK(models[i].atlas.texels == kept.atlas.texels);
+  }
+  CHECK(models[0].sh != models[3].sh);  // random backgrounds are another training
 }
