@@ -143,9 +143,11 @@ def ablations(runner, options):
         add(scene, "score by magnitudes", [*both, "--densify-score", "magnitudes"])
         add(scene, "MCMC", [*both, "--densification", "mcmc"])
         add(scene, "3D filter", [*both, "--filter-3d"])
-        add(scene, "rate-texels 0.0025", [*second, "--rate-texels", "0.0025"], [plain])
-        add(scene, "rate-scale 0.01", [*both, "--rate-scale", "0.01"])
-        add(scene, "rate-sh-rest 0.0005", [*both, "--rate-sh-rest", "0.0005"])
+        published = ["--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005",
+                     "--rate-sh-rest", "0.000125"]
+        add(scene, "3DGS's rates", [*both, *published])
+        for rate in ["0.001", "0.005"]:
+            add(scene, f"rate-texels {rate}", [*second, "--rate-texels", rate], [plain])
         # Equal bytes: 4 a float, 4 channels a texel.
         budget = options.gaussians * (4 * BASE_FLOATS + 16 * 16)
         for size in [1, 2, 4, 8]:

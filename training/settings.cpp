@@ -179,7 +179,6 @@ TrainSettings presetSettings(std::string_view preset) {
     settings.densify_every = 50;
     settings.densify_from = 50;
     settings.sh_every = 60;
-    settings.rate_scale = 1e-2f;
     settings.rate_sh_dc = 5e-3f;
     settings.rate_sh_rest = 1e-3f;
     return settings;
@@ -188,6 +187,11 @@ TrainSettings presetSettings(std::string_view preset) {
   settings.iterations = 30'000;
   settings.texture_iterations = 30'000;
   settings.densify_score = DensifyScore::magnitudes;
+  settings.rate_position = 1.6e-4f;
+  settings.rate_position_end = 1.6e-6f;
+  settings.rate_scale = 5e-3f;
+  settings.rate_sh_rest = 2.5e-3f / 20;
+  settings.rate_texels = 1e-3f;
   settings.texture_init = TextureInit::paper;
   settings.texture_intersection = TextureIntersection::plane;
   return settings;

@@ -75,14 +75,14 @@ struct TrainSettings {
   bool texture_gradient_suffix = true;    // likewise
 
   float ssim_weight = 0.2f;
-  float rate_position = 1.6e-4f;      // of the extent, at the start of a stage
-  float rate_position_end = 1.6e-6f;  // of the extent, at its end
+  float rate_position = 4e-4f;      // of the extent, at the start of a stage
+  float rate_position_end = 4e-6f;  // of the extent, at its end
   float rate_rotation = 1e-3f;
-  float rate_scale = 5e-3f;
+  float rate_scale = 1e-2f;
   float rate_opacity = 5e-2f;
   float rate_sh_dc = 2.5e-3f;
-  float rate_sh_rest = 2.5e-3f / 20;
-  float rate_texels = 1e-3f;
+  float rate_sh_rest = 5e-4f;
+  float rate_texels = 2.5e-3f;
 
   bool compare_untextured = false;  // stage 2 once more without textures, from the same stage-1 model
 
