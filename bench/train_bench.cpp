@@ -202,6 +202,8 @@ void run(const Options& options) {
     if (i == 0) first = last;
     for (const PhaseTime& time : renderer->phaseTimes()) phases.add(time);
   }
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
   // Of each iteration: its camera's, between the first and the last model.
   const std::vector<double> pairs_after = blendedPairs(state.model, scene.cameras);
   std::vector<double> pairs_of;
@@ -246,8 +248,6 @@ void run(const Options& options) {
   double images = 0.0;
   for (const auto& photograph : scene.photographs) images += static_cast<double>(photograph.size());
   const double needed = 3 * 4 * floats + images;  // a parameter and two moments
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
   const double used = 1024.0 * static_cast<double>(usage.ru_maxrss);
   std::printf("peak memory %.1f MiB; parameters, optimiser and images %.1f MiB: ratio %.2f\n", mebibytes(used),
               mebibytes(needed), used / needed);
