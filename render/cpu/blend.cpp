@@ -173,8 +173,8 @@ void blendTile(const BlendArgs& args, int tile) {
   std::uint32_t position = 0;
   for (; position < list.size() && !empty(state.live); ++position) {
     const Splat& s = args.splats[list[position]];
-    if (position + 2 < list.size()) {
-      prefetchSplat(args.splats[list[position + 2]]);
+    if (position + kSplatsAhead < list.size()) {
+      prefetchSplat(args.splats[list[position + kSplatsAhead]]);
       prefetchTexels(args.splats[list[position + 1]], args.texels);
     }
     BlockSet candidates = findBlocks(s, tile_x, tile_y, rows);

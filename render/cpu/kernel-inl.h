@@ -58,6 +58,7 @@ HWY_INLINE int countBefore(const BlockSet& set, int column) {
 }
 
 constexpr std::size_t kCacheLine = 64;
+constexpr int kSplatsAhead = 5;  // small splats take some hundred nanoseconds each, memory as much
 
 // Asks for a splat that the loop reaches soon, and for the texels of one it reaches before that: a tile's list jumps
 // through memory.

@@ -440,8 +440,9 @@ void backwardTile(const BackwardArgs& args, int tile) {
     const std::uint32_t pair = in.lists.pairs[at];
     args.shows[pair] = 1;
     const Splat& s = in.screen.splats[list[position]];
-    if (position > 1) {
-      prefetchSplat(in.screen.splats[list[position - 2]]);
+    if (position >= kSplatsAhead) {
+      prefetchSplat(in.screen.splats[list[position - kSplatsAhead]]);
+      hwy::Prefetch(&args.sums[in.lists.pairs[at - kSplatsAhead]]);
       prefetchTexels(in.screen.splats[list[position - 1]], in.texels);
     }
     PairSums& sums = args.sums[pair];
