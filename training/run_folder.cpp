@@ -31,9 +31,12 @@ std::string reason() { return std::generic_category().message(errno); }
 // Left by a process that was killed while it wrote.
 bool isTemporary(const fs::path& path) { return path.filename().string().starts_with(".tg-"); }
 
-bool isEmptyBesideTemporaries(const fs::path& folder) {
-  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(),
-                     [](const fs::directory_entry& entry) { return isTemporary(entry.path()); });
+// Nothing to lose: empty, or, where a run is to go on, what one leaves that was killed before its first checkpoint.
+bool isFresh(const fs::path& folder, bool resume) {
+  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(), [&](const fs::directory_entry& entry) {
+    const fs::path file = entry.path().filename();
+    return isTemporary(file) || (resume && (file == "metrics.jsonl" || file == "previews"));
+  });
 }
 
 void removeTemporaries(const fs::path& folder) {
@@ -104,7 +107,7 @@ RunFolder::RunFolder(RunFolderOptions options) : options_(std::move(options)) {
       throw Error(ErrorKind::cannotWrite, folder.string(), "another tgtrain is at work in this folder");
     }
     has_checkpoint_ = options_.resume && fs::exists(checkpoint());
-    if (!has_checkpoint_ && !options_.overwrite && !isEmptyBesideTemporaries(folder)) {
+    if (!has_checkpoint_ && !options_.overwrite && !isFresh(folder, options_.resume)) {
       throw Error(ErrorKind::cannotWrite, folder.string(),
                   options_.resume ? "holds files but no checkpoint to resume (add --overwrite to start anew)"
                                   : "exists already (add --resume to go on with it, or --overwrite to start anew)");
@@ -134,11 +137,11 @@ std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
   if (json_.fingerprint.empty()) json_.fingerprint = datasetFingerprint(inputs.dataset);
   identity_ = runIdentity(inputs.dataset, inputs.settings, json_.fingerprint, inputs.start);
   if (!has_checkpoint_) {
-    // The checkpoint first: without it, the rest is no run to go on with.
+    // The checkpoint last: until then, the old run can go on.
     std::error_code ignored;
-    fs::remove(checkpoint(), ignored);
-    fs::remove(model(), ignored);
     removePreviews(options_.folder / "previews");
+    fs::remove(model(), ignored);
+    fs::remove(checkpoint(), ignored);
     openMetrics(0);
     return std::nullopt;
   }

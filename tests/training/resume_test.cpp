@@ -250,6 +250,15 @@ TEST_CASE("what does not fit a run folder is refused by name", "[resume]") {
   const Outcome fresh = tgtrain(folder, kRun + "--run fresh --resume");
   CHECK(fresh.code == 0);
   CHECK_THAT(fresh.output, Contains("fresh: no checkpoint yet: training starts anew"));
+  // So too after a kill before the first checkpoint; what it left is gone.
+  fs::create_directory(folder / "early");
+  std::ofstream(folder / "early/metrics.jsonl") << "{\"stage\":\"plain\",\"iteration\":1}\n";
+  std::ofstream(folder / "early/.tg-123-0") << "half a checkpoint";
+  CHECK(tgtrain(folder, kRun + "--run early").code == 4);
+  REQUIRE(tgtrain(folder, kRun + "--run early --resume -q").code == 0);
+  CHECK(bytesOf(folder / "early/model.tgz") == bytesOf(folder / "fresh/model.tgz"));
+  CHECK(linesOf(folder / "early/metrics.jsonl").size() == linesOf(folder / "fresh/metrics.jsonl").size());
+  CHECK_FALSE(fs::exists(folder / "early/.tg-123-0"));
   REQUIRE(tgtrain(folder, kRun + "--run run --overwrite --seed 2 -q").code == 0);
   CHECK(bytesOf(folder / "run/model.tgz") != bytesOf(folder / "fresh/model.tgz"));
   CHECK(linesOf(folder / "run/metrics.jsonl").size() == linesOf(folder / "fresh/metrics.jsonl").size());
