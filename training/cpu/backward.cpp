@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <limits>
 
 #include "core/parallel.h"
 
@@ -394,10 +395,29 @@ HWY_INLINE void backwardTexels(const View& view, const Texture& texture, const S
   }
 }
 
-// The pair's texel gradients, zeroed.
-HWY_INLINE float* openSlot(TexelSlots& slots, const Splat& s, std::uint32_t pair) {
+// The pair's texel gradients, zeroed where samples touch them.
+HWY_INLINE float* openSlot(TexelSlots& slots, const Splat& s, std::uint32_t pair, const Samples& samples,
+                           const TextureSamples& texture_samples) {
+  constexpr std::int32_t kNoCell = -1;
+  VI low = hn::Set(di, std::numeric_limits<std::int32_t>::max());
+  VI high = hn::Set(di, kNoCell);
+  for (int i = 0; i < samples.count; ++i) {
+    const TextureSample& sample = texture_samples.at[i];
+    const auto inside = hn::RebindMask(di, hn::Gt(hn::Load(df, sample.inside), hn::Zero(df)));
+    const VI cell = hn::Load(di, sample.cell);
+    low = hn::Min(low, hn::IfThenElse(inside, cell, low));
+    high = hn::Max(high, hn::IfThenElse(inside, cell, high));
+  }
+  const std::int32_t last = hn::GetLane(hn::MaxOfLanes(di, high));
+  TexelSlots::Range& written = slots.written[pair];
+  written = {0, 0};
   glm::vec4* slot = slots.texels.data() + slots.begin[pair];
-  std::fill_n(slot, std::size_t{s.texture_width} * s.texture_height, glm::vec4(0.0f));
+  if (last != kNoCell) {
+    const std::uint32_t width = s.texture_width;
+    written.first = static_cast<std::uint32_t>(hn::GetLane(hn::MinOfLanes(di, low))) / width * width;
+    written.end = std::min((static_cast<std::uint32_t>(last) / width + 2) * width, width * s.texture_height);
+    std::fill(slot + written.first, slot + written.end, glm::vec4(0.0f));
+  }
   return &slot->x;
 }
 
@@ -466,7 +486,8 @@ void backwardTile(const BackwardArgs& args, int tile) {
         backwardGeometry<false, kStatistics>(in.view, s, rows, tile_x, samples, texture_samples, sums, screen_abs,
                                              nullptr);
       }
-      backwardTexels(in.view, texture, samples, texture_samples, state, openSlot(*args.slots, s, pair));
+      backwardTexels(in.view, texture, samples, texture_samples, state,
+                     openSlot(*args.slots, s, pair, samples, texture_samples));
     } else {
       backwardColor<false>(s, true, samples, texture_samples, state, sums);
       backwardGeometry<false, kStatistics>(in.view, s, rows, tile_x, samples, texture_samples, sums, screen_abs,

@@ -30,10 +30,15 @@ struct PairTextureSums {
   float v, v_x, v_y, v_xx, v_xy, v_yy;
 };
 
-// Where pairs leave the gradients of their texels: the splat's rectangle at texels[begin[pair]], in texel order.
+// Where pairs leave the gradients of their texels: the splat's rectangle at texels[begin[pair]], in texel order. Only
+// the rows that the pair's pixels touch are written and hold: a tile sees a few texels of a large texture.
 struct TexelSlots {
   static constexpr std::size_t kNone = ~std::size_t{0};
+  struct Range {
+    std::uint32_t first, end;  // texels of the rectangle
+  };
   std::vector<std::size_t> begin;  // [pairs] kNone: not of the tiles in work
+  std::vector<Range> written;      // [pairs] where begin is not kNone
   std::vector<glm::vec4> texels;
 };
 

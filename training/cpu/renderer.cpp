@@ -131,6 +131,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   // Lays out the texel slots of as many tiles from `first` on as fit, at least one. Returns the tile after the last.
   int makeSlots(int first) {
     slots_.begin.assign(lists_.splats.size(), cpu::TexelSlots::kNone);
+    slots_.written.resize(lists_.splats.size());
     std::size_t texels = 0;
     int tile = first;
     for (; tile < lists_.tiles(); ++tile) {
@@ -158,13 +159,13 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     parallelFor(static_cast<std::int64_t>(screen_.splats.size()), static_cast<std::int64_t>(kGrain),
                 [&](std::int64_t k) {
                   const cpu::Splat& s = screen_.splats[k];
-                  const std::size_t count = std::size_t{s.texture_width} * s.texture_height;
-                  if (count == 0) return;
+                  if (s.texture_width == 0) return;
                   glm::vec4* v_texels = gradient.v_texels.data() + s.texel_offset;
                   for (std::uint32_t pair = lists_.pair_begin[k]; pair < lists_.pair_begin[k + 1]; ++pair) {
                     if (slots_.begin[pair] == cpu::TexelSlots::kNone) continue;
                     const glm::vec4* slot = slots_.texels.data() + slots_.begin[pair];
-                    for (std::size_t i = 0; i < count; ++i) v_texels[i] += slot[i];
+                    const auto [first, end] = slots_.written[pair];
+                    for (std::uint32_t i = first; i < end; ++i) v_texels[i] += slot[i];
                   }
                 });
   }
