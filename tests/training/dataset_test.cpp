@@ -412,7 +412,7 @@ TEST_CASE("reads background colours", "[dataset]") {
   }
 }
 
-TEST_CASE("--downscale N reads images_N where it holds the photographs at that size", "[dataset]") {
+TEST_CASE("downscaling by N reads images_N where it holds the photographs at that size", "[dataset]") {
   tg::TemporaryFolder folder;
   ColmapText text;
   text.cameras = "1 PINHOLE 18 14 20 21 7.5 6.5\n";

@@ -158,7 +158,11 @@ TEST_CASE("a wrong command line is one line that names the program", "[programs]
 TEST_CASE("an interrupt ends training early and writes the model", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  const Outcome outcome = run(folder, "timeout -s INT 2 '" TG_TGTRAIN "' scene -o model.tgz --iterations 1000000");
+  const Outcome outcome = run(folder, "{ '" TG_TGTRAIN
+                                      "' scene -o model.tgz --run run --iterations 1000000 & "
+                                      "until [ -e run/model.tgz ]; do sleep 0.01; done; kill -INT $!; wait $!; }");
+  INFO(outcome.output);
+  CHECK(outcome.code == 0);
   CHECK_THAT(outcome.output, Contains("interrupted; wrote model.tgz"));
   const tg::Bundle bundle = tg::readBundle(folder / "model.tgz");
   CHECK(nlohmann::json::parse(bundle.training_json)["interrupted"] == true);
