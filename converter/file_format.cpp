@@ -9,7 +9,6 @@
 #include <cstring>
 #include <fstream>
 #include <string_view>
-#include <utility>
 
 #include "core/error.h"
 
@@ -17,7 +16,7 @@ namespace tg {
 namespace {
 
 constexpr std::size_t kSniffBytes = 4096;  // holds the header of every compressed PLY
-constexpr std::string_view kSupported = "tgz, ply, glb are";
+constexpr std::string_view kSupported = "tgz, ply, compressed ply, splat, spz, glb and gltf are";
 
 std::string readStart(const std::filesystem::path& path) {
   std::error_code status;
@@ -65,6 +64,12 @@ std::string_view name(FileFormat format) {
       return "tgz";
     case FileFormat::ply:
       return "ply";
+    case FileFormat::compressedPly:
+      return "compressed.ply";
+    case FileFormat::splat:
+      return "splat";
+    case FileFormat::spz:
+      return "spz";
     case FileFormat::glb:
       return "glb";
     case FileFormat::gltf:
@@ -78,26 +83,21 @@ FileFormat detectFormat(const std::filesystem::path& path) {
   const auto begins = [&](std::string_view magic) { return start.compare(0, magic.size(), magic) == 0; };
   if (start.empty()) throw Error(ErrorKind::badData, path.string(), "the file is empty");
   if (begins("\x1f\x8b")) {
-    if (peekInsideGzip(start) == "NGSP") refuse(path, "the SPZ format");
-    return FileFormat::bundle;
+    return peekInsideGzip(start) == "NGSP" ? FileFormat::spz : FileFormat::bundle;
   }
   if (begins("ply\n") || begins("ply\r")) {
-    if (start.find("packed_position") != std::string::npos) refuse(path, "compressed PLY");
-    return FileFormat::ply;
+    return start.find("packed_position") != std::string::npos ? FileFormat::compressedPly : FileFormat::ply;
   }
   if (begins("glTF")) return FileFormat::glb;
-  if (begins("NGSP")) refuse(path, "the SPZ format");
+  if (begins("NGSP")) return FileFormat::spz;
   const std::size_t first = start.find_first_not_of(" \t\r\n", begins("\xef\xbb\xbf") ? 3 : 0);
   if (first != std::string::npos && start[first] == '{') return FileFormat::gltf;
+  if (path.extension() == ".splat") return FileFormat::splat;
   // These have no magic number, or share a container's.
-  constexpr std::array<std::pair<std::string_view, std::string_view>, 4> known = {{{".splat", "the .splat format"},
-                                                                                   {".ksplat", "the .ksplat format"},
-                                                                                   {".spz", "the SPZ format"},
-                                                                                   {".sog", "the SOG format"}}};
-  for (const auto& [extension, what] : known) {
-    if (path.extension() == extension) refuse(path, what);
-  }
-  throw Error(ErrorKind::badData, path.string(), "is no splat model (expected a tgz, ply, glb or gltf file)");
+  if (path.extension() == ".ksplat") refuse(path, "the .ksplat format");
+  if (path.extension() == ".sog") refuse(path, "the SOG format");
+  throw Error(ErrorKind::badData, path.string(),
+              "is no splat model (expected a tgz, ply, splat, spz, glb or gltf file)");
 }
 
 }  // namespace tg

@@ -6,12 +6,13 @@
 
 namespace tg {
 
-enum class FileFormat { bundle, ply, glb, gltf };
+enum class FileFormat { bundle, ply, compressedPly, splat, spz, glb, gltf };
 
-std::string_view name(FileFormat format);  // "tgz", "ply", "glb", "gltf"
+std::string_view name(FileFormat format);  // "tgz", "ply", "compressed.ply", "splat", "spz", "glb", "gltf"
 
-// Throws Error(cannotRead) for what is no readable file and Error(badData) for an empty one, for a format that is known
-// but not supported (named in the message) and for anything else.
+// .splat files have no magic number: they are told by their extension. Throws Error(cannotRead) for what is no readable
+// file and Error(badData) for an empty one, for a format that is known but not supported (named in the message) and for
+// anything else.
 FileFormat detectFormat(const std::filesystem::path& path);
 
 }  // namespace tg

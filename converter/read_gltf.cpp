@@ -15,6 +15,7 @@
 #include "converter/gltf_document.h"
 #include "converter/gltf_nodes.h"
 #include "converter/plane_order.h"
+#include "converter/repair.h"
 #include "converter/texture_layer.h"
 #include "core/file.h"
 #include "core/ply.h"
@@ -22,12 +23,8 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxFileBytes = 0xFFFFFFFF;  // what a GLB header can say
-constexpr double kLogitLimit = 20.0;  // opacities 0 and 1 have no logit; 2e-9 from them, below a float's step at 1
-constexpr float kZeroScaleFraction =
-    1e-4f;                               // a scale of 0 has no logarithm: this part of the smallest other one instead
-constexpr float kPointScale = 1e-10f;    // [world units] when all three are 0
-constexpr float kNormTolerance = 1e-3f;  // of |q|^2 from 1
+constexpr std::uint64_t kMaxFileBytes = 0xFFFFFFFF;           // what a GLB header can say
+constexpr float kNormTolerance = 1e-3f;                       // of |q|^2 from 1
 constexpr float kByteNormTolerance = 2e-2f;                   // 8-bit quaternions are off by their rounding alone
 constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;  // of all primitives; offsets have 32 bits
 constexpr int kMaxDegree = 3;
@@ -207,24 +204,6 @@ BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance)
   return base;
 }
 
-float logit(float opacity) {
-  const double p = opacity;
-  return static_cast<float>(std::clamp(std::log(p) - std::log1p(-p), -kLogitLimit, kLogitLimit));
-}
-
-glm::vec3 repairedLogScale(glm::vec3 scale) {
-  float smallest = 0.0f;
-  for (int k = 0; k < 3; ++k) {
-    if (scale[k] > 0.0f && (smallest == 0.0f || scale[k] < smallest)) smallest = scale[k];
-  }
-  const float zero = std::max(smallest * kZeroScaleFraction, kPointScale);
-  glm::vec3 log_scale;
-  for (int k = 0; k < 3; ++k) {
-    log_scale[k] = static_cast<float>(std::log(static_cast<double>(scale[k] > 0.0f ? scale[k] : zero)));
-  }
-  return log_scale;
-}
-
 bool isFinite(const BaseArrays& base, const TextureLayer* layer, std::size_t i) {
   bool ok = std::isfinite(base.opacity[i]);
   if (layer && layer->opacity) ok = ok && std::isfinite((*layer->opacity)[i]);
@@ -280,13 +259,13 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
     }
     turnShAxes(sh);
     q = modelFromGltfRotation(q);
-    glm::vec3 log_scale = repairedLogScale(scale);
+    glm::vec3 log_scale = logFromScale(scale);
     const TextureRect rect = layer ? layer->atlas.rects[i] : TextureRect{};
     if (rect.texelCount() != 0 && !orderAxesForModel(log_scale, q)) ++repairs.plane;
     model.mean.push_back(turnAxes(mean));
     model.rotation.push_back(q);
     model.log_scale.push_back(log_scale);
-    model.opacity_logit.push_back(logit(opacity));
+    model.opacity_logit.push_back(logitFromOpacity(opacity));
     model.sh.insert(model.sh.end(), sh.begin(), sh.end());
     if (rect.texelCount() != 0) {
       const auto first = layer->atlas.texels.begin() + rect.offset;

@@ -3,7 +3,10 @@
 #include "converter/read_model.h"
 
 #include "converter/file_format.h"
+#include "converter/read_compressed_ply.h"
 #include "converter/read_gltf.h"
+#include "converter/read_splat.h"
+#include "converter/read_spz.h"
 #include "core/bundle.h"
 #include "core/ply.h"
 
@@ -25,6 +28,15 @@ LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& opti
     }
     case FileFormat::ply:
       loaded.model = readSplatPly(path);
+      break;
+    case FileFormat::compressedPly:
+      loaded.model = readCompressedPly(path);
+      break;
+    case FileFormat::splat:
+      loaded = readSplat(path);
+      break;
+    case FileFormat::spz:
+      loaded = readSpz(path);
       break;
     case FileFormat::glb:
     case FileFormat::gltf:

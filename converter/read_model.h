@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model from any file the toolchain reads: model.tgz, INRIA's splat PLY, glTF with KHR_gaussian_splatting.
+// A model from any file the toolchain reads: model.tgz, INRIA's splat PLY, compressed PLY, .splat, SPZ, and glTF with
+// KHR_gaussian_splatting.
 #pragma once
 #include <filesystem>
 #include <glm/glm.hpp>
@@ -17,7 +18,7 @@ struct LoadedModel {
   std::vector<Camera> cameras;
   glm::vec3 background{0.0f};         // what the model was trained against; black where the file does not say
   std::vector<std::string> warnings;  // what was repaired or skipped, one line each, without the path
-  std::string format;                 // "tgz", "ply", "glb" or "gltf"
+  std::string format;                 // as name(FileFormat) has it
   std::string training_json;          // tgz only; "" = none
   Image preview;                      // tgz only; empty = none
 };
@@ -26,8 +27,8 @@ struct ReadOptions {
   bool base_only = false;  // glTF: leave the texture layer aside, as a reader that knows only the Khronos extension
 };
 
-// Told apart by content, never by name. The model has passed checkModel. Throws Error(cannotRead / badData); formats
-// that are known but not supported are named.
+// Told apart by content; .splat, which has no magic number, by its extension. The model has passed checkModel. Throws
+// Error(cannotRead / badData); formats that are known but not supported are named.
 LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& options = {});
 
 }  // namespace tg

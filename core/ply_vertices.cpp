@@ -128,11 +128,31 @@ std::string shown(std::string_view word) {
 
 }  // namespace
 
-PlyVertices::PlyVertices(std::span<const std::uint8_t> bytes, const std::string& path, const char* noun)
+PlyVertices::PlyVertices(std::span<const std::uint8_t> bytes, const std::string& path, const char* noun,
+                         std::string_view element)
     : path_(path), noun_(noun), body_(bytes) {
   std::vector<Element> elements;
   parseHeader(elements);
-  locateVertices(elements);
+  for (const Element& e : elements) element_names_.push_back(e.name);
+  locateVertices(elements, element);
+}
+
+bool PlyVertices::hasElement(std::string_view name) const {
+  return std::find(element_names_.begin(), element_names_.end(), name) != element_names_.end();
+}
+
+int PlyVertices::requireWord(std::string_view name) const {
+  const int index = require(name);
+  if (format_ == Format::ascii || properties_[static_cast<std::size_t>(index)].type != PlyType::uint32)
+    fail("property " + std::string(name) + " is not stored as it must be (expected uint in a binary file)");
+  return index;
+}
+
+std::uint32_t PlyVertices::word(std::size_t vertex, int index) const {
+  const std::uint8_t* from = body_.data() + vertex * stride_ + properties_[static_cast<std::size_t>(index)].offset;
+  std::uint32_t value;
+  std::memcpy(&value, from, sizeof(value));
+  return format_ == Format::big ? __builtin_bswap32(value) : value;
 }
 
 void PlyVertices::fail(const std::string& what) const { throw Error(ErrorKind::badData, path_, what); }
@@ -219,12 +239,13 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
   body_ = body_.subspan(static_cast<std::size_t>(reinterpret_cast<const std::uint8_t*>(text.data()) - body_.data()));
 }
 
-void PlyVertices::locateVertices(const std::vector<Element>& elements) {
+void PlyVertices::locateVertices(const std::vector<Element>& elements, std::string_view element) {
   const auto vertex =
-      std::find_if(elements.begin(), elements.end(), [](const Element& e) { return e.name == "vertex"; });
-  if (vertex == elements.end()) fail("PLY without element vertex");
+      std::find_if(elements.begin(), elements.end(), [&](const Element& e) { return e.name == element; });
+  if (vertex == elements.end()) fail("PLY without element " + std::string(element));
   for (auto e = elements.begin(); e <= vertex; ++e) {
-    if (e->has_list) fail("list property in element " + shown(e->name) + " (expected only after the vertices)");
+    if (e->has_list)
+      fail("list property in element " + shown(e->name) + " (expected only after " + shown(element) + ")");
     // Every ASCII value takes a digit and a separator, but for the last.
     const std::uint64_t size = format_ == Format::ascii ? 2 * e->properties.size() : e->stride;
     const std::uint64_t left = format_ == Format::ascii ? body_.size() + 1 : body_.size();
@@ -237,9 +258,9 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements) {
     else
       body_ = body_.subspan(static_cast<std::size_t>(e->count * e->stride));
   }
-  if (vertex->properties.empty()) fail("element vertex has no properties");
+  if (vertex->properties.empty()) fail("element " + std::string(element) + " has no properties");
   if (vertex->count > kMaxGaussians)
-    fail("too many vertices (expected at most " + std::to_string(kMaxGaussians) + ", found " +
+    fail("too many rows of " + shown(element) + " (expected at most " + std::to_string(kMaxGaussians) + ", found " +
          std::to_string(vertex->count) + ")");
   count_ = static_cast<std::size_t>(vertex->count);
   stride_ = vertex->stride;

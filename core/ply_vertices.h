@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vertex element of any PLY file as numbers. Private to core.
+// One element of any PLY file, as a rule "vertex", as numbers: what the readers of PLY formats share.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -20,16 +20,23 @@ struct PlyProperty {
 
 class PlyVertices {
  public:
-  // Parses the header and holds the vertex count against the bytes that follow, before anything is allocated. `bytes`
-  // must outlive this. `noun` is what messages call a vertex. Throws Error(badData).
-  PlyVertices(std::span<const std::uint8_t> bytes, const std::string& path, const char* noun);
+  // Parses the header and holds the element's count against the bytes that follow, before anything is allocated.
+  // `bytes` must outlive this. `noun` is what messages call a row of `element`. Throws Error(badData).
+  PlyVertices(std::span<const std::uint8_t> bytes, const std::string& path, const char* noun,
+              std::string_view element = "vertex");
 
   std::size_t size() const { return count_; }
   const std::vector<PlyProperty>& properties() const { return properties_; }
   int find(std::string_view name) const;     // index into properties(), or -1
   int require(std::string_view name) const;  // throws Error(badData) naming it
   std::size_t countPrefix(std::string_view prefix) const;
+  bool hasElement(std::string_view name) const;  // anywhere in the file
   [[noreturn]] void fail(const std::string& what) const;
+
+  // A 32-bit pattern that a float would round: property `index` of a vertex, of type uint32 in a binary file.
+  std::uint32_t word(std::size_t vertex, int index) const;
+  // Throws Error(badData) unless word() may be called for this property.
+  int requireWord(std::string_view name) const;
 
   // Calls visit(vertex, values) for every vertex, values[k] belonging to properties()[indices[k]]. From several threads
   // when binary. Throws Error(badData) naming the first vertex and property that is not finite.
@@ -48,7 +55,7 @@ class PlyVertices {
 
   void parseHeader(std::vector<Element>& elements);
   void parseProperty(std::string_view line, Element& element) const;
-  void locateVertices(const std::vector<Element>& elements);
+  void locateVertices(const std::vector<Element>& elements, std::string_view element);
   void readAscii(std::span<const int> indices,
                  const std::function<void(std::size_t, std::span<const float>)>& visit) const;
   void readBinary(std::span<const int> indices,
@@ -65,6 +72,7 @@ class PlyVertices {
   bool last_element_ = false;
   std::uint64_t tokens_before_ = 0;  // ASCII values of elements before the vertices
   std::vector<PlyProperty> properties_;
+  std::vector<std::string> element_names_;
 };
 
 }  // namespace tg

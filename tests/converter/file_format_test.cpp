@@ -2,14 +2,12 @@
 // Which reader a file goes to, and what the refusals say.
 #include "converter/file_format.h"
 
-#include <zlib.h>
-
-#include <fstream>
 #include <string>
 
 #include "converter/read_model.h"
 #include "core/error.h"
 #include "scratch.h"
+#include "splat_files.h"
 #include "support/catch.h"
 
 using namespace tg;
@@ -19,6 +17,11 @@ TEST_CASE("A file's first bytes choose its reader, not its name") {
   REQUIRE(detectFormat(scratch.write("a.glb", "ply\nformat ascii 1.0\n")) == FileFormat::ply);
   REQUIRE(detectFormat(scratch.write("a.ply", std::string("glTF\2\0\0\0", 8))) == FileFormat::glb);
   REQUIRE(detectFormat(scratch.write("a.splat", "\n {\"asset\": {}}")) == FileFormat::gltf);
+  REQUIRE(detectFormat(scratch.write("a.bin", "NGSP....")) == FileFormat::spz);
+  REQUIRE(detectFormat(scratch.write("b.tgz", gzipped("NGSP...."))) == FileFormat::spz);
+  REQUIRE(detectFormat(scratch.write("b.ply", "ply\nelement vertex 1\nproperty uint packed_position\n")) ==
+          FileFormat::compressedPly);
+  REQUIRE(detectFormat(scratch.write("b.splat", std::string(32, '\1'))) == FileFormat::splat);
   REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))) == FileFormat::bundle);
 }
 
@@ -47,18 +50,10 @@ TEST_CASE("Unsupported formats are named and refused with exit code 3") {
     }
     return "accepted";
   };
-  const std::string unsupported = " is not supported yet (tgz, ply, glb are)";
+  const std::string unsupported = " is not supported yet (tgz, ply, compressed ply, splat, spz, glb and gltf are)";
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
-  CHECK(refusal(scratch.write("a.spz", "NGSP....")) == ": the SPZ format" + unsupported);
-  CHECK(refusal(scratch.write("a.splat", std::string(32, '\1'))) == ": the .splat format" + unsupported);
+  CHECK(refusal(scratch.write("a.ksplat", std::string(4096, '\0'))) == ": the .ksplat format" + unsupported);
   CHECK(refusal(scratch.write("a.sog", "PK\3\4")) == ": the SOG format" + unsupported);
-  CHECK(refusal(scratch.write("a.ply", "ply\nelement vertex 1\nproperty uint packed_position\n")) ==
-        ": compressed PLY" + unsupported);
-  CHECK(refusal(scratch.write("a.bin", "hello")) == ": is no splat model (expected a tgz, ply, glb or gltf file)");
-
-  const std::filesystem::path zipped = scratch.folder() / "b.spz";
-  gzFile file = gzopen(zipped.c_str(), "wb");
-  gzwrite(file, "NGSP\2\0\0\0", 8);
-  gzclose(file);
-  CHECK(refusal(zipped) == ": the SPZ format" + unsupported);
+  CHECK(refusal(scratch.write("a.bin", "hello")) ==
+        ": is no splat model (expected a tgz, ply, splat, spz, glb or gltf file)");
 }

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decompresses bytes in memory to a known size: what a hostile stream can cost is bounded by what it delivers.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace tg {
+
+// A gzip stream (deflate cannot deliver more than 1032 times its size).
+class GzipBytes {
+ public:
+  // `bytes` must outlive this; `path` starts the messages.
+  GzipBytes(std::span<const std::uint8_t> bytes, std::string path);
+  ~GzipBytes();
+  GzipBytes(const GzipBytes&) = delete;
+  GzipBytes& operator=(const GzipBytes&) = delete;
+
+  // The next `size` bytes. Throws Error(badData) when the stream is broken or ends before them; `what` names them.
+  std::vector<std::uint8_t> take(std::uint64_t size, const std::string& what);
+  // Reads on to the end and its checksum; the number of bytes that were left. Throws Error(badData) beyond `limit`.
+  std::uint64_t skipRest(std::uint64_t limit);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+// One whole Zstandard stream of exactly `size` bytes. Throws Error(badData) when it is broken, of another size, or
+// delivers more than 1000 times its size after the first MiB.
+std::vector<std::uint8_t> unpackZstandard(std::span<const std::uint8_t> bytes, std::uint64_t size,
+                                          const std::string& path, const std::string& what);
+
+}  // namespace tg

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads compressed splat PLY, the format of PlayCanvas and SuperSplat: chunks of 256 splats with bounds, 16 bytes a
+// splat within them, SH in 8 bit.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+
+#include "core/model.h"
+
+namespace tg {
+
+// SH degree 0-3, with or without bounds of colours. Throws Error(cannotRead / badData).
+GaussianModel readCompressedPly(const std::filesystem::path& path);
+GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std::string& path);
+
+}  // namespace tg
