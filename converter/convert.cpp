@@ -2,9 +2,16 @@
 // One file to another: read, write, read back, compare.
 #include "converter/convert.h"
 
+#include <stdlib.h>
+
+#include <string>
+#include <system_error>
+
 #include "converter/fallback.h"
 #include "converter/quality.h"
+#include "converter/repair.h"
 #include "converter/write_gltf.h"
+#include "converter/write_spz.h"
 #include "core/bundle.h"
 #include "core/error.h"
 #include "core/ply.h"
@@ -12,15 +19,16 @@
 namespace tg {
 namespace {
 
-enum class OutputFormat { bundle, ply, glb };
+enum class OutputFormat { bundle, ply, spz, glb };
 
 OutputFormat outputFormat(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   if (extension == ".glb") return OutputFormat::glb;
   if (extension == ".ply") return OutputFormat::ply;
+  if (extension == ".spz") return OutputFormat::spz;
   if (extension == ".tgz") return OutputFormat::bundle;
   throw Error(ErrorKind::usage, path.string(),
-              "unknown output format (expected .glb, .ply or .tgz, found \"" + extension + "\")");
+              "unknown output format (expected .glb, .ply, .spz or .tgz, found \"" + extension + "\")");
 }
 
 bool isTextured(const GaussianModel& model) {
@@ -37,11 +45,11 @@ void checkOutput(const std::filesystem::path& output, bool overwrite) {
   }
 }
 
-void writeAs(OutputFormat format, const std::filesystem::path& output, const LoadedModel& source,
+void writeAs(OutputFormat format, const std::filesystem::path& output, const LoadedModel& source, bool lean,
              ConvertReport& report) {
   switch (format) {
     case OutputFormat::glb: {
-      const GltfReport gltf = writeGlb(output, {source.model, source.cameras, source.background});
+      const GltfReport gltf = writeGlb(output, {source.model, source.cameras, source.background, lean});
       report.output_format = "glb";
       report.atlases = gltf.atlases;
       report.atlas_width = gltf.atlas_width;
@@ -57,6 +65,16 @@ void writeAs(OutputFormat format, const std::filesystem::path& output, const Loa
       report.texture_mode = name(TextureMode::none);
       if (!source.cameras.empty()) report.warnings.push_back("PLY holds no cameras: they are left out");
       break;
+    case OutputFormat::spz: {
+      const SpzReport spz = writeSpz(output, bakeFallback(source.model));
+      report.output_format = "spz";
+      report.texture_mode = name(TextureMode::none);
+      if (!source.cameras.empty()) report.warnings.push_back("SPZ holds no cameras: they are left out");
+      warnRepair(report.warnings, spz.clipped_scales, "with a scale outside SPZ's e^-10 to e^5.94: clipped");
+      warnRepair(report.warnings, spz.clipped_colors, "with a colour outside SPZ's range: clipped");
+      warnRepair(report.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
+      break;
+    }
     case OutputFormat::bundle: {
       Bundle bundle;
       bundle.model = source.model;
@@ -72,6 +90,27 @@ void writeAs(OutputFormat format, const std::filesystem::path& output, const Loa
   }
 }
 
+// A folder for one file, gone afterwards.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "tgconvert-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw Error(ErrorKind::cannotWrite, name, "cannot make a temporary folder");
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
 void measure(const std::filesystem::path& output, const LoadedModel& source, ConvertReport& report) {
   const std::vector<Camera> views = qualityViews(source.model, source.cameras);
   report.views = views.size();
@@ -81,7 +120,7 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
     report.textured_psnr = psnr;
     return;
   }
-  if (report.output_format == "ply") {
+  if (report.output_format == "ply" || report.output_format == "spz") {
     report.base_psnr = psnr;
     return;
   }
@@ -98,7 +137,7 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
   const OutputFormat format = outputFormat(output);
-  checkOutput(output, options.overwrite);
+  if (!options.dry_run) checkOutput(output, options.overwrite);
   ReadOptions read_options;
   read_options.base_only = options.base_only;
   const LoadedModel source = readModel(input, read_options);
@@ -108,9 +147,19 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.input_bytes = std::filesystem::file_size(input);
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
-  report.cameras = format == OutputFormat::ply ? 0 : source.cameras.size();
+  const bool keeps_cameras = format == OutputFormat::glb || format == OutputFormat::bundle;
+  report.cameras = keeps_cameras ? source.cameras.size() : 0;
   report.warnings = source.warnings;
-  writeAs(format, output, source, report);
+  report.dry_run = options.dry_run;
+  if (options.dry_run) {
+    // The exact size comes from the exact bytes: they are written where nobody looks.
+    const TemporaryFolder folder;
+    const std::filesystem::path file = folder.path() / ("forecast" + output.extension().string());
+    writeAs(format, file, source, options.lean, report);
+    report.output_bytes = std::filesystem::file_size(file);
+    return report;
+  }
+  writeAs(format, output, source, options.lean, report);
   report.output_bytes = std::filesystem::file_size(output);
   if (options.measure) measure(output, source, report);
   return report;

@@ -15,9 +15,12 @@ struct ConvertOptions {
   bool overwrite = false;
   bool base_only = false;  // see ReadOptions
   bool measure = true;     // render source and result
+  bool lean = false;       // glb: see GltfContent
+  bool dry_run = false;    // encode and count, write nothing; implies measure = false
 };
 
 struct ConvertReport {
+  bool dry_run = false;
   std::string input_format;
   std::string output_format;
   std::uint64_t input_bytes = 0;
@@ -37,15 +40,16 @@ struct ConvertReport {
   std::vector<std::string> warnings;
 };
 
-// The output's format is its extension: .glb, .ply or .tgz. Throws Error(usage / cannotRead / badData / cannotWrite);
-// nothing is written then.
+// The output's format is its extension: .glb, .ply, .spz or .tgz. Throws Error(usage / cannotRead / badData /
+// cannotWrite); nothing is written then.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 
 // The report and a loaded model's facts, for people and for programs.
 std::string describe(const ConvertReport& report);
 std::string describeJson(const ConvertReport& report);
-std::string describe(const LoadedModel& loaded);
-std::string describeJson(const LoadedModel& loaded);
+// `statistics`: with the distribution of every number.
+std::string describe(const LoadedModel& loaded, bool statistics = false);
+std::string describeJson(const LoadedModel& loaded, bool statistics = false);
 
 }  // namespace tg

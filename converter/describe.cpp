@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/convert.h"
+#include "converter/statistics.h"
 
 namespace tg {
 namespace {
@@ -69,8 +70,8 @@ std::string describe(const ConvertReport& report) {
       format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
   const std::string from = axesOf(report.input_format), to = axesOf(report.output_format);
   text += "axes: " + from + (from == to ? ", kept\n" : " -> " + to + ", a half turn about z\n");
-  text += format("size: %llu -> %llu bytes\n", static_cast<unsigned long long>(report.input_bytes),
-                 static_cast<unsigned long long>(report.output_bytes));
+  text += format("size: %llu -> %llu bytes%s\n", static_cast<unsigned long long>(report.input_bytes),
+                 static_cast<unsigned long long>(report.output_bytes), report.dry_run ? " (nothing is written)" : "");
   text += "textures: " + report.texture_mode;
   if (report.atlases > 0) {
     text += format(", %llu texels in %d atlas%s of %d x %d, %llu clipped",
@@ -92,6 +93,7 @@ std::string describeJson(const ConvertReport& report) {
       {"format", report.input_format}, {"bytes", report.input_bytes}, {"axes", axesOf(report.input_format)}};
   json["output"] = {
       {"format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
+  json["dryRun"] = report.dry_run;
   json["gaussians"] = report.gaussians;
   json["shDegree"] = report.sh_degree;
   json["cameras"] = report.cameras;
@@ -112,7 +114,7 @@ std::string describeJson(const ConvertReport& report) {
   return dump(json);
 }
 
-std::string describe(const LoadedModel& loaded) {
+std::string describe(const LoadedModel& loaded, bool statistics) {
   const GaussianModel& model = loaded.model;
   const ModelFacts facts = factsOf(model);
   std::string text = "format: " + loaded.format + "\n";
@@ -128,10 +130,16 @@ std::string describe(const LoadedModel& loaded) {
   text += format("cameras: %zu\nbackground: (%g, %g, %g)\n", loaded.cameras.size(), loaded.background.x,
                  loaded.background.y, loaded.background.z);
   text += "axes: " + axesOf(loaded.format) + " in the file; bounds in " + kAxes + "\n";
+  if (!statistics) return text;
+  text += format("\n%-22s %11s %11s %11s %11s %11s %11s\n", "", "low", "1 %", "median", "99 %", "high", "mean");
+  for (const Distribution& d : distributions(model)) {
+    text += format("%-22s %11.5g %11.5g %11.5g %11.5g %11.5g %11.5g  %s\n", d.name.c_str(), d.low, d.p1, d.median,
+                   d.p99, d.high, d.mean, d.unit.c_str());
+  }
   return text;
 }
 
-std::string describeJson(const LoadedModel& loaded) {
+std::string describeJson(const LoadedModel& loaded, bool statistics) {
   const GaussianModel& model = loaded.model;
   const ModelFacts facts = factsOf(model);
   const auto triple = [](glm::vec3 v) { return Json{v.x, v.y, v.z}; };
@@ -149,6 +157,21 @@ std::string describeJson(const LoadedModel& loaded) {
   json["cameras"] = loaded.cameras.size();
   json["background"] = triple(loaded.background);
   json["axes"] = axesOf(loaded.format);
+  if (statistics) {
+    Json list = Json::array();
+    for (const Distribution& d : distributions(model)) {
+      list.push_back({{"name", d.name},
+                      {"unit", d.unit},
+                      {"count", d.count},
+                      {"low", d.low},
+                      {"p1", d.p1},
+                      {"median", d.median},
+                      {"p99", d.p99},
+                      {"high", d.high},
+                      {"mean", d.mean}});
+    }
+    json["statistics"] = std::move(list);
+  }
   json["warnings"] = loaded.warnings;
   return dump(json);
 }

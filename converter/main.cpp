@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// tgconvert: models between tgz, ply and glb.
+// tgconvert: models between tgz, ply, glb and what other programs write.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -22,6 +22,9 @@ struct Arguments {
   bool info = false;
   bool base_only = false;
   bool no_psnr = false;
+  bool stats = false;
+  bool dry_run = false;
+  bool lean = false;
 };
 
 void warn(const Arguments& arguments, const std::vector<std::string>& warnings) {
@@ -40,19 +43,21 @@ void print(const Arguments& arguments, const std::string& text, const std::strin
 }
 
 void run(const Arguments& arguments) {
-  if (arguments.info) {
+  if (arguments.info || arguments.stats || arguments.output == "null") {
     tg::ReadOptions options;
     options.base_only = arguments.base_only;
     const tg::LoadedModel loaded = tg::readModel(arguments.input, options);
     warn(arguments, loaded.warnings);
-    print(arguments, tg::describe(loaded), tg::describeJson(loaded));
+    print(arguments, tg::describe(loaded, arguments.stats), tg::describeJson(loaded, arguments.stats));
     return;
   }
-  if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info)");
+  if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info or --stats)");
   tg::ConvertOptions options;
   options.overwrite = arguments.overwrite;
   options.base_only = arguments.base_only;
   options.measure = !arguments.no_psnr && (arguments.json || !arguments.quiet);
+  options.dry_run = arguments.dry_run;
+  options.lean = arguments.lean;
   const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, options);
   warn(arguments, report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
@@ -63,18 +68,21 @@ void run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(
-      "Converts splat models between tgz, ply and glb. The input's format is its content, the output's its "
-      "extension.",
+      "Converts splat models to tgz, ply, spz or glb. The input's format is its content, the output's its extension.",
       "tgconvert");
   app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
     return failed->get_name() + ": " + error.what() + " (see --help)\n";
   });
-  app.add_option("IN", arguments.input, "model to read: tgz, ply, glb or gltf")->required();
-  app.add_option("OUT", arguments.output, "file to write: .glb, .ply or .tgz");
+  app.add_option("IN", arguments.input, "model to read: tgz, ply, compressed ply, spz, splat, glb or gltf")->required();
+  app.add_option("OUT", arguments.output,
+                 "file to write: .glb, .ply, .spz or .tgz; null writes nothing and prints what IN holds");
   app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");
   app.add_flag("--quiet", arguments.quiet, "print errors only");
   app.add_flag("--json", arguments.json, "print the summary as JSON");
   app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
+  app.add_flag("--stats", arguments.stats, "with the distribution of every number; writes nothing");
+  app.add_flag("--dry-run", arguments.dry_run, "say how large OUT would be and write nothing");
+  app.add_flag("--lean", arguments.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
   app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
   app.add_flag("--no-psnr", arguments.no_psnr, "do not render source and result for the summary");
   try {

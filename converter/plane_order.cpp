@@ -21,16 +21,17 @@ glm::vec4 permuted(glm::vec4 q, glm::ivec3 order) {
 
 }  // namespace
 
+void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation) {
+  const int c = shortestAxis(glm::exp(log_scale));
+  if (c == 2) return;
+  const glm::ivec3 order(axisU(c), axisV(c), c);
+  const glm::vec3 before = log_scale;
+  log_scale = {before[order.x], before[order.y], before[order.z]};
+  rotation = permuted(rotation, order);
+}
+
 void orderAxesForGltf(std::vector<glm::vec3>& log_scale, std::vector<glm::vec4>& rotation) {
-  for (std::size_t i = 0; i < log_scale.size(); ++i) {
-    const glm::vec3 scale = glm::exp(log_scale[i]);
-    const int c = shortestAxis(scale);
-    if (c == 2) continue;
-    const glm::ivec3 order(axisU(c), axisV(c), c);
-    const glm::vec3 before = log_scale[i];
-    log_scale[i] = {before[order.x], before[order.y], before[order.z]};
-    rotation[i] = permuted(rotation[i], order);
-  }
+  for (std::size_t i = 0; i < log_scale.size(); ++i) orderAxesForGltf(log_scale[i], rotation[i]);
 }
 
 bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation) {

@@ -6,8 +6,9 @@
 
 namespace tg {
 
-// Permutes local axes so that x = u, y = v and z = normal, for every Gaussian; the handedness is kept by turning the
-// normal, whose sign means nothing. Textures stay as they are.
+// Permutes local axes so that x = u, y = v and z = normal, for one Gaussian or for every one; the handedness is kept by
+// turning the normal, whose sign means nothing. Textures stay as they are.
+void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation);
 void orderAxesForGltf(std::vector<glm::vec3>& log_scale, std::vector<glm::vec4>& rotation);
 
 // The same Gaussian with axes that the model's rule maps back to u = x, v = y: unchanged where z is clearly the

@@ -14,6 +14,7 @@
 #include "converter/gltf_cameras.h"
 #include "converter/gltf_document.h"
 #include "converter/gltf_nodes.h"
+#include "converter/gltf_numbers.h"
 #include "converter/plane_order.h"
 #include "converter/repair.h"
 #include "converter/texture_layer.h"
@@ -38,8 +39,9 @@ struct SplatInstance {
 // One primitive's numbers as stored, lengths count x components.
 struct BaseArrays {
   std::vector<float> position, rotation, scale, opacity;
-  std::vector<std::vector<float>> sh;  // [coefficient][count * 3]
-  bool byte_rotation = false;          // stored in 8 bit
+  std::vector<std::vector<float>> sh;                                  // [coefficient][count * 3]
+  bool byte_rotation = false;                                          // stored in 8 bit
+  std::vector<float> source_rotation, source_log_scale, source_logit;  // empty where the file has none
 };
 
 // What had to be put right, in Gaussians.
@@ -198,6 +200,12 @@ BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance)
   base.scale = readAttribute(document, splats, {splatName("SCALE"), 3, kFloat | integers});
   base.opacity = readAttribute(document, splats,
                                {splatName("OPACITY"), 1, kFloat | kUnsignedByteNormalized | kUnsignedShortNormalized});
+  const auto readIfThere = [&](const char* semantic, int components) {
+    return splats.has(semantic) ? readAttribute(document, splats, {semantic, components}) : std::vector<float>();
+  };
+  base.source_rotation = readIfThere(kSourceRotation, 4);
+  base.source_log_scale = readIfThere(kSourceLogScale, 3);
+  base.source_logit = readIfThere(kSourceLogit, 1);
   for (int l = 0; l <= instance.degree; ++l) {
     for (int k = 0; k <= 2 * l; ++k) base.sh.push_back(readAttribute(document, splats, {coefficientName(l, k), 3}));
   }
@@ -217,6 +225,44 @@ bool isFinite(const BaseArrays& base, const TextureLayer* layer, std::size_t i) 
   return ok;
 }
 
+// Puts the numbers that the file was made from in place of those read back from glTF's, where the splat's glTF numbers
+// are still what they give: a splat that another program moved or shaped keeps what that program wrote. `ordered`: the
+// writer put local axes in the order of the texture extension.
+void restoreSource(const BaseArrays& base, std::size_t i, bool ordered, float opacity, glm::vec3& log_scale,
+                   glm::vec4& rotation, float& logit) {
+  if (!base.source_logit.empty() && std::isfinite(base.source_logit[i]) &&
+      gltfOpacity(base.source_logit[i]) == opacity) {
+    logit = base.source_logit[i];
+  }
+  if (base.source_rotation.empty() && base.source_log_scale.empty()) return;
+  glm::vec3 source_scale = log_scale;
+  glm::vec4 source_rotation = rotation;
+  if (!base.source_log_scale.empty()) {
+    const float* from = &base.source_log_scale[i * 3];
+    source_scale = {from[0], from[1], from[2]};
+  }
+  if (!base.source_rotation.empty()) {
+    const float* from = &base.source_rotation[i * 4];
+    source_rotation = {from[0], from[1], from[2], from[3]};
+  }
+  for (int k = 0; k < 3; ++k) {
+    if (!std::isfinite(source_scale[k])) return;
+  }
+  glm::vec3 scale = source_scale;
+  glm::vec4 q = source_rotation;
+  if (ordered) orderAxesForGltf(scale, q);
+  scale = gltfScale(scale);
+  q = gltfRotation(q);  // not a number for what is no quaternion: equal to nothing
+  const float* stored_scale = &base.scale[i * 3];
+  const float* stored_q = &base.rotation[i * 4];
+  if (scale != glm::vec3(stored_scale[0], stored_scale[1], stored_scale[2]) ||
+      q != glm::vec4(stored_q[3], stored_q[0], stored_q[1], stored_q[2])) {
+    return;
+  }
+  log_scale = source_scale;
+  rotation = source_rotation;
+}
+
 // Appends a primitive in the model's world. `layer` may be null.
 void append(const SplatInstance& instance, const BaseArrays& base, const TextureLayer* layer, GaussianModel& model,
             Repairs& repairs) {
@@ -225,6 +271,7 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
   const glm::dvec4 node_rotation = quaternionFromMatrix(instance.place.rotation);
   const int coefficients = model.shCount();
   std::vector<glm::vec3> sh(static_cast<std::size_t>(coefficients));
+  const bool ordered = findTextureExtension(*instance.splats.primitive) != nullptr;
   for (std::size_t i = 0; i < instance.splats.count; ++i) {
     glm::vec4 q(base.rotation[i * 4 + 3], base.rotation[i * 4], base.rotation[i * 4 + 1], base.rotation[i * 4 + 2]);
     const float norm = glm::dot(q, q);
@@ -262,10 +309,12 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
     glm::vec3 log_scale = logFromScale(scale);
     const TextureRect rect = layer ? layer->atlas.rects[i] : TextureRect{};
     if (rect.texelCount() != 0 && !orderAxesForModel(log_scale, q)) ++repairs.plane;
+    float logit = logitFromOpacity(opacity);
+    if (instance.place.identity) restoreSource(base, i, ordered, opacity, log_scale, q, logit);
     model.mean.push_back(turnAxes(mean));
     model.rotation.push_back(q);
     model.log_scale.push_back(log_scale);
-    model.opacity_logit.push_back(logitFromOpacity(opacity));
+    model.opacity_logit.push_back(logit);
     model.sh.insert(model.sh.end(), sh.begin(), sh.end());
     if (rect.texelCount() != 0) {
       const auto first = layer->atlas.texels.begin() + rect.offset;

@@ -14,8 +14,10 @@
 #include "converter/fallback.h"
 #include "converter/gltf_cameras.h"
 #include "converter/gltf_document.h"
+#include "converter/gltf_numbers.h"
 #include "converter/plane_order.h"
 #include "converter/quantize.h"
+#include "converter/repair.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "shared/limits.h"
@@ -32,8 +34,6 @@ constexpr const char* kGenerator = "Textured Gaussians tgconvert";
 std::string attributeName(std::string_view extension, const std::string& name) {
   return std::string(extension) + ":" + name;
 }
-
-float opacityOf(float logit) { return static_cast<float>(1.0 / (1.0 + std::exp(-static_cast<double>(logit)))); }
 
 // IEC 61966-2-1; colours of COLOR_0 are linear by glTF's rule.
 double linearFromSrgb(double c) { return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4); }
@@ -130,19 +130,63 @@ void addShape(Writer& writer, const GaussianModel& model, bool textured, Attribu
   if (textured) orderAxesForGltf(log_scale, rotation);
   attributes[attributeName(kSplatExtension, "ROTATION")] =
       writer.addFloats(TINYGLTF_TYPE_VEC4, model.size(), [&](std::size_t i, float* out) {
-        const glm::vec4 q = gltfFromModelRotation(glm::vec4(glm::normalize(glm::dvec4(rotation[i]))));
+        const glm::vec4 q = gltfRotation(rotation[i]);
         const float xyzw[4] = {q.y, q.z, q.w, q.x};
         std::memcpy(out, xyzw, sizeof(xyzw));
       });
   attributes[attributeName(kSplatExtension, "SCALE")] =
       writer.addFloats(TINYGLTF_TYPE_VEC3, model.size(), [&](std::size_t i, float* out) {
-        for (int k = 0; k < 3; ++k) out[k] = static_cast<float>(std::exp(static_cast<double>(log_scale[i][k])));
+        const glm::vec3 scale = gltfScale(log_scale[i]);
+        std::memcpy(out, &scale, sizeof(scale));
       });
 }
 
+// What of a Gaussian a reader of the glTF numbers gets back with other last bits.
+struct Changed {
+  bool rotation = false, log_scale = false, opacity = false;
+};
+
+Changed changedByGltf(const GaussianModel& model, bool textured) {
+  Changed changed;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    glm::vec3 log_scale = model.log_scale[i];
+    glm::vec4 q = model.rotation[i];
+    if (textured) orderAxesForGltf(log_scale, q);
+    log_scale = logFromScale(gltfScale(log_scale));
+    q = modelFromGltfRotation(gltfRotation(q));
+    if (textured && model.atlas.rects[i].texelCount() != 0) orderAxesForModel(log_scale, q);
+    const float logit = logitFromOpacity(gltfOpacity(model.opacity_logit[i]));
+    changed.rotation = changed.rotation || std::memcmp(&q, &model.rotation[i], sizeof(q)) != 0;
+    changed.log_scale = changed.log_scale || std::memcmp(&log_scale, &model.log_scale[i], sizeof(log_scale)) != 0;
+    changed.opacity = changed.opacity || std::memcmp(&logit, &model.opacity_logit[i], sizeof(logit)) != 0;
+  }
+  return changed;
+}
+
+// The numbers the model came with, beside those glTF has words for. An attribute is left out where nothing would
+// change.
+void addSource(Writer& writer, const GaussianModel& model, bool textured, Attributes& attributes) {
+  const Changed changed = changedByGltf(model, textured);
+  if (changed.rotation) {
+    attributes[kSourceRotation] = writer.addFloats(TINYGLTF_TYPE_VEC4, model.size(), [&](std::size_t i, float* out) {
+      std::memcpy(out, &model.rotation[i], sizeof(model.rotation[i]));
+    });
+  }
+  if (changed.log_scale) {
+    attributes[kSourceLogScale] = writer.addFloats(TINYGLTF_TYPE_VEC3, model.size(), [&](std::size_t i, float* out) {
+      std::memcpy(out, &model.log_scale[i], sizeof(model.log_scale[i]));
+    });
+  }
+  if (changed.opacity) {
+    attributes[kSourceLogit] = writer.addFloats(TINYGLTF_TYPE_SCALAR, model.size(),
+                                                [&](std::size_t i, float* out) { *out = model.opacity_logit[i]; });
+  }
+}
+
 void addOpacity(Writer& writer, const GaussianModel& model, std::string_view extension, Attributes& attributes) {
-  attributes[attributeName(extension, "OPACITY")] = writer.addFloats(
-      TINYGLTF_TYPE_SCALAR, model.size(), [&](std::size_t i, float* out) { *out = opacityOf(model.opacity_logit[i]); });
+  attributes[attributeName(extension, "OPACITY")] =
+      writer.addFloats(TINYGLTF_TYPE_SCALAR, model.size(),
+                       [&](std::size_t i, float* out) { *out = gltfOpacity(model.opacity_logit[i]); });
 }
 
 void addColors(Writer& writer, const GaussianModel& model, Attributes& attributes) {
@@ -164,7 +208,7 @@ void addColors(Writer& writer, const GaussianModel& model, Attributes& attribute
       [&](std::size_t i, std::uint16_t* out) {
         for (int c = 0; c < 4; ++c) {
           const double value = c == 3
-                                   ? opacityOf(model.opacity_logit[i])
+                                   ? gltfOpacity(model.opacity_logit[i])
                                    : linearFromSrgb(std::clamp(0.5 + double{kShC0} * model.sh[i * count][c], 0.0, 1.0));
           out[c] = static_cast<std::uint16_t>(std::lround(value * 65535.0));
         }
@@ -298,6 +342,7 @@ GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& conten
     addOpacity(writer, model, kSplatExtension, attributes);
     addColors(writer, model, attributes);
   }
+  if (!content.lean) addSource(writer, model, textured, attributes);
   addScene(writer.model, content, std::move(attributes), std::move(nested));
 
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {

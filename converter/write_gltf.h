@@ -14,6 +14,7 @@ struct GltfContent {
   const GaussianModel& model;  // the toolchain's axes
   std::span<const Camera> cameras;
   glm::vec3 background{0.0f};
+  bool lean = false;  // without the source numbers of converter/gltf_numbers.h
 };
 
 struct GltfReport {

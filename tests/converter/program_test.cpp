@@ -2,9 +2,11 @@
 // The program's exit codes, outputs and what it leaves behind.
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
+#include "converter/read_model.h"
 #include "core/ply.h"
 #include "glb.h"
 #include "scenes.h"
@@ -30,6 +32,35 @@ Result tgconvert(const Scratch& scratch, const std::string& arguments) {
 }
 
 }  // namespace
+
+TEST_CASE("tgconvert looks without writing: null, --stats and --dry-run") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(test::SceneKind::ordinary, 42, 50).model;
+  model.texture_mode = TextureMode::none;
+  model.atlas = {};
+  writeSplatPly(scratch.folder() / "in.ply", model);
+
+  const Result null = tgconvert(scratch, "in.ply null --stats --json");
+  REQUIRE(null.code == 0);
+  const auto json = nlohmann::json::parse(null.out);
+  CHECK(json["gaussians"] == 50);
+  const auto& opacity = *std::find_if(json["statistics"].begin(), json["statistics"].end(),
+                                      [](const auto& entry) { return entry["name"] == "opacity"; });
+  CHECK(opacity["count"] == 50);
+  CHECK(opacity["low"].get<double>() <= opacity["median"].get<double>());
+  CHECK(opacity["high"].get<double>() <= 1.0);
+  CHECK(tgconvert(scratch, "in.ply --stats").out.find("longest scale") != std::string::npos);
+
+  for (const char* name : {"a.ply", "a.spz", "a.glb", "a.tgz"}) {
+    CAPTURE(name);
+    const Result dry = tgconvert(scratch, std::string("in.ply ") + name + " --dry-run --json");
+    REQUIRE(dry.code == 0);
+    CHECK(!std::filesystem::exists(scratch.folder() / name));
+    REQUIRE(tgconvert(scratch, std::string("in.ply ") + name + " --quiet").code == 0);
+    CHECK(nlohmann::json::parse(dry.out)["output"]["bytes"] == std::filesystem::file_size(scratch.folder() / name));
+  }
+  CHECK(readModel(scratch.folder() / "a.spz").model.size() == 50);
+}
 
 TEST_CASE("tgconvert writes what it says and refuses with one line and the right code") {
   const Scratch scratch;
@@ -57,7 +88,7 @@ TEST_CASE("tgconvert writes what it says and refuses with one line and the right
 
   CHECK(tgconvert(scratch, "").code == 1);
   CHECK(tgconvert(scratch, "in.ply").code == 1);
-  CHECK(tgconvert(scratch, "in.ply b.spz").code == 1);
+  CHECK(tgconvert(scratch, "in.ply b.obj").code == 1);
   CHECK(tgconvert(scratch, "in.ply b.glb --no-such-option").code == 1);
   CHECK(tgconvert(scratch, "--help").code == 0);
   CHECK(tgconvert(scratch, "missing.ply b.glb").code == 2);

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPZ comes back within its bits, and says what they could not hold.
+#include "converter/write_spz.h"
+
+#include <cmath>
+
+#include "converter/read_spz.h"
+#include "core/error.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+
+using namespace tg;
+using tg::test::Random;
+
+namespace {
+
+GaussianModel randomModel(int degree, std::size_t count, double extent) {
+  Random random(static_cast<unsigned>(degree) + 70);
+  GaussianModel model;
+  model.sh_degree = degree;
+  for (std::size_t i = 0; i < count; ++i) {
+    model.mean.emplace_back(random.uniformVec3(-extent, extent));
+    model.rotation.emplace_back(random.uniform(0.2, 3.0) * random.quaternion());
+    model.log_scale.emplace_back(random.uniformVec3(-9.5, 5.5));
+    model.opacity_logit.push_back(static_cast<float>(random.uniform(-5.0, 5.0)));
+    for (int k = 0; k < model.shCount(); ++k) model.sh.emplace_back(random.uniformVec3(-0.9, 0.9));
+  }
+  return model;
+}
+
+double opacity(float logit) { return 1.0 / (1.0 + std::exp(-static_cast<double>(logit))); }
+
+double largest(glm::vec3 v) {
+  return static_cast<double>(glm::max(glm::max(std::abs(v.x), std::abs(v.y)), std::abs(v.z)));
+}
+
+}  // namespace
+
+TEST_CASE("A model comes back from SPZ within the steps of its numbers, at every degree") {
+  for (int degree = 0; degree <= 3; ++degree) {
+    const GaussianModel in = randomModel(degree, 50, 20.0);
+    SpzReport report;
+    const GaussianModel out = parseSpz(formatSpz(in, "a.spz", report), "a.spz").model;
+    REQUIRE(out.size() == in.size());
+    REQUIRE(out.sh_degree == degree);
+    CHECK(report.fractional_bits == 12);
+    CHECK(report.clipped_scales + report.clipped_colors + report.clipped_sh == 0);
+    const std::size_t k = static_cast<std::size_t>(in.shCount());
+    for (std::size_t i = 0; i < in.size(); ++i) {
+      CAPTURE(degree, i);
+      CHECK(largest(in.mean[i] - out.mean[i]) <= 0.5 / 4096 + 2e-6);
+      CHECK(largest(in.log_scale[i] - out.log_scale[i]) <= 1.0 / 32 + 1e-6);
+      CHECK(std::abs(opacity(in.opacity_logit[i]) - opacity(out.opacity_logit[i])) <= 0.5 / 255 + 1e-6);
+      const glm::dvec4 a = glm::normalize(glm::dvec4(in.rotation[i])), b = glm::normalize(glm::dvec4(out.rotation[i]));
+      CHECK(std::abs(glm::dot(a, b)) > 1.0 - 3e-6);
+      CHECK(largest(in.sh[i * k] - out.sh[i * k]) <= 0.5 / 255 / 0.15 + 1e-5);
+      for (std::size_t c = 1; c < k; ++c) {
+        CHECK(largest(in.sh[i * k + c] - out.sh[i * k + c]) <= (c < 4 ? 4.5 : 8.5) / 128);
+      }
+    }
+  }
+}
+
+TEST_CASE("SPZ: the same model gives the same bytes") {
+  const GaussianModel model = randomModel(2, 30, 5.0);
+  SpzReport report;
+  CHECK(formatSpz(model, "a.spz", report) == formatSpz(model, "b.spz", report));
+}
+
+TEST_CASE("SPZ: positions get the bits that the scene's size asks for") {
+  const auto bits = [](double extent) {
+    GaussianModel model = randomModel(0, 2, 1.0);
+    model.mean = {glm::vec3(static_cast<float>(extent), 0, 0), glm::vec3(0.0f)};
+    SpzReport report;
+    const GaussianModel out = parseSpz(formatSpz(model, "a.spz", report), "a.spz").model;
+    CHECK(out.mean[0].x == Approx(extent).epsilon(1e-4));
+    return report.fractional_bits;
+  };
+  CHECK(bits(10.0) == 12);
+  CHECK(bits(2000.0) == 12);
+  CHECK(bits(3000.0) == 11);
+  CHECK(bits(0.1) == 19);  // 2^-19 is 1/52429 of it
+  CHECK(bits(8e6) == 0);
+  GaussianModel model = randomModel(0, 1, 1.0);
+  model.mean[0].y = -9e6f;
+  SpzReport report;
+  CHECK_THROWS_AS(formatSpz(model, "a.spz", report), Error);
+}
+
+TEST_CASE("SPZ: what the bytes cannot hold is clipped and counted") {
+  GaussianModel model = randomModel(1, 4, 1.0);
+  model.log_scale[0].y = -12.0f;
+  model.log_scale[1].x = 7.0f;
+  model.sh[2 * 4].z = 4.0f;
+  model.sh[3 * 4 + 2].x = -1.5f;
+  SpzReport report;
+  const GaussianModel out = parseSpz(formatSpz(model, "a.spz", report), "a.spz").model;
+  CHECK(report.clipped_scales == 2);
+  CHECK(report.clipped_colors == 1);
+  CHECK(report.clipped_sh == 1);
+  CHECK(out.log_scale[0].y == -10.0f);
+  CHECK(out.log_scale[1].x == 5.9375f);
+  CHECK(out.sh[3 * 4 + 2].x == -1.0f);
+}
