@@ -4,9 +4,12 @@
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/read_model.h"
 #include "core/error.h"
@@ -63,16 +66,59 @@ void run(const Arguments& arguments) {
   print(arguments, tg::describe(report), tg::describeJson(report));
 }
 
+// Runs `work` and maps what it throws to a line and an exit code.
+template <typename Work>
+int guarded(const std::string& input, Work work) {
+  try {
+    return work();
+  } catch (const tg::Error& error) {
+    std::fprintf(stderr, "tgconvert: %s\n", error.what());
+    return tg::exitCode(error);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "tgconvert: %s: the model does not fit into memory\n", input.c_str());
+    return static_cast<int>(tg::ErrorKind::badData);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "tgconvert: %s: %s\n", input.c_str(), error.what());
+    return static_cast<int>(tg::ErrorKind::badData);
+  }
+}
+
+// Nothing when the program is to go on, else its exit code.
+std::optional<int> parse(CLI::App& app, int argc, char** argv) {
+  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
+    return failed->get_name() + ": " + error.what() + " (see --help)\n";
+  });
+  try {
+    app.parse(argc, argv);
+    return std::nullopt;
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
+  }
+}
+
+int checkMain(int argc, char** argv) {
+  std::string file;
+  bool json = false;
+  CLI::App app("Says what is wrong with a splat file, and where. Exit code 3 when a reader would refuse it.",
+               "tgconvert check");
+  app.add_option("FILE", file, "any format that tgconvert reads")->required();
+  app.add_flag("--json", json, "print the findings as JSON");
+  if (const std::optional<int> code = parse(app, argc, argv)) return *code;
+  return guarded(file, [&] {
+    const tg::CheckReport report = tg::checkFile(file);
+    std::fputs((json ? tg::describeJson(report) : tg::describe(report)).c_str(), stdout);
+    return report.errors.empty() ? 0 : static_cast<int>(tg::ErrorKind::badData);
+  });
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "check") return checkMain(argc - 1, argv + 1);
   Arguments arguments;
   CLI::App app(
       "Converts splat models to tgz, ply, spz or glb. The input's format is its content, the output's its extension.",
       "tgconvert");
-  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    return failed->get_name() + ": " + error.what() + " (see --help)\n";
-  });
   app.add_option("IN", arguments.input, "model to read: tgz, ply, compressed ply, spz, splat, glb or gltf")->required();
   app.add_option("OUT", arguments.output,
                  "file to write: .glb, .ply, .spz or .tgz; null writes nothing and prints what IN holds");
@@ -85,22 +131,10 @@ int main(int argc, char** argv) {
   app.add_flag("--lean", arguments.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
   app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
   app.add_flag("--no-psnr", arguments.no_psnr, "do not render source and result for the summary");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
-  }
-  try {
+  app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
+  if (const std::optional<int> code = parse(app, argc, argv)) return *code;
+  return guarded(arguments.input, [&] {
     run(arguments);
     return 0;
-  } catch (const tg::Error& error) {
-    std::fprintf(stderr, "tgconvert: %s\n", error.what());
-    return tg::exitCode(error);
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "tgconvert: %s: the model does not fit into memory\n", arguments.input.c_str());
-    return static_cast<int>(tg::ErrorKind::badData);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "tgconvert: %s: %s\n", arguments.input.c_str(), error.what());
-    return static_cast<int>(tg::ErrorKind::badData);
-  }
+  });
 }

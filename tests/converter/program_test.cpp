@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/read_model.h"
+#include "converter/write_gltf.h"
 #include "core/ply.h"
 #include "glb.h"
 #include "scenes.h"
@@ -60,6 +61,39 @@ TEST_CASE("tgconvert looks without writing: null, --stats and --dry-run") {
     CHECK(nlohmann::json::parse(dry.out)["output"]["bytes"] == std::filesystem::file_size(scratch.folder() / name));
   }
   CHECK(readModel(scratch.folder() / "a.spz").model.size() == 50);
+}
+
+TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit code") {
+  const Scratch scratch;
+  writeGlb(scratch.folder() / "good.glb",
+           {test::makeScene(test::SceneKind::ordinary, 43, 12).model, {}, glm::vec3(0.0f)});
+  const Result good = tgconvert(scratch, "check good.glb");
+  CHECK(good.code == 0);
+  CHECK(good.out == "good.glb: valid, 0 errors, 0 warnings\n");
+
+  Glb glb = Glb::read(scratch.folder() / "good.glb");
+  glb.textures()["mode"] = "rgbx";
+  glb.json["extensionsUsed"] = {"KHR_gaussian_splatting"};
+  glb.json["extensionsRequired"] = {"KHR_gaussian_splatting"};
+  glb.accessor("POSITION").erase("min");
+  scratch.write("bad.glb", glb.bytes());
+  const Result bad = tgconvert(scratch, "check bad.glb --json");
+  CHECK(bad.code == 3);
+  const auto json = nlohmann::json::parse(bad.out);
+  CHECK(json["valid"] == false);
+  REQUIRE(json["errors"].size() == 2);
+  CHECK(json["errors"][0]["pointer"] ==
+        "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting/extensions/TG_gaussian_splatting_texture");
+  CHECK(json["errors"][0]["message"].get<std::string>().find("unknown \"mode\"") == 0);
+  CHECK(json["errors"][1]["pointer"] == "/extensionsUsed");
+  REQUIRE(json["warnings"].size() == 2);
+  CHECK(json["warnings"][0]["pointer"] == "/meshes/0/primitives/0/attributes/POSITION");
+  CHECK(json["warnings"][1]["pointer"] == "/extensionsRequired");
+
+  scratch.write("cut.spz", std::string("NGSP\3\0\0\0", 8));
+  CHECK(tgconvert(scratch, "check cut.spz").code == 3);
+  CHECK(tgconvert(scratch, "check missing.glb").code == 2);
+  CHECK(tgconvert(scratch, "check").code == 1);
 }
 
 TEST_CASE("tgconvert writes what it says and refuses with one line and the right code") {
