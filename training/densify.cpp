@@ -136,18 +136,7 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
     state.model.mean[child.index] = child.mean;
     state.model.log_scale[child.index] = child.log_scale;
   }
-  const auto sh_floats = static_cast<std::size_t>(state.model.shCount()) * 3;
-  for (std::size_t place : fresh) {
-    const auto clear = [place](Moments& moments, std::size_t length) {
-      std::fill_n(moments.first.begin() + static_cast<std::ptrdiff_t>(place * length), length, 0.0f);
-      std::fill_n(moments.second.begin() + static_cast<std::ptrdiff_t>(place * length), length, 0.0f);
-    };
-    clear(state.mean, 3);
-    clear(state.rotation, 4);
-    clear(state.log_scale, 3);
-    clear(state.opacity_logit, 1);
-    clear(state.sh, sh_floats);
-  }
+  for (std::size_t place : fresh) clearMoments(state, place);
   statistics.reset(state.model.size());
   return result;
 }

@@ -27,18 +27,6 @@ std::uint32_t draw(const std::vector<double>& cumulative, Random& random) {
       std::min<std::ptrdiff_t>(found - cumulative.begin(), static_cast<std::ptrdiff_t>(cumulative.size()) - 1));
 }
 
-void clearMoments(TrainingState& state, std::size_t i) {
-  const auto clear = [i](Moments& moments, std::size_t length) {
-    std::fill_n(moments.first.begin() + static_cast<std::ptrdiff_t>(i * length), length, 0.0f);
-    std::fill_n(moments.second.begin() + static_cast<std::ptrdiff_t>(i * length), length, 0.0f);
-  };
-  clear(state.mean, 3);
-  clear(state.rotation, 4);
-  clear(state.log_scale, 3);
-  clear(state.opacity_logit, 1);
-  clear(state.sh, static_cast<std::size_t>(state.model.shCount()) * 3);
-}
-
 }  // namespace
 
 SharedGaussian shareGaussian(float opacity, int count) {

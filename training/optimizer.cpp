@@ -135,6 +135,18 @@ void resetMoments(TrainingState& state) {
   state.step = 0;
 }
 
+void clearMoments(TrainingState& state, std::size_t gaussian) {
+  const auto clear = [gaussian](Moments& moments, std::size_t length) {
+    std::fill_n(moments.first.begin() + static_cast<std::ptrdiff_t>(gaussian * length), length, 0.0f);
+    std::fill_n(moments.second.begin() + static_cast<std::ptrdiff_t>(gaussian * length), length, 0.0f);
+  };
+  clear(state.mean, 3);
+  clear(state.rotation, 4);
+  clear(state.log_scale, 3);
+  clear(state.opacity_logit, 1);
+  clear(state.sh, static_cast<std::size_t>(state.model.shCount()) * 3);
+}
+
 void growShDegree(GaussianModel& model, int degree) {
   if (degree <= model.sh_degree) return;
   const auto from = static_cast<std::size_t>(model.shCount());

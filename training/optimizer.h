@@ -43,6 +43,9 @@ void adamStep(TrainingState& state, const ModelGradient& gradient, const Learnin
 // Moments of the model's size, all zero; step 0.
 void resetMoments(TrainingState& state);
 
+// The moments of one Gaussian to zero, texels apart.
+void clearMoments(TrainingState& state, std::size_t gaussian);
+
 // New SH coefficients are zero, with zero moments: the picture does not change.
 void growShDegree(GaussianModel& model, int degree);
 void growShDegree(TrainingState& state, int degree);
