@@ -1,10 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgeval as users meet it: what it writes, what it refuses, and how it ends early.
-#include <sys/wait.h>
-
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -13,25 +8,18 @@
 #include "core/model.h"
 #include "core/ply.h"
 #include "core/temporary_folder.h"
+#include "program.h"
 #include "support/catch.h"
 #include "training/init.h"
 #include "training/sample.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
+using tg::test::Outcome;
+using tg::test::run;
 
 namespace {
 
-struct Outcome {
-  int code = -1;
-  std::string output;  // both streams
-};
-
-Outcome run(const tg::TemporaryFolder& folder, const std::string& command) {
-  const int status = std::system(("cd '" + folder.path.string() + "' && (" + command + ") >log.txt 2>&1").c_str());
-  std::ifstream stream(folder / "log.txt");
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, {std::istreambuf_iterator<char>(stream), {}}};
-}
 Outcome tgeval(const tg::TemporaryFolder& folder, const std::string& arguments) {
   return run(folder, "'" TG_TGEVAL "' " + arguments);
 }

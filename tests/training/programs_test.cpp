@@ -1,35 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgtrain and tgeval as users meet them: exit codes, messages, files that are never half written.
-#include <sys/wait.h>
-
 #include <algorithm>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <tuple>
 
 #include "core/bundle.h"
 #include "core/file.h"
 #include "core/temporary_folder.h"
+#include "program.h"
 #include "support/catch.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
+using tg::test::Outcome;
+using tg::test::run;
 
 namespace {
 
-struct Outcome {
-  int code = -1;
-  std::string output;  // both streams
-};
-
-Outcome run(const tg::TemporaryFolder& folder, const std::string& command) {
-  const fs::path log = folder / "log.txt";
-  const int status = std::system(("cd '" + folder.path.string() + "' && " + command + " >log.txt 2>&1").c_str());
-  std::ifstream stream(log);
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, {std::istreambuf_iterator<char>(stream), {}}};
-}
 Outcome tgtrain(const tg::TemporaryFolder& folder, const std::string& arguments) {
   return run(folder, "'" TG_TGTRAIN "' " + arguments);
 }
@@ -158,9 +145,9 @@ TEST_CASE("a wrong command line is one line that names the program", "[programs]
 TEST_CASE("an interrupt ends training early and writes the model", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  const Outcome outcome = run(folder, "{ '" TG_TGTRAIN
+  const Outcome outcome = run(folder, "'" TG_TGTRAIN
                                       "' scene -o model.tgz --run run --iterations 1000000 & "
-                                      "until [ -e run/model.tgz ]; do sleep 0.01; done; kill -INT $!; wait $!; }");
+                                      "until [ -e run/model.tgz ]; do sleep 0.01; done; kill -INT $!; wait $!");
   INFO(outcome.output);
   CHECK(outcome.code == 0);
   CHECK_THAT(outcome.output, Contains("interrupted; wrote model.tgz"));

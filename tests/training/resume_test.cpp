@@ -20,12 +20,14 @@
 #include "core/file.h"
 #include "core/image.h"
 #include "core/temporary_folder.h"
+#include "program.h"
 #include "support/catch.h"
 #include "training/checkpoint.h"
 #include "training/random.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
+using tg::test::Outcome;
 
 namespace {
 
@@ -93,10 +95,6 @@ class Child {
   pid_t process_ = 0;
 };
 
-struct Outcome {
-  int code;
-  std::string output;
-};
 Outcome tgtrain(const tg::TemporaryFolder& folder, const std::string& arguments) {
   Child child(folder, arguments);
   const int code = child.end();

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// The programs as users run them: a shell command in a folder, its exit code and what it said.
+#pragma once
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "core/temporary_folder.h"
+
+namespace tg::test {
+
+struct Outcome {
+  int code = -1;
+  std::string output;  // both streams
+};
+
+// Both streams also stay in log.txt of the folder.
+inline Outcome run(const TemporaryFolder& folder, const std::string& command) {
+  const int status = std::system(("cd '" + folder.path.string() + "' && (" + command + ") >log.txt 2>&1").c_str());
+  std::ifstream stream(folder / "log.txt");
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, {std::istreambuf_iterator<char>(stream), {}}};
+}
+
+}  // namespace tg::test
