@@ -24,7 +24,8 @@ struct Flags {
 };
 
 void declare(CLI::App& app, Flags& flags) {
-  app.add_option("model", flags.view.model, "model.tgz, splat .ply, or .glb / .gltf; a run folder with --follow")->required();
+  app.add_option("model", flags.view.model, "model.tgz, splat .ply, or .glb / .gltf; a run folder with --follow")
+      ->required();
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
   app.add_option("--show", flags.show, "final, base, texture, alpha, depth, normal or count")->capture_default_str();

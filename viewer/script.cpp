@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "viewer/actions.h"
 #include "viewer/options.h"
 
 namespace tg {
@@ -48,14 +49,14 @@ int parseKey(const std::string& text, const std::string& what) {
 // Whether --follow has brought that many models. Throws Error(badData) when it takes too long.
 bool arrived(Script& script, const ViewerState& state, const std::string& text, const std::string& what) {
   const double count = parseNumber(text, what);
-  if (state.reloads >= count) {
+  if (state.follow.reloads >= count) {
     script.waiting_since = 0;
     return true;
   }
   if (script.waiting_since == 0) script.waiting_since = std::max(state.time, 1e-9);
   if (state.time - script.waiting_since > kLongestAwait) {
     throw Error(ErrorKind::badData, what + ": no such model came in 60 s (expected --follow and " + text +
-                                        " models, found " + std::to_string(state.reloads) + ")");
+                                        " models, found " + std::to_string(state.follow.reloads) + ")");
   }
   return false;
 }
@@ -69,18 +70,23 @@ struct Verb {
 };
 
 constexpr std::array kVerbs = {
-    Verb{"output", 1, 0, [](ViewerState& s, const Words& w, const std::string& at) { s.output = parseShow(w[0], at); }},
+    Verb{"output", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.display.output = parseShow(w[0], at); }},
     Verb{"textures", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.settings.textures = parseTextures(w[0], at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.display.settings.textures = parseTextures(w[0], at);
+         }},
     Verb{"intersection", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
-           s.settings.intersection = parseIntersection(w[0], at);
+           s.display.settings.intersection = parseIntersection(w[0], at);
          }},
     Verb{"background", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.settings.background = parseColor(w[0], at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.display.settings.background = parseColor(w[0], at);
+         }},
     Verb{"fov", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
-           s.lens.fov_y = std::clamp(parseNumber(w[0], at) * kDegrees, kMinFov, kMaxFov);
+           s.camera.lens.fov_y = std::clamp(parseNumber(w[0], at) * kDegrees, kMinFov, kMaxFov);
          }},
     Verb{"camera", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
@@ -88,11 +94,11 @@ constexpr std::array kVerbs = {
          }},
     Verb{"orbit", 2, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
-           orbit(s.pose, parseNumber(w[0], at) * kDegrees, parseNumber(w[1], at) * kDegrees);
-           s.camera = -1;
+           orbit(s.camera.pose, parseNumber(w[0], at) * kDegrees, parseNumber(w[1], at) * kDegrees);
+           s.camera.index = -1;
          }},
     Verb{"dolly", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { dolly(s.pose, parseNumber(w[0], at)); }},
+         [](ViewerState& s, const Words& w, const std::string& at) { dolly(s.camera.pose, parseNumber(w[0], at)); }},
     Verb{"key", 1, kFramesOfPanels,
          [](ViewerState& s, const Words& w, const std::string& at) {
            const bool shift = w[0].starts_with("Shift+");
@@ -100,11 +106,13 @@ constexpr std::array kVerbs = {
            if (const auto action = actionOf(key, shift)) apply(s, *action);
          }},
     Verb{"hold-textures-off", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.textures_held_off = parseSwitch(w[0], at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.display.textures_held_off = parseSwitch(w[0], at);
+         }},
     Verb{"panel", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.show_panel = parseSwitch(w[0], at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.panel = parseSwitch(w[0], at); }},
     Verb{"help", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.show_help = parseSwitch(w[0], at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.help = parseSwitch(w[0], at); }},
     Verb{"open", 1, kFramesOfOpening,
          [](ViewerState& s, const Words& w, const std::string&) { s.open_request = w[0]; }},
     Verb{"wait", 1, 0, nullptr},

@@ -2,10 +2,6 @@
 // The interactive viewer: GLFW window, events, and the frame loop.
 #include "viewer/window.h"
 
-#include <vulkan/vulkan.h>
-
-#define GLFW_INCLUDE_NONE
-#include <GLFW/glfw3.h>
 #include <imgui.h>
 
 #include <algorithm>
@@ -13,7 +9,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <new>
 #include <utility>
@@ -21,9 +16,12 @@
 #include "core/error.h"
 #include "core/file.h"
 #include "render/vulkan/vulkan_renderer.h"
+#include "viewer/actions.h"
 #include "viewer/cpu_picture.h"
 #include "viewer/follow.h"
+#include "viewer/glfw_window.h"
 #include "viewer/gui.h"
+#include "viewer/input.h"
 #include "viewer/panels.h"
 #include "viewer/presenter.h"
 #include "viewer/script.h"
@@ -38,76 +36,6 @@ constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn small
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
 constexpr int kMaxGrowth = 8;            // repeats of a frame whose buffers were too small
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
-
-[[noreturn]] void refuseWindow(const std::string& reason) {
-  throw Error(ErrorKind::device, "cannot open a window: " + reason + " (--render OUT.png needs none)");
-}
-
-class Glfw {
- public:
-  Glfw() {
-#if defined(__linux__)
-    // Asked before GLFW is touched: its own message names neither variable nor way out.
-    if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) {
-      refuseWindow("no display (expected DISPLAY or WAYLAND_DISPLAY to be set)");
-    }
-#endif
-    if (!glfwInit()) refuseWindow(lastError());
-  }
-  ~Glfw() { glfwTerminate(); }
-  Glfw(const Glfw&) = delete;
-  Glfw& operator=(const Glfw&) = delete;
-
-  static std::string lastError() {
-    const char* text = nullptr;
-    glfwGetError(&text);
-    return text ? text : "unknown GLFW error";
-  }
-};
-
-// What the callbacks collected since the last frame.
-struct Events {
-  std::vector<std::pair<int, bool>> keys;  // key, shift
-  std::vector<std::filesystem::path> dropped;
-};
-
-Events& eventsOf(GLFWwindow* window) { return *static_cast<Events*>(glfwGetWindowUserPointer(window)); }
-
-void onKey(GLFWwindow* window, int key, int, int action, int mods) {
-  if (action == GLFW_PRESS) eventsOf(window).keys.emplace_back(key, (mods & GLFW_MOD_SHIFT) != 0);
-}
-
-void onDrop(GLFWwindow* window, int count, const char** paths) {
-  for (int i = 0; i < count; ++i) eventsOf(window).dropped.emplace_back(paths[i]);
-}
-
-GLFWwindow* openWindow(glm::ivec2 size, Events& events) {
-  if (!glfwVulkanSupported()) refuseWindow("GLFW finds no Vulkan loader");
-  glfwWindowHint(GLFW_CLIENT_API, GLFW_NO_API);
-  GLFWwindow* window = glfwCreateWindow(size.x, size.y, "tgview", nullptr, nullptr);
-  if (!window) refuseWindow(Glfw::lastError());
-  glfwSetWindowUserPointer(window, &events);
-  glfwSetKeyCallback(window, onKey);
-  glfwSetDropCallback(window, onDrop);
-  return window;
-}
-
-auto createWindowDevice(GLFWwindow* window, const ViewOptions& view) {
-  VulkanOptions options;
-  options.validation = view.validation;
-  options.device = view.device;
-  std::uint32_t count = 0;
-  const char** extensions = glfwGetRequiredInstanceExtensions(&count);
-  if (!extensions) refuseWindow("Vulkan cannot draw to this display");
-  options.instance_extensions.assign(extensions, extensions + count);
-  options.swapchain = true;
-  options.surface = [window](VkInstance instance) {
-    VkSurfaceKHR surface = VK_NULL_HANDLE;
-    if (glfwCreateWindowSurface(instance, window, nullptr, &surface) != VK_SUCCESS) refuseWindow(Glfw::lastError());
-    return surface;
-  };
-  return createVulkanDevice(options);
-}
 
 std::unique_ptr<VulkanRenderer> makeRenderer(VulkanDevice& device, Backend backend) {
   const bool software = device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
@@ -132,10 +60,6 @@ class Viewer {
   void run();
 
  private:
-  struct WindowCloser {
-    void operator()(GLFWwindow* window) const { glfwDestroyWindow(window); }
-  };
-
   void waitForEvents();
   PixelRect pictureArea() const;
   void followAspect();
@@ -157,7 +81,7 @@ class Viewer {
   std::optional<Camera> first_camera_;
   Glfw glfw_;
   Events events_;
-  std::unique_ptr<GLFWwindow, WindowCloser> window_;
+  WindowPtr window_;
   std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device_;
   std::unique_ptr<VulkanRenderer> renderer_;
   Presenter presenter_;
@@ -186,12 +110,12 @@ Viewer::Viewer(const ViewOptions& options)
       gui_(window_.get(), *device_, presenter_) {
   renderer_->setModel(first_.model);
   statistics_.device = renderer_->deviceName();
-  state_.output = options.show;
-  state_.settings.textures = options.textures;
-  state_.settings.intersection = options.intersection;
+  state_.display.output = options.show;
+  state_.display.settings.textures = options.textures;
+  state_.display.settings.intersection = options.intersection;
   setTitle();
   if (options.follow) {
-    state_.following = true;
+    state_.follow.active = true;
     follower_.emplace(options.model, glfwPostEmptyEvent);
   }
 }
@@ -217,10 +141,10 @@ void Viewer::run() {
     gui_.beginFrame();
     if (!started) {
       const PixelRect area = pictureArea();
-      state_.aspect = static_cast<double>(area.size.x) / area.size.y;
+      state_.camera.aspect = static_cast<double>(area.size.x) / area.size.y;
       setScene(state_, describe(first_, options_.model));
       first_ = {};
-      if (options_.background) state_.settings.background = *options_.background;
+      if (options_.background) state_.display.settings.background = *options_.background;
       if (first_camera_) setCamera(state_, *first_camera_);
       started = true;
     }
@@ -247,14 +171,14 @@ void Viewer::run() {
 
 // Sleeps while nothing changes: a still picture costs nothing.
 void Viewer::waitForEvents() {
-  const bool busy = state_.continuous || script_ || state_.open_request || frames_since_event_ < kSettleFrames;
+  const bool busy = state_.ui.continuous || script_ || state_.open_request || frames_since_event_ < kSettleFrames;
   if (busy) {
     glfwPollEvents();
     ++frames_since_event_;
   } else {
     // A notice that must fade is the only thing that changes by itself.
-    if (state_.time < state_.notice_until)
-      glfwWaitEventsTimeout(state_.notice_until - state_.time + 0.01);
+    if (state_.time < state_.messages.notice_until)
+      glfwWaitEventsTimeout(state_.messages.notice_until - state_.time + 0.01);
     else
       glfwWaitEvents();
     frames_since_event_ = 0;
@@ -275,9 +199,9 @@ PixelRect Viewer::pictureArea() const {
 void Viewer::followAspect() {
   const PixelRect area = pictureArea();
   const double aspect = static_cast<double>(area.size.x) / area.size.y;
-  if (aspect == state_.aspect) return;
-  state_.aspect = aspect;
-  if (state_.camera >= 0) state_.lens = lensOf(state_.scene.cameras[state_.camera], aspect);
+  if (aspect == state_.camera.aspect) return;
+  state_.camera.aspect = aspect;
+  if (state_.camera.index >= 0) state_.camera.lens = lensOf(state_.scene.cameras[state_.camera.index], aspect);
 }
 
 void Viewer::handleEvents() {
@@ -309,7 +233,7 @@ bool Viewer::handlePointer() {
     input.fly = {axis(GLFW_KEY_D, GLFW_KEY_A), axis(GLFW_KEY_Q, GLFW_KEY_E), axis(GLFW_KEY_W, GLFW_KEY_S)};
     input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
   }
-  if (!script_) state_.textures_held_off = !io.WantTextInput && held(kKeyTab);
+  if (!script_) state_.display.textures_held_off = !io.WantTextInput && held(kKeyTab);
   const double units_high = pictureArea().size.y / std::max(io.DisplayFramebufferScale.y, 1e-3f);
   const bool moved = applyInput(state_, input, static_cast<int>(units_high));
   const bool active = moved || input.fly != glm::dvec3(0.0) || input.roll != 0;
@@ -333,11 +257,11 @@ void Viewer::openPending() {
     else
       openModel(path);
   } catch (const Error& error) {
-    state_.error = error.what();
-    state_.notice_until = 0;
+    state_.messages.error = error.what();
+    state_.messages.notice_until = 0;
   } catch (const std::bad_alloc&) {
-    state_.error = path.string() + ": not enough memory";
-    state_.notice_until = 0;
+    state_.messages.error = path.string() + ": not enough memory";
+    state_.messages.notice_until = 0;
   }
 }
 
@@ -349,7 +273,7 @@ void Viewer::openModel(const std::filesystem::path& path) {
   notify(state_, "Opened " + path.filename().string());
   if (follower_ && path != follower_->file()) {
     follower_.reset();
-    state_.following = false;
+    state_.follow.active = false;
   }
 }
 
@@ -368,22 +292,22 @@ void Viewer::takeNews() {
   const std::optional<ModelFollower::News> news = follower_->take();
   if (!news) return;
   frames_since_event_ = 0;
-  state_.follow_problem = news->problem;
+  state_.follow.problem = news->problem;
   if (!news->model) return;
   try {
     upload(news->model->model);
     Scene scene = describe(*news->model, follower_->file());
-    if (state_.reloads++ > 0) {
+    if (state_.follow.reloads++ > 0) {
       replaceScene(state_, std::move(scene));
     } else {
       const std::vector<Camera> cameras = scene.cameras;
       setScene(state_, std::move(scene));
-      if (options_.background) state_.settings.background = *options_.background;
+      if (options_.background) state_.display.settings.background = *options_.background;
       if (!options_.camera.empty()) setCamera(state_, cameraOf(options_.camera, cameras, "--camera"));
     }
     setTitle();
   } catch (const std::bad_alloc&) {
-    state_.follow_problem = follower_->file().string() + ": not enough memory";
+    state_.follow.problem = follower_->file().string() + ": not enough memory";
   }
 }
 
@@ -405,9 +329,9 @@ void Viewer::drawFrame(bool moving) {
     const double scale = std::max(std::sqrt(kSmoothFrame / last_full_ms_), kSmallestScale);
     size = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
   }
-  const VulkanFrameRequest request{toCamera(state_.pose, state_.lens, size.x, size.y), effectiveSettings(state_),
-                                   state_.output};
-  const bool anew = state_.continuous || !drawn_ || !sameRequest(*drawn_, request);
+  const VulkanFrameRequest request{toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+                                   effectiveSettings(state_), state_.display.output};
+  const bool anew = state_.ui.continuous || !drawn_ || !sameRequest(*drawn_, request);
   // The window system may already have another size than the panels were laid out for.
   const ImGuiIO& io = ImGui::GetIO();
   const glm::ivec2 laid_out(std::lround(io.DisplaySize.x * io.DisplayFramebufferScale.x),
@@ -452,7 +376,7 @@ void Viewer::writeCaptures() {
     }
     if (!capture.camera.empty()) {
       const glm::ivec2 size = pictureArea().size;
-      Camera camera = toCamera(state_.pose, state_.lens, size.x, size.y);
+      Camera camera = toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y);
       camera.name = state_.scene.path.stem().string();
       const std::string text = formatCameras({camera});
       writeFileAtomically(capture.camera, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
@@ -460,7 +384,7 @@ void Viewer::writeCaptures() {
     }
   } catch (const Error& error) {
     if (script_) throw;
-    state_.error = error.what();
+    state_.messages.error = error.what();
   }
 }
 

@@ -120,16 +120,16 @@ TEST_CASE("a further trained model changes the scene but neither camera nor back
   for (int i = 0; i < 3; i++) scene.cameras.push_back(lookAt({i - 1.0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
   setScene(state, scene);
   goToCamera(state, 2);
-  state.settings.background = glm::vec3(0.5f);
-  const glm::dvec3 position = state.pose.position;
+  state.display.settings.background = glm::vec3(0.5f);
+  const glm::dvec3 position = state.camera.pose.position;
   scene.gaussians = 7;
   replaceScene(state, scene);
   CHECK(state.scene.gaussians == 7);
-  CHECK(state.camera == 2);
-  CHECK(state.pose.position == position);
-  CHECK(state.settings.background == glm::vec3(0.5f));
+  CHECK(state.camera.index == 2);
+  CHECK(state.camera.pose.position == position);
+  CHECK(state.display.settings.background == glm::vec3(0.5f));
   scene.cameras.pop_back();
   replaceScene(state, scene);
-  CHECK(state.camera == -1);
-  CHECK(state.pose.position == position);
+  CHECK(state.camera.index == -1);
+  CHECK(state.camera.pose.position == position);
 }

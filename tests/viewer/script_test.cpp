@@ -11,13 +11,13 @@ TEST_CASE("commands change the state in order and stop where a frame is due") {
   ViewerState state;
   Script script = parseScript("# comment\noutput depth\n\ntextures off  # why not\npicture a.png\noutput alpha\n", "s");
   step(script, state);
-  CHECK(state.output == Output::depth);
-  CHECK(state.settings.textures == TextureMode::none);
+  CHECK(state.display.output == Output::depth);
+  CHECK(state.display.settings.textures == TextureMode::none);
   CHECK(state.capture.picture == "a.png");
   CHECK_FALSE(state.quit);
   state.capture = {};
   step(script, state);
-  CHECK(state.output == Output::alpha);
+  CHECK(state.display.output == Output::alpha);
   CHECK(state.quit);
 }
 
@@ -26,10 +26,10 @@ TEST_CASE("wait draws that many frames") {
   Script script = parseScript("wait 3\noutput base", "s");
   for (int frame = 0; frame < 3; ++frame) {
     step(script, state);
-    CHECK(state.output == Output::final);
+    CHECK(state.display.output == Output::final);
   }
   step(script, state);
-  CHECK(state.output == Output::base);
+  CHECK(state.display.output == Output::base);
 }
 
 TEST_CASE("await waits for the models of --follow, but not for ever") {
@@ -37,13 +37,13 @@ TEST_CASE("await waits for the models of --follow, but not for ever") {
   state.time = 5;
   Script script = parseScript("await 2\noutput base", "s");
   step(script, state);
-  state.reloads = 1;
+  state.follow.reloads = 1;
   state.time = 60;
   step(script, state);
-  CHECK(state.output == Output::final);
-  state.reloads = 2;
+  CHECK(state.display.output == Output::final);
+  state.follow.reloads = 2;
   for (int frame = 0; frame < 4; ++frame) step(script, state);
-  CHECK(state.output == Output::base);
+  CHECK(state.display.output == Output::base);
   Script late = parseScript("await 3", "s");
   step(late, state);
   state.time += 61;
@@ -56,16 +56,16 @@ TEST_CASE("a size request is handed to the window, and time given to follow it")
   Script script = parseScript("size 320x200\noutput base", "s");
   CHECK(step(script, state) == glm::ivec2(320, 200));
   CHECK_FALSE(step(script, state));
-  CHECK(state.output == Output::final);
+  CHECK(state.display.output == Output::final);
 }
 
 TEST_CASE("keys do what the keyboard does") {
   ViewerState state;
   Script script = parseScript("key 5\nkey Shift+/\n", "s");
   step(script, state);
-  CHECK(state.output == Output::depth);
+  CHECK(state.display.output == Output::depth);
   while (!state.quit) step(script, state);
-  CHECK(state.show_help);
+  CHECK(state.ui.help);
 }
 
 TEST_CASE("a broken script names its line") {

@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "support/catch.h"
+#include "viewer/actions.h"
+#include "viewer/input.h"
 
 using namespace tg;
 
@@ -34,23 +36,23 @@ void press(ViewerState& state, int key, bool shift = false) {
 
 TEST_CASE("a new model brings its background and its first test camera, and keeps the switches") {
   ViewerState state = stateWithCameras(3);
-  CHECK(state.settings.background == glm::vec3(1, 0.5f, 0));
-  CHECK(state.camera == 0);
-  state.output = Output::depth;
-  state.settings.textures = TextureMode::alpha;
+  CHECK(state.display.settings.background == glm::vec3(1, 0.5f, 0));
+  CHECK(state.camera.index == 0);
+  state.display.output = Output::depth;
+  state.display.settings.textures = TextureMode::alpha;
   Scene next = state.scene;
   next.cameras[1].test = true;
   setScene(state, next);
-  CHECK(state.camera == 1);
-  CHECK(state.output == Output::depth);
-  CHECK(state.settings.textures == TextureMode::alpha);
+  CHECK(state.camera.index == 1);
+  CHECK(state.display.output == Output::depth);
+  CHECK(state.display.settings.textures == TextureMode::alpha);
 }
 
 TEST_CASE("a model without cameras is framed") {
   const ViewerState state = stateWithCameras(0);
-  CHECK(state.camera == -1);
-  CHECK(glm::length(state.pose.pivot() - state.scene.bounds.center) < 1e-9);
-  CHECK(state.pose.distance > state.scene.bounds.radius);
+  CHECK(state.camera.index == -1);
+  CHECK(glm::length(state.camera.pose.pivot() - state.scene.bounds.center) < 1e-9);
+  CHECK(state.camera.pose.distance > state.scene.bounds.radius);
 }
 
 TEST_CASE("no key has two meanings, and every listed key has a text") {
@@ -67,7 +69,7 @@ TEST_CASE("the number keys choose the output") {
   ViewerState state = stateWithCameras(1);
   for (int i = 0; i < 7; ++i) {
     press(state, '1' + i);
-    CHECK(static_cast<int>(state.output) == i);
+    CHECK(static_cast<int>(state.display.output) == i);
   }
 }
 
@@ -76,47 +78,47 @@ TEST_CASE("T steps through the texture terms and back; Tab switches them off onl
   std::vector<TextureMode> seen;
   for (int i = 0; i < 4; ++i) {
     press(state, 'T');
-    seen.push_back(state.settings.textures);
+    seen.push_back(state.display.settings.textures);
   }
   CHECK(seen == std::vector{TextureMode::rgb, TextureMode::alpha, TextureMode::none, TextureMode::rgba});
-  state.textures_held_off = true;
+  state.display.textures_held_off = true;
   CHECK(effectiveSettings(state).textures == TextureMode::none);
-  CHECK(state.settings.textures == TextureMode::rgba);
+  CHECK(state.display.settings.textures == TextureMode::rgba);
 }
 
 TEST_CASE("I starts from the model's own intersection") {
   ViewerState state = stateWithCameras(1);
   state.scene.intersection = IntersectionModel::plane;
   press(state, 'I');
-  CHECK(state.settings.intersection == IntersectionModel::maxResponse);
+  CHECK(state.display.settings.intersection == IntersectionModel::maxResponse);
   press(state, 'I');
-  CHECK(state.settings.intersection == IntersectionModel::plane);
+  CHECK(state.display.settings.intersection == IntersectionModel::plane);
 }
 
 TEST_CASE("Space goes round the cameras in both directions") {
   ViewerState state = stateWithCameras(3);
   press(state, ' ');
-  CHECK(state.camera == 1);
+  CHECK(state.camera.index == 1);
   press(state, ' ', true);
   press(state, ' ', true);
-  CHECK(state.camera == 2);
+  CHECK(state.camera.index == 2);
   press(state, ' ');
-  CHECK(state.camera == 0);
+  CHECK(state.camera.index == 0);
   ViewerState none = stateWithCameras(0);
   press(none, ' ');
-  CHECK(none.camera == -1);
-  CHECK_FALSE(none.notice.empty());
+  CHECK(none.camera.index == -1);
+  CHECK_FALSE(none.messages.notice.empty());
 }
 
 TEST_CASE("Esc closes an error, then the help, then the viewer") {
   ViewerState state = stateWithCameras(1);
-  state.error = "x.ply: broken";
-  state.show_help = true;
+  state.messages.error = "x.ply: broken";
+  state.ui.help = true;
   press(state, kKeyEscape);
-  CHECK(state.error.empty());
-  CHECK(state.show_help);
+  CHECK(state.messages.error.empty());
+  CHECK(state.ui.help);
   press(state, kKeyEscape);
-  CHECK_FALSE(state.show_help);
+  CHECK_FALSE(state.ui.help);
   CHECK_FALSE(state.quit);
   press(state, kKeyEscape);
   CHECK(state.quit);
@@ -124,28 +126,28 @@ TEST_CASE("Esc closes an error, then the help, then the viewer") {
 
 TEST_CASE("moving leaves the model's camera; Shift+F comes back to it") {
   ViewerState state = stateWithCameras(2);
-  const ViewPose start = state.pose;
+  const ViewPose start = state.camera.pose;
   Input input;
   input.seconds = 0.1;
   CHECK_FALSE(applyInput(state, input, 480));
-  CHECK(state.camera == 0);
+  CHECK(state.camera.index == 0);
   input.left = true;
   input.drag = {12, -5};
   CHECK(applyInput(state, input, 480));
-  CHECK(state.camera == -1);
+  CHECK(state.camera.index == -1);
   press(state, 'F', true);
-  CHECK(state.camera == 0);
-  CHECK(glm::length(state.pose.position - start.position) < 1e-12);
+  CHECK(state.camera.index == 0);
+  CHECK(glm::length(state.camera.pose.position - start.position) < 1e-12);
 }
 
 TEST_CASE("a panned point stays under the pointer") {
   ViewerState state = stateWithCameras(1);
-  const glm::dvec3 pivot = state.pose.pivot();
+  const glm::dvec3 pivot = state.camera.pose.pivot();
   Input input;
   input.middle = true;
   input.drag = {17, -9};
   applyInput(state, input, 480);
-  const Camera camera = toCamera(state.pose, state.lens, 640, 480);
+  const Camera camera = toCamera(state.camera.pose, state.camera.lens, 640, 480);
   const glm::dvec3 p = camera.camera_from_world_rotation * pivot + camera.camera_from_world_translation;
   CHECK(camera.fx * p.x / p.z == Approx(17));
   CHECK(camera.fy * p.y / p.z == Approx(-9));
@@ -153,27 +155,27 @@ TEST_CASE("a panned point stays under the pointer") {
 
 TEST_CASE("the wheel comes closer; with Ctrl it changes the lens within its limits") {
   ViewerState state = stateWithCameras(1);
-  const double distance = state.pose.distance;
+  const double distance = state.camera.pose.distance;
   Input input;
   input.wheel = 1;
   applyInput(state, input, 480);
-  CHECK(state.pose.distance < distance);
+  CHECK(state.camera.pose.distance < distance);
   input.control = true;
   for (int i = 0; i < 200; ++i) applyInput(state, input, 480);
-  CHECK(state.lens.fov_y == kMinFov);
+  CHECK(state.camera.lens.fov_y == kMinFov);
   input.wheel = -1;
   for (int i = 0; i < 400; ++i) applyInput(state, input, 480);
-  CHECK(state.lens.fov_y == kMaxFov);
+  CHECK(state.camera.lens.fov_y == kMaxFov);
 }
 
 TEST_CASE("flying covers speed x radius in a second, whatever the frame rate") {
   for (int frames : {10, 60}) {
     ViewerState state = stateWithCameras(1);
-    const glm::dvec3 start = state.pose.position;
+    const glm::dvec3 start = state.camera.pose.position;
     Input input;
     input.fly = {0, 0, 1};
     input.seconds = 1.0 / frames;
     for (int i = 0; i < frames; ++i) applyInput(state, input, 480);
-    CHECK(glm::length(state.pose.position - start) == Approx(state.speed * state.scene.bounds.radius));
+    CHECK(glm::length(state.camera.pose.position - start) == Approx(state.camera.speed * state.scene.bounds.radius));
   }
 }

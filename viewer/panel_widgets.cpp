@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// Headings, hints, rows of buttons.
+#include "viewer/panel_widgets.h"
+
+#include <cmath>
+
+namespace tg {
+
+void heading(const char* text) {
+  ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
+  ImGui::TextDisabled("%s", text);
+}
+
+void hint(const char* text) {
+  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) ImGui::SetTooltip("%s", text);
+}
+
+bool segment(const char* label, bool active, int index, int count) {
+  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
+  if (index > 0) ImGui::SameLine(0, spacing);
+  const float room = ImGui::GetContentRegionAvail().x;
+  const int left = count - index;
+  const float width = std::floor((room - spacing * static_cast<float>(left - 1)) / static_cast<float>(left));
+  if (active) {
+    ImGui::PushStyleColor(ImGuiCol_Button, kAccent);
+    ImGui::PushStyleColor(ImGuiCol_ButtonHovered, kAccentHovered);
+    ImGui::PushStyleColor(ImGuiCol_ButtonActive, kAccentHovered);
+  }
+  const bool clicked = ImGui::Button(label, {width, 0});
+  if (active) ImGui::PopStyleColor(3);
+  return clicked;
+}
+
+std::string grouped(std::size_t value) {
+  std::string digits = std::to_string(value);
+  for (std::ptrdiff_t i = static_cast<std::ptrdiff_t>(digits.size()) - 3; i > 0; i -= 3) {
+    digits.insert(static_cast<std::size_t>(i), 1, ' ');
+  }
+  return digits;
+}
+
+}  // namespace tg

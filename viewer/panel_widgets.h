@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the panels are built from.
+#pragma once
+#include <imgui.h>
+
+#include <cstddef>
+#include <string>
+
+namespace tg {
+
+const ImVec4 kAccent(0.184f, 0.435f, 0.624f, 1.0f);
+const ImVec4 kAccentHovered(0.231f, 0.506f, 0.710f, 1.0f);
+const ImVec4 kErrorText(0.98f, 0.52f, 0.47f, 1.0f);
+const ImVec4 kWarningText(0.93f, 0.77f, 0.42f, 1.0f);
+const ImVec4 kHighlightText(0.455f, 0.714f, 0.894f, 1.0f);
+
+constexpr ImGuiWindowFlags kOverlay = ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize |
+                                      ImGuiWindowFlags_NoMove | ImGuiWindowFlags_AlwaysAutoResize |
+                                      ImGuiWindowFlags_NoSavedSettings;
+
+void heading(const char* text);
+// The tooltip of the widget before.
+void hint(const char* text);
+// One of `count` buttons that share a row, the active one coloured. True when clicked.
+bool segment(const char* label, bool active, int index, int count);
+std::string grouped(std::size_t value);  // 1 234 567
+
+}  // namespace tg
