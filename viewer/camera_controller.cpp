@@ -3,6 +3,7 @@
 #include "viewer/camera_controller.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
 
@@ -14,6 +15,7 @@ namespace {
 constexpr double kMaxPitch = 1.55;     // [rad] 88.8 degrees: closer to the pole, yaw spins the picture in place
 constexpr double kMinDistance = 1e-4;  // [world units]
 constexpr double kMaxDistance = 1e9;
+constexpr std::array<std::string_view, kUpAxes> kUpNames = {"cameras", "+x", "-x", "+y", "-y", "+z", "-z"};
 
 // Columns: two horizontal axes and up.
 glm::dmat3 levelBasis(glm::dvec3 up) {
@@ -79,6 +81,28 @@ glm::dvec3 sceneUp(std::span<const Camera> cameras) {
   for (const Camera& camera : cameras) sum -= glm::transpose(camera.camera_from_world_rotation)[1];
   const double length = glm::length(sum);
   return length > 0.1 * static_cast<double>(cameras.size()) ? sum / length : glm::dvec3(0, -1, 0);
+}
+
+std::string_view name(UpAxis axis) { return kUpNames.at(static_cast<std::size_t>(axis)); }
+
+std::optional<UpAxis> parseUpAxis(std::string_view text) {
+  const auto found = std::find(kUpNames.begin(), kUpNames.end(), text);
+  if (found == kUpNames.end()) return std::nullopt;
+  return static_cast<UpAxis>(found - kUpNames.begin());
+}
+
+glm::dvec3 upOf(UpAxis axis, glm::dvec3 cameras_up) {
+  if (axis == UpAxis::cameras) return cameras_up;
+  const int index = static_cast<int>(axis) - 1;  // +x, -x, +y, ...
+  glm::dvec3 up(0.0);
+  up[index / 2] = index % 2 == 0 ? 1 : -1;
+  return up;
+}
+
+ViewPose leveled(const ViewPose& pose, glm::dvec3 up) {
+  ViewPose result = levelPose(up, pose.position, pose.pivot());
+  result.distance = pose.distance;
+  return result;
 }
 
 ViewPose levelPose(glm::dvec3 up, glm::dvec3 position, glm::dvec3 target) {

@@ -2,7 +2,9 @@
 // The viewer's camera: a pose that orbits, flies and frames, and a lens; pure functions, no window.
 #pragma once
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
+#include <string_view>
 
 #include "core/camera.h"
 #include "core/model.h"
@@ -46,6 +48,15 @@ constexpr double kMaxFov = 2.6;
 SceneBounds sceneBounds(const GaussianModel& model);
 // Mean of the cameras' image-up directions; where there are none or they cancel: -y, as COLMAP's scenes mostly stand.
 glm::dvec3 sceneUp(std::span<const Camera> cameras);
+
+// Which way is up.
+enum class UpAxis { cameras, plusX, minusX, plusY, minusY, plusZ, minusZ };
+constexpr int kUpAxes = 7;
+std::string_view name(UpAxis axis);  // "cameras", "+x", "-x", ...
+std::optional<UpAxis> parseUpAxis(std::string_view text);
+glm::dvec3 upOf(UpAxis axis, glm::dvec3 cameras_up);
+// The same view with its horizon kept by another up.
+ViewPose leveled(const ViewPose& pose, glm::dvec3 up);
 
 // A level pose at `position` that looks at `target`.
 ViewPose levelPose(glm::dvec3 up, glm::dvec3 position, glm::dvec3 target);

@@ -2,16 +2,22 @@
 // tgview: look at a model in a window, or render it to a file.
 #include <CLI/CLI.hpp>
 
+#include <csignal>
 #include <cstdio>
 #include <new>
 
 #include "core/error.h"
+#include "core/file.h"
+#include "viewer/camera_path.h"
 #include "viewer/follow.h"
 #include "viewer/headless.h"
 #include "viewer/options.h"
+#include "viewer/record.h"
 #include "viewer/window.h"
 
 namespace {
+
+constexpr double kDegrees = 3.14159265358979323846 / 180.0;
 
 constexpr const char* kFooter =
     "Keys in the window: press ? or F1. Exit codes: 1 usage, 2 cannot read, 3 bad data, 4 cannot write, 5 device.";
@@ -19,7 +25,8 @@ constexpr const char* kFooter =
 // Flags as typed; their values are checked here so that every refusal names its flag.
 struct Flags {
   tg::ViewOptions view;
-  std::string show = "final", textures = "rgba", intersection, size, background, backend = "auto";
+  std::string show = "final", textures = "rgba", intersection, size, background, backend = "auto", up = "cameras";
+  std::string turntable, elevation, radius, fps = "30";
   bool list_cameras = false;
 };
 
@@ -40,6 +47,15 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_flag("--validation", flags.view.validation, "run under Vulkan's validation layer; messages are errors");
   app.add_flag("--follow", flags.view.follow,
                "read the model again whenever it changes; model may be a run folder of tgtrain");
+  app.add_option("-o,--output", flags.view.record,
+                 "record --path or --turntable: a video (.mp4, .mov, .mkv, .webm), frames/####.png, or a folder");
+  app.add_option("--path", flags.view.path, "a camera path, or a cameras.json: its cameras, a second apart");
+  app.add_option("--turntable", flags.turntable, "once round the model in that many frames");
+  app.add_option("--elevation", flags.elevation, "[degrees] of the turntable above the horizon");
+  app.add_option("--radius", flags.radius, "[world units] of the turntable");
+  app.add_option("--fps", flags.fps, "frames a second of --path and videos")->capture_default_str();
+  app.add_option("--up", flags.up, "cameras, +x, -x, +y, -y, +z or -z: what the horizon is kept by")
+      ->capture_default_str();
   app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
   app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
   app.footer(kFooter);
@@ -55,6 +71,26 @@ tg::Backend parseBackend(const std::string& text) {
   throw tg::Error(tg::ErrorKind::usage, "--backend: expected auto, vulkan or cpu, found \"" + text + "\"");
 }
 
+void parseShot(Flags& flags) {
+  tg::ViewOptions& view = flags.view;
+  view.up = tg::parseUp(flags.up, "--up");
+  view.fps = tg::parseNumber(flags.fps, 0.1, 1000, "--fps");
+  if (!flags.turntable.empty()) {
+    const double frames = tg::parseNumber(flags.turntable, 1, tg::kMaxPathFrames, "--turntable");
+    view.turntable = static_cast<int>(frames);
+  }
+  if (!flags.elevation.empty()) view.elevation = tg::parseNumber(flags.elevation, -88, 88, "--elevation") * kDegrees;
+  if (!flags.radius.empty()) view.radius = tg::parseNumber(flags.radius, 1e-4, 1e9, "--radius");
+  if (!view.path.empty() && view.turntable > 0)
+    throw tg::Error(tg::ErrorKind::usage, "--path and --turntable (expected one of them)");
+  if (!view.record.empty() && view.path.empty() && view.turntable == 0)
+    throw tg::Error(tg::ErrorKind::usage, "--output records a camera path (expected --path or --turntable with it)");
+  if (view.record.empty() && (!view.path.empty() || view.turntable > 0))
+    throw tg::Error(tg::ErrorKind::usage, "--path and --turntable make frames (expected --output with them)");
+  if (!view.record.empty() && (!view.out.empty() || view.follow || !view.script.empty()))
+    throw tg::Error(tg::ErrorKind::usage, "--output records (expected no --render, --follow or --script with it)");
+}
+
 void parseValues(Flags& flags) {
   tg::ViewOptions& view = flags.view;
   view.show = tg::parseShow(flags.show, "--show");
@@ -63,10 +99,18 @@ void parseValues(Flags& flags) {
   if (!flags.size.empty()) view.size = tg::parseSize(flags.size, "--size");
   if (!flags.background.empty()) view.background = tg::parseColor(flags.background, "--background");
   view.backend = parseBackend(flags.backend);
+  parseShot(flags);
   if (view.follow) view.model = tg::followedFile(view.model);
   if (!view.out.empty() && !view.script.empty()) {
     throw tg::Error(tg::ErrorKind::usage, "--script drives the window (expected no --render with it)");
   }
+}
+
+// Ctrl-C leaves no temporary file of a video behind.
+void endAtOnce(int signal) {
+  tg::removeTemporaryFiles();
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
 }
 
 void listCameras(const std::filesystem::path& path) {
@@ -90,12 +134,16 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
   }
+  std::signal(SIGINT, endAtOnce);
+  std::signal(SIGTERM, endAtOnce);
   try {
     parseValues(flags);
     if (flags.list_cameras)
       listCameras(flags.view.model);
     else if (!flags.view.out.empty())
       tg::renderToFile(flags.view);
+    else if (!flags.view.record.empty())
+      tg::recordToFile(flags.view);
     else
       tg::runWindow(flags.view);
     return 0;

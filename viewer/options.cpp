@@ -26,16 +26,16 @@ std::optional<T> parseWhole(std::string_view text) {
   return value;
 }
 
-bool isImageSize(int width, int height) {
-  return width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide &&
-         std::int64_t{width} * height <= kMaxFramePixels;
-}
-
 std::string sizeLimits() {
   return "sides of 1 to " + std::to_string(kMaxImageSide) + ", at most " + std::to_string(kMaxFramePixels) + " pixels";
 }
 
 }  // namespace
+
+bool isImageSize(int width, int height) {
+  return width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide &&
+         std::int64_t{width} * height <= kMaxFramePixels;
+}
 
 glm::ivec2 parseSize(const std::string& text, const std::string& what) {
   const std::size_t x = text.find('x');
@@ -67,6 +67,8 @@ TextureMode parseTextures(const std::string& text, const std::string& what) {
   return *mode;
 }
 
+std::string texturesName(TextureMode mode) { return mode == TextureMode::none ? "off" : std::string(name(mode)); }
+
 IntersectionModel parseIntersection(const std::string& text, const std::string& what) {
   const auto model = parseIntersectionModel(text);
   if (!model) refuse(what, text, "plane or maxResponse");
@@ -83,6 +85,22 @@ double parseNumber(const std::string& text, const std::string& what) {
   const auto value = parseWhole<double>(text);
   if (!value || !std::isfinite(*value)) refuse(what, text, "a number");
   return *value;
+}
+
+double parseNumber(const std::string& text, double low, double high, const std::string& what) {
+  const auto value = parseWhole<double>(text);
+  if (!value || !(*value >= low && *value <= high)) {
+    char limits[80];
+    std::snprintf(limits, sizeof limits, "a number from %g to %g", low, high);
+    refuse(what, text, limits);
+  }
+  return *value;
+}
+
+UpAxis parseUp(const std::string& text, const std::string& what) {
+  const auto axis = parseUpAxis(text);
+  if (!axis) refuse(what, text, "cameras, +x, -x, +y, -y, +z or -z");
+  return *axis;
 }
 
 Camera cameraOf(const std::string& text, const std::vector<Camera>& model_cameras, const std::string& what) {
@@ -117,6 +135,14 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene) {
   return options.size ? fitted(camera, options.size->x, options.size->y) : camera;
 }
 
+RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
+  RenderSettings settings;
+  settings.textures = options.textures;
+  settings.intersection = options.intersection;
+  settings.background = options.background.value_or(background);
+  return settings;
+}
+
 Scene describe(const LoadedModel& loaded, const std::filesystem::path& path) {
   const GaussianModel& model = loaded.model;
   Scene scene;
@@ -141,6 +167,12 @@ Scene describe(const LoadedModel& loaded, const std::filesystem::path& path) {
     std::snprintf(text, sizeof text, ", %.2f dB in training", progress.psnr);
     scene.training += text;
   }
+  return scene;
+}
+
+Scene sceneFor(const ViewOptions& options, const LoadedModel& loaded) {
+  Scene scene = describe(loaded, options.model);
+  scene.up = upOf(options.up, scene.up);
   return scene;
 }
 

@@ -34,6 +34,14 @@ struct ViewOptions {
   Backend backend = Backend::automatic;
   std::string device;  // part of a Vulkan device's name
   bool validation = false;
+  UpAxis up = UpAxis::cameras;
+
+  std::filesystem::path record;     // --output: a video, pictures; empty: none
+  std::filesystem::path path;       // a camera path; may be empty
+  int turntable = 0;                // frames of a turn; 0: none
+  std::optional<double> elevation;  // [rad] of the turntable above the horizon, looking at the model's centre
+  std::optional<double> radius;     // [world units] of the turntable
+  double fps = 30;
 };
 
 // Each throws Error(usage) that names `what`, the offending text and the form expected.
@@ -43,6 +51,10 @@ TextureMode parseTextures(const std::string& text, const std::string& what);  //
 IntersectionModel parseIntersection(const std::string& text, const std::string& what);
 Output parseShow(const std::string& text, const std::string& what);
 double parseNumber(const std::string& text, const std::string& what);  // finite
+double parseNumber(const std::string& text, double low, double high, const std::string& what);
+UpAxis parseUp(const std::string& text, const std::string& what);  // cameras, +x, -x, ...
+std::string texturesName(TextureMode mode);                        // as --textures has it
+bool isImageSize(int width, int height);                           // of kMaxImageSide and kMaxFramePixels
 
 // N, counted from 0, of the model's cameras, or the first camera of a cameras.json. Throws Error(usage) for a number
 // out of range, and what readCameras throws.
@@ -51,6 +63,10 @@ Camera cameraOf(const std::string& text, const std::vector<Camera>& model_camera
 // What --camera names, or the view that the window opens with; at --size.
 Camera cameraFor(const ViewOptions& options, const Scene& scene);
 
+// What frames are drawn with; `background` is the model's.
+RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background);
+
 Scene describe(const LoadedModel& loaded, const std::filesystem::path& path);
+Scene sceneFor(const ViewOptions& options, const LoadedModel& loaded);  // with --up
 
 }  // namespace tg

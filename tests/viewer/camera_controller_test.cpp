@@ -201,6 +201,21 @@ TEST_CASE("up is the mean of the cameras' up, and -y when that says nothing") {
   CHECK(sceneUp(cameras) == glm::dvec3(0, -1, 0));
 }
 
+TEST_CASE("an axis as up: by name and back, and the view keeps its pivot under it") {
+  const glm::dvec3 cameras_up = glm::normalize(glm::dvec3(1, 2, 3));
+  CHECK(upOf(UpAxis::cameras, cameras_up) == cameras_up);
+  CHECK(upOf(UpAxis::plusX, cameras_up) == glm::dvec3(1, 0, 0));
+  CHECK(upOf(UpAxis::minusY, cameras_up) == glm::dvec3(0, -1, 0));
+  CHECK(upOf(UpAxis::plusZ, cameras_up) == glm::dvec3(0, 0, 1));
+  for (int i = 0; i < kUpAxes; ++i) CHECK(parseUpAxis(name(static_cast<UpAxis>(i))) == static_cast<UpAxis>(i));
+  CHECK_FALSE(parseUpAxis("z"));
+  const ViewPose pose = levelPose({0, -1, 0}, {3, 1, 2}, {0.5, 0, 0});
+  const ViewPose other = leveled(pose, {0, 0, 1});
+  CHECK(other.position == pose.position);
+  CHECK(glm::length(other.pivot() - pose.pivot()) < 1e-9);
+  CHECK(std::abs(glm::transpose(other.cameraFromWorldRotation())[0].z) < 1e-12);  // the image's x axis is level
+}
+
 TEST_CASE("bounds ignore a few far floaters and survive absurd scales") {
   GaussianModel model = test::trainedLikeModel(5, 400);
   const SceneBounds clean = sceneBounds(model);
