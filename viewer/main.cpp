@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "viewer/benchmark.h"
 #include "viewer/camera_path.h"
 #include "viewer/follow.h"
 #include "viewer/headless.h"
@@ -27,6 +28,7 @@ struct Flags {
   tg::ViewOptions view;
   std::string show = "final", textures = "rgba", intersection, size, background, backend = "auto", up = "cameras";
   std::string turntable, elevation, radius, fps = "30";
+  std::filesystem::path benchmark;
   bool list_cameras = false;
 };
 
@@ -54,6 +56,7 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_option("--elevation", flags.elevation, "[degrees] of the turntable above the horizon");
   app.add_option("--radius", flags.radius, "[world units] of the turntable");
   app.add_option("--fps", flags.fps, "frames a second of --path and videos")->capture_default_str();
+  app.add_option("--benchmark", flags.benchmark, "time a camera path's frames and print JSON");
   app.add_option("--up", flags.up, "cameras, +x, -x, +y, -y, +z or -z: what the horizon is kept by")
       ->capture_default_str();
   app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
@@ -81,6 +84,14 @@ void parseShot(Flags& flags) {
   }
   if (!flags.elevation.empty()) view.elevation = tg::parseNumber(flags.elevation, -88, 88, "--elevation") * kDegrees;
   if (!flags.radius.empty()) view.radius = tg::parseNumber(flags.radius, 1e-4, 1e9, "--radius");
+  if (!flags.benchmark.empty()) {
+    if (!view.record.empty() || !view.out.empty() || view.follow || !view.script.empty() || !view.path.empty() ||
+        view.turntable > 0)
+      throw tg::Error(tg::ErrorKind::usage,
+                      "--benchmark times (expected no --render, --output, --path, --turntable, --follow or --script)");
+    view.path = flags.benchmark;
+    return;
+  }
   if (!view.path.empty() && view.turntable > 0)
     throw tg::Error(tg::ErrorKind::usage, "--path and --turntable (expected one of them)");
   if (!view.record.empty() && view.path.empty() && view.turntable == 0)
@@ -142,6 +153,8 @@ int main(int argc, char** argv) {
       listCameras(flags.view.model);
     else if (!flags.view.out.empty())
       tg::renderToFile(flags.view);
+    else if (!flags.benchmark.empty())
+      tg::benchmarkHeadless(flags.view);
     else if (!flags.view.record.empty())
       tg::recordToFile(flags.view);
     else

@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "core/json.h"
 #include "core/metrics.h"
 #include "process.h"
 #include "support/catch.h"
@@ -131,6 +132,42 @@ TEST_CASE("without ffmpeg a video ends with exit code 4 before any rendering") {
   CHECK_FALSE(std::filesystem::exists(shop / "a.mp4"));
 }
 
+TEST_CASE("the flag --benchmark prints medians, percentiles and passes as JSON, on both backends") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("path.json",
+             formatPath(pathOf(std::vector<Camera>{lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 96, 72),
+                                                   lookAt({3, -1, -2}, {0, 0, 0}, {0, -1, 0}, 0.6, 96, 72)},
+                               1, "")));
+  std::vector<std::string> backends = {"cpu"};
+  if (test::haveVulkan()) backends.push_back("vulkan");
+  for (const std::string& backend : backends) {
+    INFO(backend);
+    const ProcessResult result =
+        shop.tgview({"model.tgz", "--backend", backend, "--benchmark", "path.json", "--fps", "5", "--size", "96x72"});
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    const nlohmann::json json = parseJson(result.out, "stdout");
+    CHECK(json["backend"] == backend);
+    CHECK(json["path"]["frames"] == 6);
+    CHECK(json["image"]["width"] == 96);
+    CHECK(json["model"]["gaussians"] == 400);
+    CHECK(json["model"]["bytes"] == std::filesystem::file_size(shop / "model.tgz"));
+    CHECK_FALSE(json["passes_ms"].empty());
+    for (const char* times : {"frame_ms", "cpu_ms"}) {
+      const double low = json[times]["min"], median = json[times]["median"], p95 = json[times]["p95"],
+                   high = json[times]["max"];
+      CHECK(low > 0);
+      CHECK(low <= median);
+      CHECK(median <= p95);
+      CHECK(p95 <= high);
+    }
+    for (const char* member : {"read_ms", "upload_ms", "first_frame_ms", "total_ms", "gb_per_s"}) {
+      CHECK(json["load"][member].get<double>() > 0);
+    }
+  }
+}
+
 TEST_CASE("every wrong use of --output is one line and its exit code") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -155,6 +192,9 @@ TEST_CASE("every wrong use of --output is one line and its exit code") {
       {{"--turntable", "4", "-o", "f", "--up", "z"}, 1},
       {{"--turntable", "4", "-o", "f", "--elevation", "90"}, 1},
       {{"--path", "long.json", "-o", "f"}, 1},
+      {{"--benchmark", "bad.json", "--script", "s"}, 1},
+      {{"--benchmark", "missing.json"}, 2},
+      {{"--benchmark", "bad.json"}, 3},
       {{"--path", "missing.json", "-o", "f"}, 2},
       {{"--path", "bad.json", "-o", "f"}, 3},
       {{"--turntable", "4", "-o", "model.tgz/f/#.png"}, 4},

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+// Times frames, and makes medians of them.
+#include "viewer/benchmark.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/json.h"
+#include "render/vulkan/buffer.h"
+#include "viewer/headless_renderer.h"
+#include "viewer/shot.h"
+
+namespace tg {
+namespace {
+
+constexpr int kBenchmarkVersion = 1;
+constexpr int kMaxGrowth = 8;  // repeats of a frame whose buffers were too small
+
+class Stopwatch {
+ public:
+  double milliseconds() const {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+double rounded(double milliseconds) { return std::round(milliseconds * 1e4) / 1e4; }
+
+nlohmann::ordered_json toJson(const Spread& spread) {
+  return {{"median", rounded(spread.median)},
+          {"p95", rounded(spread.p95)},
+          {"min", rounded(spread.min)},
+          {"max", rounded(spread.max)},
+          {"mean", rounded(spread.mean)}};
+}
+
+template <typename Value>
+Spread spreadOver(const std::vector<BenchmarkFrame>& frames, const Value& value) {
+  std::vector<double> values;
+  values.reserve(frames.size());
+  for (const BenchmarkFrame& frame : frames) values.push_back(value(frame));
+  return spreadOf(std::move(values));
+}
+
+// Medians by name, in the order of the first frame; a pass that a frame does not have counts as 0 there. Passes that
+// run several times a frame are summed.
+nlohmann::ordered_json passMedians(const std::vector<BenchmarkFrame>& frames) {
+  nlohmann::ordered_json result = nlohmann::ordered_json::object();
+  for (const BenchmarkFrame& first : frames) {
+    for (const PassTime& pass : first.passes) {
+      if (result.contains(pass.name)) continue;
+      const auto sum = [&pass](const BenchmarkFrame& frame) {
+        return std::accumulate(frame.passes.begin(), frame.passes.end(), 0.0, [&pass](double all, const PassTime& p) {
+          return p.name == pass.name ? all + p.milliseconds : all;
+        });
+      };
+      result[pass.name] = rounded(spreadOver(frames, sum).median);
+    }
+  }
+  return result;
+}
+
+// Draws one picture and waits for it.
+class FrameRunner {
+ public:
+  FrameRunner(const HeadlessRenderer& backend, Output output, const RenderSettings& settings)
+      : renderer_(*backend.renderer), vulkan_(dynamic_cast<VulkanRenderer*>(backend.renderer.get())) {
+    request_.output = output;
+    request_.settings = settings;
+    if (vulkan_) commands_ = std::make_unique<Commands>(*backend.device);
+  }
+
+  const char* backend() const { return vulkan_ ? "vulkan" : "cpu"; }
+
+  void draw(const Camera& camera) {
+    if (!vulkan_) {
+      (void)visualize(renderer_.render(camera, request_.settings), request_.output);
+      return;
+    }
+    request_.camera = camera;
+    for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
+      commands_->run([this](VkCommandBuffer commands) { vulkan_->record(commands, request_); });
+      if (vulkan_->finishFrame()) return;
+    }
+    throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
+  }
+
+ private:
+  Renderer& renderer_;
+  VulkanRenderer* const vulkan_;
+  VulkanFrameRequest request_;
+  std::unique_ptr<Commands> commands_;
+};
+
+}  // namespace
+
+double processMilliseconds() {
+  timespec time{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+}
+
+Spread spreadOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t count = values.size();
+  Spread spread;
+  spread.median = 0.5 * (values[(count - 1) / 2] + values[count / 2]);
+  spread.p95 = values[static_cast<std::size_t>(std::ceil(0.95 * static_cast<double>(count))) - 1];
+  spread.min = values.front();
+  spread.max = values.back();
+  spread.mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(count);
+  return spread;
+}
+
+std::string formatBenchmark(const Benchmark& benchmark) {
+  using nlohmann::ordered_json;
+  const double total_ms = benchmark.read_ms + benchmark.upload_ms + benchmark.first_frame_ms;
+  const RenderSettings& settings = benchmark.settings;
+  ordered_json json = {{"format", "tgview-benchmark"},
+                       {"version", kBenchmarkVersion},
+                       {"where", benchmark.where},
+                       {"backend", benchmark.backend},
+                       {"device", benchmark.device}};
+  json["model"] = {{"file", benchmark.model},          {"bytes", benchmark.model_bytes},
+                   {"gaussians", benchmark.gaussians}, {"textured", benchmark.textured},
+                   {"texels", benchmark.texels},       {"sh_degree", benchmark.sh_degree}};
+  json["path"] = {{"file", benchmark.path}, {"frames", benchmark.frames.size()}};
+  json["image"] = {{"width", benchmark.width}, {"height", benchmark.height}, {"output", name(benchmark.output)}};
+  json["settings"] = {
+      {"textures", texturesName(settings.textures)},
+      {"intersection", settings.intersection ? ordered_json(name(*settings.intersection)) : ordered_json(nullptr)}};
+  json["load"] = {{"read_ms", rounded(benchmark.read_ms)},
+                  {"upload_ms", rounded(benchmark.upload_ms)},
+                  {"first_frame_ms", rounded(benchmark.first_frame_ms)},
+                  {"total_ms", rounded(total_ms)},
+                  {"gb_per_s", static_cast<double>(benchmark.model_bytes) / 1e6 / std::max(total_ms, 1e-6)}};
+  json["frame_ms"] = toJson(spreadOver(benchmark.frames, [](const BenchmarkFrame& f) { return f.wall_ms; }));
+  json["cpu_ms"] = toJson(spreadOver(benchmark.frames, [](const BenchmarkFrame& f) { return f.cpu_ms; }));
+  json["passes_ms"] = passMedians(benchmark.frames);
+  return dumpJson(json, 2) + "\n";
+}
+
+void benchmarkHeadless(const ViewOptions& options) {
+  Benchmark benchmark;
+  benchmark.where = "headless";
+  benchmark.model = options.model.string();
+  benchmark.path = options.path.string();
+  benchmark.output = options.show;
+  const HeadlessRenderer backend = makeHeadlessRenderer(options);
+  const Stopwatch reading;
+  const LoadedModel loaded = readModel(options.model);
+  benchmark.read_ms = reading.milliseconds();
+  printWarnings(loaded, options);
+  const Scene scene = sceneFor(options, loaded);
+  const std::vector<Camera> cameras = shotCameras(options, scene, false);
+  std::error_code ignored;
+  benchmark.model_bytes = std::filesystem::file_size(options.model, ignored);
+  benchmark.gaussians = scene.gaussians;
+  benchmark.textured = scene.textured;
+  benchmark.texels = scene.texels;
+  benchmark.sh_degree = scene.sh_degree;
+  benchmark.width = cameras.front().width;
+  benchmark.height = cameras.front().height;
+  benchmark.settings = settingsFor(options, loaded.background);
+
+  const Stopwatch uploading;
+  backend.renderer->setModel(loaded.model);
+  benchmark.upload_ms = uploading.milliseconds();
+  benchmark.device = backend.renderer->deviceName();
+  FrameRunner runner(backend, options.show, benchmark.settings);
+  benchmark.backend = runner.backend();
+  const Stopwatch first;
+  runner.draw(cameras.front());
+  benchmark.first_frame_ms = first.milliseconds();
+  for (const Camera& camera : cameras) {
+    BenchmarkFrame frame;
+    const Stopwatch wall;
+    const double cpu = processMilliseconds();
+    runner.draw(camera);
+    frame.wall_ms = wall.milliseconds();
+    frame.cpu_ms = processMilliseconds() - cpu;
+    frame.passes = backend.renderer->passTimes();
+    benchmark.frames.push_back(std::move(frame));
+  }
+  requireNoValidationMessages(backend);
+  std::fputs(formatBenchmark(benchmark).c_str(), stdout);
+}
+
+}  // namespace tg

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// --benchmark: what the frames of a camera path cost, as JSON for other programs.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "viewer/options.h"
+
+namespace tg {
+
+struct BenchmarkFrame {
+  double wall_ms = 0;            // from the request to the finished picture
+  double cpu_ms = 0;             // process time, user and system, all threads
+  std::vector<PassTime> passes;  // as the backend measures them
+};
+
+struct Benchmark {
+  std::string where;    // "headless" or "window"
+  std::string backend;  // "vulkan" or "cpu"
+  std::string device;
+  std::string model;  // file
+  std::uint64_t model_bytes = 0;
+  std::size_t gaussians = 0, textured = 0, texels = 0;
+  int sh_degree = 0;
+  std::string path;
+  int width = 0, height = 0;  // [px]
+  Output output = Output::final;
+  RenderSettings settings;
+  double read_ms = 0;         // of the file
+  double upload_ms = 0;       // to the renderer
+  double first_frame_ms = 0;  // of the first picture, which compiles shaders and sizes buffers
+  std::vector<BenchmarkFrame> frames;
+};
+
+// docs/viewer.md has the schema. Needs a frame or more.
+std::string formatBenchmark(const Benchmark& benchmark);
+
+struct Spread {
+  double median = 0, p95 = 0, min = 0, max = 0, mean = 0;
+};
+// Median of an even number of values: the mean of the middle two. p95: nearest rank. Needs a value or more.
+Spread spreadOf(std::vector<double> values);
+
+double processMilliseconds();  // CPU time of the process so far, user and system
+
+// Renders options.path without a window and prints the JSON. On Vulkan a frame is what the window would draw: nothing
+// is read back. Throws Error of every kind.
+void benchmarkHeadless(const ViewOptions& options);
+
+}  // namespace tg
