@@ -76,6 +76,7 @@ class RendererImpl final : public VulkanRenderer {
     Counters counters;
     std::memcpy(&counters, counters_read_.data(), sizeof counters);
     const std::uint32_t pairs = counters.work[kWorkPairs].total;
+    counts_ = {counters.work[kWorkVisible].total, pairs};
     if (pairs <= pairs_->capacity) return true;
     const std::uint32_t most = maxPairCapacity(device_);
     if (pairs > most) {
@@ -87,6 +88,7 @@ class RendererImpl final : public VulkanRenderer {
     return false;
   }
 
+  VulkanFrameCounts counts() const override { return counts_; }
   const VulkanDevice& device() const override { return device_; }
   std::vector<PassTime> passTimes() const override { return times_; }
   std::string deviceName() const override { return device_.properties.deviceName; }
@@ -186,6 +188,7 @@ class RendererImpl final : public VulkanRenderer {
   std::optional<Output> shown_;
   std::optional<PassList> passes_;  // of the buffers above, which it outlives in no case
   std::vector<PassTime> times_;
+  VulkanFrameCounts counts_;
 };
 
 }  // namespace

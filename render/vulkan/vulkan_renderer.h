@@ -42,6 +42,12 @@ struct VulkanFrameRequest {
   Output output = Output::final;
 };
 
+// What the device counted in the last finished frame.
+struct VulkanFrameCounts {
+  std::uint32_t visible = 0;  // splats that reach the screen
+  std::uint32_t pairs = 0;    // (tile, splat)
+};
+
 class VulkanRenderer : public Renderer {
  public:
   // Records all passes of a frame; afterwards the visualised output lies in image() in layout GENERAL, written by
@@ -52,6 +58,7 @@ class VulkanRenderer : public Renderer {
   // Call after the fence of the last recording: collects timestamps; false when the pair buffer overflowed, the picture
   // is incomplete and the buffers have been grown for the next frame.
   virtual bool finishFrame() = 0;
+  virtual VulkanFrameCounts counts() const { return {}; }
   virtual const VulkanDevice& device() const = 0;
 };
 

@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: Apache-2.0
+// What does a frame cost, pass by pass, and how near is its picture to the float64 reference?
+//
+//     render_bench MODEL [--backend vulkan] [--size 1280x720] [--frames 9] [--textures 4x4]
+//
+// Processor time of the whole process (user + system, all threads, software drivers included) is what compares on a
+// loaded machine; wall time and the driver's time stamps are printed beside it. The Vulkan frame is that of a window:
+// recorded passes that end in an RGBA8 picture. The CPU frame is Renderer::render(), all outputs.
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "converter/read_model.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "render/reference/splat.h"
+#include "render/vulkan/buffer.h"
+#include "support/scenes.h"
+
+namespace {
+
+using namespace tg;
+
+struct Options {
+  std::string model, backend = "vulkan", size, output = "final", textures, cameras, device, json, picture;
+  std::string mode = "rgba", intersection;
+  int frames = 9, threads = 0, reference_pixels = 1000, camera = 0;
+};
+
+[[noreturn]] void usage(const std::string& message) { throw Error(ErrorKind::usage, message); }
+
+std::pair<int, int> parseSize(const std::string& text, const char* flag) {
+  int width = 0, height = 0;
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%dx%d%c", &width, &height, &rest) != 2 || width < 1 || height < 1) {
+    usage(std::string(flag) + ": not a size (expected WIDTHxHEIGHT, found \"" + text + "\")");
+  }
+  return {width, height};
+}
+
+template <typename T>
+T named(std::optional<T> value, const char* flag, const std::string& text) {
+  if (!value) usage(std::string(flag) + ": unknown name \"" + text + "\"");
+  return *value;
+}
+
+// The same horizontal field of view with the same shape of pixels: what the peers of a comparison are given, too.
+Camera sized(const Camera& camera, int width, int height) {
+  Camera result = camera;
+  const double scale = static_cast<double>(width) / camera.width;
+  result.width = width;
+  result.height = height;
+  result.fx *= scale;
+  result.fy *= scale;
+  result.cx = width / 2.0 + (camera.cx - camera.width / 2.0) * scale;
+  result.cy = height / 2.0 + (camera.cy - camera.height / 2.0) * scale;
+  return result;
+}
+
+Camera chooseCamera(const Options& options, const LoadedModel& loaded) {
+  std::vector<Camera> cameras = loaded.cameras;
+  const std::filesystem::path beside = std::filesystem::path(options.model).replace_extension(".cameras.json");
+  if (!options.cameras.empty()) {
+    cameras = readCameras(options.cameras);
+  } else if (cameras.empty() && std::filesystem::exists(beside)) {
+    cameras = readCameras(beside);
+  }
+  if (options.camera < 0 || static_cast<std::size_t>(options.camera) >= cameras.size()) {
+    usage(options.model + ": no camera " + std::to_string(options.camera) + " (" + std::to_string(cameras.size()) +
+          " with it; --cameras FILE names others)");
+  }
+  const Camera& camera = cameras[static_cast<std::size_t>(options.camera)];
+  if (options.size.empty()) return camera;
+  const auto [width, height] = parseSize(options.size, "--size");
+  return sized(camera, width, height);
+}
+
+// Random texels in the range that training leaves: colours around 0, alpha from half to one.
+void addTextures(GaussianModel& model, const std::string& size) {
+  const auto [width, height] = parseSize(size, "--textures");
+  test::Random random(3);
+  model.texture_mode = TextureMode::rgba;
+  model.atlas = makeUniformAtlas(model.size(), static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height));
+  for (glm::vec4& texel : model.atlas.texels) {
+    texel = glm::vec4(glm::vec3(random.uniformVec3(-0.2, 0.2)), random.uniform(0.5, 1.0));
+  }
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+double processorMilliseconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto milliseconds = [](const timeval& time) {
+    return 1e3 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_usec);
+  };
+  return milliseconds(usage.ru_utime) + milliseconds(usage.ru_stime);
+}
+
+struct Times {
+  std::vector<double> processor, wall;                              // [ms] of each frame
+  std::vector<std::pair<std::string, std::vector<double>>> passes;  // [ms] wall, in order
+  void add(const std::vector<PassTime>& frame) {
+    for (std::size_t i = 0; i < frame.size(); ++i) {
+      if (passes.size() <= i) passes.emplace_back(frame[i].name, std::vector<double>{});
+      passes[i].second.push_back(frame[i].milliseconds);
+    }
+  }
+};
+
+// Two frames that do not count: drivers compile at the first, and the first may find too little room for its pairs.
+template <typename DrawFrame>
+Times measure(const Renderer& renderer, int frames, const DrawFrame& draw) {
+  constexpr int kWarmUp = 2;
+  Times times;
+  for (int i = 0; i < kWarmUp + frames; ++i) {
+    const double processor = processorMilliseconds();
+    const auto wall = std::chrono::steady_clock::now();
+    draw();
+    const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - wall;
+    if (i < kWarmUp) continue;
+    times.processor.push_back(processorMilliseconds() - processor);
+    times.wall.push_back(elapsed.count());
+    times.add(renderer.passTimes());
+  }
+  return times;
+}
+
+// The window's path of the Vulkan renderer without a window.
+class RecordedFrames {
+ public:
+  RecordedFrames(VulkanDevice& device, VulkanRenderer& renderer, VulkanFrameRequest request)
+      : device_(device), renderer_(renderer), commands_(device), request_(std::move(request)) {}
+
+  void draw() {
+    do {
+      commands_.run([&](VkCommandBuffer buffer) { renderer_.record(buffer, request_); });
+    } while (!renderer_.finishFrame());
+  }
+
+  Image picture() {
+    const auto width = static_cast<std::uint32_t>(request_.camera.width);
+    const auto height = static_cast<std::uint32_t>(request_.camera.height);
+    const Buffer pixels(device_, "picture read-back", VkDeviceSize{width} * height * 4, Memory::host);
+    commands_.run([&](VkCommandBuffer buffer) {
+      stageBarrier(buffer, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT);
+      VkBufferImageCopy copy{};
+      copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
+      copy.imageExtent = {width, height, 1};
+      vkCmdCopyImageToBuffer(buffer, renderer_.image(), VK_IMAGE_LAYOUT_GENERAL, pixels.handle(), 1, &copy);
+      stageBarrier(buffer, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT);
+    });
+    Image image(request_.camera.width, request_.camera.height, 3);
+    for (std::size_t i = 0; i < image.data.size(); ++i) {
+      image.data[i] = static_cast<float>(std::to_integer<int>(pixels.data()[i / 3 * 4 + i % 3])) / 255.0f;
+    }
+    return image;
+  }
+
+ private:
+  VulkanDevice& device_;
+  VulkanRenderer& renderer_;
+  Commands commands_;
+  VulkanFrameRequest request_;
+};
+
+// PSNR [dB] of the final picture against the float64 reference at seeded random pixels, both clamped to [0, 1].
+double psnrAtPixels(const Image& picture, const GaussianModel& model, const Camera& camera,
+                    const RenderSettings& settings, int count) {
+  const ReferenceModel exact(model);
+  const reference::Scene scene = reference::makeScene(exact, camera, settings, {});
+  test::Random random(17);
+  std::vector<glm::ivec2> pixels;
+  for (int i = 0; i < count; ++i) {
+    pixels.emplace_back(static_cast<int>(random.uniform(0, camera.width)),
+                        static_cast<int>(random.uniform(0, camera.height)));
+  }
+  std::vector<double> errors(pixels.size());
+  parallelFor(count, 1, [&](std::int64_t i) {
+    const glm::ivec2 at = pixels[static_cast<std::size_t>(i)];
+    glm::dvec3 color(0.0);
+    const double transmittance = reference::blend(scene, reference::rayDirection(camera, at.x + 0.5, at.y + 0.5),
+                                                  [&](const reference::Splat&, const ReferenceHit& hit) {
+                                                    color += hit.transmittance * hit.alpha * (hit.base + hit.texture);
+                                                  });
+    color = glm::clamp(color + transmittance * scene.background, 0.0, 1.0);
+    for (int c = 0; c < 3; ++c) {
+      const double difference = std::clamp(picture.at(at.x, at.y, c), 0.0f, 1.0f) - color[c];
+      errors[static_cast<std::size_t>(i)] += difference * difference / 3.0;
+    }
+  });
+  double sum = 0.0;
+  for (const double error : errors) sum += error;
+  return sum > 0.0 ? -10.0 * std::log10(sum / count) : std::numeric_limits<double>::infinity();
+}
+
+void report(const Options& options, const nlohmann::ordered_json& result) {
+  std::printf("%s on %s\n", options.model.c_str(), result["device"].get<std::string>().c_str());
+  std::printf("%s Gaussians, %d x %d px, %s, textures %s, %d frames\n", result["gaussians"].dump().c_str(),
+              result["width"].get<int>(), result["height"].get<int>(), options.output.c_str(),
+              result["textures"].get<std::string>().c_str(), options.frames);
+  if (result.contains("pairs")) {
+    std::printf("%s visible, %s pairs of tile and splat\n", result["visible"].dump().c_str(),
+                result["pairs"].dump().c_str());
+  }
+  std::printf("%-16s %9.1f ms processor %9.1f ms wall\n", "frame (median)", result["processor_ms"].get<double>(),
+              result["wall_ms"].get<double>());
+  for (const auto& pass : result["passes"]) {
+    std::printf("  %-14s %34.1f ms wall\n", pass["name"].get<std::string>().c_str(), pass["wall_ms"].get<double>());
+  }
+  if (result.contains("psnr_db")) {
+    std::printf("PSNR %.2f dB against the float64 reference at %d random pixels\n", result["psnr_db"].get<double>(),
+                options.reference_pixels);
+  }
+}
+
+void run(const Options& options) {
+  const Output output = named(parseOutput(options.output), "--output", options.output);
+  LoadedModel loaded = readModel(options.model);
+  const Camera camera = chooseCamera(options, loaded);
+  if (!options.textures.empty()) addTextures(loaded.model, options.textures);
+  RenderSettings settings;
+  settings.background = loaded.background;
+  settings.textures = named(parseTextureMode(options.mode), "--mode", options.mode);
+  if (!options.intersection.empty()) {
+    settings.intersection = named(parseIntersectionModel(options.intersection), "--intersection", options.intersection);
+  }
+
+  nlohmann::ordered_json result;
+  Times times;
+  Image picture;
+  std::string device_name;
+  if (options.backend == "cpu") {
+    const std::unique_ptr<Renderer> renderer = makeCpuRenderer();
+    renderer->setModel(loaded.model);
+    Frame frame;
+    times = measure(*renderer, options.frames, [&] { frame = renderer->render(camera, settings); });
+    picture = visualize(frame, output);
+    device_name = renderer->deviceName();
+  } else if (options.backend == "vulkan") {
+    VulkanOptions vulkan;
+    vulkan.device = options.device;
+    const auto device = createVulkanDevice(vulkan);
+    const std::unique_ptr<VulkanRenderer> renderer = makeVulkanRenderer(*device);
+    renderer->setModel(loaded.model);
+    RecordedFrames frames(*device, *renderer, {camera, settings, output});
+    times = measure(*renderer, options.frames, [&] { frames.draw(); });
+    picture = frames.picture();
+    device_name = renderer->deviceName();
+    const VulkanFrameCounts counts = renderer->counts();
+    result["visible"] = counts.visible;
+    result["pairs"] = counts.pairs;
+  } else {
+    usage("--backend: expected cpu or vulkan, found \"" + options.backend + "\"");
+  }
+
+  result["model"] = options.model;
+  result["device"] = device_name;
+  result["backend"] = options.backend;
+  result["gaussians"] = loaded.model.size();
+  result["width"] = camera.width;
+  result["height"] = camera.height;
+  result["output"] = options.output;
+  result["textures"] = loaded.model.texture_mode == TextureMode::none || settings.textures == TextureMode::none ? "off"
+                       : options.textures.empty() ? "the model's"
+                                                  : options.textures;
+  result["processor_ms"] = median(times.processor);
+  result["wall_ms"] = median(times.wall);
+  result["processor_ms_of_frames"] = times.processor;
+  result["wall_ms_of_frames"] = times.wall;
+  result["passes"] = nlohmann::ordered_json::array();
+  for (const auto& [name, milliseconds] : times.passes) {
+    result["passes"].push_back({{"name", name}, {"wall_ms", median(milliseconds)}});
+  }
+  if (output == Output::final && options.reference_pixels > 0) {
+    result["psnr_db"] = psnrAtPixels(picture, loaded.model, camera, settings, options.reference_pixels);
+    result["psnr_pixels"] = options.reference_pixels;
+  }
+  report(options, result);
+  if (!options.picture.empty()) writeImage(options.picture, picture);
+  if (!options.json.empty()) {
+    std::ofstream file(options.json);
+    file << result.dump(1) << "\n";
+    if (!file) throw Error(ErrorKind::cannotWrite, options.json, "cannot write");
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Times frames of a renderer and compares the picture with the float64 reference");
+  Options options;
+  app.add_option("model", options.model, "any file that tgview opens")->required();
+  app.add_option("--backend", options.backend, "cpu or vulkan");
+  app.add_option("--device", options.device, "part of a Vulkan device's name");
+  app.add_option("--cameras", options.cameras, "cameras.json (default: the model's, or MODEL.cameras.json beside it)");
+  app.add_option("--camera", options.camera, "number of the camera");
+  app.add_option("--size", options.size, "WIDTHxHEIGHT [px] (default: the camera's)");
+  app.add_option("--frames", options.frames, "frames to time, after two that warm up")->check(CLI::Range(1, 10000));
+  app.add_option("--output", options.output, "the output to show, as tgview --show");
+  app.add_option("--textures", options.textures, "give every Gaussian random RGBA textures of WIDTHxHEIGHT texels");
+  app.add_option("--mode", options.mode, "texture terms to apply: none, alpha, rgb, rgba");
+  app.add_option("--intersection", options.intersection, "plane or maxResponse (default: the model's)");
+  app.add_option("--reference-pixels", options.reference_pixels, "pixels to compare with the reference, 0 = none")
+      ->check(CLI::Range(0, 10000000));
+  app.add_option("--threads", options.threads, "of the CPU renderer, 0 = all")->check(CLI::Range(0, 1024));
+  app.add_option("--json", options.json, "write the numbers to this file");
+  app.add_option("--picture", options.picture, "write the picture to this file");
+  CLI11_PARSE(app, argc, argv);
+  setThreadCount(options.threads);
+  try {
+    run(options);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "render_bench: %s\n", error.what());
+    return exitCode(error);
+  }
+  return 0;
+}
