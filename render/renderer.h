@@ -23,6 +23,7 @@ struct RenderSettings {
   TextureMode textures = TextureMode::rgba;         // switches terms off; what counts is model mode AND this
   std::optional<IntersectionModel> intersection;    // default: the model's
   glm::vec3 background{0.0f};
+  bool operator==(const RenderSettings&) const = default;
 };
 
 // Everything one pass over the splats yields, row-major, top row first, one entry per pixel. With w_i = T_i alpha_i of

@@ -155,10 +155,10 @@ void benchmarkHeadless(const ViewOptions& options) {
   benchmark.output = options.show;
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   const Stopwatch reading;
-  const LoadedModel loaded = readModel(options.model);
+  LoadedModel loaded = readModel(options.model);
   benchmark.read_ms = reading.milliseconds();
-  printWarnings(loaded, options);
-  const Scene scene = sceneFor(options, loaded);
+  const Scene scene = sceneFor(options, std::move(loaded));
+  printWarnings(scene, options);
   const std::vector<Camera> cameras = shotCameras(options, scene, false);
   std::error_code ignored;
   benchmark.model_bytes = std::filesystem::file_size(options.model, ignored);
@@ -168,10 +168,10 @@ void benchmarkHeadless(const ViewOptions& options) {
   benchmark.sh_degree = scene.sh_degree;
   benchmark.width = cameras.front().width;
   benchmark.height = cameras.front().height;
-  benchmark.settings = settingsFor(options, loaded.background);
+  benchmark.settings = settingsFor(options, scene.background);
 
   const Stopwatch uploading;
-  backend.renderer->setModel(loaded.model);
+  backend.renderer->setModel(*scene.model);
   benchmark.upload_ms = uploading.milliseconds();
   benchmark.device = backend.renderer->deviceName();
   FrameRunner runner(backend, options.show, benchmark.settings);

@@ -131,7 +131,7 @@ Gui::Gui(GLFWwindow* window, VulkanDevice& device, Presenter& presenter) : devic
   info.PhysicalDevice = device_.physical;
   info.Device = device_.device;
   info.QueueFamily = device_.queue_family;
-  info.Queue = device_.queue;
+  info.Queue = device_.window_queue;
   info.DescriptorPool = pool_;
   info.MinImageCount = kVertexBuffers;
   info.ImageCount = kVertexBuffers;
@@ -148,7 +148,6 @@ Gui::Gui(GLFWwindow* window, VulkanDevice& device, Presenter& presenter) : devic
 }
 
 Gui::~Gui() {
-  vkDeviceWaitIdle(device_.device);
   ImGui_ImplVulkan_Shutdown();
   ImGui_ImplGlfw_Shutdown();
   ImGui::DestroyContext();

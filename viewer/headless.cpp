@@ -20,13 +20,12 @@ bool writesNumbers(const std::filesystem::path& path) {
               "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
 }
 
-void render(const LoadedModel& loaded, const ViewOptions& options, bool numbers, const HeadlessRenderer& backend) {
-  printWarnings(loaded, options);
-  const Scene scene = sceneFor(options, loaded);
+void render(const Scene& scene, const ViewOptions& options, bool numbers, const HeadlessRenderer& backend) {
+  printWarnings(scene, options);
   const Camera camera = cameraFor(options, scene);
-  const RenderSettings settings = settingsFor(options, loaded.background);
+  const RenderSettings settings = settingsFor(options, scene.background);
 
-  backend.renderer->setModel(loaded.model);
+  backend.renderer->setModel(*scene.model);
   const Frame frame = backend.renderer->render(camera, settings);
   requireNoValidationMessages(backend);
   writeImage(options.out, numbers ? extract(frame, options.show) : visualize(frame, options.show));
@@ -35,7 +34,7 @@ void render(const LoadedModel& loaded, const ViewOptions& options, bool numbers,
   for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;
   std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s%s\n", options.out.c_str(), frame.width,
               frame.height, std::string(name(options.show)).c_str(), texturesName(options.textures).c_str(),
-              loaded.model.size(), milliseconds, backend.renderer->deviceName().c_str(),
+              scene.gaussians, milliseconds, backend.renderer->deviceName().c_str(),
               options.follow && !scene.training.empty() ? (", " + scene.training).c_str() : "");
 }
 
@@ -44,12 +43,13 @@ void followToFile(const ViewOptions& options, bool numbers) {
   ModelFollower follower(options.model, [] {});
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   for (;;) {
-    const ModelFollower::News news = follower.wait();
+    ModelFollower::News news = follower.wait();
     if (!news.problem.empty()) std::fprintf(stderr, "tgview: %s\n", news.problem.c_str());
     if (!news.model) continue;
-    render(*news.model, options, numbers, backend);
+    const bool finished = trainingProgress(news.model->training_json).finished;
+    render(sceneFor(options, std::move(*news.model)), options, numbers, backend);
     std::fflush(stdout);
-    if (trainingProgress(news.model->training_json).finished) return;
+    if (finished) return;
   }
 }
 
@@ -58,8 +58,8 @@ void followToFile(const ViewOptions& options, bool numbers) {
 void renderToFile(const ViewOptions& options) {
   const bool numbers = writesNumbers(options.out);
   if (options.follow) return followToFile(options, numbers);
-  const LoadedModel loaded = readModel(options.model);
-  render(loaded, options, numbers, makeHeadlessRenderer(options));
+  const Scene scene = sceneFor(options, readModel(options.model));
+  render(scene, options, numbers, makeHeadlessRenderer(options));
 }
 
 }  // namespace tg

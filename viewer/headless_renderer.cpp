@@ -32,8 +32,8 @@ HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options) {
   return result;
 }
 
-void printWarnings(const LoadedModel& loaded, const ViewOptions& options) {
-  for (const std::string& warning : loaded.warnings) {
+void printWarnings(const Scene& scene, const ViewOptions& options) {
+  for (const std::string& warning : scene.warnings) {
     std::fprintf(stderr, "%s: warning: %s\n", options.model.c_str(), warning.c_str());
   }
 }

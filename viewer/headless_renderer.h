@@ -18,7 +18,7 @@ struct HeadlessRenderer {
 // Throws Error(device).
 HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options);
 // The model's warnings, a line each, to stderr.
-void printWarnings(const LoadedModel& loaded, const ViewOptions& options);
+void printWarnings(const Scene& scene, const ViewOptions& options);
 // Throws Error(device) when the validation layer has said anything.
 void requireNoValidationMessages(const HeadlessRenderer& backend);
 

@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "core/error.h"
 #include "viewer/follow.h"
@@ -143,11 +144,10 @@ RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
   return settings;
 }
 
-Scene describe(const LoadedModel& loaded, const std::filesystem::path& path) {
+Scene describe(LoadedModel loaded, const std::filesystem::path& path) {
   const GaussianModel& model = loaded.model;
   Scene scene;
   scene.path = path;
-  scene.cameras = loaded.cameras;
   scene.gaussians = model.size();
   for (const TextureRect& rect : model.atlas.rects) {
     scene.textured += rect.texelCount() > 0;
@@ -157,9 +157,10 @@ Scene describe(const LoadedModel& loaded, const std::filesystem::path& path) {
   scene.texture_mode = model.texture_mode;
   scene.intersection = model.intersection;
   scene.background = loaded.background;
-  scene.warnings = loaded.warnings;
+  scene.warnings = std::move(loaded.warnings);
   scene.up = sceneUp(loaded.cameras);
   scene.bounds = sceneBounds(model);
+  scene.cameras = std::move(loaded.cameras);
   const TrainingProgress progress = trainingProgress(loaded.training_json);
   scene.training = formatProgress(progress);
   if (progress.psnr > 0) {
@@ -167,11 +168,12 @@ Scene describe(const LoadedModel& loaded, const std::filesystem::path& path) {
     std::snprintf(text, sizeof text, ", %.2f dB in training", progress.psnr);
     scene.training += text;
   }
+  scene.model = std::make_shared<const GaussianModel>(std::move(loaded.model));
   return scene;
 }
 
-Scene sceneFor(const ViewOptions& options, const LoadedModel& loaded) {
-  Scene scene = describe(loaded, options.model);
+Scene sceneFor(const ViewOptions& options, LoadedModel loaded) {
+  Scene scene = describe(std::move(loaded), options.model);
   scene.up = upOf(options.up, scene.up);
   return scene;
 }

@@ -66,7 +66,7 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene);
 // What frames are drawn with; `background` is the model's.
 RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background);
 
-Scene describe(const LoadedModel& loaded, const std::filesystem::path& path);
-Scene sceneFor(const ViewOptions& options, const LoadedModel& loaded);  // with --up
+Scene describe(LoadedModel loaded, const std::filesystem::path& path);
+Scene sceneFor(const ViewOptions& options, LoadedModel loaded);  // with --up
 
 }  // namespace tg

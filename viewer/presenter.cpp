@@ -79,13 +79,19 @@ Presenter::Presenter(VulkanDevice& device) : device_(device) {
 }
 
 Presenter::~Presenter() {
-  vkDeviceWaitIdle(device_.device);
+  waitIdle();
   destroyImages();
   vkDestroySwapchainKHR(device_.device, swapchain_, nullptr);
   vkDestroyRenderPass(device_.device, render_pass_, nullptr);
   vkDestroySemaphore(device_.device, acquired_, nullptr);
   vkDestroyFence(device_.device, fence_, nullptr);
   vkDestroyCommandPool(device_.device, pool_, nullptr);
+}
+
+// Every submission is waited for by its fence: what may still run is what the window system does with an image.
+void Presenter::waitIdle() {
+  const std::lock_guard lock(device_.mutexOf(device_.window_queue));
+  vkQueueWaitIdle(device_.window_queue);
 }
 
 void Presenter::createRenderPass() {
@@ -120,7 +126,7 @@ void Presenter::destroyImages() {
 }
 
 void Presenter::createSwapchain(glm::ivec2 framebuffer_size) {
-  TG_VK(vkDeviceWaitIdle(device_.device));
+  waitIdle();
   VkSurfaceCapabilitiesKHR capabilities;
   TG_VK(vkGetPhysicalDeviceSurfaceCapabilitiesKHR(device_.physical, device_.surface, &capabilities));
   extent_ = capabilities.currentExtent;
@@ -209,7 +215,7 @@ VkCommandBuffer Presenter::beginCommands() {
   return commands_;
 }
 
-void Presenter::recordPicture(VkImage source, glm::ivec2 source_size, PixelRect area, glm::vec3 clear) {
+void Presenter::recordPictures(std::span<const PictureBlit> pictures, glm::vec3 clear) {
   const VkImage target = images_[index_];
   // The stage is the one that the acquire semaphore holds back.
   barrier(commands_, target, {kTransfer, 0, VK_IMAGE_LAYOUT_UNDEFINED},
@@ -217,20 +223,22 @@ void Presenter::recordPicture(VkImage source, glm::ivec2 source_size, PixelRect 
   const VkClearColorValue color{{clear.r, clear.g, clear.b, 1.0f}};
   vkCmdClearColorImage(commands_, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &color, 1, &kColor);
   const Use cleared{kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL};
-  barrier(commands_, target, cleared, cleared);
-  const Use drawn{VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | kTransfer,
-                  VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL};
-  const Use read{kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL};
-  barrier(commands_, source, drawn, read);
-  VkImageBlit blit{};
-  blit.srcSubresource = kColorLayer;
-  blit.srcOffsets[1] = {source_size.x, source_size.y, 1};
-  blit.dstSubresource = kColorLayer;
-  blit.dstOffsets[0] = {area.origin.x, area.origin.y, 0};
-  blit.dstOffsets[1] = {area.origin.x + area.size.x, area.origin.y + area.size.y, 1};
-  vkCmdBlitImage(commands_, source, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
-                 1, &blit, source_size == area.size ? VK_FILTER_NEAREST : VK_FILTER_LINEAR);
-  barrier(commands_, source, read, {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_GENERAL});
+  for (const PictureBlit& picture : pictures) {
+    barrier(commands_, target, cleared, cleared);
+    // Written by another submission, perhaps of another queue, that a fence has told the end of.
+    barrier(commands_, picture.image, {kTransfer, VK_ACCESS_MEMORY_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL},
+            {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_GENERAL});
+    const auto corner = [](glm::ivec2 at, std::int32_t z) { return VkOffset3D{at.x, at.y, z}; };
+    VkImageBlit blit{};
+    blit.srcSubresource = kColorLayer;
+    blit.srcOffsets[0] = corner(picture.from.origin, 0);
+    blit.srcOffsets[1] = corner(picture.from.origin + picture.from.size, 1);
+    blit.dstSubresource = kColorLayer;
+    blit.dstOffsets[0] = corner(picture.to.origin, 0);
+    blit.dstOffsets[1] = corner(picture.to.origin + picture.to.size, 1);
+    vkCmdBlitImage(commands_, picture.image, VK_IMAGE_LAYOUT_GENERAL, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1,
+                   &blit, picture.from.size == picture.to.size ? VK_FILTER_NEAREST : VK_FILTER_LINEAR);
+  }
   barrier(commands_, target, cleared,
           {kColorStage, VK_ACCESS_COLOR_ATTACHMENT_READ_BIT | VK_ACCESS_COLOR_ATTACHMENT_WRITE_BIT,
            VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL});
@@ -255,7 +263,10 @@ void Presenter::submitAndWait() {
   submit.pWaitDstStageMask = &stage;
   submit.commandBufferCount = 1;
   submit.pCommandBuffers = &commands_;
-  TG_VK(vkQueueSubmit(device_.queue, 1, &submit, fence_));
+  {
+    const std::lock_guard lock(device_.mutexOf(device_.window_queue));
+    TG_VK(vkQueueSubmit(device_.window_queue, 1, &submit, fence_));
+  }
   wait_for_acquire_ = false;
   const VkResult waited = vkWaitForFences(device_.device, 1, &fence_, VK_TRUE, kDeviceTimeout);
   if (waited == VK_TIMEOUT) refuseTimeout("a frame");
@@ -269,7 +280,11 @@ void Presenter::present() {
   info.swapchainCount = 1;
   info.pSwapchains = &swapchain_;
   info.pImageIndices = &index_;
-  const VkResult result = vkQueuePresentKHR(device_.queue, &info);
+  VkResult result = VK_SUCCESS;
+  {
+    const std::lock_guard lock(device_.mutexOf(device_.window_queue));
+    result = vkQueuePresentKHR(device_.window_queue, &info);
+  }
   if (result == VK_ERROR_OUT_OF_DATE_KHR || result == VK_SUBOPTIMAL_KHR)
     stale_ = true;
   else

@@ -3,6 +3,7 @@
 #pragma once
 #include <vulkan/vulkan.h>
 #include <glm/glm.hpp>
+#include <span>
 #include <vector>
 
 #include "core/image.h"
@@ -16,8 +17,15 @@ struct PixelRect {
   glm::ivec2 size{0};
 };
 
-// One frame in flight: the renderer has one set of buffers, and a frame is checked for completeness before it is
-// presented. Use: acquire, { beginCommands, ..., submitAndWait } once or more, read, present.
+// A part of an image in layout GENERAL, whose writes have finished, and where in the window it goes.
+struct PictureBlit {
+  VkImage image;
+  PixelRect from;
+  PixelRect to;
+};
+
+// One frame in flight: pictures come from another thread, so that a frame is a few copies and the panels. Use: acquire,
+// { beginCommands, ..., submitAndWait } once or more, read, present.
 class Presenter {
  public:
   // `device` has a surface and outlives this.
@@ -32,8 +40,8 @@ class Presenter {
   // (Re)makes the swapchain where needed. False: the window shows nothing now (minimised); try again later.
   bool acquire(glm::ivec2 framebuffer_size);
   VkCommandBuffer beginCommands();
-  // Clears the window and scales `source`, in layout GENERAL before and after, into `area`.
-  void recordPicture(VkImage source, glm::ivec2 source_size, PixelRect area, glm::vec3 clear);
+  // Clears the window and scales the pictures into it, in their order.
+  void recordPictures(std::span<const PictureBlit> pictures, glm::vec3 clear);
   void beginPanels();  // render pass over what is there
   void endPanels();
   void submitAndWait();
@@ -45,6 +53,7 @@ class Presenter {
   Image readWindow();
 
  private:
+  void waitIdle();
   void createRenderPass();
   void createSwapchain(glm::ivec2 framebuffer_size);
   void destroyImages();

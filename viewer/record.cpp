@@ -48,14 +48,14 @@ class Progress {
 void recordToFile(const ViewOptions& options) {
   const RecordTarget target = parseRecordTarget(options.record, "--output");
   const bool numbers = target.path.extension() == ".exr";
-  const LoadedModel loaded = readModel(options.model);
-  printWarnings(loaded, options);
-  const Scene scene = sceneFor(options, loaded);
+  LoadedModel loaded = readModel(options.model);
+  const Scene scene = sceneFor(options, std::move(loaded));
+  printWarnings(scene, options);
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);
-  const RenderSettings settings = settingsFor(options, loaded.background);
+  const RenderSettings settings = settingsFor(options, scene.background);
   Recorder recorder(target, {cameras.front().width, cameras.front().height}, options.fps);
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
-  backend.renderer->setModel(loaded.model);
+  backend.renderer->setModel(*scene.model);
 
   double seconds = 0;
   {
@@ -71,8 +71,7 @@ void recordToFile(const ViewOptions& options) {
   }
   std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),
               cameras.size(), cameras.front().width, cameras.front().height, std::string(name(options.show)).c_str(),
-              texturesName(options.textures).c_str(), loaded.model.size(), seconds,
-              backend.renderer->deviceName().c_str());
+              texturesName(options.textures).c_str(), scene.gaussians, seconds, backend.renderer->deviceName().c_str());
 }
 
 }  // namespace tg

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the viewer keeps of a model once the renderer has its Gaussians.
+// A model with what the viewer knows of it.
 #pragma once
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@ namespace tg {
 
 struct Scene {
   std::filesystem::path path;
+  std::shared_ptr<const GaussianModel> model;  // null: none yet
   std::vector<Camera> cameras;
   std::size_t gaussians = 0;
   std::size_t textured = 0;  // Gaussians with a texture rectangle

@@ -17,12 +17,13 @@
 #include "core/file.h"
 #include "render/vulkan/vulkan_renderer.h"
 #include "viewer/actions.h"
-#include "viewer/cpu_picture.h"
+
 #include "viewer/follow.h"
 #include "viewer/glfw_window.h"
 #include "viewer/gui.h"
 #include "viewer/input.h"
 #include "viewer/panels.h"
+#include "viewer/picture_thread.h"
 #include "viewer/presenter.h"
 #include "viewer/script.h"
 #include "viewer/state.h"
@@ -34,24 +35,13 @@ constexpr glm::ivec2 kDefaultWindow(1280, 720);
 constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
 constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
-constexpr int kMaxGrowth = 8;            // repeats of a frame whose buffers were too small
+constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
+
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
 
-std::unique_ptr<VulkanRenderer> makeRenderer(VulkanDevice& device, Backend backend) {
+bool rendersOnCpu(const VulkanDevice& device, Backend backend) {
   const bool software = device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
-  const bool cpu = backend == Backend::cpu || (backend == Backend::automatic && software);
-  return cpu ? makeCpuPictureRenderer(device) : makeVulkanRenderer(device);
-}
-
-bool sameView(const Camera& a, const Camera& b) {
-  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
-         a.camera_from_world_rotation == b.camera_from_world_rotation &&
-         a.camera_from_world_translation == b.camera_from_world_translation;
-}
-
-bool sameRequest(const VulkanFrameRequest& a, const VulkanFrameRequest& b) {
-  return sameView(a.camera, b.camera) && a.output == b.output && a.settings.textures == b.settings.textures &&
-         a.settings.intersection == b.settings.intersection && a.settings.background == b.settings.background;
+  return backend == Backend::cpu || (backend == Backend::automatic && software);
 }
 
 class Viewer {
@@ -68,10 +58,16 @@ class Viewer {
   void openPending();
   void openModel(const std::filesystem::path& path);
   void takeNews();
-  void upload(const GaussianModel& model);
+
   void setTitle();
   void openCameras(const std::filesystem::path& path);
-  void drawFrame(bool moving);
+  PictureRequest request(glm::ivec2 size) const;
+  void askForPicture(bool moving);
+  void takePicture();
+  void drawFrame();
+  bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
+  // The picture on screen is that of the present state at full size, or will never come.
+  bool complete() const;
   void writeCaptures();
   bool held(int key) const { return glfwGetKey(window_.get(), key) == GLFW_PRESS; }
 
@@ -83,17 +79,20 @@ class Viewer {
   Events events_;
   WindowPtr window_;
   std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device_;
-  std::unique_ptr<VulkanRenderer> renderer_;
   Presenter presenter_;
   Gui gui_;
   ViewerState state_;
   FrameStatistics statistics_;
-  std::optional<VulkanFrameRequest> drawn_;  // what the renderer's image shows
-  double last_full_ms_ = 0;                  // of the last frame at full size
+  std::optional<PictureRequest> asked_;     // last, of the picture thread
+  std::shared_ptr<const Picture> picture_;  // on screen; null before the first
+  bool given_up_ = false;                   // what was asked for cannot be drawn
+  double last_full_ms_ = 0;                 // of the last picture at full size
   bool open_announced_ = false;
   int frames_since_event_ = 0;
   double last_time_ = 0;
-  std::optional<ModelFollower> follower_;  // last: its thread wakes GLFW
+  // Last: their threads wake GLFW and use the device.
+  PictureThread pictures_;
+  std::optional<ModelFollower> follower_;
 };
 
 Viewer::Viewer(const ViewOptions& options)
@@ -105,11 +104,10 @@ Viewer::Viewer(const ViewOptions& options)
                         : std::optional(cameraOf(options.camera, first_.cameras, "--camera"))),
       window_(openWindow(options.size.value_or(kDefaultWindow), events_)),
       device_(createWindowDevice(window_.get(), options)),
-      renderer_(makeRenderer(*device_, options.backend)),
+
       presenter_(*device_),
-      gui_(window_.get(), *device_, presenter_) {
-  renderer_->setModel(first_.model);
-  statistics_.device = renderer_->deviceName();
+      gui_(window_.get(), *device_, presenter_),
+      pictures_(*device_, rendersOnCpu(*device_, options.backend), glfwPostEmptyEvent) {
   state_.display.output = options.show;
   state_.display.settings.textures = options.textures;
   state_.display.settings.intersection = options.intersection;
@@ -142,8 +140,7 @@ void Viewer::run() {
     if (!started) {
       const PixelRect area = pictureArea();
       state_.camera.aspect = static_cast<double>(area.size.x) / area.size.y;
-      setScene(state_, describe(first_, options_.model));
-      first_ = {};
+      if (!options_.follow) setScene(state_, describe(std::move(first_), options_.model));
       if (options_.background) state_.display.settings.background = *options_.background;
       if (first_camera_) setCamera(state_, *first_camera_);
       started = true;
@@ -151,7 +148,8 @@ void Viewer::run() {
     followAspect();
     openPending();
     takeNews();
-    if (script_) {
+    takePicture();
+    if (script_ && complete() && !capturing()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(window_.get(), size->x, size->y);
     }
     handleEvents();
@@ -159,8 +157,9 @@ void Viewer::run() {
     drawPanels(state_, statistics_);
     gui_.endFrame();
     followAspect();
-    drawFrame(moving);
-    writeCaptures();
+    askForPicture(moving);
+    drawFrame();
+    if (complete() || !capturing()) writeCaptures();
     presenter_.present();
   }
   if (!device_->validation_messages.empty()) {
@@ -169,10 +168,11 @@ void Viewer::run() {
   }
 }
 
-// Sleeps while nothing changes: a still picture costs nothing.
+// Sleeps while nothing changes: a still picture costs nothing. A finished picture is an event.
 void Viewer::waitForEvents() {
-  const bool busy = state_.ui.continuous || script_ || state_.open_request || frames_since_event_ < kSettleFrames;
-  if (busy) {
+  if (script_ && (capturing() || !complete())) {
+    glfwWaitEventsTimeout(kScriptPause);
+  } else if (script_ || state_.open_request || frames_since_event_ < kSettleFrames) {
     glfwPollEvents();
     ++frames_since_event_;
   } else {
@@ -266,9 +266,7 @@ void Viewer::openPending() {
 }
 
 void Viewer::openModel(const std::filesystem::path& path) {
-  const LoadedModel loaded = readModel(path);
-  upload(loaded.model);
-  setScene(state_, describe(loaded, path));
+  setScene(state_, describe(readModel(path), path));
   setTitle();
   notify(state_, "Opened " + path.filename().string());
   if (follower_ && path != follower_->file()) {
@@ -277,26 +275,17 @@ void Viewer::openModel(const std::filesystem::path& path) {
   }
 }
 
-// The old model stays whole until the new one is on the device.
-void Viewer::upload(const GaussianModel& model) {
-  std::unique_ptr<VulkanRenderer> fresh = makeRenderer(*device_, options_.backend);
-  fresh->setModel(model);
-  renderer_ = std::move(fresh);
-  drawn_.reset();
-}
-
 // What --follow has found since the last frame. The first model opens like any other; later ones change nothing but
 // the model.
 void Viewer::takeNews() {
   if (!follower_) return;
-  const std::optional<ModelFollower::News> news = follower_->take();
+  std::optional<ModelFollower::News> news = follower_->take();
   if (!news) return;
   frames_since_event_ = 0;
   state_.follow.problem = news->problem;
   if (!news->model) return;
   try {
-    upload(news->model->model);
-    Scene scene = describe(*news->model, follower_->file());
+    Scene scene = describe(std::move(*news->model), follower_->file());
     if (state_.follow.reloads++ > 0) {
       replaceScene(state_, std::move(scene));
     } else {
@@ -320,44 +309,68 @@ void Viewer::openCameras(const std::filesystem::path& path) {
   notify(state_, std::to_string(state_.scene.cameras.size()) + " cameras from " + path.filename().string());
 }
 
-void Viewer::drawFrame(bool moving) {
-  const PixelRect area = pictureArea();
-  glm::ivec2 size = area.size;
-  const bool capturing = !state_.capture.picture.empty() || !state_.capture.window.empty();
-  statistics_.reduced = moving && !capturing && last_full_ms_ > kSmoothFrame;
-  if (statistics_.reduced) {
+PictureRequest Viewer::request(glm::ivec2 size) const {
+  return {state_.scene.model, toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+          effectiveSettings(state_), state_.display.output};
+}
+
+bool Viewer::complete() const {
+  if (!state_.scene.model || given_up_) return true;
+  return picture_ && same(picture_->request, request(pictureArea().size));
+}
+
+void Viewer::askForPicture(bool moving) {
+  if (!state_.scene.model) return;
+  glm::ivec2 size = pictureArea().size;
+  const bool reduced = moving && !capturing() && last_full_ms_ > kSmoothFrame;
+  if (reduced) {
     const double scale = std::max(std::sqrt(kSmoothFrame / last_full_ms_), kSmallestScale);
     size = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
+    frames_since_event_ = 0;  // the full picture is still owed
   }
-  const VulkanFrameRequest request{toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
-                                   effectiveSettings(state_), state_.display.output};
-  const bool anew = state_.ui.continuous || !drawn_ || !sameRequest(*drawn_, request);
+  const PictureRequest wanted = request(size);
+  const bool again = state_.ui.continuous && pictures_.idle();
+  if (asked_ && same(*asked_, wanted) && !again) return;
+  asked_ = wanted;
+  given_up_ = false;
+  pictures_.ask(wanted);
+}
+
+void Viewer::takePicture() {
+  PictureThread::News news = pictures_.take();
+  if (!news.problem.empty()) {
+    if (script_ && news.given_up) throw Error(ErrorKind::device, news.problem);
+    state_.messages.error = news.problem;
+  }
+  given_up_ = given_up_ || news.given_up;
+  if (!news.picture) return;
+  picture_ = std::move(news.picture);
+  const glm::ivec2 size = picture_->image->size;
+  statistics_.reduced = size != pictureArea().size;
+  if (!statistics_.reduced) last_full_ms_ = picture_->milliseconds;
+  statistics_.frame_ms.push_back(static_cast<float>(picture_->milliseconds));
+  if (statistics_.frame_ms.size() > kFrameHistory) statistics_.frame_ms.erase(statistics_.frame_ms.begin());
+  statistics_.passes = picture_->passes;
+  statistics_.device = picture_->device;
+  statistics_.picture_size = size;
+}
+
+void Viewer::drawFrame() {
   // The window system may already have another size than the panels were laid out for.
   const ImGuiIO& io = ImGui::GetIO();
   const glm::ivec2 laid_out(std::lround(io.DisplaySize.x * io.DisplayFramebufferScale.x),
                             std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
-  const auto start = std::chrono::steady_clock::now();
-  bool complete = false;
-  for (int attempt = 0; !complete && attempt < kMaxGrowth; ++attempt) {
-    const VkCommandBuffer commands = presenter_.beginCommands();
-    if (anew) renderer_->record(commands, request);
-    presenter_.recordPicture(renderer_->image(), size, area, kSurround);
-    presenter_.beginPanels();
-    if (laid_out == presenter_.size()) gui_.record(commands);
-    presenter_.endPanels();
-    presenter_.submitAndWait();
-    complete = !anew || renderer_->finishFrame();
+  const VkCommandBuffer commands = presenter_.beginCommands();
+  std::vector<PictureBlit> blits;
+  if (picture_) {
+    const glm::ivec2 size = picture_->image->size;
+    blits.push_back({picture_->image->storage.handle(), {{0, 0}, size}, pictureArea()});
   }
-  if (!complete) throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
-  if (!anew) return;
-  drawn_ = request;
-  const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  if (!statistics_.reduced) last_full_ms_ = ms;
-  if (statistics_.reduced) frames_since_event_ = 0;  // the full picture is still owed
-  statistics_.frame_ms.push_back(static_cast<float>(ms));
-  if (statistics_.frame_ms.size() > kFrameHistory) statistics_.frame_ms.erase(statistics_.frame_ms.begin());
-  statistics_.passes = renderer_->passTimes();
-  statistics_.picture_size = size;
+  presenter_.recordPictures(blits, kSurround);
+  presenter_.beginPanels();
+  if (laid_out == presenter_.size()) gui_.record(commands);
+  presenter_.endPanels();
+  presenter_.submitAndWait();
 }
 
 void Viewer::writeCaptures() {
@@ -367,7 +380,7 @@ void Viewer::writeCaptures() {
   };
   try {
     if (!capture.picture.empty()) {
-      writeImage(capture.picture, presenter_.read(renderer_->image(), statistics_.picture_size));
+      writeImage(capture.picture, presenter_.read(picture_->image->storage.handle(), picture_->image->size));
       saved(capture.picture);
     }
     if (!capture.window.empty()) {

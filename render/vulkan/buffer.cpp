@@ -174,7 +174,10 @@ void Commands::run(const std::function<void(VkCommandBuffer)>& record) {
   VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
   submit.commandBufferCount = 1;
   submit.pCommandBuffers = &commands_;
-  TG_VK(vkQueueSubmit(device_.queue, 1, &submit, fence_));
+  {
+    const std::lock_guard lock(device_.mutexOf(device_.queue));
+    TG_VK(vkQueueSubmit(device_.queue, 1, &submit, fence_));
+  }
   TG_VK(vkWaitForFences(device_.device, 1, &fence_, VK_TRUE, UINT64_MAX));
   TG_VK(vkResetFences(device_.device, 1, &fence_));
 }

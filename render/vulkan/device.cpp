@@ -76,7 +76,9 @@ void destroyDevice(VulkanDevice* base) {
 // Printed at once as well as kept: what the layer says while the device is destroyed has no other reader.
 VKAPI_ATTR VkBool32 VKAPI_CALL keepMessage(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
                                            const VkDebugUtilsMessengerCallbackDataEXT* data, void* user) {
-  static_cast<VulkanDevice*>(user)->validation_messages.emplace_back(data->pMessage);
+  auto* device = static_cast<VulkanDevice*>(user);
+  const std::lock_guard lock(device->messages_mutex);
+  device->validation_messages.emplace_back(data->pMessage);
   std::fprintf(stderr, "vulkan: %s\n", data->pMessage);
   return VK_FALSE;
 }
@@ -222,11 +224,17 @@ void pickPhysicalDevice(const VulkanOptions& options, VulkanDevice& device) {
 
 void createLogicalDevice(const VulkanOptions& options, VulkanDevice& device) {
   device.queue_family = *findQueueFamily(device.physical, device.surface);
-  const float priority = 1.0f;
+  std::uint32_t count = 0;
+  vkGetPhysicalDeviceQueueFamilyProperties(device.physical, &count, nullptr);
+  std::vector<VkQueueFamilyProperties> families(count);
+  vkGetPhysicalDeviceQueueFamilyProperties(device.physical, &count, families.data());
+  // A window has a queue of its own where there is one, before the renderer's: panels must not wait for a picture.
+  const bool two = options.swapchain && families[device.queue_family].queueCount > 1;
+  const float priorities[] = {two ? 0.5f : 1.0f, 1.0f};
   VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
   queue.queueFamilyIndex = device.queue_family;
-  queue.queueCount = 1;
-  queue.pQueuePriorities = &priority;
+  queue.queueCount = two ? 2 : 1;
+  queue.pQueuePriorities = priorities;
   const char* swapchain = VK_KHR_SWAPCHAIN_EXTENSION_NAME;
   VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
   info.queueCreateInfoCount = 1;
@@ -235,6 +243,7 @@ void createLogicalDevice(const VulkanOptions& options, VulkanDevice& device) {
   info.ppEnabledExtensionNames = &swapchain;
   TG_VK(vkCreateDevice(device.physical, &info, nullptr, &device.device));
   vkGetDeviceQueue(device.device, device.queue_family, 0, &device.queue);
+  vkGetDeviceQueue(device.device, device.queue_family, two ? 1 : 0, &device.window_queue);
 }
 
 }  // namespace

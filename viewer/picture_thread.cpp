@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// The mailbox, and the way out when a device fails.
+#include "viewer/picture_thread.h"
+
+#include <new>
+#include <utility>
+
+#include "core/error.h"
+#include "viewer/picture_maker.h"
+
+namespace tg {
+
+PictureThread::PictureThread(VulkanDevice& device, bool cpu, std::function<void()> wake)
+    : device_(device), cpu_(cpu), wake_(std::move(wake)), thread_([this] { run(); }) {}
+
+PictureThread::~PictureThread() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void PictureThread::ask(PictureRequest request) {
+  {
+    const std::lock_guard lock(mutex_);
+    asked_ = std::move(request);
+    news_.given_up = false;
+  }
+  changed_.notify_all();
+}
+
+bool PictureThread::idle() const {
+  const std::lock_guard lock(mutex_);
+  return !asked_ && !working_;
+}
+
+PictureThread::News PictureThread::take() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(news_, {});
+}
+
+void PictureThread::run() {
+  std::unique_ptr<PictureMaker> maker;
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return stop_ || asked_; });
+    if (stop_) return;
+    const PictureRequest request = std::move(*std::exchange(asked_, std::nullopt));
+    working_ = true;
+    lock.unlock();
+
+    std::shared_ptr<const Picture> picture;
+    std::string problem;
+    while (!picture) {
+      std::string reason;
+      try {
+        if (!maker) maker = std::make_unique<PictureMaker>(device_, cpu_);
+        picture = std::make_shared<const Picture>(maker->draw(request));
+        break;
+      } catch (const std::bad_alloc&) {
+        reason = "not enough memory";
+      } catch (const std::exception& error) {
+        reason = error.what();
+      }
+      maker.reset();  // whatever it held makes room
+      if (cpu_) {
+        problem = "The picture cannot be drawn: " + reason;
+        break;
+      }
+      cpu_ = true;
+      problem = "The device failed, the CPU renders from here on: " + reason;
+    }
+
+    lock.lock();
+    working_ = false;
+    if (picture)
+      news_.picture = std::move(picture);
+    else if (!asked_)
+      news_.given_up = true;
+    if (!problem.empty()) news_.problem = std::move(problem);
+    lock.unlock();
+    wake_();
+    lock.lock();
+  }
+}
+
+}  // namespace tg

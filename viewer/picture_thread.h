@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// A thread that draws pictures, so that the window answers however long one takes.
+#pragma once
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "viewer/picture.h"
+
+namespace tg {
+
+// Draws the newest request; one that has not begun when the next comes is dropped. When the device fails, it goes on
+// with the CPU renderer and says so. All members may be called from one other thread, none of them waits for a picture.
+class PictureThread {
+ public:
+  // `device` must outlive this and every picture. `wake` is called in this thread when there is news.
+  PictureThread(VulkanDevice& device, bool cpu, std::function<void()> wake);
+  // Waits for the picture at hand, drops the one asked for.
+  ~PictureThread();
+  PictureThread(const PictureThread&) = delete;
+  PictureThread& operator=(const PictureThread&) = delete;
+
+  void ask(PictureRequest request);
+  // Neither asked for nor at work.
+  bool idle() const;
+
+  struct News {
+    std::shared_ptr<const Picture> picture;  // the last one finished since; may be null
+    std::string problem;                     // what went wrong since, for the user; "" = nothing
+    bool given_up = false;                   // the newest request will not come
+  };
+  News take();
+
+ private:
+  void run();
+
+  VulkanDevice& device_;
+  bool cpu_;  // of the thread, once it runs
+  const std::function<void()> wake_;
+  mutable std::mutex mutex_;  // guards all below but the thread
+  std::condition_variable changed_;
+  std::optional<PictureRequest> asked_;
+  bool working_ = false;
+  bool stop_ = false;
+  News news_;
+  std::thread thread_;
+};
+
+}  // namespace tg
