@@ -3,10 +3,14 @@
 #include "core/atlas.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <map>
+#include <numbers>
 #include <numeric>
 
 #include "core/error.h"
+#include "core/parallel.h"
 
 namespace tg {
 namespace {
@@ -42,6 +46,49 @@ TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height)
                       static_cast<std::uint16_t>(height)};
   atlas.texels.assign(gaussian_count * each, kNeutralTexel);
   return atlas;
+}
+
+std::vector<double> texelShares(int size) {
+  std::vector<double> shares(static_cast<std::size_t>(size), 0.0);
+  if (size == 1) return {1.0};
+  constexpr double kExtent = 3.0;
+  const double step = 2.0 * kExtent / (size - 1);
+  const auto density = [](double u) { return std::exp(-0.5 * u * u) / std::sqrt(2.0 * std::numbers::pi); };
+  const auto integral = [](double u) { return 0.5 * std::erf(u / std::numbers::sqrt2); };
+  const double whole = integral(kExtent) - integral(-kExtent);
+  for (int cell = 0; cell + 1 < size; ++cell) {
+    const double low = -kExtent + cell * step;
+    const double high = low + step;
+    const double mass = integral(high) - integral(low);
+    const double moment = density(low) - density(high);  // of u
+    const double upper = (moment - low * mass) / step;   // of the hat that rises over the cell
+    shares[static_cast<std::size_t>(cell)] += (mass - upper) / whole;
+    shares[static_cast<std::size_t>(cell) + 1] += upper / whole;
+  }
+  return shares;
+}
+
+std::vector<glm::vec4> textureMeans(const TextureAtlas& atlas, std::size_t gaussian_count) {
+  std::map<int, std::vector<double>> shares;
+  for (const TextureRect& rect : atlas.rects) {
+    for (int size : {int{rect.width}, int{rect.height}}) {
+      if (size > 0 && !shares.contains(size)) shares.emplace(size, texelShares(size));
+    }
+  }
+  std::vector<glm::vec4> means(gaussian_count, kNeutralTexel);
+  parallelFor(static_cast<std::int64_t>(std::min(gaussian_count, atlas.rects.size())), 1024, [&](std::int64_t i) {
+    const TextureRect& rect = atlas.rects[i];
+    if (rect.texelCount() == 0) return;
+    const std::vector<double>& across = shares.at(rect.width);
+    const std::vector<double>& down = shares.at(rect.height);
+    glm::dvec4 mean(0.0);
+    const glm::vec4* texel = &atlas.texels[rect.offset];
+    for (const double row : down) {
+      for (const double column : across) mean += row * column * glm::dvec4(*texel++);
+    }
+    means[i] = mean;
+  });
+  return means;
 }
 
 PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int max_page_size) {

@@ -26,6 +26,12 @@ struct TextureAtlas {
 // N rectangles of width x height neutral texels.
 TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height);
 
+// The share of every texel of one axis in a texture's mean under its Gaussian: the integral of the texel's hat function
+// times the normal density over +-3 sigma. Sums to 1. size >= 1.
+std::vector<double> texelShares(int size);
+// The mean of every Gaussian's texture under it: [N], neutral where there is none.
+std::vector<glm::vec4> textureMeans(const TextureAtlas& atlas, std::size_t gaussian_count);
+
 // One 2D image of packed rectangles, row-major, texel (x, y) at y * width + x.
 struct AtlasPage {
   int width = 0;

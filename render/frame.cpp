@@ -1,115 +1,218 @@
 // SPDX-License-Identifier: Apache-2.0
-// The outputs of a frame by name, as numbers, and as pictures for people.
+// Settings and outputs by name, and the outputs of a frame as numbers and as pictures for people.
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 
+#include "core/error.h"
 #include "render/renderer.h"
 
 namespace tg {
 namespace {
 
-constexpr std::array<std::string_view, 7> kOutputNames = {"final", "base",   "texture", "alpha",
-                                                          "depth", "normal", "count"};
+constexpr std::array<std::string_view, kOutputKinds> kOutputNames = {
+    "final", "base",         "texture",  "alpha",      "depth",   "normal",
+    "count", "depth-median", "overdraw", "ellipsoids", "centers", "texel-density"};
+constexpr std::array<std::string_view, 2> kOrderNames = {"global", "per-pixel"};
+constexpr std::array<std::string_view, 2> kFilterNames = {"bilinear", "footprint"};
+constexpr std::array<std::string_view, 2> kAntialiasingNames = {"off", "screen"};
 constexpr float kFarthestGrey = 0.15f;  // so that the farthest hit still differs from nothing at all
+// [log2(texels / px)] of black and white
+constexpr float kLowestDensity = -6.0f;
+constexpr float kHighestDensity = 2.0f;
 
-void setPixel(Image& image, std::size_t pixel, glm::vec3 value) {
-  float* out = image.data.data() + pixel * 3;
-  for (int c = 0; c < 3; ++c) out[c] = std::clamp(value[c], 0.0f, 1.0f);
+template <typename Enum, std::size_t N>
+std::string_view nameIn(const std::array<std::string_view, N>& names, Enum value) {
+  return names.at(static_cast<std::size_t>(value));
+}
+template <typename Enum, std::size_t N>
+std::optional<Enum> findIn(const std::array<std::string_view, N>& names, std::string_view text) {
+  for (std::size_t i = 0; i < N; ++i) {
+    if (names[i] == text) return static_cast<Enum>(i);
+  }
+  return std::nullopt;
+}
+
+[[noreturn]] void refuse(const std::string& what, const std::string& problem) {
+  throw Error(ErrorKind::usage, what, problem);
+}
+void require(bool holds, const std::string& what, const std::string& expected, double found) {
+  if (!holds) refuse(what, "out of range (expected " + expected + ", found " + std::to_string(found) + ")");
 }
 
 // Black, red, yellow, white for x in [0, 1].
 glm::vec3 heat(float x) { return {3.0f * x, 3.0f * x - 1.0f, 3.0f * x - 2.0f}; }
 
-// Smallest and largest depth of the pixels that hit something; (0, 0) when none does.
-glm::vec2 depthRange(const Frame& frame) {
-  glm::vec2 range(0.0f);
-  bool first = true;
-  for (std::size_t i = 0; i < frame.depth.size(); ++i) {
-    if (frame.count[i] <= 0.0f) continue;
-    const float z = frame.depth[i];
-    range = first ? glm::vec2(z) : glm::vec2(std::min(range.x, z), std::max(range.y, z));
-    first = false;
+// The pixels of an output that has one number each; null for colours and normals.
+const std::vector<float>* scalars(const Frame& frame, Output output) {
+  switch (output) {
+    case Output::alpha:
+      return &frame.alpha;
+    case Output::depth:
+      return &frame.depth;
+    case Output::count:
+      return &frame.count;
+    case Output::depthMedian:
+      return &frame.depth_median;
+    case Output::overdraw:
+      return &frame.overdraw;
+    case Output::texelDensity:
+      return &frame.texel_density;
+    default:
+      return nullptr;
   }
-  return range;
 }
 
-glm::vec3 depthGrey(float z, bool hit, glm::vec2 range) {
-  if (!hit) return glm::vec3(0.0f);
+// The pixels of an output that has three; final is their sum where base and texture lie apart.
+const std::vector<glm::vec3>& colors(const Frame& frame, Output output) {
+  switch (output) {
+    case Output::base:
+      return frame.base;
+    case Output::texture:
+      return frame.texture;
+    case Output::normal:
+      return frame.normal;
+    case Output::ellipsoids:
+      return frame.ellipsoids;
+    case Output::centers:
+      return frame.centers;
+    default:
+      return frame.base.empty() ? frame.picture : frame.base;
+  }
+}
+
+void requireOutput(const Frame& frame, Output output) {
+  const auto* numbers = scalars(frame, output);
+  const bool empty = numbers ? numbers->empty() : colors(frame, output).empty();
+  if (empty && frame.width > 0 && frame.height > 0) {
+    refuse("frame", "no output \"" + std::string(name(output)) + "\" (expected it in RenderSettings::outputs)");
+  }
+}
+
+// How the numbers of a frame map to heat or grey: the range over its pixels that are not 0; (0, 0) when there are none.
+glm::vec2 rangeOf(const std::vector<float>& numbers) {
+  glm::vec2 range(std::numeric_limits<float>::max(), 0.0f);
+  for (float x : numbers) {
+    if (x > 0.0f) range = {std::min(range.x, x), std::max(range.y, x)};
+  }
+  return range.y > 0.0f ? range : glm::vec2(0.0f);
+}
+
+glm::vec3 depthGrey(float z, glm::vec2 range) {
+  if (z <= 0.0f) return glm::vec3(0.0f);
   const float span = range.y - range.x;
   const float x = span > 0.0f ? (z - range.x) / span : 0.0f;
   return glm::vec3(1.0f - (1.0f - kFarthestGrey) * x);
 }
 
+glm::vec3 numberColor(Output output, float x, glm::vec2 range) {
+  switch (output) {
+    case Output::depth:
+    case Output::depthMedian:
+      return depthGrey(x, range);
+    case Output::count:
+    case Output::overdraw:
+      return heat(range.y > 0.0f ? x / range.y : 0.0f);
+    case Output::texelDensity:
+      return heat(x > 0.0f ? (std::log2(x) - kLowestDensity) / (kHighestDensity - kLowestDensity) : 0.0f);
+    default:
+      return glm::vec3(x);
+  }
+}
+
 }  // namespace
 
-std::string_view name(Output output) { return kOutputNames.at(static_cast<std::size_t>(output)); }
+std::string_view name(Output output) { return nameIn(kOutputNames, output); }
+std::string_view name(SplatOrder order) { return nameIn(kOrderNames, order); }
+std::string_view name(TextureFilter filter) { return nameIn(kFilterNames, filter); }
+std::string_view name(Antialiasing antialiasing) { return nameIn(kAntialiasingNames, antialiasing); }
 
-std::optional<Output> parseOutput(std::string_view text) {
-  for (std::size_t i = 0; i < kOutputNames.size(); ++i) {
-    if (kOutputNames[i] == text) return static_cast<Output>(i);
+std::optional<Output> parseOutput(std::string_view text) { return findIn<Output>(kOutputNames, text); }
+std::optional<SplatOrder> parseSplatOrder(std::string_view text) { return findIn<SplatOrder>(kOrderNames, text); }
+std::optional<TextureFilter> parseTextureFilter(std::string_view text) {
+  return findIn<TextureFilter>(kFilterNames, text);
+}
+std::optional<Antialiasing> parseAntialiasing(std::string_view text) {
+  return findIn<Antialiasing>(kAntialiasingNames, text);
+}
+
+void checkSettings(const RenderSettings& settings) {
+  const auto finite = [](float x) { return std::isfinite(x); };
+  require(finite(settings.opacity_scale) && settings.opacity_scale >= 0.0f, "opacity scale", "0 or more",
+          settings.opacity_scale);
+  require(finite(settings.splat_scale) && settings.splat_scale > 0.0f, "splat scale", "above 0", settings.splat_scale);
+  require(settings.max_sh_degree >= 0 && settings.max_sh_degree <= 3, "SH degree", "0 to 3", settings.max_sh_degree);
+  require(finite(settings.near) && settings.near > 0.0f, "near plane", "above 0", settings.near);
+  for (int k = 0; settings.crop && k < 3; ++k) {
+    require(settings.crop->min[k] <= settings.crop->max[k], "crop box", "its minimum below its maximum",
+            settings.crop->min[k]);
   }
-  return std::nullopt;
+}
+
+void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend) {
+  const std::string problem = "not supported by " + std::string(backend);
+  for (unsigned k = 0; k < kOutputKinds; ++k) {
+    const auto output = static_cast<Output>(k);
+    if (settings.outputs.has(output) && !outputs.has(output)) refuse("output " + std::string(name(output)), problem);
+  }
+  const RenderSettings usual;
+  if (settings.order != usual.order) refuse("per-pixel order", problem);
+  if (settings.texture_filter != usual.texture_filter) refuse("footprint filter", problem);
+  if (settings.antialiasing != usual.antialiasing) refuse("screen antialiasing", problem);
+  if (settings.opacity_scale != usual.opacity_scale) refuse("opacity scale", problem);
+  if (settings.splat_scale != usual.splat_scale) refuse("splat scale", problem);
+  if (settings.max_sh_degree != usual.max_sh_degree) refuse("SH degree", problem);
+  if (settings.near != usual.near) refuse("near plane", problem);
+  if (settings.crop) refuse("crop box", problem);
 }
 
 Image extract(const Frame& frame, Output output) {
-  const bool scalar = output == Output::alpha || output == Output::depth || output == Output::count;
-  Image image(frame.width, frame.height, scalar ? 1 : 3);
-  if (scalar) {
-    image.data = output == Output::alpha ? frame.alpha : output == Output::depth ? frame.depth : frame.count;
+  requireOutput(frame, output);
+  if (const auto* numbers = scalars(frame, output)) {
+    Image image(frame.width, frame.height, 1);
+    image.data = *numbers;
     return image;
   }
-  const std::size_t pixels = frame.base.size();
-  for (std::size_t i = 0; i < pixels; ++i) {
-    glm::vec3 value;
-    switch (output) {
-      case Output::base:
-        value = frame.base[i];
-        break;
-      case Output::texture:
-        value = frame.texture[i];
-        break;
-      case Output::normal:
-        value = frame.normal[i];
-        break;
-      default:
-        value = frame.color(i);
-        break;
-    }
+  const std::vector<glm::vec3>& values = colors(frame, output);
+  Image image(frame.width, frame.height, 3);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const glm::vec3 value = output == Output::final ? frame.color(i) : values[i];
     for (int c = 0; c < 3; ++c) image.data[i * 3 + c] = value[c];
   }
   return image;
 }
 
-Image visualize(const Frame& frame, Output output) {
+Image visualize(const Frame& frame, Output output, float exposure_stops) {
+  requireOutput(frame, output);
   Image image(frame.width, frame.height, 3);
-  const std::size_t pixels = frame.base.size();
-  const glm::vec2 range = output == Output::depth ? depthRange(frame) : glm::vec2(0.0f);
-  float highest = 0.0f;
-  if (output == Output::count) {
-    for (float count : frame.count) highest = std::max(highest, count);
+  const std::size_t pixels = image.data.size() / 3;
+  const auto put = [&](std::size_t pixel, glm::vec3 value) {
+    for (int c = 0; c < 3; ++c) image.data[pixel * 3 + c] = std::clamp(value[c], 0.0f, 1.0f);
+  };
+  if (const auto* numbers = scalars(frame, output)) {
+    const glm::vec2 range = rangeOf(*numbers);
+    for (std::size_t i = 0; i < pixels; ++i) put(i, numberColor(output, (*numbers)[i], range));
+    return image;
   }
+  const std::vector<glm::vec3>& values = colors(frame, output);
+  const float exposure = std::exp2(exposure_stops);
   for (std::size_t i = 0; i < pixels; ++i) {
     switch (output) {
       case Output::final:
-        setPixel(image, i, frame.color(i));
+        put(i, exposure * frame.color(i));
         break;
       case Output::base:
-        setPixel(image, i, frame.base[i]);
+        put(i, exposure * values[i]);
         break;
       case Output::texture:
-        setPixel(image, i, 0.5f + 0.5f * frame.texture[i]);
-        break;
-      case Output::alpha:
-        setPixel(image, i, glm::vec3(frame.alpha[i]));
-        break;
-      case Output::depth:
-        setPixel(image, i, depthGrey(frame.depth[i], frame.count[i] > 0.0f, range));
+        put(i, 0.5f + 0.5f * values[i]);
         break;
       case Output::normal:
-        setPixel(image, i, 0.5f + 0.5f * glm::vec3(1, -1, -1) * frame.normal[i]);
+        put(i, 0.5f + 0.5f * glm::vec3(1, -1, -1) * values[i]);
         break;
-      case Output::count:
-        setPixel(image, i, heat(highest > 0.0f ? frame.count[i] / highest : 0.0f));
+      default:
+        put(i, values[i]);
         break;
     }
   }

@@ -2,6 +2,7 @@
 // Model + camera -> images: what every backend offers.
 #pragma once
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,50 +12,148 @@
 #include "core/camera.h"
 #include "core/image.h"
 #include "core/model.h"
+#include "shared/limits.h"
 
 namespace tg {
 
 // Values equal kOutput* of shaders/shared/limits.h.
-enum class Output : unsigned { final = 0, base = 1, texture = 2, alpha = 3, depth = 4, normal = 5, count = 6 };
-std::string_view name(Output output);
-std::optional<Output> parseOutput(std::string_view text);
-
-struct RenderSettings {
-  TextureMode textures = TextureMode::rgba;         // switches terms off; what counts is model mode AND this
-  std::optional<IntersectionModel> intersection;    // default: the model's
-  glm::vec3 background{0.0f};
-  bool operator==(const RenderSettings&) const = default;
+enum class Output : unsigned {
+  final = 0,
+  base = 1,
+  texture = 2,
+  alpha = 3,
+  depth = 4,  // expected
+  normal = 5,
+  count = 6,
+  depthMedian = 7,
+  overdraw = 8,
+  ellipsoids = 9,
+  centers = 10,
+  texelDensity = 11,
 };
+constexpr unsigned kOutputKinds = 12;
 
-// Everything one pass over the splats yields, row-major, top row first, one entry per pixel. With w_i = T_i alpha_i of
-// the blended splats, front to back, and T the transmittance that is left:
-template <typename T>
-struct FrameT {
-  int width = 0;
-  int height = 0;
-  std::vector<glm::vec<3, T>> base;     // sum w_i c_base_i + T background
-  std::vector<glm::vec<3, T>> texture;  // sum w_i c_texture_i (0 where no texture applies)
-  std::vector<T> alpha;                 // 1 - T
-  std::vector<T> depth;                 // sum w_i t_i / sum w_i: expected camera z of the hit; 0 where nothing is hit
-  std::vector<glm::vec<3, T>> normal;   // sum w_i n_i, camera space, n_i = shortest axis turned to the camera
-  std::vector<T> count;                 // number of blended splats
-  // The picture: base + texture, exactly, before any clamp.
-  glm::vec<3, T> color(std::size_t pixel) const { return base[pixel] + texture[pixel]; }
-
-  FrameT() = default;
-  FrameT(int w, int h)
-      : width(w), height(h), base(n()), texture(n()), alpha(n()), depth(n()), normal(n()), count(n()) {}
+class OutputSet {
+ public:
+  constexpr OutputSet() = default;
+  constexpr OutputSet(std::initializer_list<Output> outputs) {
+    for (Output output : outputs) bits_ |= bit(output);
+  }
+  constexpr bool has(Output output) const { return (bits_ & bit(output)) != 0; }
+  constexpr bool hasAny(OutputSet others) const { return (bits_ & others.bits_) != 0; }
+  constexpr bool hasAll(OutputSet others) const { return (others.bits_ & ~bits_) == 0; }
+  constexpr OutputSet operator|(OutputSet other) const { return OutputSet(bits_ | other.bits_); }
+  constexpr bool operator==(const OutputSet&) const = default;
 
  private:
-  std::size_t n() const { return static_cast<std::size_t>(width) * height; }
+  constexpr explicit OutputSet(std::uint32_t bits) : bits_(bits) {}
+  static constexpr std::uint32_t bit(Output output) { return 1u << static_cast<unsigned>(output); }
+  std::uint32_t bits_ = 0;
+};
+// What blending yields anyway, and what every backend gives.
+constexpr OutputSet kBlendedOutputs = {Output::final, Output::base,   Output::texture, Output::alpha,
+                                       Output::depth, Output::normal, Output::count};
+
+// In what order a pixel's splats are blended: by the camera z of their means, one order for all pixels; or by that of
+// the pixel's own hits, so that nothing pops when the camera turns (docs/math.md 5.1).
+enum class SplatOrder { global, perPixel };
+// bilinear, or faded to the texture's mean as its texels get smaller than a pixel (docs/math.md 3.1).
+enum class TextureFilter { bilinear, footprint };
+// screen: no Gaussian is narrower than about a pixel, and its opacity makes up for it (docs/math.md 1.4).
+enum class Antialiasing { off, screen };
+
+// The names on command lines: "depth-median", "per-pixel", ... Nothing for any other text.
+std::string_view name(Output output);
+std::string_view name(SplatOrder order);
+std::string_view name(TextureFilter filter);
+std::string_view name(Antialiasing antialiasing);
+std::optional<Output> parseOutput(std::string_view text);
+std::optional<SplatOrder> parseSplatOrder(std::string_view text);
+std::optional<TextureFilter> parseTextureFilter(std::string_view text);
+std::optional<Antialiasing> parseAntialiasing(std::string_view text);
+
+// World space, faces included.
+struct CropBox {
+  glm::vec3 min{0.0f};
+  glm::vec3 max{0.0f};
+  bool operator==(const CropBox&) const = default;
+};
+
+struct RenderSettings {
+  TextureMode textures = TextureMode::rgba;       // switches terms off; what counts is model mode AND this
+  std::optional<IntersectionModel> intersection;  // default: the model's
+  glm::vec3 background{0.0f};
+
+  OutputSet outputs = kBlendedOutputs;  // what the frame must hold; asking for the picture alone is the fastest
+  SplatOrder order = SplatOrder::global;
+  TextureFilter texture_filter = TextureFilter::bilinear;
+  Antialiasing antialiasing = Antialiasing::off;
+  float opacity_scale = 1.0f;   // >= 0: on the opacity after the sigmoid; the product is cut at 1
+  float splat_scale = 1.0f;     // > 0: on every sigma
+  int max_sh_degree = 3;        // 0..3: higher bands of the model are left out
+  float near = kNear;           // [world units] > 0: no mean and no hit at or before this camera z is drawn
+  std::optional<CropBox> crop;  // Gaussians whose mean lies outside are not drawn
+
+  bool operator==(const RenderSettings&) const = default;
+};
+// Throws Error(usage) naming the first member that breaks a promise above. Every backend calls it.
+void checkSettings(const RenderSettings& settings);
+
+// Everything one pass over the splats yields, row-major, top row first, one entry per pixel. A member holds pixels when
+// its output was asked for and is empty otherwise, unless the backend had it anyway. With w_i = T_i alpha_i of the
+// blended splats, front to back, and T the transmittance that is left:
+template <typename T>
+struct FrameT {
+  using Color = glm::vec<3, T>;
+  int width = 0;
+  int height = 0;
+  std::vector<Color> picture;     // final, in frames without base and texture
+  std::vector<Color> base;        // sum w_i c_base_i + T background
+  std::vector<Color> texture;     // sum w_i c_texture_i (0 where no texture applies)
+  std::vector<T> alpha;           // 1 - T
+  std::vector<T> depth;           // sum w_i t_i / sum w_i: expected camera z of the hit; 0 where nothing is hit
+  std::vector<Color> normal;      // sum w_i n_i, camera space, n_i = shortest axis turned to the camera
+  std::vector<T> count;           // number of blended splats
+  std::vector<T> depth_median;    // camera z of the hit that takes T below 1/2; 0 where none does
+  std::vector<T> overdraw;        // number of hits with alpha >= kAlphaMin, those behind the last blended one included
+  std::vector<Color> ellipsoids;  // the Gaussians as solid, lit surfaces at one sigma, nearest first, or background
+  std::vector<Color> centers;     // a dot of 1.5 px radius in the base colour at every mean, nearest first
+  // sum w_i d_i / sum w_i over the textured splats, d_i texels per pixel length at the mean (docs/math.md 3.1); 0 where
+  // none is blended
+  std::vector<T> texel_density;
+  // base + texture, exactly, before any clamp.
+  Color color(std::size_t pixel) const { return base.empty() ? picture[pixel] : base[pixel] + texture[pixel]; }
+
+  FrameT() = default;
+  // Zeros. Base and texture come together; so does final with them, and alone it is `picture`.
+  FrameT(int w, int h, OutputSet outputs = kBlendedOutputs) : width(w), height(h) {
+    const std::size_t n = static_cast<std::size_t>(w) * static_cast<std::size_t>(h);
+    const auto make = [&](auto& pixels, bool wanted) { pixels.resize(wanted ? n : 0); };
+    const bool split = outputs.hasAny({Output::base, Output::texture});
+    make(picture, !split && outputs.has(Output::final));
+    make(base, split);
+    make(texture, split);
+    make(alpha, outputs.has(Output::alpha));
+    make(depth, outputs.has(Output::depth));
+    make(normal, outputs.has(Output::normal));
+    make(count, outputs.has(Output::count));
+    make(depth_median, outputs.has(Output::depthMedian));
+    make(overdraw, outputs.has(Output::overdraw));
+    make(ellipsoids, outputs.has(Output::ellipsoids));
+    make(centers, outputs.has(Output::centers));
+    make(texel_density, outputs.has(Output::texelDensity));
+  }
 };
 using Frame = FrameT<float>;
 
-// One output as numbers: final / base / texture / normal 3 channels, alpha / depth / count 1 channel. Not clamped.
+// One output as numbers: 3 channels for colours and normals, else 1. Not clamped. Throws Error(usage) when the frame
+// does not hold it.
 Image extract(const Frame& frame, Output output);
-// One output as a picture in [0,1], 3 channels: texture as 0.5 + value / 2, normal as 0.5 + n / 2 with x right, y up and
-// z to the viewer, depth as near = bright over its range, count as a heat map with white = highest.
-Image visualize(const Frame& frame, Output output);
+// One output as a picture in [0,1], 3 channels: texture as 0.5 + value / 2, normal as 0.5 + n / 2 with x right, y up
+// and z to the viewer, depths as near = bright over their range, count and overdraw as a heat map with white = highest,
+// texel density as a heat map of its logarithm from 1/64 (black) to 4 (white) texels a pixel. exposure_stops: final and
+// base times 2^stops before they are clamped. Throws as extract does.
+Image visualize(const Frame& frame, Output output, float exposure_stops = 0.0f);
 
 struct PassTime {
   std::string name;
@@ -67,12 +166,17 @@ class Renderer {
   virtual ~Renderer() = default;
   // Keeps what it needs; the argument may go away.
   virtual void setModel(const GaussianModel& model) = 0;
-  // All outputs. Throws Error(device) when the device fails, Error(usage) before setModel or for an empty camera.
+  // settings.outputs at least. Throws Error(device) when the device fails, Error(usage) before setModel, for an empty
+  // camera, for settings that checkSettings() refuses, and for those that this backend cannot do, with their name.
   virtual Frame render(const Camera& camera, const RenderSettings& settings) = 0;
   // Of the last frame, in order of execution.
   virtual std::vector<PassTime> passTimes() const = 0;
   virtual std::string deviceName() const = 0;
 };
+
+// For backends that cannot do all of RenderSettings yet. Throws Error(usage) naming the first output outside of
+// `outputs`, or the first setting beyond textures, intersection and background that is not its default.
+void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend);
 
 std::unique_ptr<Renderer> makeCpuRenderer();  // render/cpu
 

@@ -78,7 +78,13 @@ IntersectionModel parseIntersection(const std::string& text, const std::string& 
 
 Output parseShow(const std::string& text, const std::string& what) {
   const auto output = parseOutput(text);
-  if (!output) refuse(what, text, "final, base, texture, alpha, depth, normal or count");
+  if (!output) {
+    std::string names;
+    for (unsigned k = 0; k < kOutputKinds; ++k) {
+      names += (k == 0 ? "" : k + 1 == kOutputKinds ? " or " : ", ") + std::string(name(static_cast<Output>(k)));
+    }
+    refuse(what, text, names);
+  }
   return *output;
 }
 
@@ -141,6 +147,7 @@ RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
   settings.textures = options.textures;
   settings.intersection = options.intersection;
   settings.background = options.background.value_or(background);
+  settings.outputs = {options.show};
   return settings;
 }
 

@@ -130,7 +130,9 @@ void PictureMaker::drawVulkan(Loaded& loaded, const PictureRequest& request, con
 }
 
 void PictureMaker::drawCpu(Loaded& loaded, const PictureRequest& request, const PictureImage& target) {
-  const Image picture = visualize(loaded.renderer->render(request.camera, request.settings), request.output);
+  RenderSettings settings = request.settings;
+  settings.outputs = {request.output};
+  const Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output);
   const VkDeviceSize bytes = VkDeviceSize{4} * picture.width * picture.height;
   if (staging_.size() < bytes) {
     staging_ = {};  // the old one makes room

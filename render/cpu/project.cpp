@@ -228,6 +228,8 @@ glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
 float opacity(float logit) { return 1.0f / (1.0f + std::exp(-logit)); }
 
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
+  checkSettings(settings);
+  requireBlendingDefaults(settings, kBlendedOutputs, "the CPU renderer");
   if (camera.width <= 0 || camera.height <= 0 || !(camera.fx > 0.0) || !(camera.fy > 0.0)) {
     throw Error(ErrorKind::usage, "camera " + camera.name,
                 "empty image or focal length (expected sizes above 0, found " + std::to_string(camera.width) + " x " +

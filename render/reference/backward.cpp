@@ -65,7 +65,7 @@ void addHit(const Scene& scene, const ReferenceOptions& options, const Blended& 
   const Splat& splat = scene.splats[blended.splat];
   const ReferenceHit& hit = blended.hit;
   SplatSums& sum = sums.splats[blended.splat];
-  const auto at = *reference::intersect(splat, direction, scene.intersection);
+  const auto at = *reference::intersect(splat, direction, scene.intersection, scene.near);
   sum.v_base += v_color;
 
   const bool clamped = splat.opacity * hit.value * hit.texture_alpha >= reference::kAlphaMax;
@@ -168,6 +168,7 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
     throw Error(ErrorKind::usage, "reference: picture gradient of the wrong size (expected " + std::to_string(pixels) +
                                       " pixels, found " + std::to_string(v_color.size()) + ")");
   }
+  requireBlendingDefaults(settings, settings.outputs, "the backward pass");
   const Scene scene = reference::makeScene(model, camera, settings, options);
 
   // Bands of rows, their number fixed: every sum is taken in one order whatever the number of threads.

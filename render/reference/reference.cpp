@@ -2,6 +2,8 @@
 // The oracle's forward pass.
 #include "render/reference/reference.h"
 
+#include <limits>
+
 #include "core/parallel.h"
 #include "render/reference/splat.h"
 
@@ -19,29 +21,93 @@ ReferenceModel::ReferenceModel(const GaussianModel& model)
       rects(model.atlas.rects),
       texels(model.atlas.texels.begin(), model.atlas.texels.end()) {}
 
+namespace {
+
+// The outputs that blending yields, of one pixel.
+void blendPixel(const reference::Scene& scene, glm::dvec3 direction, std::size_t pixel, FrameT<double>& frame) {
+  glm::dvec3 base(0.0), texture(0.0), normal(0.0);
+  double weight_sum = 0.0, weighted_t = 0.0, count = 0.0, median = 0.0;
+  double textured_weight = 0.0, weighted_density = 0.0;
+  const auto visit = [&](const reference::Splat& splat, const ReferenceHit& hit) {
+    const double weight = hit.transmittance * hit.alpha;
+    base += weight * hit.base;
+    texture += weight * hit.texture;
+    normal += weight * splat.normal;
+    count += 1.0;
+    weighted_t += weight * hit.t;
+    weight_sum += weight;
+    if (hit.transmittance >= 0.5 && hit.transmittance * (1.0 - hit.alpha) < 0.5) median = hit.t;
+    if (splat.rect.texelCount() > 0) {
+      textured_weight += weight;
+      weighted_density += weight * hit.texel_density;
+    }
+  };
+  const double transmittance = reference::blend(scene, direction, visit);
+  base += transmittance * scene.background;
+  const auto put = [&](auto& pixels, auto value) {
+    if (!pixels.empty()) pixels[pixel] = value;
+  };
+  put(frame.picture, base + texture);
+  put(frame.base, base);
+  put(frame.texture, texture);
+  put(frame.alpha, 1.0 - transmittance);
+  put(frame.depth, weight_sum > 0.0 ? weighted_t / weight_sum : 0.0);
+  put(frame.normal, normal);
+  put(frame.count, count);
+  put(frame.depth_median, median);
+  put(frame.texel_density, textured_weight > 0.0 ? weighted_density / textured_weight : 0.0);
+}
+
+double overdraw(const reference::Scene& scene, glm::dvec3 direction) {
+  double count = 0.0;
+  for (const reference::Splat& splat : scene.splats) {
+    const auto hit = reference::hitSplat(scene, splat, direction);
+    if (hit && hit->alpha >= reference::kAlphaMin) count += 1.0;
+  }
+  return count;
+}
+
+glm::dvec3 ellipsoidColor(const reference::Scene& scene, glm::dvec3 direction) {
+  glm::dvec3 color = scene.background;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const reference::Splat& splat : scene.splats) {
+    const auto entry = reference::enterEllipsoid(scene, splat, direction);
+    if (!entry || entry->t >= nearest) continue;
+    nearest = entry->t;
+    const double lambert = -glm::dot(entry->normal, glm::normalize(direction));
+    color = splat.base * glm::mix(reference::kEllipsoidAmbient, 1.0, lambert);
+  }
+  return color;
+}
+
+glm::dvec3 centerColor(const reference::Scene& scene, glm::dvec2 position) {
+  const Camera& camera = scene.camera;
+  for (const reference::Splat& splat : scene.splats) {  // the nearest mean first
+    const glm::dvec3 mean_c =
+        camera.camera_from_world_rotation * scene.model.mean[splat.gaussian] + camera.camera_from_world_translation;
+    const glm::dvec2 at(mean_c.x / mean_c.z * camera.fx + camera.cx, mean_c.y / mean_c.z * camera.fy + camera.cy);
+    if (glm::distance(at, position) <= reference::kCenterRadius) return splat.base;
+  }
+  return scene.background;
+}
+
+}  // namespace
+
 FrameT<double> renderReference(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,
                                const ReferenceOptions& options) {
   const reference::Scene scene = reference::makeScene(model, camera, settings, options);
-  FrameT<double> frame(camera.width, camera.height);
+  FrameT<double> frame(camera.width, camera.height, settings.outputs);
   parallelFor(camera.height, 1, [&](std::int64_t y) {
     for (int x = 0; x < camera.width; ++x) {
       const std::size_t pixel = static_cast<std::size_t>(y) * camera.width + x;
-      double weight_sum = 0.0;
-      double weighted_t = 0.0;
-      const auto direction = reference::rayDirection(camera, x + 0.5, y + 0.5);
-      const auto visit = [&](const reference::Splat& splat, const ReferenceHit& hit) {
-        const double weight = hit.transmittance * hit.alpha;
-        frame.base[pixel] += weight * hit.base;
-        frame.texture[pixel] += weight * hit.texture;
-        frame.normal[pixel] += weight * splat.normal;
-        frame.count[pixel] += 1.0;
-        weighted_t += weight * hit.t;
-        weight_sum += weight;
-      };
-      const double transmittance = reference::blend(scene, direction, visit);
-      frame.base[pixel] += transmittance * scene.background;
-      frame.alpha[pixel] = 1.0 - transmittance;
-      frame.depth[pixel] = weight_sum > 0.0 ? weighted_t / weight_sum : 0.0;
+      const glm::dvec2 position(x + 0.5, y + 0.5);
+      const glm::dvec3 direction = reference::rayDirection(camera, position.x, position.y);
+      if (settings.outputs.hasAny(kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity})) {
+        blendPixel(scene, direction, pixel, frame);
+      }
+      if (!frame.overdraw.empty()) frame.overdraw[pixel] = overdraw(scene, direction);
+      if (!frame.ellipsoids.empty()) frame.ellipsoids[pixel] = ellipsoidColor(scene, direction);
+      if (!frame.centers.empty()) frame.centers[pixel] = centerColor(scene, position);
     }
   });
   return frame;

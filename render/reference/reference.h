@@ -35,6 +35,7 @@ struct ReferenceHit {
   double texel_u = 0, texel_v = 0;           // texel coordinates (ut, vt); 0 outside the texture
   double texture_alpha = 1;                  // a_tex
   glm::dvec3 base{0.0}, texture{0.0};
+  double texel_density = 0;                  // [texels / px] of the splat, at its mean
   double alpha = 0, transmittance = 1;       // transmittance before this hit
 };
 

@@ -8,6 +8,107 @@
 namespace tg::reference {
 namespace {
 
+glm::dvec3 cameraFromWorld(const Camera& camera, glm::dvec3 x) {
+  return camera.camera_from_world_rotation * x + camera.camera_from_world_translation;
+}
+
+glm::dmat3 localFromWorld(const glm::dmat3& rotation, glm::dvec3 scale) {
+  glm::dmat3 m;
+  for (int k = 0; k < 3; ++k) {
+    for (int j = 0; j < 3; ++j) m[j][k] = rotation[k][j] / scale[k];
+  }
+  return m;
+}
+
+// The area of the Gaussian's shadow in the direction of the eye, up to a factor that its scale does not change.
+double shadow(const Splat& s, glm::dvec3 scale, glm::dvec3 eye_from_mean, IntersectionModel model) {
+  if (model == IntersectionModel::plane) return scale[s.a] * scale[s.b];
+  return scale.x * scale.y * scale.z * glm::length(localFromWorld(s.rotation, scale) * eye_from_mean);
+}
+
+// docs/math.md 1.4
+void antialias(const Camera& camera, glm::dvec3 eye_from_mean, IntersectionModel model, Splat& s) {
+  const double pixel = s.z / std::max(camera.fx, camera.fy);
+  const glm::dvec3 wider = glm::sqrt(s.scale * s.scale + kScreenVariance * pixel * pixel);
+  s.opacity *= shadow(s, s.scale, eye_from_mean, model) / shadow(s, wider, eye_from_mean, model);
+  s.scale = wider;
+}
+
+// How far a hit at the mean moves in the local frame for one pixel along `step` (docs/math.md 3.1).
+glm::dvec3 moveOfHit(const Splat& s, glm::dvec3 step, IntersectionModel model) {
+  const glm::dvec3 d = s.o / -s.z;
+  const glm::dvec3 dd = s.m * step;
+  const double along = model == IntersectionModel::plane ? dd[s.c] / d[s.c] : glm::dot(d, dd) / glm::dot(d, d);
+  return s.z * (dd - along * d);
+}
+
+double texelDensity(const Scene& scene, const Splat& s) {
+  if (s.rect.texelCount() == 0) return 0.0;
+  if (scene.intersection == IntersectionModel::plane && std::abs(s.o[s.c] / s.z) < kPlaneMinCosine) return 0.0;
+  const glm::dmat3 world_from_camera = glm::transpose(scene.camera.camera_from_world_rotation);
+  const glm::dvec3 x = moveOfHit(s, world_from_camera[0] / scene.camera.fx, scene.intersection);
+  const glm::dvec3 y = moveOfHit(s, world_from_camera[1] / scene.camera.fy, scene.intersection);
+  const double texels = (s.rect.width - 1) * (s.rect.height - 1) / (4 * kTextureExtent * kTextureExtent);
+  return std::sqrt(texels * std::abs(x[s.a] * y[s.b] - x[s.b] * y[s.a]));
+}
+
+// The mean of a texture under its Gaussian.
+glm::dvec4 textureMean(const ReferenceModel& model, const TextureRect& rect) {
+  const std::vector<double> across = texelShares(rect.width);
+  const std::vector<double> down = texelShares(rect.height);
+  glm::dvec4 mean(0.0);
+  for (std::size_t j = 0; j < down.size(); ++j) {
+    for (std::size_t i = 0; i < across.size(); ++i) {
+      mean += across[i] * down[j] * model.texels[rect.offset + j * rect.width + i];
+    }
+  }
+  return mean;
+}
+
+bool inside(const CropBox& box, glm::dvec3 x) {
+  return glm::all(glm::lessThanEqual(glm::dvec3(box.min), x)) && glm::all(glm::lessThanEqual(x, glm::dvec3(box.max)));
+}
+
+Splat makeSplat(const Scene& scene, const RenderSettings& settings, std::uint32_t i) {
+  const ReferenceModel& model = scene.model;
+  const glm::dvec3 mean_c = cameraFromWorld(scene.camera, model.mean[i]);
+  Splat s;
+  s.gaussian = i;
+  s.z = mean_c.z;
+  s.opacity = std::min(1.0, settings.opacity_scale / (1.0 + std::exp(-model.opacity_logit[i])));
+  s.rotation = rotationMatrix(model.rotation[i]);
+  s.scale = glm::exp(model.log_scale[i]);
+  const LocalAxes axes = localAxes(s.scale);
+  s.a = axes.a;
+  s.b = axes.b;
+  s.c = axes.c;
+  s.scale *= static_cast<double>(settings.splat_scale);
+  if (settings.antialiasing == Antialiasing::screen) {
+    antialias(scene.camera, scene.eye - model.mean[i], scene.intersection, s);
+  }
+  s.m = localFromWorld(s.rotation, s.scale);
+  s.o = s.m * (scene.eye - model.mean[i]);
+  s.normal = scene.camera.camera_from_world_rotation * s.rotation[s.c];
+  if (glm::dot(s.normal, mean_c) > 0.0) s.normal = -s.normal;
+  s.distance = glm::length(model.mean[i] - scene.eye);
+  s.direction = (model.mean[i] - scene.eye) / s.distance;
+  const auto basis = shBasis(s.direction);
+  const int bands = std::min(model.sh_degree, settings.max_sh_degree) + 1;
+  glm::dvec3 color(0.5);
+  for (int k = 0; k < bands * bands; ++k) color += basis[k] * model.sh[std::size_t{i} * model.shCount() + k];
+  s.base_clamped = glm::lessThanEqual(color, glm::dvec3(0.0));
+  s.base = glm::max(color, glm::dvec3(0.0));
+  if (!model.rects.empty() && (scene.texture_rgb || scene.texture_alpha)) s.rect = model.rects[i];
+  s.texel_density = texelDensity(scene, s);
+  if (settings.texture_filter == TextureFilter::footprint && s.rect.texelCount() > 0) {
+    s.footprint = std::clamp(std::log2(s.texel_density), 0.0, 1.0);
+    s.texture_mean = textureMean(model, s.rect);
+  }
+  return s;
+}
+
+}  // namespace
+
 glm::dmat3 rotationMatrix(glm::dvec4 quaternion) {
   const glm::dvec4 q = quaternion / glm::length(quaternion);
   const double w = q[0], x = q[1], y = q[2], z = q[3];
@@ -17,61 +118,30 @@ glm::dmat3 rotationMatrix(glm::dvec4 quaternion) {
   return {r0, r1, r2};
 }
 
-int indexOfSmallest(glm::dvec3 s) {
+LocalAxes localAxes(glm::dvec3 scale) {
   int c = 0;
   for (int k = 1; k < 3; ++k) {
-    if (s[k] < s[c]) c = k;
+    if (scale[k] < scale[c]) c = k;
   }
-  return c;
+  return {c == 0 ? 1 : 0, c == 2 ? 1 : 2, c};
 }
-
-glm::dvec3 cameraFromWorld(const Camera& camera, glm::dvec3 x) {
-  return camera.camera_from_world_rotation * x + camera.camera_from_world_translation;
-}
-
-Splat makeSplat(const Scene& scene, std::uint32_t i) {
-  const ReferenceModel& model = scene.model;
-  const glm::dvec3 mean_c = cameraFromWorld(scene.camera, model.mean[i]);
-  Splat s;
-  s.gaussian = i;
-  s.z = mean_c.z;
-  s.opacity = 1.0 / (1.0 + std::exp(-model.opacity_logit[i]));
-  s.rotation = rotationMatrix(model.rotation[i]);
-  s.scale = glm::exp(model.log_scale[i]);
-  s.c = indexOfSmallest(s.scale);
-  s.a = s.c == 0 ? 1 : 0;
-  s.b = s.c == 2 ? 1 : 2;
-  for (int k = 0; k < 3; ++k) {
-    for (int j = 0; j < 3; ++j) s.m[j][k] = s.rotation[k][j] / s.scale[k];
-  }
-  s.o = s.m * (scene.eye - model.mean[i]);
-  s.normal = scene.camera.camera_from_world_rotation * s.rotation[s.c];
-  if (glm::dot(s.normal, mean_c) > 0.0) s.normal = -s.normal;
-  s.distance = glm::length(model.mean[i] - scene.eye);
-  s.direction = (model.mean[i] - scene.eye) / s.distance;
-  const auto basis = shBasis(s.direction);
-  glm::dvec3 color(0.5);
-  for (int k = 0; k < model.shCount(); ++k) color += basis[k] * model.sh[std::size_t{i} * model.shCount() + k];
-  s.base_clamped = glm::lessThanEqual(color, glm::dvec3(0.0));
-  s.base = glm::max(color, glm::dvec3(0.0));
-  if (!model.rects.empty()) s.rect = model.rects[i];
-  return s;
-}
-
-}  // namespace
 
 Scene makeScene(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,
                 const ReferenceOptions& options) {
   const unsigned mode = static_cast<unsigned>(model.texture_mode) & static_cast<unsigned>(settings.textures);
+  checkSettings(settings);
   Scene scene{model, camera, glm::dvec3(settings.background), camera.position()};
   scene.texture_alpha = (mode & static_cast<unsigned>(TextureMode::alpha)) != 0;
   scene.texture_rgb = (mode & static_cast<unsigned>(TextureMode::rgb)) != 0;
   scene.intersection = settings.intersection.value_or(model.intersection);
+  scene.order = settings.order;
+  scene.near = settings.near;
   scene.cutoffs = options.cutoffs;
   for (std::uint32_t i = 0; i < model.size(); ++i) {
-    const double opacity = 1.0 / (1.0 + std::exp(-model.opacity_logit[i]));
-    if (cameraFromWorld(camera, model.mean[i]).z <= kNear || opacity * 255.0 <= 1.0) continue;
-    scene.splats.push_back(makeSplat(scene, i));
+    if (cameraFromWorld(camera, model.mean[i]).z <= scene.near) continue;
+    if (settings.crop && !inside(*settings.crop, model.mean[i])) continue;
+    const Splat splat = makeSplat(scene, settings, i);
+    if (splat.opacity * 255.0 > 1.0) scene.splats.push_back(splat);
   }
   // Depths are compared as float, as every other renderer does, so that ties fall alike: lower index first.
   std::stable_sort(scene.splats.begin(), scene.splats.end(),
@@ -135,7 +205,7 @@ std::array<glm::dvec3, 16> shBasisGradient(glm::dvec3 direction) {
           -c33 * dvec3(3 * x * x - 3 * y * y, -6 * x * y, 0)};
 }
 
-std::optional<Intersection> intersect(const Splat& splat, glm::dvec3 direction, IntersectionModel model) {
+std::optional<Intersection> intersect(const Splat& splat, glm::dvec3 direction, IntersectionModel model, double near) {
   const glm::dvec3 o = splat.o;
   const glm::dvec3 d = splat.m * direction;
   Intersection hit;
@@ -149,8 +219,23 @@ std::optional<Intersection> intersect(const Splat& splat, glm::dvec3 direction, 
     hit.t = -glm::dot(o, d) / glm::dot(d, d);
     hit.p = o + hit.t * d;
   }
-  if (hit.t <= kNear) return std::nullopt;
+  if (hit.t <= near) return std::nullopt;
   return hit;
+}
+
+std::optional<Entry> enterEllipsoid(const Scene& scene, const Splat& splat, glm::dvec3 direction) {
+  const glm::dvec3 o = splat.o;
+  const glm::dvec3 d = splat.m * direction;
+  const double dd = glm::dot(d, d);
+  const double middle = -glm::dot(o, d) / dd;
+  const glm::dvec3 nearest = o + middle * d;
+  const double square = (1.0 - glm::dot(nearest, nearest)) / dd;
+  if (square < 0.0) return std::nullopt;
+  Entry entry;
+  entry.t = middle - std::sqrt(square);
+  if (entry.t <= scene.near) return std::nullopt;
+  entry.normal = glm::normalize(glm::transpose(splat.m) * (o + entry.t * d));
+  return entry;
 }
 
 std::optional<TextureSample> sampleTexture(const ReferenceModel& model, const TextureRect& rect, double u, double v) {

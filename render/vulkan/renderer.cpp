@@ -105,6 +105,8 @@ class RendererImpl final : public VulkanRenderer {
   // Buffers, passes and uniforms of the next frame.
   void prepare(const Camera& camera, const RenderSettings& settings, std::optional<Output> shown) {
     if (!pairs_) throw Error(ErrorKind::usage, "a frame needs a model: setModel() comes first");
+    checkSettings(settings);
+    requireBlendingDefaults(settings, kBlendedOutputs, "the Vulkan renderer");
     if (camera.width <= 0 || camera.height <= 0) {
       throw Error(ErrorKind::usage, "camera \"" + camera.name + "\"",
                   "the image is empty (" + std::to_string(camera.width) + " x " + std::to_string(camera.height) + ")");

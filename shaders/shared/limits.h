@@ -12,6 +12,9 @@ const float kTransmittanceStop = 1e-4f;       // = (1 - kAlphaMax)^2: two opaque
 const float kNear = 0.2f;                     // [world units] 3DGS near plane, for the mean's depth and for a hit's t
 const float kTextureExtent = 3.0f;            // [sigma] a texture covers [-3,3]^2 (paper: clip at +-3 sigma)
 const float kPlaneMinCosine = 1e-9f;          // |d_l[c]| below this: the ray lies in the plane, no hit
+const float kScreenVariance = 0.1f;           // [px^2] of the screen-space low-pass (Mip-Splatting)
+const float kEllipsoidAmbient = 0.25f;        // share of the light that a lit ellipsoid gets edge-on
+const float kCenterRadius = 1.5f;             // [px] of a dot at a Gaussian's mean
 const float kShC0 = 0.28209479177387814f;     // sqrt(1/(4 pi))
 
 // Texture modes and intersection models as they cross host and device (core/model.h has the enum classes).
@@ -30,6 +33,11 @@ const uint kOutputAlpha = 3u;
 const uint kOutputDepth = 4u;
 const uint kOutputNormal = 5u;
 const uint kOutputCount = 6u;
+const uint kOutputDepthMedian = 7u;
+const uint kOutputOverdraw = 8u;
+const uint kOutputEllipsoids = 9u;
+const uint kOutputCenters = 10u;
+const uint kOutputTexelDensity = 11u;
 
 TG_NAMESPACE_END
 #endif

@@ -109,6 +109,42 @@ TG_FN bool splatBox(vec3 mean_c, mat3 axes_c, vec3 scale, float radius, bool fla
   return ok_x && ok_y;
 }
 
+// Screen-space low-pass (docs/math.md 1.4): the wider sigmas of a Gaussian whose mean lies at camera z `z`. focal: the
+// larger of fx and fy [px].
+TG_FN vec3 antialiasedScale(vec3 scale, float z, float focal) {
+  float pixel = z / focal;
+  float add = kScreenVariance * pixel * pixel;
+  return vec3(sqrt(scale.x * scale.x + add), sqrt(scale.y * scale.y + add), sqrt(scale.z * scale.z + add));
+}
+// The factor on the opacity that goes with it. Scales ordered (a, b, c); length_before, length_after: |d0| of the two.
+TG_FN float antialiasedOpacity(vec3 scale, vec3 wider, float length_before, float length_after, bool flat_c) {
+  float flat_part = (scale.x / wider.x) * (scale.y / wider.y);
+  return flat_c ? flat_part : flat_part * (scale.z / wider.z) * (length_before / length_after);
+}
+
+// [texels / px] of a texture of size_u x size_v texels at the splat's mean (docs/math.md 3.1).
+TG_FN float texelDensity(vec3 wx, vec3 wy, vec3 d0, uint size_u, uint size_v, uint model) {
+  vec2 across;
+  vec2 down;
+  if (model == kIntersectPlane) {
+    if (d0.z < kPlaneMinCosine && d0.z > -kPlaneMinCosine) return 0.0f;
+    float inv = 1.0f / d0.z;
+    across = vec2(-wx.y * inv, wx.x * inv);
+    down = vec2(-wy.y * inv, wy.x * inv);
+  } else {
+    float inv = 1.0f / dot(d0, d0);
+    across = vec2((d0.y * wx.z - d0.z * wx.y) * inv, (d0.z * wx.x - d0.x * wx.z) * inv);
+    down = vec2((d0.y * wy.z - d0.z * wy.y) * inv, (d0.z * wy.x - d0.x * wy.z) * inv);
+  }
+  float area = across.x * down.y - across.y * down.x;
+  float texels = float(size_u - 1u) * float(size_v - 1u) / (4.0f * kTextureExtent * kTextureExtent);
+  return sqrt(texels * max(area, -area));
+}
+// The share of the texture's mean in every sample of a splat under the footprint filter.
+TG_FN float footprintShare(float texel_density) {
+  return texel_density <= 1.0f ? 0.0f : min(log(texel_density) * 1.4426950408889634f, 1.0f);
+}
+
 // Where a pixel's ray meets a splat.
 struct Hit {
   vec2 uv;     // [sigma] along a and b

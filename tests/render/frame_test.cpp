@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The outputs of a frame by name, as numbers and as pictures.
+#include "core/error.h"
 #include "render/renderer.h"
 #include "support/catch.h"
 
@@ -27,7 +28,16 @@ std::vector<float> firstPixel(const Image& image) { return {image.data.begin(), 
 }  // namespace
 
 TEST_CASE("outputs are found by their names and by no others") {
-  for (Output output : kOutputs) CHECK(parseOutput(name(output)) == output);
+  for (unsigned k = 0; k < kOutputKinds; ++k) {
+    const auto output = static_cast<Output>(k);
+    CHECK(parseOutput(name(output)) == output);
+  }
+  CHECK(name(Output::depthMedian) == "depth-median");
+  CHECK(name(Output::texelDensity) == "texel-density");
+  CHECK(parseSplatOrder("per-pixel") == SplatOrder::perPixel);
+  CHECK(parseTextureFilter("footprint") == TextureFilter::footprint);
+  CHECK(parseAntialiasing("screen") == Antialiasing::screen);
+  CHECK_FALSE(parseSplatOrder("perPixel"));
   CHECK(name(Output::final) == "final");
   CHECK(name(Output::count) == "count");
   for (const char* text : {"", "Final", "final ", "rgb"}) CHECK_FALSE(parseOutput(text));
@@ -57,6 +67,33 @@ TEST_CASE("visualize gives pictures between 0 and 1") {
   // y up, z to the viewer
   CHECK(firstPixel(visualize(frame, Output::normal)) == std::vector<float>{0.5f, 0.75f, 0.75f});
   CHECK(firstPixel(visualize(frame, Output::count)) == std::vector<float>{1.0f, 1.0f, 1.0f});
+}
+
+TEST_CASE("exposure brightens the colours before they are clamped, and nothing else") {
+  const Frame frame = twoPixels();
+  CHECK(firstPixel(visualize(frame, Output::base, -1.0f)) == std::vector<float>{0.25f, 0.125f, 0.75f});
+  CHECK(firstPixel(visualize(frame, Output::final, 1.0f)) == std::vector<float>{1.0f, 0.0f, 1.0f});
+  CHECK(firstPixel(visualize(frame, Output::texture, 1.0f)) == firstPixel(visualize(frame, Output::texture)));
+}
+
+TEST_CASE("a frame gives no output that it does not hold") {
+  const Frame picture(2, 1, {Output::final});
+  CHECK(extract(picture, Output::final).data == std::vector<float>(6, 0.0f));
+  for (const Output output : {Output::base, Output::alpha, Output::overdraw, Output::centers}) {
+    CHECK_THROWS_AS(extract(picture, output), Error);
+    CHECK_THROWS_AS(visualize(picture, output), Error);
+  }
+}
+
+TEST_CASE("texel density is shown by its logarithm on a fixed scale") {
+  Frame frame(4, 1, {Output::texelDensity});
+  frame.texel_density = {0.0f, 1.0f / 64, 0.25f, 4.0f};
+  const Image image = visualize(frame, Output::texelDensity);
+  CHECK(image.at(0, 0, 0) == 0.0f);
+  CHECK(image.at(1, 0, 0) == 0.0f);
+  CHECK(image.at(2, 0, 0) == 1.0f);
+  CHECK(image.at(2, 0, 1) == Approx(0.5f));
+  CHECK(image.at(3, 0, 2) == 1.0f);
 }
 
 TEST_CASE("a depth picture is brightest where it is near and black where nothing is") {

@@ -210,7 +210,7 @@ TEST_CASE("splat records reproduce the float64 intersection of every kind of Gau
         const vec2 delta = focal * (vec2(point) / point.z - vec2(s.mean_c) / s.mean_c.z);
         const glm::dvec2 center = glm::dvec2(glm::dvec3(s.mean_c)) / double{s.mean_c.z};
         const glm::dvec3 direction(center + glm::dvec2(delta) / glm::dvec2(focal), 1.0);
-        const auto expected = reference::intersect(exact, direction, intersection);
+        const auto expected = reference::intersect(exact, direction, intersection, kNear);
         Hit hit;
         const bool found = intersectRecord(s.record, intersection, delta, hit);
         if (!expected || std::abs(expected->t - kNear) < 1e-3) continue;
@@ -248,7 +248,7 @@ TEST_CASE("splat records keep the digits that the closed form loses") {
     const reference::Splat exact = exactSplat(s);
     const glm::dvec2 center = glm::dvec2(glm::dvec3(s.mean_c)) / double{s.mean_c.z};
     const glm::dvec3 direction(center + glm::dvec2(delta) / 1000.0, 1.0);
-    const auto expected = reference::intersect(exact, direction, IntersectionModel::maxResponse);
+    const auto expected = reference::intersect(exact, direction, IntersectionModel::maxResponse, kNear);
     const double power = glm::dot(expected->p, expected->p);
     Hit hit;
     REQUIRE(intersectRecord(s.record, IntersectionModel::maxResponse, delta, hit));

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// The reference's walk along one ray, over those Gaussians only that the ray can meet.
+#include "render/inspect.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel.h"
+#include "render/reference/reference.h"
+#include "render/reference/splat.h"
+
+namespace tg {
+namespace {
+
+// Gaussians whose sphere around all that can be seen of them meets the ray, ascending. The sphere holds the ellipsoid
+// of the visible radius, antialiased or not; the margin covers float rounding of exp.
+std::vector<std::uint32_t> nearRay(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
+                                   glm::dvec3 direction) {
+  constexpr std::size_t kChunk = 16384;
+  constexpr double kRadius = 3.33 * 1.001;  // [sigma] sqrt(2 ln 255): the most an opacity of 1 shows
+  const glm::dvec3 eye = camera.position();
+  const glm::dvec3 along = glm::normalize(direction);
+  // At distance s from the eye a pixel is at most s / focal; its share of the widened sigma follows.
+  const double spread = settings.antialiasing == Antialiasing::screen
+                            ? std::sqrt(reference::kScreenVariance) / std::max(camera.fx, camera.fy)
+                            : 0.0;
+  const std::size_t chunks = (model.size() + kChunk - 1) / kChunk;
+  std::vector<std::vector<std::uint32_t>> found(chunks);
+  parallelFor(static_cast<std::int64_t>(chunks), 1, [&](std::int64_t chunk) {
+    const std::size_t begin = static_cast<std::size_t>(chunk) * kChunk;
+    const std::size_t end = std::min(model.size(), begin + kChunk);
+    for (std::size_t i = begin; i < end; ++i) {
+      const glm::dvec3 from_eye = glm::dvec3(model.mean[i]) - eye;
+      const glm::dvec3 off_ray = glm::cross(from_eye, along);
+      const glm::vec3 log_scale = model.log_scale[i];
+      const double sigma = settings.splat_scale * std::exp(std::max({log_scale.x, log_scale.y, log_scale.z}));
+      const double reach = kRadius * (sigma + spread * glm::length(from_eye));
+      // Not "beyond": numbers that overflow stay in.
+      if (!(glm::dot(off_ray, off_ray) > reach * reach)) found[chunk].push_back(static_cast<std::uint32_t>(i));
+    }
+  });
+  std::vector<std::uint32_t> all;
+  for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
+  return all;
+}
+
+GaussianModel pick(const GaussianModel& model, const std::vector<std::uint32_t>& indices) {
+  GaussianModel part;
+  part.sh_degree = model.sh_degree;
+  part.texture_mode = model.texture_mode;
+  part.intersection = model.intersection;
+  for (const std::uint32_t i : indices) {
+    part.mean.push_back(model.mean[i]);
+    part.rotation.push_back(model.rotation[i]);
+    part.log_scale.push_back(model.log_scale[i]);
+    part.opacity_logit.push_back(model.opacity_logit[i]);
+    const auto sh = model.sh.begin() + static_cast<std::ptrdiff_t>(i) * model.shCount();
+    part.sh.insert(part.sh.end(), sh, sh + model.shCount());
+    if (model.atlas.rects.empty()) continue;
+    TextureRect rect = model.atlas.rects[i];
+    const auto texels = model.atlas.texels.begin() + rect.offset;
+    rect.offset = static_cast<std::uint32_t>(part.atlas.texels.size());
+    part.atlas.texels.insert(part.atlas.texels.end(), texels, texels + rect.texelCount());
+    part.atlas.rects.push_back(rect);
+  }
+  return part;
+}
+
+}  // namespace
+
+std::vector<PixelHit> inspectPixel(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
+                                   glm::ivec2 pixel) {
+  const double x = pixel.x + 0.5;
+  const double y = pixel.y + 0.5;
+  checkSettings(settings);
+  const auto candidates = nearRay(model, camera, settings, reference::rayDirection(camera, x, y));
+  const ReferenceModel part(pick(model, candidates));
+  std::vector<PixelHit> hits;
+  for (const ReferenceHit& hit : traceReference(part, camera, settings, x, y)) {
+    hits.push_back({candidates[hit.gaussian],
+                    hit.t,
+                    hit.value,
+                    {hit.u, hit.v},
+                    hit.texture_alpha,
+                    hit.alpha,
+                    hit.transmittance,
+                    hit.transmittance * hit.alpha,
+                    hit.base,
+                    hit.texture});
+  }
+  return hits;
+}
+
+std::array<glm::dvec3, 4> textureSquare(const GaussianModel& model, std::size_t index, double splat_scale) {
+  const glm::dvec3 scale = splat_scale * glm::exp(glm::dvec3(model.log_scale[index]));
+  const glm::dmat3 rotation = reference::rotationMatrix(model.rotation[index]);
+  const reference::LocalAxes axes = reference::localAxes(scale);
+  const glm::dvec3 mean = model.mean[index];
+  const glm::dvec3 u = reference::kTextureExtent * scale[axes.a] * rotation[axes.a];
+  const glm::dvec3 v = reference::kTextureExtent * scale[axes.b] * rotation[axes.b];
+  return {mean - u - v, mean + u - v, mean + u + v, mean - u + v};
+}
+
+}  // namespace tg
