@@ -1,8 +1,9 @@
 #version 450
 // SPDX-License-Identifier: Apache-2.0
-// One group per tile, 2 x 2 pixels per thread. The tile's splats come front to back, 64 at a time, through shared
-// memory. A bit per splat and block of 4 x 4 pixels says whether its screen box touches the block, and a thread looks
-// only at the splats of its block: most splats are smaller than a tile.
+// A tile's splats front to back into its pixels: one group per tile, a square of kSide x kSide pixels per thread. A
+// thread looks only at the splats that touch its block of 4 x 4 pixels: the pairs' keys have a bit for each block.
+// Threads go their own ways through the list, without shared memory or barriers: what a thread loads of a splat serves
+// all its pixels.
 //
 // A dispatch does at most pass.count list entries of a tile, from number pass.first on: one driver ends every loop of a
 // thread after 65535 rounds without a word. Longer lists continue in the next dispatch from the sums stored here, which
@@ -13,219 +14,190 @@
 #include "shared/splat.h"
 #include "shared/texture.h"
 
-const uint kThreads = 64u;
-const uint kThreadSide = 2u;  // [px]
-const uint kPixels = 4u;      // of a thread
-const uint kBlockSide = 4u;   // [px]
-const uint kBlocks = 16u;     // of a tile, 4 to a row, 4 threads to a block
-const uint kBatch = kThreads;
-const uint kWords = kBatch / 32u;
-layout(local_size_x = kThreads) in;
-layout(constant_id = 0) const bool kGeometry = true;   // depth, normal and count are wanted
-layout(constant_id = 1) const uint kTexelShift = 31u;  // log2(texels per buffer); 31: all are in the first
+layout(local_size_x_id = 1) in;
+layout(constant_id = 0) const bool kAll = true;        // all outputs; otherwise base holds the final colour alone
+layout(constant_id = 2) const uint kSide = 2u;         // [px] of a thread: 1, 2 or 4; threads: (kTileSize / kSide)^2
+layout(constant_id = 3) const bool kTextured = true;   // some splat has a texture and its terms are on
 
-layout(std430, binding = 0) readonly buffer TileRanges { uvec2 tile_ranges[]; };             // [tiles]
-layout(std430, binding = 1) readonly buffer Splats { uint pair_splats[]; };                  // [pairs]
-layout(std430, binding = 2) readonly buffer Center { vec4 splat_center_depth_opacity[]; };   // [N] the members of Splat
-layout(std430, binding = 3) readonly buffer Wx { vec4 splat_wx_r[]; };
-layout(std430, binding = 4) readonly buffer Wy { vec4 splat_wy_g[]; };
-layout(std430, binding = 5) readonly buffer Dx { vec4 splat_dx_b[]; };
-layout(std430, binding = 6) readonly buffer Dy { vec4 splat_dy_offset[]; };
-layout(std430, binding = 7) readonly buffer D0 { vec4 splat_d0_size[]; };
-layout(std430, binding = 8) readonly buffer Texels0 { uvec2 texels0[]; };                    // 4 halfs: r, g, b, alpha
-layout(std430, binding = 9) readonly buffer Texels1 { uvec2 texels1[]; };
-layout(std430, binding = 10) readonly buffer Texels2 { uvec2 texels2[]; };
-layout(std430, binding = 11) readonly buffer Texels3 { uvec2 texels3[]; };
-layout(std430, binding = 12) buffer BaseTransmittance { vec4 base_transmittance[]; };        // [pixels]
-layout(std430, binding = 13) buffer TextureDepth { vec4 texture_depth[]; };                  // [pixels]
-layout(std430, binding = 14) buffer NormalCount { vec4 normal_count[]; };                    // [pixels]
-layout(std430, binding = 15) readonly buffer PixelRects { uvec2 pixel_rects[]; };            // [N] see project.comp
+layout(binding = 0) uniform usamplerBuffer pair_keys;    // [pairs / 4] tile << kBlockBits | blocks, four to a texel
+layout(binding = 1) uniform usamplerBuffer pair_splats;  // [pairs]
+layout(binding = 2) uniform usamplerBuffer records;      // [N, 8] SplatRecord
+layout(binding = 3) uniform samplerBuffer texels;        // 4 halfs: r, g, b, alpha
+layout(std430, binding = 4) buffer CountersBlock { Counters counters; };
+layout(std430, binding = 5) readonly buffer TileRanges { uvec2 tile_ranges[]; };       // [tiles]
+layout(std430, binding = 6) buffer BaseTransmittance { vec4 base_transmittance[]; };   // [pixels]
+layout(std430, binding = 7) buffer TextureDepth { vec4 texture_depth[]; };             // [pixels]
+layout(std430, binding = 8) buffer NormalCount { vec4 normal_count[]; };               // [pixels]
 
+const uint kPixels = kSide * kSide;
+const uint kBlockSide = 4u;  // [px]
+const uint kBlockThreadsPerSide = kBlockSide / kSide;
+const uint kBlockThreads = kBlockThreadsPerSide * kBlockThreadsPerSide;
+const float kHalfLog2E = 0.72134752044448170;  // exp(-x / 2) = exp2(-kHalfLog2E x)
 // 2 ln 255 = 11.08: beyond, alpha < kAlphaMin for every opacity. Written so that no-number fails it.
 const float kPowerMax = 12.0;
 
-struct Pixel {
-  vec3 base;
-  float transmittance;
-  vec3 tint;  // the texture's share of the colour
-  float depth;
-  vec3 normal;
-  float count;
-  bool done;
-};
-
-shared Splat batch[kBatch];
-shared vec4 batch_normals[kBatch];
-// Twice, for even and odd batches: one is cleared while the other is read.
-shared uint block_splats[2][kBlocks * kWords];  // which splats of the batch each block sees
-shared uint live[2];                            // some pixel of the tile still takes splats
-
-// The shortest axis in camera space, turned to the camera. It is the third row of what makeSplat() composed.
-vec3 splatNormal(Splat s) {
-  vec2 center = vec2(s.center_depth_opacity.x - view.focal_center.z, s.center_depth_opacity.y - view.focal_center.w);
-  float z = s.d0_size.z - center.x * s.dx_b.z - center.y * s.dy_offset.z;
-  vec3 axis = normalize(vec3(s.dx_b.z * view.focal_center.x, s.dy_offset.z * view.focal_center.y, z));
-  return s.d0_size.z > 0.0 ? -axis : axis;  // d0.z has the sign of axis . mean
-}
-
-vec4 fetchTexel(uint index) {
-  uint local = index & ((1u << kTexelShift) - 1u);
-  uvec2 bits;
-  switch (kTexelShift == 31u ? 0u : index >> kTexelShift) {
-    case 0u: bits = texels0[local]; break;
-    case 1u: bits = texels1[local]; break;
-    case 2u: bits = texels2[local]; break;
-    default: bits = texels3[local]; break;
-  }
-  return vec4(unpackHalf2x16(bits.x), unpackHalf2x16(bits.y));
+vec4 fetchRecord(uint splat, uint member) {
+  return uintBitsToFloat(texelFetch(records, int(splat * kRecordSize + member)));
 }
 
 vec4 fetchTexture(vec2 uv, uint offset, uint size) {
   uint width = size & 0xFFFFu;
   TextureTap u = textureTap(uv.x, width);
   TextureTap v = textureTap(uv.y, size >> 16u);
-  vec4 top = mix(fetchTexel(offset + v.i0 * width + u.i0), fetchTexel(offset + v.i0 * width + u.i1), u.fraction);
-  vec4 bottom = mix(fetchTexel(offset + v.i1 * width + u.i0), fetchTexel(offset + v.i1 * width + u.i1), u.fraction);
+  int row0 = int(offset + v.i0 * width);
+  int row1 = int(offset + v.i1 * width);
+  vec4 top = mix(texelFetch(texels, row0 + int(u.i0)), texelFetch(texels, row0 + int(u.i1)), u.fraction);
+  vec4 bottom = mix(texelFetch(texels, row1 + int(u.i0)), texelFetch(texels, row1 + int(u.i1)), u.fraction);
   return mix(top, bottom, v.fraction);
 }
 
-void blendSplat(Splat s, vec3 normal, vec2 center, inout Pixel pixel) {
-  if (pixel.done) return;
-  Hit hit;
-  vec2 delta = center - s.center_depth_opacity.xy;
-  if (!intersectSplat(s.wx_r.xyz, s.wy_g.xyz, s.dx_b.xyz, s.dy_offset.xyz, s.d0_size.xyz, s.center_depth_opacity.z,
-                      view.intersection, delta, hit)) {
-    return;
-  }
-  if (!(hit.power < kPowerMax)) return;
-  float alpha = s.center_depth_opacity.w * exp(-0.5 * hit.power);
-  vec3 tint = vec3(0.0);
-  uint size = floatBitsToUint(s.d0_size.w);
-  if (view.texture_mode != kModeNone && size != 0u && insideTexture(hit.uv)) {
-    vec4 texel = fetchTexture(hit.uv, floatBitsToUint(s.dy_offset.w), size);
-    if ((view.texture_mode & kModeAlpha) != 0u) alpha *= texel.w;
-    if ((view.texture_mode & kModeRgb) != 0u) tint = texel.xyz;
-  }
-  alpha = min(kAlphaMax, alpha);
-  if (!(alpha >= kAlphaMin)) return;
-  float transmittance = pixel.transmittance * (1.0 - alpha);
-  if (transmittance < kTransmittanceStop) {
-    pixel.done = true;
-    return;
-  }
-  float weight = pixel.transmittance * alpha;
-  pixel.base += weight * vec3(s.wx_r.w, s.wy_g.w, s.dx_b.w);
-  pixel.tint += weight * tint;
-  if (kGeometry) {
-    pixel.depth += weight * hit.t;
-    pixel.normal += weight * normal;
-    pixel.count += 1.0;
-  }
-  pixel.transmittance = transmittance;
-}
+// Sums of a thread's pixels. A pixel that takes no more splats has its transmittance negated.
+float transmittances[kPixels];
+vec3 bases[kPixels];  // with the texture's share unless kAll
+vec3 tints[kPixels];  // the texture's share of the colour
+float depths[kPixels];
+vec3 normals[kPixels];
+float counts[kPixels];
 
-// A pixel that takes no more splats is stored with its transmittance negated.
-Pixel loadPixel(uvec2 at) {
-  Pixel pixel = Pixel(vec3(0.0), 1.0, vec3(0.0), 0.0, vec3(0.0), 0.0, at.x >= view.width || at.y >= view.height);
-  if (pass.first > 0u && !pixel.done) {
-    uint i = at.y * view.width + at.x;
-    pixel.base = base_transmittance[i].xyz;
-    pixel.transmittance = abs(base_transmittance[i].w);
-    pixel.done = base_transmittance[i].w < 0.0;
-    pixel.tint = texture_depth[i].xyz;
-    if (kGeometry) {
-      pixel.depth = texture_depth[i].w;
-      pixel.normal = normal_count[i].xyz;
-      pixel.count = normal_count[i].w;
+void blendSplat(uint splat, vec2 first_center) {
+  vec4 center_depth_opacity = fetchRecord(splat, 0u);
+  vec4 w_r = fetchRecord(splat, 1u);
+  vec4 d_g = fetchRecord(splat, 2u);
+  vec4 e_b = fetchRecord(splat, 3u);
+  vec4 u_offset = kTextured ? fetchRecord(splat, 4u) : vec4(0.0);
+  vec4 v_size = kTextured ? fetchRecord(splat, 5u) : vec4(0.0);
+  vec3 normal = kAll ? fetchRecord(splat, 6u).xyz : vec3(0.0);
+  vec3 base = vec3(w_r.w, d_g.w, e_b.w);
+  uint size = floatBitsToUint(v_size.w);
+  vec2 offset = first_center - center_depth_opacity.xy;
+  [[unroll]] for (uint row = 0u; row < kSide; ++row) {
+    float y = offset.y + float(row);
+    // What a row has in common; see SplatRecord.
+    float w_rest = w_r.z * y * w_r.z * y;
+    float w_start = w_r.x * offset.x + w_r.y * y;
+    float d_start = d_g.x * offset.x + d_g.y * y;
+    float s = e_b.x * y + e_b.y;
+    float d_rest = s * s + e_b.z * e_b.z;
+    float t_rest = e_b.y * s + e_b.z * e_b.z;
+    float shift_rest = e_b.x * y * s;
+    [[unroll]] for (uint column = 0u; column < kSide; ++column) {
+      const uint j = row * kSide + column;
+      float w = w_start + w_r.x * float(column);
+      float d_moved = d_start + d_g.x * float(column);  // D - d0
+      float d = d_moved + d_g.z;
+      float inverse = 1.0 / (d * d + d_rest);
+      float power = (w * w + w_rest) * inverse;
+      float t = (d_g.z * d + t_rest) * inverse;  // in units of the mean's depth
+      float alpha = center_depth_opacity.w * exp2(-kHalfLog2E * power);
+      bool hit = power < kPowerMax && t * center_depth_opacity.z > kNear;
+      vec3 tint = vec3(0.0);
+      if (kTextured) {
+        float shift = -(d_moved * d + shift_rest) * inverse;  // t - 1
+        vec2 delta = vec2(offset.x + float(column), y);
+        vec2 uv = vec2(shift * u_offset.x + t * (u_offset.y * delta.x + u_offset.z * delta.y),
+                       shift * v_size.x + t * (v_size.y * delta.x + v_size.z * delta.y));
+        vec4 texel = fetchTexture(uv, floatBitsToUint(u_offset.w), size);
+        if (size != 0u && insideTexture(uv)) {
+          if ((view.texture_mode & kModeAlpha) != 0u) alpha *= texel.w;
+          if ((view.texture_mode & kModeRgb) != 0u) tint = texel.xyz;
+        }
+      }
+      alpha = min(kAlphaMax, alpha);
+      hit = hit && alpha >= kAlphaMin;
+      float before = transmittances[j];
+      float after = before * (1.0 - alpha);
+      bool take = hit && after >= kTransmittanceStop;
+      transmittances[j] = take ? after : hit ? -abs(before) : before;
+      float weight = take ? before * alpha : 0.0;
+      if (kAll) {
+        bases[j] += weight * base;
+        tints[j] += weight * tint;
+        depths[j] += weight * t * center_depth_opacity.z;
+        normals[j] += weight * normal;
+        counts[j] += take ? 1.0 : 0.0;
+      } else {
+        bases[j] += weight * (base + tint);
+      }
     }
   }
-  return pixel;
 }
 
-void storePixel(uvec2 at, Pixel pixel, bool finish) {
+void loadPixel(uint j, uvec2 at) {
+  bool outside = at.x >= view.width || at.y >= view.height;
+  transmittances[j] = outside ? -1.0 : 1.0;
+  bases[j] = vec3(0.0);
+  tints[j] = vec3(0.0);
+  depths[j] = 0.0;
+  normals[j] = vec3(0.0);
+  counts[j] = 0.0;
+  if (pass.first == 0u || outside) return;
+  uint i = at.y * view.width + at.x;
+  vec4 stored = base_transmittance[i];
+  bases[j] = stored.xyz;
+  transmittances[j] = stored.w;
+  if (kAll) {
+    tints[j] = texture_depth[i].xyz;
+    depths[j] = texture_depth[i].w;
+    normals[j] = normal_count[i].xyz;
+    counts[j] = normal_count[i].w;
+  }
+}
+
+void storePixel(uint j, uvec2 at, bool finish) {
   if (at.x >= view.width || at.y >= view.height) return;
   uint i = at.y * view.width + at.x;
-  float transmittance = pixel.transmittance;
-  if (finish) {
-    pixel.base += transmittance * view.background.xyz;
-    pixel.depth = pixel.count > 0.0 ? pixel.depth / (1.0 - transmittance) : 0.0;
-  } else if (pixel.done) {
-    transmittance = -transmittance;
-  }
-  base_transmittance[i] = vec4(pixel.base, transmittance);
-  texture_depth[i] = vec4(pixel.tint, pixel.depth);
-  if (kGeometry) normal_count[i] = vec4(pixel.normal, pixel.count);
+  float transmittance = finish ? abs(transmittances[j]) : transmittances[j];
+  vec3 background = finish ? transmittance * view.background.xyz : vec3(0.0);
+  base_transmittance[i] = vec4(bases[j] + background, transmittance);
+  if (!kAll) return;
+  float depth = finish ? (counts[j] > 0.0 ? depths[j] / (1.0 - transmittance) : 0.0) : depths[j];
+  texture_depth[i] = vec4(tints[j], depth);
+  normal_count[i] = vec4(normals[j], counts[j]);
 }
 
-// The blocks of this tile that a screen box [px, ends inclusive] touches, a bit each.
-uint touchedBlocks(uvec2 rect) {
-  ivec2 origin = ivec2(gl_WorkGroupID.xy * kTileSize);
-  ivec2 first = clamp(ivec2(rect.x & 0xFFFFu, rect.x >> 16u) - origin, 0, int(kTileSize) - 1) / int(kBlockSide);
-  ivec2 last = clamp(ivec2(rect.y & 0xFFFFu, rect.y >> 16u) - origin, 0, int(kTileSize) - 1) / int(kBlockSide);
-  uint columns = (2u << last.x) - (1u << first.x);
-  uint rows = (2u << (4 * last.y)) - (1u << (4 * first.y));
-  return columns * (rows & 0x1111u);
-}
-
-// Puts a list entry at this thread's place of an even (0) or odd (1) batch.
-void stage(uint entry, uint parity) {
-  uint thread = gl_LocalInvocationIndex;
-  uint i = pair_splats[entry];
-  batch[thread] = Splat(splat_center_depth_opacity[i], splat_wx_r[i], splat_wy_g[i], splat_dx_b[i], splat_dy_offset[i],
-                        splat_d0_size[i]);
-  if (kGeometry) batch_normals[thread] = vec4(splatNormal(batch[thread]), 0.0);
-  for (uint blocks = touchedBlocks(pixel_rects[i]); blocks != 0u; blocks &= blocks - 1u) {
-    atomicOr(block_splats[parity][uint(findLSB(blocks)) * kWords + thread / 32u], 1u << (thread % 32u));
-  }
+bool allDone() {
+  float largest = transmittances[0];
+  [[unroll]] for (uint j = 1u; j < kPixels; ++j) largest = max(largest, transmittances[j]);
+  return largest < 0.0;
 }
 
 void main() {
   uint thread = gl_LocalInvocationIndex;
-  uvec2 range = tile_ranges[gl_WorkGroupID.y * view.tiles_x + gl_WorkGroupID.x];
+  uint tile = gl_WorkGroupID.y * view.tiles_x + gl_WorkGroupID.x;
+  uvec2 range = tile_ranges[tile];
   uint length = range.y - range.x;
+  if (thread == 0u && pass.first == 0u) atomicMax(counters.longest_list, length);
   if (pass.first > 0u && pass.first >= length) return;  // finished by an earlier dispatch
-  uint begin = range.x + pass.first;
+  uint begin = range.x + min(pass.first, length);
   uint end = begin + min(length - pass.first, pass.count);
 
-  uint block = thread / 4u;
-  uvec2 in_block = uvec2(thread % 2u, thread / 2u % 2u) * kThreadSide;
-  uvec2 at = gl_WorkGroupID.xy * kTileSize + uvec2(block % 4u, block / 4u) * kBlockSide + in_block;
-  Pixel pixels[kPixels];
-  bool done = true;
-  [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
-    pixels[j] = loadPixel(at + uvec2(j % kThreadSide, j / kThreadSide));
-    done = done && pixels[j].done;
-  }
+  uint block = thread / kBlockThreads;
+  uint in_block = thread % kBlockThreads;
+  uvec2 at = gl_WorkGroupID.xy * kTileSize + uvec2(block % 4u, block / 4u) * kBlockSide +
+             uvec2(in_block % kBlockThreadsPerSide, in_block / kBlockThreadsPerSide) * kSide;
+  [[unroll]] for (uint j = 0u; j < kPixels; ++j) loadPixel(j, at + uvec2(j % kSide, j / kSide));
+  vec2 first_center = vec2(at) + 0.5;
 
-  if (thread < kBlocks * kWords) block_splats[0][thread] = 0u;
-  if (thread == 0u) live[0] = 0u;
-  barrier();
-  uint parity = 0u;
-  for (uint first = begin; first < end; first += kBatch, parity ^= 1u) {
-    if (first + thread < end) stage(first + thread, parity);
-    if (!done) live[parity] = 1u;
-    barrier();
-    if (live[parity] == 0u) break;
-    if (thread < kBlocks * kWords) block_splats[parity ^ 1u][thread] = 0u;
-    if (thread == 0u) live[parity ^ 1u] = 0u;
-    for (uint word = 0u; word < kWords; ++word) {
-      uint splats = block_splats[parity][block * kWords + word];
-      while (splats != 0u && !done) {
-        uint k = word * 32u + uint(findLSB(splats));
-        splats &= splats - 1u;
-        Splat s = batch[k];
-        vec3 normal = kGeometry ? batch_normals[k].xyz : vec3(0.0);
-        done = true;
-        [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
-          blendSplat(s, normal, vec2(at + uvec2(j % kThreadSide, j / kThreadSide)) + 0.5, pixels[j]);
-          done = done && pixels[j].done;
-        }
-      }
+  uint quad = begin / 4u;
+  uint quads = (end + 3u) / 4u;
+  uint hits = 0u;  // which pairs of the quad before `quad` touch the block and are still to come
+  bool done = allDone();
+  while (!done) {
+    while (hits == 0u && quad < quads) {
+      uvec4 bits = texelFetch(pair_keys, int(quad)) >> block & 1u;
+      hits = bits.x | bits.y << 1u | bits.z << 2u | bits.w << 3u;
+      uint base = quad * 4u;
+      if (base < begin) hits &= 0xFu << (begin - base);
+      if (base + 4u > end) hits &= 0xFu >> (base + 4u - end);
+      ++quad;
     }
-    barrier();
+    if (hits == 0u) break;
+    uint pair = (quad - 1u) * 4u + uint(findLSB(hits));
+    hits &= hits - 1u;
+    blendSplat(texelFetch(pair_splats, int(pair)).x, first_center);
+    done = allDone();
   }
   bool finish = pass.first + pass.count >= length;
-  [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
-    storePixel(at + uvec2(j % kThreadSide, j / kThreadSide), pixels[j], finish);
-  }
+  [[unroll]] for (uint j = 0u; j < kPixels; ++j) storePixel(j, at + uvec2(j % kSide, j / kSide), finish);
 }

@@ -5,16 +5,16 @@
 #include "pass.glsl"
 
 layout(local_size_x = kGroupSize) in;
-layout(std430, binding = 0) buffer CountersBlock { Counters counters; };
-layout(std430, binding = 1) readonly buffer TileCounts { uint tile_counts[]; };        // [N]
-layout(std430, binding = 2) readonly buffer Offsets { uint offsets[]; };               // [N]
-layout(std430, binding = 3) readonly buffer SplatCenters { vec4 splat_centers[]; };    // [N]
+layout(binding = 0) uniform usamplerBuffer records;                                    // [N, 8] SplatRecord
+layout(std430, binding = 1) buffer CountersBlock { Counters counters; };
+layout(std430, binding = 2) readonly buffer TileCounts { uint tile_counts[]; };        // [N]
+layout(std430, binding = 3) readonly buffer Offsets { uint offsets[]; };               // [N]
 layout(std430, binding = 4) writeonly buffer Keys { uint keys[]; };                    // [visible]
 layout(std430, binding = 5) writeonly buffer Splats { uint splats[]; };                // [visible]
 
 void main() {
   uint i = itemIndex();
   if (i >= counters.work[kWorkGaussians].count || tile_counts[i] == 0u) return;
-  keys[offsets[i]] = floatBitsToUint(splat_centers[i].z);  // depth > kNear > 0: its bits sort like its value
+  keys[offsets[i]] = texelFetch(records, int(i * kRecordSize)).z;  // depth > kNear > 0: its bits sort like its value
   splats[offsets[i]] = i;
 }

@@ -1,26 +1,21 @@
 #version 450
 // SPDX-License-Identifier: Apache-2.0
 // One thread per Gaussian: cull, splat record, base colour, exact screen box and the number of tiles under it. Models
-// that exceed a binding come in chunks: the model's buffers are bound from the chunk's first Gaussian on.
+// whose records exceed a binding come in chunks: the records are bound from the chunk's first Gaussian on.
 #extension GL_GOOGLE_include_directive : require
 #include "pass.glsl"
+#include "shared/record.h"
 #include "shared/sh.h"
-#include "shared/splat.h"
 
 layout(local_size_x = kGroupSize) in;
-layout(std430, binding = 0) readonly buffer MeanLogit { vec4 mean_logit[]; };      // [chunk] mean, opacity logit
-layout(std430, binding = 1) readonly buffer Rotation { vec4 rotation[]; };         // [chunk] w, x, y, z
-layout(std430, binding = 2) readonly buffer ScaleOffset { vec4 scale_offset[]; };  // [chunk] ln(sigma), texel offset
-layout(std430, binding = 3) readonly buffer TextureSize { uint texture_size[]; };  // [chunk] width | height << 16
-layout(std430, binding = 4) readonly buffer Sh { vec4 sh[]; };                     // [chunk, rows, 3] 4 coefficients
-layout(std430, binding = 5) writeonly buffer Center { vec4 center_depth_opacity[]; };  // [N] the members of Splat
-layout(std430, binding = 6) writeonly buffer Wx { vec4 wx_r[]; };
-layout(std430, binding = 7) writeonly buffer Wy { vec4 wy_g[]; };
-layout(std430, binding = 8) writeonly buffer Dx { vec4 dx_b[]; };
-layout(std430, binding = 9) writeonly buffer Dy { vec4 dy_offset[]; };
-layout(std430, binding = 10) writeonly buffer D0 { vec4 d0_size[]; };
-layout(std430, binding = 11) writeonly buffer PixelRects { uvec2 pixel_rects[]; }; // [N] x0 | y0 << 16, x1 | y1 << 16
-layout(std430, binding = 12) writeonly buffer TileCounts { uint tile_counts[]; };  // [N] 0: culled
+layout(binding = 0) uniform samplerBuffer mean_logit;            // [N] mean, opacity logit
+layout(binding = 1) uniform samplerBuffer rotation;              // [N] w, x, y, z
+layout(binding = 2) uniform usamplerBuffer scale_offset;         // [N] ln(sigma), texel offset
+layout(binding = 3) uniform usamplerBuffer texture_size;         // [N] width | height << 16
+layout(binding = 4) uniform samplerBuffer sh;                    // [N, rows, 3] 4 coefficients
+layout(std430, binding = 5) writeonly buffer Records { SplatRecord records[]; };    // [chunk]
+layout(std430, binding = 6) writeonly buffer PixelRects { uvec2 pixel_rects[]; };   // [N] x0 | y0 << 16, x1 | y1 << 16
+layout(std430, binding = 7) writeonly buffer TileCounts { uint tile_counts[]; };    // [N] 0: culled
 
 // Sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a needle without width, or everywhere.
 const float kScaleMin = 1e-18;
@@ -33,8 +28,9 @@ vec3 baseColour(uint i, vec3 dir) {
   shBasis(dir, basis[0], basis[1], basis[2], basis[3]);
   vec3 colour = vec3(0.5);
   for (uint row = 0u; row < rows; ++row) {
-    uint at = (i * rows + row) * 3u;
-    colour += vec3(dot(basis[row], sh[at]), dot(basis[row], sh[at + 1u]), dot(basis[row], sh[at + 2u]));
+    int at = int((i * rows + row) * 3u);
+    colour += vec3(dot(basis[row], texelFetch(sh, at)), dot(basis[row], texelFetch(sh, at + 1)),
+                   dot(basis[row], texelFetch(sh, at + 2)));
   }
   return max(colour, vec3(0.0));
 }
@@ -50,45 +46,52 @@ bool pixelsOfBox(vec4 box, out uvec4 pixels) {
   return true;
 }
 
-void main() {
-  uint i = itemIndex();
-  if (i >= pass.count) return;
-  uint global = pass.first + i;
-  tile_counts[global] = 0u;
+// The shortest axis turned to the camera.
+vec3 facingNormal(vec3 axis, vec3 mean_c) { return dot(axis, mean_c) > 0.0 ? -axis : axis; }
 
-  vec4 mean = mean_logit[i];
+void main() {
+  uint in_chunk = itemIndex();
+  if (in_chunk >= pass.count) return;
+  uint i = pass.first + in_chunk;
+  tile_counts[i] = 0u;
+
+  vec4 mean = texelFetch(mean_logit, int(i));
   vec3 mean_c = (view.camera_from_world * vec4(mean.x, mean.y, mean.z, 1.0)).xyz;
   if (!(mean_c.z > kNear)) return;
   float opacity = 1.0 / (1.0 + exp(-mean.w));
   float radius = visibleRadius(opacity);
   if (!(radius > 0.0)) return;
 
-  vec4 log_scale_offset = scale_offset[i];
-  vec3 scale = exp(log_scale_offset.xyz);
+  uvec4 log_scale_offset = texelFetch(scale_offset, int(i));
+  vec3 scale = exp(uintBitsToFloat(log_scale_offset.xyz));
   if (!(min(scale.x, min(scale.y, scale.z)) > kScaleMin && max(scale.x, max(scale.y, scale.z)) < kScaleMax)) return;
   int c = shortestAxis(scale);
   int a = axisU(c);
   int b = axisV(c);
-  mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(rotation[i]);
+  mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(texelFetch(rotation, int(i)));
   mat3 axes_c = mat3(axes[a], axes[b], axes[c]);
   vec3 scale_c = vec3(scale[a], scale[b], scale[c]);
 
   vec4 box;
+  vec4 outline;
   bool flat_c = view.intersection == kIntersectPlane;
-  bool bounded = splatBox(mean_c, axes_c, scale_c, radius, flat_c, view.focal_center, box);
-  if (!bounded) box = vec4(0.0, 0.0, float(view.width), float(view.height));
+  vec2 size = vec2(float(view.width), float(view.height));
+  splatOutline(mean_c, axes_c, scale_c, radius, flat_c, view.focal_center, size, box, outline);
   uvec4 pixels;
   if (!pixelsOfBox(box, pixels)) return;
 
   vec3 dir = normalize(mean.xyz - view.camera_position.xyz);
   Splat splat = makeSplat(mean_c, axes_c, scale_c, view.focal_center, opacity, baseColour(i, dir));
-  center_depth_opacity[global] = splat.center_depth_opacity;
-  wx_r[global] = splat.wx_r;
-  wy_g[global] = splat.wy_g;
-  dx_b[global] = splat.dx_b;
-  dy_offset[global] = vec4(splat.dy_offset.xyz, log_scale_offset.w);
-  d0_size[global] = vec4(splat.d0_size.xyz, uintBitsToFloat(texture_size[i]));
-  pixel_rects[global] = uvec2(pixels.x | pixels.y << 16u, pixels.z | pixels.w << 16u);
-  uvec4 tiles = pixels / kTileSize;
-  tile_counts[global] = (tiles.z - tiles.x + 1u) * (tiles.w - tiles.y + 1u);
+  splat.dy_offset.w = uintBitsToFloat(log_scale_offset.w);
+  splat.d0_size.w = uintBitsToFloat(texelFetch(texture_size, int(i)).x);
+  SplatRecord record = makeRecord(splat, view.intersection, facingNormal(axes_c[2], mean_c), outline);
+  uint tiles = 0u;
+  for (uint tile_y = pixels.y / kTileSize; tile_y <= pixels.w / kTileSize; ++tile_y) {
+    uint first;
+    tiles += splatTiles(record, pixels, tile_y, first);
+  }
+  if (tiles == 0u) return;
+  records[in_chunk] = record;
+  pixel_rects[i] = uvec2(pixels.x | pixels.y << 16u, pixels.z | pixels.w << 16u);
+  tile_counts[i] = tiles;
 }

@@ -5,15 +5,17 @@
 #include "pass.glsl"
 
 layout(local_size_x = kGroupSize) in;
-layout(std430, binding = 0) buffer CountersBlock { Counters counters; };
-layout(std430, binding = 1) readonly buffer Tiles { uint pair_tiles[]; };     // [pairs], ascending
+layout(binding = 0) uniform usamplerBuffer pair_keys;  // [pairs], ascending by tile
+layout(std430, binding = 1) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 2) writeonly buffer Ranges { uint tile_ranges[]; };  // [tiles, 2] begin, end
+
+uint tileOf(uint pair) { return texelFetch(pair_keys, int(pair)).x >> kBlockBits; }
 
 void main() {
   uint count = counters.work[kWorkPairs].count;
   uint pair = itemIndex();
   if (pair >= count) return;
-  uint tile = pair_tiles[pair];
-  if (pair == 0u || pair_tiles[pair - 1u] != tile) tile_ranges[2u * tile] = pair;
-  if (pair + 1u == count || pair_tiles[pair + 1u] != tile) tile_ranges[2u * tile + 1u] = pair + 1u;
+  uint tile = tileOf(pair);
+  if (pair == 0u || tileOf(pair - 1u) != tile) tile_ranges[2u * tile] = pair;
+  if (pair + 1u == count || tileOf(pair + 1u) != tile) tile_ranges[2u * tile + 1u] = pair + 1u;
 }

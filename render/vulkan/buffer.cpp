@@ -14,7 +14,7 @@ namespace tg {
 namespace {
 
 constexpr VkDeviceSize kStagingBytes = VkDeviceSize{16} << 20;
-constexpr VkDeviceSize kSmallestBuffer = 16;
+constexpr VkDeviceSize kSizeStep = 16;
 
 std::uint32_t findMemoryType(const VulkanDevice& device, std::uint32_t allowed, VkMemoryPropertyFlags wanted) {
   VkPhysicalDeviceMemoryProperties memory;
@@ -56,41 +56,66 @@ VkAccessFlags accessOf(VkPipelineStageFlags stages, bool writes) {
 }  // namespace
 
 Buffer::Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes, Memory memory)
-    : device_(device.device), size_(std::max(bytes, kSmallestBuffer)) {
+    : device_(&device), name_(name), size_(std::max((bytes + kSizeStep - 1) / kSizeStep, VkDeviceSize{1}) * kSizeStep) {
   VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
   info.size = size_;
   info.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
   info.usage |= memory == Memory::host ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT
-                                       : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+                                       : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
+                                             VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
   try {
-    TG_VK(vkCreateBuffer(device_, &info, nullptr, &buffer_));
+    TG_VK(vkCreateBuffer(device.device, &info, nullptr, &buffer_));
     VkMemoryRequirements needs;
-    vkGetBufferMemoryRequirements(device_, buffer_, &needs);
+    vkGetBufferMemoryRequirements(device.device, buffer_, &needs);
     const VkMemoryPropertyFlags flags = memory == Memory::host
                                             ? VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT
                                             : VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
     memory_ = allocate(device, needs, flags, name);
-    TG_VK(vkBindBufferMemory(device_, buffer_, memory_, 0));
+    TG_VK(vkBindBufferMemory(device.device, buffer_, memory_, 0));
     if (memory == Memory::host) {
       void* mapped = nullptr;
-      TG_VK(vkMapMemory(device_, memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
+      TG_VK(vkMapMemory(device.device, memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
       data_ = static_cast<std::byte*>(mapped);
     }
   } catch (...) {
-    vkDestroyBuffer(device_, buffer_, nullptr);
-    vkFreeMemory(device_, memory_, nullptr);
+    vkDestroyBuffer(device.device, buffer_, nullptr);
+    vkFreeMemory(device.device, memory_, nullptr);
     throw;
   }
 }
 
 Buffer::~Buffer() {
   if (!device_) return;
-  vkDestroyBuffer(device_, buffer_, nullptr);
-  vkFreeMemory(device_, memory_, nullptr);
+  for (const auto& [format, view] : views_) vkDestroyBufferView(device_->device, view, nullptr);
+  vkDestroyBuffer(device_->device, buffer_, nullptr);
+  vkFreeMemory(device_->device, memory_, nullptr);
+}
+
+VkBufferView Buffer::view(VkFormat format) const {
+  for (const auto& [known, view] : views_) {
+    if (known == format) return view;
+  }
+  const VkDeviceSize element = format == VK_FORMAT_R32_UINT ? 4 : format == VK_FORMAT_R16G16B16A16_SFLOAT ? 8 : 16;
+  const std::uint32_t most = device_->properties.limits.maxTexelBufferElements;
+  if (size_ / element > most) {
+    throw Error(ErrorKind::device, device_->properties.deviceName,
+                std::string(name_) + ": " + std::to_string(size_ / element) + " elements (expected at most " +
+                    std::to_string(most) + ")");
+  }
+  VkBufferViewCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO};
+  info.buffer = buffer_;
+  info.format = format;
+  info.range = size_ / element * element;
+  VkBufferView view = VK_NULL_HANDLE;
+  TG_VK(vkCreateBufferView(device_->device, &info, nullptr, &view));
+  views_.emplace_back(format, view);
+  return view;
 }
 
 void Buffer::swap(Buffer& other) noexcept {
   std::swap(device_, other.device_);
+  std::swap(name_, other.name_);
+  std::swap(views_, other.views_);
   std::swap(buffer_, other.buffer_);
   std::swap(memory_, other.memory_);
   std::swap(size_, other.size_);

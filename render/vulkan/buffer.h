@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "render/vulkan/vulkan_renderer.h"
@@ -15,7 +16,8 @@ enum class Memory { device, host };  // host: mapped and coherent, for uniforms 
 class Buffer {
  public:
   Buffer() = default;
-  // At least one element of 16 bytes is allocated, so that an empty model binds like any other.
+  // The size is rounded up to 16 bytes, 16 at least: an empty model binds like any other, and buffers of smaller
+  // elements can be read four at a time.
   Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes, Memory memory = Memory::device);
   Buffer(Buffer&& other) noexcept { swap(other); }
   Buffer& operator=(Buffer&& other) noexcept {
@@ -27,15 +29,20 @@ class Buffer {
   VkBuffer handle() const { return buffer_; }
   VkDeviceSize size() const { return size_; }  // [bytes]
   std::byte* data() const { return data_; }    // Memory::host only
+  // All of it as a uniform texel buffer; made at the first call for a format. Throws Error(device) when it has more
+  // elements than the device can bind.
+  VkBufferView view(VkFormat format) const;
 
  private:
   void swap(Buffer& other) noexcept;
 
-  VkDevice device_ = VK_NULL_HANDLE;
+  const VulkanDevice* device_ = nullptr;
+  const char* name_ = "";
   VkBuffer buffer_ = VK_NULL_HANDLE;
   VkDeviceMemory memory_ = VK_NULL_HANDLE;
   VkDeviceSize size_ = 0;
   std::byte* data_ = nullptr;
+  mutable std::vector<std::pair<VkFormat, VkBufferView>> views_;
 };
 
 // The RGBA8 picture that a window copies from.

@@ -6,13 +6,14 @@
 #include <bit>
 
 #include "core/error.h"
+#include "shared/layout.h"
 
 namespace tg {
 namespace {
 
-// Mesa 22.3's llvmpipe ends all loops of a thread after 65535 rounds in total, without a word. blend.comp takes at most
-// 86 rounds for a batch of 64 entries: one per entry, 16 blocks, the batch itself and its words.
-constexpr std::uint32_t kListEntriesOnCpu = 32768;
+// Mesa 22.3's llvmpipe ends all loops of a thread after 65535 rounds in total, without a word; its threads run 4 to 16
+// in step. blend.comp takes a round per entry, and one per four entries for each of 16 threads that go their own ways.
+constexpr std::uint32_t kListEntriesOnCpu = 12288;
 constexpr std::uint32_t kListEntries = 1u << 31;  // no limit
 constexpr std::uint32_t kPresentSide = 16;        // shaders/present.comp
 constexpr std::uint32_t kDepthBits = 32;
@@ -31,54 +32,69 @@ std::uint32_t checkedPixels(const VulkanDevice& device, std::uint32_t width, std
                     " pixels is too large (expected at most " + std::to_string(most) + " pixels and " +
                     std::to_string(limits.maxImageDimension2D) + " to a side)");
   }
+  const std::uint64_t tiles = std::uint64_t{width + kTileSize - 1} / kTileSize * ((height + kTileSize - 1) / kTileSize);
+  if (tiles > kMaxTiles) {
+    throw Error(ErrorKind::device, device.properties.deviceName,
+                "an image of " + std::to_string(width) + " x " + std::to_string(height) +
+                    " pixels is too large (expected at most " + std::to_string(kMaxTiles) + " tiles, found " +
+                    std::to_string(tiles) + ")");
+  }
   return static_cast<std::uint32_t>(pixels);
 }
 
-bool needsGeometry(std::optional<Output> shown) {
-  return !shown || *shown == Output::depth || *shown == Output::normal || *shown == Output::count;
-}
+// The picture alone takes a third of the sums and lets base and texture run together.
+bool pictureAlone(std::optional<Output> shown) { return shown == Output::final || shown == Output::alpha; }
 
 void addProject(PassList& list, const FrameInputs& in) {
   const ModelBuffers& m = in.model;
   const SplatBuffers& s = in.splats;
-  for (std::uint32_t first = 0; first < m.gaussian_count; first += m.chunk) {
-    const std::uint32_t count = std::min(m.chunk, m.gaussian_count - first);
-    const auto part = [&](const Buffer& buffer, VkDeviceSize element_bytes) {
-      return Binding(buffer, first * element_bytes, count * element_bytes);
-    };
+  const std::uint32_t most = in.device.properties.limits.maxStorageBufferRange / sizeof(SplatRecord);
+  const std::uint32_t chunk = most / 2 * 2;  // 256 bytes: the largest alignment of an offset that a device may ask for
+  for (std::uint32_t first = 0; first < m.gaussian_count; first += chunk) {
+    const std::uint32_t count = std::min(chunk, m.gaussian_count - first);
     PassUniforms uniforms{};
     uniforms.first = first;
     uniforms.count = count;
     const glm::uvec4 groups = groupGrid((count + kGroupSize - 1) / kGroupSize);
     list.add("project", Shader::project,
-             {part(m.mean_logit, 16), part(m.rotation, 16), part(m.scale_offset, 16), part(m.texture_size, 4),
-              part(m.sh, m.sh_bytes), s.splat[0], s.splat[1], s.splat[2], s.splat[3], s.splat[4], s.splat[5],
-              s.pixel_rects, s.tile_counts},
+             {{m.mean_logit, VK_FORMAT_R32G32B32A32_SFLOAT},
+              {m.rotation, VK_FORMAT_R32G32B32A32_SFLOAT},
+              {m.scale_offset, VK_FORMAT_R32G32B32A32_UINT},
+              {m.texture_size, VK_FORMAT_R32_UINT},
+              {m.sh, VK_FORMAT_R32G32B32A32_SFLOAT},
+              {s.records, first * sizeof(SplatRecord), count * sizeof(SplatRecord)},
+              s.pixel_rects,
+              s.tile_counts},
              uniforms, Groups::fixed(groups.x, groups.y));
   }
 }
 
-void addBlend(PassList& list, const FrameInputs& in, const Buffer& pair_splats) {
-  const bool on_cpu = in.device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
-  const std::uint32_t entries = on_cpu ? kListEntriesOnCpu : kListEntries;
-  const std::uint32_t longest = std::min(in.model.gaussian_count, in.pairs.capacity);
-  const PassOptions constants{{needsGeometry(in.shown), in.model.texel_shift}};
+void addBlend(PassList& list, const FrameInputs& in, int by_tile) {
+  const bool all = !pictureAlone(in.shown);
+  const std::uint32_t side = all ? 2 : in.tuning.blend_side;
+  const std::uint32_t threads = kTileSize / side * (kTileSize / side);
+  const PassOptions constants{{all, threads, side, in.textured}};
   PassUniforms uniforms{};
-  uniforms.count = entries;
-  do {
+  uniforms.count = listEntriesPerRound(in.tuning);
+  for (std::uint32_t round = 0; round < in.blend_rounds; ++round, uniforms.first += uniforms.count) {
     list.add("blend", Shader::blend,
-             {in.image.tile_ranges, pair_splats, in.splats.splat[0], in.splats.splat[1], in.splats.splat[2],
-              in.splats.splat[3], in.splats.splat[4], in.splats.splat[5], in.model.texels[0], in.model.texels[1],
-              in.model.texels[2], in.model.texels[3], in.image.base_transmittance, in.image.texture_depth,
-              in.image.normal_count, in.splats.pixel_rects},
+             {{in.pairs.keys[by_tile], VK_FORMAT_R32G32B32A32_UINT},
+              {in.pairs.splats[by_tile], VK_FORMAT_R32_UINT},
+              {in.splats.records, VK_FORMAT_R32G32B32A32_UINT},
+              {in.model.texels, VK_FORMAT_R16G16B16A16_SFLOAT},
+              list.counters(),
+              in.image.tile_ranges,
+              in.image.base_transmittance,
+              in.image.texture_depth,
+              in.image.normal_count},
              uniforms, Groups::fixed(in.image.tilesX(), in.image.tilesY()), constants);
-    uniforms.first += entries;
-  } while (uniforms.first < longest);
+  }
 }
 
 void addPresent(PassList& list, const FrameInputs& in) {
   PassUniforms uniforms{};
-  uniforms.output_kind = static_cast<std::uint32_t>(*in.shown);
+  // Where the picture alone was asked for, it lies where the base colour lies otherwise.
+  uniforms.output_kind = static_cast<std::uint32_t>(*in.shown == Output::final ? Output::base : *in.shown);
   if (*in.shown == Output::depth || *in.shown == Output::count) {
     const glm::uvec4 groups = groupGrid((in.image.width * in.image.height + kGroupSize - 1) / kGroupSize);
     list.add("output_range", Shader::outputRange, {list.counters(), in.image.texture_depth, in.image.normal_count},
@@ -94,18 +110,17 @@ void addPresent(PassList& list, const FrameInputs& in) {
 }  // namespace
 
 SplatBuffers::SplatBuffers(const VulkanDevice& device, std::uint32_t gaussian_count)
-    : pixel_rects(device, "screen boxes", VkDeviceSize{gaussian_count} * 8),
+    : records(device, "splat records", VkDeviceSize{gaussian_count} * sizeof(SplatRecord)),
+      pixel_rects(device, "screen boxes", VkDeviceSize{gaussian_count} * 8),
       tile_counts(device, "tile counts", VkDeviceSize{gaussian_count} * 4),
       visible_offsets(device, "visible offsets", VkDeviceSize{gaussian_count} * 4),
       depth_keys(makePingPong(device, "depth keys", VkDeviceSize{gaussian_count} * 4)),
       depth_splats(makePingPong(device, "depth order", VkDeviceSize{gaussian_count} * 4)),
-      pair_offsets(device, "pair offsets", VkDeviceSize{gaussian_count} * 4) {
-  for (Buffer& member : splat) member = Buffer(device, "splats", VkDeviceSize{gaussian_count} * sizeof(glm::vec4));
-}
+      pair_offsets(device, "pair offsets", VkDeviceSize{gaussian_count} * 4) {}
 
 PairBuffers::PairBuffers(const VulkanDevice& device, std::uint32_t room)
     : capacity(room),
-      tiles(makePingPong(device, "pair tiles", VkDeviceSize{room} * 4)),
+      keys(makePingPong(device, "pair keys", VkDeviceSize{room} * 4)),
       splats(makePingPong(device, "pair splats", VkDeviceSize{room} * 4)) {}
 
 ImageBuffers::ImageBuffers(const VulkanDevice& device, std::uint32_t w, std::uint32_t h) : width(w), height(h) {
@@ -117,8 +132,13 @@ ImageBuffers::ImageBuffers(const VulkanDevice& device, std::uint32_t w, std::uin
   picture = StorageImage(device, w, h);
 }
 
+std::uint32_t listEntriesPerRound(const VulkanTuning& tuning) {
+  return tuning.bounded_loops ? kListEntriesOnCpu : kListEntries;
+}
+
 std::uint32_t maxPairCapacity(const VulkanDevice& device) {
-  return device.properties.limits.maxStorageBufferRange / sizeof(std::uint32_t);
+  const VkPhysicalDeviceLimits& limits = device.properties.limits;
+  return std::min<std::uint32_t>(limits.maxStorageBufferRange / sizeof(std::uint32_t), limits.maxTexelBufferElements);
 }
 
 void recordFrameStart(VkCommandBuffer commands, const FrameInputs& in, const Buffer& counters) {
@@ -143,25 +163,38 @@ void buildFrame(PassList& list, const FrameInputs& in) {
           {ScanInput::nonZero, s.tile_counts, s.tile_counts, s.visible_offsets, kWorkGaussians, kWorkVisible,
            in.model.gaussian_count});
   list.add("compact", Shader::compact,
-           {list.counters(), s.tile_counts, s.visible_offsets, s.splat[0], s.depth_keys[0], s.depth_splats[0]}, {},
-           Groups::perItem(kWorkGaussians));
-  const int near_to_far =
-      addSort(list, "sort_depth", in.scratch, s.depth_keys, s.depth_splats, kWorkVisible, kDepthBits);
+           {{s.records, VK_FORMAT_R32G32B32A32_UINT},
+            list.counters(),
+            s.tile_counts,
+            s.visible_offsets,
+            s.depth_keys[0],
+            s.depth_splats[0]},
+           {}, Groups::perItem(kWorkGaussians));
+  const int near_to_far = addSort(list, "sort_depth", in.scratch,
+                                  {s.depth_keys, s.depth_splats, kWorkVisible, 0, kDepthBits, in.tuning.runs});
 
   // A pair for each tile of each splat, in depth order; sorted by tile alone, they stay in depth order within a tile.
   addScan(list, "scan_pairs", in.scratch,
           {ScanInput::ordered, s.tile_counts, s.depth_splats[near_to_far], s.pair_offsets, kWorkVisible, kWorkPairs,
            p.capacity});
   list.add("emit_keys", Shader::emitKeys,
-           {list.counters(), s.depth_splats[near_to_far], s.pair_offsets, s.pixel_rects, p.tiles[0], p.splats[0]}, {},
-           Groups::perItem(kWorkPairs));
+           {{s.records, VK_FORMAT_R32G32B32A32_UINT},
+            list.counters(),
+            s.depth_splats[near_to_far],
+            s.pair_offsets,
+            s.pixel_rects,
+            p.keys[0],
+            p.splats[0]},
+           {}, in.tuning.runs ? Groups::perPartition(kWorkPairs) : Groups::perItem(kWorkPairs), {{in.tuning.runs}});
   const auto tile_bits = static_cast<std::uint32_t>(std::bit_width(in.image.tilesX() * in.image.tilesY() - 1));
-  const int by_tile = addSort(list, "sort_tiles", in.scratch, p.tiles, p.splats, kWorkPairs, tile_bits);
-  list.add("tile_ranges", Shader::tileRanges, {list.counters(), p.tiles[by_tile], in.image.tile_ranges}, {},
+  const int by_tile =
+      addSort(list, "sort_tiles", in.scratch, {p.keys, p.splats, kWorkPairs, kBlockBits, tile_bits, in.tuning.runs});
+  list.add("tile_ranges", Shader::tileRanges,
+           {{p.keys[by_tile], VK_FORMAT_R32_UINT}, list.counters(), in.image.tile_ranges}, {},
            Groups::perItem(kWorkPairs));
 
   // Splats to sums per pixel, sums to a picture.
-  addBlend(list, in, p.splats[by_tile]);
+  addBlend(list, in, by_tile);
   if (in.shown) addPresent(list, in);
 }
 

@@ -12,20 +12,20 @@ namespace tg {
 // Sizes follow from the number of Gaussians N.
 struct SplatBuffers {
   SplatBuffers(const VulkanDevice& device, std::uint32_t gaussian_count);
-  std::array<Buffer, 6> splat;  // [N] vec4 each: the members of Splat (shaders/shared/layout.h)
-  Buffer pixel_rects;           // [N] uvec2: x0 | y0 << 16, x1 | y1 << 16 [px], ends inclusive
-  Buffer tile_counts;           // [N] uint: tiles of the rectangle; 0: culled
-  Buffer visible_offsets;       // [N] uint: visible splats before this one
-  PingPong depth_keys;          // [N] uint: bits of the depth, visible splats only
-  PingPong depth_splats;        // [N] uint: their numbers
-  Buffer pair_offsets;          // [N] uint: first pair of each visible splat, in depth order
+  Buffer records;          // [N] SplatRecord (shaders/shared/layout.h)
+  Buffer pixel_rects;      // [N] uvec2: x0 | y0 << 16, x1 | y1 << 16 [px], ends inclusive
+  Buffer tile_counts;      // [N] uint: tiles of the rectangle; 0: culled
+  Buffer visible_offsets;  // [N] uint: visible splats before this one
+  PingPong depth_keys;     // [N] uint: bits of the depth, visible splats only
+  PingPong depth_splats;   // [N] uint: their numbers
+  Buffer pair_offsets;     // [N] uint: first pair of each visible splat, in depth order
 };
 
 // Sizes follow from the number of (tile, splat) pairs that there is room for.
 struct PairBuffers {
   PairBuffers(const VulkanDevice& device, std::uint32_t room);
   std::uint32_t capacity;
-  PingPong tiles;   // [capacity] uint: tile number
+  PingPong keys;    // [capacity] uint: tile number << kBlockBits | blocks
   PingPong splats;  // [capacity] uint: splat number
 };
 
@@ -45,6 +45,7 @@ struct ImageBuffers {
 };
 
 struct FrameInputs {
+  const VulkanTuning& tuning;
   const VulkanDevice& device;
   const ModelBuffers& model;
   const SplatBuffers& splats;
@@ -52,12 +53,17 @@ struct FrameInputs {
   const ImageBuffers& image;
   const Scratch& scratch;
   std::optional<Output> shown;  // write `picture`; none: all outputs are left in the image's buffers
+  bool textured = false;        // texture terms apply
+  std::uint32_t blend_rounds = 1;
 };
 
 void buildFrame(PassList& list, const FrameInputs& inputs);
 
 // What Counters holds and the ranges are cleared to before the first pass.
 void recordFrameStart(VkCommandBuffer commands, const FrameInputs& inputs, const Buffer& counters);
+
+// List entries of a tile that one dispatch of blend takes; longer lists need FrameInputs::blend_rounds dispatches.
+std::uint32_t listEntriesPerRound(const VulkanTuning& tuning);
 
 // As many pairs as the device can bind.
 std::uint32_t maxPairCapacity(const VulkanDevice& device);

@@ -8,7 +8,7 @@
 #include <glm/gtc/packing.hpp>
 
 #include "core/error.h"
-#include "shared/work.h"
+#include "shared/layout.h"
 
 namespace tg {
 namespace {
@@ -44,43 +44,31 @@ glm::vec4 shElement(const GaussianModel& model, std::size_t element) {
   return value;
 }
 
-void uploadTexels(const VulkanDevice& device, Commands& commands, const GaussianModel& model, ModelBuffers& buffers) {
-  const std::vector<glm::vec4>& texels = model.atlas.texels;
-  const VkDeviceSize most = device.properties.limits.maxStorageBufferRange / kTexelBytes;
-  const bool one = texels.size() <= most;
-  buffers.texel_shift = one ? kOneTexelBuffer : static_cast<std::uint32_t>(std::bit_width(most) - 1);
-  const std::size_t per_buffer = std::size_t{1} << buffers.texel_shift;
-  if (texels.size() > per_buffer * kTexelBuffers) {
-    throw Error(ErrorKind::device, device.properties.deviceName,
-                "the model has " + std::to_string(texels.size()) + " texels, the device binds at most " +
-                    std::to_string(per_buffer * kTexelBuffers));
-  }
-  for (std::uint32_t b = 0; b < kTexelBuffers; ++b) {
-    const std::size_t first = std::min(b * per_buffer, texels.size());
-    const std::size_t count = std::min(per_buffer, texels.size() - first);
-    buffers.texels[b] = uploadArray<std::uint64_t>(device, commands, "texels", count, [&](std::size_t i) {
-      return glm::packHalf4x16(glm::clamp(texels[first + i], -kLargestHalf, kLargestHalf));
-    });
-  }
-}
-
 }  // namespace
 
 ModelBuffers uploadModel(const VulkanDevice& device, Commands& commands, const GaussianModel& model) {
-  const VkDeviceSize binding = device.properties.limits.maxStorageBufferRange;
+  const VkPhysicalDeviceLimits& limits = device.properties.limits;
   const std::size_t count = model.size();
-  if (count * sizeof(glm::vec4) > binding) {
+  // A Gaussian has 8 bytes in storage buffers that are bound whole, and 8 to 12 elements in texel buffers.
+  const std::uint32_t elements = std::max(kRecordSize, shRows(model.sh_degree) * 3);
+  const std::size_t most = std::min(limits.maxStorageBufferRange / 8, limits.maxTexelBufferElements / elements);
+  if (count > most) {
+    throw Error(
+        ErrorKind::device, device.properties.deviceName,
+        "the model has " + std::to_string(count) + " Gaussians, the device binds at most " + std::to_string(most));
+  }
+  const std::vector<glm::vec4>& texels = model.atlas.texels;
+  if (texels.size() > limits.maxTexelBufferElements) {
     throw Error(ErrorKind::device, device.properties.deviceName,
-                "the model has " + std::to_string(count) + " Gaussians, the device binds at most " +
-                    std::to_string(binding / sizeof(glm::vec4)));
+                "the model has " + std::to_string(texels.size()) + " texels, the device binds at most " +
+                    std::to_string(limits.maxTexelBufferElements));
   }
   ModelBuffers buffers;
   buffers.gaussian_count = static_cast<std::uint32_t>(count);
   buffers.sh_degree = static_cast<std::uint32_t>(model.sh_degree);
   buffers.texture_mode = model.texture_mode;
   buffers.intersection = model.intersection;
-  buffers.sh_bytes = shRows(model.sh_degree) * 3 * sizeof(glm::vec4);
-  buffers.chunk = static_cast<std::uint32_t>(binding / buffers.sh_bytes / kGroupSize * kGroupSize);
+  buffers.textured = !model.atlas.rects.empty() && !texels.empty();
 
   const std::vector<TextureRect>& rects = model.atlas.rects;
   buffers.mean_logit = uploadArray<glm::vec4>(device, commands, "means", count, [&](std::size_t i) {
@@ -97,7 +85,9 @@ ModelBuffers uploadModel(const VulkanDevice& device, Commands& commands, const G
   });
   buffers.sh = uploadArray<glm::vec4>(device, commands, "spherical harmonics", count * shRows(model.sh_degree) * 3,
                                       [&](std::size_t i) { return shElement(model, i); });
-  uploadTexels(device, commands, model, buffers);
+  buffers.texels = uploadArray<std::uint64_t>(device, commands, "texels", texels.size(), [&](std::size_t i) {
+    return glm::packHalf4x16(glm::clamp(texels[i], -kLargestHalf, kLargestHalf));
+  });
   return buffers;
 }
 

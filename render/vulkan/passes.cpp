@@ -126,20 +126,40 @@ void addScan(PassList& list, const char* name, const Scratch& scratch, const Sca
            uniforms, groups, input);
 }
 
-int addSort(PassList& list, const char* name, const Scratch& scratch, const PingPong& keys, const PingPong& values,
-            std::uint32_t work, std::uint32_t bits) {
+int addSort(PassList& list, const char* name, const Scratch& scratch, const Sort& sort) {
   PassUniforms uniforms{};
-  uniforms.work = work;
+  uniforms.work = sort.work;
   int from = 0;
-  for (uniforms.shift = 0; uniforms.shift < bits; uniforms.shift += kDigitBits, from = 1 - from) {
+  for (std::uint32_t bit = 0; bit < sort.bits; bit += kDigitBits, from = 1 - from) {
     const int to = 1 - from;
-    list.add(name, Shader::sortCount, {list.counters(), keys[from], scratch.histogram}, uniforms,
-             Groups::perPartition(work));
+    const Buffer& keys = sort.keys[from];
+    const Buffer& values = sort.values[from];
+    const Groups runs = Groups::fixed(kMaxPartitions / kRunThreads);
+    const Groups groups = Groups::perPartition(sort.work);
+    uniforms.shift = sort.first_bit + bit;
+    if (sort.runs) {
+      list.add(name, Shader::sortCountRuns, {{keys, VK_FORMAT_R32_UINT}, list.counters(), scratch.histogram}, uniforms,
+               runs);
+    } else {
+      list.add(name, Shader::sortCount, {list.counters(), keys, scratch.histogram}, uniforms, groups);
+    }
     list.add(name, Shader::sortScan, {list.counters(), scratch.histogram, scratch.digit_totals}, uniforms,
              Groups::fixed(kDigitCount / kDigitsPerScanGroup));
-    list.add(name, Shader::sortScatter,
-             {list.counters(), keys[from], values[from], keys[to], values[to], scratch.histogram, scratch.digit_totals},
-             uniforms, Groups::perPartition(work));
+    if (sort.runs) {
+      list.add(name, Shader::sortScatterRuns,
+               {{keys, VK_FORMAT_R32_UINT},
+                {values, VK_FORMAT_R32_UINT},
+                list.counters(),
+                sort.keys[to],
+                sort.values[to],
+                scratch.histogram,
+                scratch.digit_totals},
+               uniforms, runs);
+    } else {
+      list.add(name, Shader::sortScatter,
+               {list.counters(), keys, values, sort.keys[to], sort.values[to], scratch.histogram, scratch.digit_totals},
+               uniforms, groups);
+    }
   }
   return from;
 }

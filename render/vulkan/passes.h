@@ -105,9 +105,16 @@ void addScan(PassList& list, const char* name, const Scratch& scratch, const Sca
 
 using PingPong = std::array<Buffer, 2>;
 
-// Stable, ascending by the low `bits` of the keys; the items of `work` lie in keys[0], values[0]. Returns which of the
-// two holds the result.
-int addSort(PassList& list, const char* name, const Scratch& scratch, const PingPong& keys, const PingPong& values,
-            std::uint32_t work, std::uint32_t bits);
+// Stable, ascending by `bits` bits of the keys from `first_bit` on; the items of `work` lie in keys[0], values[0].
+struct Sort {
+  const PingPong& keys;
+  const PingPong& values;
+  std::uint32_t work = 0;
+  std::uint32_t first_bit = 0;
+  std::uint32_t bits = 32;
+  bool runs = false;  // a thread per partition instead of a group, for drivers on the CPU
+};
+// Returns which of the two buffers holds the result.
+int addSort(PassList& list, const char* name, const Scratch& scratch, const Sort& sort);
 
 }  // namespace tg

@@ -18,8 +18,10 @@
 #include "scan_reduce_comp.h"
 #include "shared/layout.h"
 #include "sort_count_comp.h"
+#include "sort_count_runs_comp.h"
 #include "sort_scan_comp.h"
 #include "sort_scatter_comp.h"
+#include "sort_scatter_runs_comp.h"
 #include "tile_ranges_comp.h"
 
 namespace tg {
@@ -32,25 +34,28 @@ constexpr std::uint32_t kSetsPerPool = 64;
 
 struct Module {
   std::span<const std::uint32_t> code;
+  std::uint32_t texel_count;
   std::uint32_t buffer_count;
   bool image = false;
 };
 
 // In the order of enum class Shader.
-constexpr std::array<Module, 13> kModules = {{
-    {project_comp, 13},
-    {scan_reduce_comp, 4},
-    {scan_partitions_comp, 2},
-    {scan_apply_comp, 5},
-    {compact_comp, 6},
-    {sort_count_comp, 3},
-    {sort_scan_comp, 3},
-    {sort_scatter_comp, 7},
-    {emit_keys_comp, 6},
-    {tile_ranges_comp, 3},
-    {blend_comp, 16},
-    {output_range_comp, 3},
-    {present_comp, 4, true},
+constexpr std::array<Module, 15> kModules = {{
+    {project_comp, 5, 3},
+    {scan_reduce_comp, 0, 4},
+    {scan_partitions_comp, 0, 2},
+    {scan_apply_comp, 0, 5},
+    {compact_comp, 1, 5},
+    {sort_count_comp, 0, 3},
+    {sort_scan_comp, 0, 3},
+    {sort_scatter_comp, 0, 7},
+    {sort_count_runs_comp, 1, 2},
+    {sort_scatter_runs_comp, 2, 5},
+    {emit_keys_comp, 1, 6},
+    {tile_ranges_comp, 1, 2},
+    {blend_comp, 4, 5},
+    {output_range_comp, 0, 3},
+    {present_comp, 0, 4, true},
 }};
 
 VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const Module& module) {
@@ -59,7 +64,10 @@ VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const Module& 
     bindings.push_back({binding, type, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
   };
   if (module.image) add(0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE);
-  for (std::uint32_t i = 0; i < module.buffer_count; ++i) add(module.image + i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+  for (std::uint32_t i = 0; i < module.texel_count + module.buffer_count; ++i) {
+    const bool texel = i < module.texel_count;
+    add(module.image + i, texel ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+  }
   add(kViewBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER);
   add(kPassBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC);
   VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
@@ -109,6 +117,7 @@ const Pipeline& Pipelines::get(Shader shader, std::span<const std::uint32_t> con
   if (pipeline.pipeline) return pipeline;
   const Module& module = kModules.at(static_cast<std::size_t>(shader));
   pipeline.first_buffer = module.image;
+  pipeline.texel_count = module.texel_count;
   pipeline.buffer_count = module.buffer_count;
   if (!pipeline.set_layout) pipeline.set_layout = createSetLayout(device_, module);
   if (!pipeline.layout) {
@@ -129,7 +138,8 @@ DescriptorSets::~DescriptorSets() {
 }
 
 VkDescriptorPool DescriptorSets::addPool() {
-  const std::array<VkDescriptorPoolSize, 4> sizes = {{
+  const std::array<VkDescriptorPoolSize, 5> sizes = {{
+      {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, kSetsPerPool * kMostBuffers},
       {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, kSetsPerPool * kMostBuffers},
       {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, kSetsPerPool},
       {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, kSetsPerPool},
@@ -147,7 +157,7 @@ VkDescriptorPool DescriptorSets::addPool() {
 }
 
 VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, std::span<const Binding> buffers, VkImageView image) {
-  assert(buffers.size() == pipeline.buffer_count);
+  assert(buffers.size() == pipeline.texel_count + pipeline.buffer_count);
   VkDescriptorSetAllocateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO};
   info.descriptorPool = sets_left_ ? pools_.back() : addPool();
   info.descriptorSetCount = 1;
@@ -171,7 +181,11 @@ VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, std::span<const B
     return added;
   };
   for (std::uint32_t i = 0; i < infos.size(); ++i) {
-    write(pipeline.first_buffer + i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER).pBufferInfo = &infos[i];
+    if (i < pipeline.texel_count) {
+      write(pipeline.first_buffer + i, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER).pTexelBufferView = &buffers[i].view;
+    } else {
+      write(pipeline.first_buffer + i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER).pBufferInfo = &infos[i];
+    }
   }
   if (image) write(0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE).pImageInfo = &picture;
   write(kViewBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER).pBufferInfo = &view;

@@ -13,7 +13,8 @@
 
 namespace tg {
 
-// The compiled passes. All share the two uniform blocks of shaders/pass.glsl; storage buffers are bound by position.
+// The compiled passes. All share the two uniform blocks of shaders/pass.glsl; other bindings go by position: the image
+// where there is one, uniform texel buffers, storage buffers.
 enum class Shader {
   project,
   scanReduce,
@@ -23,6 +24,8 @@ enum class Shader {
   sortCount,
   sortScan,
   sortScatter,
+  sortCountRuns,
+  sortScatterRuns,
   emitKeys,
   tileRanges,
   blend,
@@ -34,18 +37,21 @@ struct Pipeline {
   VkPipeline pipeline = VK_NULL_HANDLE;
   VkPipelineLayout layout = VK_NULL_HANDLE;
   VkDescriptorSetLayout set_layout = VK_NULL_HANDLE;
-  std::uint32_t first_buffer = 0;  // binding of the first storage buffer: 1 where an image has binding 0
-  std::uint32_t buffer_count = 0;
+  std::uint32_t first_buffer = 0;  // binding of the first buffer: 1 where an image has binding 0
+  std::uint32_t texel_count = 0;   // uniform texel buffers, which come first
+  std::uint32_t buffer_count = 0;  // storage buffers
 };
 
-// Part of a buffer, bound by position.
+// Part of a storage buffer, or a uniform texel buffer.
 struct Binding {
   VkBuffer buffer = VK_NULL_HANDLE;
   VkDeviceSize offset = 0;
   VkDeviceSize bytes = VK_WHOLE_SIZE;
+  VkBufferView view = VK_NULL_HANDLE;
   Binding(const Buffer& whole) : buffer(whole.handle()) {}  // implicit: a list of buffers is a list of bindings
   Binding(const Buffer& part, VkDeviceSize first, VkDeviceSize length)
       : buffer(part.handle()), offset(first), bytes(length) {}
+  Binding(const Buffer& texels, VkFormat format) : view(texels.view(format)) {}
 };
 
 // Pipelines by shader and specialization constants, each made at its first use and kept.
@@ -73,7 +79,7 @@ class DescriptorSets {
   DescriptorSets& operator=(const DescriptorSets&) = delete;
   ~DescriptorSets();
 
-  // `buffers` in the order of the shader's bindings, exactly as many as it has.
+  // `buffers` in the order of the shader's bindings, exactly as many as it has: texel buffers, then storage buffers.
   VkDescriptorSet make(const Pipeline& pipeline, std::span<const Binding> buffers, VkImageView image = VK_NULL_HANDLE);
 
  private:

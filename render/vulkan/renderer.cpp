@@ -36,8 +36,9 @@ ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const 
 
 class RendererImpl final : public VulkanRenderer {
  public:
-  explicit RendererImpl(VulkanDevice& device)
+  RendererImpl(VulkanDevice& device, const VulkanTuning& tuning)
       : device_(device),
+        tuning_(tuning),
         commands_(device),
         pipelines_(device),
         timer_(device),
@@ -77,7 +78,7 @@ class RendererImpl final : public VulkanRenderer {
     std::memcpy(&counters, counters_read_.data(), sizeof counters);
     const std::uint32_t pairs = counters.work[kWorkPairs].total;
     counts_ = {counters.work[kWorkVisible].total, pairs};
-    if (pairs <= pairs_->capacity) return true;
+    if (pairs <= pairs_->capacity) return blendedAll(counters.longest_list);
     const std::uint32_t most = maxPairCapacity(device_);
     if (pairs > most) {
       throw Error(ErrorKind::device, device_.properties.deviceName,
@@ -100,7 +101,18 @@ class RendererImpl final : public VulkanRenderer {
     pairs_.emplace(device_, capacity);
   }
 
-  FrameInputs inputs() const { return {device_, *model_, *splats_, *pairs_, *image_, scratch_, shown_}; }
+  // False: a tile's list went on after the last dispatch of blend. The next frame has enough of them.
+  bool blendedAll(std::uint32_t longest_list) {
+    const std::uint32_t rounds = std::max(longest_list, 1u) / listEntriesPerRound(tuning_) + 1;
+    if (rounds <= blend_rounds_) return true;
+    blend_rounds_ = rounds;
+    passes_.reset();
+    return false;
+  }
+
+  FrameInputs inputs() const {
+    return {tuning_, device_, *model_, *splats_, *pairs_, *image_, scratch_, shown_, textured_, blend_rounds_};
+  }
 
   // Buffers, passes and uniforms of the next frame.
   void prepare(const Camera& camera, const RenderSettings& settings, std::optional<Output> shown) {
@@ -118,13 +130,15 @@ class RendererImpl final : public VulkanRenderer {
       image_.reset();
       image_.emplace(device_, width, height);
     }
-    if (shown != shown_) passes_.reset();
+    const ViewUniforms view = viewOf(camera, settings, *model_, *image_);
+    const bool textured = model_->textured && view.texture_mode != kModeNone;
+    if (shown != shown_ || textured != textured_) passes_.reset();
     shown_ = shown;
+    textured_ = textured;
     if (!passes_) {
       passes_.emplace(device_, pipelines_, view_, counters_);
       buildFrame(*passes_, inputs());
     }
-    const ViewUniforms view = viewOf(camera, settings, *model_, *image_);
     std::memcpy(view_.data(), &view, sizeof view);
   }
 
@@ -176,6 +190,7 @@ class RendererImpl final : public VulkanRenderer {
   }
 
   VulkanDevice& device_;
+  VulkanTuning tuning_;
   Commands commands_;
   Pipelines pipelines_;
   Timer timer_;
@@ -188,6 +203,8 @@ class RendererImpl final : public VulkanRenderer {
   std::optional<PairBuffers> pairs_;
   std::optional<ImageBuffers> image_;
   std::optional<Output> shown_;
+  bool textured_ = false;
+  std::uint32_t blend_rounds_ = 1;
   std::optional<PassList> passes_;  // of the buffers above, which it outlives in no case
   std::vector<PassTime> times_;
   VulkanFrameCounts counts_;
@@ -195,8 +212,17 @@ class RendererImpl final : public VulkanRenderer {
 
 }  // namespace
 
+VulkanTuning tuningFor(const VulkanDevice& device) {
+  const bool cpu = device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+  return {cpu, cpu, 4};
+}
+
 std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device) {
-  return std::make_unique<RendererImpl>(device);
+  return std::make_unique<RendererImpl>(device, tuningFor(device));
+}
+
+std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device, const VulkanTuning& tuning) {
+  return std::make_unique<RendererImpl>(device, tuning);
 }
 
 }  // namespace tg

@@ -50,6 +50,14 @@ struct VulkanFrameRequest {
   Output output = Output::final;
 };
 
+// How the passes are cut, by kind of device. Pictures do not depend on it.
+struct VulkanTuning {
+  bool runs = false;             // sorts walk runs of items, one per thread, instead of groups working together
+  bool bounded_loops = false;    // a thread's loops must stay below 65535 rounds in all
+  std::uint32_t blend_side = 4;  // [px] of the square that a thread of blend draws: 1, 2 or 4
+};
+VulkanTuning tuningFor(const VulkanDevice& device);
+
 // What the device counted in the last finished frame.
 struct VulkanFrameCounts {
   std::uint32_t visible = 0;  // splats that reach the screen
@@ -72,5 +80,6 @@ class VulkanRenderer : public Renderer {
 
 // `device` must outlive the renderer.
 std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device);
+std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device, const VulkanTuning& tuning);
 
 }  // namespace tg

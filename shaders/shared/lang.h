@@ -14,6 +14,7 @@
 #endif
 #define TG_OUT(T) T&
 #define TG_INOUT(T) T&
+#define TG_PRECISE
 #define TG_CHECK_SIZE(T, bytes) static_assert(sizeof(T) == (bytes), #T " must match its std430 size");
 namespace tg {
 using glm::ivec2;
@@ -39,6 +40,7 @@ using std::sqrt;
 #define TG_FN
 #define TG_OUT(T) out T
 #define TG_INOUT(T) inout T
+#define TG_PRECISE precise  // the same result in every shader
 #define TG_CHECK_SIZE(T, bytes)
 #define TG_NAMESPACE_BEGIN
 #define TG_NAMESPACE_END

@@ -35,5 +35,24 @@ struct Splat {
 };
 TG_CHECK_SIZE(Splat, 96)
 
+// What of a Splat blending evaluates, reduced to as few operations per pixel as there are (shared/record.h). With the
+// pixel offset (x, y) from the projected mean, for both intersection models alike:
+//     |W|^2 = (w.x x + w.y y)^2 + (w.z y)^2
+//     |D|^2 = (d.x x + d.y y + d.z)^2 + (e.x y + e.y)^2 + e.z^2
+struct SplatRecord {
+  vec4 center_depth_opacity;  // as in Splat
+  vec4 w_r;                   // w, base colour red
+  vec4 d_g;                   // d, base colour green
+  vec4 e_b;                   // e, base colour blue
+  vec4 u_offset;              // z d0, z dD/dx, z dD/dy along local axis a; texel offset (bits of a uint)
+  vec4 v_size;                // the same along b; texture width | height << 16 (bits of a uint)
+  vec4 normal;                // shortest axis in camera space, turned to the camera
+  // Offset y [px] of the outline's leftmost and of its rightmost point, the outline's Mahalanobis distance squared, and
+  // whether it is an ellipse: 1, or 0 where the splat reaches beside the camera.
+  vec4 outline;
+};
+TG_CHECK_SIZE(SplatRecord, 128)
+const uint kRecordSize = 8u;  // [vec4]
+
 TG_NAMESPACE_END
 #endif

@@ -6,6 +6,8 @@
 TG_NAMESPACE_BEGIN
 
 const uint kTileSize = 16u;                   // [px] side of a screen tile, one workgroup per tile
+const uint kBlockBits = 16u;                   // of a pair's key: one for each 4 x 4 pixels of a tile
+const uint kMaxTiles = 65536u;                // what the key's other bits tell apart: 4096 x 4096 px
 const float kAlphaMax = 0.99f;                // 3DGS: keeps 1-alpha away from 0 for the backward division
 const float kAlphaMin = 1.0f / 255.0f;        // 3DGS: a contribution that 8 bits cannot show is skipped
 const float kTransmittanceStop = 1e-4f;       // = (1 - kAlphaMax)^2: two opaque splats end a ray, before blending

@@ -12,6 +12,7 @@ const uint kPartitionStep = 1024u;       // partitions are a multiple of this: 4
 const uint kSmallestPartition = 2048u;   // below, the 256 counters of a partition outweigh its items
 const uint kDigitCount = 256u;           // radix of the sort: one digit per thread of a group
 const uint kDigitBits = 8u;
+const uint kRunThreads = 16u;            // threads of a group where each thread has a partition of its own
 
 // Items of one kind. The items are cut into `partitions` consecutive runs of `partition_items` for scans and sorts.
 struct Work {
@@ -51,8 +52,12 @@ const uint kWorkKinds = 3u;
 struct Counters {
   Work work[kWorkKinds];
   uvec4 output_range;  // smallest depth, largest depth (float bits), largest splat count, unused
+  uint longest_list;   // most pairs that a tile has
+  uint unused0;
+  uint unused1;
+  uint unused2;
 };
-TG_CHECK_SIZE(Counters, 160)
+TG_CHECK_SIZE(Counters, 176)
 
 // What one dispatch is told beside the view. A pass reads the members it needs.
 struct PassUniforms {

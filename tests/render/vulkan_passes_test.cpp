@@ -8,6 +8,7 @@
 
 #include "render/vulkan/passes.h"
 #include "shared/layout.h"
+#include "shared/limits.h"
 #include "support/catch.h"
 #include "vulkan_device.h"
 
@@ -158,6 +159,7 @@ TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key an
   const std::uint32_t count =
       GENERATE(0u, 1u, 2u, 63u, 64u, 65u, 255u, 256u, 257u, 2047u, 2048u, 2049u, 5000u, 100000u);
   const std::uint32_t bits = GENERATE(0u, 5u, 8u, 13u, 32u);
+  const bool runs = GENERATE(false, true);
   enum Kind { random, equal, ascending, descending, alternating, topByte, oneOdd, kinds };
   PassBench& b = bench();
   for (int kind = 0; kind < kinds; ++kind) {
@@ -178,11 +180,11 @@ TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key an
     const PingPong value_buffers{b.put(numbers), Buffer(vulkanDevice(), "values", count * 4)};
     int result = 0;
     b.run(kWorkVisible, count, [&](PassList& list) {
-      result = addSort(list, "sort", b.scratch, key_buffers, value_buffers, kWorkVisible, bits);
+      result = addSort(list, "sort", b.scratch, {key_buffers, value_buffers, kWorkVisible, 0, bits, runs});
     });
     Numbers order = numbers;
     std::stable_sort(order.begin(), order.end(), [&](std::uint32_t i, std::uint32_t j) { return keys[i] < keys[j]; });
-    INFO("kind of key " << kind << ", count " << count << ", bits " << bits);
+    INFO("in runs " << runs << ", kind of key " << kind << ", count " << count << ", bits " << bits);
     REQUIRE(b.get(value_buffers[result], count) == order);
     Numbers sorted = keys;
     std::stable_sort(sorted.begin(), sorted.end());
@@ -192,15 +194,19 @@ TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key an
 }
 
 TEST_CASE("a sort of a million keys uses partitions of more than the smallest size", "[sort]") {
+  const bool runs = GENERATE(false, true);
+  const std::uint32_t first_bit = GENERATE(0u, 16u);
   const std::uint32_t count = 1100000;
-  const Numbers keys = randomNumbers(count, 255);
+  Numbers keys = randomNumbers(count, 255);
+  for (std::uint32_t& key : keys) key <<= first_bit;
   Numbers numbers(count);
   std::iota(numbers.begin(), numbers.end(), 0u);
   PassBench& b = bench();
   const PingPong key_buffers{b.put(keys), Buffer(vulkanDevice(), "keys", count * 4)};
   const PingPong value_buffers{b.put(numbers), Buffer(vulkanDevice(), "values", count * 4)};
-  b.run(kWorkPairs, count,
-        [&](PassList& list) { addSort(list, "sort", b.scratch, key_buffers, value_buffers, kWorkPairs, 8); });
+  b.run(kWorkPairs, count, [&](PassList& list) {
+    addSort(list, "sort", b.scratch, {key_buffers, value_buffers, kWorkPairs, first_bit, 8, runs});
+  });
   std::stable_sort(numbers.begin(), numbers.end(), [&](std::uint32_t i, std::uint32_t j) { return keys[i] < keys[j]; });
   CHECK(b.get(value_buffers[1], count) == numbers);
 }
@@ -209,14 +215,17 @@ TEST_CASE("tile ranges find every tile in more pairs than one row of groups hold
   const std::uint32_t per_tile = 1000;
   const std::uint32_t tiles = kMaxGroupsPerRow * kGroupSize / per_tile + 200;
   Numbers pair_tiles(std::size_t{tiles} * per_tile);
-  for (std::size_t i = 0; i < pair_tiles.size(); ++i) pair_tiles[i] = static_cast<std::uint32_t>(i / per_tile) * 2;
+  for (std::size_t i = 0; i < pair_tiles.size(); ++i) {
+    pair_tiles[i] = static_cast<std::uint32_t>(i / per_tile) * 2 << kBlockBits | static_cast<std::uint32_t>(i % 0xFFFF);
+  }
   const auto count = static_cast<std::uint32_t>(pair_tiles.size());
   REQUIRE(makeWork(count, count).item_groups.y == 2);
   PassBench& b = bench();
   const Buffer input = b.put(pair_tiles);
   const Buffer ranges = b.put(Numbers(std::size_t{tiles} * 4, 0u));
   b.run(kWorkPairs, count, [&](PassList& list) {
-    list.add("tile_ranges", Shader::tileRanges, {list.counters(), input, ranges}, {}, Groups::perItem(kWorkPairs));
+    list.add("tile_ranges", Shader::tileRanges, {{input, VK_FORMAT_R32_UINT}, list.counters(), ranges}, {},
+             Groups::perItem(kWorkPairs));
   });
   const Numbers result = b.get(ranges, std::size_t{tiles} * 4);
   std::uint32_t wrong = 0;
