@@ -140,9 +140,10 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (!options.dry_run) checkOutput(output, options.overwrite);
   ReadOptions read_options;
   read_options.base_only = options.base_only;
-  const LoadedModel source = readModel(input, read_options);
+  LoadedModel source = readModel(input, read_options);
 
   ConvertReport report;
+  report.edits = applyEdits(source, options.edits, options.measure && !options.dry_run);
   report.input_format = source.format;
   report.input_bytes = std::filesystem::file_size(input);
   report.gaussians = source.model.size();

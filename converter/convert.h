@@ -7,16 +7,18 @@
 #include <string>
 #include <vector>
 
+#include "converter/edit.h"
 #include "converter/read_model.h"
 
 namespace tg {
 
 struct ConvertOptions {
   bool overwrite = false;
-  bool base_only = false;  // see ReadOptions
-  bool measure = true;     // render source and result
-  bool lean = false;       // glb: see GltfContent
-  bool dry_run = false;    // encode and count, write nothing; implies measure = false
+  bool base_only = false;        // see ReadOptions
+  bool measure = true;           // render source and result
+  bool lean = false;             // glb: see GltfContent
+  bool dry_run = false;          // encode and count, write nothing; implies measure = false
+  std::vector<Edit> edits = {};  // in this order, before anything is written
 };
 
 struct ConvertReport {
@@ -34,8 +36,9 @@ struct ConvertReport {
   int atlas_height = 0;
   std::uint64_t texels = 0;
   std::uint64_t clipped_texels = 0;
+  std::vector<EditReport> edits;
   std::size_t views = 0;                // rendered for the two figures below
-  std::optional<double> textured_psnr;  // [dB] the file read back; infinity when equal
+  std::optional<double> textured_psnr;  // [dB] the file read back against the edited model; infinity when equal
   std::optional<double> base_psnr;      // [dB] what a reader without textures shows; only for textured sources
   std::vector<std::string> warnings;
 };

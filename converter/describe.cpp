@@ -66,8 +66,15 @@ std::string axesOf(const std::string& file_format) {
 }  // namespace
 
 std::string describe(const ConvertReport& report) {
-  std::string text =
-      format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
+  std::string text;
+  for (const EditReport& edit : report.edits) {
+    text += edit.edit.option + (edit.edit.value.empty() ? "" : " " + edit.edit.value) + ": ";
+    text += edit.before == edit.after ? format("%zu Gaussians", edit.after)
+                                      : format("%zu -> %zu Gaussians", edit.before, edit.after);
+    if (edit.psnr) text += ", " + decibels(*edit.psnr) + " against before";
+    text += "\n";
+  }
+  text += format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
   const std::string from = axesOf(report.input_format), to = axesOf(report.output_format);
   text += "axes: " + from + (from == to ? ", kept\n" : " -> " + to + ", a half turn about z\n");
   text += format("size: %llu -> %llu bytes%s\n", static_cast<unsigned long long>(report.input_bytes),
@@ -94,6 +101,14 @@ std::string describeJson(const ConvertReport& report) {
   json["output"] = {
       {"format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
   json["dryRun"] = report.dry_run;
+  Json edits = Json::array();
+  for (const EditReport& edit : report.edits) {
+    Json entry = {
+        {"option", edit.edit.option}, {"value", edit.edit.value}, {"before", edit.before}, {"after", edit.after}};
+    if (edit.psnr) entry["psnr"] = decibelsJson(edit.psnr);
+    edits.push_back(std::move(entry));
+  }
+  if (!edits.empty()) json["edits"] = std::move(edits);
   json["gaussians"] = report.gaussians;
   json["shDegree"] = report.sh_degree;
   json["cameras"] = report.cameras;

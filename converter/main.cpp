@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <map>
 #include <new>
 #include <optional>
 #include <string>
@@ -17,6 +18,7 @@
 namespace {
 
 struct Arguments {
+  std::vector<std::string> files;  // IN..., OUT
   std::string input;
   std::string output;
   bool overwrite = false;
@@ -28,6 +30,7 @@ struct Arguments {
   bool stats = false;
   bool dry_run = false;
   bool lean = false;
+  std::vector<tg::Edit> edits;
 };
 
 void warn(const Arguments& arguments, const std::vector<std::string>& warnings) {
@@ -61,9 +64,24 @@ void run(const Arguments& arguments) {
   options.measure = !arguments.no_psnr && (arguments.json || !arguments.quiet);
   options.dry_run = arguments.dry_run;
   options.lean = arguments.lean;
+  options.edits = arguments.edits;
   const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, options);
   warn(arguments, report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
+}
+
+// IN, OUT and what is merged with IN before anything else.
+void takeFiles(Arguments& arguments) {
+  std::vector<std::string> files = arguments.files;
+  arguments.input = files.front();
+  files.erase(files.begin());
+  if (!files.empty()) {
+    arguments.output = files.back();
+    files.pop_back();
+  }
+  for (auto file = files.rbegin(); file != files.rend(); ++file) {
+    arguments.edits.insert(arguments.edits.begin(), {"--merge", *file});
+  }
 }
 
 // Runs `work` and maps what it throws to a line and an exit code.
@@ -96,6 +114,38 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   }
 }
 
+// Options of one name may be given often; their order among all edits is what counts.
+class EditParser {
+ public:
+  explicit EditParser(CLI::App& app) : app_(app) {
+    for (const tg::EditOption& option : tg::editOptions()) {
+      const std::string name(option.name), help(option.help);
+      CLI::Option* added = option.value.empty()
+                               ? app.add_flag(name, help)
+                               : app.add_option(name, help)->type_name(std::string(option.value))->type_size(1);
+      added->expected(option.value.empty() ? 0 : 1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+      added->group("Edits, in the order they are given (axes: x right, y down, z forward)");
+    }
+  }
+
+  // After parsing.
+  std::vector<tg::Edit> edits() const {
+    std::vector<tg::Edit> edits;
+    std::map<const CLI::Option*, std::size_t> next;
+    for (const CLI::Option* option : app_.parse_order()) {
+      const std::string name = option->get_name();
+      for (const tg::EditOption& known : tg::editOptions()) {
+        if (known.name != name) continue;
+        edits.push_back({name, known.value.empty() ? std::string() : option->results().at(next[option]++)});
+      }
+    }
+    return edits;
+  }
+
+ private:
+  const CLI::App& app_;
+};
+
 int checkMain(int argc, char** argv) {
   std::string file;
   bool json = false;
@@ -119,9 +169,11 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Converts splat models to tgz, ply, spz or glb. The input's format is its content, the output's its extension.",
       "tgconvert");
-  app.add_option("IN", arguments.input, "model to read: tgz, ply, compressed ply, spz, splat, glb or gltf")->required();
-  app.add_option("OUT", arguments.output,
-                 "file to write: .glb, .ply, .spz or .tgz; null writes nothing and prints what IN holds");
+  app.add_option("FILES", arguments.files,
+                 "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb or gltf; several are merged. "
+                 "OUT: file to write, .glb, .ply, .spz or .tgz; null writes nothing and prints what IN holds")
+      ->required()
+      ->type_name("");
   app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");
   app.add_flag("--quiet", arguments.quiet, "print errors only");
   app.add_flag("--json", arguments.json, "print the summary as JSON");
@@ -131,8 +183,11 @@ int main(int argc, char** argv) {
   app.add_flag("--lean", arguments.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
   app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
   app.add_flag("--no-psnr", arguments.no_psnr, "do not render source and result for the summary");
+  const EditParser edit_parser(app);
   app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
   if (const std::optional<int> code = parse(app, argc, argv)) return *code;
+  arguments.edits = edit_parser.edits();
+  takeFiles(arguments);
   return guarded(arguments.input, [&] {
     run(arguments);
     return 0;

@@ -8,14 +8,11 @@
 namespace tg {
 namespace {
 
-// Scales closer than this are taken for a tie: backends compare exp(log_scale) in float, each with its own rounding.
-constexpr float kTieMargin = 1e-5f;  // of ln(sigma)
-
-// Column k of the result is column order[k] of q's matrix.
-glm::vec4 permuted(glm::vec4 q, glm::ivec3 order) {
+// Column k of the result is column order[k] of q's matrix; column `normal` of the result is turned if need be.
+glm::vec4 permuted(glm::vec4 q, glm::ivec3 order, int normal) {
   const glm::dmat3 from = matrixFromQuaternion(glm::dvec4(q));
   glm::dmat3 to(from[order.x], from[order.y], from[order.z]);
-  if (glm::determinant(to) < 0.0) to[2] = -to[2];
+  if (glm::determinant(to) < 0.0) to[normal] = -to[normal];
   return glm::vec4(quaternionFromMatrix(to));
 }
 
@@ -27,7 +24,7 @@ void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation) {
   const glm::ivec3 order(axisU(c), axisV(c), c);
   const glm::vec3 before = log_scale;
   log_scale = {before[order.x], before[order.y], before[order.z]};
-  rotation = permuted(rotation, order);
+  rotation = permuted(rotation, order, 2);
 }
 
 void orderAxesForGltf(std::vector<glm::vec3>& log_scale, std::vector<glm::vec4>& rotation) {
@@ -38,9 +35,15 @@ bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation) {
   const float shorter = glm::min(log_scale.x, log_scale.y);
   if (log_scale.z < shorter - kTieMargin) return true;
   if (log_scale.z > shorter) return false;
-  log_scale = {log_scale.z, log_scale.x, log_scale.y};
-  rotation = permuted(rotation, {2, 0, 1});
+  putNormalFirst(log_scale, rotation, 2);
   return true;
+}
+
+void putNormalFirst(glm::vec3& log_scale, glm::vec4& rotation, int normal) {
+  const glm::ivec3 order(normal, axisU(normal), axisV(normal));
+  const glm::vec3 before = log_scale;
+  log_scale = {before[order.x], before[order.y], before[order.z]};
+  rotation = permuted(rotation, order, 0);
 }
 
 }  // namespace tg

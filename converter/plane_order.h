@@ -15,4 +15,11 @@ void orderAxesForGltf(std::vector<glm::vec3>& log_scale, std::vector<glm::vec4>&
 // shortest, (z, x, y) where it ties. False when z is not the shortest: the rule then picks other axes.
 bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation);
 
+// Scales closer than this are taken for a tie: backends compare exp(log_scale) in float, each with its own rounding.
+constexpr float kTieMargin = 1e-5f;  // of ln(sigma)
+
+// The same Gaussian with its normal, local axis `normal`, as x and u, v as y, z: what the model's rule finds even where
+// the normal's scale equals others.
+void putNormalFirst(glm::vec3& log_scale, glm::vec4& rotation, int normal);
+
 }  // namespace tg

@@ -14,15 +14,17 @@
 namespace tg {
 namespace {
 
-constexpr std::size_t kMaxViews = 4;
-constexpr int kMaxSide = 256;  // [px]
+constexpr std::size_t kQualityViews = 4;
+constexpr int kQualitySide = 256;  // [px]
+constexpr std::size_t kContributionViews = 24;
+constexpr int kContributionSide = 160;  // [px]
 constexpr double kRingFov = 50.0 * M_PI / 180.0;
 constexpr double kRingLift = 0.35;    // height of the ring over the centre, as a part of its radius
 constexpr double kNearMargin = 0.25;  // [world units] beyond the near plane of shaders/shared/limits.h
 constexpr double kTrim = 0.05;        // of the means at either end of an axis: floaters do not set the distance
 
-Camera shrunk(const Camera& camera) {
-  const double factor = std::min(1.0, static_cast<double>(kMaxSide) / std::max(camera.width, camera.height));
+Camera shrunk(const Camera& camera, int max_side) {
+  const double factor = std::min(1.0, static_cast<double>(max_side) / std::max(camera.width, camera.height));
   return resized(camera, std::max(1, static_cast<int>(std::lround(camera.width * factor))),
                  std::max(1, static_cast<int>(std::lround(camera.height * factor))));
 }
@@ -42,12 +44,12 @@ void trimmedBounds(const GaussianModel& model, glm::dvec3& low, glm::dvec3& high
   }
 }
 
-}  // namespace
-
-std::vector<Camera> qualityViews(const GaussianModel& model, std::span<const Camera> cameras) {
+// Evenly spaced ones of the model's own cameras, or a ring around it.
+std::vector<Camera> evenViews(const GaussianModel& model, std::span<const Camera> cameras, std::size_t max_views,
+                              int max_side) {
   std::vector<Camera> views;
-  const std::size_t count = std::min(cameras.size(), kMaxViews);
-  for (std::size_t i = 0; i < count; ++i) views.push_back(shrunk(cameras[i * cameras.size() / count]));
+  const std::size_t count = std::min(cameras.size(), max_views);
+  for (std::size_t i = 0; i < count; ++i) views.push_back(shrunk(cameras[i * cameras.size() / count], max_side));
   if (!views.empty()) return views;
 
   glm::dvec3 low(0.0), high(0.0);
@@ -56,12 +58,22 @@ std::vector<Camera> qualityViews(const GaussianModel& model, std::span<const Cam
   double radius = 0.5 * glm::length(high - low);
   if (radius == 0.0) radius = 3.0 * std::exp(static_cast<double>(glm::max(model.log_scale[0].x, model.log_scale[0].y)));
   const double distance = std::max(radius / std::sin(0.5 * kRingFov), radius + kNearMargin);
-  for (std::size_t i = 0; i < kMaxViews; ++i) {
-    const double angle = 2.0 * M_PI * static_cast<double>(i) / kMaxViews;
+  for (std::size_t i = 0; i < max_views; ++i) {
+    const double angle = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(max_views);
     const glm::dvec3 direction = glm::normalize(glm::dvec3(std::sin(angle), -kRingLift, -std::cos(angle)));
-    views.push_back(lookAt(center + distance * direction, center, glm::dvec3(0, -1, 0), kRingFov, kMaxSide, kMaxSide));
+    views.push_back(lookAt(center + distance * direction, center, glm::dvec3(0, -1, 0), kRingFov, max_side, max_side));
   }
   return views;
+}
+
+}  // namespace
+
+std::vector<Camera> qualityViews(const GaussianModel& model, std::span<const Camera> cameras) {
+  return evenViews(model, cameras, kQualityViews, kQualitySide);
+}
+
+std::vector<Camera> contributionViews(const GaussianModel& model, std::span<const Camera> cameras) {
+  return evenViews(model, cameras, kContributionViews, kContributionSide);
 }
 
 double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<const Camera> views,

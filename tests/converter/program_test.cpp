@@ -8,6 +8,7 @@
 
 #include "converter/read_model.h"
 #include "converter/write_gltf.h"
+#include "core/bundle.h"
 #include "core/ply.h"
 #include "glb.h"
 #include "scenes.h"
@@ -61,6 +62,46 @@ TEST_CASE("tgconvert looks without writing: null, --stats and --dry-run") {
     CHECK(nlohmann::json::parse(dry.out)["output"]["bytes"] == std::filesystem::file_size(scratch.folder() / name));
   }
   CHECK(readModel(scratch.folder() / "a.spz").model.size() == 50);
+}
+
+TEST_CASE("tgconvert edits in the order of its options, merges inputs and refuses what splats cannot follow") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::mixed, 44, 50);
+  Bundle bundle;
+  bundle.model = scene.model;
+  bundle.cameras = {scene.camera};
+  writeBundle(scratch.folder() / "in.tgz", bundle);
+
+  // The same format, negative numbers, one option twice.
+  const Result edited = tgconvert(
+      scratch, "in.tgz out.tgz --translate -1,0,2 --keep 'index < 40' --translate 1,0,-2 --keep 'index < 20' --json");
+  REQUIRE(edited.code == 0);
+  const auto json = nlohmann::json::parse(edited.out);
+  REQUIRE(json["edits"].size() == 4);
+  CHECK(json["edits"][1]["before"] == 50);
+  CHECK(json["edits"][1]["after"] == 40);
+  CHECK(json["edits"][3]["after"] == 20);
+  const Bundle out = readBundle(scratch.folder() / "out.tgz");
+  REQUIRE(out.model.size() == 20);
+  CHECK(glm::distance(out.model.mean[7], scene.model.mean[7]) < 1e-5f);
+  REQUIRE(out.cameras.size() == 1);
+
+  const Result merged = tgconvert(scratch, "in.tgz out.tgz in.tgz all.glb");
+  CHECK(merged.code == 0);
+  CHECK(merged.out.find("--merge out.tgz: 50 -> 70 Gaussians") != std::string::npos);
+  CHECK(merged.out.find("120 Gaussians, SH degree 3, 3 cameras") != std::string::npos);
+  CHECK(tgconvert(scratch, "in.tgz few.ply --decimate 10 --no-textures --sh-degree 1").out.find(" dB against before") !=
+        std::string::npos);
+  CHECK(readModel(scratch.folder() / "few.ply").model.size() == 10);
+
+  CHECK(tgconvert(scratch, "in.tgz b.glb --scale -1").err ==
+        "tgconvert: --scale -1: the transform mirrors (expected a rotation, one positive scale, a translation)\n");
+  CHECK(tgconvert(scratch, "in.tgz b.glb --scale 1,1,2").code == 1);
+  CHECK(tgconvert(scratch, "in.tgz b.glb --keep 'weight > 3'").code == 1);
+  CHECK(tgconvert(scratch, "in.tgz b.glb --crop-sphere 100,100,100,1").code == 3);
+  CHECK(tgconvert(scratch, "in.tgz b.glb --merge missing.ply").code == 2);
+  CHECK(tgconvert(scratch, "in.tgz b.glb --decimate 120%").code == 1);
+  CHECK(!std::filesystem::exists(scratch.folder() / "b.glb"));
 }
 
 TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit code") {

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// How much of a model's pictures each of its Gaussians is.
+#pragma once
+#include <span>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/model.h"
+
+namespace tg {
+
+// [N]: the weights T alpha with which a Gaussian is blended, summed over all pixels of all views [px]; as the renderers
+// have it, textures' alpha included. Those that no view shows have 0.
+std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views);
+
+}  // namespace tg
