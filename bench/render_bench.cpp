@@ -5,7 +5,7 @@
 //
 // Processor time of the whole process (user + system, all threads, software drivers included) is what compares on a
 // loaded machine; wall time and the driver's time stamps are printed beside it. The Vulkan frame is that of a window:
-// recorded passes that end in an RGBA8 picture. The CPU frame is Renderer::render(), all outputs.
+// recorded passes that end in an RGBA8 picture. The CPU frame is Renderer::render() for the output that is asked for.
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -235,6 +235,7 @@ void run(const Options& options) {
   if (!options.textures.empty()) addTextures(loaded.model, options.textures);
   RenderSettings settings;
   settings.background = loaded.background;
+  settings.outputs = {output};
   settings.textures = named(parseTextureMode(options.mode), "--mode", options.mode);
   if (!options.intersection.empty()) {
     settings.intersection = named(parseIntersectionModel(options.intersection), "--intersection", options.intersection);

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/parallel.h"
+#include "render/cpu/order.h"
 
 // Structs hold vectors here, which the scalable targets forbid.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
@@ -15,7 +16,7 @@
 #include <hwy/highway.h>
 
 #include "render/cpu/kernel-inl.h"
-#include "render/cpu/texture-inl.h"
+#include "render/cpu/texture_samples-inl.h"
 
 #ifndef TG_RENDER_CPU_BLEND_ARGS
 #define TG_RENDER_CPU_BLEND_ARGS
@@ -24,11 +25,13 @@ struct BlendArgs {
   const View& view;
   const Splat* splats;
   const TileLists& lists;
-  const glm::vec4* texels;
-  Frame* frame;                     // all outputs, or null:
-  std::vector<glm::vec3>* picture;  // the picture
+  Texels texels;
+  Frame* frame;                     // Mode::picture and Mode::all
+  std::vector<glm::vec3>* picture;  // Mode::training
   BlendRecord* record;
 };
+// The picture, and what backward needs; the picture alone, with alpha if there is room; everything.
+enum class Mode { training, picture, all };
 }  // namespace tg::cpu
 #endif
 
@@ -38,7 +41,7 @@ namespace tg::cpu::HWY_NAMESPACE {
 // Pixel state of a block. Interleaved: one stream of stores, and nothing that aliases at the same page offset.
 struct PixelBlock {
   alignas(4 * kLanes) float transmittance[kLanes];  // negative: the pixel is done, its magnitude is what is left
-  float color[3][kLanes];                           // of base and texture, or of the base alone with kAll
+  float color[3][kLanes];                           // of base and texture, or of the base alone in Mode::all
 };
 struct ColorState {
   alignas(64) PixelBlock blocks[kBlocks];
@@ -51,47 +54,20 @@ struct OutputState {
   alignas(64) float normal[3][kTilePixels];
   alignas(64) float depth[kTilePixels];
   alignas(64) float count[kTilePixels];
+  alignas(64) float depth_median[kTilePixels];
+  alignas(64) float density[kTilePixels];          // weighted sum
+  alignas(64) float textured_weight[kTilePixels];  // sum of its weights
+  bool wants_median;
+  bool wants_density;
 };
 
 HWY_INLINE void addTo(float* at, V weight, V value) { hn::Store(hn::MulAdd(weight, value, hn::Load(df, at)), df, at); }
 
-// A texture at the samples of a splat.
-struct TextureSamples {
-  alignas(64) float color[kBlocks][3][kLanes];  // 0 where it does not apply
-};
-
-// Fills `colors`, multiplies the values of `samples` by the alpha factor and drops what falls below the cut.
-HWY_INLINE void applyTexture(const Splat& s, const glm::vec4* texels, const View& view, const Rows& rows, int tile_x,
-                             Samples& samples, TextureSamples& colors) {
-  const Texture texture = makeTexture(s, texels);
-  for (int i = 0; i < samples.count; ++i) {
-    Sample& sample = samples.at[i];
-    const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
-    const V value = hn::Load(df, sample.value);
-    const TexturePoint at = locate(texture, localRay(s, rows.y[samples.row(i)], x), hn::Load(df, sample.inverse_d2),
-                                   hn::Gt(value, hn::Zero(df)));
-    const Corners corners = cornerWeights(at);
-    V color[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
-    V alpha = hn::Zero(df);
-    forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
-      for (int k = 0; k < 4; ++k) {
-        const float* texel = texture.texels + cell + cornerStep(texture, k);
-        const V weight = hn::IfThenElseZero(lanes, corners.weight[k]);
-        if (view.texture_rgb) {
-          for (int ch = 0; ch < 3; ++ch) color[ch] = hn::MulAdd(weight, set(texel[ch]), color[ch]);
-        }
-        alpha = hn::MulAdd(weight, set(texel[3] - 1.0f), alpha);
-      }
-    });
-    for (int ch = 0; ch < 3; ++ch) hn::Store(color[ch], df, colors.color[i][ch]);
-    if (view.texture_alpha) hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, alpha))), df, sample.value);
-  }
-}
-
 // Blends one splat into a tile.
-template <bool kAll, bool kTexture>
+template <Mode kMode, bool kTexture>
 HWY_INLINE void blendSplat(const Splat& s, std::uint32_t position, int tile_x, const Rows& rows, const Samples& samples,
                            const TextureSamples& texture, ColorState& state, OutputState& outputs) {
+  constexpr bool kAll = kMode == Mode::all;
   const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
   for (int i = 0; i < samples.count; ++i) {
     const int block = samples.block[i];
@@ -105,8 +81,10 @@ HWY_INLINE void blendSplat(const Splat& s, std::uint32_t position, int tile_x, c
     const M ends = hn::AndNot(goes_on, hn::Gt(transmittance, hn::Zero(df)));
     if (HWY_UNLIKELY(!hn::AllFalse(df, ends))) {
       left = hn::IfThenElse(ends, hn::Neg(transmittance), left);
-      hn::BlendedStore(hn::Set(di, static_cast<std::int32_t>(position)), hn::RebindMask(di, ends), di,
-                       state.stop + block * kLanes);
+      if constexpr (kMode == Mode::training) {
+        hn::BlendedStore(hn::Set(di, static_cast<std::int32_t>(position)), hn::RebindMask(di, ends), di,
+                         state.stop + block * kLanes);
+      }
       if (hn::AllTrue(df, hn::Le(left, hn::Zero(df)))) {
         state.live.words[block / 64] &= ~(std::uint64_t{1} << (block % 64));
       }
@@ -130,6 +108,14 @@ HWY_INLINE void blendSplat(const Splat& s, std::uint32_t position, int tile_x, c
       addTo(outputs.depth + block * kLanes, weight, depth);
       const V shows = hn::IfThenElseZero(hn::Gt(weight, hn::Zero(df)), set(1.0f));
       addTo(outputs.count + block * kLanes, shows, set(1.0f));
+      if (outputs.wants_median) {
+        const M halves = hn::And(goes_on, hn::And(hn::Ge(transmittance, set(0.5f)), hn::Lt(next, set(0.5f))));
+        hn::BlendedStore(depth, halves, df, outputs.depth_median + block * kLanes);
+      }
+      if (kTexture && outputs.wants_density) {
+        addTo(outputs.density + block * kLanes, weight, set(s.texel_density));
+        addTo(outputs.textured_weight + block * kLanes, weight, set(1.0f));
+      }
     }
   }
 }
@@ -150,8 +136,21 @@ HWY_INLINE void clear(ColorState& state, int width, int height, std::int32_t lis
   }
 }
 
-template <bool kAll>
+// Calls put(pixel of the image, block, lane) for every pixel of a tile inside the image.
+template <typename Put>
+HWY_INLINE void forEachPixel(const View& view, int tile_x, int tile_y, const Put& put) {
+  const int width = std::min(kTileWidth, view.width - tile_x);
+  const int height = std::min(kTileHeight, view.height - tile_y);
+  for (int row = 0; row < height; ++row) {
+    for (int x = 0; x < width; ++x) {
+      put(static_cast<std::size_t>(tile_y + row) * view.width + tile_x + x, x / kLanes * kTileHeight + row, x % kLanes);
+    }
+  }
+}
+
+template <Mode kMode>
 void blendTile(const BlendArgs& args, int tile) {
+  constexpr bool kAll = kMode == Mode::all;
   const View& view = args.view;
   const int tile_x = tile % args.lists.tiles_x * kTileWidth;
   const int tile_y = tile / args.lists.tiles_x * kTileHeight;
@@ -159,12 +158,18 @@ void blendTile(const BlendArgs& args, int tile) {
   const int height = std::min(kTileHeight, view.height - tile_y);
   const std::span<const std::uint32_t> list = args.lists.list(tile);
   std::uint64_t* record = nullptr;
-  if constexpr (!kAll) record = args.record->blocks.data() + std::size_t{args.lists.begin[tile]} * kWords;
+  if constexpr (kMode == Mode::training) {
+    record = args.record->blocks.data() + std::size_t{args.lists.begin[tile]} * kWords;
+  }
 
   ColorState state;
   clear(state, width, height, static_cast<std::int32_t>(list.size()));
   OutputState outputs;
-  if constexpr (kAll) outputs = {};
+  if constexpr (kAll) {
+    outputs = {};
+    outputs.wants_median = !args.frame->depth_median.empty();
+    outputs.wants_density = !args.frame->texel_density.empty();
+  }
   Rows rows;
   Samples samples;
   TextureSamples texture;
@@ -175,55 +180,83 @@ void blendTile(const BlendArgs& args, int tile) {
     const Splat& s = args.splats[list[position]];
     if (position + kSplatsAhead < list.size()) {
       prefetchSplat(args.splats[list[position + kSplatsAhead]]);
-      prefetchTexels(args.splats[list[position + 1]], args.texels);
+      prefetchTexels(args.splats[list[position + 1]], args.texels.texels);
     }
     BlockSet candidates = findBlocks(s, tile_x, tile_y, rows);
     for (int word = 0; word < kWords; ++word) candidates.words[word] &= state.live.words[word];
     if (s.texture_width > 0) {
       evaluate<Keep::hit>(s, rows, tile_x, candidates, any_lane, samples);
       applyTexture(s, args.texels, view, rows, tile_x, samples, texture);
-      blendSplat<kAll, true>(s, position, tile_x, rows, samples, texture, state, outputs);
+      blendSplat<kMode, true>(s, position, tile_x, rows, samples, texture, state, outputs);
     } else {
       evaluate<kKeepUntextured>(s, rows, tile_x, candidates, any_lane, samples);
-      blendSplat<kAll, false>(s, position, tile_x, rows, samples, texture, state, outputs);
+      blendSplat<kMode, false>(s, position, tile_x, rows, samples, texture, state, outputs);
     }
-    if constexpr (!kAll) std::copy_n(samples.set.words, kWords, record + std::size_t{position} * kWords);
+    if constexpr (kMode == Mode::training) {
+      std::copy_n(samples.set.words, kWords, record + std::size_t{position} * kWords);
+    }
   }
-  if constexpr (!kAll) {
+  if constexpr (kMode == Mode::training) {
     std::fill_n(record + std::size_t{position} * kWords, (list.size() - position) * kWords, std::uint64_t{0});
   }
 
-  for (int row = 0; row < height; ++row) {
-    for (int x = 0; x < width; ++x) {
-      const int block = x / kLanes * kTileHeight + row;
-      const int at = block * kLanes + x % kLanes;
-      const PixelBlock& pixels = state.blocks[block];
-      const std::size_t pixel = static_cast<std::size_t>(tile_y + row) * view.width + tile_x + x;
-      const float transmittance = std::abs(pixels.transmittance[x % kLanes]);
-      const glm::vec3 color =
-          glm::vec3(pixels.color[0][x % kLanes], pixels.color[1][x % kLanes], pixels.color[2][x % kLanes]) +
-          transmittance * view.background;
-      if constexpr (kAll) {
-        Frame& frame = *args.frame;
-        const float sum = 1.0f - transmittance;
-        frame.base[pixel] = color;
-        frame.texture[pixel] = {outputs.texture[0][at], outputs.texture[1][at], outputs.texture[2][at]};
-        frame.alpha[pixel] = sum;
-        frame.depth[pixel] = outputs.count[at] > 0.0f ? outputs.depth[at] / sum : 0.0f;
-        frame.normal[pixel] = {outputs.normal[0][at], outputs.normal[1][at], outputs.normal[2][at]};
-        frame.count[pixel] = outputs.count[at];
-      } else {
-        const std::size_t recorded = static_cast<std::size_t>(tile) * kTilePixels + row * kTileWidth + x;
-        (*args.picture)[pixel] = color;
-        args.record->transmittance[recorded] = transmittance;
-        args.record->stop[recorded] = state.stop[at];
-      }
+  forEachPixel(view, tile_x, tile_y, [&](std::size_t pixel, int block, int lane) {
+    const int at = block * kLanes + lane;
+    const PixelBlock& pixels = state.blocks[block];
+    const float transmittance = std::abs(pixels.transmittance[lane]);
+    const glm::vec3 color = glm::vec3(pixels.color[0][lane], pixels.color[1][lane], pixels.color[2][lane]) +
+                            transmittance * view.background;
+    if constexpr (kMode == Mode::training) {
+      const int row = block % kTileHeight;
+      const int x = block / kTileHeight * kLanes + lane;
+      const std::size_t recorded = static_cast<std::size_t>(tile) * kTilePixels + row * kTileWidth + x;
+      (*args.picture)[pixel] = color;
+      args.record->transmittance[recorded] = transmittance;
+      args.record->stop[recorded] = state.stop[at];
+      return;
     }
-  }
+    PixelSums sums;
+    sums.color = color;
+    sums.alpha = 1.0f - transmittance;
+    if constexpr (kAll) {
+      sums.texture = {outputs.texture[0][at], outputs.texture[1][at], outputs.texture[2][at]};
+      sums.normal = {outputs.normal[0][at], outputs.normal[1][at], outputs.normal[2][at]};
+      sums.weighted_depth = outputs.depth[at];
+      sums.count = outputs.count[at];
+      sums.depth_median = outputs.depth_median[at];
+      sums.weighted_density = outputs.density[at];
+      sums.textured_weight = outputs.textured_weight[at];
+    }
+    putPixel(*args.frame, pixel, sums);
+  });
 }
 
-void blendFrameTile(const BlendArgs& args, int tile) { blendTile<true>(args, tile); }
-void blendPictureTile(const BlendArgs& args, int tile) { blendTile<false>(args, tile); }
+// How many splats have an alpha above the cut at each pixel, opaque or not.
+void countTile(const BlendArgs& args, int tile) {
+  const int tile_x = tile % args.lists.tiles_x * kTileWidth;
+  const int tile_y = tile / args.lists.tiles_x * kTileHeight;
+  alignas(64) float count[kBlocks][kLanes] = {};
+  Rows rows;
+  Samples samples;
+  TextureSamples texture;
+  const auto any_lane = [](M visible, int) HWY_ATTR { return visible; };
+  for (const std::uint32_t k : args.lists.list(tile)) {
+    const Splat& s = args.splats[k];
+    const BlockSet candidates = findBlocks(s, tile_x, tile_y, rows);
+    evaluate<Keep::hit>(s, rows, tile_x, candidates, any_lane, samples);
+    if (s.texture_width > 0) applyTexture(s, args.texels, args.view, rows, tile_x, samples, texture);
+    for (int i = 0; i < samples.count; ++i) {
+      const V value = hn::Load(df, samples.at[i].value);
+      addTo(count[samples.block[i]], hn::IfThenElseZero(hn::Gt(value, hn::Zero(df)), set(1.0f)), set(1.0f));
+    }
+  }
+  forEachPixel(args.view, tile_x, tile_y,
+               [&](std::size_t pixel, int block, int lane) { args.frame->overdraw[pixel] = count[block][lane]; });
+}
+
+void blendAllTile(const BlendArgs& args, int tile) { blendTile<Mode::all>(args, tile); }
+void blendPictureTile(const BlendArgs& args, int tile) { blendTile<Mode::picture>(args, tile); }
+void blendTrainingTile(const BlendArgs& args, int tile) { blendTile<Mode::training>(args, tile); }
 int blockWords() { return kWords; }
 
 }  // namespace tg::cpu::HWY_NAMESPACE
@@ -231,15 +264,43 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace tg::cpu {
-HWY_EXPORT(blendFrameTile);
+HWY_EXPORT(blendAllTile);
 HWY_EXPORT(blendPictureTile);
+HWY_EXPORT(blendTrainingTile);
+HWY_EXPORT(countTile);
 HWY_EXPORT(blockWords);
 
-void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& lists, const glm::vec4* texels,
-                Frame& frame) {
+namespace {
+
+template <typename Body>
+void forEachTile(const TileLists& lists, const Body& body) {
+  parallelFor(lists.tiles(), 1, [&](std::int64_t tile) { body(static_cast<int>(tile)); });
+}
+
+bool wantsBlending(const Frame& frame) {
+  return !(frame.picture.empty() && frame.base.empty() && frame.alpha.empty() && frame.depth.empty() &&
+           frame.normal.empty() && frame.count.empty() && frame.depth_median.empty() && frame.texel_density.empty());
+}
+// All but the picture and its alpha.
+bool wantsAll(const Frame& frame) {
+  return !(frame.base.empty() && frame.depth.empty() && frame.normal.empty() && frame.count.empty() &&
+           frame.depth_median.empty() && frame.texel_density.empty());
+}
+
+}  // namespace
+
+void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& lists, Texels texels, Frame& frame) {
   const BlendArgs args{view, screen.splats.data(), lists, texels, &frame, nullptr, nullptr};
-  parallelFor(lists.tiles(), 1,
-              [&](std::int64_t tile) { HWY_DYNAMIC_DISPATCH(blendFrameTile)(args, static_cast<int>(tile)); });
+  if (!frame.overdraw.empty()) forEachTile(lists, [&](int tile) { HWY_DYNAMIC_DISPATCH(countTile)(args, tile); });
+  if (!wantsBlending(frame)) return;
+  const bool all = wantsAll(frame);
+  if (view.order == SplatOrder::perPixel) {
+    blendInOrder(view, screen, lists, texels, all, frame);
+  } else if (all) {
+    forEachTile(lists, [&](int tile) { HWY_DYNAMIC_DISPATCH(blendAllTile)(args, tile); });
+  } else {
+    forEachTile(lists, [&](int tile) { HWY_DYNAMIC_DISPATCH(blendPictureTile)(args, tile); });
+  }
 }
 
 void blendPicture(const View& view, const ScreenSplats& screen, const TileLists& lists, const glm::vec4* texels,
@@ -249,9 +310,8 @@ void blendPicture(const View& view, const ScreenSplats& screen, const TileLists&
   record.stop.resize(record.transmittance.size());
   record.words_per_pair = HWY_DYNAMIC_DISPATCH(blockWords)();
   record.blocks.resize(lists.splats.size() * static_cast<std::size_t>(record.words_per_pair));
-  const BlendArgs args{view, screen.splats.data(), lists, texels, nullptr, &picture, &record};
-  parallelFor(lists.tiles(), 1,
-              [&](std::int64_t tile) { HWY_DYNAMIC_DISPATCH(blendPictureTile)(args, static_cast<int>(tile)); });
+  const BlendArgs args{view, screen.splats.data(), lists, {texels, nullptr}, nullptr, &picture, &record};
+  forEachTile(lists, [&](int tile) { HWY_DYNAMIC_DISPATCH(blendTrainingTile)(args, tile); });
 }
 
 }  // namespace tg::cpu

@@ -87,7 +87,8 @@ HWY_INLINE Batch loadBatch(const GaussianModel& model, const std::uint32_t* gaus
 struct Geometry {
   MD shortest_0, shortest_1, shortest_2;  // which stored axis c is
   V3 mean_c;                              // camera space
-  V3 scale;                               // of a, b, c [world units]
+  V3 scale;                               // of a, b, c [world units], after splat_scale and antialiasing
+  VD opacity_factor;                      // that goes with antialiasing
   V3 axes_c[3];                           // local axes in camera space
   V3 m[3];                                // columns of local_from_camera, in sigma
   V3 dx, dy, d0;                          // D(x, y) = dx x + dy y + d0; the camera in the local frame is -mean_c.z d0
@@ -123,6 +124,23 @@ HWY_INLINE void rotationColumns(const VD* raw, V3* columns) {
   columns[2] = {twice(hn::Add(xz, wy)), twice(hn::Sub(yz, wx)), hn::Sub(one, twice(hn::Add(xx, yy)))};
 }
 
+// docs/math.md 1.4
+HWY_INLINE void antialias(const View& view, Geometry& g) {
+  const VD pixel = hn::Div(g.mean_c.z, splat(std::max(view.focal_center.x, view.focal_center.y)));
+  const VD add_variance = hn::Mul(splat(kScreenVariance), hn::Mul(pixel, pixel));
+  const auto wider = [&](VD s) HWY_ATTR { return hn::Sqrt(hn::MulAdd(s, s, add_variance)); };
+  const V3 scale = {wider(g.scale.x), wider(g.scale.y), wider(g.scale.z)};
+  g.opacity_factor = hn::Mul(hn::Div(g.scale.x, scale.x), hn::Div(g.scale.y, scale.y));
+  if (view.intersection == IntersectionModel::maxResponse) {
+    const auto over = [](VD a, VD b) HWY_ATTR { return hn::Div(a, b); };
+    const V3 along = {dot(g.axes_c[0], g.mean_c), dot(g.axes_c[1], g.mean_c), dot(g.axes_c[2], g.mean_c)};
+    const VD before = length({over(along.x, g.scale.x), over(along.y, g.scale.y), over(along.z, g.scale.z)});
+    const VD after = length({over(along.x, scale.x), over(along.y, scale.y), over(along.z, scale.z)});
+    g.opacity_factor = hn::Mul(g.opacity_factor, hn::Mul(over(g.scale.z, scale.z), over(before, after)));
+  }
+  g.scale = scale;
+}
+
 HWY_INLINE Geometry makeGeometry(const View& view, const Batch& batch) {
   Geometry g;
   const bool plane = view.intersection == IntersectionModel::plane;
@@ -144,9 +162,12 @@ HWY_INLINE Geometry makeGeometry(const View& view, const Batch& batch) {
   g.scale.x = hn::IfThenElse(g.shortest_0, scale[1], scale[0]);
   g.scale.y = hn::IfThenElse(g.shortest_2, scale[1], scale[2]);
   g.scale.z = hn::IfThenElse(g.shortest_2, scale[2], hn::IfThenElse(g.shortest_1, scale[1], scale[0]));
+  if (view.splat_scale != 1.0f) g.scale = scaled(g.scale, splat(view.splat_scale));
 
   const glm::dvec3 t = view.camera_from_world_translation;
   g.mean_c = add(transform(view.camera_from_world_rotation, batch.mean), {splat(t.x), splat(t.y), splat(t.z)});
+  g.opacity_factor = splat(1.0);
+  if (view.antialias) antialias(view, g);
   const V3 inverse = {hn::Div(splat(1.0), g.scale.x), hn::Div(splat(1.0), g.scale.y), hn::Div(splat(1.0), g.scale.z)};
   g.m[0] = product(inverse, {g.axes_c[0].x, g.axes_c[1].x, g.axes_c[2].x});
   g.m[1] = product(inverse, {g.axes_c[0].y, g.axes_c[1].y, g.axes_c[2].y});

@@ -130,11 +130,10 @@ HWY_INLINE void fillRows(const Splat& s, int tile_y, Rows& rows) {
   for (int r = range.begin / kLanes * kLanes; r < range.end; r += kLanes) fillRows(s, tile_y, r, rows);
 }
 
-// Fills `rows` and returns the blocks that may show the splat. A row's span solves exponent >= log2(kAlphaMin), a
-// quadratic in x; it may be wider than the truth, never narrower.
-HWY_INLINE BlockSet findBlocks(const Splat& s, int tile_x, int tile_y, Rows& rows) {
+// Fills `rows` and returns the blocks of a range of rows that may show the splat. A row's span solves exponent >=
+// log2(kAlphaMin), a quadratic in x; it may be wider than the truth, never narrower.
+HWY_INLINE BlockSet findBlocks(const Splat& s, int tile_x, int tile_y, RowRange range, Rows& rows) {
   BlockSet blocks{};
-  const RowRange range = rowRange(s, tile_y);
   const float leading = s.w_xx * s.w_xx - s.radius2 * s.d_xx * s.d_xx;
   // Else the conic is no ellipse, or too near to one that isn't.
   const bool bounded = leading > 1e-3f * s.w_xx * s.w_xx;
@@ -178,6 +177,10 @@ HWY_INLINE BlockSet findBlocks(const Splat& s, int tile_x, int tile_y, Rows& row
     }
   }
   return blocks;
+}
+
+HWY_INLINE BlockSet findBlocks(const Splat& s, int tile_x, int tile_y, Rows& rows) {
+  return findBlocks(s, tile_x, tile_y, rowRange(s, tile_y), rows);
 }
 
 // Offset of the pixels of a column of blocks from the splat's centre.
@@ -236,9 +239,9 @@ HWY_INLINE void evaluate(const Splat& s, const Rows& rows, int tile_x, const Blo
       const V q = hn::Mul(w2, inverse_d2);
       const V value = exp2Bounded(hn::Sub(log2_opacity, q));
       M visible = restrict_lanes(hn::Ge(value, set(kAlphaMin)), block);
-      if (HWY_UNLIKELY(s.near_plane)) {
+      if (HWY_UNLIKELY(s.near > 0.0f)) {
         const V x = columnX(s, tile_x, block / kTileHeight);
-        visible = hn::And(visible, hn::Gt(hitDepth(s, rows.y[row], x, inverse_d2), set(kNear)));
+        visible = hn::And(visible, hn::Gt(hitDepth(s, rows.y[row], x, inverse_d2), set(s.near)));
       }
       Sample& sample = samples.at[n];
       hn::Store(hn::IfThenElseZero(visible, value), df, sample.value);

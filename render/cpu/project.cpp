@@ -107,7 +107,7 @@ HWY_INLINE void putBoxes(const View& view, const Geometry& g, VD radius, MD visi
     Splat& s = out.splats[lane];
     s.x0 = s.y0 = s.x1 = s.y1 = 0;
     screen_radius[lane] = 0.0f;
-    s.near_plane = nearest[lane] <= kNear * 1.001;
+    s.near = nearest[lane] <= view.near * 1.001 ? view.near : 0.0f;
     const double width = boxes[2][lane] - boxes[0][lane];
     const double height = boxes[3][lane] - boxes[1][lane];
     s.margin = 0.05f + 1e-3f * static_cast<float>(width);
@@ -121,17 +121,21 @@ HWY_INLINE void putBoxes(const View& view, const Geometry& g, VD radius, MD visi
 HWY_INLINE void putTexture(const View& view, const GaussianModel& model, Splat& s) {
   s.texel_offset = 0;
   s.texture_width = s.texture_height = 0;
+  s.texel_density = 0.0f;
   if (model.atlas.rects.empty() || !view.textured()) return;
   const TextureRect& rect = model.atlas.rects[s.gaussian];
   s.texel_offset = rect.offset;
   if (rect.texelCount() == 0) return;
   s.texture_width = rect.width;
   s.texture_height = rect.height;
+  if (!view.texel_density) return;
+  s.texel_density = texelDensity(s.wx, s.wy, s.d0, rect.width, rect.height, static_cast<uint>(view.intersection));
 }
 
-HWY_INLINE glm::vec3 baseColor(const GaussianModel& model, std::uint32_t gaussian, const ShBasis& basis, int lane) {
-  const int count = model.shCount();
-  const glm::vec3* sh = model.sh.data() + static_cast<std::size_t>(gaussian) * count;
+// The first `count` coefficients count.
+HWY_INLINE glm::vec3 baseColor(const GaussianModel& model, std::uint32_t gaussian, const ShBasis& basis, int count,
+                               int lane) {
+  const glm::vec3* sh = model.sh.data() + static_cast<std::size_t>(gaussian) * model.shCount();
   glm::vec3 color(0.5f);
   for (int k = 0; k < count; ++k) color += basis.at[k][lane] * sh[k];
   return glm::max(color, glm::vec3(0.0f));
@@ -180,17 +184,22 @@ void projectBatch(const View& view, const GaussianModel& model, const std::uint3
   out.put(&Splat::kappa_second, hn::Mul(hn::Mul(unit_w, unit_w), dot(g.kappa, g.w_second)));
 
   ShBasis basis;
-  shBasis(directionsTo(view, batch.mean), model.shCount(), basis);
+  const int bands = std::min(model.sh_degree, view.max_sh_degree) + 1;
+  shBasis(directionsTo(view, batch.mean), bands * bands, basis);
+  alignas(64) double opacity_factor[kBatch];
+  hn::Store(g.opacity_factor, dd, opacity_factor);
   alignas(64) double radius[kBatch] = {};
   float finite_base[kBatch] = {};
   for (int lane = 0; lane < count; ++lane) {
     Splat& s = splats[lane];
     s.gaussian = gaussians[lane];
-    s.opacity = opacity(model.opacity_logit[s.gaussian]);
+    s.opacity = std::min(1.0f, opacity(model.opacity_logit[s.gaussian]) * view.opacity_scale) *
+                static_cast<float>(opacity_factor[lane]);
     s.log2_opacity = std::log2(s.opacity);
     radius[lane] = visibleRadius(s.opacity);
+    if (view.fixed_radius > 0.0f && radius[lane] > 0.0) radius[lane] = view.fixed_radius;
     s.radius2 = static_cast<float>(kExponentScale * kExponentScale * radius[lane] * radius[lane]);
-    s.base = baseColor(model, s.gaussian, basis, lane);
+    s.base = baseColor(model, s.gaussian, basis, bands * bands, lane);
     finite_base[lane] = s.base.x + s.base.y + s.base.z + s.log2_opacity;
     putTexture(view, model, s);
   }
@@ -219,6 +228,10 @@ HWY_EXPORT(projectBatchSize);
 
 constexpr int kMaxBatch = 8;  // Gaussians in a batch of any target
 
+bool inside(const CropBox& box, glm::vec3 x) {
+  return glm::all(glm::lessThanEqual(box.min, x)) && glm::all(glm::lessThanEqual(x, box.max));
+}
+
 glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
   return view.camera_from_world_rotation * x + view.camera_from_world_translation;
 }
@@ -229,7 +242,6 @@ float opacity(float logit) { return 1.0f / (1.0f + std::exp(-logit)); }
 
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
   checkSettings(settings);
-  requireBlendingDefaults(settings, kBlendedOutputs, "the CPU renderer");
   if (camera.width <= 0 || camera.height <= 0 || !(camera.fx > 0.0) || !(camera.fy > 0.0)) {
     throw Error(ErrorKind::usage, "camera " + camera.name,
                 "empty image or focal length (expected sizes above 0, found " + std::to_string(camera.width) + " x " +
@@ -248,6 +260,15 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
   view.texture_rgb = (mode & kModeRgb) != 0u;
   view.texture_alpha = (mode & kModeAlpha) != 0u;
   view.intersection = settings.intersection.value_or(model.intersection);
+  view.order = settings.order;
+  view.antialias = settings.antialiasing == Antialiasing::screen;
+  view.footprint = settings.texture_filter == TextureFilter::footprint && view.textured();
+  view.texel_density = view.footprint || (settings.outputs.has(Output::texelDensity) && view.textured());
+  view.opacity_scale = settings.opacity_scale;
+  view.splat_scale = settings.splat_scale;
+  view.max_sh_degree = settings.max_sh_degree;
+  view.near = settings.near;
+  view.crop = settings.crop;
   return view;
 }
 
@@ -264,7 +285,8 @@ void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& ou
     std::size_t next = begin;
     for (std::size_t i = begin; i < end; ++i) {
       const double z = cameraFromWorld(view, model.mean[i]).z;
-      if (!(z > kNear) || !(opacity(model.opacity_logit[i]) * 255.0f > 1.0f)) continue;
+      if (!(z > view.near) || !(opacity(model.opacity_logit[i]) * view.opacity_scale * 255.0f > 1.0f)) continue;
+      if (view.crop && !inside(*view.crop, model.mean[i])) continue;
       keys[next++] = {std::bit_cast<std::uint32_t>(static_cast<float>(z)), static_cast<std::uint32_t>(i)};
     }
     counts[chunk] = next - begin;

@@ -23,6 +23,17 @@ struct View {
   bool texture_rgb = false;
   bool texture_alpha = false;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  // docs/math.md 1.4 and 3.1
+  SplatOrder order = SplatOrder::global;
+  bool antialias = false;
+  bool footprint = false;      // filter by it
+  bool texel_density = false;  // needed: for the filter or as an output
+  float opacity_scale = 1.0f;
+  float splat_scale = 1.0f;
+  int max_sh_degree = 3;
+  float near = kNear;
+  std::optional<CropBox> crop;
+  float fixed_radius = 0.0f;  // [sigma] of the screen boxes; 0: what can be seen
 
   bool textured() const { return texture_rgb || texture_alpha; }
 };
@@ -48,7 +59,8 @@ struct Splat {
   std::uint32_t gaussian;
   std::uint32_t texel_offset;
   std::uint16_t texture_width, texture_height;  // 0 = no texture applies
-  bool near_plane;                              // some hit may lie before kNear
+  float near;                                   // camera z that hits must lie behind; 0 where all do
+  float texel_density;                          // [texels / px] at the mean; 0 unless View::texel_density
 };
 
 // The splats of some Gaussians, in the Gaussians' order. Those off screen have an empty box.

@@ -8,6 +8,7 @@
 #include "core/parallel.h"
 #include "render/cpu/blend.h"
 #include "render/cpu/project.h"
+#include "render/cpu/solid.h"
 #include "render/cpu/tiles.h"
 #include "render/renderer.h"
 
@@ -18,18 +19,28 @@ class CpuRenderer final : public Renderer {
  public:
   void setModel(const GaussianModel& model) override {
     model_ = model;
+    texture_means_.clear();
     has_model_ = true;
   }
 
   Frame render(const Camera& camera, const RenderSettings& settings) override {
     if (!has_model_) throw Error(ErrorKind::usage, "render", "no model set (expected setModel before render)");
     const cpu::View view = cpu::makeView(model_, camera, settings);
-    Frame frame(camera.width, camera.height);
+    Frame frame(camera.width, camera.height, settings.outputs);
     times_.clear();
     timed("sort", [&] { cpu::findDepthOrder(view, model_, depth_order_); });
     timed("project", [&] { cpu::projectSplats(view, model_, depth_order_.gaussians, screen_); });
-    timed("tiles", [&] { cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_); });
-    timed("blend", [&] { cpu::blendFrame(view, screen_, lists_, model_.atlas.texels.data(), frame); });
+    if (!frame.centers.empty()) {
+      timed("centers", [&] { cpu::drawCenters(view, screen_, depth_order_.order, frame.centers); });
+    }
+    if (settings.outputs.hasAny(kBlendedOutputs |
+                                OutputSet{Output::depthMedian, Output::overdraw, Output::texelDensity})) {
+      if (view.footprint && texture_means_.empty()) texture_means_ = textureMeans(model_.atlas, model_.size());
+      const cpu::Texels texels{model_.atlas.texels.data(), texture_means_.data()};
+      timed("tiles", [&] { cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_); });
+      timed("blend", [&] { cpu::blendFrame(view, screen_, lists_, texels, frame); });
+    }
+    if (!frame.ellipsoids.empty()) timed("ellipsoids", [&] { drawEllipsoids(view, frame.ellipsoids); });
     return frame;
   }
 
@@ -41,6 +52,14 @@ class CpuRenderer final : public Renderer {
   }
 
  private:
+  void drawEllipsoids(cpu::View view, std::vector<glm::vec3>& pixels) {
+    view.intersection = IntersectionModel::maxResponse;
+    view.fixed_radius = 1.0f;
+    cpu::projectSplats(view, model_, depth_order_.gaussians, screen_);
+    cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_);
+    cpu::drawEllipsoids(view, model_, screen_, lists_, pixels);
+  }
+
   template <typename Body>
   void timed(const char* name, const Body& body) {
     const auto start = std::chrono::steady_clock::now();
@@ -50,6 +69,7 @@ class CpuRenderer final : public Renderer {
   }
 
   GaussianModel model_;
+  std::vector<glm::vec4> texture_means_;  // of model_, once the footprint filter has asked for them
   bool has_model_ = false;
   cpu::DepthOrder depth_order_;
   cpu::ScreenSplats screen_;

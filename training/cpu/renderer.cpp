@@ -28,6 +28,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
                                         const RenderSettings& settings) override {
     model_ = &model;
+    requireBlendingDefaults(settings, settings.outputs, "training");
     view_ = cpu::makeView(model, camera, settings);
     times_.clear();
     timed("order", [&] { cpu::findDepthOrder(view_, model, depth_order_); });

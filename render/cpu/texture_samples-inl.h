@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// A texture at all samples of a splat in a tile: what the forward pixel loops blend.
+#include "render/cpu/texture-inl.h"
+#include "shared/splat.h"
+
+#if defined(TG_RENDER_CPU_TEXTURE_SAMPLES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef TG_RENDER_CPU_TEXTURE_SAMPLES_INL_H
+#undef TG_RENDER_CPU_TEXTURE_SAMPLES_INL_H
+#else
+#define TG_RENDER_CPU_TEXTURE_SAMPLES_INL_H
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace tg::cpu::HWY_NAMESPACE {
+
+struct TextureSamples {
+  alignas(64) float color[kBlocks][3][kLanes];  // 0 where it does not apply
+};
+
+// Fills `colors`, multiplies the values of `samples` by the alpha factor and drops what falls below the cut.
+HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
+                             Samples& samples, TextureSamples& colors) {
+  const Texture texture = makeTexture(s, texels.texels);
+  const float mean_share = view.footprint ? footprintShare(s.texel_density) : 0.0f;
+  const glm::vec4 mean =
+      mean_share > 0.0f ? mean_share * (texels.means[s.gaussian] - glm::vec4(0, 0, 0, 1)) : glm::vec4(0);
+  for (int i = 0; i < samples.count; ++i) {
+    Sample& sample = samples.at[i];
+    const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
+    const V value = hn::Load(df, sample.value);
+    const TexturePoint at = locate(texture, localRay(s, rows.y[samples.row(i)], x), hn::Load(df, sample.inverse_d2),
+                                   hn::Gt(value, hn::Zero(df)));
+    V color[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
+    V alpha = hn::Zero(df);
+    if (mean_share < 1.0f) {
+      const Corners corners = cornerWeights(at);
+      forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
+        for (int k = 0; k < 4; ++k) {
+          const float* texel = texture.texels + cell + cornerStep(texture, k);
+          const V weight = hn::IfThenElseZero(lanes, corners.weight[k]);
+          if (view.texture_rgb) {
+            for (int ch = 0; ch < 3; ++ch) color[ch] = hn::MulAdd(weight, set(texel[ch]), color[ch]);
+          }
+          alpha = hn::MulAdd(weight, set(texel[3] - 1.0f), alpha);
+        }
+      });
+    }
+    if (mean_share > 0.0f) {
+      const V sharp = set(1.0f - mean_share);
+      for (int ch = 0; ch < 3 && view.texture_rgb; ++ch) {
+        color[ch] = hn::MulAdd(sharp, color[ch], hn::IfThenElseZero(at.inside, set(mean[ch])));
+      }
+      alpha = hn::MulAdd(sharp, alpha, set(mean.a));
+    }
+    for (int ch = 0; ch < 3; ++ch) hn::Store(color[ch], df, colors.color[i][ch]);
+    if (view.texture_alpha) hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, alpha))), df, sample.value);
+  }
+}
+
+}  // namespace tg::cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif
