@@ -17,17 +17,24 @@
 layout(local_size_x_id = 1) in;
 layout(constant_id = 0) const bool kAll = true;        // all outputs; otherwise base holds the final colour alone
 layout(constant_id = 2) const uint kSide = 2u;         // [px] of a thread: 1, 2 or 4; threads: (kTileSize / kSide)^2
-layout(constant_id = 3) const bool kTextured = true;   // some splat has a texture and its terms are on
+layout(constant_id = 3) const uint kSample = kSampleBilinear;
+layout(constant_id = 4) const bool kOverdraw = false;  // count what lies behind the last blended splat, too
+// Splats that a pixel keeps back to blend them in the order of their hits; 0: blend them in the order of the list.
+layout(constant_id = 5) const uint kKept = 0u;
+const bool kTextured = kSample != kSampleNone;
 
 layout(binding = 0) uniform usamplerBuffer pair_keys;    // [pairs / 4] tile << kBlockBits | blocks, four to a texel
 layout(binding = 1) uniform usamplerBuffer pair_splats;  // [pairs]
 layout(binding = 2) uniform usamplerBuffer records;      // [N, 8] SplatRecord
 layout(binding = 3) uniform samplerBuffer texels;        // 4 halfs: r, g, b, alpha
-layout(std430, binding = 4) buffer CountersBlock { Counters counters; };
-layout(std430, binding = 5) readonly buffer TileRanges { uvec2 tile_ranges[]; };       // [tiles]
-layout(std430, binding = 6) buffer BaseTransmittance { vec4 base_transmittance[]; };   // [pixels]
-layout(std430, binding = 7) buffer TextureDepth { vec4 texture_depth[]; };             // [pixels]
-layout(std430, binding = 8) buffer NormalCount { vec4 normal_count[]; };               // [pixels]
+layout(binding = 4) uniform samplerBuffer texture_means; // [N] kSampleFootprint
+layout(std430, binding = 5) buffer CountersBlock { Counters counters; };
+layout(std430, binding = 6) readonly buffer TileRanges { uvec2 tile_ranges[]; };       // [tiles]
+layout(std430, binding = 7) buffer BaseTransmittance { vec4 base_transmittance[]; };   // [pixels]
+layout(std430, binding = 8) buffer TextureDepth { vec4 texture_depth[]; };             // [pixels]
+layout(std430, binding = 9) buffer NormalCount { vec4 normal_count[]; };               // [pixels]
+// [pixels] median depth, overdraw, texel density, and on the way the weight of the textured splats
+layout(std430, binding = 10) buffer Extras { vec4 extras[]; };
 
 const uint kPixels = kSide * kSide;
 const uint kBlockSide = 4u;  // [px]
@@ -59,6 +66,62 @@ vec3 tints[kPixels];  // the texture's share of the colour
 float depths[kPixels];
 vec3 normals[kPixels];
 float counts[kPixels];
+vec4 more[kPixels];  // as extras
+
+// A splat at a pixel, ready to be blended.
+struct Fragment {
+  float depth;  // camera z of the hit
+  float alpha;  // 0: nothing
+  vec3 base;    // with tint unless kAll
+  vec3 tint;
+  vec3 normal;
+  float density;  // [texels / px], -1 without a texture
+};
+
+void blendFragment(uint j, Fragment f) {
+  bool hit = f.alpha >= kAlphaMin;
+  float before = transmittances[j];
+  float after = before * (1.0 - f.alpha);
+  bool take = hit && after >= kTransmittanceStop;
+  transmittances[j] = take ? after : hit ? -abs(before) : before;
+  float weight = take ? before * f.alpha : 0.0;
+  bases[j] += weight * f.base;
+  if (kAll) {
+    tints[j] += weight * f.tint;
+    depths[j] += weight * f.depth;
+    normals[j] += weight * f.normal;
+    counts[j] += take ? 1.0 : 0.0;
+    if (take && before >= 0.5 && after < 0.5) more[j].x = f.depth;
+    if (kOverdraw) more[j].y += hit ? 1.0 : 0.0;
+    if (f.density >= 0.0) more[j].zw += weight * vec2(f.density, 1.0);
+  }
+}
+
+// Fragments that wait, nearest first. Places not taken yet come first and have nothing to blend.
+Fragment kept[kPixels * (kKept + 1u)];
+const Fragment kNoFragment = Fragment(-1.0, 0.0, vec3(0.0), vec3(0.0), vec3(0.0), -1.0);
+
+// The nearest of the fragments kept and `f` is blended, the others stay.
+void keepFragment(uint j, Fragment f) {
+  if (f.alpha < kAlphaMin) return;
+  Fragment far = f;
+  Fragment near = kept[j * kKept];
+  if (f.depth < near.depth) {
+    far = near;
+    near = f;
+  }
+  blendFragment(j, near);
+  [[unroll]] for (uint k = 0u; k + 1u < kKept; ++k) {
+    Fragment next = kept[j * kKept + k + 1u];
+    bool in_order = far.depth <= next.depth;
+    kept[j * kKept + k] = next;
+    if (in_order) {
+      kept[j * kKept + k] = far;
+      far = next;
+    }
+  }
+  kept[j * kKept + kKept - 1u] = far;
+}
 
 void blendSplat(uint splat, vec2 first_center) {
   vec4 center_depth_opacity = fetchRecord(splat, 0u);
@@ -67,7 +130,8 @@ void blendSplat(uint splat, vec2 first_center) {
   vec4 e_b = fetchRecord(splat, 3u);
   vec4 u_offset = kTextured ? fetchRecord(splat, 4u) : vec4(0.0);
   vec4 v_size = kTextured ? fetchRecord(splat, 5u) : vec4(0.0);
-  vec3 normal = kAll ? fetchRecord(splat, 6u).xyz : vec3(0.0);
+  vec4 normal = kAll || kSample == kSampleFootprint ? fetchRecord(splat, 6u) : vec4(0.0);
+  vec4 mean = kSample == kSampleFootprint ? texelFetch(texture_means, int(splat)) : vec4(0.0);
   vec3 base = vec3(w_r.w, d_g.w, e_b.w);
   uint size = floatBitsToUint(v_size.w);
   vec2 offset = first_center - center_depth_opacity.xy;
@@ -90,7 +154,6 @@ void blendSplat(uint splat, vec2 first_center) {
       float power = (w * w + w_rest) * inverse;
       float t = (d_g.z * d + t_rest) * inverse;  // in units of the mean's depth
       float alpha = center_depth_opacity.w * exp2(-kHalfLog2E * power);
-      bool hit = power < kPowerMax && t * center_depth_opacity.z > kNear;
       vec3 tint = vec3(0.0);
       if (kTextured) {
         float shift = -(d_moved * d + shift_rest) * inverse;  // t - 1
@@ -98,26 +161,23 @@ void blendSplat(uint splat, vec2 first_center) {
         vec2 uv = vec2(shift * u_offset.x + t * (u_offset.y * delta.x + u_offset.z * delta.y),
                        shift * v_size.x + t * (v_size.y * delta.x + v_size.z * delta.y));
         vec4 texel = fetchTexture(uv, floatBitsToUint(u_offset.w), size);
+        if (kSample == kSampleFootprint) texel = mix(texel, mean, footprintShare(normal.w));
         if (size != 0u && insideTexture(uv)) {
           if ((view.texture_mode & kModeAlpha) != 0u) alpha *= texel.w;
           if ((view.texture_mode & kModeRgb) != 0u) tint = texel.xyz;
         }
       }
-      alpha = min(kAlphaMax, alpha);
-      hit = hit && alpha >= kAlphaMin;
-      float before = transmittances[j];
-      float after = before * (1.0 - alpha);
-      bool take = hit && after >= kTransmittanceStop;
-      transmittances[j] = take ? after : hit ? -abs(before) : before;
-      float weight = take ? before * alpha : 0.0;
-      if (kAll) {
-        bases[j] += weight * base;
-        tints[j] += weight * tint;
-        depths[j] += weight * t * center_depth_opacity.z;
-        normals[j] += weight * normal;
-        counts[j] += take ? 1.0 : 0.0;
+      Fragment f;
+      f.depth = t * center_depth_opacity.z;
+      f.alpha = power < kPowerMax && f.depth > view.near ? min(kAlphaMax, alpha) : 0.0;
+      f.base = kAll ? base : base + tint;
+      f.tint = tint;
+      f.normal = normal.xyz;
+      f.density = size != 0u ? normal.w : -1.0;
+      if (kKept == 0u) {
+        blendFragment(j, f);
       } else {
-        bases[j] += weight * (base + tint);
+        keepFragment(j, f);
       }
     }
   }
@@ -131,6 +191,8 @@ void loadPixel(uint j, uvec2 at) {
   depths[j] = 0.0;
   normals[j] = vec3(0.0);
   counts[j] = 0.0;
+  more[j] = vec4(0.0);
+  [[unroll]] for (uint k = 0u; k < kKept; ++k) kept[j * kKept + k] = kNoFragment;
   if (pass.first == 0u || outside) return;
   uint i = at.y * view.width + at.x;
   vec4 stored = base_transmittance[i];
@@ -141,11 +203,13 @@ void loadPixel(uint j, uvec2 at) {
     depths[j] = texture_depth[i].w;
     normals[j] = normal_count[i].xyz;
     counts[j] = normal_count[i].w;
+    more[j] = extras[i];
   }
 }
 
 void storePixel(uint j, uvec2 at, bool finish) {
   if (at.x >= view.width || at.y >= view.height) return;
+  [[unroll]] for (uint k = 0u; k < kKept; ++k) blendFragment(j, kept[j * kKept + k]);
   uint i = at.y * view.width + at.x;
   float transmittance = finish ? abs(transmittances[j]) : transmittances[j];
   vec3 background = finish ? transmittance * view.background.xyz : vec3(0.0);
@@ -154,9 +218,12 @@ void storePixel(uint j, uvec2 at, bool finish) {
   float depth = finish ? (counts[j] > 0.0 ? depths[j] / (1.0 - transmittance) : 0.0) : depths[j];
   texture_depth[i] = vec4(tints[j], depth);
   normal_count[i] = vec4(normals[j], counts[j]);
+  if (finish) more[j].z = more[j].w > 0.0 ? more[j].z / more[j].w : 0.0;
+  extras[i] = more[j];
 }
 
 bool allDone() {
+  if (kOverdraw) return false;
   float largest = transmittances[0];
   [[unroll]] for (uint j = 1u; j < kPixels; ++j) largest = max(largest, transmittances[j]);
   return largest < 0.0;

@@ -1,6 +1,6 @@
 #version 450
 // SPDX-License-Identifier: Apache-2.0
-// Smallest and largest depth and largest count over the image: what the depth and count pictures are scaled by.
+// Smallest and largest number above 0 of an output over the image: what its picture is scaled by.
 #extension GL_GOOGLE_include_directive : require
 #include "pass.glsl"
 
@@ -8,29 +8,35 @@ layout(local_size_x = kGroupSize) in;
 layout(std430, binding = 0) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 1) readonly buffer TextureDepth { vec4 texture_depth[]; };  // [pixels]
 layout(std430, binding = 2) readonly buffer NormalCount { vec4 normal_count[]; };    // [pixels]
+layout(std430, binding = 3) readonly buffer Extras { vec4 extras[]; };               // [pixels]
 
-shared uint smallest_depth;
-shared uint largest_depth;
-shared uint largest_count;
+shared uint smallest;
+shared uint largest;
+
+float shown(uint pixel) {
+  switch (pass.output_kind) {
+    case kOutputDepth: return texture_depth[pixel].w;
+    case kOutputDepthMedian: return extras[pixel].x;
+    case kOutputOverdraw: return extras[pixel].y;
+    default: return normal_count[pixel].w;
+  }
+}
 
 void main() {
   if (gl_LocalInvocationIndex == 0u) {
-    smallest_depth = 0xFFFFFFFFu;
-    largest_depth = 0u;
-    largest_count = 0u;
+    smallest = 0xFFFFFFFFu;
+    largest = 0u;
   }
   barrier();
   uint pixel = itemIndex();
-  if (pixel < view.width * view.height && normal_count[pixel].w > 0.0) {
-    uint depth = floatBitsToUint(texture_depth[pixel].w);  // positive: its bits sort like its value
-    atomicMin(smallest_depth, depth);
-    atomicMax(largest_depth, depth);
-    atomicMax(largest_count, uint(normal_count[pixel].w));
+  float value = pixel < view.width * view.height ? shown(pixel) : 0.0;
+  if (value > 0.0) {  // then its bits sort like the number
+    atomicMin(smallest, floatBitsToUint(value));
+    atomicMax(largest, floatBitsToUint(value));
   }
   barrier();
-  if (gl_LocalInvocationIndex == 0u && largest_count > 0u) {
-    atomicMin(counters.output_range.x, smallest_depth);
-    atomicMax(counters.output_range.y, largest_depth);
-    atomicMax(counters.output_range.z, largest_count);
+  if (gl_LocalInvocationIndex == 0u && largest > 0u) {
+    atomicMin(counters.output_range.x, smallest);
+    atomicMax(counters.output_range.y, largest);
   }
 }

@@ -10,11 +10,15 @@ layout(std430, binding = 1) readonly buffer CountersBlock { Counters counters; }
 layout(std430, binding = 2) readonly buffer BaseTransmittance { vec4 base_transmittance[]; };  // [pixels]
 layout(std430, binding = 3) readonly buffer TextureDepth { vec4 texture_depth[]; };            // [pixels]
 layout(std430, binding = 4) readonly buffer NormalCount { vec4 normal_count[]; };              // [pixels]
+layout(std430, binding = 5) readonly buffer Extras { vec4 extras[]; };                         // [pixels]
 
 const float kFarthestGrey = 0.15;  // so that the farthest hit still differs from nothing at all
+// [log2(texels / px)] of black and white
+const float kLowestDensity = -6.0;
+const float kHighestDensity = 2.0;
 
-vec3 depthGrey(float z, bool hit) {
-  if (!hit) return vec3(0.0);
+vec3 depthGrey(float z) {
+  if (z <= 0.0) return vec3(0.0);
   float nearest = uintBitsToFloat(counters.output_range.x);
   float span = uintBitsToFloat(counters.output_range.y) - nearest;
   return vec3(1.0 - (1.0 - kFarthestGrey) * (span > 0.0 ? (z - nearest) / span : 0.0));
@@ -22,15 +26,30 @@ vec3 depthGrey(float z, bool hit) {
 
 vec3 heat(float x) { return vec3(3.0 * x, 3.0 * x - 1.0, 3.0 * x - 2.0); }
 
+vec3 countHeat(float count) {
+  float most = uintBitsToFloat(counters.output_range.y);
+  return heat(most > 0.0 ? count / most : 0.0);
+}
+
+vec3 densityHeat(float density) {
+  return heat(density > 0.0 ? (log2(density) - kLowestDensity) / (kHighestDensity - kLowestDensity) : 0.0);
+}
+
+// What lies in the buffers follows from the output: where final alone was asked for, or a solid output, it takes the
+// place of the base colour.
 vec3 shown(uint i) {
   switch (pass.output_kind) {
-    case kOutputBase: return base_transmittance[i].xyz;
     case kOutputTexture: return 0.5 + 0.5 * texture_depth[i].xyz;
     case kOutputAlpha: return vec3(1.0 - base_transmittance[i].w);
-    case kOutputDepth: return depthGrey(texture_depth[i].w, normal_count[i].w > 0.0);
+    case kOutputDepth: return depthGrey(texture_depth[i].w);
     case kOutputNormal: return 0.5 + 0.5 * vec3(1.0, -1.0, -1.0) * normal_count[i].xyz;
-    case kOutputCount: return heat(normal_count[i].w / float(max(counters.output_range.z, 1u)));
-    default: return base_transmittance[i].xyz + texture_depth[i].xyz;
+    case kOutputCount: return countHeat(normal_count[i].w);
+    case kOutputDepthMedian: return depthGrey(extras[i].x);
+    case kOutputOverdraw: return countHeat(extras[i].y);
+    case kOutputTexelDensity: return densityHeat(extras[i].z);
+    case kOutputEllipsoids:
+    case kOutputCenters: return base_transmittance[i].xyz;
+    default: return view.exposure * base_transmittance[i].xyz;
   }
 }
 

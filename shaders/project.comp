@@ -1,36 +1,34 @@
 #version 450
 // SPDX-License-Identifier: Apache-2.0
-// One thread per Gaussian: cull, splat record, base colour, exact screen box and the number of tiles under it. Models
-// whose records exceed a binding come in chunks: the records are bound from the chunk's first Gaussian on.
+// One thread per Gaussian: cull, splat record, base colour, and the number of tiles that it can colour. Models whose
+// records exceed a binding come in chunks: the records are bound from the chunk's first Gaussian on.
 #extension GL_GOOGLE_include_directive : require
 #include "pass.glsl"
+#include "gaussian.glsl"
 #include "shared/record.h"
 #include "shared/sh.h"
 
 layout(local_size_x = kGroupSize) in;
-layout(binding = 0) uniform samplerBuffer mean_logit;            // [N] mean, opacity logit
-layout(binding = 1) uniform samplerBuffer rotation;              // [N] w, x, y, z
-layout(binding = 2) uniform usamplerBuffer scale_offset;         // [N] ln(sigma), texel offset
-layout(binding = 3) uniform usamplerBuffer texture_size;         // [N] width | height << 16
-layout(binding = 4) uniform samplerBuffer sh;                    // [N, rows, 3] 4 coefficients
-layout(std430, binding = 5) writeonly buffer Records { SplatRecord records[]; };    // [chunk]
-layout(std430, binding = 6) writeonly buffer PixelRects { uvec2 pixel_rects[]; };   // [N] x0 | y0 << 16, x1 | y1 << 16
-layout(std430, binding = 7) writeonly buffer TileCounts { uint tile_counts[]; };    // [N] 0: culled
+layout(constant_id = 0) const uint kShape = kShapeSplats;
+layout(binding = 3) uniform usamplerBuffer texture_size;  // [N] width | height << 16
+layout(binding = 4) uniform samplerBuffer sh;             // [N, rows, 3] 4 coefficients
+layout(std430, binding = 5) writeonly buffer Records { SplatRecord records[]; };   // [chunk]
+layout(std430, binding = 6) writeonly buffer PixelRects { uvec2 pixel_rects[]; };  // [N] x0 | y0 << 16, x1 | y1 << 16
+layout(std430, binding = 7) writeonly buffer TileCounts { uint tile_counts[]; };   // [N] 0: culled
 
-// Sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a needle without width, or everywhere.
-const float kScaleMin = 1e-18;
-const float kScaleMax = 1e18;
 const float kBoxMargin = 1.0 / 64.0;  // [px] more than rounding moves a box that matters
 
 vec3 baseColour(uint i, vec3 dir) {
-  uint rows = view.sh_degree <= 1u ? 1u : view.sh_degree == 2u ? 3u : 4u;
+  uint rows = view.sh_degree <= 1u ? 1u : view.sh_degree == 2u ? 3u : 4u;  // of the model
+  uint used = shCoefficientCount(view.sh_used);
   vec4 basis[4];
   shBasis(dir, basis[0], basis[1], basis[2], basis[3]);
   vec3 colour = vec3(0.5);
   for (uint row = 0u; row < rows; ++row) {
     int at = int((i * rows + row) * 3u);
-    colour += vec3(dot(basis[row], texelFetch(sh, at)), dot(basis[row], texelFetch(sh, at + 1)),
-                   dot(basis[row], texelFetch(sh, at + 2)));
+    vec4 weights = mix(vec4(0.0), basis[row], lessThan(uvec4(row * 4u) + uvec4(0u, 1u, 2u, 3u), uvec4(used)));
+    colour += vec3(dot(weights, texelFetch(sh, at)), dot(weights, texelFetch(sh, at + 1)),
+                   dot(weights, texelFetch(sh, at + 2)));
   }
   return max(colour, vec3(0.0));
 }
@@ -49,42 +47,51 @@ bool pixelsOfBox(vec4 box, out uvec4 pixels) {
 // The shortest axis turned to the camera.
 vec3 facingNormal(vec3 axis, vec3 mean_c) { return dot(axis, mean_c) > 0.0 ? -axis : axis; }
 
+// A disc around the mean as a record: |W|^2 = x^2 + y^2 [px^2], |D|^2 = 1.
+void makeDot(inout SplatRecord record, out vec4 box) {
+  vec2 center = record.center_depth_opacity.xy;
+  record.w_r.xyz = vec3(1.0, 0.0, 1.0);
+  record.d_g.xyz = vec3(0.0, 0.0, 1.0);
+  record.e_b.xyz = vec3(0.0);
+  record.outline = vec4(0.0, 0.0, kCenterRadius * kCenterRadius, 1.0);
+  box = vec4(center - kCenterRadius, center + kCenterRadius);
+}
+
 void main() {
   uint in_chunk = itemIndex();
   if (in_chunk >= pass.count) return;
   uint i = pass.first + in_chunk;
   tile_counts[i] = 0u;
-
-  vec4 mean = texelFetch(mean_logit, int(i));
-  vec3 mean_c = (view.camera_from_world * vec4(mean.x, mean.y, mean.z, 1.0)).xyz;
-  if (!(mean_c.z > kNear)) return;
-  float opacity = 1.0 / (1.0 + exp(-mean.w));
-  float radius = visibleRadius(opacity);
+  Gaussian g;
+  if (!loadGaussian(i, g)) return;
+  float radius = visibleRadius(g.opacity);
   if (!(radius > 0.0)) return;
-
-  uvec4 log_scale_offset = texelFetch(scale_offset, int(i));
-  vec3 scale = exp(uintBitsToFloat(log_scale_offset.xyz));
-  if (!(min(scale.x, min(scale.y, scale.z)) > kScaleMin && max(scale.x, max(scale.y, scale.z)) < kScaleMax)) return;
-  int c = shortestAxis(scale);
-  int a = axisU(c);
-  int b = axisV(c);
-  mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(texelFetch(rotation, int(i)));
-  mat3 axes_c = mat3(axes[a], axes[b], axes[c]);
-  vec3 scale_c = vec3(scale[a], scale[b], scale[c]);
+  if (kShape == kShapeEllipsoids) radius = 1.0;
+  uint intersection = kShape == kShapeEllipsoids ? kIntersectMaxResponse : view.intersection;
 
   vec4 box;
   vec4 outline;
-  bool flat_c = view.intersection == kIntersectPlane;
-  vec2 size = vec2(float(view.width), float(view.height));
-  splatOutline(mean_c, axes_c, scale_c, radius, flat_c, view.focal_center, size, box, outline);
+  splatOutline(g.mean_c, g.axes_c, g.scale, radius, intersection == kIntersectPlane, view.focal_center,
+               vec2(float(view.width), float(view.height)), box, outline);
   uvec4 pixels;
-  if (!pixelsOfBox(box, pixels)) return;
+  if (kShape != kShapeCenters && !pixelsOfBox(box, pixels)) return;
 
-  vec3 dir = normalize(mean.xyz - view.camera_position.xyz);
-  Splat splat = makeSplat(mean_c, axes_c, scale_c, view.focal_center, opacity, baseColour(i, dir));
-  splat.dy_offset.w = uintBitsToFloat(log_scale_offset.w);
-  splat.d0_size.w = uintBitsToFloat(texelFetch(texture_size, int(i)).x);
-  SplatRecord record = makeRecord(splat, view.intersection, facingNormal(axes_c[2], mean_c), outline);
+  vec3 dir = normalize(g.mean - view.camera_position.xyz);
+  Splat splat = makeSplat(g.mean_c, g.axes_c, g.scale, view.focal_center, g.opacity, baseColour(i, dir));
+  uint size = texelFetch(texture_size, int(i)).x;
+  splat.dy_offset.w = uintBitsToFloat(texelFetch(scale_offset, int(i)).w);
+  splat.d0_size.w = uintBitsToFloat(size);
+  SplatRecord record = makeRecord(splat, intersection, facingNormal(g.axes_c[2], g.mean_c), outline);
+  if (kShape == kShapeCenters) {
+    makeDot(record, box);
+    if (!pixelsOfBox(box, pixels)) return;
+  }
+  if (kShape == kShapeEllipsoids) {
+    record.normal.w = g.mean_c.z * splat.d0_size.z;  // what u_offset and v_size have of the other axes
+  } else if (size != 0u) {
+    record.normal.w = texelDensity(splat.wx_r.xyz, splat.wy_g.xyz, splat.d0_size.xyz, size & 0xFFFFu, size >> 16u,
+                                   view.intersection);
+  }
   uint tiles = 0u;
   for (uint tile_y = pixels.y / kTileSize; tile_y <= pixels.w / kTileSize; ++tile_y) {
     uint first;

@@ -17,6 +17,7 @@ constexpr std::uint32_t kListEntriesOnCpu = 12288;
 constexpr std::uint32_t kListEntries = 1u << 31;  // no limit
 constexpr std::uint32_t kPresentSide = 16;        // shaders/present.comp
 constexpr std::uint32_t kDepthBits = 32;
+constexpr std::uint32_t kKeptPerPixel = 8;  // splats that a pixel keeps back to sort them
 
 PingPong makePingPong(const VulkanDevice& device, const char* name, VkDeviceSize bytes) {
   return {Buffer(device, name, bytes), Buffer(device, name, bytes)};
@@ -42,9 +43,6 @@ std::uint32_t checkedPixels(const VulkanDevice& device, std::uint32_t width, std
   return static_cast<std::uint32_t>(pixels);
 }
 
-// The picture alone takes a third of the sums and lets base and texture run together.
-bool pictureAlone(std::optional<Output> shown) { return shown == Output::final || shown == Output::alpha; }
-
 void addProject(PassList& list, const FrameInputs& in) {
   const ModelBuffers& m = in.model;
   const SplatBuffers& s = in.splats;
@@ -65,49 +63,89 @@ void addProject(PassList& list, const FrameInputs& in) {
               {s.records, first * sizeof(SplatRecord), count * sizeof(SplatRecord)},
               s.pixel_rects,
               s.tile_counts},
-             uniforms, Groups::fixed(groups.x, groups.y));
+             uniforms, Groups::fixed(groups.x, groups.y), {{in.variant.shape}});
   }
 }
 
 void addBlend(PassList& list, const FrameInputs& in, int by_tile) {
-  const bool all = !pictureAlone(in.shown);
-  const std::uint32_t side = all ? 2 : in.tuning.blend_side;
+  const FrameVariant& variant = in.variant;
+  const std::uint32_t side = variant.per_pixel ? 1
+                             : variant.all     ? std::min(2u, in.tuning.blend_side)
+                                               : in.tuning.blend_side;
   const std::uint32_t threads = kTileSize / side * (kTileSize / side);
-  const PassOptions constants{{all, threads, side, in.textured}};
+  const std::uint32_t kept = variant.per_pixel ? kKeptPerPixel : 0;
+  const bool solid = variant.shape != kShapeSplats;
   PassUniforms uniforms{};
   uniforms.count = listEntriesPerRound(in.tuning);
   for (std::uint32_t round = 0; round < in.blend_rounds; ++round, uniforms.first += uniforms.count) {
+    const Groups tiles = Groups::fixed(in.image.tilesX(), in.image.tilesY());
+    if (solid) {
+      list.add("solid", Shader::solid,
+               {{in.model.mean_logit, VK_FORMAT_R32G32B32A32_SFLOAT},
+                {in.model.rotation, VK_FORMAT_R32G32B32A32_SFLOAT},
+                {in.model.scale_offset, VK_FORMAT_R32G32B32A32_UINT},
+                {in.pairs.keys[by_tile], VK_FORMAT_R32_UINT},
+                {in.pairs.splats[by_tile], VK_FORMAT_R32_UINT},
+                {in.splats.records, VK_FORMAT_R32G32B32A32_UINT},
+                list.counters(),
+                in.image.tile_ranges,
+                in.image.base_transmittance},
+               uniforms, tiles, {{variant.shape}});
+      continue;
+    }
     list.add("blend", Shader::blend,
              {{in.pairs.keys[by_tile], VK_FORMAT_R32G32B32A32_UINT},
               {in.pairs.splats[by_tile], VK_FORMAT_R32_UINT},
               {in.splats.records, VK_FORMAT_R32G32B32A32_UINT},
               {in.model.texels, VK_FORMAT_R16G16B16A16_SFLOAT},
+              {in.model.texture_means, VK_FORMAT_R32G32B32A32_SFLOAT},
               list.counters(),
               in.image.tile_ranges,
               in.image.base_transmittance,
               in.image.texture_depth,
-              in.image.normal_count},
-             uniforms, Groups::fixed(in.image.tilesX(), in.image.tilesY()), constants);
+              in.image.normal_count,
+              in.image.extras},
+             uniforms, tiles, {{variant.all, threads, side, variant.sample, variant.overdraw, kept}});
   }
 }
 
 void addPresent(PassList& list, const FrameInputs& in) {
+  const Output shown = *in.variant.shown;
   PassUniforms uniforms{};
-  // Where the picture alone was asked for, it lies where the base colour lies otherwise.
-  uniforms.output_kind = static_cast<std::uint32_t>(*in.shown == Output::final ? Output::base : *in.shown);
-  if (*in.shown == Output::depth || *in.shown == Output::count) {
+  // final without base and texture lies where base lies otherwise.
+  uniforms.output_kind = static_cast<std::uint32_t>(shown == Output::final ? Output::base : shown);
+  if (OutputSet{Output::depth, Output::depthMedian, Output::count, Output::overdraw}.has(shown)) {
     const glm::uvec4 groups = groupGrid((in.image.width * in.image.height + kGroupSize - 1) / kGroupSize);
-    list.add("output_range", Shader::outputRange, {list.counters(), in.image.texture_depth, in.image.normal_count},
-             uniforms, Groups::fixed(groups.x, groups.y));
+    list.add("output_range", Shader::outputRange,
+             {list.counters(), in.image.texture_depth, in.image.normal_count, in.image.extras}, uniforms,
+             Groups::fixed(groups.x, groups.y));
   }
-  list.add("present", Shader::present,
-           {list.counters(), in.image.base_transmittance, in.image.texture_depth, in.image.normal_count}, uniforms,
-           Groups::fixed((in.image.width + kPresentSide - 1) / kPresentSide,
-                         (in.image.height + kPresentSide - 1) / kPresentSide),
-           {{}, in.image.picture.view()});
+  list.add(
+      "present", Shader::present,
+      {list.counters(), in.image.base_transmittance, in.image.texture_depth, in.image.normal_count, in.image.extras},
+      uniforms,
+      Groups::fixed((in.image.width + kPresentSide - 1) / kPresentSide,
+                    (in.image.height + kPresentSide - 1) / kPresentSide),
+      {{}, in.image.picture.view()});
 }
 
 }  // namespace
+
+FrameVariant variantFor(OutputSet outputs) {
+  FrameVariant variant;
+  variant.all = outputs.hasAny({Output::base, Output::texture, Output::depth, Output::normal, Output::count,
+                                Output::depthMedian, Output::overdraw, Output::texelDensity});
+  variant.overdraw = outputs.has(Output::overdraw);
+  return variant;
+}
+
+FrameVariant variantFor(Output shown) {
+  FrameVariant variant = variantFor(OutputSet{shown});
+  if (shown == Output::ellipsoids) variant.shape = kShapeEllipsoids;
+  if (shown == Output::centers) variant.shape = kShapeCenters;
+  variant.shown = shown;
+  return variant;
+}
 
 SplatBuffers::SplatBuffers(const VulkanDevice& device, std::uint32_t gaussian_count)
     : records(device, "splat records", VkDeviceSize{gaussian_count} * sizeof(SplatRecord)),
@@ -129,6 +167,7 @@ ImageBuffers::ImageBuffers(const VulkanDevice& device, std::uint32_t w, std::uin
   base_transmittance = Buffer(device, "base and transmittance", bytes);
   texture_depth = Buffer(device, "texture and depth", bytes);
   normal_count = Buffer(device, "normal and count", bytes);
+  extras = Buffer(device, "median depth, overdraw and texel density", bytes);
   picture = StorageImage(device, w, h);
 }
 
@@ -195,7 +234,7 @@ void buildFrame(PassList& list, const FrameInputs& in) {
 
   // Splats to sums per pixel, sums to a picture.
   addBlend(list, in, by_tile);
-  if (in.shown) addPresent(list, in);
+  if (in.variant.shown) addPresent(list, in);
 }
 
 }  // namespace tg

@@ -38,11 +38,26 @@ struct ImageBuffers {
   Buffer base_transmittance;  // [pixels] vec4: base colour with background, transmittance
   Buffer texture_depth;       // [pixels] vec4: texture colour, depth
   Buffer normal_count;        // [pixels] vec4: normal, count
+  Buffer extras;              // [pixels] vec4: median depth, overdraw, texel density
   StorageImage picture;       // RGBA8: one output as a picture
 
   std::uint32_t tilesX() const { return (width + kTileSize - 1) / kTileSize; }
   std::uint32_t tilesY() const { return (height + kTileSize - 1) / kTileSize; }
 };
+
+// What is compiled into the passes of a frame.
+struct FrameVariant {
+  std::uint32_t shape = kShapeSplats;
+  bool all = true;        // all that blending yields; otherwise final and alpha
+  bool overdraw = false;  // of these, too
+  std::uint32_t sample = kSampleNone;
+  bool per_pixel = false;       // SplatOrder::perPixel
+  std::optional<Output> shown;  // write the picture; none: outputs are left in the image's buffers
+  bool operator==(const FrameVariant&) const = default;
+};
+// The least that yields `outputs` or, alone, `shown`.
+FrameVariant variantFor(OutputSet outputs);
+FrameVariant variantFor(Output shown);
 
 struct FrameInputs {
   const VulkanTuning& tuning;
@@ -52,8 +67,7 @@ struct FrameInputs {
   const PairBuffers& pairs;
   const ImageBuffers& image;
   const Scratch& scratch;
-  std::optional<Output> shown;  // write `picture`; none: all outputs are left in the image's buffers
-  bool textured = false;        // texture terms apply
+  const FrameVariant& variant;
   std::uint32_t blend_rounds = 1;
 };
 

@@ -88,6 +88,9 @@ ModelBuffers uploadModel(const VulkanDevice& device, Commands& commands, const G
   buffers.texels = uploadArray<std::uint64_t>(device, commands, "texels", texels.size(), [&](std::size_t i) {
     return glm::packHalf4x16(glm::clamp(texels[i], -kLargestHalf, kLargestHalf));
   });
+  const std::vector<glm::vec4> means = buffers.textured ? textureMeans(model.atlas, count) : std::vector<glm::vec4>{};
+  buffers.texture_means =
+      uploadArray<glm::vec4>(device, commands, "texture means", means.size(), [&](std::size_t i) { return means[i]; });
   return buffers;
 }
 

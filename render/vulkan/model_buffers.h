@@ -19,6 +19,7 @@ struct ModelBuffers {
   Buffer sh;              // [N, rows, 3] vec4: per row of 4 coefficients red, green, blue; rest 0
   // [texels] 4 halfs: r, g, b, alpha. Exactly as bundles store them: half the memory and half the traffic of floats.
   Buffer texels;
+  Buffer texture_means;  // [N] vec4: of the texture under its Gaussian; empty when not `textured`
 };
 
 // Throws Error(device) when the model exceeds what the device can bind.

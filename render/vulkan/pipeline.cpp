@@ -17,6 +17,7 @@
 #include "scan_partitions_comp.h"
 #include "scan_reduce_comp.h"
 #include "shared/layout.h"
+#include "solid_comp.h"
 #include "sort_count_comp.h"
 #include "sort_count_runs_comp.h"
 #include "sort_scan_comp.h"
@@ -40,7 +41,7 @@ struct Module {
 };
 
 // In the order of enum class Shader.
-constexpr std::array<Module, 15> kModules = {{
+constexpr std::array<Module, 16> kModules = {{
     {project_comp, 5, 3},
     {scan_reduce_comp, 0, 4},
     {scan_partitions_comp, 0, 2},
@@ -53,9 +54,10 @@ constexpr std::array<Module, 15> kModules = {{
     {sort_scatter_runs_comp, 2, 5},
     {emit_keys_comp, 1, 6},
     {tile_ranges_comp, 1, 2},
-    {blend_comp, 4, 5},
-    {output_range_comp, 0, 3},
-    {present_comp, 0, 4, true},
+    {blend_comp, 5, 6},
+    {solid_comp, 6, 3},
+    {output_range_comp, 0, 4},
+    {present_comp, 0, 5, true},
 }};
 
 VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const Module& module) {

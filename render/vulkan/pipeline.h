@@ -29,6 +29,7 @@ enum class Shader {
   emitKeys,
   tileRanges,
   blend,
+  solid,
   outputRange,
   present,
 };

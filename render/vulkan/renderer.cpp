@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Vulkan renderer: keeps the buffers that the next frame needs, records it, reads it back.
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "core/error.h"
@@ -15,7 +16,7 @@ constexpr std::uint32_t kFirstPairCapacity = 1u << 16;
 constexpr std::uint32_t kFirstPairsPerGaussian = 4;
 
 ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const ModelBuffers& model,
-                    const ImageBuffers& image) {
+                    const ImageBuffers& image, float exposure_stops) {
   ViewUniforms view{};
   glm::dmat4 camera_from_world(camera.camera_from_world_rotation);
   camera_from_world[3] = glm::dvec4(camera.camera_from_world_translation, 1.0);
@@ -31,6 +32,15 @@ ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const 
   view.sh_degree = model.sh_degree;
   view.texture_mode = static_cast<std::uint32_t>(model.texture_mode) & static_cast<std::uint32_t>(settings.textures);
   view.intersection = static_cast<std::uint32_t>(settings.intersection.value_or(model.intersection));
+  const CropBox crop = settings.crop.value_or(CropBox{});
+  view.crop_min = glm::vec4(crop.min, settings.crop ? 1.0f : 0.0f);
+  view.crop_max = glm::vec4(crop.max, 0.0f);
+  view.opacity_scale = settings.opacity_scale;
+  view.splat_scale = settings.splat_scale;
+  view.near = settings.near;
+  view.exposure = std::exp2(exposure_stops);
+  view.sh_used = std::min(model.sh_degree, static_cast<std::uint32_t>(settings.max_sh_degree));
+  view.antialiasing = settings.antialiasing == Antialiasing::screen;
   return view;
 }
 
@@ -58,15 +68,33 @@ class RendererImpl final : public VulkanRenderer {
   }
 
   Frame render(const Camera& camera, const RenderSettings& settings) override {
-    do {
-      prepare(camera, settings, {});
-      commands_.run([&](VkCommandBuffer commands) { recordFrame(commands); });
-    } while (!finishFrame());
-    return readFrame();
+    constexpr OutputSet kSolid = {Output::ellipsoids, Output::centers};
+    FrameVariant variant = variantFor(settings.outputs);
+    OutputSet outputs = settings.outputs;
+    if (variant.all) outputs = outputs | kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
+    if (outputs.has(Output::final)) outputs = outputs | OutputSet{Output::alpha};
+    checkFrame(camera, settings);
+    fitImage(camera);
+    Frame frame(camera.width, camera.height, outputs);
+    if (variant.all || outputs.hasAny({Output::final, Output::alpha}) || !outputs.hasAny(kSolid)) {
+      draw(camera, settings, variant);
+      readBlended(variant, frame);
+    }
+    for (const Output solid : {Output::ellipsoids, Output::centers}) {
+      if (!outputs.has(solid)) continue;
+      variant = variantFor(solid);
+      variant.shown.reset();
+      draw(camera, settings, variant);
+      std::vector<glm::vec3>& colors = solid == Output::ellipsoids ? frame.ellipsoids : frame.centers;
+      const std::vector<glm::vec4> pixels = readPixels(image_->base_transmittance);
+      colors.assign(pixels.begin(), pixels.end());
+    }
+    return frame;
   }
 
   void record(VkCommandBuffer commands, const VulkanFrameRequest& request) override {
-    prepare(request.camera, request.settings, request.output);
+    checkFrame(request.camera, request.settings);
+    prepare(request.camera, request.settings, variantFor(request.output), request.exposure_stops);
     recordFrame(commands);
   }
 
@@ -111,18 +139,26 @@ class RendererImpl final : public VulkanRenderer {
   }
 
   FrameInputs inputs() const {
-    return {tuning_, device_, *model_, *splats_, *pairs_, *image_, scratch_, shown_, textured_, blend_rounds_};
+    return {tuning_, device_, *model_, *splats_, *pairs_, *image_, scratch_, variant_, blend_rounds_};
   }
 
-  // Buffers, passes and uniforms of the next frame.
-  void prepare(const Camera& camera, const RenderSettings& settings, std::optional<Output> shown) {
+  void checkFrame(const Camera& camera, const RenderSettings& settings) const {
     if (!pairs_) throw Error(ErrorKind::usage, "a frame needs a model: setModel() comes first");
     checkSettings(settings);
-    requireBlendingDefaults(settings, kBlendedOutputs, "the Vulkan renderer");
     if (camera.width <= 0 || camera.height <= 0) {
       throw Error(ErrorKind::usage, "camera \"" + camera.name + "\"",
                   "the image is empty (" + std::to_string(camera.width) + " x " + std::to_string(camera.height) + ")");
     }
+  }
+
+  void draw(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant) {
+    do {
+      prepare(camera, settings, variant, 0.0f);
+      commands_.run([&](VkCommandBuffer commands) { recordFrame(commands); });
+    } while (!finishFrame());
+  }
+
+  void fitImage(const Camera& camera) {
     const auto width = static_cast<std::uint32_t>(camera.width);
     const auto height = static_cast<std::uint32_t>(camera.height);
     if (!image_ || image_->width != width || image_->height != height) {
@@ -130,11 +166,18 @@ class RendererImpl final : public VulkanRenderer {
       image_.reset();
       image_.emplace(device_, width, height);
     }
-    const ViewUniforms view = viewOf(camera, settings, *model_, *image_);
-    const bool textured = model_->textured && view.texture_mode != kModeNone;
-    if (shown != shown_ || textured != textured_) passes_.reset();
-    shown_ = shown;
-    textured_ = textured;
+  }
+
+  // Buffers, passes and uniforms of the next frame.
+  void prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant, float exposure_stops) {
+    fitImage(camera);
+    const ViewUniforms view = viewOf(camera, settings, *model_, *image_, exposure_stops);
+    if (model_->textured && view.texture_mode != kModeNone) {
+      variant.sample = settings.texture_filter == TextureFilter::footprint ? kSampleFootprint : kSampleBilinear;
+    }
+    variant.per_pixel = settings.order == SplatOrder::perPixel;
+    if (variant != variant_) passes_.reset();
+    variant_ = variant;
     if (!passes_) {
       passes_.emplace(device_, pipelines_, view_, counters_);
       buildFrame(*passes_, inputs());
@@ -144,7 +187,7 @@ class RendererImpl final : public VulkanRenderer {
 
   void recordFrame(VkCommandBuffer commands) {
     timer_.begin(commands);
-    if (shown_) recordPictureStart(commands);
+    if (variant_.shown) recordPictureStart(commands);
     recordFrameStart(commands, inputs(), counters_);
     passes_->record(commands, &timer_);
     const VkBufferCopy copy{0, 0, sizeof(Counters)};
@@ -167,26 +210,40 @@ class RendererImpl final : public VulkanRenderer {
                          0, nullptr, 1, &barrier);
   }
 
-  Frame readFrame() {
-    Frame frame(static_cast<int>(image_->width), static_cast<int>(image_->height));
-    std::vector<glm::vec4> pixels(frame.base.size());
-    const std::span<std::byte> bytes = std::as_writable_bytes(std::span(pixels));
-    download(device_, commands_, image_->base_transmittance, bytes);
+  std::vector<glm::vec4> readPixels(const Buffer& buffer) {
+    std::vector<glm::vec4> pixels(std::size_t{image_->width} * image_->height);
+    download(device_, commands_, buffer, std::as_writable_bytes(std::span(pixels)));
+    return pixels;
+  }
+
+  // Into the members that the frame holds.
+  void readBlended(const FrameVariant& variant, Frame& frame) {
+    const auto put = [](auto& out, std::size_t i, auto value) {
+      if (!out.empty()) out[i] = value;
+    };
+    std::vector<glm::vec4> pixels = readPixels(image_->base_transmittance);
     for (std::size_t i = 0; i < pixels.size(); ++i) {
-      frame.base[i] = glm::vec3(pixels[i]);
-      frame.alpha[i] = 1.0f - pixels[i].w;
+      put(frame.picture, i, glm::vec3(pixels[i]));
+      put(frame.base, i, glm::vec3(pixels[i]));
+      put(frame.alpha, i, 1.0f - pixels[i].w);
     }
-    download(device_, commands_, image_->texture_depth, bytes);
+    if (!variant.all) return;
+    pixels = readPixels(image_->texture_depth);
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       frame.texture[i] = glm::vec3(pixels[i]);
       frame.depth[i] = pixels[i].w;
     }
-    download(device_, commands_, image_->normal_count, bytes);
+    pixels = readPixels(image_->normal_count);
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       frame.normal[i] = glm::vec3(pixels[i]);
       frame.count[i] = pixels[i].w;
     }
-    return frame;
+    pixels = readPixels(image_->extras);
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      frame.depth_median[i] = pixels[i].x;
+      put(frame.overdraw, i, pixels[i].y);
+      frame.texel_density[i] = pixels[i].z;
+    }
   }
 
   VulkanDevice& device_;
@@ -202,8 +259,7 @@ class RendererImpl final : public VulkanRenderer {
   std::optional<SplatBuffers> splats_;
   std::optional<PairBuffers> pairs_;
   std::optional<ImageBuffers> image_;
-  std::optional<Output> shown_;
-  bool textured_ = false;
+  FrameVariant variant_;
   std::uint32_t blend_rounds_ = 1;
   std::optional<PassList> passes_;  // of the buffers above, which it outlives in no case
   std::vector<PassTime> times_;

@@ -47,7 +47,8 @@ std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const 
 struct VulkanFrameRequest {
   Camera camera;
   RenderSettings settings;
-  Output output = Output::final;
+  Output output = Output::final;  // settings.outputs does not count
+  float exposure_stops = 0.0f;    // as of visualize()
 };
 
 // How the passes are cut, by kind of device. Pictures do not depend on it.

@@ -20,8 +20,18 @@ struct ViewUniforms {
   uint sh_degree;        // 0..3
   uint texture_mode;     // kMode*: what the model has AND what the user left switched on
   uint intersection;     // kIntersect*
+  vec4 crop_min;         // world space; w: 1 when there is a crop box, else 0
+  vec4 crop_max;
+  float opacity_scale;
+  float splat_scale;
+  float near;            // [world units] camera z at and before which nothing is drawn
+  float exposure;        // factor on the pictures of final and base
+  uint sh_used;          // highest SH degree that counts
+  uint antialiasing;     // 1: screen
+  uint unused0;
+  uint unused1;
 };
-TG_CHECK_SIZE(ViewUniforms, 144)
+TG_CHECK_SIZE(ViewUniforms, 208)
 
 // A Gaussian seen from a camera: all that blending needs. The local frame is ordered (a, b, c): a, b span the texture
 // (u along a, v along b), c is the shortest axis. See shared/splat.h for the formulas that use it.
@@ -46,7 +56,7 @@ struct SplatRecord {
   vec4 e_b;                   // e, base colour blue
   vec4 u_offset;              // z d0, z dD/dx, z dD/dy along local axis a; texel offset (bits of a uint)
   vec4 v_size;                // the same along b; texture width | height << 16 (bits of a uint)
-  vec4 normal;                // shortest axis in camera space, turned to the camera
+  vec4 normal;                // shortest axis in camera space, turned to the camera; texels a pixel
   // Offset y [px] of the outline's leftmost and of its rightmost point, the outline's Mahalanobis distance squared, and
   // whether it is an ellipse: 1, or 0 where the splat reaches beside the camera.
   vec4 outline;

@@ -27,6 +27,16 @@ const uint kModeRgba = 3u;                    // = kModeAlpha | kModeRgb: the mo
 const uint kIntersectPlane = 0u;
 const uint kIntersectMaxResponse = 1u;
 
+// What of a Gaussian the Vulkan passes put on the screen.
+const uint kShapeSplats = 0u;
+const uint kShapeEllipsoids = 1u;
+const uint kShapeCenters = 2u;
+
+// Where blending takes a splat's texture from: nowhere, bilinear taps, or those faded to the mean.
+const uint kSampleNone = 0u;
+const uint kSampleBilinear = 1u;
+const uint kSampleFootprint = 2u;
+
 // Which image a renderer shows (render/renderer.h has the enum class).
 const uint kOutputFinal = 0u;
 const uint kOutputBase = 1u;

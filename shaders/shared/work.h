@@ -51,7 +51,7 @@ const uint kWorkKinds = 3u;
 // Written by the device, read back after the frame.
 struct Counters {
   Work work[kWorkKinds];
-  uvec4 output_range;  // smallest depth, largest depth (float bits), largest splat count, unused
+  uvec4 output_range;  // smallest and largest number above 0 of the shown output (float bits), unused
   uint longest_list;   // most pairs that a tile has
   uint unused0;
   uint unused1;
@@ -65,8 +65,8 @@ struct PassUniforms {
   uint next_work;  // kWork*: the items that its total counts
   uint capacity;   // room for next_work's items
   uint shift;      // lowest bit of the sort digit
-  uint first;      // project: Gaussian of the first thread; blend: first list entry
-  uint count;      // project: Gaussians; blend: list entries at most
+  uint first;      // project: Gaussian of the first thread; blend, solid: first list entry
+  uint count;      // project: Gaussians; blend, solid: list entries at most
   uint output_kind;  // present: kOutput*
   uint unused;
 };

@@ -2,7 +2,8 @@ tg_add_test(test_vulkan LIBRARIES tg_render_vulkan SOURCES
   trained_model_test.cpp
   vulkan_device.cpp
   vulkan_passes_test.cpp
-  vulkan_renderer_test.cpp)
+  vulkan_renderer_test.cpp
+  vulkan_settings_test.cpp)
 target_include_directories(test_vulkan PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 
 # llvmpipe's subgroups have as many lanes as its vectors: 4 and 8. Scan and sort must not notice.

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// A Gaussian of the model as the camera sees it, with the viewer's settings applied; for passes that bind the model.
+#include "shared/splat.h"
+
+layout(binding = 0) uniform samplerBuffer mean_logit;     // [N] mean, opacity logit
+layout(binding = 1) uniform samplerBuffer rotation;       // [N] w, x, y, z
+layout(binding = 2) uniform usamplerBuffer scale_offset;  // [N] ln(sigma), texel offset
+
+// Sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a needle without width, or everywhere.
+const float kScaleMin = 1e-18;
+const float kScaleMax = 1e18;
+
+struct Gaussian {
+  vec3 mean;    // world space
+  vec3 mean_c;  // camera space
+  mat3 axes_c;  // columns: local axes in camera space, ordered (a, b, c)
+  vec3 scale;   // [world units] ordered alike
+  float opacity;
+};
+
+// False: it cannot be seen.
+bool loadGaussian(uint i, out Gaussian g) {
+  vec4 mean = texelFetch(mean_logit, int(i));
+  g.mean = mean.xyz;
+  g.mean_c = (view.camera_from_world * vec4(g.mean, 1.0)).xyz;
+  g.opacity = min(1.0, view.opacity_scale / (1.0 + exp(-mean.w)));
+  vec3 scale = exp(uintBitsToFloat(texelFetch(scale_offset, int(i)).xyz));
+  int c = shortestAxis(scale);
+  int a = axisU(c);
+  int b = axisV(c);
+  mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(texelFetch(rotation, int(i)));
+  g.axes_c = mat3(axes[a], axes[b], axes[c]);
+  g.scale = view.splat_scale * vec3(scale[a], scale[b], scale[c]);
+  if (view.antialiasing != 0u) {
+    vec3 narrow = g.scale;
+    g.scale = antialiasedScale(narrow, g.mean_c.z, max(view.focal_center.x, view.focal_center.y));
+    vec3 direction = transpose(g.axes_c) * (g.mean_c / g.mean_c.z);
+    g.opacity *= antialiasedOpacity(narrow, g.scale, length(direction / narrow), length(direction / g.scale),
+                                    view.intersection == kIntersectPlane);
+  }
+  bool in_crop = view.crop_min.w == 0.0 || (all(greaterThanEqual(g.mean, view.crop_min.xyz)) &&
+                                            all(lessThanEqual(g.mean, view.crop_max.xyz)));
+  float least = min(g.scale.x, min(g.scale.y, g.scale.z));
+  float most = max(g.scale.x, max(g.scale.y, g.scale.z));
+  return g.mean_c.z > view.near && in_crop && least > kScaleMin && most < kScaleMax;
+}

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a viewer may change and ask for: the Vulkan renderer against the float64 reference.
+#include <algorithm>
+#include <cmath>
+#include <glm/gtc/packing.hpp>
+
+#include "render/reference/reference.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+#include "vulkan_device.h"
+
+using namespace tg;
+using namespace tg::test;
+
+namespace {
+
+TestScene halfTexels(TestScene scene) {
+  for (glm::vec4& texel : scene.model.atlas.texels) texel = glm::unpackHalf4x16(glm::packHalf4x16(texel));
+  return scene;
+}
+
+Frame renderScene(const TestScene& scene, const RenderSettings& settings) {
+  VulkanRenderer& renderer = vulkanRenderer();
+  renderer.setModel(scene.model);
+  return renderer.render(scene.camera, settings);
+}
+
+FrameT<double> renderTruth(const TestScene& scene, const RenderSettings& settings) {
+  return renderReference(ReferenceModel(scene.model), scene.camera, settings);
+}
+
+void checkBlended(const TestScene& scene, const RenderSettings& settings, SceneKind kind) {
+  Tolerance limits = tolerance(kind, settings.intersection.value_or(scene.model.intersection));
+  limits.outlier_share = std::max(limits.outlier_share, 7e-3);
+  const FrameDifference difference = compareFrames(renderScene(scene, settings), renderTruth(scene, settings), limits);
+  INFO(report(difference));
+  CHECK(violations(difference, limits) == "");
+  CHECK(validationMessages() == "");
+}
+
+double distance(float a, double b) { return std::abs(a - b); }
+double distance(glm::vec3 a, glm::dvec3 b) { return glm::length(glm::dvec3(a) - b); }
+double magnitude(double b) { return std::abs(b); }
+double magnitude(glm::dvec3 b) { return glm::length(b); }
+
+// The share of the pixels that lie farther than 1e-3 of the larger of 1 and their size from the truth.
+template <typename T, typename U>
+double wrongShare(const std::vector<T>& pixels, const std::vector<U>& truth) {
+  REQUIRE(pixels.size() == truth.size());
+  std::size_t wrong = 0;
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    wrong += !(distance(pixels[i], truth[i]) <= 1e-3 * std::max(1.0, magnitude(truth[i])));
+  }
+  return static_cast<double>(wrong) / static_cast<double>(pixels.size());
+}
+
+// The share of the pixels that are not 0 or background.
+template <typename T>
+double shown(const std::vector<T>& pixels, T nothing) {
+  const auto empty = std::count(pixels.begin(), pixels.end(), nothing);
+  return 1.0 - static_cast<double>(empty) / static_cast<double>(pixels.size());
+}
+
+}  // namespace
+
+TEST_CASE("scales, SH degree, near plane and crop box agree with the reference") {
+  const SceneKind kind = GENERATE(SceneKind::ordinary, SceneKind::nearPlane);
+  const TestScene scene = halfTexels(makeScene(kind, 21));
+  RenderSettings settings;
+  SECTION("opacity") { settings.opacity_scale = GENERATE(0.4f, 3.0f); }
+  SECTION("size") { settings.splat_scale = GENERATE(0.5f, 1.7f); }
+  SECTION("SH degree") { settings.max_sh_degree = GENERATE(0, 1, 2); }
+  SECTION("near") { settings.near = GENERATE(0.05f, 3.0f); }
+  SECTION("crop") { settings.crop = CropBox{scene.model.mean[0] - 1.5f, scene.model.mean[0] + 1.5f}; }
+  REQUIRE(!(settings == RenderSettings{}));
+  checkBlended(scene, settings, kind);
+}
+
+TEST_CASE("screen antialiasing agrees with the reference for both intersection models") {
+  const SceneKind kind = GENERATE(SceneKind::ordinary, SceneKind::needles, SceneKind::flat);
+  RenderSettings settings;
+  settings.intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  settings.antialiasing = Antialiasing::screen;
+  checkBlended(halfTexels(makeScene(kind, 22)), settings, kind);
+}
+
+TEST_CASE("the footprint filter agrees with the reference from one texel a pixel to the mean") {
+  TestScene scene = halfTexels(makeScene(SceneKind::oddTextures, 23));
+  RenderSettings settings;
+  settings.texture_filter = TextureFilter::footprint;
+  settings.intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  settings.splat_scale = GENERATE(0.05f, 0.3f, 1.0f);
+  checkBlended(scene, settings, SceneKind::oddTextures);
+}
+
+TEST_CASE("median depth, overdraw and texel density agree with the reference") {
+  const SceneKind kind = GENERATE(SceneKind::ordinary, SceneKind::mixed, SceneKind::stacked);
+  TestScene scene = halfTexels(makeScene(kind, 24));
+  // So that rays end early.
+  if (kind == SceneKind::stacked) {
+    for (glm::vec4& texel : scene.model.atlas.texels) texel.a = 1.0f;
+  }
+  RenderSettings settings;
+  settings.outputs = {Output::depthMedian, Output::overdraw, Output::texelDensity, Output::count};
+  const Frame frame = renderScene(scene, settings);
+  const FrameT<double> truth = renderTruth(scene, settings);
+  INFO(name(kind));
+  CHECK(wrongShare(frame.depth_median, truth.depth_median) <= 5e-3);
+  CHECK(wrongShare(frame.overdraw, truth.overdraw) <= 5e-3);
+  CHECK(wrongShare(frame.texel_density, truth.texel_density) <= 5e-3);
+  CHECK(shown(frame.depth_median, 0.0f) > 0.05);
+  CHECK(shown(frame.texel_density, 0.0f) > 0.3);
+  if (kind == SceneKind::stacked) {
+    const bool more = frame.overdraw != frame.count;
+    CHECK(more);
+  }
+  settings.outputs = kBlendedOutputs;
+  const bool same_count = renderScene(scene, settings).count == frame.count;
+  CHECK(same_count);
+  CHECK(validationMessages() == "");
+}
+
+TEST_CASE("ellipsoids and centres agree with the reference") {
+  const SceneKind kind = GENERATE(SceneKind::ordinary, SceneKind::flat, SceneKind::aroundCamera);
+  const TestScene scene = makeScene(kind, 25, 200, 90, 70);
+  RenderSettings settings;
+  settings.background = {0.1f, 0.2f, 0.3f};
+  settings.outputs = {Output::ellipsoids, Output::centers};
+  settings.splat_scale = GENERATE(1.0f, 0.5f);
+  settings.intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  const Frame frame = renderScene(scene, settings);
+  const FrameT<double> truth = renderTruth(scene, settings);
+  INFO(name(kind));
+  CHECK(wrongShare(frame.ellipsoids, truth.ellipsoids) <= 1e-2);
+  CHECK(wrongShare(frame.centers, truth.centers) <= 1e-2);
+  CHECK(shown(frame.ellipsoids, settings.background) > 0.05);
+  CHECK(shown(frame.centers, settings.background) > 0.02);
+  CHECK(validationMessages() == "");
+}
+
+TEST_CASE("a frame holds the picture alone when nothing else is asked for, and it is the same picture") {
+  const TestScene scene = halfTexels(makeScene(SceneKind::mixed, 26));
+  RenderSettings settings;
+  settings.background = {0.3f, 0.6f, 0.9f};
+  const Frame all = renderScene(scene, settings);
+  settings.outputs = {Output::final};
+  const Frame alone = renderScene(scene, settings);
+  CHECK(alone.base.empty());
+  CHECK(alone.depth.empty());
+  REQUIRE(alone.picture.size() == all.base.size());
+  float largest = 0.0f;
+  for (std::size_t i = 0; i < all.base.size(); ++i) {
+    largest = std::max(largest, glm::length(alone.color(i) - all.color(i)));
+  }
+  CHECK(largest < 1e-5f);
+  CHECK(validationMessages() == "");
+}
+
+TEST_CASE("the per-pixel order is the reference's wherever no more than eight hits change places") {
+  const SceneKind kind = GENERATE(SceneKind::ordinary, SceneKind::flat, SceneKind::stacked, SceneKind::needles);
+  const TestScene scene = halfTexels(makeScene(kind, 27, 120));
+  RenderSettings settings;
+  settings.order = SplatOrder::perPixel;
+  const Frame frame = renderScene(scene, settings);
+  const FrameT<double> truth = renderTruth(scene, settings);
+  INFO(name(kind));
+  const auto colors = [](const auto& f) {
+    auto result = f.base;
+    for (std::size_t i = 0; i < result.size(); ++i) result[i] = f.color(i);
+    return result;
+  };
+  const double wrong = wrongShare(colors(frame), colors(truth));
+  RenderSettings global;
+  const double wrong_globally = wrongShare(colors(renderScene(scene, global)), colors(truth));
+  INFO("wrong " << wrong << ", in the global order " << wrong_globally);
+  CHECK(wrong <= (kind == SceneKind::stacked ? 0.1 : 2e-2));
+  CHECK(wrong <= 0.5 * wrong_globally);
+  CHECK(validationMessages() == "");
+}
