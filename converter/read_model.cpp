@@ -17,7 +17,7 @@ LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& opti
   LoadedModel loaded;
   switch (format) {
     case FileFormat::bundle: {
-      Bundle bundle = readBundle(path);
+      Bundle bundle = readBundle(path, {}, options.progress);
       loaded.model = std::move(bundle.model);
       loaded.cameras = std::move(bundle.cameras);
       loaded.background = bundle.background;
@@ -27,13 +27,14 @@ LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& opti
       break;
     }
     case FileFormat::ply:
-      loaded.model = readSplatPly(path);
+      loaded.model = readSplatPly(path, options.progress);
       break;
     case FileFormat::compressedPly:
       loaded.model = readCompressedPly(path);
       break;
     case FileFormat::splat:
       loaded = readSplat(path);
+      checkModel(loaded.model, path.string());
       break;
     case FileFormat::spz:
       loaded = readSpz(path);
@@ -41,10 +42,10 @@ LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& opti
     case FileFormat::glb:
     case FileFormat::gltf:
       loaded = readGltf(path, options);
+      checkModel(loaded.model, path.string());
       break;
   }
   loaded.format = name(format);
-  checkModel(loaded.model, path.string());
   return loaded;
 }
 

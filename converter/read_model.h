@@ -13,6 +13,8 @@
 
 namespace tg {
 
+struct ReadProgress;
+
 struct LoadedModel {
   GaussianModel model;
   std::vector<Camera> cameras;
@@ -24,11 +26,13 @@ struct LoadedModel {
 };
 
 struct ReadOptions {
+  ReadProgress* progress = nullptr;  // of tgz and PLY; may be null
   bool base_only = false;  // glTF: leave the texture layer aside, as a reader that knows only the Khronos extension
 };
 
 // Told apart by content; .splat, which has no magic number, by its extension. The model has passed checkModel. Throws
-// Error(cannotRead / badData); formats that are known but not supported are named.
+// Error(cannotRead / badData); formats that are known but not supported are named. ReadCancelled: options.progress
+// said so.
 LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& options = {});
 
 }  // namespace tg

@@ -13,12 +13,14 @@
 
 namespace tg {
 
+struct ReadProgress;
+
 struct Bundle {
   GaussianModel model;
   std::vector<Camera> cameras;
-  std::string training_json;  // "" = none. Free-form JSON object: configuration, metrics, times
-  Image preview;              // empty = none; 3 channels, at most 512 px a side
-  glm::vec3 background{0.0f}; // what the model was trained against
+  std::string training_json;          // "" = none. Free-form JSON object: configuration, metrics, times
+  Image preview;                      // empty = none; 3 channels, at most 512 px a side
+  glm::vec3 background{0.0f};         // what the model was trained against
   std::vector<std::string> warnings;  // filled by the reader: skipped entries, trailing garbage
 };
 
@@ -30,8 +32,9 @@ struct BundleLimits {
   int entries = 4096;
 };
 
-// Streams the archive; nothing is unpacked to disk. Throws Error(cannotRead / badData).
-Bundle readBundle(const std::filesystem::path& path, const BundleLimits& limits = {});
+// Streams the archive; nothing is unpacked to disk. `progress` may be null. Throws Error(cannotRead / badData),
+// ReadCancelled.
+Bundle readBundle(const std::filesystem::path& path, const BundleLimits& limits = {}, ReadProgress* progress = nullptr);
 
 // Same bundle in, same bytes out (no times, no user names; texels are stored as half floats). Atomic. Throws
 // Error(cannotWrite).

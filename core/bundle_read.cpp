@@ -15,17 +15,20 @@
 #include "core/bundle_manifest.h"
 #include "core/error.h"
 #include "core/gzip_reader.h"
+#include "core/huge_pages.h"
 #include "core/image_codecs.h"
 #include "core/json.h"
 #include "core/npy.h"
 #include "core/parallel.h"
 #include "core/ply.h"
+#include "core/read_progress.h"
 #include "core/sha256.h"
 
 namespace tg {
 namespace {
 
 constexpr std::size_t kMaxNameBytes = 255;
+constexpr std::size_t kFirstPreviewBytes = std::size_t{32} << 20;  // some 130 000 Gaussians; then at four times as much
 constexpr std::uint64_t kMaxTarOverhead = std::uint64_t{64} << 20;  // headers and padding beside total_bytes
 
 bool isUtf8(const std::string& text) {
@@ -91,10 +94,11 @@ const char* typeName(archive_entry* entry) {
 
 class BundleReader {
  public:
-  BundleReader(const std::filesystem::path& path, const BundleLimits& limits)
+  BundleReader(const std::filesystem::path& path, const BundleLimits& limits, ReadProgress* progress)
       : path_(path.string()),
         limits_(limits),
-        gzip_(path, saturatingSum(limits.total_bytes, kMaxTarOverhead)),
+        progress_(progress),
+        gzip_(path, saturatingSum(limits.total_bytes, kMaxTarOverhead), progress),
         archive_(archive_read_new(), archive_read_free) {
     if (!archive_) throw std::bad_alloc();
     archive_read_support_format_tar(archive_.get());
@@ -269,22 +273,26 @@ class BundleReader {
     const ManifestFile* listed = manifest_.find(name);
     if (!listed) fail("entry " + shown(name) + " is not listed in the manifest");
     checkCount(name, "its bytes", static_cast<std::size_t>(listed->bytes), static_cast<std::size_t>(size));
-    std::vector<std::uint8_t> bytes = readBytes(name, size, max_bytes);
-    const std::string hash = sha256Hex(bytes);
+    Sha256 digest;
+    std::vector<std::uint8_t> bytes = readBytes(name, size, max_bytes, &digest);
+    const std::string hash = digest.hex();
     if (hash != listed->sha256)
       throw Error(ErrorKind::badData, inside(name),
                   "is damaged (expected SHA-256 " + listed->sha256 + ", found " + hash + ")");
     return bytes;
   }
 
-  std::vector<std::uint8_t> readBytes(const std::string& name, std::uint64_t size, std::uint64_t max_bytes) {
+  std::vector<std::uint8_t> readBytes(const std::string& name, std::uint64_t size, std::uint64_t max_bytes,
+                                      Sha256* digest = nullptr) {
     if (size > max_bytes)
       throw Error(
           ErrorKind::badData, inside(name),
           "is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " + std::to_string(size) + ")");
     if (size > gzip_.inflatedBound()) throw Error(ErrorKind::badData, inside(name), "is longer than the file can hold");
     std::vector<std::uint8_t> bytes;
-    bytes.reserve(static_cast<std::size_t>(size));
+    reserveHuge(bytes, static_cast<std::size_t>(size));
+    std::size_t next_preview =
+        name == kGaussiansName && progress_ && progress_->preview ? kFirstPreviewBytes : size + 1;
     for (;;) {
       const void* data = nullptr;
       std::size_t length = 0;
@@ -296,6 +304,12 @@ class BundleReader {
         throw Error(ErrorKind::badData, inside(name), "has a wrong size");
       const auto* from = static_cast<const std::uint8_t*>(data);
       bytes.insert(bytes.end(), from, from + length);
+      if (digest) digest->add({from, length});
+      if (bytes.size() >= next_preview) {
+        next_preview *= 4;
+        GaussianModel part = previewSplatPly(bytes, size);
+        if (part.size() > 0) progress_->preview(std::move(part));
+      }
     }
     if (bytes.size() != size) throw Error(ErrorKind::badData, inside(name), "ends early");
     return bytes;
@@ -333,6 +347,7 @@ class BundleReader {
 
   const std::string path_;
   const BundleLimits limits_;
+  ReadProgress* const progress_;
   GzipReader gzip_;
   std::exception_ptr failure_;
   std::unique_ptr<archive, int (*)(archive*)> archive_;
@@ -351,8 +366,8 @@ class BundleReader {
 
 }  // namespace
 
-Bundle readBundle(const std::filesystem::path& path, const BundleLimits& limits) {
-  return BundleReader(path, limits).read();
+Bundle readBundle(const std::filesystem::path& path, const BundleLimits& limits, ReadProgress* progress) {
+  return BundleReader(path, limits, progress).read();
 }
 
 bool looksLikeBundle(const std::filesystem::path& path) {

@@ -155,6 +155,34 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
   return bytes;
 }
 
+FileReader::FileReader(const std::filesystem::path& path, std::uint64_t max_bytes) : path_(path.string()) {
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path_, "cannot open: " + reason());
+  struct stat status{};
+  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + reason());
+  if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is a folder (expected a file)");
+  if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is no regular file");
+  size_ = static_cast<std::uint64_t>(status.st_size);
+  if (size_ > max_bytes)
+    throw Error(ErrorKind::cannotRead, path_,
+                "file is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " +
+                    std::to_string(size_) + ")");
+  descriptor_ = std::exchange(file.fd, -1);
+}
+
+FileReader::~FileReader() { ::close(descriptor_); }
+
+void FileReader::read(std::uint64_t offset, std::span<std::uint8_t> out) const {
+  while (!out.empty()) {
+    const ssize_t got = ::pread(descriptor_, out.data(), out.size(), static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + reason());
+    if (got == 0) throw Error(ErrorKind::cannotRead, path_, "became shorter while it was read");
+    out = out.subspan(static_cast<std::size_t>(got));
+    offset += static_cast<std::uint64_t>(got);
+  }
+}
+
 void requireWritable(const std::filesystem::path& path) {
   requireFileName(path);
   // The final name itself: the temporary one is shorter than a name the file system may refuse.

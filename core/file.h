@@ -13,6 +13,25 @@ namespace tg {
 // Throws Error(cannotRead) when missing, a folder, unreadable, or longer than max_bytes.
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes);
 
+// A regular file, read piece by piece, from several threads at once if need be.
+class FileReader {
+ public:
+  // Throws as readFile does, and for what is no regular file.
+  FileReader(const std::filesystem::path& path, std::uint64_t max_bytes);
+  ~FileReader();
+  FileReader(const FileReader&) = delete;
+  FileReader& operator=(const FileReader&) = delete;
+
+  std::uint64_t size() const { return size_; }  // [bytes] when it was opened
+  // Throws Error(cannotRead), also when the file has become too short.
+  void read(std::uint64_t offset, std::span<std::uint8_t> out) const;
+
+ private:
+  std::string path_;
+  int descriptor_ = -1;
+  std::uint64_t size_ = 0;
+};
+
 // Throws what writeFileAtomically would throw for a place that cannot be written: for use before hours of work.
 void requireWritable(const std::filesystem::path& path);
 

@@ -4,13 +4,20 @@
 
 #include <zlib.h>
 
+#include <condition_variable>
+#include <deque>
+#include <exception>
 #include <fstream>
 #include <limits>
+#include <mutex>
 #include <string>
 #include <system_error>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
+#include "core/read_progress.h"
 
 namespace tg {
 namespace {
@@ -18,7 +25,8 @@ namespace {
 constexpr std::uint64_t kMaxRatio = 1000;
 constexpr std::uint64_t kRatioFreeBytes = 1 << 20;
 constexpr std::size_t kInputBytes = 1 << 16;
-constexpr std::size_t kOutputBytes = 1 << 18;
+constexpr std::size_t kOutputBytes = 1 << 20;
+constexpr std::size_t kPiecesAhead = 4;
 
 }  // namespace
 
@@ -30,7 +38,7 @@ struct GzipReader::State {
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;
   std::vector<std::uint8_t> input = std::vector<std::uint8_t>(kInputBytes);
-  std::vector<std::uint8_t> output = std::vector<std::uint8_t>(kOutputBytes);
+  ReadProgress* progress = nullptr;
   z_stream stream{};
   bool started = false;
   bool finished = false;
@@ -46,11 +54,77 @@ struct GzipReader::State {
     if (file.bad()) throw Error(ErrorKind::cannotRead, path, "cannot read");
     stream.next_in = input.data();
     stream.avail_in = static_cast<uInt>(file.gcount());
+    if (progress) progress->advance(stream.avail_in);
     return stream.avail_in > 0;
   }
+
+  // Fills `output`, which is shorter at the end and empty after it.
+  void inflateNext(std::vector<std::uint8_t>& output);
 };
 
-GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes)
+// The next pieces, in order. Pieces that have been taken come back to be filled again.
+class GzipReader::Ahead {
+ public:
+  explicit Ahead(State& state) : state_(state), thread_([this] { run(); }) {}
+  ~Ahead() {
+    {
+      const std::lock_guard lock(mutex_);
+      stop_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+
+  // Valid until the next call.
+  std::span<const std::uint8_t> next() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return ended_ || !pieces_.empty(); });
+    if (pieces_.empty()) {
+      if (failure_) std::rethrow_exception(failure_);
+      return {};
+    }
+    free_ = std::exchange(taken_, std::move(pieces_.front()));
+    pieces_.pop_front();
+    lock.unlock();
+    changed_.notify_all();
+    return taken_;
+  }
+
+ private:
+  void run() {
+    std::unique_lock lock(mutex_);
+    while (!stop_) {
+      std::vector<std::uint8_t> piece = std::move(free_);
+      lock.unlock();
+      std::exception_ptr failure;
+      try {
+        state_.inflateNext(piece);
+      } catch (...) {
+        failure = std::current_exception();
+      }
+      lock.lock();
+      failure_ = failure;
+      ended_ = failure || piece.empty();
+      if (!ended_) pieces_.push_back(std::move(piece));
+      changed_.notify_all();
+      if (ended_) return;
+      changed_.wait(lock, [this] { return stop_ || pieces_.size() < kPiecesAhead; });
+    }
+  }
+
+  State& state_;
+  std::mutex mutex_;  // guards all below but taken_
+  std::condition_variable changed_;
+  std::deque<std::vector<std::uint8_t>> pieces_;
+  std::vector<std::uint8_t> free_;
+  std::exception_ptr failure_;
+  bool ended_ = false;
+  bool stop_ = false;
+  std::vector<std::uint8_t> taken_;  // the reader's
+  std::thread thread_;
+};
+
+GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ReadProgress* progress)
     : state_(std::make_unique<State>()) {
   State& s = *state_;
   s.path = path.string();
@@ -64,6 +138,9 @@ GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_infl
   if (status) throw Error(ErrorKind::cannotRead, s.path, "is not a regular file");
   if (inflateInit2(&s.stream, 15 + 16) != Z_OK) throw Error(ErrorKind::cannotRead, s.path, "cannot start zlib");
   s.started = true;
+  s.progress = progress;
+  if (progress) progress->total = s.file_size;
+  ahead_ = std::make_unique<Ahead>(s);
 }
 
 GzipReader::~GzipReader() = default;
@@ -79,31 +156,32 @@ bool GzipReader::hasTrailingBytes() const {
   return s.finished && (s.stream.avail_in > 0 || s.refill());
 }
 
-std::span<const std::uint8_t> GzipReader::next() {
-  State& s = *state_;
-  if (s.finished) return {};
-  s.stream.next_out = s.output.data();
-  s.stream.avail_out = static_cast<uInt>(s.output.size());
-  while (s.stream.avail_out > 0 && !s.finished) {
-    if (s.stream.avail_in == 0 && !s.refill()) {
-      if (s.bytes_in == 0) s.fail("is empty (expected a gzip stream)");
-      s.fail("gzip stream ends early");
+std::span<const std::uint8_t> GzipReader::next() { return ahead_->next(); }
+
+void GzipReader::State::inflateNext(std::vector<std::uint8_t>& output) {
+  output.resize(finished ? 0 : kOutputBytes);
+  if (finished) return;
+  stream.next_out = output.data();
+  stream.avail_out = static_cast<uInt>(output.size());
+  while (stream.avail_out > 0 && !finished) {
+    if (stream.avail_in == 0 && !refill()) {
+      if (bytes_in == 0) fail("is empty (expected a gzip stream)");
+      fail("gzip stream ends early");
     }
-    const uInt before = s.stream.avail_in;
-    const int result = inflate(&s.stream, Z_NO_FLUSH);
-    s.bytes_in += before - s.stream.avail_in;
+    const uInt before = stream.avail_in;
+    const int result = inflate(&stream, Z_NO_FLUSH);
+    bytes_in += before - stream.avail_in;
     if (result == Z_STREAM_END)
-      s.finished = true;
+      finished = true;
     else if (result != Z_OK)
-      s.fail(std::string("broken gzip stream: ") + (s.stream.msg ? s.stream.msg : "unexpected data"));
+      fail(std::string("broken gzip stream: ") + (stream.msg ? stream.msg : "unexpected data"));
   }
-  const std::size_t produced = s.output.size() - s.stream.avail_out;
-  s.bytes_out += produced;
-  if (s.bytes_out > kRatioFreeBytes && s.bytes_out / kMaxRatio > s.bytes_in)
-    s.fail("inflates more than " + std::to_string(kMaxRatio) + " : 1");
-  if (s.bytes_out > s.max_inflated)
-    s.fail("inflates to more than the limit (expected at most " + std::to_string(s.max_inflated) + " bytes)");
-  return std::span(s.output).first(produced);
+  output.resize(output.size() - stream.avail_out);
+  bytes_out += output.size();
+  if (bytes_out > kRatioFreeBytes && bytes_out / kMaxRatio > bytes_in)
+    fail("inflates more than " + std::to_string(kMaxRatio) + " : 1");
+  if (bytes_out > max_inflated)
+    fail("inflates to more than the limit (expected at most " + std::to_string(max_inflated) + " bytes)");
 }
 
 }  // namespace tg

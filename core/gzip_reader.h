@@ -8,16 +8,19 @@
 
 namespace tg {
 
+struct ReadProgress;
+
+// A thread of its own inflates ahead of what has been taken, by a few MiB.
 class GzipReader {
  public:
-  // Throws Error(cannotRead) when the file cannot be opened.
-  GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes);
+  // `progress`, which may be null, hears of the file's bytes. Throws Error(cannotRead) when the file cannot be opened.
+  GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ReadProgress* progress = nullptr);
   ~GzipReader();
   GzipReader(const GzipReader&) = delete;
   GzipReader& operator=(const GzipReader&) = delete;
 
   // The next piece, valid until the next call; empty at the end. Throws Error(badData) when the stream is broken or
-  // cut, fails its checksum, inflates more than 1000 : 1 after the first MiB, or beyond the limit.
+  // cut, fails its checksum, inflates more than 1000 : 1 after the first MiB, or beyond the limit; ReadCancelled.
   std::span<const std::uint8_t> next();
 
   // More bytes than this cannot come out of the file.
@@ -27,7 +30,9 @@ class GzipReader {
 
  private:
   struct State;
-  std::unique_ptr<State> state_;
+  class Ahead;
+  std::unique_ptr<State> state_;  // the thread's until the end
+  std::unique_ptr<Ahead> ahead_;
 };
 
 }  // namespace tg

@@ -12,18 +12,25 @@
 
 namespace tg {
 
+struct ReadProgress;
+
 constexpr std::uint64_t kMaxGaussians = 64'000'000;
 
 // Reads by property name, so extra properties and any order are fine; ASCII, binary little and big endian; SH degree
 // 0-3 from the number of f_rest_*. Throws Error(cannotRead / badData): missing property, count and size that disagree
-// with the file's length, non-finite values (with Gaussian index and property). The result has no textures.
-GaussianModel readSplatPly(const std::filesystem::path& path);
+// with the file's length, non-finite values (with Gaussian index and property). The result has no textures and has
+// passed checkModel. `progress` may be null; throws ReadCancelled when it says so.
+GaussianModel readSplatPly(const std::filesystem::path& path, ReadProgress* progress = nullptr);
 GaussianModel parseSplatPly(std::span<const std::uint8_t> bytes, const std::string& path);
 
 // Strict INRIA layout, binary little endian: x y z nx ny nz f_dc_0..2 f_rest_* opacity scale_0..2 rot_0..3 as float32;
 // 62 properties at degree 3. Log scale, logit opacity, quaternion wxyz.
 std::vector<std::uint8_t> formatSplatPly(const GaussianModel& model);
 void writeSplatPly(const std::filesystem::path& path, const GaussianModel& model);
+
+// At most kPreviewGaussians of those whose rows lie in `start`, the first bytes of a file of `total`, spread evenly.
+// Empty where that cannot be done; never throws Error.
+GaussianModel previewSplatPly(std::span<const std::uint8_t> start, std::uint64_t total);
 
 struct PointCloud {
   std::vector<glm::vec3> position;

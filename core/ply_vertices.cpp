@@ -130,7 +130,11 @@ std::string shown(std::string_view word) {
 
 PlyVertices::PlyVertices(std::span<const std::uint8_t> bytes, const std::string& path, const char* noun,
                          std::string_view element)
-    : path_(path), noun_(noun), body_(bytes) {
+    : PlyVertices(bytes, bytes.size(), path, noun, element) {}
+
+PlyVertices::PlyVertices(std::span<const std::uint8_t> start, std::uint64_t total, const std::string& path,
+                         const char* noun, std::string_view element)
+    : path_(path), noun_(noun), body_(start), total_(total) {
   std::vector<Element> elements;
   parseHeader(elements);
   for (const Element& e : elements) element_names_.push_back(e.name);
@@ -139,6 +143,12 @@ PlyVertices::PlyVertices(std::span<const std::uint8_t> bytes, const std::string&
 
 bool PlyVertices::hasElement(std::string_view name) const {
   return std::find(element_names_.begin(), element_names_.end(), name) != element_names_.end();
+}
+
+bool PlyVertices::plainFloats(std::span<const int> indices) const {
+  return format_ == Format::little && std::all_of(indices.begin(), indices.end(), [this](int index) {
+           return properties_[static_cast<std::size_t>(index)].type == PlyType::float32;
+         });
 }
 
 int PlyVertices::requireWord(std::string_view name) const {
@@ -236,7 +246,8 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
     }
   }
   if (!has_format) fail("PLY header: no format");
-  body_ = body_.subspan(static_cast<std::size_t>(reinterpret_cast<const std::uint8_t*>(text.data()) - body_.data()));
+  begin_ = static_cast<std::uint64_t>(reinterpret_cast<const std::uint8_t*>(text.data()) - body_.data());
+  body_ = body_.subspan(static_cast<std::size_t>(begin_));
 }
 
 void PlyVertices::locateVertices(const std::vector<Element>& elements, std::string_view element) {
@@ -248,15 +259,18 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
       fail("list property in element " + shown(e->name) + " (expected only after " + shown(element) + ")");
     // Every ASCII value takes a digit and a separator, but for the last.
     const std::uint64_t size = format_ == Format::ascii ? 2 * e->properties.size() : e->stride;
-    const std::uint64_t left = format_ == Format::ascii ? body_.size() + 1 : body_.size();
+    const std::uint64_t left = total_ - begin_ + (format_ == Format::ascii ? 1 : 0);
     if (size > 0 && e->count > left / size)
       fail("file is too short for its counts (expected " + std::to_string(e->count) + " x " + shown(e->name) +
-           ", found " + std::to_string(body_.size()) + " bytes)");
+           ", found " + std::to_string(total_ - begin_) + " bytes)");
     if (e == vertex) break;
-    if (format_ == Format::ascii)
+    if (format_ == Format::ascii) {
       tokens_before_ += e->count * e->properties.size();
-    else
-      body_ = body_.subspan(static_cast<std::size_t>(e->count * e->stride));
+    } else {
+      const std::uint64_t bytes = e->count * e->stride;
+      begin_ += bytes;
+      body_ = body_.subspan(static_cast<std::size_t>(std::min<std::uint64_t>(bytes, body_.size())));
+    }
   }
   if (vertex->properties.empty()) fail("element " + std::string(element) + " has no properties");
   if (vertex->count > kMaxGaussians)
@@ -266,9 +280,9 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
   stride_ = vertex->stride;
   properties_ = vertex->properties;
   last_element_ = vertex + 1 == elements.end();
-  if (format_ != Format::ascii && last_element_ && body_.size() != count_ * stride_)
+  if (format_ != Format::ascii && last_element_ && total_ - begin_ != count_ * stride_)
     fail("file is longer than its counts say (expected " + std::to_string(count_ * stride_) +
-         " bytes after the header, found " + std::to_string(body_.size()) + ")");
+         " bytes after the header, found " + std::to_string(total_ - begin_) + ")");
 }
 
 std::string PlyVertices::label(std::size_t vertex) const {

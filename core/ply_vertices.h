@@ -24,6 +24,10 @@ class PlyVertices {
   // `bytes` must outlive this. `noun` is what messages call a row of `element`. Throws Error(badData).
   PlyVertices(std::span<const std::uint8_t> bytes, const std::string& path, const char* noun,
               std::string_view element = "vertex");
+  // Of a file of `total` bytes whose start only is at hand, the header included: all but read() and word() may be
+  // called.
+  PlyVertices(std::span<const std::uint8_t> start, std::uint64_t total, const std::string& path, const char* noun,
+              std::string_view element = "vertex");
 
   std::size_t size() const { return count_; }
   const std::vector<PlyProperty>& properties() const { return properties_; }
@@ -32,6 +36,11 @@ class PlyVertices {
   std::size_t countPrefix(std::string_view prefix) const;
   bool hasElement(std::string_view name) const;  // anywhere in the file
   [[noreturn]] void fail(const std::string& what) const;
+
+  // Rows are binary, little endian, and the properties are float32.
+  bool plainFloats(std::span<const int> indices) const;
+  std::uint64_t firstRow() const { return begin_; }  // [bytes] from the start of a binary file
+  std::size_t stride() const { return stride_; }     // [bytes] of a binary row
 
   // A 32-bit pattern that a float would round: property `index` of a vertex, of type uint32 in a binary file.
   std::uint32_t word(std::size_t vertex, int index) const;
@@ -65,7 +74,9 @@ class PlyVertices {
 
   const std::string path_;
   const char* const noun_;
-  std::span<const std::uint8_t> body_;  // after the header; from the first vertex on once located
+  std::span<const std::uint8_t> body_;  // after the header; from the first vertex on once located; what is at hand
+  std::uint64_t begin_ = 0;             // [bytes] where body_ starts in the file
+  std::uint64_t total_ = 0;             // [bytes] of the file
   Format format_ = Format::ascii;
   std::size_t count_ = 0;
   std::size_t stride_ = 0;
