@@ -178,7 +178,9 @@ GaussianModel previewSplatPly(std::span<const std::uint8_t> start, std::uint64_t
     const std::size_t step = std::max<std::size_t>(1, (rows + kPreviewGaussians - 1) / kPreviewGaussians);
     GaussianModel model = sized(rows / step, columns.sh_degree);
     const bool good = FloatRows(ply, columns).convert(start.data() + ply.firstRow(), step, 0, model.size(), model);
-    return good ? model : GaussianModel{};
+    if (!good) return {};
+    for (glm::vec3& scale : model.log_scale) scale += previewGrowth(ply.size(), model.size());
+    return model;
   } catch (const Error&) {
     return {};  // said when all of it has been read
   }

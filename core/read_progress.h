@@ -2,6 +2,7 @@
 // How far a file has been read, for whoever waits for it in another thread; and the way to stop.
 #pragma once
 #include <atomic>
+#include <cmath>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -31,5 +32,10 @@ struct ReadProgress {
 };
 
 constexpr std::size_t kPreviewGaussians = 100'000;  // in a part, at most
+
+// What the log scales of a part of `part` Gaussians grow by, so that it covers the surfaces of all `whole` of them.
+inline float previewGrowth(std::size_t whole, std::size_t part) {
+  return part == 0 ? 0.0f : 0.5f * std::log(static_cast<float>(whole) / static_cast<float>(part));
+}
 
 }  // namespace tg

@@ -166,6 +166,8 @@ class Renderer {
   virtual ~Renderer() = default;
   // Keeps what it needs; the argument may go away.
   virtual void setModel(const GaussianModel& model) = 0;
+  // The same; a backend that lives in the host's memory shares it instead of copying.
+  virtual void setModel(std::shared_ptr<const GaussianModel> model) { setModel(*model); }
   // settings.outputs at least. Throws Error(device) when the device fails, Error(usage) before setModel, for an empty
   // camera, for settings that checkSettings() refuses, and for those that this backend cannot do, with their name.
   virtual Frame render(const Camera& camera, const RenderSettings& settings) = 0;

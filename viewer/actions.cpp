@@ -22,15 +22,22 @@ constexpr std::array kBindings = {
     KeyBinding{'F', true, Action::resetView, "Shift+F", "Back to the first view"},
     KeyBinding{' ', false, Action::nextCamera, "Space", "Next camera of the model"},
     KeyBinding{' ', true, Action::previousCamera, "Shift+Space", "Previous camera"},
-    KeyBinding{'.', false, Action::nextCamera, "", ""},
-    KeyBinding{',', false, Action::previousCamera, "", ""},
+    KeyBinding{'.', false, Action::nextTestCamera, ". / ,", "Next, previous test camera"},
+    KeyBinding{',', false, Action::previousTestCamera, "", ""},
+    KeyBinding{'.', true, Action::nextTrainCamera, "Shift+. / ,", "Next, previous training camera"},
+    KeyBinding{',', true, Action::previousTrainCamera, "", ""},
+    KeyBinding{'V', false, Action::cycleCompare, "V", "Compare: side, wipe, flicker, difference, off"},
+    KeyBinding{'V', true, Action::showOther, "Shift+V", "Flicker: show the other one"},
     KeyBinding{'P', false, Action::screenshot, "P", "Save the picture as PNG"},
     KeyBinding{'P', true, Action::windowShot, "Shift+P", "Save the whole window as PNG"},
     KeyBinding{'C', false, Action::saveCamera, "C", "Save the camera as JSON"},
+    KeyBinding{kKeyPageDown, false, Action::nextDocument, "Page Down", "Next open model"},
+    KeyBinding{kKeyPageUp, false, Action::previousDocument, "Page Up", "Previous open model"},
+    KeyBinding{kKeyDelete, false, Action::closeDocument, "Delete", "Close the model shown"},
     KeyBinding{'H', false, Action::togglePanel, "H", "Hide or show the panel"},
     KeyBinding{'/', true, Action::toggleHelp, "? or F1", "This help"},
     KeyBinding{290, false, Action::toggleHelp, "", ""},  // F1
-    KeyBinding{kKeyEscape, false, Action::quit, "Esc", "Close help or error, else quit"},
+    KeyBinding{kKeyEscape, false, Action::quit, "Esc", "Close help or error, stop loading, else quit"},
 };
 
 constexpr std::array kMouseHelp = {
@@ -72,11 +79,36 @@ void stepCamera(ViewerState& state, int step) {
   goToCamera(state, (from + step + count) % count);
 }
 
+// Round the cameras of one split.
+void stepSplit(ViewerState& state, int step, bool test) {
+  const std::vector<Camera>& cameras = state.scene.cameras;
+  const int count = static_cast<int>(cameras.size());
+  const int from = state.camera.index >= 0 ? state.camera.index : (step > 0 ? -1 : 0);
+  for (int i = 1; i <= count; ++i) {
+    const int index = ((from + step * i) % count + count) % count;
+    if (cameras[index].test == test) return goToCamera(state, index);
+  }
+  notify(state, test ? "This model has no test cameras" : "This model has no training cameras");
+}
+
+void cycleCompare(ViewerState& state) {
+  CompareMode& mode = state.compare.how.mode;
+  mode = static_cast<CompareMode>((static_cast<int>(mode) + 1) % 5);
+  notify(state, "Compare: " + std::string(name(mode)));
+}
+
+void showOther(ViewerState& state) {
+  state.compare.how.mode = CompareMode::flicker;
+  state.compare.how.shows_other = !state.compare.how.shows_other;
+}
+
 void escape(ViewerState& state) {
   if (!state.messages.error.empty())
     state.messages.error.clear();
   else if (state.ui.help)
     state.ui.help = false;
+  else if (state.loading.active)
+    state.loading.cancel = true;
   else
     state.quit = true;
 }
@@ -143,6 +175,33 @@ void apply(ViewerState& state, Action action) {
       break;
     case Action::toggleHelp:
       state.ui.help = !state.ui.help;
+      break;
+    case Action::nextTestCamera:
+      stepSplit(state, 1, true);
+      break;
+    case Action::previousTestCamera:
+      stepSplit(state, -1, true);
+      break;
+    case Action::nextTrainCamera:
+      stepSplit(state, 1, false);
+      break;
+    case Action::previousTrainCamera:
+      stepSplit(state, -1, false);
+      break;
+    case Action::cycleCompare:
+      cycleCompare(state);
+      break;
+    case Action::showOther:
+      showOther(state);
+      break;
+    case Action::nextDocument:
+      stepDocument(state, 1);
+      break;
+    case Action::previousDocument:
+      stepDocument(state, -1);
+      break;
+    case Action::closeDocument:
+      if (state.documents.shown >= 0) state.documents.close_request = state.documents.shown;
       break;
     case Action::quit:
       escape(state);

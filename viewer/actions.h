@@ -27,6 +27,15 @@ enum class Action {
   saveCamera,
   togglePanel,
   toggleHelp,
+  nextTestCamera,
+  previousTestCamera,
+  nextTrainCamera,
+  previousTrainCamera,
+  cycleCompare,
+  showOther,
+  nextDocument,
+  previousDocument,
+  closeDocument,
   quit,
 };
 void apply(ViewerState& state, Action action);
@@ -40,6 +49,9 @@ struct KeyBinding {
   const char* text = "";
 };
 constexpr int kKeyEscape = 256;
+constexpr int kKeyDelete = 261;
+constexpr int kKeyPageUp = 266;
+constexpr int kKeyPageDown = 267;
 constexpr int kKeyTab = 258;  // held: textures off
 std::span<const KeyBinding> keyBindings();
 std::optional<Action> actionOf(int key, bool shift);

@@ -171,7 +171,7 @@ void benchmarkHeadless(const ViewOptions& options) {
   benchmark.settings = settingsFor(options, scene.background);
 
   const Stopwatch uploading;
-  backend.renderer->setModel(*scene.model);
+  backend.renderer->setModel(scene.model);
   benchmark.upload_ms = uploading.milliseconds();
   benchmark.device = backend.renderer->deviceName();
   FrameRunner runner(backend, options.show, benchmark.settings);

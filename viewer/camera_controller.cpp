@@ -15,6 +15,7 @@ namespace {
 constexpr double kMaxPitch = 1.55;     // [rad] 88.8 degrees: closer to the pole, yaw spins the picture in place
 constexpr double kMinDistance = 1e-4;  // [world units]
 constexpr double kMaxDistance = 1e9;
+constexpr std::size_t kBoundsSample = 200'000;
 constexpr std::array<std::string_view, kUpAxes> kUpNames = {"cameras", "+x", "-x", "+y", "-y", "+z", "-z"};
 
 // Columns: two horizontal axes and up.
@@ -62,15 +63,17 @@ glm::dmat3 ViewPose::cameraFromWorldRotation() const {
 SceneBounds sceneBounds(const GaussianModel& model) {
   SceneBounds bounds;
   if (model.size() == 0) return bounds;
-  std::vector<double> values(model.size());
+  // Enough of them, evenly spread, for quantiles: a large model should not wait for this.
+  const std::size_t step = (model.size() + kBoundsSample - 1) / kBoundsSample;
+  std::vector<double> values((model.size() + step - 1) / step);
   for (int axis = 0; axis < 3; ++axis) {
-    std::transform(model.mean.begin(), model.mean.end(), values.begin(), [axis](glm::vec3 m) { return m[axis]; });
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = model.mean[i * step][axis];
     bounds.center[axis] = quantile(values, 0.5);
   }
-  for (std::size_t i = 0; i < model.size(); ++i) {
-    const glm::vec3 s = model.log_scale[i];
-    values[i] =
-        glm::length(glm::dvec3(model.mean[i]) - bounds.center) + 2.0 * std::exp(double{std::max({s.x, s.y, s.z})});
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const glm::vec3 s = model.log_scale[i * step];
+    values[i] = glm::length(glm::dvec3(model.mean[i * step]) - bounds.center) +
+                2.0 * std::exp(double{std::max({s.x, s.y, s.z})});
   }
   bounds.radius = std::clamp(quantile(values, 0.95), kMinDistance, kMaxDistance);
   return bounds;

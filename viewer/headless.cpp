@@ -25,7 +25,7 @@ void render(const Scene& scene, const ViewOptions& options, bool numbers, const 
   const Camera camera = cameraFor(options, scene);
   const RenderSettings settings = settingsFor(options, scene.background);
 
-  backend.renderer->setModel(*scene.model);
+  backend.renderer->setModel(scene.model);
   const Frame frame = backend.renderer->render(camera, settings);
   requireNoValidationMessages(backend);
   writeImage(options.out, numbers ? extract(frame, options.show) : visualize(frame, options.show));

@@ -12,6 +12,7 @@
 #include "viewer/camera_path.h"
 #include "viewer/follow.h"
 #include "viewer/headless.h"
+#include "viewer/headless_compare.h"
 #include "viewer/options.h"
 #include "viewer/record.h"
 #include "viewer/window.h"
@@ -26,6 +27,8 @@ constexpr const char* kFooter =
 // Flags as typed; their values are checked here so that every refusal names its flag.
 struct Flags {
   tg::ViewOptions view;
+  std::vector<std::filesystem::path> models;
+  std::string compare_mode;
   std::string show = "final", textures = "rgba", intersection, size, background, backend = "auto", up = "cameras";
   std::string turntable, elevation, radius, fps = "30";
   std::filesystem::path benchmark;
@@ -33,7 +36,8 @@ struct Flags {
 };
 
 void declare(CLI::App& app, Flags& flags) {
-  app.add_option("model", flags.view.model, "model.tgz, splat .ply, or .glb / .gltf; a run folder with --follow")
+  app.add_option("model", flags.models,
+                 "model.tgz, splat .ply, or .glb / .gltf, several for the window; a run folder with --follow")
       ->required();
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
@@ -59,6 +63,10 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_option("--benchmark", flags.benchmark, "time a camera path's frames and print JSON");
   app.add_option("--up", flags.up, "cameras, +x, -x, +y, -y, +z or -z: what the horizon is kept by")
       ->capture_default_str();
+  app.add_option("--compare", flags.view.compare, "another model, to compare the first with");
+  app.add_option("--photos", flags.view.photographs, "a folder of the data set's photographs, to compare with");
+  app.add_option("--compare-mode", flags.compare_mode, "side, wipe, difference or (in a window) flicker");
+  app.add_flag("--timings", flags.view.timings, "print how long the window took to its first pictures");
   app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
   app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
   app.footer(kFooter);
@@ -104,12 +112,28 @@ void parseShot(Flags& flags) {
 
 void parseValues(Flags& flags) {
   tg::ViewOptions& view = flags.view;
+  view.model = flags.models.front();
+  view.more_models.assign(flags.models.begin() + 1, flags.models.end());
+  const bool window = view.out.empty() && view.record.empty() && flags.benchmark.empty() && !flags.list_cameras;
+  if (!view.more_models.empty() && (!window || view.follow))
+    throw tg::Error(tg::ErrorKind::usage, view.more_models.front().string() +
+                                              ": several models are for the window (expected one model here)");
   view.show = tg::parseShow(flags.show, "--show");
   view.textures = tg::parseTextures(flags.textures, "--textures");
   if (!flags.intersection.empty()) view.intersection = tg::parseIntersection(flags.intersection, "--intersection");
   if (!flags.size.empty()) view.size = tg::parseSize(flags.size, "--size");
   if (!flags.background.empty()) view.background = tg::parseColor(flags.background, "--background");
   view.backend = parseBackend(flags.backend);
+  if (!flags.compare_mode.empty()) view.compare_mode = tg::parseCompare(flags.compare_mode, "--compare-mode");
+  const bool compares = !view.compare.empty() || !view.photographs.empty();
+  if (compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow))
+    throw tg::Error(
+        tg::ErrorKind::usage,
+        "--compare and --photos are for windows and pictures (expected no --output, --benchmark, --follow)");
+  if (!flags.compare_mode.empty() && !compares)
+    throw tg::Error(tg::ErrorKind::usage, "--compare-mode says how (expected --compare or --photos with it)");
+  if (!view.compare.empty() && !view.photographs.empty() && !view.out.empty())
+    throw tg::Error(tg::ErrorKind::usage, "--compare and --photos (expected one of them with --render)");
   parseShot(flags);
   if (view.follow) view.model = tg::followedFile(view.model);
   if (!view.out.empty() && !view.script.empty()) {
@@ -151,6 +175,8 @@ int main(int argc, char** argv) {
     parseValues(flags);
     if (flags.list_cameras)
       listCameras(flags.view.model);
+    else if (!flags.view.out.empty() && (!flags.view.compare.empty() || !flags.view.photographs.empty()))
+      tg::compareToFile(flags.view);
     else if (!flags.view.out.empty())
       tg::renderToFile(flags.view);
     else if (!flags.benchmark.empty())

@@ -104,6 +104,12 @@ double parseNumber(const std::string& text, double low, double high, const std::
   return *value;
 }
 
+CompareMode parseCompare(const std::string& text, const std::string& what) {
+  const auto mode = parseCompareMode(text);
+  if (!mode) refuse(what, text, "off, side, wipe, flicker or difference");
+  return *mode;
+}
+
 UpAxis parseUp(const std::string& text, const std::string& what) {
   const auto axis = parseUpAxis(text);
   if (!axis) refuse(what, text, "cameras, +x, -x, +y, -y, +z or -z");

@@ -22,6 +22,10 @@ enum class Backend { automatic, vulkan, cpu };
 // What the command line asks for, in a window or to a file.
 struct ViewOptions {
   std::filesystem::path model;
+  std::vector<std::filesystem::path> more_models;  // to open beside it in a window
+  std::filesystem::path compare;                   // another model, to compare with
+  std::filesystem::path photographs;               // a folder of the data set's, to compare with
+  CompareMode compare_mode = CompareMode::side;
   std::filesystem::path out;     // .png, .jpg: a picture; .exr: the numbers. Empty: a window
   std::filesystem::path script;  // drives the window; may be empty
   bool follow = false;           // the model is a file or a run folder that changes
@@ -34,6 +38,7 @@ struct ViewOptions {
   Backend backend = Backend::automatic;
   std::string device;  // part of a Vulkan device's name
   bool validation = false;
+  bool timings = false;  // say how long it took from the start to the first pictures
   UpAxis up = UpAxis::cameras;
 
   std::filesystem::path record;     // --output: a video, pictures; empty: none
@@ -52,6 +57,7 @@ IntersectionModel parseIntersection(const std::string& text, const std::string& 
 Output parseShow(const std::string& text, const std::string& what);
 double parseNumber(const std::string& text, const std::string& what);  // finite
 double parseNumber(const std::string& text, double low, double high, const std::string& what);
+CompareMode parseCompare(const std::string& text, const std::string& what);
 UpAxis parseUp(const std::string& text, const std::string& what);  // cameras, +x, -x, ...
 std::string texturesName(TextureMode mode);                        // as --textures has it
 bool isImageSize(int width, int height);                           // of kMaxImageSide and kMaxFramePixels

@@ -2,6 +2,9 @@
 // Over the picture: the help, errors, and lines that fade.
 #include <imgui.h>
 
+#include <cmath>
+#include <cstdio>
+
 #include "viewer/actions.h"
 #include "viewer/panel_sections.h"
 #include "viewer/panel_widgets.h"
@@ -47,7 +50,6 @@ void errorPanel(ViewerState& state) {
   ImGui::PushTextWrapPos(ImGui::GetFontSize() * 32);
   ImGui::TextUnformatted(state.messages.error.c_str());
   ImGui::PopTextWrapPos();
-  ImGui::TextDisabled("The view is as it was.");
   if (ImGui::Button("Close")) state.messages.error.clear();
   ImGui::End();
 }
@@ -60,6 +62,80 @@ void waiting(const ViewerState& state) {
   ImGui::TextUnformatted(state.follow.problem.c_str());
   ImGui::PopTextWrapPos();
   ImGui::End();
+}
+
+// What is being read, at the lower end of the picture.
+void progress(const ViewerState& state) {
+  const LoadState& loading = state.loading;
+  const ImVec2 center = pictureCenter(state);
+  const float font = ImGui::GetFontSize();
+  ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - 3.5f * font}, ImGuiCond_Always, {0.5f, 1.0f});
+  ImGui::SetNextWindowSize({22 * font, 0});
+  ImGui::SetNextWindowBgAlpha(0.9f);
+  ImGui::Begin("loading", nullptr,
+               (kOverlay & ~ImGuiWindowFlags_AlwaysAutoResize) | ImGuiWindowFlags_NoInputs |
+                   ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::TextUnformatted(loading.path.filename().string().c_str());
+  ImGui::SameLine();
+  if (loading.waiting > 0)
+    ImGui::TextDisabled("and %zu more, Esc stops", loading.waiting);
+  else
+    ImGui::TextDisabled("Esc stops");
+  const double done = static_cast<double>(loading.done) / 1e6, total = static_cast<double>(loading.total) / 1e6;
+  char text[64];
+  std::snprintf(text, sizeof text, "%.0f of %.0f MB", done, total);
+  const float share = total > 0 ? static_cast<float>(done / total) : 0.0f;
+  ImGui::ProgressBar(share, {-1, 0}, total > 0 ? (share < 1 ? text : "preparing") : "opening");
+  ImGui::End();
+}
+
+// Where a model would be.
+void empty(const ViewerState& state) {
+  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowBgAlpha(0.0f);
+  ImGui::Begin("empty", nullptr, kOverlay | ImGuiWindowFlags_NoInputs);
+  ImGui::TextDisabled("Drop a model here");
+  ImGui::End();
+}
+
+// The line of a wipe, and what lies on either side.
+void comparison(const ViewerState& state) {
+  const Comparison& how = state.compare.how;
+  if (how.mode == CompareMode::off || !state.compare.problem.empty()) return;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float left = panelWidth(state, size.x), width = size.x - left, font = ImGui::GetFontSize();
+  const int document = otherDocument(state);
+  const std::string first = state.scene.path.filename().string();
+  const std::string other = state.compare.with_photographs ? "photograph"
+                            : document >= 0
+                                ? state.documents.open[static_cast<std::size_t>(document)].path.filename().string()
+                                : "";
+  ImDrawList* draw = ImGui::GetBackgroundDrawList();
+  const auto label = [&](float x, const std::string& text) {
+    const ImVec2 extent = ImGui::CalcTextSize(text.c_str());
+    const ImVec2 corner(x - extent.x / 2, font * 0.6f);
+    draw->AddRectFilled({corner.x - font * 0.5f, corner.y - font * 0.2f},
+                        {corner.x + extent.x + font * 0.5f, corner.y + extent.y + font * 0.2f},
+                        IM_COL32(27, 30, 35, 200), font * 0.3f);
+    draw->AddText(corner, ImGui::GetColorU32(ImGuiCol_Text), text.c_str());
+  };
+  const float divider = how.mode == CompareMode::side ? 0.5f : how.divider;
+  switch (how.mode) {
+    case CompareMode::side:
+    case CompareMode::wipe: {
+      const float x = std::round(left + divider * width);
+      draw->AddLine({x, 0}, {x, size.y}, IM_COL32(255, 255, 255, 200), 1.0f);
+      if (divider > 0.1f) label(left + divider * width / 2, first);
+      if (divider < 0.9f) label(left + (1 + divider) * width / 2, other);
+      break;
+    }
+    case CompareMode::flicker:
+      label(left + width / 2, how.shows_other ? other : first);
+      break;
+    default:
+      label(left + width / 2, other + " - " + first);
+      break;
+  }
 }
 
 void notice(const ViewerState& state) {
@@ -82,6 +158,9 @@ void notice(const ViewerState& state) {
 void overlays(ViewerState& state) {
   if (state.ui.help) help(state);
   if (state.follow.active && state.follow.reloads == 0 && !state.follow.problem.empty()) waiting(state);
+  if (state.ui.panel) comparison(state);
+  if (!state.scene.model && !state.loading.active && !state.follow.active) empty(state);
+  if (state.loading.active) progress(state);
   if (!state.messages.error.empty()) errorPanel(state);
   if (state.time < state.messages.notice_until) notice(state);
 }

@@ -7,6 +7,10 @@ namespace tg {
 
 // panels_model.cpp
 void modelSection(ViewerState& state);
+// panels_documents.cpp
+void documentsSection(ViewerState& state);
+// panels_compare.cpp
+void compareSection(ViewerState& state);
 // panels_display.cpp
 void outputSection(ViewerState& state);
 void textureSection(ViewerState& state);

@@ -21,7 +21,9 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoBringToFrontOnFocus);
   ImGui::PopStyleVar();
+  documentsSection(state);
   modelSection(state);
+  compareSection(state);
   outputSection(state);
   textureSection(state);
   intersectionSection(state);

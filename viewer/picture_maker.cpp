@@ -39,15 +39,29 @@ void beginWrite(VkCommandBuffer commands, VkImage image) {
           VK_ACCESS_TRANSFER_WRITE_BIT);
 }
 
+VkBufferImageCopy wholeCopy(glm::ivec2 size) {
+  VkBufferImageCopy copy{};
+  copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
+  copy.imageExtent = {static_cast<std::uint32_t>(size.x), static_cast<std::uint32_t>(size.y), 1};
+  return copy;
+}
+
 bool sameView(const Camera& a, const Camera& b) {
   return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
          a.camera_from_world_rotation == b.camera_from_world_rotation &&
          a.camera_from_world_translation == b.camera_from_world_translation;
 }
 
+bool sameOther(const OtherPicture& a, const OtherPicture& b) {
+  if (a.model != b.model || a.difference != b.difference) return false;
+  if (!a.model && (a.photograph != b.photograph || !sameView(a.taken, b.taken))) return false;
+  return !a.difference || (a.with_sign == b.with_sign && a.gain == b.gain);
+}
+
 }  // namespace
 
 bool same(const PictureRequest& a, const PictureRequest& b) {
+  if (a.other.has_value() != b.other.has_value() || (a.other && !sameOther(*a.other, *b.other))) return false;
   return a.model == b.model && sameView(a.camera, b.camera) && a.settings == b.settings && a.output == b.output;
 }
 
@@ -78,7 +92,7 @@ PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianM
     fresh.vulkan = vulkan.get();
     fresh.renderer = std::move(vulkan);
   }
-  fresh.renderer->setModel(*model);
+  fresh.renderer->setModel(model);
   return loaded_.emplace_front(std::move(fresh));
 }
 
@@ -93,19 +107,64 @@ std::shared_ptr<PictureImage> PictureMaker::freeImage(glm::ivec2 size) {
 
 Picture PictureMaker::draw(const PictureRequest& request) {
   const auto start = std::chrono::steady_clock::now();
-  Loaded& model = loaded(request.model);
-  const std::shared_ptr<PictureImage> image = freeImage({request.camera.width, request.camera.height});
-  if (model.vulkan)
-    drawVulkan(model, request, *image);
-  else
-    drawCpu(model, request, *image);
   Picture picture;
   picture.request = request;
+  const auto pair = request.other ? std::make_shared<PicturePair>() : nullptr;
+  Loaded& model = loaded(request.model);
+  const std::shared_ptr<PictureImage> image = freeImage({request.camera.width, request.camera.height});
+  drawModel(model, request, *image, pair ? &pair->first : nullptr);
   picture.image = image;
   picture.passes = model.renderer->passTimes();
   picture.device = model.renderer->deviceName();
+  if (pair) {
+    drawOther(request, picture, *pair);
+    if (picture.other) picture.pair = pair;
+  }
   picture.milliseconds = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   return picture;
+}
+
+void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair) {
+  const OtherPicture& other = *request.other;
+  const glm::ivec2 size(request.camera.width, request.camera.height);
+  const std::shared_ptr<PictureImage> image = freeImage(size);
+  if (other.model) {
+    drawModel(loaded(other.model), request, *image, &pair.other);
+  } else {
+    if (photograph_path_ != other.photograph) {
+      photograph_path_.clear();
+      try {
+        photograph_ = readImage(other.photograph);
+      } catch (const Error& error) {
+        picture.problem = error.what();
+        return;
+      }
+      photograph_path_ = other.photograph;
+    }
+    ResampledPhotograph seen = resampled(photograph_, other.taken, request.camera, request.settings.background);
+    pair.other = std::move(seen.image);
+    pair.mask = std::move(seen.mask);
+    upload(pair.other, *image);
+  }
+  picture.other = image;
+  if (!other.difference) return;
+  const std::shared_ptr<PictureImage> difference = freeImage(size);
+  upload(differenceOf(pair.first, pair.other, pair.mask, {.gain = other.gain, .with_sign = other.with_sign}),
+         *difference);
+  picture.difference = difference;
+}
+
+void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, const PictureImage& target, Image* pixels) {
+  if (loaded.vulkan) {
+    drawVulkan(loaded, request, target);
+    if (pixels) *pixels = download(target);
+    return;
+  }
+  RenderSettings settings = request.settings;
+  settings.outputs = {request.output};
+  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output);
+  upload(picture, target);
+  if (pixels) *pixels = std::move(picture);
 }
 
 void PictureMaker::drawVulkan(Loaded& loaded, const PictureRequest& request, const PictureImage& target) {
@@ -129,16 +188,17 @@ void PictureMaker::drawVulkan(Loaded& loaded, const PictureRequest& request, con
   if (!complete) throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
 }
 
-void PictureMaker::drawCpu(Loaded& loaded, const PictureRequest& request, const PictureImage& target) {
-  RenderSettings settings = request.settings;
-  settings.outputs = {request.output};
-  const Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output);
-  const VkDeviceSize bytes = VkDeviceSize{4} * picture.width * picture.height;
+std::byte* PictureMaker::staging(glm::ivec2 size) {
+  const VkDeviceSize bytes = VkDeviceSize{4} * size.x * size.y;
   if (staging_.size() < bytes) {
     staging_ = {};  // the old one makes room
-    staging_ = Buffer(device_, "the CPU's picture", bytes, Memory::host);
+    staging_ = Buffer(device_, "a picture on its way", bytes, Memory::host);
   }
-  auto* out = reinterpret_cast<std::uint8_t*>(staging_.data());
+  return staging_.data();
+}
+
+void PictureMaker::upload(const Image& picture, const PictureImage& target) {
+  auto* out = reinterpret_cast<std::uint8_t*>(staging(target.size));
   parallelFor(picture.height, 16, [&](std::int64_t y) {
     const std::size_t row = static_cast<std::size_t>(y) * picture.width;
     for (std::size_t i = row; i < row + picture.width; ++i) {
@@ -148,11 +208,25 @@ void PictureMaker::drawCpu(Loaded& loaded, const PictureRequest& request, const 
   });
   commands_.run([&](VkCommandBuffer commands) {
     beginWrite(commands, target.storage.handle());
-    VkBufferImageCopy copy{};
-    copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
-    copy.imageExtent = {static_cast<std::uint32_t>(target.size.x), static_cast<std::uint32_t>(target.size.y), 1};
+    const VkBufferImageCopy copy = wholeCopy(target.size);
     vkCmdCopyBufferToImage(commands, staging_.handle(), target.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, 1, &copy);
   });
+}
+
+Image PictureMaker::download(const PictureImage& source) {
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(staging(source.size));
+  commands_.run([&](VkCommandBuffer commands) {
+    barrier(commands, source.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT,
+            VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
+    const VkBufferImageCopy copy = wholeCopy(source.size);
+    vkCmdCopyImageToBuffer(commands, source.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, staging_.handle(), 1, &copy);
+    stageBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT);
+  });
+  Image image(source.size.x, source.size.y, 3);
+  for (std::size_t i = 0; i < image.data.size() / 3; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) image.data[3 * i + c] = static_cast<float>(bytes[4 * i + c]) / 255.0f;
+  }
+  return image;
 }
 
 }  // namespace tg

@@ -21,13 +21,20 @@ class PictureMaker {
   struct Loaded;
   Loaded& loaded(const std::shared_ptr<const GaussianModel>& model);
   std::shared_ptr<PictureImage> freeImage(glm::ivec2 size);
+  // `pixels`, which may be null, receives the picture on the host.
+  void drawModel(Loaded& loaded, const PictureRequest& request, const PictureImage& target, Image* pixels);
   void drawVulkan(Loaded& loaded, const PictureRequest& request, const PictureImage& target);
-  void drawCpu(Loaded& loaded, const PictureRequest& request, const PictureImage& target);
+  void drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair);
+  void upload(const Image& picture, const PictureImage& target);
+  Image download(const PictureImage& source);
+  std::byte* staging(glm::ivec2 size);
 
   VulkanDevice& device_;
   const bool cpu_;
   Commands commands_;
   Buffer staging_;
+  std::filesystem::path photograph_path_;  // of the photograph read last
+  Image photograph_;
   std::list<Loaded> loaded_;                           // the last one used first
   std::vector<std::shared_ptr<PictureImage>> images_;  // those that nobody else holds are free
 };

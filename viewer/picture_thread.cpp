@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "render/vulkan/check.h"
 #include "viewer/picture_maker.h"
 
 namespace tg {
@@ -31,6 +32,11 @@ void PictureThread::ask(PictureRequest request) {
   changed_.notify_all();
 }
 
+void PictureThread::loseDevice() {
+  const std::lock_guard lock(mutex_);
+  lose_ = true;
+}
+
 bool PictureThread::idle() const {
   const std::lock_guard lock(mutex_);
   return !asked_ && !working_;
@@ -49,23 +55,29 @@ void PictureThread::run() {
     if (stop_) return;
     const PictureRequest request = std::move(*std::exchange(asked_, std::nullopt));
     working_ = true;
+    const bool lose = std::exchange(lose_, false);
     lock.unlock();
 
     std::shared_ptr<const Picture> picture;
     std::string problem;
     while (!picture) {
       std::string reason;
+      bool device_failed = true;
       try {
+        if (lose && !cpu_) TG_VK(VK_ERROR_DEVICE_LOST);
         if (!maker) maker = std::make_unique<PictureMaker>(device_, cpu_);
         picture = std::make_shared<const Picture>(maker->draw(request));
         break;
       } catch (const std::bad_alloc&) {
         reason = "not enough memory";
+      } catch (const Error& error) {
+        reason = error.what();
+        device_failed = error.kind == ErrorKind::device;
       } catch (const std::exception& error) {
         reason = error.what();
       }
       maker.reset();  // whatever it held makes room
-      if (cpu_) {
+      if (cpu_ || !device_failed) {
         problem = "The picture cannot be drawn: " + reason;
         break;
       }

@@ -25,6 +25,8 @@ class PictureThread {
   PictureThread& operator=(const PictureThread&) = delete;
 
   void ask(PictureRequest request);
+  // For tests: the next picture fails as it would on a lost device.
+  void loseDevice();
   // Neither asked for nor at work.
   bool idle() const;
 
@@ -45,6 +47,7 @@ class PictureThread {
   std::condition_variable changed_;
   std::optional<PictureRequest> asked_;
   bool working_ = false;
+  bool lose_ = false;
   bool stop_ = false;
   News news_;
   std::thread thread_;

@@ -55,7 +55,7 @@ void recordToFile(const ViewOptions& options) {
   const RenderSettings settings = settingsFor(options, scene.background);
   Recorder recorder(target, {cameras.front().width, cameras.front().height}, options.fps);
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
-  backend.renderer->setModel(*scene.model);
+  backend.renderer->setModel(scene.model);
 
   double seconds = 0;
   {

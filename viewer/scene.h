@@ -14,6 +14,7 @@ namespace tg {
 struct Scene {
   std::filesystem::path path;
   std::shared_ptr<const GaussianModel> model;  // null: none yet
+  bool partial = false;                        // a part of the model, to look at while the rest is read
   std::vector<Camera> cameras;
   std::size_t gaussians = 0;
   std::size_t textured = 0;  // Gaussians with a texture rectangle

@@ -42,8 +42,23 @@ bool parseSwitch(const std::string& text, const std::string& what) {
 int parseKey(const std::string& text, const std::string& what) {
   if (text == "Space") return ' ';
   if (text == "Esc") return kKeyEscape;
+  if (text == "PageUp") return kKeyPageUp;
+  if (text == "PageDown") return kKeyPageDown;
+  if (text == "Delete") return kKeyDelete;
   if (text.size() == 1 && text[0] > ' ' && text[0] <= 'Z') return text[0];
-  throw Error(ErrorKind::usage, what + ": expected a capital letter, a digit, Space or Esc, found \"" + text + "\"");
+  throw Error(
+      ErrorKind::usage,
+      what + ": expected a capital letter, a digit, Space, Esc, PageUp, PageDown or Delete, found \"" + text + "\"");
+}
+
+int parseDocument(const std::string& text, const ViewerState& state, const std::string& what) {
+  const double number = parseNumber(text, what);
+  const auto count = static_cast<double>(state.documents.open.size());
+  if (!(number >= 0 && number < count) || number != static_cast<int>(number)) {
+    throw Error(ErrorKind::usage, what + ": expected one of " + std::to_string(state.documents.open.size()) +
+                                      " open models, counted from 0, found \"" + text + "\"");
+  }
+  return static_cast<int>(number);
 }
 
 // Whether --follow has brought that many models. Throws Error(badData) when it takes too long.
@@ -114,7 +129,43 @@ constexpr std::array kVerbs = {
     Verb{"help", 1, kFramesOfPanels,
          [](ViewerState& s, const Words& w, const std::string& at) { s.ui.help = parseSwitch(w[0], at); }},
     Verb{"open", 1, kFramesOfOpening,
-         [](ViewerState& s, const Words& w, const std::string&) { s.open_request = w[0]; }},
+         [](ViewerState& s, const Words& w, const std::string&) { s.documents.open_requests.emplace_back(w[0]); }},
+    Verb{"begin-open", 1, 1,
+         [](ViewerState& s, const Words& w, const std::string&) {
+           s.documents.open_requests.emplace_back(w[0]);
+           s.loading.script_goes_on = true;
+         }},
+    Verb{"await-open", 0, 1,
+         [](ViewerState& s, const Words&, const std::string&) { s.loading.script_goes_on = false; }},
+    Verb{"document", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.documents.show_request = parseDocument(w[0], s, at);
+         }},
+    Verb{"close-document", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.documents.close_request = parseDocument(w[0], s, at);
+         }},
+    Verb{"compare", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.compare.how.mode = parseCompare(w[0], at); }},
+    Verb{"compare-with", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.compare.with_photographs = w[0] == "photographs";
+           if (!s.compare.with_photographs) s.compare.other = s.documents.open[parseDocument(w[0], s, at)].path;
+         }},
+    Verb{"divider", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.compare.how.divider = static_cast<float>(parseNumber(w[0], 0, 1, at));
+         }},
+    Verb{"difference", 2, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           if (w[0] != "signed" && w[0] != "absolute")
+             throw Error(ErrorKind::usage, at + ": expected signed or absolute, found \"" + w[0] + "\"");
+           s.compare.how.with_sign = w[0] == "signed";
+           s.compare.how.gain = static_cast<float>(parseNumber(w[1], 1e-3, kMaxGain, at));
+         }},
+    Verb{"lose-device", 0, 1, [](ViewerState& s, const Words&, const std::string&) { s.test.lose_renderer = true; }},
+    Verb{"lose-window-device", 0, 1,
+         [](ViewerState& s, const Words&, const std::string&) { s.test.lose_window = true; }},
     Verb{"wait", 1, 0, nullptr},
     Verb{"await", 1, kFramesOfPanels, nullptr},
     Verb{"size", 1, kFramesAfterResize, nullptr},

@@ -8,6 +8,8 @@
 
 #include "render/renderer.h"
 #include "viewer/camera_controller.h"
+#include "viewer/compare.h"
+#include "viewer/documents.h"
 #include "viewer/scene.h"
 
 namespace tg {
@@ -54,17 +56,26 @@ struct CaptureRequest {
   std::filesystem::path camera;   // .json: the picture's camera, for --camera
 };
 
+// Failures that tests ask for; the window acts once and clears them.
+struct TestState {
+  bool lose_renderer = false;  // the next picture fails as on a lost device
+  bool lose_window = false;    // the next frame of the window does
+};
+
 struct ViewerState {
-  Scene scene;
+  Scene scene;  // the one shown
+  DocumentState documents;
+  LoadState loading;
   CameraState camera;
   DisplayState display;
+  CompareState compare;
   UiState ui;
   MessageState messages;
   FollowState follow;
 
   double time = 0;  // [s] since the window opened, written by the window
-  std::optional<std::filesystem::path> open_request;
   CaptureRequest capture;
+  TestState test;
   bool quit = false;
 };
 

@@ -3,6 +3,8 @@
 #include <hwy/targets.h>
 
 #include <chrono>
+#include <memory>
+#include <utility>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -17,26 +19,27 @@ namespace {
 
 class CpuRenderer final : public Renderer {
  public:
-  void setModel(const GaussianModel& model) override {
-    model_ = model;
+  void setModel(const GaussianModel& model) override { setModel(std::make_shared<const GaussianModel>(model)); }
+  void setModel(std::shared_ptr<const GaussianModel> model) override {
+    shared_ = std::move(model);
     texture_means_.clear();
-    has_model_ = true;
   }
 
   Frame render(const Camera& camera, const RenderSettings& settings) override {
-    if (!has_model_) throw Error(ErrorKind::usage, "render", "no model set (expected setModel before render)");
-    const cpu::View view = cpu::makeView(model_, camera, settings);
+    if (!shared_) throw Error(ErrorKind::usage, "render", "no model set (expected setModel before render)");
+    const GaussianModel& model = *shared_;
+    const cpu::View view = cpu::makeView(model, camera, settings);
     Frame frame(camera.width, camera.height, settings.outputs);
     times_.clear();
-    timed("sort", [&] { cpu::findDepthOrder(view, model_, depth_order_); });
-    timed("project", [&] { cpu::projectSplats(view, model_, depth_order_.gaussians, screen_); });
+    timed("sort", [&] { cpu::findDepthOrder(view, model, depth_order_); });
+    timed("project", [&] { cpu::projectSplats(view, model, depth_order_.gaussians, screen_); });
     if (!frame.centers.empty()) {
       timed("centers", [&] { cpu::drawCenters(view, screen_, depth_order_.order, frame.centers); });
     }
     if (settings.outputs.hasAny(kBlendedOutputs |
                                 OutputSet{Output::depthMedian, Output::overdraw, Output::texelDensity})) {
-      if (view.footprint && texture_means_.empty()) texture_means_ = textureMeans(model_.atlas, model_.size());
-      const cpu::Texels texels{model_.atlas.texels.data(), texture_means_.data()};
+      if (view.footprint && texture_means_.empty()) texture_means_ = textureMeans(model.atlas, model.size());
+      const cpu::Texels texels{model.atlas.texels.data(), texture_means_.data()};
       timed("tiles", [&] { cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_); });
       timed("blend", [&] { cpu::blendFrame(view, screen_, lists_, texels, frame); });
     }
@@ -55,9 +58,9 @@ class CpuRenderer final : public Renderer {
   void drawEllipsoids(cpu::View view, std::vector<glm::vec3>& pixels) {
     view.intersection = IntersectionModel::maxResponse;
     view.fixed_radius = 1.0f;
-    cpu::projectSplats(view, model_, depth_order_.gaussians, screen_);
+    cpu::projectSplats(view, *shared_, depth_order_.gaussians, screen_);
     cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_);
-    cpu::drawEllipsoids(view, model_, screen_, lists_, pixels);
+    cpu::drawEllipsoids(view, *shared_, screen_, lists_, pixels);
   }
 
   template <typename Body>
@@ -68,9 +71,8 @@ class CpuRenderer final : public Renderer {
     times_.push_back({name, elapsed.count()});
   }
 
-  GaussianModel model_;
-  std::vector<glm::vec4> texture_means_;  // of model_, once the footprint filter has asked for them
-  bool has_model_ = false;
+  std::shared_ptr<const GaussianModel> shared_;  // null before setModel
+  std::vector<glm::vec4> texture_means_;         // of it, once the footprint filter has asked for them
   cpu::DepthOrder depth_order_;
   cpu::ScreenSplats screen_;
   cpu::TileLists lists_;

@@ -57,6 +57,7 @@ class RendererImpl final : public VulkanRenderer {
         counters_(device, "counters", sizeof(Counters)),
         counters_read_(device, "counters read-back", sizeof(Counters), Memory::host) {}
 
+  using Renderer::setModel;
   void setModel(const GaussianModel& model) override {
     passes_.reset();
     splats_.reset();

@@ -87,6 +87,12 @@ void writeSample(const std::filesystem::path& path, int gaussians, const std::st
   writeBundle(path, bundle);
 }
 
+bool haveXServer() {
+  if (std::system("command -v xvfb-run >/dev/null 2>&1") == 0) return true;
+  std::cout << "skipped: no xvfb-run (packages xvfb, xauth)\n";
+  return false;
+}
+
 bool haveVulkan() {
   try {
     createVulkanDevice({});

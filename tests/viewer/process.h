@@ -40,6 +40,8 @@ class Workshop {
 GaussianModel sampleModel(int gaussians = 400);
 void writeSample(const std::filesystem::path& path, int gaussians = 400, const std::string& training_json = "");
 
+// Whether windows can be opened on a virtual screen; says why not.
+bool haveXServer();
 // Whether a Vulkan device is there; says why not, once.
 bool haveVulkan();
 

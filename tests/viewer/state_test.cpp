@@ -179,3 +179,41 @@ TEST_CASE("flying covers speed x radius in a second, whatever the frame rate") {
     CHECK(glm::length(state.camera.pose.position - start) == Approx(state.camera.speed * state.scene.bounds.radius));
   }
 }
+
+TEST_CASE("full stop and comma go round the test cameras, with Shift round the training cameras") {
+  ViewerState state = stateWithCameras(5);
+  for (int i : {1, 4}) state.scene.cameras[i].test = true;
+  goToCamera(state, 0);
+  std::vector<int> seen;
+  for (int i = 0; i < 3; ++i) {
+    press(state, '.');
+    seen.push_back(state.camera.index);
+  }
+  CHECK(seen == std::vector{1, 4, 1});
+  press(state, ',');
+  CHECK(state.camera.index == 4);
+  press(state, '.', true);
+  CHECK(state.camera.index == 0);
+  press(state, ',', true);
+  CHECK(state.camera.index == 3);
+  ViewerState train = stateWithCameras(2);
+  press(train, '.');
+  CHECK(train.camera.index == 0);
+  CHECK_FALSE(train.messages.notice.empty());
+}
+
+TEST_CASE("V goes through the ways to compare; Shift+V shows the other one") {
+  ViewerState state = stateWithCameras(1);
+  std::vector<CompareMode> seen;
+  for (int i = 0; i < 5; ++i) {
+    press(state, 'V');
+    seen.push_back(state.compare.how.mode);
+  }
+  CHECK(seen == std::vector{CompareMode::side, CompareMode::wipe, CompareMode::flicker, CompareMode::difference,
+                            CompareMode::off});
+  press(state, 'V', true);
+  CHECK(state.compare.how.mode == CompareMode::flicker);
+  CHECK(state.compare.how.shows_other);
+  press(state, 'V', true);
+  CHECK_FALSE(state.compare.how.shows_other);
+}

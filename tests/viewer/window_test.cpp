@@ -2,9 +2,7 @@
 // The real window, under a virtual X server: what is on screen is what --render writes.
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
-#include <iostream>
 #include <thread>
 
 #include "core/metrics.h"
@@ -21,13 +19,7 @@ namespace {
 
 const std::vector<std::string> kXServer = {"xvfb-run", "-a", "-s", "-screen 0 1024x768x24"};
 
-bool haveWindow() {
-  if (std::system("command -v xvfb-run >/dev/null 2>&1") != 0) {
-    std::cout << "skipped: no xvfb-run (packages xvfb, xauth)\n";
-    return false;
-  }
-  return test::haveVulkan();
-}
+bool haveWindow() { return test::haveXServer() && test::haveVulkan(); }
 
 // Runs a script in a window, under validation.
 void play(const Workshop& shop, const std::string& script, const std::string& size,

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two pictures of one view: how they are put together, and how far they are apart.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <glm/glm.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/image.h"
+
+namespace tg {
+
+// side: both beside each other, each at half the width. wipe: one left of the divider, the other right of it. flicker:
+// one after the other. difference: how far they are apart at every pixel.
+enum class CompareMode { off, side, wipe, flicker, difference };
+std::string_view name(CompareMode mode);  // "off", "side", ...
+std::optional<CompareMode> parseCompareMode(std::string_view text);
+
+constexpr float kMaxGain = 64;
+constexpr double kFastestFlicker = 0.1, kSlowestFlicker = 5;  // [s] that each picture stays
+
+struct Comparison {
+  CompareMode mode = CompareMode::off;
+  float divider = 0.5f;      // of the width, for wipe
+  float gain = 1;            // on differences
+  bool with_sign = false;    // difference: 0.5 + gain (other - first) / 2 instead of gain |other - first|
+  bool shows_other = false;  // flicker
+  bool operator==(const Comparison&) const = default;
+};
+
+// Both pictures have one size and 3 channels in [0, 1]; not for CompareMode::side, whose pictures are those of half the
+// width each. A pixel that does not count (mask 0; empty: all do) has no difference.
+Image differenceOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask,
+                   const Comparison& how);
+// What the mode shows. side: of the width of both.
+Image composed(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask, const Comparison& how);
+
+// Of each picture of `side` in `width` pixels; the last column of an odd width stays empty.
+int sideWidth(int width);
+
+// Of the pixels that count.
+struct PictureMetrics {
+  double psnr = 0;  // [dB], infinite for equal pictures
+  double ssim = 0;
+  double flip = 0;
+};
+// Seconds of work for large pictures. None where no pixel counts.
+std::optional<PictureMetrics> metricsOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask);
+std::string formatMetrics(const PictureMetrics& metrics);  // "PSNR 31.02 dB, SSIM 0.9512, FLIP 0.0671"
+
+// What is compared, and what is known of it.
+struct CompareState {
+  Comparison how;
+  std::filesystem::path other;        // an open model; where it is not one, the next open one counts
+  std::filesystem::path photographs;  // a folder; empty: none
+  bool with_photographs = false;      // instead of a model
+  bool timed = false;                 // flicker by itself
+  double flicker_seconds = 0.5;       // that each picture stays
+
+  // Written by the window.
+  std::string problem;                    // why there is nothing to compare with; "" = there is
+  bool measured = false;                  // `metrics` are those of the picture on screen
+  std::optional<PictureMetrics> metrics;  // of the last picture measured; none: not yet, or no pixel counts
+};
+
+// A photograph as `view` sees it, when `view` stands where `taken` stood and looks the same way. The photograph may
+// have another size than its camera. Area filtered where it gets smaller; mask 0 beside it.
+struct ResampledPhotograph {
+  Image image;  // 3 channels
+  std::vector<std::uint8_t> mask;
+};
+ResampledPhotograph resampled(const Image& photograph, const Camera& taken, const Camera& view, glm::vec3 background);
+
+}  // namespace tg
