@@ -48,17 +48,6 @@ vec4 fetchRecord(uint splat, uint member) {
   return uintBitsToFloat(texelFetch(records, int(splat * kRecordSize + member)));
 }
 
-vec4 fetchTexture(vec2 uv, uint offset, uint size) {
-  uint width = size & 0xFFFFu;
-  TextureTap u = textureTap(uv.x, width);
-  TextureTap v = textureTap(uv.y, size >> 16u);
-  int row0 = int(offset + v.i0 * width);
-  int row1 = int(offset + v.i1 * width);
-  vec4 top = mix(texelFetch(texels, row0 + int(u.i0)), texelFetch(texels, row0 + int(u.i1)), u.fraction);
-  vec4 bottom = mix(texelFetch(texels, row1 + int(u.i0)), texelFetch(texels, row1 + int(u.i1)), u.fraction);
-  return mix(top, bottom, v.fraction);
-}
-
 // Sums of a thread's pixels. A pixel that takes no more splats has its transmittance negated.
 float transmittances[kPixels];
 vec3 bases[kPixels];  // with the texture's share unless kAll
@@ -123,6 +112,62 @@ void keepFragment(uint j, Fragment f) {
   kept[j * kKept + kKept - 1u] = far;
 }
 
+// Of the pixels' hits with one splat.
+float hit_depths[kPixels];
+float hit_alphas[kPixels];
+vec3 hit_tints[kPixels];
+vec2 hit_texels[kPixels];  // texel coordinates
+uint hit_cells[kPixels];   // row << 16 | column of the texel before them, kNoCell without a texture
+
+const uint kNoCell = 0xFFFFFFFFu;
+
+uint leastCell() {
+  uint least = kNoCell;
+  [[unroll]] for (uint j = 0u; j < kPixels; ++j) least = min(least, hit_cells[j]);
+  return least;
+}
+
+// Bilinear samples, a cell of four texels at a time: its texels serve all pixels that fall into it.
+void sampleTexture(uint splat, uint offset, uint width, uint size_v, float texels_per_pixel) {
+  vec4 mean = vec4(0.0);
+  float mean_share = 0.0;
+  if (kSample == kSampleFootprint) {
+    mean = texelFetch(texture_means, int(splat));
+    mean_share = footprintShare(texels_per_pixel);
+  }
+  for (uint cell = leastCell(); cell != kNoCell; cell = leastCell()) {
+    uvec2 first = uvec2(cell & 0xFFFFu, cell >> 16u);
+    uvec2 second = min(first + 1u, uvec2(width, size_v) - 1u);
+    uint top = offset + first.y * width;
+    uint bottom = offset + second.y * width;
+    vec4 start = texelFetch(texels, int(top + first.x));
+    vec4 along_u = texelFetch(texels, int(top + second.x)) - start;
+    vec4 along_v = texelFetch(texels, int(bottom + first.x)) - start;
+    vec4 along_both = texelFetch(texels, int(bottom + second.x)) - start - along_u - along_v;
+    if ((view.texture_mode & kModeAlpha) == 0u) {
+      start.w = 1.0;
+      along_u.w = along_v.w = along_both.w = 0.0;
+    }
+    if ((view.texture_mode & kModeRgb) == 0u) {
+      start.xyz = along_u.xyz = along_v.xyz = along_both.xyz = vec3(0.0);
+    }
+    if (kSample == kSampleFootprint) {
+      start = mix(start, mean, mean_share);
+      along_u *= 1.0 - mean_share;
+      along_v *= 1.0 - mean_share;
+      along_both *= 1.0 - mean_share;
+    }
+    [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
+      bool here = hit_cells[j] == cell;
+      vec2 fraction = hit_texels[j] - vec2(first);
+      vec4 texel = start + along_v * fraction.y + (along_u + along_both * fraction.y) * fraction.x;
+      hit_alphas[j] *= here ? texel.w : 1.0;
+      hit_tints[j] = here ? texel.xyz : hit_tints[j];
+      hit_cells[j] = here ? kNoCell : hit_cells[j];
+    }
+  }
+}
+
 void blendSplat(uint splat, vec2 first_center) {
   vec4 center_depth_opacity = fetchRecord(splat, 0u);
   vec4 w_r = fetchRecord(splat, 1u);
@@ -131,9 +176,11 @@ void blendSplat(uint splat, vec2 first_center) {
   vec4 u_offset = kTextured ? fetchRecord(splat, 4u) : vec4(0.0);
   vec4 v_size = kTextured ? fetchRecord(splat, 5u) : vec4(0.0);
   vec4 normal = kAll || kSample == kSampleFootprint ? fetchRecord(splat, 6u) : vec4(0.0);
-  vec4 mean = kSample == kSampleFootprint ? texelFetch(texture_means, int(splat)) : vec4(0.0);
-  vec3 base = vec3(w_r.w, d_g.w, e_b.w);
   uint size = floatBitsToUint(v_size.w);
+  uint size_u = size & 0xFFFFu;
+  uint size_v = size >> 16u;
+  vec2 texels_per_sigma = vec2(texelsPerSigma(size_u), texelsPerSigma(size_v));
+  vec2 last_cell = vec2(max(size_u, 2u), max(size_v, 2u)) - 2.0;
   vec2 offset = first_center - center_depth_opacity.xy;
   [[unroll]] for (uint row = 0u; row < kSide; ++row) {
     float y = offset.y + float(row);
@@ -153,32 +200,37 @@ void blendSplat(uint splat, vec2 first_center) {
       float inverse = 1.0 / (d * d + d_rest);
       float power = (w * w + w_rest) * inverse;
       float t = (d_g.z * d + t_rest) * inverse;  // in units of the mean's depth
-      float alpha = center_depth_opacity.w * exp2(-kHalfLog2E * power);
-      vec3 tint = vec3(0.0);
+      hit_depths[j] = t * center_depth_opacity.z;
+      bool hit = power < kPowerMax && hit_depths[j] > view.near;
+      hit_alphas[j] = hit ? center_depth_opacity.w * exp2(-kHalfLog2E * power) : 0.0;
       if (kTextured) {
         float shift = -(d_moved * d + shift_rest) * inverse;  // t - 1
-        vec2 delta = vec2(offset.x + float(column), y);
-        vec2 uv = vec2(shift * u_offset.x + t * (u_offset.y * delta.x + u_offset.z * delta.y),
-                       shift * v_size.x + t * (v_size.y * delta.x + v_size.z * delta.y));
-        vec4 texel = fetchTexture(uv, floatBitsToUint(u_offset.w), size);
-        if (kSample == kSampleFootprint) texel = mix(texel, mean, footprintShare(normal.w));
-        if (size != 0u && insideTexture(uv)) {
-          if ((view.texture_mode & kModeAlpha) != 0u) alpha *= texel.w;
-          if ((view.texture_mode & kModeRgb) != 0u) tint = texel.xyz;
-        }
+        float x = offset.x + float(column);
+        vec2 uv = vec2(shift * u_offset.x + t * (u_offset.y * x + u_offset.z * y),
+                       shift * v_size.x + t * (v_size.y * x + v_size.z * y));
+        vec2 texel = (uv + kTextureExtent) * texels_per_sigma;
+        vec2 cell = clamp(floor(texel), vec2(0.0), last_cell);
+        bool sampled = size != 0u && insideTexture(uv) && hit_alphas[j] >= kAlphaMin;
+        hit_texels[j] = texel;
+        hit_cells[j] = sampled ? uint(cell.y) << 16u | uint(cell.x) : kNoCell;
+        hit_tints[j] = vec3(0.0);
       }
-      Fragment f;
-      f.depth = t * center_depth_opacity.z;
-      f.alpha = power < kPowerMax && f.depth > view.near ? min(kAlphaMax, alpha) : 0.0;
-      f.base = kAll ? base : base + tint;
-      f.tint = tint;
-      f.normal = normal.xyz;
-      f.density = size != 0u ? normal.w : -1.0;
-      if (kKept == 0u) {
-        blendFragment(j, f);
-      } else {
-        keepFragment(j, f);
-      }
+    }
+  }
+  if (kTextured) sampleTexture(splat, floatBitsToUint(u_offset.w), size_u, size_v, normal.w);
+  [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
+    Fragment f;
+    f.depth = hit_depths[j];
+    f.alpha = min(kAlphaMax, hit_alphas[j]);
+    f.tint = kTextured ? hit_tints[j] : vec3(0.0);
+    f.base = vec3(w_r.w, d_g.w, e_b.w);
+    if (!kAll) f.base += f.tint;
+    f.normal = normal.xyz;
+    f.density = size != 0u ? normal.w : -1.0;
+    if (kKept == 0u) {
+      blendFragment(j, f);
+    } else {
+      keepFragment(j, f);
     }
   }
 }

@@ -12,8 +12,9 @@ namespace tg {
 namespace {
 
 // Mesa 22.3's llvmpipe ends all loops of a thread after 65535 rounds in total, without a word; its threads run 4 to 16
-// in step. blend.comp takes a round per entry, and one per four entries for each of 16 threads that go their own ways.
-constexpr std::uint32_t kListEntriesOnCpu = 12288;
+// in step. blend.comp takes a round per entry, one more per texture cell that its 16 pixels fall into, and one per four
+// entries for each of 16 threads that go their own ways.
+constexpr std::uint32_t kListEntriesOnCpu = 3072;
 constexpr std::uint32_t kListEntries = 1u << 31;  // no limit
 constexpr std::uint32_t kPresentSide = 16;        // shaders/present.comp
 constexpr std::uint32_t kDepthBits = 32;
