@@ -196,8 +196,9 @@ HWY_INLINE Geometry makeGeometry(const View& view, const Batch& batch) {
   g.w_xy = dot(g.w_first, g.power_w[1]);
   g.w_second = subtract(g.power_w[1], scaled(g.w_first, g.w_xy));
   g.w_yy = length(g.w_second);
-  const V3 first = unitOrZero(g.power_d[0]);
-  g.d_xx = length(g.power_d[0]);
+  // The plane model's D has one entry, D_c; a splat that faces the camera squarely has no dx in it.
+  const V3 first = plane ? V3{zero, zero, splat(1.0)} : unitOrZero(g.power_d[0]);
+  g.d_xx = dot(first, g.power_d[0]);
   g.d_xy = dot(first, g.power_d[1]);
   g.d_x1 = dot(first, g.power_d[2]);
   if (plane) {
