@@ -11,6 +11,7 @@
 #include "converter/quality.h"
 #include "converter/repair.h"
 #include "converter/write_gltf.h"
+#include "converter/write_html.h"
 #include "converter/write_spz.h"
 #include "core/bundle.h"
 #include "core/error.h"
@@ -19,16 +20,17 @@
 namespace tg {
 namespace {
 
-enum class OutputFormat { bundle, ply, spz, glb };
+enum class OutputFormat { bundle, ply, spz, glb, html };
 
 OutputFormat outputFormat(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   if (extension == ".glb") return OutputFormat::glb;
+  if (extension == ".html") return OutputFormat::html;
   if (extension == ".ply") return OutputFormat::ply;
   if (extension == ".spz") return OutputFormat::spz;
   if (extension == ".tgz") return OutputFormat::bundle;
   throw Error(ErrorKind::usage, path.string(),
-              "unknown output format (expected .glb, .ply, .spz or .tgz, found \"" + extension + "\")");
+              "unknown output format (expected .glb, .html, .ply, .spz or .tgz, found \"" + extension + "\")");
 }
 
 bool isTextured(const GaussianModel& model) {
@@ -48,9 +50,11 @@ void checkOutput(const std::filesystem::path& output, bool overwrite) {
 void writeAs(OutputFormat format, const std::filesystem::path& output, const LoadedModel& source, bool lean,
              ConvertReport& report) {
   switch (format) {
-    case OutputFormat::glb: {
-      const GltfReport gltf = writeGlb(output, {source.model, source.cameras, source.background, lean});
-      report.output_format = "glb";
+    case OutputFormat::glb:
+    case OutputFormat::html: {
+      const GltfContent content{source.model, source.cameras, source.background, lean};
+      const GltfReport gltf = format == OutputFormat::glb ? writeGlb(output, content) : writeHtml(output, content);
+      report.output_format = format == OutputFormat::glb ? "glb" : "html";
       report.atlases = gltf.atlases;
       report.atlas_width = gltf.atlas_width;
       report.atlas_height = gltf.atlas_height;
@@ -125,7 +129,7 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
     return;
   }
   report.textured_psnr = psnr;
-  if (report.output_format == "glb") {
+  if (report.output_format == "glb" || report.output_format == "html") {
     ReadOptions base;
     base.base_only = true;
     report.base_psnr = renderedPsnr(source.model, readModel(output, base).model, views, source.background);
@@ -148,7 +152,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.input_bytes = std::filesystem::file_size(input);
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
-  const bool keeps_cameras = format == OutputFormat::glb || format == OutputFormat::bundle;
+  const bool keeps_cameras = format != OutputFormat::ply && format != OutputFormat::spz;
   report.cameras = keeps_cameras ? source.cameras.size() : 0;
   report.warnings = source.warnings;
   report.dry_run = options.dry_run;

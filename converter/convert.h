@@ -31,7 +31,7 @@ struct ConvertReport {
   int sh_degree = 0;
   std::size_t cameras = 0;
   std::string texture_mode;  // of what was written
-  int atlases = 0;           // glb only, as the next four
+  int atlases = 0;           // glb and html only, as the next four
   int atlas_width = 0;
   int atlas_height = 0;
   std::uint64_t texels = 0;
@@ -43,7 +43,7 @@ struct ConvertReport {
   std::vector<std::string> warnings;
 };
 
-// The output's format is its extension: .glb, .ply, .spz or .tgz. Throws Error(usage / cannotRead / badData /
+// The output's format is its extension: .glb, .html, .ply, .spz or .tgz. Throws Error(usage / cannotRead / badData /
 // cannotWrite); nothing is written then.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});

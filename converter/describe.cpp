@@ -60,7 +60,7 @@ constexpr const char* kAxes = "x right, y down, z forward (COLMAP)";
 constexpr const char* kGltfAxes = "+y up, +z forward (glTF)";
 
 std::string axesOf(const std::string& file_format) {
-  return file_format == "glb" || file_format == "gltf" ? kGltfAxes : kAxes;
+  return file_format == "glb" || file_format == "gltf" || file_format == "html" ? kGltfAxes : kAxes;
 }
 
 }  // namespace

@@ -10,13 +10,14 @@
 #include <fstream>
 #include <string_view>
 
+#include "converter/html_page.h"
 #include "core/error.h"
 
 namespace tg {
 namespace {
 
 constexpr std::size_t kSniffBytes = 4096;  // holds the header of every compressed PLY
-constexpr std::string_view kSupported = "tgz, ply, compressed ply, splat, spz, glb and gltf are";
+constexpr std::string_view kSupported = "tgz, ply, compressed ply, splat, spz, glb, gltf and our html are";
 
 std::string readStart(const std::filesystem::path& path) {
   std::error_code status;
@@ -74,6 +75,8 @@ std::string_view name(FileFormat format) {
       return "glb";
     case FileFormat::gltf:
       return "gltf";
+    case FileFormat::html:
+      return "html";
   }
   return "";
 }
@@ -90,6 +93,7 @@ FileFormat detectFormat(const std::filesystem::path& path) {
   }
   if (begins("glTF")) return FileFormat::glb;
   if (begins("NGSP")) return FileFormat::spz;
+  if (begins(kHtmlStart)) return FileFormat::html;
   const std::size_t first = start.find_first_not_of(" \t\r\n", begins("\xef\xbb\xbf") ? 3 : 0);
   if (first != std::string::npos && start[first] == '{') return FileFormat::gltf;
   if (path.extension() == ".splat") return FileFormat::splat;
@@ -97,7 +101,7 @@ FileFormat detectFormat(const std::filesystem::path& path) {
   if (path.extension() == ".ksplat") refuse(path, "the .ksplat format");
   if (path.extension() == ".sog") refuse(path, "the SOG format");
   throw Error(ErrorKind::badData, path.string(),
-              "is no splat model (expected a tgz, ply, splat, spz, glb or gltf file)");
+              "is no splat model (expected a tgz, ply, splat, spz, glb, gltf or our html file)");
 }
 
 }  // namespace tg

@@ -6,9 +6,9 @@
 
 namespace tg {
 
-enum class FileFormat { bundle, ply, compressedPly, splat, spz, glb, gltf };
+enum class FileFormat { bundle, ply, compressedPly, splat, spz, glb, gltf, html };
 
-std::string_view name(FileFormat format);  // "tgz", "ply", "compressed.ply", "splat", "spz", "glb", "gltf"
+std::string_view name(FileFormat format);  // "tgz", "ply", "compressed.ply", "splat", "spz", "glb", "gltf", "html"
 
 // .splat files have no magic number: they are told by their extension. Throws Error(cannotRead) for what is no readable
 // file and Error(badData) for an empty one, for a format that is known but not supported (named in the message) and for

@@ -167,11 +167,13 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::string_view(argv[1]) == "check") return checkMain(argc - 1, argv + 1);
   Arguments arguments;
   CLI::App app(
-      "Converts splat models to tgz, ply, spz or glb. The input's format is its content, the output's its extension.",
+      "Converts splat models to tgz, ply, spz, glb or a page that shows them. The input's format is its content, the "
+      "output's its extension.",
       "tgconvert");
   app.add_option("FILES", arguments.files,
-                 "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb or gltf; several are merged. "
-                 "OUT: file to write, .glb, .ply, .spz or .tgz; null writes nothing and prints what IN holds")
+                 "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb, gltf or our html; several "
+                 "are merged. "
+                 "OUT: file to write, .glb, .html, .ply, .spz or .tgz; null writes nothing and prints what IN holds")
       ->required()
       ->type_name("");
   app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");

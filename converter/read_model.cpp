@@ -5,6 +5,7 @@
 #include "converter/file_format.h"
 #include "converter/read_compressed_ply.h"
 #include "converter/read_gltf.h"
+#include "converter/read_html.h"
 #include "converter/read_splat.h"
 #include "converter/read_spz.h"
 #include "core/bundle.h"
@@ -42,6 +43,10 @@ LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& opti
     case FileFormat::glb:
     case FileFormat::gltf:
       loaded = readGltf(path, options);
+      checkModel(loaded.model, path.string());
+      break;
+    case FileFormat::html:
+      loaded = parseGltf(readHtmlGlb(path), path.string(), options);
       checkModel(loaded.model, path.string());
       break;
   }

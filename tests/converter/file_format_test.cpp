@@ -50,10 +50,10 @@ TEST_CASE("Unsupported formats are named and refused with exit code 3") {
     }
     return "accepted";
   };
-  const std::string unsupported = " is not supported yet (tgz, ply, compressed ply, splat, spz, glb and gltf are)";
+  const std::string unsupported = " is not supported yet (tgz, ply, compressed ply, splat, spz, glb, gltf and our html are)";
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
   CHECK(refusal(scratch.write("a.ksplat", std::string(4096, '\0'))) == ": the .ksplat format" + unsupported);
   CHECK(refusal(scratch.write("a.sog", "PK\3\4")) == ": the SOG format" + unsupported);
   CHECK(refusal(scratch.write("a.bin", "hello")) ==
-        ": is no splat model (expected a tgz, ply, splat, spz, glb or gltf file)");
+        ": is no splat model (expected a tgz, ply, splat, spz, glb, gltf or our html file)");
 }

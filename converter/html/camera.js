@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pinhole cameras and how a hand moves them. A camera: {width, height, fx, fy, cx, cy [px], axes: camera x (right),
+// y (down), z (forward) in world space, eye}.
+'use strict';
+
+const START_FOV = 0.9;     // [rad] over the height
+const START_PITCH = -0.3;  // [rad] above the horizon
+const NEAR = 0.2;          // shaders/shared/limits.h kNear [world units]
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => add([0, 0, 0], a, 1 / Math.hypot(...a));
+
+// v turned by `angle` [rad] about the unit vector `axis` (Rodrigues).
+function turned(v, axis, angle) {
+  const c = Math.cos(angle), s = Math.sin(angle);
+  return add(add(add([0, 0, 0], v, c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
+}
+
+// The same view at another image size without distortion: the whole old image fits, more scene beside it.
+function fitted(camera, width, height) {
+  const s = Math.min(width / camera.width, height / camera.height);
+  return {...camera, width, height, fx: camera.fx * s, fy: camera.fy * s,
+          cx: (camera.cx - 0.5 * camera.width) * s + 0.5 * width,
+          cy: (camera.cy - 0.5 * camera.height) * s + 0.5 * height};
+}
+
+// A sphere around most of the means: their median, and the reach of 95 % of them.
+function sceneBounds(mean) {
+  const count = mean.length / 3;
+  const column = new Float32Array(count);
+  const center = [0, 1, 2].map((k) => {
+    for (let i = 0; i < count; ++i) column[i] = mean[3 * i + k];
+    return column.sort()[count >> 1];
+  });
+  for (let i = 0; i < count; ++i) {
+    column[i] = Math.hypot(mean[3 * i] - center[0], mean[3 * i + 1] - center[1], mean[3 * i + 2] - center[2]);
+  }
+  return {center, radius: Math.max(column.sort()[Math.floor(0.95 * (count - 1))], 1e-3)};
+}
+
+// Mean of the cameras' image-up directions; y where there are none or they cancel.
+function sceneUp(cameras) {
+  const sum = cameras.reduce((up, camera) => add(up, camera.axes[1], -1), [0, 0, 0]);
+  return Math.hypot(...sum) > 0.1 * cameras.length ? unit(sum) : [0, 1, 0];
+}
+
+class Orbit {
+  constructor(model) {
+    this.bounds = sceneBounds(model.mean);
+    this.up = sceneUp(model.cameras);
+    this.camera = null;
+    this.distance = 1;  // [world units] along the view axis to the point that orbits keep in place
+  }
+
+  get pivot() { return add(this.camera.eye, this.camera.axes[2], this.distance); }
+
+  // Takes a camera over as it is.
+  set(camera) {
+    this.camera = camera;
+    const along = dot(add(this.bounds.center, camera.eye, -1), camera.axes[2]);
+    this.distance = Math.max(along, 0.1 * this.bounds.radius);
+  }
+
+  // Looks along the scene's +z, somewhat down, at everything.
+  start(width, height) {
+    const fy = 0.5 * height / Math.tan(0.5 * START_FOV);
+    const ahead = Math.abs(this.up[2]) < 0.99 ? [0, 0, 1] : [1, 0, 0];
+    const right = unit(cross(ahead, this.up));
+    const level = cross(this.up, right);
+    const forward = turned(level, right, START_PITCH);
+    this.camera = {name: '', width, height, fx: fy, fy, cx: 0.5 * width, cy: 0.5 * height,
+                   axes: [right, cross(forward, right), forward], eye: [0, 0, 0]};
+    this.frame(width, height);
+  }
+
+  frame(width, height) {
+    const lens = fitted(this.camera, width, height);
+    const half = Math.min(Math.atan(0.5 * width / lens.fx), Math.atan(0.5 * height / lens.fy));
+    this.distance = Math.max(this.bounds.radius / Math.sin(half), this.bounds.radius + 1.5 * NEAR);
+    this.camera = {...this.camera, eye: add(this.bounds.center, this.camera.axes[2], -this.distance)};
+  }
+
+  // [rad] around the pivot: about the scene's up, then about the camera's x, short of the poles.
+  orbit(yaw, pitch) {
+    const pivot = this.pivot;
+    let axes = this.camera.axes.map((axis) => turned(axis, this.up, yaw));
+    const tilted = axes.map((axis) => turned(axis, axes[0], pitch));
+    const steepness = (a) => Math.abs(dot(a[2], this.up));
+    if (steepness(tilted) < 0.999 || steepness(tilted) < steepness(axes)) axes = tilted;
+    const forward = unit(axes[2]);
+    const right = unit(cross(axes[1], forward));
+    axes = [right, cross(forward, right), forward];
+    this.camera = {...this.camera, axes, eye: add(pivot, forward, -this.distance)};
+  }
+
+  // [px] of a picture of the given height: what lies at the pivot follows the hand.
+  pan(x, y, width, height) {
+    const lens = fitted(this.camera, width, height);
+    const [right, down] = this.camera.axes;
+    const eye = add(add(this.camera.eye, right, -x * this.distance / lens.fx), down, -y * this.distance / lens.fy);
+    this.camera = {...this.camera, eye};
+  }
+
+  dolly(factor) {
+    const pivot = this.pivot;
+    this.distance = Math.min(Math.max(this.distance * factor, 1e-3), 1e6);
+    this.camera = {...this.camera, eye: add(pivot, this.camera.axes[2], -this.distance)};
+  }
+}

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads a GLB with KHR_gaussian_splatting and TG_gaussian_splatting_texture (docs/gltf.md) into plain arrays.
+'use strict';
+
+const SPLATS = 'KHR_gaussian_splatting';
+const TEXTURES = 'TG_gaussian_splatting_texture';
+const COMPONENTS = {
+  5120: {array: Int8Array, largest: 127, get: 'getInt8'},
+  5121: {array: Uint8Array, largest: 255, get: 'getUint8'},
+  5122: {array: Int16Array, largest: 32767, get: 'getInt16'},
+  5123: {array: Uint16Array, largest: 65535, get: 'getUint16'},
+  5126: {array: Float32Array, largest: 1, get: 'getFloat32'},
+};
+const WIDTHS = {SCALAR: 1, VEC3: 3, VEC4: 4};
+const MODES = {alpha: 1, rgb: 2, rgba: 3};             // kMode* of shaders/shared/limits.h
+const INTERSECTIONS = {plane: 0, maxResponse: 1};      // kIntersect*
+
+
+class GlbFile {
+  constructor(bytes) {
+    const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+    if (bytes.length < 20 || view.getUint32(0, true) !== 0x46546C67) throw new Error('the file is no GLB');
+    if (view.getUint32(4, true) !== 2) throw new Error(`GLB version ${view.getUint32(4, true)} (expected 2)`);
+    if (view.getUint32(8, true) !== bytes.length) throw new Error('the GLB is cut off');
+    const jsonBytes = view.getUint32(12, true);
+    if (20 + jsonBytes > bytes.length) throw new Error('the GLB is cut off');
+    this.json = JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes)));
+    this.binary = bytes.subarray(Math.min(20 + jsonBytes + 8, bytes.length));
+  }
+
+  list(key) { return Array.isArray(this.json[key]) ? this.json[key] : []; }
+
+  viewBytes(index) {
+    const view = this.list('bufferViews')[index];
+    if (!view) throw new Error(`/bufferViews/${index}: missing`);
+    if (view.buffer !== 0 || (this.list('buffers')[0] || {}).uri !== undefined) {
+      throw new Error(`/bufferViews/${index}: its buffer is outside the file`);
+    }
+    if (view.extensions) throw new Error(`/bufferViews/${index}: compressed data is not supported`);
+    const begin = view.byteOffset || 0, end = begin + view.byteLength;
+    if (!(begin >= 0 && end <= this.binary.length)) throw new Error(`/bufferViews/${index}: leaves the buffer`);
+    return {bytes: this.binary.subarray(begin, end), stride: view.byteStride || 0};
+  }
+
+  // Count x width numbers as floats, normalised integers converted; `raw`: 16-bit integers as they are.
+  accessor(index, width, count, raw = false) {
+    const where = `/accessors/${index}`;
+    const accessor = this.list('accessors')[index];
+    const component = accessor && COMPONENTS[accessor.componentType];
+    if (!component || accessor.bufferView === undefined || accessor.sparse) throw new Error(`${where}: not supported`);
+    if (WIDTHS[accessor.type] !== width) throw new Error(`${where}: wrong type ${accessor.type}`);
+    if (accessor.count !== count) throw new Error(`${where}: wrong count (expected ${count}, found ${accessor.count})`);
+    const {bytes, stride: given} = this.viewBytes(accessor.bufferView);
+    const size = component.array.BYTES_PER_ELEMENT;
+    const offset = accessor.byteOffset || 0, stride = given || size * width;
+    if (offset + (count - 1) * stride + size * width > bytes.length) throw new Error(`${where}: leaves its bufferView`);
+    const start = bytes.byteOffset + offset;
+    if (component.array === Float32Array && stride === 4 * width && start % 4 === 0) {
+      return new Float32Array(bytes.buffer, start, count * width);
+    }
+    const out = raw ? new Uint16Array(count * width) : new Float32Array(count * width);
+    const view = new DataView(bytes.buffer, start);
+    const scale = accessor.normalized && !raw ? 1 / component.largest : 1;
+    for (let i = 0; i < count; ++i) {
+      for (let k = 0; k < width; ++k) {
+        const value = view[component.get](i * stride + k * size, true) * scale;
+        out[i * width + k] = raw ? value : Math.max(value, accessor.normalized ? -1 : -Infinity);
+      }
+    }
+    return out;
+  }
+}
+
+// The one node of the scene whose mesh has splats, and that primitive.
+function findSplats(file) {
+  const found = [];
+  for (const node of file.list('nodes')) {
+    const mesh = file.list('meshes')[node.mesh];
+    for (const primitive of (mesh && mesh.primitives) || []) {
+      if (primitive.extensions && primitive.extensions[SPLATS]) found.push({node, primitive});
+    }
+  }
+  if (found.length !== 1) throw new Error(`expected one primitive with ${SPLATS}, found ${found.length}`);
+  return found[0];
+}
+
+// A node may move and scale uniformly (as quantised positions need); turning would have to turn the SH too.
+function placeOf(node) {
+  const rotation = node.rotation || [0, 0, 0, 1], scale = node.scale || [1, 1, 1];
+  const turned = Math.hypot(rotation[0], rotation[1], rotation[2]) > 1e-6;
+  if (node.matrix || turned || scale[0] !== scale[1] || scale[0] !== scale[2]) {
+    throw new Error('the splats stand under a transform that is not supported (tgconvert applies it)');
+  }
+  return {translation: node.translation || [0, 0, 0], scale: scale[0]};
+}
+
+async function readAtlas(file, entry, mode) {
+  const image = async (index) => {
+    const texture = file.list('textures')[index];
+    const source = texture && file.list('images')[texture.source];
+    if (!source || source.bufferView === undefined) throw new Error('an atlas has no image in the file');
+    return decodePng(file.viewBytes(source.bufferView).bytes);
+  };
+  const color = mode & MODES.rgb ? await image(entry.color) : null;
+  const alpha = mode & MODES.alpha ? await image(entry.alpha) : null;
+  const {width, height, largest} = color || alpha;
+  if (color && alpha && (alpha.width !== width || alpha.height !== height)) {
+    throw new Error('colour and alpha of an atlas differ in size');
+  }
+  const deep = largest > 255 || (alpha && alpha.largest > 255);
+  const texels = new (deep ? Float32Array : Uint8Array)(width * height * 4).fill(deep ? 1 : 255);
+  const put = (picture, channels, to) => {
+    const grey = picture.channels < 3;
+    for (let i = 0, n = width * height; i < n; ++i) {
+      for (let c = 0; c < channels; ++c) {
+        const value = picture.samples[i * picture.channels + (grey ? 0 : c)];
+        texels[4 * i + to + c] = deep ? value / picture.largest : value;
+      }
+    }
+  };
+  if (color) put(color, 3, 0);
+  if (alpha) put(alpha, 1, 3);
+  return {width, height, deep, texels, scale: entry.scale || [1, 1, 1, 1], offset: entry.offset || [0, 0, 0, 0]};
+}
+
+async function readLayer(file, primitive, splats, count) {
+  const extension = splats.extensions && splats.extensions[TEXTURES];
+  if (!extension) return null;
+  const mode = MODES[extension.mode];
+  const intersection = INTERSECTIONS[extension.intersection || 'plane'];
+  if (mode === undefined) throw new Error(`unknown mode "${extension.mode}"`);
+  if (intersection === undefined) throw new Error(`unknown intersection "${extension.intersection}"`);
+  if ((extension.extent || 3) !== 3) throw new Error(`extent ${extension.extent} is not supported`);
+  if ((extension.filter || 'bilinear') !== 'bilinear') throw new Error(`filter "${extension.filter}" is not supported`);
+  const attribute = (name) => primitive.attributes[`${TEXTURES}:${name}`];
+  const atlases = [];
+  for (const entry of extension.atlases || []) atlases.push(await readAtlas(file, entry, mode));
+  if (atlases.length === 0) throw new Error('no atlases');
+  const rects = file.accessor(attribute('RECT'), 4, count, true);
+  const pages = attribute('ATLAS') === undefined ? null : file.accessor(attribute('ATLAS'), 1, count);
+  for (let i = 0; i < count; ++i) {
+    const atlas = atlases[pages ? pages[i] : 0];
+    if (!atlas) throw new Error(`splat ${i} names atlas ${pages[i]} of ${atlases.length}`);
+    const [x, y, w, h] = rects.subarray(4 * i, 4 * i + 4);
+    if (w > 0 && h > 0 && (x + w > atlas.width || y + h > atlas.height)) {
+      throw new Error(`splat ${i}: its rectangle leaves the atlas`);
+    }
+  }
+  const optional = (name, width) =>
+    attribute(name) === undefined ? null : file.accessor(attribute(name), width, count);
+  return {mode, intersection, atlases, rects, pages, opacity: optional('OPACITY', 1),
+          dc: optional('SH_DEGREE_0_COEF_0', 3)};
+}
+
+// Camera nodes as pinhole cameras: OpenCV axes (x right, y down, z forward), rows of camera_from_world.
+function readCameras(file) {
+  const cameras = [];
+  for (const node of file.list('nodes')) {
+    const lens = (file.list('cameras')[node.camera] || {}).perspective;
+    if (!lens || node.matrix) continue;
+    const [x, y, z, w] = node.rotation || [0, 0, 0, 1];
+    const axes = [  // glTF cameras look along -z with y up: a half turn about x
+      [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+      [-2 * (x * y - w * z), -1 + 2 * (x * x + z * z), -2 * (y * z + w * x)],
+      [-2 * (x * z + w * y), -2 * (y * z - w * x), -1 + 2 * (x * x + y * y)],
+    ];
+    const own = (node.extras && node.extras.textured_gaussians) || {};
+    const height = own.height || 720;
+    const width = own.width || Math.round(height * (lens.aspectRatio || 16 / 9));
+    const fy = own.fy || 0.5 * height / Math.tan(0.5 * lens.yfov);
+    const known = own.cx !== undefined;
+    cameras.push({
+      name: node.name || '', test: own.split === 'test', width, height, fx: own.fx || fy, fy,
+      cx: known ? own.cx : 0.5 * width, cy: known ? own.cy : 0.5 * height, axes, eye: node.translation || [0, 0, 0],
+    });
+  }
+  return cameras;
+}
+
+// {count, mean, rotation (xyzw), scale, opacity, sh: [coefficient], layer or null, cameras, background, intersection,
+// notes: [text]}. World space is the file's: y up, z forward.
+async function readGlb(bytes) {
+  const file = new GlbFile(bytes);
+  const {node, primitive} = findSplats(file);
+  const splats = primitive.extensions[SPLATS];
+  if (splats.kernel !== 'ellipse') throw new Error(`unknown kernel "${splats.kernel}" (expected "ellipse")`);
+  const place = placeOf(node);
+  const attribute = (name) => {
+    const index = primitive.attributes[name];
+    if (index === undefined) throw new Error(`the splats have no ${name}`);
+    return index;
+  };
+  const position = file.list('accessors')[attribute('POSITION')];
+  const count = position ? position.count : 0;
+  if (!(count > 0)) throw new Error('the file has no splats');
+  const own = (name, width) => file.accessor(attribute(`${SPLATS}:${name}`), width, count);
+  const extras = (file.json.asset && file.json.asset.extras && file.json.asset.extras.textured_gaussians) || {};
+  const model = {
+    count, mean: file.accessor(attribute('POSITION'), 3, count), rotation: own('ROTATION', 4), scale: own('SCALE', 3),
+    opacity: own('OPACITY', 1), sh: [own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file),
+    background: extras.background || [0, 0, 0], intersection: INTERSECTIONS[extras.intersection] ?? 1, notes: [],
+  };
+  for (let l = 1; l <= 3; ++l) {
+    if (primitive.attributes[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined) break;
+    for (let k = 0; k <= 2 * l; ++k) model.sh.push(own(`SH_DEGREE_${l}_COEF_${k}`, 3));
+  }
+  if (place.scale !== 1 || place.translation.some((t) => t !== 0)) {
+    model.mean = model.mean.map((x, i) => x * place.scale + place.translation[i % 3]);
+    model.scale = model.scale.map((s) => s * place.scale);
+  }
+  try {
+    model.layer = await readLayer(file, primitive, splats, count);
+  } catch (error) {
+    model.notes.push(`The textures cannot be used (${error.message}): the picture is the fallback without them.`);
+  }
+  if (model.layer) model.intersection = model.layer.intersection;
+  return model;
+}

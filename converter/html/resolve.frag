@@ -1,0 +1,34 @@
+#version 300 es
+// SPDX-License-Identifier: Apache-2.0
+// The blended sums as a picture, as render/frame.cpp's visualize() shows each output.
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+#include "shared/limits.h"
+
+uniform sampler2D u_sum;       // sum of w c, 1 - transmittance
+uniform vec2 u_sum_per_pixel;  // size of u_sum over the canvas's
+uniform vec3 u_background;
+uniform vec2 u_depth_range;    // camera z: bright, dark
+uniform uint u_show;           // kOutput*
+
+out vec4 o_color;
+
+const float kWhiteCount = 64.0;     // splats a pixel that show as white
+const float kFarthestGrey = 0.15;
+
+vec3 heat(float x) { return clamp(vec3(3.0 * x, 3.0 * x - 1.0, 3.0 * x - 2.0), 0.0, 1.0); }
+
+void main() {
+  vec4 sum = texelFetch(u_sum, ivec2(gl_FragCoord.xy * u_sum_per_pixel), 0);
+  vec3 color = sum.rgb + (1.0 - sum.a) * u_background;
+  if (u_show == kOutputTexture) color = 0.5 + 0.5 * sum.rgb;
+  if (u_show == kOutputAlpha) color = vec3(sum.a);
+  if (u_show == kOutputNormal) color = 0.5 + 0.5 * vec3(1.0, -1.0, -1.0) * sum.rgb;
+  if (u_show == kOutputOverdraw) color = heat(sum.r / kWhiteCount);
+  if (u_show == kOutputDepth) {
+    float far = clamp((sum.r / max(sum.a, 1e-6) - u_depth_range.x) / (u_depth_range.y - u_depth_range.x), 0.0, 1.0);
+    color = vec3(sum.a > 0.0 ? 1.0 - (1.0 - kFarthestGrey) * far : 0.0);
+  }
+  o_color = vec4(color, 1.0);
+}

@@ -1,0 +1,123 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds the page that tgconvert writes against tgview's pictures, in a headless Chromium without a GPU.
+
+    tests/web/html_test.py BIN [MODEL [WIDTHxHEIGHT]]     BIN: folder of tgconvert and tgview; default docs/sample.tgz
+
+Prints the PSNR of every picture and fails below the limits. Skips (exit code 77) where there is no Chromium.
+"""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+from chromium import Chromium, Difference, from_data_url
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
+FINAL_DB = 38.0   # what the page promises of the picture
+OUTPUT_DB = 45.0  # one output has fewer terms
+# Settings under tgview's names, for the model's first camera; then other cameras with none.
+VARIANTS = [{}, {"show": "base"}, {"show": "texture"}, {"show": "alpha"}, {"show": "normal"}, {"textures": "off"},
+            {"textures": "alpha"}, {"intersection": "plane"}, {"background": "0.2,0.4,0.6"}]
+failures = []
+
+
+def expect(what, ok, found=""):
+    print(f"{'ok' if ok else 'FAILED'}: {what}{f': {found}' if str(found) else ''}", flush=True)
+    if not ok:
+        failures.append(what)
+
+
+def main():
+    programs = pathlib.Path(sys.argv[1]).resolve()
+    model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
+    size = sys.argv[3] if len(sys.argv) > 3 else "160x160"
+    with Chromium() as browser, tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        run = lambda *arguments: subprocess.run([str(a) for a in arguments], check=True, stdout=subprocess.DEVNULL)
+        run(programs / "tgconvert", model, folder / "model <1>.html", "--quiet")
+        page = (folder / "model <1>.html").as_uri()
+
+        def reference(settings, camera=None):
+            out = folder / "reference.png"
+            flags = [x for key, value in settings.items() for x in (f"--{key}", value)]
+            if camera is not None:
+                flags += ["--camera", camera]
+            run(programs / "tgview", model, "--render", out, "--size", size, "--backend", "cpu", *flags)
+            return out.read_bytes()
+
+        done = browser.open(f"{page}?camera=0&size={size}&panel=off")
+        expect("the page opens", done.get("gaussians", 0) > 0, done)
+        expect("its title is the file's name", browser.evaluate("document.title") == "model <1>")
+        own = {"show": "final",
+               "intersection": browser.evaluate("tgViewer.model.intersection ? 'maxResponse' : 'plane'"),
+               "background": browser.evaluate("tgViewer.model.background.join(',')"),
+               "textures": browser.evaluate("tgViewer.settings.textures")}
+        cameras = browser.evaluate("tgViewer.model.cameras.length")
+        jobs = [(0, variant) for variant in VARIANTS] + [(cameras // 2, {}), (cameras - 1, {})]
+        for camera, variant in jobs:
+            wanted = {**own, "camera": camera, "size": size, **variant}
+            picture = from_data_url(browser.evaluate(f"tgViewer.picture({json.dumps(wanted)})"))
+            difference = Difference(browser, picture, reference({**own, **variant}, camera))
+            limit = FINAL_DB if variant.get("show", "final") == "final" else OUTPUT_DB
+            name = " ".join(f"{k} {v}" for k, v in variant.items()) or "final"
+            expect(f"camera {camera}, {name}, at least {limit:.0f} dB", difference.psnr >= limit, difference)
+
+        # By hand: the same camera again, and away from it.
+        turned = browser.evaluate("""(async () => {
+          const before = await tgViewer.picture({camera: 0});
+          tgViewer.orbit.orbit(0.3, 0.1);
+          tgViewer.orbit.pan(5, -3, 100, 100);
+          tgViewer.orbit.dolly(0.9);
+          const away = await tgViewer.picture();
+          return [away !== before, before === await tgViewer.picture({camera: 0})];
+        })()""")
+        expect("orbit, pan and zoom change the picture, and a camera brings it back", turned == [True, True], turned)
+
+        # A GLB dropped on the page; a broken one leaves the model and says why.
+        run(programs / "tgconvert", model, folder / "dropped.glb", "--quiet")
+        dropped = list((folder / "dropped.glb").read_bytes())
+        result = browser.evaluate("""(async (bytes, broken) => {
+          const drop = async (content, name) => {
+            const data = new DataTransfer();
+            data.items.add(new File([content], name));
+            document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: true}));
+            await new Promise((resolve) => setTimeout(resolve, 300));
+          };
+          const first = tgViewer.models;
+          await drop(new Uint8Array(bytes.slice(0, 1000)), 'short.glb');
+          const told = document.getElementById('message').textContent, kept = tgViewer.models === first;
+          await drop(new Uint8Array(bytes), 'dropped.glb');
+          for (let i = 0; i < 100 && tgViewer.models === first; ++i) await new Promise((r) => setTimeout(r, 100));
+          const message = document.getElementById('message').textContent;
+          return {told, kept, opened: tgViewer.models === first + 1, message};
+        })(%s)""" % json.dumps(dropped))
+        expect("a dropped GLB that is cut off is refused with a word",
+               result["told"].startswith("short.glb: the GLB is cut"), result["told"])
+        expect("and leaves the old model", result["kept"])
+        expect("a whole one is opened", result["opened"] and result["message"] == "", result["message"])
+        picture = from_data_url(browser.evaluate(f"tgViewer.picture({json.dumps({**own, 'camera': 0, 'size': size})})"))
+        expect("and shown", Difference(browser, picture, reference(own, 0)).psnr >= FINAL_DB)
+        asked = [url for url in browser.requests if not url.startswith(("file:", "blob:", "data:"))]
+        expect("nothing was asked of a network", not asked, asked[:3])
+        expect("no word on the console", not browser.log, browser.log[:3])
+
+        # The three ways to have nothing to show.
+        text = (folder / "model <1>.html").read_text()
+        (folder / "broken.html").write_text(text.replace('class="model">H4sI', 'class="model">H4sJ', 1))
+        done = browser.open((folder / "broken.html").as_uri())
+        shown = browser.evaluate("!document.getElementById('message').hidden")
+        expect("a damaged page says so", "damaged" in done.get("error", "") and shown, done)
+        done = browser.open(f"{page}?camera=100000")
+        expect("an unknown camera is named", "camera=100000" in done.get("error", ""), done)
+    with Chromium(["--disable-3d-apis"]) as browser:
+        with tempfile.TemporaryDirectory() as folder:
+            run(programs / "tgconvert", model, pathlib.Path(folder) / "a.html", "--quiet")
+            done = browser.open((pathlib.Path(folder) / "a.html").as_uri())
+            expect("without WebGL 2 the page says so", "WebGL 2" in done.get("error", ""), done)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
