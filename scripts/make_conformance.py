@@ -5,6 +5,7 @@
     scripts/make_conformance.py FOLDER                      writes the files and FOLDER/index.json
     scripts/make_conformance.py FOLDER --check tgconvert    and holds a program's verdicts against the index
     scripts/make_conformance.py --table                     prints the table of conformance.md
+    scripts/make_conformance.py --sample FILE               writes docs/gltf-extension/sample.glb
 
 The files are made here, byte by byte, from four splats with 4 x 4 textures; no other program has a part in them.
 """
@@ -74,14 +75,27 @@ class Glb:
         self.views.append(data)
         return len(self.views) - 1
 
+    def remove(self, semantic):
+        """With its accessor and bufferView: validators report what nobody uses."""
+        gone = self.primitive["attributes"].pop(semantic)
+        view = self.json["accessors"].pop(gone)["bufferView"]
+        del self.views[view], self.json["bufferViews"][view]
+        for name, index in self.primitive["attributes"].items():
+            self.primitive["attributes"][name] = index - (index > gone)
+        for user in self.json["accessors"] + self.json["images"]:
+            user["bufferView"] -= user["bufferView"] > view
+
     def set(self, semantic, kind, component, values, normalized=False):
         """values: one tuple per element."""
+        if semantic in self.primitive["attributes"]:
+            self.remove(semantic)
         code = {FLOAT: "f", USHORT: "H", UBYTE: "B", 5120: "b", 5125: "I"}[component]
         element = struct.calcsize(code) * len(values[0])
         stride = (element + 3) // 4 * 4
         data = b"".join(struct.pack(f"<{len(v)}{code}", *v).ljust(stride, b"\0") for v in values)
         accessor = {"bufferView": self.add_view(data, stride if stride != element else None),
                     "componentType": component, "type": kind, "count": len(values)}
+        self.json["bufferViews"][-1]["target"] = 34962  # ARRAY_BUFFER
         if normalized:
             accessor["normalized"] = True
         if semantic == "POSITION":
@@ -380,7 +394,7 @@ def _(g):
 @valid("T15", "absent")
 def _(g):
     "no attribute for opacity: KHR_gaussian_splatting's"
-    del g.primitive["attributes"][f"{TG}:OPACITY"]
+    g.remove(f"{TG}:OPACITY")
 
 
 @case("T15", "type", "error", attribute(f"{TG}:OPACITY"), "wrong type")
@@ -575,6 +589,15 @@ def _(g):
     g.header_length = 100
 
 
+def sample():
+    """The file that the others change, with a camera."""
+    glb = base()
+    glb.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.6, "aspectRatio": 2.0, "znear": 0.01}}]
+    glb.json["nodes"].append({"name": "front", "camera": 0, "translation": [0, 0, 2]})
+    glb.json["scenes"][0]["nodes"].append(1)
+    return glb.bytes()
+
+
 def made(entry):
     glb = base()
     entry["change"](glb)
@@ -610,9 +633,13 @@ def main():
     parser.add_argument("folder", nargs="?", type=pathlib.Path)
     parser.add_argument("--check", metavar="PROGRAM")
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--sample", type=pathlib.Path)
     arguments = parser.parse_args()
     if arguments.table:
         return table()
+    if arguments.sample:
+        arguments.sample.write_bytes(sample())
+        return 0
     if arguments.folder is None:
         parser.error("FOLDER is missing")
     arguments.folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,193 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Shows our GLB in three.js, PlayCanvas and Babylon.js, and asks Khronos' validator about it.
+
+    tests/web/viewers_test.py BIN [MODEL [CAMERA]]       default: the last camera of docs/sample.tgz
+
+BIN is the folder of tgconvert and tgview. The viewers' packages (tests/web/viewers/package.json) are looked for in
+$TG_WEB_PACKAGES, then in web_packages beside BIN; scripts/test_browsers.sh installs them. Skips (exit code 77) without
+them or without Chromium.
+
+Each viewer must show the textured file as the same file without the texture extension, to the last bit; its picture
+is then held against our CPU render of that base, on black and, in three.js, with a linear output. Fails below BASE_DB.
+"""
+import functools
+import http.server
+import json
+import math
+import os
+import pathlib
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.parse
+
+from chromium import Chromium, Difference, skip
+
+HERE = pathlib.Path(__file__).resolve().parent
+REPOSITORY = HERE.parents[1]
+VIEWERS = ["three", "playcanvas", "babylon"]
+BASE_DB = {"three": 34.0, "playcanvas": 35.0, "babylon": 35.0}  # three.js cuts splats at 2 sigma
+WIDTH, HEIGHT, FOV = 640, 480, 50.0
+REST_SECONDS = 2.0  # without a change, after which a picture counts as finished
+LIMIT_SECONDS = 150
+KHR, TG = "KHR_gaussian_splatting", "TG_gaussian_splatting_texture"
+failures = []
+
+
+def expect(what, ok, found=""):
+    print(f"{'ok' if ok else 'FAILED'}: {what}{f': {found}' if str(found) else ''}", flush=True)
+    if not ok:
+        failures.append(what)
+
+
+def find_packages(programs):
+    for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
+        modules = pathlib.Path(folder) / "node_modules"
+        if folder and (modules / "three").is_dir():
+            return modules
+    skip("no packages of the viewers here (scripts/test_browsers.sh installs them)")
+
+
+def without_textures(data):
+    """The GLB less everything of our extension; the buffer stays as it is."""
+    size, = struct.unpack("<I", data[12:16])
+    gltf = json.loads(data[20:20 + size])
+    primitive = gltf["meshes"][0]["primitives"][0]
+    del primitive["extensions"][KHR]["extensions"]
+    primitive["attributes"] = {k: v for k, v in primitive["attributes"].items() if not k.startswith(TG)}
+    gltf["extensionsUsed"].remove(TG)
+    for key in ("images", "textures", "samplers"):
+        del gltf[key]
+    text = json.dumps(gltf).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + size:]
+    return struct.pack("<IIIII", 0x46546C67, 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
+
+
+def pose(data, index):
+    """Eye, right, up and forward of a camera node of a GLB, in the file's axes. glTF's cameras look along -z."""
+    size, = struct.unpack("<I", data[12:16])
+    node = [n for n in json.loads(data[20:20 + size])["nodes"] if "camera" in n][index]
+    x, y, z, w = node["rotation"]
+    return (node["translation"], [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+            [-2 * (x * z + w * y), -2 * (y * z - w * x), -1 + 2 * (x * x + y * y)])
+
+
+def camera_json(eye, right, up, forward):
+    """The pages' camera for tgview: INRIA's layout, in the model's axes (a half turn about z from the file's)."""
+    turn = lambda v: [-v[0], -v[1], v[2]]
+    axes = [turn(v) for v in (right, [-x for x in up], forward)]
+    focal = 0.5 * HEIGHT / math.tan(math.radians(FOV) / 2)
+    return json.dumps([{"id": 0, "img_name": "", "width": WIDTH, "height": HEIGHT, "fx": focal, "fy": focal,
+                        "position": turn(eye), "rotation": [[axes[c][r] for c in range(3)] for r in range(3)]}])
+
+
+def settled_screenshot(browser):
+    """The window once it has not changed for REST_SECONDS."""
+    last, since, end = browser.screenshot(), time.monotonic(), time.monotonic() + LIMIT_SECONDS
+    while time.monotonic() < end:
+        time.sleep(0.5)
+        now = browser.screenshot()
+        if now != last:
+            last, since = now, time.monotonic()
+        elif time.monotonic() - since > REST_SECONDS and Difference(browser, now, browser.black).count > 0:
+            return now
+    raise RuntimeError(f"the picture does not come to rest in {LIMIT_SECONDS} s")
+
+
+class Server:
+    """Serves a folder on 127.0.0.1."""
+
+    def __init__(self, folder):
+        class Quiet(http.server.SimpleHTTPRequestHandler):
+            def log_message(self, *_):
+                pass
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=folder))
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+        self.address = f"http://127.0.0.1:{self.server.server_port}"
+
+
+def validate(modules, files):
+    run = subprocess.run(["node", str(HERE / "viewers/validate.js"), *map(str, files)], capture_output=True, text=True,
+                         check=True, env={**os.environ, "NODE_PATH": str(modules)})
+    return [json.loads(line) for line in run.stdout.splitlines()]
+
+
+def check_validator(modules, folder, glb):
+    for report in validate(modules, [glb]):
+        expect("Khronos' validator has nothing to say about the GLB", not report["left"],
+               report["left"] or report["dropped"])
+    subprocess.run([sys.executable, str(REPOSITORY / "scripts/make_conformance.py"), str(folder / "conformance")],
+                   check=True, stdout=subprocess.DEVNULL)
+    index = json.loads((folder / "conformance/index.json").read_text())
+    # A file that only our readers find odd, or may refuse, is valid glTF too; the others are broken on purpose.
+    valid = [folder / "conformance" / f"{entry['name']}.glb" for entry in index if entry["verdict"] == "valid"]
+    reports = validate(modules, valid)
+    bad = {pathlib.Path(report["file"]).name: report["left"] for report in reports if report["left"]}
+    expect(f"nor about the {len(reports)} conformance files that keep all rules", reports and not bad, bad or "")
+
+
+def main():
+    programs = pathlib.Path(sys.argv[1]).resolve()
+    model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
+    modules = find_packages(programs)
+    with Chromium() as browser, tempfile.TemporaryDirectory() as temporary:
+        folder = pathlib.Path(temporary)
+        run = lambda *arguments: subprocess.run([str(a) for a in arguments], check=True, stdout=subprocess.DEVNULL)
+        run(programs / "tgconvert", model, folder / "textured.glb", "--quiet")
+        (folder / "base.glb").write_bytes(without_textures((folder / "textured.glb").read_bytes()))
+        index = int(sys.argv[3]) if len(sys.argv) > 3 else -1
+        eye, right, up, forward = pose((folder / "textured.glb").read_bytes(), index)
+        (folder / "camera.json").write_text(camera_json(eye, right, up, forward))
+        run(programs / "tgview", folder / "base.glb", "--render", folder / "ours.png", "--backend", "cpu",
+            "--camera", folder / "camera.json", "--background", "black")
+        ours = (folder / "ours.png").read_bytes()
+        check_validator(modules, folder, folder / "textured.glb")
+        for viewer in VIEWERS:
+            subprocess.run([str(modules / ".bin/esbuild"), str(HERE / f"viewers/{viewer}.js"), "--bundle",
+                            "--format=iife", "--log-level=error", f"--outfile={folder / viewer}.js"],
+                           check=True, env={**os.environ, "NODE_PATH": str(modules)})
+            (folder / f"{viewer}.html").write_text("<!doctype html><meta charset=utf-8><body style='margin:0;"
+                                                   f"background:#000'><script src={viewer}.js></script>")
+        (folder / "black.html").write_text("<!doctype html><body style='background:#000'><script>__done = {}</script>")
+        server = Server(folder)
+        text = lambda v: ",".join(map(str, v))
+        camera = {"eye": text(eye), "target": text([e + f for e, f in zip(eye, forward)]), "up": text(up), "fov": FOV}
+        browser.open(f"{server.address}/black.html", WIDTH, HEIGHT)
+        browser.black = browser.screenshot()
+
+        def show(viewer, file, **more):
+            query = urllib.parse.urlencode({"file": file, **camera, **more})
+            done = browser.open(f"{server.address}/{viewer}.html?{query}", WIDTH, HEIGHT, LIMIT_SECONDS)
+            if "error" in done:
+                raise RuntimeError(f"{viewer}, {file}: {done['error']}")
+            return done
+
+        done = show("three", "textured.glb", plain=1)
+        attributes = [a for object_ in done["found"] if object_["type"] == "Points" for a in object_["attributes"]]
+        expect("a plain GLTFLoader shows points and hands our attributes on",
+               any(a.startswith(TG.lower()) for a in attributes), attributes)
+        for viewer in VIEWERS:
+            pictures = []
+            for file in ("base.glb", "textured.glb"):
+                show(viewer, file)
+                pictures.append(settled_screenshot(browser))
+                if "TG_WEB_PICTURES" in os.environ:
+                    pathlib.Path(os.environ["TG_WEB_PICTURES"], f"{viewer}_{file}.png").write_bytes(pictures[-1])
+            same = Difference(browser, *pictures)
+            expect(f"{viewer} shows the textured file exactly as the base", same.count == 0, same)
+            against = Difference(browser, pictures[0], ours)
+            expect(f"{viewer}'s base against our CPU render, at least {BASE_DB[viewer]:.0f} dB",
+                   against.psnr >= BASE_DB[viewer], against)
+        if "TG_WEB_PICTURES" in os.environ:
+            pathlib.Path(os.environ["TG_WEB_PICTURES"], "ours.png").write_bytes(ours)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
