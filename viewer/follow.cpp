@@ -94,6 +94,7 @@ ModelFollower::ModelFollower(std::filesystem::path file, std::function<void()> w
     : file_(std::move(file)), wake_(std::move(wake)), thread_([this] { run(); }) {}
 
 ModelFollower::~ModelFollower() {
+  progress_.cancel = true;
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
@@ -113,7 +114,7 @@ void ModelFollower::run() {
         news.problem = "waiting for " + file_.string();
       } else {
         try {
-          news.model = readModel(file_);
+          news.model = readModel(file_, {.progress = &progress_});
         } catch (const std::exception& error) {
           news.problem = error.what();
         }

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "converter/read_model.h"
+#include "core/read_progress.h"
 
 namespace tg {
 
@@ -54,7 +55,8 @@ class ModelFollower {
 
   const std::filesystem::path file_;
   const std::function<void()> wake_;
-  std::mutex mutex_;  // guards news_ and stop_
+  ReadProgress progress_;  // stops a read at the end
+  std::mutex mutex_;       // guards news_ and stop_
   std::condition_variable changed_;
   std::optional<News> news_;
   bool stop_ = false;

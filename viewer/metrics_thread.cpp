@@ -2,6 +2,7 @@
 // A mailbox around metricsOf().
 #include "viewer/metrics_thread.h"
 
+#include <new>
 #include <utility>
 
 namespace tg {
@@ -37,7 +38,11 @@ void MetricsThread::run() {
     if (stop_) return;
     const std::shared_ptr<const PicturePair> pair = std::exchange(asked_, nullptr);
     lock.unlock();
-    const std::optional<PictureMetrics> metrics = metricsOf(pair->first, pair->other, pair->mask);
+    std::optional<PictureMetrics> metrics;
+    try {
+      metrics = metricsOf(pair->first, pair->other, pair->mask);
+    } catch (const std::bad_alloc&) {  // then there are no numbers
+    }
     lock.lock();
     result_ = Result{pair, metrics};
     lock.unlock();

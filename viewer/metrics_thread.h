@@ -30,7 +30,7 @@ class MetricsThread {
 
   struct Result {
     std::shared_ptr<const PicturePair> pair;
-    std::optional<PictureMetrics> metrics;  // none: no pixel counts
+    std::optional<PictureMetrics> metrics;  // none: no pixel counts, or no memory for it
   };
   std::optional<Result> take();
 

@@ -103,7 +103,7 @@ void compareSection(ViewerState& state) {
     ImGui::Text("FLIP %.4f", compare.metrics->flip);
     hint("Of this view, the other one being the truth");
   } else {
-    ImGui::TextDisabled("measuring");
+    ImGui::TextDisabled(compare.measured ? "no pixel in common" : "measuring");
   }
 }
 
