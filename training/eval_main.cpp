@@ -141,6 +141,7 @@ tg::EvalReport::Views score(const Options& options, const Scene& scene, const st
   renderer->setModel(scene.model);
   tg::RenderSettings settings;
   settings.background = dataset.background;
+  settings.outputs = {tg::Output::final};
   std::signal(SIGINT, requestStop);
   std::signal(SIGTERM, requestStop);
   Progress progress(views.asked);

@@ -228,6 +228,43 @@ HWY_EXPORT(projectBatchSize);
 
 constexpr int kMaxBatch = 8;  // Gaussians in a batch of any target
 
+// Whether 255 opacity > 1, mostly without computing it.
+bool visible(float logit, float opacity_scale) {
+  constexpr float kSurely = -5.0f;  // a logit with 1.7 / 255
+  return (logit > kSurely && opacity_scale >= 1.0f) || opacity(logit) * opacity_scale * 255.0f > 1.0f;
+}
+
+// The pyramid of the image in camera space.
+class Frustum {
+ public:
+  explicit Frustum(const View& view) {
+    const glm::dvec4 f = view.focal_center;
+    const glm::dvec2 low = -glm::dvec2(f.z, f.w) / glm::dvec2(f);
+    const glm::dvec2 high = (glm::dvec2(view.width, view.height) - glm::dvec2(f.z, f.w)) / glm::dvec2(f);
+    planes_[0] = glm::normalize(glm::dvec3(1, 0, -low.x));
+    planes_[1] = glm::normalize(glm::dvec3(-1, 0, high.x));
+    planes_[2] = glm::normalize(glm::dvec3(0, 1, -low.y));
+    planes_[3] = glm::normalize(glm::dvec3(0, -1, high.y));
+    reach_ = kMostRadius * view.splat_scale;
+    // Antialiasing widens by a third of a pixel in sigma; a dot at the mean is drawn with kCenterRadius.
+    pixels_ = 2.0 / std::min(f.x, f.y);
+  }
+  // Nothing of the Gaussian can be on the image.
+  bool misses(glm::dvec3 mean_c, glm::vec3 log_scale) const {
+    const double reach =
+        reach_ * std::exp(std::max({log_scale.x, log_scale.y, log_scale.z})) + pixels_ * std::abs(mean_c.z);
+    for (const glm::dvec3& plane : planes_) {
+      if (glm::dot(plane, mean_c) < -reach) return true;
+    }
+    return false;
+  }
+
+ private:
+  static constexpr double kMostRadius = 3.34;  // [sigma] visibleRadius(1), rounded up
+  glm::dvec3 planes_[4];                       // unit normals, inwards
+  double reach_, pixels_;
+};
+
 bool inside(const CropBox& box, glm::vec3 x) {
   return glm::all(glm::lessThanEqual(box.min, x)) && glm::all(glm::lessThanEqual(x, box.max));
 }
@@ -274,6 +311,7 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
 
 void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out) {
   constexpr std::size_t kChunk = 4096;
+  const Frustum frustum(view);
   const std::size_t chunks = (model.size() + kChunk - 1) / kChunk;
   std::vector<DepthKey> keys(model.size());
   std::vector<std::size_t> counts(chunks, 0);
@@ -284,8 +322,10 @@ void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& ou
     const auto [begin, end] = range(chunk);
     std::size_t next = begin;
     for (std::size_t i = begin; i < end; ++i) {
-      const double z = cameraFromWorld(view, model.mean[i]).z;
-      if (!(z > view.near) || !(opacity(model.opacity_logit[i]) * view.opacity_scale * 255.0f > 1.0f)) continue;
+      const glm::dvec3 mean_c = cameraFromWorld(view, model.mean[i]);
+      const double z = mean_c.z;
+      if (!(z > view.near) || !visible(model.opacity_logit[i], view.opacity_scale)) continue;
+      if (frustum.misses(mean_c, model.log_scale[i])) continue;
       if (view.crop && !inside(*view.crop, model.mean[i])) continue;
       keys[next++] = {std::bit_cast<std::uint32_t>(static_cast<float>(z)), static_cast<std::uint32_t>(i)};
     }
