@@ -15,7 +15,6 @@
 #include "core/bundle_manifest.h"
 #include "core/error.h"
 #include "core/gzip_reader.h"
-#include "core/huge_pages.h"
 #include "core/image_codecs.h"
 #include "core/json.h"
 #include "core/npy.h"
@@ -290,7 +289,7 @@ class BundleReader {
           "is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " + std::to_string(size) + ")");
     if (size > gzip_.inflatedBound()) throw Error(ErrorKind::badData, inside(name), "is longer than the file can hold");
     std::vector<std::uint8_t> bytes;
-    reserveHuge(bytes, static_cast<std::size_t>(size));
+    bytes.reserve(static_cast<std::size_t>(size));
     std::size_t next_preview =
         name == kGaussiansName && progress_ && progress_->preview ? kFirstPreviewBytes : size + 1;
     for (;;) {

@@ -12,7 +12,6 @@
 
 #include "core/error.h"
 #include "core/file.h"
-#include "core/huge_pages.h"
 #include "core/parallel.h"
 #include "core/ply_vertices.h"
 #include "core/read_progress.h"
@@ -71,11 +70,11 @@ struct Columns {
 GaussianModel sized(std::size_t n, int sh_degree) {
   GaussianModel model;
   model.sh_degree = sh_degree;
-  resizeHuge(model.mean, n);
-  resizeHuge(model.rotation, n);
-  resizeHuge(model.log_scale, n);
-  resizeHuge(model.opacity_logit, n);
-  resizeHuge(model.sh, n * static_cast<std::size_t>(model.shCount()));
+  model.mean.resize(n);
+  model.rotation.resize(n);
+  model.log_scale.resize(n);
+  model.opacity_logit.resize(n);
+  model.sh.resize(n * static_cast<std::size_t>(model.shCount()));
   return model;
 }
 
