@@ -1,13 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// The open models, when there are several.
+// The models opened before, and the open ones when there are several.
 #include <imgui.h>
+
+#include <filesystem>
+#include <string>
 
 #include "viewer/panel_sections.h"
 #include "viewer/panel_widgets.h"
 
 namespace tg {
 
+namespace {
+
+void recentList(ViewerState& state) {
+  if (state.recent.empty()) return;
+  ImGui::SetNextItemWidth(-1);
+  if (!ImGui::BeginCombo("##recent", "Recent models")) return;
+  for (const std::string& path : state.recent) {
+    ImGui::PushID(path.c_str());
+    const std::string label = std::filesystem::path(path).filename().string();
+    if (ImGui::Selectable(label.c_str())) state.documents.open_requests.emplace_back(path);
+    hint(path.c_str());
+    ImGui::PopID();
+  }
+  ImGui::EndCombo();
+}
+
+}  // namespace
+
 void documentsSection(ViewerState& state) {
+  recentList(state);
   const std::vector<Document>& open = state.documents.open;
   if (open.size() < 2) return;
   const float button = ImGui::GetFrameHeight();

@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "render/renderer.h"
 #include "viewer/camera_controller.h"
@@ -73,7 +74,8 @@ struct ViewerState {
   MessageState messages;
   FollowState follow;
 
-  double time = 0;  // [s] since the window opened, written by the window
+  double time = 0;                  // [s] since the window opened, written by the window
+  std::vector<std::string> recent;  // models opened before, the last one first; written by the window
   CaptureRequest capture;
   TestState test;
   bool quit = false;
