@@ -5,7 +5,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "render/renderer.h"
 #include "viewer/camera_controller.h"
