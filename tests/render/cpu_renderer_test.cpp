@@ -126,7 +126,7 @@ TEST_CASE("rendering without a model or with an empty camera is a usage error") 
 
 TEST_CASE("an empty model shows the background") {
   const auto renderer = makeCpuRenderer();
-  renderer->setModel({});
+  renderer->setModel(GaussianModel{});
   RenderSettings settings;
   settings.background = {0.25f, 0.5f, 1.0f};
   const Frame frame = renderer->render(makeScene(SceneKind::ordinary, 1, 1).camera, settings);
