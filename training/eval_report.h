@@ -7,7 +7,7 @@
 #include <string>
 
 #include "core/model.h"
-#include "training/effective_rank.h"
+#include "core/effective_rank.h"
 #include "training/evaluate.h"
 
 namespace tg {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ranks and their histogram.
-#include "training/effective_rank.h"
+#include "core/effective_rank.h"
 
 #include <algorithm>
 #include <cmath>
