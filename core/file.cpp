@@ -210,6 +210,10 @@ void writeFileAtomically(const std::filesystem::path& path, std::span<const std:
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeAll(temporary, bytes, path); });
 }
 
+void writeTextAtomically(const std::filesystem::path& path, const std::string& text) {
+  writeFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+}
+
 void copyFileAtomically(const std::filesystem::path& source, const std::filesystem::path& path) {
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
     std::error_code error;

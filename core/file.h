@@ -38,6 +38,7 @@ void requireWritable(const std::filesystem::path& path);
 // Writes to a temporary name beside `path`, syncs, renames. On any exception nothing is left behind. Throws
 // Error(cannotWrite).
 void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes);
+void writeTextAtomically(const std::filesystem::path& path, const std::string& text);
 // The same for content that is streamed: `write` fills the temporary file whose name it is given.
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path& temporary)>& write);

@@ -5,6 +5,10 @@
 #include <algorithm>
 #include <array>
 
+#include "viewer/bookmarks.h"
+#include "viewer/inspector.h"
+#include "viewer/path_editor.h"
+
 namespace tg {
 namespace {
 
@@ -16,8 +20,17 @@ constexpr std::array kBindings = {
     KeyBinding{'5', false, Action::depth, "5", "Depth"},
     KeyBinding{'6', false, Action::normal, "6", "Normals"},
     KeyBinding{'7', false, Action::count, "7", "Splats per pixel"},
+    KeyBinding{'8', false, Action::depthMedian, "8", "Median depth"},
+    KeyBinding{'9', false, Action::overdraw, "9", "Overdraw"},
+    KeyBinding{'0', false, Action::ellipsoids, "0", "Ellipsoids"},
+    KeyBinding{'-', false, Action::centers, "-", "Centres"},
+    KeyBinding{'=', false, Action::texelDensity, "=", "Texel density"},
     KeyBinding{'T', false, Action::cycleTextures, "T", "Textures: RGBA, RGB, alpha, off"},
     KeyBinding{'I', false, Action::toggleIntersection, "I", "Intersection: plane / max response"},
+    KeyBinding{'O', false, Action::toggleOrder, "O", "Order: global / per pixel"},
+    KeyBinding{'Y', false, Action::toggleFilter, "Y", "Texture filter: bilinear / footprint"},
+    KeyBinding{'Y', true, Action::toggleAntialiasing, "Shift+Y", "Antialiasing: off / screen"},
+    KeyBinding{'J', false, Action::toggleCrop, "J", "Crop box on / off"},
     KeyBinding{'F', false, Action::frameScene, "F", "Frame the model"},
     KeyBinding{'F', true, Action::resetView, "Shift+F", "Back to the first view"},
     KeyBinding{' ', false, Action::nextCamera, "Space", "Next camera of the model"},
@@ -28,6 +41,18 @@ constexpr std::array kBindings = {
     KeyBinding{',', true, Action::previousTrainCamera, "", ""},
     KeyBinding{'V', false, Action::cycleCompare, "V", "Compare: side, wipe, flicker, difference, off"},
     KeyBinding{'V', true, Action::showOther, "Shift+V", "Flicker: show the other one"},
+    KeyBinding{'G', false, Action::toggleFly, "G", "Left drag orbits / looks around (fly)"},
+    KeyBinding{'U', false, Action::nextUp, "U", "Another up axis"},
+    KeyBinding{'R', false, Action::toggleTurntable, "R", "Turntable"},
+    KeyBinding{'B', false, Action::nextBookmark, "B", "Next bookmark"},
+    KeyBinding{'B', true, Action::addBookmark, "Shift+B", "Bookmark this view"},
+    KeyBinding{'K', false, Action::addKey, "K", "Key frame of the path here"},
+    KeyBinding{'L', false, Action::togglePlaying, "L", "Play or pause the path"},
+    KeyBinding{'R', true, Action::toggleRecording, "Shift+R", "Record path or turntable; cancel"},
+    KeyBinding{'M', false, Action::toggleInspecting, "M", "A click inspects its pixel"},
+    KeyBinding{'[', false, Action::previousHit, "[ / ]", "Splat in front, behind"},
+    KeyBinding{']', false, Action::nextHit, "", ""},
+    KeyBinding{'N', false, Action::toggleIsolated, "N", "The picked Gaussian alone"},
     KeyBinding{'P', false, Action::screenshot, "P", "Save the picture as PNG"},
     KeyBinding{'P', true, Action::windowShot, "Shift+P", "Save the whole window as PNG"},
     KeyBinding{'C', false, Action::saveCamera, "C", "Save the camera as JSON"},
@@ -44,6 +69,7 @@ constexpr std::array kMouseHelp = {
     HelpLine{"Left drag", "Orbit"},
     HelpLine{"Right drag", "Look around"},
     HelpLine{"Middle or Shift+left drag", "Pan"},
+    HelpLine{"Alt+click", "Inspect a pixel"},
     HelpLine{"Wheel", "Closer or farther"},
     HelpLine{"Ctrl+wheel", "Field of view"},
     HelpLine{"W A S D, Q E", "Fly; Q down, E up"},
@@ -65,6 +91,15 @@ void toggleIntersection(ViewerState& state) {
   state.display.settings.intersection =
       now == IntersectionModel::plane ? IntersectionModel::maxResponse : IntersectionModel::plane;
   notify(state, "Intersection: " + std::string(name(*state.display.settings.intersection)));
+}
+
+void show(ViewerState& state, Output output) { state.display.output = output; }
+
+// Between an enumeration's two values.
+template <typename Choice>
+void toggle(ViewerState& state, Choice& choice, const char* what) {
+  choice = choice == Choice{0} ? Choice{1} : Choice{0};
+  notify(state, what + std::string(name(choice)));
 }
 
 void frameScene(ViewerState& state) {
@@ -123,31 +158,46 @@ std::string stemOf(const ViewerState& state) {
 void apply(ViewerState& state, Action action) {
   switch (action) {
     case Action::final:
-      state.display.output = Output::final;
-      break;
+      return show(state, Output::final);
     case Action::base:
-      state.display.output = Output::base;
-      break;
+      return show(state, Output::base);
     case Action::texture:
-      state.display.output = Output::texture;
-      break;
+      return show(state, Output::texture);
     case Action::alpha:
-      state.display.output = Output::alpha;
-      break;
+      return show(state, Output::alpha);
     case Action::depth:
-      state.display.output = Output::depth;
-      break;
+      return show(state, Output::depth);
     case Action::normal:
-      state.display.output = Output::normal;
-      break;
+      return show(state, Output::normal);
     case Action::count:
-      state.display.output = Output::count;
-      break;
+      return show(state, Output::count);
+    case Action::depthMedian:
+      return show(state, Output::depthMedian);
+    case Action::overdraw:
+      return show(state, Output::overdraw);
+    case Action::ellipsoids:
+      return show(state, Output::ellipsoids);
+    case Action::centers:
+      return show(state, Output::centers);
+    case Action::texelDensity:
+      return show(state, Output::texelDensity);
     case Action::cycleTextures:
       cycleTextures(state);
       break;
     case Action::toggleIntersection:
       toggleIntersection(state);
+      break;
+    case Action::toggleOrder:
+      toggle(state, state.display.settings.order, "Order: ");
+      break;
+    case Action::toggleFilter:
+      toggle(state, state.display.settings.texture_filter, "Texture filter: ");
+      break;
+    case Action::toggleAntialiasing:
+      toggle(state, state.display.settings.antialiasing, "Antialiasing: ");
+      break;
+    case Action::toggleCrop:
+      state.display.crop = !state.display.crop;
       break;
     case Action::frameScene:
       frameScene(state);
@@ -160,6 +210,49 @@ void apply(ViewerState& state, Action action) {
       break;
     case Action::previousCamera:
       stepCamera(state, -1);
+      break;
+    case Action::toggleFly:
+      state.camera.fly = !state.camera.fly;
+      notify(state, state.camera.fly ? "Fly: left drag looks around" : "Orbit: left drag goes round");
+      break;
+    case Action::toggleTurntable:
+      state.camera.turntable = !state.camera.turntable;
+      state.path.playing = false;
+      break;
+    case Action::nextUp:
+      setUp(state, static_cast<UpAxis>((static_cast<int>(state.camera.up) + 1) % kUpAxes));
+      notify(state, "Up: " + std::string(name(state.camera.up)));
+      break;
+    case Action::addBookmark:
+      attempt(state, [&state] { addBookmark(state); });
+      break;
+    case Action::nextBookmark:
+      stepBookmark(state, 1);
+      break;
+    case Action::addKey:
+      attempt(state, [&state] { addKey(state); });
+      break;
+    case Action::togglePlaying:
+      togglePlaying(state);
+      break;
+    case Action::toggleRecording:
+      state.record.wanted = !state.record.wanted;
+      break;
+    case Action::toggleInspecting:
+      state.inspect.active = !state.inspect.active;
+      notify(state, state.inspect.active ? "A click inspects its pixel" : "A click does nothing");
+      break;
+    case Action::previousHit:
+      stepHit(state, -1);
+      break;
+    case Action::nextHit:
+      stepHit(state, 1);
+      break;
+    case Action::toggleIsolated:
+      if (pickedGaussian(state))
+        state.inspect.isolated = !state.inspect.isolated;
+      else
+        notify(state, "Nothing is picked: Alt+click a pixel, or M and click");
       break;
     case Action::screenshot:
       state.capture.picture = freeName(stemOf(state), ".png");

@@ -119,9 +119,23 @@ Spread spreadOf(std::vector<double> values) {
   return spread;
 }
 
+Benchmark benchmarkOf(const ViewOptions& options, const Scene& scene) {
+  Benchmark benchmark;
+  std::error_code ignored;
+  benchmark.model = options.model.string();
+  benchmark.model_bytes = std::filesystem::file_size(options.model, ignored);
+  benchmark.gaussians = scene.gaussians;
+  benchmark.textured = scene.textured;
+  benchmark.texels = scene.texels;
+  benchmark.sh_degree = scene.sh_degree;
+  benchmark.path = options.path.string();
+  benchmark.output = options.show;
+  benchmark.settings = settingsFor(options, scene.background);
+  return benchmark;
+}
+
 std::string formatBenchmark(const Benchmark& benchmark) {
   using nlohmann::ordered_json;
-  const double total_ms = benchmark.read_ms + benchmark.upload_ms + benchmark.first_frame_ms;
   const RenderSettings& settings = benchmark.settings;
   ordered_json json = {{"format", "tgview-benchmark"},
                        {"version", kBenchmarkVersion},
@@ -136,11 +150,14 @@ std::string formatBenchmark(const Benchmark& benchmark) {
   json["settings"] = {
       {"textures", texturesName(settings.textures)},
       {"intersection", settings.intersection ? ordered_json(name(*settings.intersection)) : ordered_json(nullptr)}};
-  json["load"] = {{"read_ms", rounded(benchmark.read_ms)},
-                  {"upload_ms", rounded(benchmark.upload_ms)},
-                  {"first_frame_ms", rounded(benchmark.first_frame_ms)},
-                  {"total_ms", rounded(total_ms)},
-                  {"gb_per_s", static_cast<double>(benchmark.model_bytes) / 1e6 / std::max(total_ms, 1e-6)}};
+  const auto known = [](const std::optional<double>& ms) {
+    return ms ? ordered_json(rounded(*ms)) : ordered_json(nullptr);
+  };
+  json["load"] = {{"read_ms", known(benchmark.read_ms)},
+                  {"upload_ms", known(benchmark.upload_ms)},
+                  {"first_frame_ms", known(benchmark.first_frame_ms)},
+                  {"total_ms", rounded(benchmark.load_ms)},
+                  {"gb_per_s", static_cast<double>(benchmark.model_bytes) / 1e6 / std::max(benchmark.load_ms, 1e-6)}};
   json["frame_ms"] = toJson(spreadOver(benchmark.frames, [](const BenchmarkFrame& f) { return f.wall_ms; }));
   json["cpu_ms"] = toJson(spreadOver(benchmark.frames, [](const BenchmarkFrame& f) { return f.cpu_ms; }));
   json["passes_ms"] = passMedians(benchmark.frames);
@@ -148,27 +165,18 @@ std::string formatBenchmark(const Benchmark& benchmark) {
 }
 
 void benchmarkHeadless(const ViewOptions& options) {
-  Benchmark benchmark;
-  benchmark.where = "headless";
-  benchmark.model = options.model.string();
-  benchmark.path = options.path.string();
-  benchmark.output = options.show;
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   const Stopwatch reading;
   LoadedModel loaded = readModel(options.model);
-  benchmark.read_ms = reading.milliseconds();
+  const double read_ms = reading.milliseconds();
   const Scene scene = sceneFor(options, std::move(loaded));
   printWarnings(scene, options);
   const std::vector<Camera> cameras = shotCameras(options, scene, false);
-  std::error_code ignored;
-  benchmark.model_bytes = std::filesystem::file_size(options.model, ignored);
-  benchmark.gaussians = scene.gaussians;
-  benchmark.textured = scene.textured;
-  benchmark.texels = scene.texels;
-  benchmark.sh_degree = scene.sh_degree;
+  Benchmark benchmark = benchmarkOf(options, scene);
+  benchmark.where = "headless";
+  benchmark.read_ms = read_ms;
   benchmark.width = cameras.front().width;
   benchmark.height = cameras.front().height;
-  benchmark.settings = settingsFor(options, scene.background);
 
   const Stopwatch uploading;
   backend.renderer->setModel(scene.model);
@@ -179,6 +187,7 @@ void benchmarkHeadless(const ViewOptions& options) {
   const Stopwatch first;
   runner.draw(cameras.front());
   benchmark.first_frame_ms = first.milliseconds();
+  benchmark.load_ms = *benchmark.read_ms + *benchmark.upload_ms + *benchmark.first_frame_ms;
   for (const Camera& camera : cameras) {
     BenchmarkFrame frame;
     const Stopwatch wall;

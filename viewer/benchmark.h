@@ -26,12 +26,15 @@ struct Benchmark {
   int width = 0, height = 0;  // [px]
   Output output = Output::final;
   RenderSettings settings;
-  double read_ms = 0;         // of the file
-  double upload_ms = 0;       // to the renderer
-  double first_frame_ms = 0;  // of the first picture, which compiles shaders and sizes buffers
+  // Of the file, to the renderer, and of the first picture, which compiles shaders and sizes buffers; not known apart
+  // where these overlap.
+  std::optional<double> read_ms, upload_ms, first_frame_ms;
+  double load_ms = 0;  // from the start to the first picture
   std::vector<BenchmarkFrame> frames;
 };
 
+// What is known before a frame is drawn: of the options and the model.
+Benchmark benchmarkOf(const ViewOptions& options, const Scene& scene);
 // docs/viewer.md has the schema. Needs a frame or more.
 std::string formatBenchmark(const Benchmark& benchmark);
 

@@ -266,7 +266,7 @@ CameraPath pathOf(std::span<const Camera> cameras, double seconds, const std::st
 }
 
 std::vector<Camera> keyCameras(const CameraPath& path, int height) {
-  const int width = std::max(static_cast<int>(std::lround(height * path.aspect)), 1);
+  const int width = std::max(static_cast<int>(height * path.aspect), 1);
   std::vector<Camera> cameras;
   cameras.reserve(path.keys.size());
   for (const PathKey& key : path.keys) {
@@ -320,6 +320,13 @@ std::string formatPath(const CameraPath& path) {
     text += dumpJson(json) + (i + 1 < path.keys.size() ? ",\n" : "\n");
   }
   return text + "]}\n";
+}
+
+bool isPathFile(const std::filesystem::path& file) {
+  const std::vector<std::uint8_t> bytes = readFile(file, kMaxPathBytes);
+  const std::string text(bytes.begin(), bytes.end());
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  return first != std::string::npos && text[first] == '{';
 }
 
 CameraPath readPath(const std::filesystem::path& file) {

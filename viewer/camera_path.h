@@ -58,6 +58,7 @@ std::vector<Camera> keyCameras(const CameraPath& path, int height);
 // Error(badData) with key and member, Error(cannotRead).
 CameraPath parsePath(const std::string& json, const std::string& file);
 std::string formatPath(const CameraPath& path);
+bool isPathFile(const std::filesystem::path& file);  // a JSON object, not a list of cameras; throws Error(cannotRead)
 CameraPath readPath(const std::filesystem::path& file);
 
 // Edits that keep the order of the keys.

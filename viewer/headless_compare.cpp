@@ -18,7 +18,7 @@ Image pictureOf(Renderer& renderer, const Scene& scene, const Camera& camera, co
   RenderSettings settings = settingsFor(options, background);
   settings.outputs = {options.show};
   renderer.setModel(scene.model);
-  return visualize(renderer.render(camera, settings), options.show);
+  return visualize(renderer.render(camera, settings), options.show, options.exposure);
 }
 
 // The view's photograph, and what it is called.

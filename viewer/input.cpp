@@ -24,9 +24,9 @@ bool applyInput(ViewerState& state, const Input& input, int height) {
     const double units_per_pixel =
         2.0 * state.camera.pose.distance * std::tan(0.5 * state.camera.lens.fov_y) / std::max(height, 1);
     pan(state.camera.pose, -drag.x * units_per_pixel / state.camera.lens.pixel_aspect, -drag.y * units_per_pixel);
-  } else if (input.left) {
+  } else if (input.left && !state.camera.fly) {
     orbit(state.camera.pose, -drag.x * radians_per_pixel, -drag.y * radians_per_pixel);
-  } else if (input.right) {
+  } else if (input.left || input.right) {
     look(state.camera.pose, -drag.x * radians_per_pixel, -drag.y * radians_per_pixel);
   }
   if (input.wheel != 0 && input.control) {
@@ -42,7 +42,10 @@ bool applyInput(ViewerState& state, const Input& input, int height) {
   const bool moved = state.camera.pose.position != before.position || state.camera.pose.yaw != before.yaw ||
                      state.camera.pose.pitch != before.pitch || state.camera.pose.roll != before.roll ||
                      state.camera.lens.fov_y != lens_before.fov_y;
-  if (moved) state.camera.index = -1;
+  if (moved) {
+    state.camera.index = -1;
+    state.path.playing = false;
+  }
   return moved;
 }
 

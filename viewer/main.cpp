@@ -13,8 +13,10 @@
 #include "viewer/follow.h"
 #include "viewer/headless.h"
 #include "viewer/headless_compare.h"
+#include "viewer/inspector.h"
 #include "viewer/options.h"
 #include "viewer/record.h"
+#include "viewer/session.h"
 #include "viewer/window.h"
 
 namespace {
@@ -31,8 +33,9 @@ struct Flags {
   std::string compare_mode;
   std::string show = "final", textures = "rgba", intersection, size, background, backend = "auto", up = "cameras";
   std::string turntable, elevation, radius, fps = "30";
+  std::string order, filter, antialiasing, opacity_scale, splat_scale, sh_degree, near, crop, exposure, inspect;
   std::filesystem::path benchmark;
-  bool list_cameras = false;
+  bool list_cameras = false, window = false, no_session = false;
 };
 
 void declare(CLI::App& app, Flags& flags) {
@@ -41,10 +44,19 @@ void declare(CLI::App& app, Flags& flags) {
       ->required();
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
-  app.add_option("--show", flags.show, "final, base, texture, alpha, depth, normal or count")->capture_default_str();
+  app.add_option("--show", flags.show, tg::outputNames())->capture_default_str();
   app.add_option("--textures", flags.textures, "off, alpha, rgb or rgba: what of the textures counts")
       ->capture_default_str();
   app.add_option("--intersection", flags.intersection, "plane or maxResponse instead of the model's own");
+  app.add_option("--sort", flags.order, "global or per-pixel: the order in which a pixel's splats are blended");
+  app.add_option("--texture-filter", flags.filter, "bilinear or footprint, which fades texels smaller than a pixel");
+  app.add_option("--antialiasing", flags.antialiasing, "off or screen: no Gaussian narrower than a pixel");
+  app.add_option("--opacity-scale", flags.opacity_scale, "on every opacity");
+  app.add_option("--splat-scale", flags.splat_scale, "on every sigma");
+  app.add_option("--sh-degree", flags.sh_degree, "0 to 3: higher bands are left out");
+  app.add_option("--near", flags.near, "[world units] nothing nearer than this is drawn");
+  app.add_option("--crop", flags.crop, "x0,y0,z0,x1,y1,z1: only Gaussians whose mean lies in this box");
+  app.add_option("--exposure", flags.exposure, "[stops] brighter or darker, of final and base");
   app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window");
   app.add_option("--background", flags.background, "r,g,b in [0,1], white or black instead of the model's own");
   app.add_option("--backend", flags.backend, "auto, vulkan or cpu: what renders; auto is Vulkan on a GPU, else the CPU")
@@ -55,19 +67,24 @@ void declare(CLI::App& app, Flags& flags) {
                "read the model again whenever it changes; model may be a run folder of tgtrain");
   app.add_option("-o,--output", flags.view.record,
                  "record --path or --turntable: a video (.mp4, .mov, .mkv, .webm), frames/####.png, or a folder");
-  app.add_option("--path", flags.view.path, "a camera path, or a cameras.json: its cameras, a second apart");
+  app.add_option("--path", flags.view.path,
+                 "a camera path, or a cameras.json: its cameras, a second apart; without -o, for the window");
   app.add_option("--turntable", flags.turntable, "once round the model in that many frames");
   app.add_option("--elevation", flags.elevation, "[degrees] of the turntable above the horizon");
   app.add_option("--radius", flags.radius, "[world units] of the turntable");
   app.add_option("--fps", flags.fps, "frames a second of --path and videos")->capture_default_str();
   app.add_option("--benchmark", flags.benchmark, "time a camera path's frames and print JSON");
+  app.add_flag("--window", flags.window, "with --benchmark: in a window, as it is shown");
   app.add_option("--up", flags.up, "cameras, +x, -x, +y, -y, +z or -z: what the horizon is kept by")
       ->capture_default_str();
   app.add_option("--compare", flags.view.compare, "another model, to compare the first with");
   app.add_option("--photos", flags.view.photographs, "a folder of the data set's photographs, to compare with");
   app.add_option("--compare-mode", flags.compare_mode, "side, wipe, difference or (in a window) flicker");
   app.add_flag("--timings", flags.view.timings, "print how long the window took to its first pictures");
+  app.add_option("--inspect", flags.inspect, "x,y: print the splats under that pixel as JSON and exit");
   app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
+  app.add_option("--session", flags.view.session, "keep the window's state in this file instead of the usual one");
+  app.add_flag("--no-session", flags.no_session, "keep nothing of this run, and begin with nothing of the last one");
   app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
   app.footer(kFooter);
   app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
@@ -82,10 +99,29 @@ tg::Backend parseBackend(const std::string& text) {
   throw tg::Error(tg::ErrorKind::usage, "--backend: expected auto, vulkan or cpu, found \"" + text + "\"");
 }
 
+void parseSettings(Flags& flags) {
+  tg::RenderSettings& settings = flags.view.settings;
+  if (!flags.order.empty()) settings.order = tg::parseOrder(flags.order, "--sort");
+  if (!flags.filter.empty()) settings.texture_filter = tg::parseFilter(flags.filter, "--texture-filter");
+  if (!flags.antialiasing.empty()) settings.antialiasing = tg::parseAntialias(flags.antialiasing, "--antialiasing");
+  if (!flags.opacity_scale.empty()) settings.opacity_scale = tg::parseScale(flags.opacity_scale, "--opacity-scale");
+  if (!flags.splat_scale.empty()) settings.splat_scale = tg::parseSplatScale(flags.splat_scale, "--splat-scale");
+  if (!flags.sh_degree.empty()) settings.max_sh_degree = tg::parseDegree(flags.sh_degree, "--sh-degree");
+  if (!flags.near.empty()) settings.near = tg::parseNear(flags.near, "--near");
+  if (!flags.crop.empty()) settings.crop = tg::parseCrop(flags.crop, "--crop");
+  if (!flags.exposure.empty()) flags.view.exposure = tg::parseExposure(flags.exposure, "--exposure");
+}
+
 void parseShot(Flags& flags) {
   tg::ViewOptions& view = flags.view;
+  if (!flags.inspect.empty()) {
+    view.inspect = tg::parsePixel(flags.inspect, "--inspect");
+    if (!view.out.empty() || !view.record.empty() || !view.script.empty() || view.follow)
+      throw tg::Error(tg::ErrorKind::usage,
+                      "--inspect prints (expected no --render, --output, --script or --follow with it)");
+  }
   view.up = tg::parseUp(flags.up, "--up");
-  view.fps = tg::parseNumber(flags.fps, 0.1, 1000, "--fps");
+  view.fps = tg::parseNumber(flags.fps, tg::kMinFps, tg::kMaxFps, "--fps");
   if (!flags.turntable.empty()) {
     const double frames = tg::parseNumber(flags.turntable, 1, tg::kMaxPathFrames, "--turntable");
     view.turntable = static_cast<int>(frames);
@@ -98,14 +134,18 @@ void parseShot(Flags& flags) {
       throw tg::Error(tg::ErrorKind::usage,
                       "--benchmark times (expected no --render, --output, --path, --turntable, --follow or --script)");
     view.path = flags.benchmark;
+    view.benchmark = true;
     return;
   }
   if (!view.path.empty() && view.turntable > 0)
     throw tg::Error(tg::ErrorKind::usage, "--path and --turntable (expected one of them)");
   if (!view.record.empty() && view.path.empty() && view.turntable == 0)
     throw tg::Error(tg::ErrorKind::usage, "--output records a camera path (expected --path or --turntable with it)");
-  if (view.record.empty() && (!view.path.empty() || view.turntable > 0))
-    throw tg::Error(tg::ErrorKind::usage, "--path and --turntable make frames (expected --output with them)");
+  if (flags.window) throw tg::Error(tg::ErrorKind::usage, "--window says how to time (expected --benchmark with it)");
+  if (view.record.empty() && view.turntable > 0)
+    throw tg::Error(tg::ErrorKind::usage, "--turntable makes frames (expected --output with it)");
+  if (!view.path.empty() && !view.out.empty())
+    throw tg::Error(tg::ErrorKind::usage, "--path goes through a scene (expected no --render with it)");
   if (!view.record.empty() && (!view.out.empty() || view.follow || !view.script.empty()))
     throw tg::Error(tg::ErrorKind::usage, "--output records (expected no --render, --follow or --script with it)");
 }
@@ -134,6 +174,7 @@ void parseValues(Flags& flags) {
     throw tg::Error(tg::ErrorKind::usage, "--compare-mode says how (expected --compare or --photos with it)");
   if (!view.compare.empty() && !view.photographs.empty() && !view.out.empty())
     throw tg::Error(tg::ErrorKind::usage, "--compare and --photos (expected one of them with --render)");
+  parseSettings(flags);
   parseShot(flags);
   if (view.follow) view.model = tg::followedFile(view.model);
   if (!view.out.empty() && !view.script.empty()) {
@@ -171,15 +212,23 @@ int main(int argc, char** argv) {
   }
   std::signal(SIGINT, endAtOnce);
   std::signal(SIGTERM, endAtOnce);
+  flags.view.show_given = app.count("--show") > 0;
+  flags.view.textures_given = app.count("--textures") > 0;
   try {
     parseValues(flags);
+    // A script's run must not depend on what someone did before.
+    if (flags.view.session.empty() && flags.view.script.empty() && flags.benchmark.empty())
+      flags.view.session = tg::sessionFile();
+    if (flags.no_session) flags.view.session.clear();
     if (flags.list_cameras)
       listCameras(flags.view.model);
+    else if (flags.view.inspect)
+      tg::inspectHeadless(flags.view);
     else if (!flags.view.out.empty() && (!flags.view.compare.empty() || !flags.view.photographs.empty()))
       tg::compareToFile(flags.view);
     else if (!flags.view.out.empty())
       tg::renderToFile(flags.view);
-    else if (!flags.benchmark.empty())
+    else if (flags.view.benchmark && !flags.window)
       tg::benchmarkHeadless(flags.view);
     else if (!flags.view.record.empty())
       tg::recordToFile(flags.view);

@@ -38,6 +38,67 @@ bool isImageSize(int width, int height) {
          std::int64_t{width} * height <= kMaxFramePixels;
 }
 
+SplatOrder parseOrder(const std::string& text, const std::string& what) {
+  const auto order = parseSplatOrder(text);
+  if (!order) refuse(what, text, "global or per-pixel");
+  return *order;
+}
+
+TextureFilter parseFilter(const std::string& text, const std::string& what) {
+  const auto filter = parseTextureFilter(text);
+  if (!filter) refuse(what, text, "bilinear or footprint");
+  return *filter;
+}
+
+Antialiasing parseAntialias(const std::string& text, const std::string& what) {
+  const auto mode = parseAntialiasing(text);
+  if (!mode) refuse(what, text, "off or screen");
+  return *mode;
+}
+
+CropBox parseCrop(const std::string& text, const std::string& what) {
+  glm::vec3 corners[2];
+  std::string_view rest = text;
+  for (int i = 0; i < 6; ++i) {
+    const std::size_t comma = i < 5 ? rest.find(',') : rest.size();
+    const auto value = comma == std::string_view::npos ? std::nullopt : parseWhole<float>(rest.substr(0, comma));
+    if (!value || !std::isfinite(*value)) refuse(what, text, "two corners of a box x0,y0,z0,x1,y1,z1");
+    corners[i / 3][i % 3] = *value;
+    if (i < 5) rest.remove_prefix(comma + 1);
+  }
+  return {glm::min(corners[0], corners[1]), glm::max(corners[0], corners[1])};
+}
+
+float parseScale(const std::string& text, const std::string& what) {
+  return static_cast<float>(parseNumber(text, 0, kMaxScale, what));
+}
+
+float parseSplatScale(const std::string& text, const std::string& what) {
+  return static_cast<float>(parseNumber(text, kMinSplatScale, kMaxScale, what));
+}
+
+float parseExposure(const std::string& text, const std::string& what) {
+  return static_cast<float>(parseNumber(text, -kMaxExposure, kMaxExposure, what));
+}
+
+float parseNear(const std::string& text, const std::string& what) {
+  return static_cast<float>(parseNumber(text, 1e-6, 1e6, what));
+}
+
+glm::ivec2 parsePixel(const std::string& text, const std::string& what) {
+  const std::size_t comma = text.find(',');
+  const auto x = parseWhole<int>(std::string_view(text).substr(0, comma));
+  const auto y = comma == std::string::npos ? std::nullopt : parseWhole<int>(std::string_view(text).substr(comma + 1));
+  if (!x || !y || *x < 0 || *y < 0 || *x >= kMaxImageSide || *y >= kMaxImageSide) refuse(what, text, "a pixel x,y");
+  return {*x, *y};
+}
+
+int parseDegree(const std::string& text, const std::string& what) {
+  const auto degree = parseWhole<int>(text);
+  if (!degree || *degree < 0 || *degree > 3) refuse(what, text, "a degree from 0 to 3");
+  return *degree;
+}
+
 glm::ivec2 parseSize(const std::string& text, const std::string& what) {
   const std::size_t x = text.find('x');
   const auto width = parseWhole<int>(std::string_view(text).substr(0, x));
@@ -76,15 +137,17 @@ IntersectionModel parseIntersection(const std::string& text, const std::string& 
   return *model;
 }
 
+std::string outputNames() {
+  std::string names;
+  for (unsigned k = 0; k < kOutputKinds; ++k) {
+    names += (k == 0 ? "" : k + 1 == kOutputKinds ? " or " : ", ") + std::string(name(static_cast<Output>(k)));
+  }
+  return names;
+}
+
 Output parseShow(const std::string& text, const std::string& what) {
   const auto output = parseOutput(text);
-  if (!output) {
-    std::string names;
-    for (unsigned k = 0; k < kOutputKinds; ++k) {
-      names += (k == 0 ? "" : k + 1 == kOutputKinds ? " or " : ", ") + std::string(name(static_cast<Output>(k)));
-    }
-    refuse(what, text, names);
-  }
+  if (!output) refuse(what, text, outputNames());
   return *output;
 }
 
@@ -149,7 +212,7 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene) {
 }
 
 RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
-  RenderSettings settings;
+  RenderSettings settings = options.settings;
   settings.textures = options.textures;
   settings.intersection = options.intersection;
   settings.background = options.background.value_or(background);

@@ -12,8 +12,9 @@
 
 namespace tg {
 
-constexpr int kMaxImageSide = 16384;                             // [px] what Vulkan devices offer
 constexpr std::int64_t kMaxFramePixels = std::int64_t{1} << 26;  // all outputs of a frame: 3 GiB
+
+constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
 
 // automatic: Vulkan on a GPU; the CPU renderer where Vulkan is missing or itself runs on the CPU (where it is far
 // slower).
@@ -33,12 +34,16 @@ struct ViewOptions {
   Output show = Output::final;
   TextureMode textures = TextureMode::rgba;
   std::optional<IntersectionModel> intersection;  // default: the model's
+  RenderSettings settings;                        // order, filters, scales, degree, near plane, crop box
+  float exposure = 0;                             // [stops]
   std::optional<glm::ivec2> size;                 // default: the camera's
   std::optional<glm::vec3> background;            // default: the model's
   Backend backend = Backend::automatic;
   std::string device;  // part of a Vulkan device's name
   bool validation = false;
-  bool timings = false;  // say how long it took from the start to the first pictures
+  bool timings = false;                             // say how long it took from the start to the first pictures
+  std::filesystem::path session;                    // keeps the window's state between runs; empty: nothing is kept
+  bool show_given = false, textures_given = false;  // else the session's, where there is one
   UpAxis up = UpAxis::cameras;
 
   std::filesystem::path record;     // --output: a video, pictures; empty: none
@@ -47,6 +52,8 @@ struct ViewOptions {
   std::optional<double> elevation;  // [rad] of the turntable above the horizon, looking at the model's centre
   std::optional<double> radius;     // [world units] of the turntable
   double fps = 30;
+  std::optional<glm::ivec2> inspect;  // the pixel to list the splats of
+  bool benchmark = false;             // time the path's frames
 };
 
 // Each throws Error(usage) that names `what`, the offending text and the form expected.
@@ -55,6 +62,17 @@ glm::vec3 parseColor(const std::string& text, const std::string& what);       //
 TextureMode parseTextures(const std::string& text, const std::string& what);  // off, alpha, rgb, rgba
 IntersectionModel parseIntersection(const std::string& text, const std::string& what);
 Output parseShow(const std::string& text, const std::string& what);
+SplatOrder parseOrder(const std::string& text, const std::string& what);  // global, per-pixel
+TextureFilter parseFilter(const std::string& text, const std::string& what);
+Antialiasing parseAntialias(const std::string& text, const std::string& what);
+CropBox parseCrop(const std::string& text, const std::string& what);      // x0,y0,z0,x1,y1,z1; either corner first
+float parseScale(const std::string& text, const std::string& what);       // 0 to kMaxScale
+float parseExposure(const std::string& text, const std::string& what);    // [stops]
+float parseNear(const std::string& text, const std::string& what);        // [world units]
+float parseSplatScale(const std::string& text, const std::string& what);  // 0.01 to kMaxScale
+glm::ivec2 parsePixel(const std::string& text, const std::string& what);  // x,y
+std::string outputNames();                                          // for messages: final, base, ... or texel-density
+int parseDegree(const std::string& text, const std::string& what);  // 0 to 3
 double parseNumber(const std::string& text, const std::string& what);  // finite
 double parseNumber(const std::string& text, double low, double high, const std::string& what);
 CompareMode parseCompare(const std::string& text, const std::string& what);

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <vector>
 
 #include "viewer/actions.h"
 #include "viewer/panel_sections.h"
@@ -20,7 +21,6 @@ ImVec2 pictureCenter(const ViewerState& state) {
 }
 
 void helpRow(const char* keys, const char* text) {
-  ImGui::TableNextRow();
   ImGui::TableNextColumn();
   ImGui::TextColored(kHighlightText, "%s", keys);
   ImGui::TableNextColumn();
@@ -32,14 +32,23 @@ void help(ViewerState& state) {
   ImGui::SetNextWindowBgAlpha(0.94f);
   ImGui::Begin("help", nullptr, kOverlay);
   ImGui::TextDisabled("KEYS AND MOUSE");
-  if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
-    for (const HelpLine& line : mouseHelp()) helpRow(line.keys, line.text);
-    for (const KeyBinding& binding : keyBindings()) {
-      if (*binding.keys) helpRow(binding.keys, binding.text);
+  std::vector<HelpLine> lines(mouseHelp().begin(), mouseHelp().end());
+  for (const KeyBinding& binding : keyBindings()) {
+    if (*binding.keys) lines.push_back({binding.keys, binding.text});
+  }
+  lines.push_back({"Drop a file", "Open a model, a cameras.json or a path"});
+  // Two columns of them, each read downwards.
+  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {6, 1});
+  if (ImGui::BeginTable("keys", 4, ImGuiTableFlags_SizingFixedFit)) {
+    const std::size_t rows = (lines.size() + 1) / 2;
+    for (std::size_t row = 0; row < rows; ++row) {
+      ImGui::TableNextRow();
+      helpRow(lines[row].keys, lines[row].text);
+      if (row + rows < lines.size()) helpRow(lines[row + rows].keys, lines[row + rows].text);
     }
-    helpRow("Drop a file", "Open a model, or a cameras.json");
     ImGui::EndTable();
   }
+  ImGui::PopStyleVar();
   ImGui::End();
 }
 

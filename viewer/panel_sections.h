@@ -15,11 +15,24 @@ void compareSection(ViewerState& state);
 void outputSection(ViewerState& state);
 void textureSection(ViewerState& state);
 void intersectionSection(ViewerState& state);
+void blendSection(ViewerState& state);
+void scaleSection(ViewerState& state);
 void backgroundSection(ViewerState& state);
+void cropSection(ViewerState& state);
 // panels_camera.cpp
 void cameraSection(ViewerState& state);
+void motionSection(ViewerState& state);
+void bookmarkSection(ViewerState& state);
+// panels_path.cpp
+void keySection(ViewerState& state);
+void pathFileSection(ViewerState& state);
+void recordSection(ViewerState& state);
+// panels_inspect.cpp
+void inspectSection(ViewerState& state);
 // panels_time.cpp
 void timeSection(ViewerState& state, const FrameStatistics& statistics);
+// scene_overlay.cpp
+void sceneOverlay(const ViewerState& state);
 // overlays.cpp
 void overlays(ViewerState& state);
 

@@ -26,10 +26,27 @@ bool segment(const char* label, bool active, int index, int count) {
     ImGui::PushStyleColor(ImGuiCol_ButtonHovered, kAccentHovered);
     ImGui::PushStyleColor(ImGuiCol_ButtonActive, kAccentHovered);
   }
+  ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {2, ImGui::GetStyle().FramePadding.y});  // room for the label
   const bool clicked = ImGui::Button(label, {width, 0});
+  ImGui::PopStyleVar();
   if (active) ImGui::PopStyleColor(3);
   return clicked;
 }
+
+bool textField(const char* id, std::string& text, const char* placeholder) {
+  const auto grow = [](ImGuiInputTextCallbackData* data) {
+    auto* string = static_cast<std::string*>(data->UserData);
+    if (data->EventFlag == ImGuiInputTextFlags_CallbackResize) {
+      string->resize(static_cast<std::size_t>(data->BufTextLen));
+      data->Buf = string->data();
+    }
+    return 0;
+  };
+  return ImGui::InputTextWithHint(id, placeholder, text.data(), text.capacity() + 1, ImGuiInputTextFlags_CallbackResize,
+                                  grow, &text);
+}
+
+bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }
 
 std::string grouped(std::size_t value) {
   std::string digits = std::to_string(value);

@@ -23,6 +23,10 @@ void heading(const char* text);
 void hint(const char* text);
 // One of `count` buttons that share a row, the active one coloured. True when clicked.
 bool segment(const char* label, bool active, int index, int count);
+// A line of text; `placeholder` where it is empty. True when it was changed.
+bool textField(const char* id, std::string& text, const char* placeholder);
+// Whether Esc was pressed: lists close by it.
+bool escapePressed();
 std::string grouped(std::size_t value);  // 1 234 567
 
 }  // namespace tg

@@ -34,6 +34,7 @@ struct PictureRequest {
   RenderSettings settings;
   Output output = Output::final;
   std::optional<OtherPicture> other;  // seen by the same camera
+  float exposure = 0;                 // [stops] of final and base
 };
 
 // Whether both yield the same picture.

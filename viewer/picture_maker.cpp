@@ -62,7 +62,8 @@ bool sameOther(const OtherPicture& a, const OtherPicture& b) {
 
 bool same(const PictureRequest& a, const PictureRequest& b) {
   if (a.other.has_value() != b.other.has_value() || (a.other && !sameOther(*a.other, *b.other))) return false;
-  return a.model == b.model && sameView(a.camera, b.camera) && a.settings == b.settings && a.output == b.output;
+  return a.model == b.model && sameView(a.camera, b.camera) && a.settings == b.settings && a.output == b.output &&
+         a.exposure == b.exposure;
 }
 
 struct PictureMaker::Loaded {
@@ -162,7 +163,7 @@ void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, cons
   }
   RenderSettings settings = request.settings;
   settings.outputs = {request.output};
-  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output);
+  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output, request.exposure);
   upload(picture, target);
   if (pixels) *pixels = std::move(picture);
 }
@@ -171,7 +172,7 @@ void PictureMaker::drawVulkan(Loaded& loaded, const PictureRequest& request, con
   bool complete = false;
   for (int attempt = 0; !complete && attempt < kMaxGrowth; ++attempt) {
     commands_.run([&](VkCommandBuffer commands) {
-      loaded.vulkan->record(commands, {request.camera, request.settings, request.output});
+      loaded.vulkan->record(commands, {request.camera, request.settings, request.output, request.exposure});
       const VkImage drawn = loaded.vulkan->image();
       barrier(commands, drawn, VK_IMAGE_LAYOUT_GENERAL, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
               VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);

@@ -62,7 +62,7 @@ void recordToFile(const ViewOptions& options) {
     Progress progress(cameras.size());
     for (const Camera& camera : cameras) {
       const Frame frame = backend.renderer->render(camera, settings);
-      recorder.add(numbers ? extract(frame, options.show) : visualize(frame, options.show));
+      recorder.add(numbers ? extract(frame, options.show) : visualize(frame, options.show, options.exposure));
       progress.step();
     }
     requireNoValidationMessages(backend);

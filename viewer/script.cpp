@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <sstream>
 #include <string_view>
 
@@ -11,18 +12,15 @@
 #include "core/file.h"
 #include "viewer/actions.h"
 #include "viewer/options.h"
+#include "viewer/script_verb.h"
 
 namespace tg {
 namespace {
 
 constexpr std::uint64_t kMaxScriptBytes = 1 << 20;
 constexpr int kFramesAfterResize = 4;  // the window system answers a size request some events later
-constexpr int kFramesOfPanels = 2;     // an overlay measures itself in its first frame, unseen
 constexpr int kFramesOfOpening = 4;    // announced, opened, shown
 constexpr double kLongestAwait = 60;   // [s]
-constexpr double kDegrees = 3.14159265358979323846 / 180.0;
-
-using Words = std::vector<std::string>;
 
 int parseFrames(const std::string& text, const std::string& what) {
   const double count = parseNumber(text, what);
@@ -32,23 +30,16 @@ int parseFrames(const std::string& text, const std::string& what) {
   return static_cast<int>(count);
 }
 
-bool parseSwitch(const std::string& text, const std::string& what) {
-  if (text != "on" && text != "off") {
-    throw Error(ErrorKind::usage, what + ": expected on or off, found \"" + text + "\"");
-  }
-  return text == "on";
-}
-
 int parseKey(const std::string& text, const std::string& what) {
   if (text == "Space") return ' ';
   if (text == "Esc") return kKeyEscape;
   if (text == "PageUp") return kKeyPageUp;
   if (text == "PageDown") return kKeyPageDown;
   if (text == "Delete") return kKeyDelete;
-  if (text.size() == 1 && text[0] > ' ' && text[0] <= 'Z') return text[0];
-  throw Error(
-      ErrorKind::usage,
-      what + ": expected a capital letter, a digit, Space, Esc, PageUp, PageDown or Delete, found \"" + text + "\"");
+  if (text.size() == 1 && text[0] > ' ' && text[0] <= ']') return text[0];
+  throw Error(ErrorKind::usage,
+              what + ": expected a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown or Delete, found \"" +
+                  text + "\"");
 }
 
 int parseDocument(const std::string& text, const ViewerState& state, const std::string& what) {
@@ -76,53 +67,20 @@ bool arrived(Script& script, const ViewerState& state, const std::string& text, 
   return false;
 }
 
-// A command: its words, and what it does. `wait`: frames to draw before the next one.
-struct Verb {
-  std::string_view name;
-  std::size_t words;
-  int wait;
-  void (*run)(ViewerState&, const Words&, const std::string& what);
-};
-
 constexpr std::array kVerbs = {
-    Verb{"output", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.display.output = parseShow(w[0], at); }},
-    Verb{"textures", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.display.settings.textures = parseTextures(w[0], at);
-         }},
-    Verb{"intersection", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.display.settings.intersection = parseIntersection(w[0], at);
-         }},
-    Verb{"background", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.display.settings.background = parseColor(w[0], at);
-         }},
-    Verb{"fov", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.camera.lens.fov_y = std::clamp(parseNumber(w[0], at) * kDegrees, kMinFov, kMaxFov);
-         }},
-    Verb{"camera", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           setCamera(s, cameraOf(w[0], s.scene.cameras, at));
-         }},
-    Verb{"orbit", 2, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           orbit(s.camera.pose, parseNumber(w[0], at) * kDegrees, parseNumber(w[1], at) * kDegrees);
-           s.camera.index = -1;
-         }},
-    Verb{"dolly", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { dolly(s.camera.pose, parseNumber(w[0], at)); }},
     Verb{"key", 1, kFramesOfPanels,
          [](ViewerState& s, const Words& w, const std::string& at) {
            const bool shift = w[0].starts_with("Shift+");
            const int key = parseKey(shift ? w[0].substr(6) : w[0], at);
            if (const auto action = actionOf(key, shift)) apply(s, *action);
          }},
-    Verb{"hold-textures-off", 1, 0,
+    Verb{"tab", 1, kFramesOfPanels,
          [](ViewerState& s, const Words& w, const std::string& at) {
-           s.display.textures_held_off = parseSwitch(w[0], at);
+           const auto tab = parseTab(w[0]);
+           if (!tab)
+             throw Error(ErrorKind::usage,
+                         at + ": expected view, camera, path, inspect or time, found \"" + w[0] + "\"");
+           s.ui.tab = *tab;
          }},
     Verb{"panel", 1, kFramesOfPanels,
          [](ViewerState& s, const Words& w, const std::string& at) { s.ui.panel = parseSwitch(w[0], at); }},
@@ -175,11 +133,30 @@ constexpr std::array kVerbs = {
 };
 
 const Verb* findVerb(std::string_view name) {
-  const auto at = std::find_if(kVerbs.begin(), kVerbs.end(), [name](const Verb& verb) { return verb.name == name; });
-  return at == kVerbs.end() ? nullptr : &*at;
+  for (const std::span<const Verb> verbs : {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs()}) {
+    const auto at = std::find_if(verbs.begin(), verbs.end(), [name](const Verb& verb) { return verb.name == name; });
+    if (at != verbs.end()) return &*at;
+  }
+  return nullptr;
 }
 
 }  // namespace
+
+bool parseSwitch(const std::string& text, const std::string& what) {
+  if (text != "on" && text != "off") {
+    throw Error(ErrorKind::usage, what + ": expected on or off, found \"" + text + "\"");
+  }
+  return text == "on";
+}
+
+std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what) {
+  const double index = parseNumber(text, what);
+  if (!(index >= 0 && index < static_cast<double>(count) && index == std::floor(index))) {
+    throw Error(ErrorKind::usage,
+                what + ": expected a number below " + std::to_string(count) + ", found \"" + text + "\"");
+  }
+  return static_cast<std::size_t>(index);
+}
 
 Script readScript(const std::filesystem::path& path) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxScriptBytes);
@@ -192,11 +169,11 @@ Script parseScript(const std::string& text, const std::string& path) {
   std::istringstream lines(text);
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
-    std::istringstream words(line.substr(0, line.find('#')));
+    std::istringstream words(line);
     ScriptCommand command;
     command.line = number;
-    if (!(words >> command.verb)) continue;
-    for (std::string word; words >> word;) command.words.push_back(word);
+    if (!(words >> command.verb) || command.verb[0] == '#') continue;
+    for (std::string word; words >> word && word[0] != '#';) command.words.push_back(word);
     const std::string at = "line " + std::to_string(number) + ": ";
     const Verb* verb = findVerb(command.verb);
     if (!verb) throw Error(ErrorKind::badData, path, at + "unknown command \"" + command.verb + "\"");
@@ -217,6 +194,7 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
     const Verb& verb = *findVerb(command.verb);
     const std::string at = "line " + std::to_string(command.line) + ": " + command.verb;
     try {
+      if (verb.ready && !verb.ready(state)) return std::nullopt;
       if (command.verb == "await" && !arrived(script, state, command.words[0], at)) return std::nullopt;
       ++script.next;
       script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;

@@ -10,7 +10,7 @@
 
 namespace tg {
 
-// Empty lines and lines from '#' are skipped. docs/viewer.md lists the commands.
+// Empty lines are skipped, and lines from a word that begins with '#'. docs/viewer.md lists the commands.
 struct ScriptCommand {
   int line = 0;
   std::string verb;

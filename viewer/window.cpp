@@ -22,24 +22,35 @@
 #include "viewer/document_keeper.h"
 #include "viewer/graphics.h"
 #include "viewer/input.h"
+#include "viewer/inspector.h"
 #include "viewer/metrics_thread.h"
 #include "viewer/panels.h"
+#include "viewer/path_editor.h"
 #include "viewer/photographs.h"
+#include "viewer/picture_run.h"
 #include "viewer/script.h"
+#include "viewer/session.h"
 #include "viewer/state.h"
 
 namespace tg {
 namespace {
 
-constexpr glm::ivec2 kDefaultWindow(1280, 720);
 constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
 constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
 constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
 constexpr float kDividerReach = 6;       // [ImGui units] around the line of a wipe
+constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
 
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
+
+// The largest rectangle of the shape of `size` in the middle of `area`.
+PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
+  const double scale = std::min(static_cast<double>(area.size.x) / size.x, static_cast<double>(area.size.y) / size.y);
+  const glm::ivec2 fitted = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
+  return {area.origin + (area.size - fitted) / 2, fitted};
+}
 
 class Viewer {
  public:
@@ -56,15 +67,18 @@ class Viewer {
   void handleEvents();
   bool handlePointer();
   void openCameraFiles();
+  void inspectClick();
   void adopt(Scene scene);
+  void keepSession();
   bool scriptMayGoOn() const;
   bool onDevice(const std::function<void()>& draw);
   void printTimings();
 
   void setTitle();
-  void openCameras(const std::filesystem::path& path);
+  void openJson(const std::filesystem::path& path);
   PictureRequest request(glm::ivec2 size) const;
   glm::ivec2 pictureSize() const;
+  glm::ivec2 wantedSize() const { return drawnSize(state_, pictureSize()); }
   std::optional<OtherPicture> otherPicture(std::string& problem) const;
   void updateComparison();
   void measure();
@@ -72,6 +86,13 @@ class Viewer {
   bool measuring() const;
   Image capturedPicture();
   void askForPicture(bool moving);
+  void updateRun();
+  void beginRun();
+  void endRun(const std::string& notice);
+  void askForRun();
+  bool takeForRun();
+  bool inspecting() const { return state_.inspect.asked || state_.inspect.busy; }
+  bool animating() const { return state_.camera.turntable || state_.path.playing; }
   void takePicture();
   void drawFrame();
   bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
@@ -84,6 +105,8 @@ class Viewer {
   std::optional<Script> script_;
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
   std::atomic<bool> awake_{false};  // GLFW may be called from other threads
+  LoadedSession session_;
+  bool adopted_any_ = false;
   DocumentKeeper documents_;
   std::optional<Photographs> photographs_;
   MetricsThread metrics_;
@@ -105,6 +128,9 @@ class Viewer {
   bool timings_printed_ = false;
   bool recovered_ = false;               // the device has failed once
   std::size_t validation_messages_ = 0;  // of a device that has failed
+  InspectorThread inspector_;
+  std::unique_ptr<PictureRun> run_;            // a recording or a benchmark under way
+  std::optional<PictureRequest> run_request_;  // the picture it waits for
   int frames_since_event_ = 0;
   double last_time_ = 0;
 };
@@ -112,6 +138,7 @@ class Viewer {
 Viewer::Viewer(const ViewOptions& options)
     : options_(options),
       script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script))),
+      session_(loadSession(options.session)),
       documents_(
           options,
           [this] {
@@ -122,12 +149,25 @@ Viewer::Viewer(const ViewOptions& options)
       metrics_([this] {
         if (awake_) glfwPostEmptyEvent();
       }),
-      window_(openWindow(options.size.value_or(kDefaultWindow), events_)),
+      window_(openWindow(options.size.value_or(session_.session.window), events_)),
       graphics_(std::make_unique<Graphics>(window_.get(), options)) {
   awake_ = true;
-  state_.display.output = options.show;
-  state_.display.settings.textures = options.textures;
+  const Session& session = session_.session;
+  const bool kept = !options.session.empty();
+  state_.ui.panel = session.panel;
+  state_.ui.tab = session.tab;
+  state_.camera.speed = session.speed;
+  state_.camera.fly = session.fly;
+  state_.camera.up = options.up;
+  state_.recent = session.recent;
+  state_.messages.error = session_.problem;
+  state_.display.settings = options.settings;
+  state_.display.settings.crop.reset();  // set with the model
+  state_.display.output = kept && !options.show_given ? session.output : options.show;
+  state_.display.settings.textures = kept && !options.textures_given ? session.textures : options.textures;
   state_.display.settings.intersection = options.intersection;
+  state_.display.exposure = options.exposure;
+  if (!options.path.empty() && !options.benchmark) readPathFile(state_, options.path);
   state_.follow.active = options.follow;
   state_.compare.photographs = options.photographs;
   state_.compare.with_photographs = !options.photographs.empty();
@@ -164,12 +204,15 @@ void Viewer::run() {
       frames_since_event_ = 0;
       setTitle();
     }
+    updateRun();
+    if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(window_.get(), size->x, size->y);
     }
     if (std::exchange(state_.test.lose_renderer, false)) {
       graphics_->pictures.loseDevice();
       asked_.reset();
+      run_request_.reset();
       picture_.reset();
     }
     handleEvents();
@@ -187,6 +230,7 @@ void Viewer::run() {
       graphics_->presenter.present();
     });
   }
+  keepSession();
   validation_messages_ += graphics_->device->validation_messages.size();
   if (validation_messages_ > 0) {
     throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
@@ -205,6 +249,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
   }
   validation_messages_ += graphics_->device->validation_messages.size();
+  run_request_.reset();  // asked for again, of the new device
   picture_.reset();
   asked_.reset();
   graphics_.reset();
@@ -226,6 +271,8 @@ bool Viewer::scriptMayGoOn() const {
 void Viewer::waitForEvents() {
   if (script_ && !scriptMayGoOn()) {
     glfwWaitEventsTimeout(kScriptPause);
+  } else if (run_ || animating() || state_.record.wanted || inspecting()) {
+    glfwWaitEventsTimeout(kMotionPause);
   } else if (script_ || frames_since_event_ < kSettleFrames) {
     glfwPollEvents();
     ++frames_since_event_;
@@ -280,6 +327,7 @@ bool Viewer::handlePointer() {
   last_time_ = state_.time;
   input.shift = io.KeyShift;
   input.control = io.KeyCtrl;
+  inspectClick();
   if (!dragDivider() && !io.WantCaptureMouse) {
     input.drag = {io.MouseDelta.x, io.MouseDelta.y};
     input.wheel = io.MouseWheel;
@@ -295,12 +343,27 @@ bool Viewer::handlePointer() {
   if (!script_) state_.display.textures_held_off = !io.WantTextInput && held(kKeyTab);
   const double units_high = pictureArea().size.y / std::max(io.DisplayFramebufferScale.y, 1e-3f);
   const bool moved = applyInput(state_, input, static_cast<int>(units_high));
-  const bool active = moved || input.fly != glm::dvec3(0.0) || input.roll != 0;
+  const bool advanced = advance(state_, input.seconds);
+  const bool active = moved || advanced || input.fly != glm::dvec3(0.0) || input.roll != 0;
   if (active) frames_since_event_ = 0;
   return active;
 }
 
-// A cameras.json is no model: it replaces the cameras of the one shown.
+// A click that was no drag, with Alt or while clicks inspect.
+void Viewer::inspectClick() {
+  constexpr float kStill = 3;  // [ImGui units] a hand moves while it clicks
+  const ImGuiIO& io = ImGui::GetIO();
+  if (io.WantCaptureMouse || !(state_.inspect.active || io.KeyAlt) || !ImGui::IsMouseReleased(0)) return;
+  if (io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
+  const glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
+                            glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
+                        glm::dvec2(pictureArea().origin);
+  const glm::ivec2 pixel(glm::floor(at / glm::dvec2(pictureSize()) * glm::dvec2(wantedSize())));
+  if (glm::all(glm::greaterThanEqual(pixel, glm::ivec2(0))) && glm::all(glm::lessThan(pixel, wantedSize())))
+    inspect(state_, pixel);
+}
+
+// A .json is no model: a camera path, or cameras that replace the cameras of the one shown.
 void Viewer::openCameraFiles() {
   std::vector<std::filesystem::path>& requests = state_.documents.open_requests;
   const auto first = std::stable_partition(requests.begin(), requests.end(),
@@ -309,7 +372,7 @@ void Viewer::openCameraFiles() {
   requests.erase(first, requests.end());
   for (const std::filesystem::path& path : files) {
     try {
-      openCameras(path);
+      openJson(path);
     } catch (const Error& error) {
       state_.messages.error = error.what();
       state_.messages.notice_until = 0;
@@ -317,9 +380,43 @@ void Viewer::openCameraFiles() {
   }
 }
 
-void Viewer::adopt(Scene scene) { setScene(state_, std::move(scene)); }
+// A model and what the session knows of it.
+void Viewer::adopt(Scene scene) {
+  Session& session = session_.session;
+  keepBookmarks(session, state_.scene.path, state_.camera.bookmarks);
+  setScene(state_, std::move(scene));
+  state_.camera.bookmarks = bookmarksOf(session, state_.scene.path);
+  noteRecent(session, state_.scene.path);
+  if (!options_.session.empty()) state_.recent = session.recent;
+  if (std::exchange(adopted_any_, true) || !options_.settings.crop) return;
+  state_.display.box = *options_.settings.crop;
+  state_.display.crop = true;
+}
 
-void Viewer::openCameras(const std::filesystem::path& path) {
+void Viewer::keepSession() {
+  if (options_.session.empty()) return;
+  Session& session = session_.session;
+  keepBookmarks(session, state_.scene.path, state_.camera.bookmarks);
+  glfwGetWindowSize(window_.get(), &session.window.x, &session.window.y);
+  session.panel = state_.ui.panel;
+  session.tab = state_.ui.tab;
+  session.output = state_.display.output;
+  session.textures = state_.display.settings.textures;
+  session.speed = state_.camera.speed;
+  session.fly = state_.camera.fly;
+  try {
+    saveSession(session, options_.session);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "tgview: %s\n", error.what());  // the work is done: no reason to fail
+  }
+}
+
+void Viewer::openJson(const std::filesystem::path& path) {
+  if (isPathFile(path)) {
+    readPathFile(state_, path);
+    state_.ui.tab = Tab::path;
+    return notify(state_, std::to_string(state_.path.path.keys.size()) + " keys from " + path.filename().string());
+  }
   std::vector<Camera> cameras = readCameras(path);
   if (cameras.empty())
     throw Error(ErrorKind::badData, path.string(), "no camera inside (expected at least 1, found 0)");
@@ -337,8 +434,9 @@ glm::ivec2 Viewer::pictureSize() const {
 
 PictureRequest Viewer::request(glm::ivec2 size) const {
   std::string ignored;
-  return {state_.scene.model, toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
-          effectiveSettings(state_), state_.display.output, otherPicture(ignored)};
+  return {state_.scene.model,        toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+          effectiveSettings(state_), state_.display.output,
+          otherPicture(ignored),     state_.display.exposure};
 }
 
 std::optional<OtherPicture> Viewer::otherPicture(std::string& problem) const {
@@ -424,8 +522,75 @@ bool Viewer::dragDivider() {
 }
 
 bool Viewer::complete() const {
+  if (inspecting()) return false;
   if (!state_.scene.model || given_up_) return true;
-  return picture_ && same(picture_->request, request(pictureSize()));
+  if (run_ || animating()) return picture_ != nullptr;  // no picture is the last one
+  return picture_ && same(picture_->request, request(wantedSize()));
+}
+
+// Begins and ends recordings as the state wants it, and the benchmark once the model is there.
+void Viewer::updateRun() {
+  try {
+    if (!run_) return beginRun();
+    if (!options_.benchmark && !state_.record.wanted) return endRun("Recording cancelled");
+    if (run_->done() == run_->frames()) {
+      const std::string result = run_->finish();
+      if (options_.benchmark) state_.quit = true;
+      return endRun(result);
+    }
+    state_.record.done = run_->done();
+    state_.record.frames = run_->frames();
+  } catch (const Error& error) {
+    if (script_ || options_.benchmark) throw;
+    endRun("");
+    state_.messages.error = error.what();
+  }
+}
+
+void Viewer::beginRun() {
+  if (options_.benchmark) {
+    if (state_.quit || !state_.scene.model || state_.scene.partial) return;
+    run_ = makeBenchmarkRun(options_, state_.scene, pictureArea().size, started_);
+  } else if (state_.record.wanted) {
+    if (!state_.scene.model) throw Error(ErrorKind::usage, "there is no model to record");
+    run_ = makeRecordingRun(state_);
+  }
+}
+
+void Viewer::endRun(const std::string& notice) {
+  run_.reset();
+  run_request_.reset();
+  asked_.reset();
+  state_.record.wanted = false;
+  frames_since_event_ = 0;
+  if (!notice.empty() && !script_) notify(state_, notice);
+}
+
+void Viewer::askForRun() {
+  if (run_request_) return;
+  const Camera* camera = run_->due();
+  if (!camera) return;
+  run_request_ = request(pictureArea().size);
+  run_request_->camera = *camera;
+  run_request_->other.reset();
+  asked_ = run_request_;
+  given_up_ = false;
+  graphics_->pictures.ask(*run_request_);
+}
+
+// Whether the picture on screen was made for the run.
+bool Viewer::takeForRun() {
+  if (!run_ || !run_request_ || !same(picture_->request, *run_request_)) return false;
+  try {
+    run_->take(*picture_,
+               [this] { return graphics_->presenter.read(picture_->image->storage.handle(), picture_->image->size); });
+  } catch (const Error& error) {
+    if (script_) throw;
+    state_.messages.error = error.what();
+    endRun("");
+  }
+  run_request_.reset();
+  return true;
 }
 
 void Viewer::askForPicture(bool moving) {
@@ -434,7 +599,8 @@ void Viewer::askForPicture(bool moving) {
     asked_.reset();
     return;
   }
-  glm::ivec2 size = pictureSize();
+  if (run_) return askForRun();
+  glm::ivec2 size = wantedSize();
   const bool reduced = moving && !capturing() && last_full_ms_ > kSmoothFrame;
   if (reduced) {
     const double scale = std::max(std::sqrt(kSmoothFrame / last_full_ms_), kSmallestScale);
@@ -456,11 +622,16 @@ void Viewer::takePicture() {
     state_.messages.error = news.problem;
   }
   given_up_ = given_up_ || news.given_up;
+  if (news.given_up && run_) {
+    if (options_.benchmark) throw Error(ErrorKind::device, news.problem);
+    endRun("");
+  }
   if (!news.picture) return;
   picture_ = std::move(news.picture);
   const glm::ivec2 size = picture_->image->size;
-  statistics_.reduced = size != pictureSize();
-  if (!statistics_.reduced) last_full_ms_ = picture_->milliseconds;
+  const bool for_run = takeForRun();
+  statistics_.reduced = !for_run && size != wantedSize();
+  if (!statistics_.reduced && !for_run) last_full_ms_ = picture_->milliseconds;
   statistics_.frame_ms.push_back(static_cast<float>(picture_->milliseconds));
   if (statistics_.frame_ms.size() > kFrameHistory) statistics_.frame_ms.erase(statistics_.frame_ms.begin());
   statistics_.passes = picture_->passes;
@@ -495,7 +666,12 @@ void Viewer::drawFrame() {
                             std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
   const VkCommandBuffer commands = graphics_->presenter.beginCommands();
   std::vector<PictureBlit> blits;
-  if (picture_) blits = layOut(*picture_, state_.compare.how, pictureArea());
+  if (picture_ && run_) {
+    const glm::ivec2 size = picture_->image->size;
+    blits.push_back({picture_->image->storage.handle(), {{0, 0}, size}, fittedInto(pictureArea(), size)});
+  } else if (picture_) {
+    blits = layOut(*picture_, state_.compare.how, pictureArea());
+  }
   graphics_->presenter.recordPictures(blits, kSurround);
   graphics_->presenter.beginPanels();
   if (laid_out == graphics_->presenter.size()) graphics_->gui.record(commands);

@@ -30,10 +30,35 @@ TEST_CASE("names: a wrong one says what was expected") {
   CHECK(parseIntersection("plane", "--intersection") == IntersectionModel::plane);
   CHECK(parseShow("count", "--show") == Output::count);
   CHECK_THROWS_WITH(parseShow("colour", "--show"),
-                    "--show: expected final, base, texture, alpha, depth, normal or count, found \"colour\"");
+                    "--show: expected final, base, texture, alpha, depth, normal, count, depth-median, overdraw, "
+                    "ellipsoids, centers or texel-density, found \"colour\"");
   CHECK_THROWS_AS(parseTextures("on", "--textures"), Error);
   CHECK_THROWS_AS(parseNumber("1 2", "fov"), Error);
   CHECK_THROWS_AS(parseNumber("nan", "fov"), Error);
+}
+
+TEST_CASE("settings: names, ranges and boxes") {
+  CHECK(parseOrder("per-pixel", "--sort") == SplatOrder::perPixel);
+  CHECK(parseFilter("footprint", "--texture-filter") == TextureFilter::footprint);
+  CHECK(parseAntialias("screen", "--antialiasing") == Antialiasing::screen);
+  CHECK(parseUp("-y", "--up") == UpAxis::minusY);
+  CHECK(parseDegree("2", "--sh-degree") == 2);
+  CHECK(parsePixel("3,40", "--inspect") == glm::ivec2(3, 40));
+  const CropBox box = parseCrop("1,-2,3,0.5,2,-3", "--crop");
+  CHECK(box.min == glm::vec3(0.5f, -2, -3));
+  CHECK(box.max == glm::vec3(1, 2, 3));
+  CHECK_THROWS_WITH(parseOrder("pixel", "--sort"), "--sort: expected global or per-pixel, found \"pixel\"");
+  CHECK_THROWS_AS(parseFilter("nearest", "--texture-filter"), Error);
+  CHECK_THROWS_AS(parseAntialias("on", "--antialiasing"), Error);
+  for (const char* bad : {"", "1,2,3", "1,2,3,4,5,", "1,2,3,4,5,x", "1,2,3,4,5,6,7", "1,2,3,4,5,inf"})
+    CHECK_THROWS_AS(parseCrop(bad, "--crop"), Error);
+  for (const char* bad : {"4", "-1", "1.5", ""}) CHECK_THROWS_AS(parseDegree(bad, "--sh-degree"), Error);
+  for (const char* bad : {"", "3", "3,", "-1,2", "1,2,3", "1.5,2"})
+    CHECK_THROWS_AS(parsePixel(bad, "--inspect"), Error);
+  CHECK_THROWS_AS(parseSplatScale("0", "--splat-scale"), Error);
+  CHECK_THROWS_AS(parseScale("-1", "--opacity-scale"), Error);
+  CHECK_THROWS_AS(parseNear("0", "--near"), Error);
+  CHECK_THROWS_AS(parseExposure("11", "--exposure"), Error);
 }
 
 TEST_CASE("a camera's number must exist") {

@@ -182,7 +182,8 @@ TEST_CASE("every wrong use of --output is one line and its exit code") {
   const std::vector<Case> cases = {
       {{"-o", "f"}, 1},
       {{"--turntable", "4"}, 1},
-      {{"--path", "bad.json"}, 1},
+      {{"--window"}, 1},
+      {{"--path", "bad.json", "--render", "a.png"}, 1},
       {{"--turntable", "0", "-o", "f"}, 1},
       {{"--turntable", "x", "-o", "f"}, 1},
       {{"--turntable", "4", "-o", "f.png"}, 1},

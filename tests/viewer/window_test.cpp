@@ -5,11 +5,14 @@
 #include <filesystem>
 #include <thread>
 
+#include "core/json.h"
 #include "core/metrics.h"
 #include "core/ply.h"
 #include "process.h"
 #include "render/renderer.h"
 #include "support/catch.h"
+#include "support/scenes.h"
+#include "viewer/session.h"
 
 using namespace tg;
 using test::ProcessResult;
@@ -173,6 +176,218 @@ TEST_CASE("without a display, a followed model is rendered whenever it changes, 
   CHECK(result.exit_code == 0);
   CHECK_THAT(result.out, Catch::Contains("400 Gaussians") && Catch::Contains("plain 5"));
   CHECK_THAT(result.out, Catch::Contains("90 Gaussians") && Catch::Contains("plain 9"));
+}
+
+TEST_CASE("every way of drawing is the same in the window and by its flags") {
+  if (!haveWindow()) return;
+  const std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
+      {"sort per-pixel", {"--sort", "per-pixel"}},
+      {"texture-filter footprint", {"--texture-filter", "footprint"}},
+      {"antialiasing screen", {"--antialiasing", "screen"}},
+      {"opacity-scale 0.5", {"--opacity-scale", "0.5"}},
+      {"splat-scale 1.5", {"--splat-scale", "1.5"}},
+      {"sh-degree 0", {"--sh-degree", "0"}},
+      {"near 3.2", {"--near", "3.2"}},
+      {"crop -0.5,-2,-2,0.5,2,2", {"--crop", "-0.5,-2,-2,0.5,2,2"}},
+      {"exposure -1", {"--exposure", "-1"}},
+      {"output depth-median", {"--show", "depth-median"}},
+      {"output overdraw", {"--show", "overdraw"}},
+      {"output ellipsoids", {"--show", "ellipsoids"}},
+      {"output centers", {"--show", "centers"}},
+      {"output texel-density", {"--show", "texel-density"}},
+  };
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const auto rendered = [&shop](std::vector<std::string> flags, const std::string& backend) {
+    flags.insert(flags.begin(), {"model.tgz", "--render", "render.png", "--backend", backend, "--size", "240x180"});
+    const ProcessResult result = shop.tgview(flags);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    return shop.read("render.png");
+  };
+  for (const std::string backend : {"cpu", "vulkan"}) {
+    std::size_t number = 0;
+    for (const auto& [command, flags] : cases) {
+      const std::string name = std::to_string(number++) + ".png";
+      play(shop, "panel off\n" + command + "\nwait 2\npicture " + name + "\n", "240x180", backend);
+      INFO(backend << ": " << command);
+      CHECK(psnr(shop.read(name), rendered(flags, backend)) > 40);
+    }
+  }
+}
+
+TEST_CASE("the picture's resolution follows the state, the window's does not") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "panel off\nresolution 0.5\npicture half.png\nwindow window.png\n", "240x180");
+  CHECK(shop.read("half.png").width == 120);
+  CHECK(shop.read("window.png").width == 240);
+  CHECK(psnr(shop.read("half.png"), render(shop, {"--size", "120x90"})) > 45);
+}
+
+TEST_CASE("bookmarks, up axes and key frames in the window are cameras elsewhere") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\npath-lines off\nwait 2\norbit 25 -10\nbookmark\npicture marked.png\nup +x\norbit 40 0\n"
+       "picture away.png\ngo-bookmark 0\nup cameras\nsave-bookmarks marks.json\nadd-key\ndolly 0.7\norbit -30 5\n"
+       "fov 60\nadd-key\nsave-path path.json\nsave-keys keys.json\nseek 1\npicture middle.png\n"
+       "clear-path\nload-path keys.json\nshow-key 1\npicture end.png\n",
+       "240x180");
+  CHECK(psnr(shop.read("marked.png"), shop.read("away.png")) < 40);
+  CHECK(psnr(shop.read("marked.png"), render(shop, {"--camera", "marks.json", "--size", "240x180"})) > 45);
+  const ProcessResult result = shop.tgview(
+      {"model.tgz", "--path", "path.json", "--fps", "1", "-o", "f/#.png", "--size", "240x180", "--backend", "vulkan"});
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(psnr(shop.read("middle.png"), shop.read("f/1.png")) > 45);
+  CHECK(psnr(shop.read("end.png"), shop.read("f/2.png")) > 45);
+}
+
+TEST_CASE("the turntable turns and the path plays while the window lives") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\npicture still.png\nturntable on\nwait 20\nturntable off\npicture turned.png\n"
+       "camera 1\nadd-key\ncamera 2\nadd-key\nkey-seconds 0 0.1\npath-lines off\nshow-key 0\nplay on\nwait 60\n"
+       "picture played.png\ncamera 2\npicture end.png\n",
+       "240x180", "cpu");
+  CHECK(psnr(shop.read("still.png"), shop.read("turned.png")) < 45);
+  CHECK(psnr(shop.read("played.png"), shop.read("end.png")) > 60);
+}
+
+TEST_CASE("a recording in the window is the recording without one, and can be cancelled") {
+  if (!haveWindow()) return;
+  for (const char* backend : {"vulkan", "cpu"}) {
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    play(shop,
+         "camera 1\nadd-key\norbit 40 10\nadd-key\nsave-path path.json\ntab path\nrecord-size 90x60\nrecord-fps 2\n"
+         "record window/##.png\nwindow during.png\nawait-recording\n"
+         "record-fps 1000\nrecord cancelled/####.png\nwait 100\ncancel-recording\nwait 2\npicture after.png\n",
+         "240x180", backend);
+    const ProcessResult result = shop.tgview({"model.tgz", "--path", "path.json", "--fps", "2", "-o", "plain/##.png",
+                                              "--size", "90x60", "--backend", backend});
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    for (const char* frame : {"00.png", "02.png", "04.png"}) {
+      CHECK(psnr(shop.read(std::string("window/") + frame), shop.read(std::string("plain/") + frame)) > 45);
+    }
+    CHECK_FALSE(std::filesystem::exists(shop / "window/05.png"));
+    CHECK(std::filesystem::exists(shop / "cancelled/0000.png"));
+    CHECK_FALSE(std::filesystem::exists(shop / "cancelled/2000.png"));
+    CHECK(shop.read("after.png").width > 90);
+  }
+}
+
+TEST_CASE("inspecting draws the picked Gaussian's square, alone only that, and clearing takes both back") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\nwindow before.png\ninspect 120 90\nwindow inspected.png\npicture picture.png\npick 1\n"
+       "window second.png\nisolate on\npicture alone.png\nclear-inspection\nwindow after.png\n",
+       "240x180", "cpu");
+  CHECK(psnr(shop.read("before.png"), shop.read("inspected.png")) < 50);
+  CHECK(psnr(shop.read("inspected.png"), shop.read("second.png")) < 50);
+  CHECK(psnr(shop.read("before.png"), shop.read("picture.png")) > 60);
+  CHECK(psnr(shop.read("before.png"), shop.read("alone.png")) < 30);
+  CHECK(psnr(shop.read("before.png"), shop.read("after.png")) > 60);
+}
+
+TEST_CASE("the inspector prints a pixel whose colour is the picture's") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const ProcessResult result = shop.tgview({"model.tgz", "--inspect", "48,36", "--size", "96x72"});
+  REQUIRE(result.exit_code == 0);
+  const nlohmann::json json = parseJson(result.out, "stdout");
+  REQUIRE(shop.tgview({"model.tgz", "--render", "a.png", "--size", "96x72", "--backend", "cpu"}).exit_code == 0);
+  const Image picture = shop.read("a.png");
+  for (int c = 0; c < 3; ++c) {
+    const double value = std::clamp(json["color"][static_cast<std::size_t>(c)].get<double>(), 0.0, 1.0);
+    CHECK(std::abs(value - picture.at(48, 36, c)) < 0.01);
+  }
+  CHECK_FALSE(json["hits"].empty());
+  CHECK(shop.tgview({"model.tgz", "--inspect", "96,0", "--size", "96x72"}).exit_code == 1);
+  CHECK(shop.tgview({"model.tgz", "--inspect", "x", "--size", "96x72"}).exit_code == 1);
+  CHECK(shop.tgview({"none.tgz", "--inspect", "1,1"}).exit_code == 2);
+}
+
+TEST_CASE("the flag --benchmark in a window times what is shown there") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("path.json", formatCameras({test::trainedLikeCamera(96, 72), test::trainedLikeCamera(96, 72)}));
+  for (const char* backend : {"vulkan", "cpu"}) {
+    const ProcessResult result = shop.tgview({"model.tgz", "--benchmark", "path.json", "--window", "--fps", "4",
+                                              "--size", "700x300", "--backend", backend, "--validation"},
+                                             kXServer);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    const nlohmann::json json = parseJson(result.out, "stdout");
+    CHECK(json["where"] == "window");
+    CHECK(json["backend"] == backend);
+    CHECK(json["path"]["frames"] == 5);
+    CHECK(json["image"]["height"] == 300);
+    CHECK(json["frame_ms"]["median"].get<double>() > 0);
+    CHECK(json["load"]["total_ms"].get<double>() > 0);
+    CHECK_FALSE(json["passes_ms"].empty());
+  }
+}
+
+TEST_CASE("a session keeps size, page, output, recent files and bookmarks; a broken one is replaced with a word") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const auto run = [&shop](const std::string& script, std::vector<std::string> flags) {
+    shop.write("script.txt", script);
+    flags.insert(flags.begin(), {"model.tgz", "--session", "state/session.json", "--script", "script.txt"});
+    const ProcessResult result = shop.tgview(flags, kXServer);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+  };
+  run("wait 3\ntab path\noutput depth\norbit 30 0\nbookmark\npanel off\npicture a.png\n", {"--size", "400x300"});
+  run("wait 3\nwindow again.png\ngo-bookmark 0\npicture b.png\n", {});
+  CHECK(shop.read("again.png").width == 400);
+  CHECK(psnr(shop.read("a.png"), shop.read("b.png")) > 60);  // output, panel and bookmark
+  const LoadedSession kept = loadSession(shop / "state/session.json");
+  CHECK(kept.problem.empty());
+  CHECK(kept.session.tab == Tab::path);
+  REQUIRE(kept.session.recent.size() == 1);
+  CHECK(kept.session.recent[0].ends_with("/model.tgz"));
+  shop.write("state/session.json", "{");
+  run("wait 3\nwindow broken.png\nkey Esc\nwait 2\nwindow fine.png\n", {"--size", "400x300"});
+  CHECK(psnr(shop.read("broken.png"), shop.read("fine.png")) < 40);  // the message
+  CHECK(loadSession(shop / "state/session.json").problem.empty());
+  // A script alone keeps nothing.
+  std::filesystem::remove_all(shop / "state");
+  const ProcessResult plain = shop.tgview({"model.tgz", "--script", "script.txt"}, [] {
+    std::vector<std::string> prefix = {"env", "XDG_STATE_HOME=/nonexistent/state"};
+    prefix.insert(prefix.end(), kXServer.begin(), kXServer.end());
+    return prefix;
+  }());
+  CHECK(plain.exit_code == 0);
+  CHECK(plain.err.empty());
+}
+
+TEST_CASE("a path given to the window, or dropped on it, is there to be played") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "wait 2\ncamera 1\nadd-key\norbit 40 10\nadd-key\nsave-path path.json\npanel off\npicture end.png\n",
+       "240x180", "cpu");
+  play(shop, "panel off\nwait 2\nopen path.json\npath-lines off\nshow-key 1\npicture dropped.png\n", "240x180", "cpu");
+  CHECK(psnr(shop.read("end.png"), shop.read("dropped.png")) > 45);
+  shop.write("script.txt", "panel off\npath-lines off\nwait 2\nshow-key 1\npicture given.png\n");
+  const ProcessResult result = shop.tgview(
+      {"model.tgz", "--path", "path.json", "--script", "script.txt", "--size", "240x180", "--backend", "cpu"},
+      kXServer);
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(psnr(shop.read("end.png"), shop.read("given.png")) > 45);
 }
 
 TEST_CASE("a script that is wrong or cannot write ends with its exit code") {

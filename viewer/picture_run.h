@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures that the window draws one after the other by themselves: a recording, or a benchmark.
+#pragma once
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "viewer/benchmark.h"
+#include "viewer/picture.h"
+#include "viewer/recording.h"
+
+namespace tg {
+
+class PictureRun {
+ public:
+  virtual ~PictureRun() = default;
+  // The camera of the picture that is due; null while there is none.
+  virtual const Camera* due() = 0;
+  // The picture of the camera that was due. `read` fetches its pixels. Throws Error.
+  virtual void take(const Picture& picture, const std::function<Image()>& read) = 0;
+  virtual std::size_t done() const = 0;
+  virtual std::size_t frames() const = 0;
+  // Once all are done: waits for what is still under way, and says what came of it. Throws Error.
+  virtual std::string finish() = 0;
+};
+
+// Of what the state asks for. Throws Error: usage, cannotWrite.
+std::unique_ptr<PictureRun> makeRecordingRun(const ViewerState& state);
+
+// Of options.path at that picture size. finish() prints the JSON to stdout. `started`: when the program was. Throws
+// what shotCameras throws.
+std::unique_ptr<PictureRun> makeBenchmarkRun(const ViewOptions& options, const Scene& scene, glm::ivec2 size,
+                                             std::chrono::steady_clock::time_point started);
+
+}  // namespace tg
