@@ -4,12 +4,16 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <utility>
 
 #include "converter/file_format.h"
 #include "converter/gltf_check.h"
 #include "converter/gltf_document.h"
+#include "converter/gltf_resolve.h"
+#include "converter/read_gltf.h"
 #include "converter/read_model.h"
 #include "core/error.h"
 #include "core/file.h"
@@ -38,17 +42,25 @@ void addOnce(std::vector<Finding>& findings, Finding finding) {
 
 // Reads the file; false when it was refused.
 bool tryRead(const std::filesystem::path& path, bool base_only, CheckReport& report) {
+  std::vector<std::string> errors;  // of a glTF file, more than one
+  const auto note = [&] {
+    for (const std::string& error : errors) addOnce(report.errors, findingOf(error, report.file));
+  };
   try {
     ReadOptions options;
     options.base_only = base_only;
-    const LoadedModel loaded = readModel(path, options);
+    const FileFormat format = detectFormat(path);
+    const bool is_gltf = format == FileFormat::glb || format == FileFormat::gltf;
+    LoadedModel loaded = is_gltf ? readGltf(path, options, &errors) : readModel(path, options);
+    loaded.format = name(format);
     report.format = loaded.format;
     report.gaussians = loaded.model.size();
     for (const std::string& warning : loaded.warnings) addOnce(report.warnings, findingOf(warning, report.file));
     return true;
   } catch (const Error& error) {
     if (error.kind != ErrorKind::badData) throw;
-    addOnce(report.errors, findingOf(error.what(), report.file));
+    note();
+    if (errors.empty()) addOnce(report.errors, findingOf(error.what(), report.file));
     return false;
   }
 }
@@ -103,6 +115,27 @@ void checkOverlooked(const json& root, CheckReport& report) {
   }
 }
 
+// The JSON of a file whose structure is sound, in one piece.
+json readStructure(const std::filesystem::path& path, const CheckReport& report) {
+  std::vector<std::uint8_t> bytes = readFile(path, kMaxFileBytes);
+  const auto split = [&] {
+    GltfParts parts;
+    parts.json = bytes;
+    return report.format == "glb" || (bytes.size() > 4 && std::memcmp(bytes.data(), "glTF", 4) == 0)
+               ? splitGlb(bytes, report.file)
+               : parts;
+  };
+  GltfParts parts = split();
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  if (std::optional<std::vector<std::uint8_t>> resolved = resolveGltf(bytes, parts, folder, report.file)) {
+    bytes = std::move(*resolved);
+    parts = split();
+  }
+  json root = parseGltfJson(parts.json, report.file);
+  checkGltfJson(root, parts, report.file);
+  return root;
+}
+
 using OrderedJson = nlohmann::ordered_json;
 
 OrderedJson toJson(const std::vector<Finding>& findings) {
@@ -121,12 +154,24 @@ OrderedJson toJson(const std::vector<Finding>& findings) {
 CheckReport checkFile(const std::filesystem::path& path) {
   CheckReport report;
   report.file = path.string();
-  if (!tryRead(path, true, report)) return report;
-  if (report.format != "glb" && report.format != "gltf") return report;
+  bool is_gltf = false;
+  try {
+    const FileFormat format = detectFormat(path);
+    is_gltf = format == FileFormat::glb || format == FileFormat::gltf;
+    report.format = name(format);
+  } catch (const Error& error) {
+    if (error.kind != ErrorKind::badData) throw;
+    addOnce(report.errors, findingOf(error.what(), report.file));
+    return report;
+  }
+  tryRead(path, true, report);
+  if (!is_gltf) return report;
   tryRead(path, false, report);
-  const std::vector<std::uint8_t> bytes = readFile(path, kMaxFileBytes);
-  const GltfParts parts = report.format == "glb" ? splitGlb(bytes, report.file) : GltfParts{bytes, {}, false};
-  checkOverlooked(parseGltfJson(parts.json, report.file), report);
+  try {
+    checkOverlooked(readStructure(path, report), report);
+  } catch (const Error& error) {
+    addOnce(report.errors, findingOf(error.what(), report.file));
+  }
   return report;
 }
 

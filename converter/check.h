@@ -20,8 +20,9 @@ struct CheckReport {
   std::vector<Finding> warnings;  // a reader repairs, ignores or guesses
 };
 
-// Of glTF files the base and the texture layer are read apart, up to the first error of each, and what a reader can
-// overlook is checked on top: alignment, extensionsUsed, extensionsRequired. Throws Error(cannotRead) only.
+// Of glTF files every error of the base and of the texture layer is listed that does not hang on another one; of a
+// broken structure (container, JSON, references, sizes) the first. What a reader can overlook is checked on top:
+// alignment, extensionsUsed, extensionsRequired. Of other formats the first error. Throws Error(cannotRead) only.
 CheckReport checkFile(const std::filesystem::path& path);
 
 std::string describe(const CheckReport& report);

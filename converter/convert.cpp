@@ -10,6 +10,7 @@
 #include "converter/fallback.h"
 #include "converter/quality.h"
 #include "converter/repair.h"
+#include "converter/write_atlas.h"
 #include "converter/write_gltf.h"
 #include "converter/write_html.h"
 #include "converter/write_spz.h"
@@ -20,17 +21,20 @@
 namespace tg {
 namespace {
 
-enum class OutputFormat { bundle, ply, spz, glb, html };
+enum class OutputFormat { bundle, ply, spz, glb, gltf, html, png };
 
 OutputFormat outputFormat(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   if (extension == ".glb") return OutputFormat::glb;
   if (extension == ".html") return OutputFormat::html;
+  if (extension == ".gltf") return OutputFormat::gltf;
+  if (extension == ".png") return OutputFormat::png;
   if (extension == ".ply") return OutputFormat::ply;
   if (extension == ".spz") return OutputFormat::spz;
   if (extension == ".tgz") return OutputFormat::bundle;
-  throw Error(ErrorKind::usage, path.string(),
-              "unknown output format (expected .glb, .html, .ply, .spz or .tgz, found \"" + extension + "\")");
+  throw Error(
+      ErrorKind::usage, path.string(),
+      "unknown output format (expected .glb, .gltf, .html, .ply, .png, .spz or .tgz, found \"" + extension + "\")");
 }
 
 bool isTextured(const GaussianModel& model) {
@@ -47,14 +51,34 @@ void checkOutput(const std::filesystem::path& output, bool overwrite) {
   }
 }
 
-void writeAs(OutputFormat format, const std::filesystem::path& output, const LoadedModel& source, bool lean,
-             ConvertReport& report) {
+GltfReport writeScene(OutputFormat format, const std::filesystem::path& output, const GltfContent& content) {
   switch (format) {
+    case OutputFormat::gltf:
+      return writeGltf(output, content);
+    case OutputFormat::html:
+      return writeHtml(output, content);
+    case OutputFormat::png:
+      return writeAtlas(output, content);
+    default:
+      return writeGlb(output, content);
+  }
+}
+
+void writeAs(OutputFormat format, const std::filesystem::path& output, const LoadedModel& source,
+             const ConvertOptions& options, ConvertReport& report) {
+  switch (format) {
+    case OutputFormat::png:
     case OutputFormat::glb:
+    case OutputFormat::gltf:
     case OutputFormat::html: {
-      const GltfContent content{source.model, source.cameras, source.background, lean};
-      const GltfReport gltf = format == OutputFormat::glb ? writeGlb(output, content) : writeHtml(output, content);
-      report.output_format = format == OutputFormat::glb ? "glb" : "html";
+      const GltfContent content = {source.model,  source.cameras,   source.background, options.lean,
+                                   options.atlas, options.quantize, options.meshopt};
+      const GltfReport gltf = writeScene(format, output, content);
+      report.output_format = output.extension().string().substr(1);
+      report.output_bytes = gltf.bytes;
+      if (gltf.dropped_source) {
+        report.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
+      }
       report.atlases = gltf.atlases;
       report.atlas_width = gltf.atlas_width;
       report.atlas_height = gltf.atlas_height;
@@ -119,6 +143,9 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
   const std::vector<Camera> views = qualityViews(source.model, source.cameras);
   report.views = views.size();
   const LoadedModel written = readModel(output);
+  if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
+    report.deviation = deviationOf(source.model, written.model);
+  }
   const double psnr = renderedPsnr(source.model, written.model, views, source.background);
   if (!isTextured(source.model)) {
     report.textured_psnr = psnr;
@@ -129,7 +156,9 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
     return;
   }
   report.textured_psnr = psnr;
-  if (report.output_format == "glb" || report.output_format == "html") {
+  const bool has_base =
+      report.output_format == "glb" || report.output_format == "gltf" || report.output_format == "html";
+  if (has_base) {
     ReadOptions base;
     base.base_only = true;
     report.base_psnr = renderedPsnr(source.model, readModel(output, base).model, views, source.background);
@@ -152,7 +181,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.input_bytes = std::filesystem::file_size(input);
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
-  const bool keeps_cameras = format != OutputFormat::ply && format != OutputFormat::spz;
+  const bool keeps_cameras = format != OutputFormat::ply && format != OutputFormat::spz && format != OutputFormat::png;
   report.cameras = keeps_cameras ? source.cameras.size() : 0;
   report.warnings = source.warnings;
   report.dry_run = options.dry_run;
@@ -160,13 +189,13 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     // The exact size comes from the exact bytes: they are written where nobody looks.
     const TemporaryFolder folder;
     const std::filesystem::path file = folder.path() / ("forecast" + output.extension().string());
-    writeAs(format, file, source, options.lean, report);
-    report.output_bytes = std::filesystem::file_size(file);
+    writeAs(format, file, source, options, report);
+    if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
     return report;
   }
-  writeAs(format, output, source, options.lean, report);
-  report.output_bytes = std::filesystem::file_size(output);
-  if (options.measure) measure(output, source, report);
+  writeAs(format, output, source, options, report);
+  if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(output);
+  if (options.measure && format != OutputFormat::png) measure(output, source, report);
   return report;
 }
 

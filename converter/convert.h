@@ -8,17 +8,22 @@
 #include <vector>
 
 #include "converter/edit.h"
+#include "converter/quality.h"
 #include "converter/read_model.h"
+#include "converter/write_gltf.h"
 
 namespace tg {
 
 struct ConvertOptions {
   bool overwrite = false;
-  bool base_only = false;        // see ReadOptions
-  bool measure = true;           // render source and result
-  bool lean = false;             // glb: see GltfContent
-  bool dry_run = false;          // encode and count, write nothing; implies measure = false
-  std::vector<Edit> edits = {};  // in this order, before anything is written
+  bool base_only = false;                 // see ReadOptions
+  bool measure = true;                    // render source and result
+  bool lean = false;                      // glb: see GltfContent
+  bool dry_run = false;                   // encode and count, write nothing; implies measure = false
+  AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png
+  bool quantize = false;                  // glb, gltf: see GltfContent
+  bool meshopt = false;                   // likewise
+  std::vector<Edit> edits = {};           // in this order, before anything is written
 };
 
 struct ConvertReport {
@@ -37,14 +42,15 @@ struct ConvertReport {
   std::uint64_t texels = 0;
   std::uint64_t clipped_texels = 0;
   std::vector<EditReport> edits;
+  std::optional<Deviation> deviation;   // of the file read back, where it holds other numbers
   std::size_t views = 0;                // rendered for the two figures below
   std::optional<double> textured_psnr;  // [dB] the file read back against the edited model; infinity when equal
   std::optional<double> base_psnr;      // [dB] what a reader without textures shows; only for textured sources
   std::vector<std::string> warnings;
 };
 
-// The output's format is its extension: .glb, .html, .ply, .spz or .tgz. Throws Error(usage / cannotRead / badData /
-// cannotWrite); nothing is written then.
+// The output's format is its extension: .glb, .gltf, .html, .ply, .spz, .tgz or .png (an atlas with its JSON). Throws
+// Error(usage / cannotRead / badData / cannotWrite); nothing is written then.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 

@@ -86,6 +86,20 @@ std::string describe(const ConvertReport& report) {
                    report.atlas_width, report.atlas_height, static_cast<unsigned long long>(report.clipped_texels));
   }
   text += "\n";
+  if (report.deviation && !report.deviation->isZero()) {
+    const Deviation& d = *report.deviation;
+    text += "largest differences:";
+    const auto add = [&](const char* what, double value) {
+      if (value != 0.0) text += format(" %s %.2g", what, value);
+    };
+    add("mean", d.mean);
+    add("shape", d.shape);
+    add("opacity", d.opacity);
+    add("colour", d.color);
+    add("SH", d.sh);
+    add("texel", d.texel);
+    text += "\n";
+  }
   if (report.views == 0) return text;
   text += format("against the source, %zu views: ", report.views);
   if (report.textured_psnr) text += (report.base_psnr ? "textured " : "") + decibels(*report.textured_psnr);
@@ -115,6 +129,11 @@ std::string describeJson(const ConvertReport& report) {
   json["textures"] = {{"mode", report.texture_mode},      {"atlases", report.atlases},
                       {"atlasWidth", report.atlas_width}, {"atlasHeight", report.atlas_height},
                       {"texels", report.texels},          {"clippedTexels", report.clipped_texels}};
+  if (report.deviation) {
+    const Deviation& d = *report.deviation;
+    json["largestDifferences"] = {{"mean", d.mean},   {"shape", d.shape}, {"opacity", d.opacity},
+                                  {"color", d.color}, {"sh", d.sh},       {"texel", d.texel}};
+  }
   if (report.views > 0) {
     Json psnr;
     psnr["views"] = report.views;

@@ -14,6 +14,7 @@
 #include "converter/edit_select.h"
 #include "converter/edit_transform.h"
 #include "converter/quality.h"
+#include "converter/texture_budget.h"
 #include "core/error.h"
 
 namespace tg {
@@ -143,6 +144,19 @@ void textureSize(LoadedModel& loaded, const Edit& edit) {
   resizeTextures(loaded.model, static_cast<int>(n.front()), static_cast<int>(n.back()));
 }
 
+void textureError(LoadedModel& loaded, const Edit& edit) {
+  fitTexturesToError(loaded.model, numbersOf(edit, {1}, "a number from 0 on")[0]);
+}
+
+void texelBudget(LoadedModel& loaded, const Edit& edit) {
+  const double texels = numbersOf(edit, {1}, "a number of texels")[0];
+  if (texels < 0.0 || texels != std::floor(texels) || texels > 1e18) {
+    throw Error(ErrorKind::usage, "wrong value (expected a number of texels)");
+  }
+  fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels),
+                      contributionViews(loaded.model, loaded.cameras));
+}
+
 void noTextures(LoadedModel& loaded, const Edit&) { dropTextures(loaded.model); }
 
 struct Command {
@@ -150,7 +164,7 @@ struct Command {
   void (*apply)(LoadedModel&, const Edit&);
   bool reduces;  // the same scene with less of it
 };
-constexpr std::array<Command, 13> kCommands = {{
+constexpr std::array<Command, 15> kCommands = {{
     {{"--translate", "X,Y,Z", "move"}, translate, false},
     {{"--rotate", "X,Y,Z,DEG", "turn by an angle about an axis through the origin"}, rotate, false},
     {{"--rotate-quaternion", "W,X,Y,Z", "turn by a quaternion of any length"}, rotateQuaternion, false},
@@ -163,6 +177,8 @@ constexpr std::array<Command, 13> kCommands = {{
     {{"--decimate", "N|P%", "leave the N Gaussians, or P % of them, that pictures show most"}, decimateTo, true},
     {{"--sh-degree", "D", "leave SH degrees up to D"}, reduceSh, true},
     {{"--texture-size", "WxH", "give every texture this size [texels]"}, textureSize, true},
+    {{"--texel-budget", "N", "at most N texels in all, where pictures show them most"}, texelBudget, true},
+    {{"--texture-error", "E", "the smallest texture with an error of at most E (1 = white)"}, textureError, true},
     {{"--no-textures", "", "bake textures into colours and opacities"}, noTextures, true},
 }};
 

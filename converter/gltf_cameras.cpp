@@ -52,36 +52,30 @@ bool readExtras(const tinygltf::Value& extras, Camera& camera) {
 
 }  // namespace
 
-void addCameras(tinygltf::Model& model, std::span<const Camera> cameras) {
+void addCameras(nlohmann::ordered_json& root, std::span<const Camera> cameras) {
   for (const Camera& camera : cameras) {
-    tinygltf::Camera perspective;
-    perspective.type = "perspective";
-    perspective.perspective.yfov = 2.0 * std::atan(0.5 * camera.height / camera.fy);
-    perspective.perspective.aspectRatio = (camera.width / camera.fx) / (camera.height / camera.fy);
-    perspective.perspective.znear = kZNear;
-    perspective.perspective.zfar = kZFar;
-    model.cameras.push_back(std::move(perspective));
-
-    tinygltf::Node node;
-    node.name = camera.name;
-    node.camera = static_cast<int>(model.cameras.size()) - 1;
+    root["cameras"].push_back({{"type", "perspective"},
+                               {"perspective",
+                                {{"aspectRatio", (camera.width / camera.fx) / (camera.height / camera.fy)},
+                                 {"yfov", 2.0 * std::atan(0.5 * camera.height / camera.fy)},
+                                 {"zfar", kZFar},
+                                 {"znear", kZNear}}}});
     const glm::dvec3 position = turnAxes(camera.position());
     const glm::dvec4 q =
         quaternionFromMatrix(turnWorldAxes(turnCameraAxes(glm::transpose(camera.camera_from_world_rotation))));
-    node.translation = {position.x, position.y, position.z};
-    node.rotation = {q.y, q.z, q.w, q.x};
-    using tinygltf::Value;
-    Value::Object ours;
-    ours["width"] = Value(camera.width);
-    ours["height"] = Value(camera.height);
-    ours["fx"] = Value(camera.fx);
-    ours["fy"] = Value(camera.fy);
-    ours["cx"] = Value(camera.cx);
-    ours["cy"] = Value(camera.cy);
-    ours["split"] = Value(std::string(camera.test ? "test" : "train"));
-    node.extras = Value(Value::Object{{kExtrasKey, Value(std::move(ours))}});
-    model.scenes.front().nodes.push_back(static_cast<int>(model.nodes.size()));
-    model.nodes.push_back(std::move(node));
+    nlohmann::ordered_json node = {{"name", camera.name},
+                                   {"camera", root["cameras"].size() - 1},
+                                   {"translation", {position.x, position.y, position.z}},
+                                   {"rotation", {q.y, q.z, q.w, q.x}}};
+    node["extras"][kExtrasKey] = {{"width", camera.width},
+                                  {"height", camera.height},
+                                  {"fx", camera.fx},
+                                  {"fy", camera.fy},
+                                  {"cx", camera.cx},
+                                  {"cy", camera.cy},
+                                  {"split", camera.test ? "test" : "train"}};
+    root["scenes"][0]["nodes"].push_back(root["nodes"].size());
+    root["nodes"].push_back(std::move(node));
   }
 }
 

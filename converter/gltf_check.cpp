@@ -214,11 +214,6 @@ std::vector<std::uint64_t> checkBuffers(const Node& root, const GltfParts& parts
 std::vector<View> checkViews(const Node& root, const std::vector<std::uint64_t>& buffers) {
   std::vector<View> views;
   for (const Node& view : elements(root, "bufferViews")) {
-    if (view.has("extensions")) {
-      for (const char* codec : {"EXT_meshopt_compression", "KHR_meshopt_compression"}) {
-        if (view.at("extensions").has(codec)) view.fail(std::string(codec) + " is not supported");
-      }
-    }
     const std::uint64_t buffer = view.at("buffer").index(buffers.size(), "buffer");
     const std::uint64_t offset = view.size64("byteOffset", 0);
     const std::uint64_t bytes = view.at("byteLength").size64();
@@ -401,6 +396,7 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, const std::string& path)
     if (chunk == 0) parts.json = bytes.subspan(at, length);
     if (chunk == 1 && length == 0) fail("the BIN chunk is empty");
     if (chunk == 1) parts.bin_bytes = length;
+    if (chunk == 1) parts.bin_offset = at;
     at += length;
   }
   return parts;

@@ -13,6 +13,7 @@ namespace tg {
 struct GltfParts {
   std::span<const std::uint8_t> json;
   std::optional<std::uint64_t> bin_bytes;  // length of the BIN chunk
+  std::uint64_t bin_offset = 0;            // of its content in the file
   bool binary = false;
 };
 

@@ -3,6 +3,7 @@
 #include "converter/gltf_document.h"
 
 #include "converter/gltf_check.h"
+#include "converter/gltf_resolve.h"
 
 namespace tg {
 namespace {
@@ -28,12 +29,18 @@ tinygltf::FsCallbacks noFiles() {
 
 }  // namespace
 
-GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path) {
+GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path,
+                      const std::optional<std::filesystem::path>& folder) {
   GltfDocument document;
   document.path = path;
   GltfParts parts;
   parts.json = bytes;
   if (bytes.size() >= 4 && std::string_view(reinterpret_cast<const char*>(bytes.data()), 4) == "glTF") {
+    parts = splitGlb(bytes, document.path);
+  }
+  const std::optional<std::vector<std::uint8_t>> resolved = resolveGltf(bytes, parts, folder, document.path);
+  if (resolved) {
+    bytes = *resolved;
     parts = splitGlb(bytes, document.path);
   }
   checkGltfJson(parseGltfJson(parts.json, document.path), parts, document.path);

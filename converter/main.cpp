@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgconvert: models between tgz, ply, glb and what other programs write.
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <map>
 #include <new>
 #include <optional>
@@ -10,6 +14,7 @@
 #include <string_view>
 #include <vector>
 
+#include "converter/batch.h"
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/read_model.h"
@@ -30,6 +35,10 @@ struct Arguments {
   bool stats = false;
   bool dry_run = false;
   bool lean = false;
+  bool quantize = false;
+  bool meshopt = false;
+  tg::AtlasFormat atlas = tg::AtlasFormat::png8;
+  std::string to;
   std::vector<tg::Edit> edits;
 };
 
@@ -48,14 +57,54 @@ void print(const Arguments& arguments, const std::string& text, const std::strin
   }
 }
 
-void run(const Arguments& arguments) {
+// One line on a terminal that is overwritten: how far a batch is, and how long the rest takes at this speed.
+class ProgressLine {
+ public:
+  explicit ProgressLine(bool shown) : shown_(shown && isatty(STDERR_FILENO) != 0) {}
+  ~ProgressLine() {
+    if (shown_) std::fputs("\r\x1b[K", stderr);
+  }
+  void show(const tg::BatchProgress& progress) const {
+    if (!shown_) return;
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+    std::fprintf(stderr, "\r\x1b[K[%zu/%zu] %s, %.0f %%", progress.item + 1, progress.items, progress.name.c_str(),
+                 100.0 * progress.done);
+    if (progress.done > 0.0) std::fprintf(stderr, ", %.0f s left", seconds / progress.done * (1.0 - progress.done));
+    std::fflush(stderr);
+  }
+
+ private:
+  const bool shown_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+int runBatch(const Arguments& arguments, const tg::ConvertOptions& options) {
+  if (arguments.to.empty())
+    throw tg::Error(tg::ErrorKind::usage, "--to is missing (a folder is converted to what format?)");
+  tg::BatchReport report;
+  {
+    const ProgressLine line(!arguments.quiet && !arguments.json);
+    report = tg::convertFolder(arguments.input, arguments.output, arguments.to, options,
+                               [&](const tg::BatchProgress& progress) { line.show(progress); });
+  }
+  if (arguments.quiet && !arguments.json) {
+    for (const tg::BatchItem& item : report.items) {
+      if (!item.error.empty()) std::fprintf(stderr, "tgconvert: %s\n", item.error.c_str());
+    }
+  }
+  print(arguments, tg::describe(report), tg::describeJson(report));
+  return report.exit_code;
+}
+
+// The exit code.
+int run(const Arguments& arguments) {
   if (arguments.info || arguments.stats || arguments.output == "null") {
     tg::ReadOptions options;
     options.base_only = arguments.base_only;
     const tg::LoadedModel loaded = tg::readModel(arguments.input, options);
     warn(arguments, loaded.warnings);
     print(arguments, tg::describe(loaded, arguments.stats), tg::describeJson(loaded, arguments.stats));
-    return;
+    return 0;
   }
   if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info or --stats)");
   tg::ConvertOptions options;
@@ -64,10 +113,15 @@ void run(const Arguments& arguments) {
   options.measure = !arguments.no_psnr && (arguments.json || !arguments.quiet);
   options.dry_run = arguments.dry_run;
   options.lean = arguments.lean;
+  options.quantize = arguments.quantize;
+  options.meshopt = arguments.meshopt;
+  options.atlas = arguments.atlas;
   options.edits = arguments.edits;
+  if (std::filesystem::is_directory(arguments.input)) return runBatch(arguments, options);
   const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, options);
   warn(arguments, report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
+  return 0;
 }
 
 // IN, OUT and what is merged with IN before anything else.
@@ -170,10 +224,11 @@ int main(int argc, char** argv) {
       "Converts splat models to tgz, ply, spz, glb or a page that shows them. The input's format is its content, the "
       "output's its extension.",
       "tgconvert");
-  app.add_option("FILES", arguments.files,
-                 "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb, gltf or our html; several "
-                 "are merged. "
-                 "OUT: file to write, .glb, .html, .ply, .spz or .tgz; null writes nothing and prints what IN holds")
+  app.add_option(
+         "FILES", arguments.files,
+         "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb, gltf or our html; several "
+         "are merged. OUT: file to write, .glb, .gltf, .html, .ply, .spz, .tgz or .png; null writes nothing and "
+         "prints what IN holds")
       ->required()
       ->type_name("");
   app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");
@@ -183,6 +238,21 @@ int main(int argc, char** argv) {
   app.add_flag("--stats", arguments.stats, "with the distribution of every number; writes nothing");
   app.add_flag("--dry-run", arguments.dry_run, "say how large OUT would be and write nothing");
   app.add_flag("--lean", arguments.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
+  app.add_flag("--quantize", arguments.quantize,
+               "glb, gltf: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
+  app.add_flag("--meshopt", arguments.meshopt, "glb, gltf: pack by EXT_meshopt_compression");
+  app.add_option_function<std::string>(
+         "--atlas",
+         [&](const std::string& text) {
+           const auto format = tg::parseAtlasFormat(text);
+           if (!format)
+             throw CLI::ValidationError("--atlas", "unknown format (expected png8, png16 or exr, found " + text + ")");
+           arguments.atlas = *format;
+         },
+         "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")
+      ->type_name("FORMAT");
+  app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
+      ->check(CLI::IsMember({"glb", "gltf", "html", "ply", "spz", "tgz"}));
   app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
   app.add_flag("--no-psnr", arguments.no_psnr, "do not render source and result for the summary");
   const EditParser edit_parser(app);
@@ -190,8 +260,5 @@ int main(int argc, char** argv) {
   if (const std::optional<int> code = parse(app, argc, argv)) return *code;
   arguments.edits = edit_parser.edits();
   takeFiles(arguments);
-  return guarded(arguments.input, [&] {
-    run(arguments);
-    return 0;
-  });
+  return guarded(arguments.input, [&] { return run(arguments); });
 }

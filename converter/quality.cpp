@@ -7,9 +7,11 @@
 #include <limits>
 #include <memory>
 
+#include "converter/axes.h"
 #include "core/image.h"
 #include "core/metrics.h"
 #include "render/renderer.h"
+#include "shared/limits.h"
 
 namespace tg {
 namespace {
@@ -98,6 +100,49 @@ double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<co
     image->height = static_cast<int>(image->data.size() / 3);
   }
   return psnr(all_a, all_b);
+}
+
+std::optional<Deviation> deviationOf(const GaussianModel& a, const GaussianModel& b) {
+  if (a.size() != b.size()) return std::nullopt;
+  Deviation d;
+  const auto covariance = [](const GaussianModel& m, std::size_t i) {
+    glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(m.rotation[i]));
+    for (int k = 0; k < 3; ++k) axes[k] *= std::exp(double{m.log_scale[i][k]});
+    return axes * glm::transpose(axes);
+  };
+  const auto norm = [](const glm::dmat3& m) {
+    return std::sqrt(glm::dot(m[0], m[0]) + glm::dot(m[1], m[1]) + glm::dot(m[2], m[2]));
+  };
+  const auto opacity = [](float logit) { return 1.0 / (1.0 + std::exp(-double{logit})); };
+  const auto raise = [](double& largest, glm::dvec3 difference) {
+    for (int c = 0; c < 3; ++c) largest = std::max(largest, std::abs(difference[c]));
+  };
+  const std::size_t ka = static_cast<std::size_t>(a.shCount()), kb = static_cast<std::size_t>(b.shCount());
+  const bool textures = a.texture_mode == b.texture_mode && a.texture_mode != TextureMode::none;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    raise(d.mean, glm::dvec3(a.mean[i]) - glm::dvec3(b.mean[i]));
+    if (a.rotation[i] != b.rotation[i] || a.log_scale[i] != b.log_scale[i]) {
+      const glm::dmat3 sa = covariance(a, i), sb = covariance(b, i);
+      d.shape = std::max(d.shape, norm(sa - sb) / std::max({norm(sa), norm(sb), 1e-300}));
+    }
+    d.opacity = std::max(d.opacity, std::abs(opacity(a.opacity_logit[i]) - opacity(b.opacity_logit[i])));
+    raise(d.color, double{kShC0} * (glm::dvec3(a.sh[i * ka]) - glm::dvec3(b.sh[i * kb])));
+    for (std::size_t k = 1; k < std::min(ka, kb); ++k) {
+      raise(d.sh, glm::dvec3(a.sh[i * ka + k]) - glm::dvec3(b.sh[i * kb + k]));
+    }
+    if (!textures || a.atlas.rects.empty() || b.atlas.rects.empty()) continue;
+    const TextureRect& ra = a.atlas.rects[i];
+    const TextureRect& rb = b.atlas.rects[i];
+    if (ra.width != rb.width || ra.height != rb.height) continue;
+    const unsigned mode = static_cast<unsigned>(a.texture_mode);
+    for (std::uint32_t t = 0; t < ra.texelCount(); ++t) {
+      const glm::dvec4 difference(glm::dvec4(a.atlas.texels[ra.offset + t]) -
+                                  glm::dvec4(b.atlas.texels[rb.offset + t]));
+      if ((mode & kModeRgb) != 0) raise(d.texel, glm::dvec3(difference));
+      if ((mode & kModeAlpha) != 0) d.texel = std::max(d.texel, std::abs(difference.a));
+    }
+  }
+  return d;
 }
 
 }  // namespace tg

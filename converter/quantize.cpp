@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Atlas texels as bytes.
+// Atlas texels as integers.
 #include "converter/quantize.h"
 
 #include <algorithm>
@@ -9,43 +9,49 @@
 namespace tg {
 namespace {
 
-constexpr double kLevels = 255.0;
-constexpr double kZeroByte = 128.0;  // of a signed channel
 constexpr double kPercentile = 0.999;
+
+struct Levels {
+  double largest;
+  double zero;  // of a signed channel
+};
+Levels levelsOf(int bits) { return bits == 16 ? Levels{65535.0, 32768.0} : Levels{255.0, 128.0}; }
 
 struct Range {
   double scale = 1.0;
   double offset = 0.0;
 };
 
-// The bytes of a range whose largest positive value is `magnitude`.
-Range rangeFor(double magnitude, bool is_signed) {
+// The range whose largest positive value is `magnitude`.
+Range rangeFor(double magnitude, bool is_signed, const Levels& levels) {
   if (!(magnitude > 0.0)) return {};
-  const double scale = is_signed ? magnitude * kLevels / (kLevels - kZeroByte) : magnitude;
-  return {scale, is_signed ? -(kZeroByte * scale / kLevels) : 0.0};
+  const double scale = is_signed ? magnitude * levels.largest / (levels.largest - levels.zero) : magnitude;
+  return {scale, is_signed ? -(levels.zero * scale / levels.largest) : 0.0};
 }
 
-double byteOf(double value, const Range& range) {
-  return std::clamp(std::round((value - range.offset) / range.scale * kLevels), 0.0, kLevels);
+double storedFor(double value, const Range& range, const Levels& levels) {
+  return std::clamp(std::round((value - range.offset) / range.scale * levels.largest), 0.0, levels.largest);
 }
 
-double valueOf(double byte, const Range& range) { return byte * range.scale / kLevels + range.offset; }
+double valueOf(double stored, const Range& range, const Levels& levels) {
+  return stored * range.scale / levels.largest + range.offset;
+}
 
-bool isClipped(double value, const Range& range) {
-  const double half_step = 0.5 * range.scale / kLevels;
+bool isClipped(double value, const Range& range, const Levels& levels) {
+  const double half_step = 0.5 * range.scale / levels.largest;
   return value < range.offset - half_step || value > range.offset + range.scale + half_step;
 }
 
-double squaredError(const AtlasPage& page, int channel, const Range& range) {
+double squaredError(const AtlasPage& page, int channel, const Range& range, const Levels& levels) {
   double sum = 0.0;
   for (const glm::vec4& texel : page.texels) {
-    const double difference = texel[channel] - valueOf(byteOf(texel[channel], range), range);
+    const double difference = texel[channel] - valueOf(storedFor(texel[channel], range, levels), range, levels);
     sum += difference * difference;
   }
   return sum;
 }
 
-Range chooseRange(const AtlasPage& page, int channel) {
+Range chooseRange(const AtlasPage& page, int channel, const Levels& levels) {
   std::vector<float> magnitudes;
   bool is_signed = false;
   for (const glm::vec4& texel : page.texels) {
@@ -54,22 +60,23 @@ Range chooseRange(const AtlasPage& page, int channel) {
     is_signed = is_signed || texel[channel] < 0.0f;
   }
   if (magnitudes.empty()) return {};
-  const Range widest = rangeFor(*std::max_element(magnitudes.begin(), magnitudes.end()), is_signed);
+  const Range widest = rangeFor(*std::max_element(magnitudes.begin(), magnitudes.end()), is_signed, levels);
   const auto percentile =
       magnitudes.begin() + static_cast<std::ptrdiff_t>(kPercentile * static_cast<double>(magnitudes.size() - 1));
   std::nth_element(magnitudes.begin(), percentile, magnitudes.end());
-  const Range narrow = rangeFor(*percentile, is_signed);
-  return squaredError(page, channel, narrow) < squaredError(page, channel, widest) ? narrow : widest;
+  const Range narrow = rangeFor(*percentile, is_signed, levels);
+  return squaredError(page, channel, narrow, levels) < squaredError(page, channel, widest, levels) ? narrow : widest;
 }
 
 }  // namespace
 
-QuantizedPage quantizePage(const AtlasPage& page) {
+QuantizedPage quantizePage(const AtlasPage& page, int bits) {
+  const Levels levels = levelsOf(bits);
   QuantizedPage out;
   out.color = Image(page.width, page.height, 3);
   out.alpha = Image(page.width, page.height, 1);
   std::array<Range, 4> ranges;
-  for (int c = 0; c < 3; ++c) ranges[c] = chooseRange(page, c);
+  for (int c = 0; c < 3; ++c) ranges[c] = chooseRange(page, c, levels);
   for (int c = 0; c < 4; ++c) {
     out.scale[c] = ranges[c].scale;
     out.offset[c] = ranges[c].offset;
@@ -78,9 +85,9 @@ QuantizedPage quantizePage(const AtlasPage& page) {
     const glm::vec4& texel = page.texels[i];
     bool clipped = false;
     for (int c = 0; c < 4; ++c) {
-      const auto stored = static_cast<float>(byteOf(texel[c], ranges[c]) / kLevels);
+      const auto stored = static_cast<float>(storedFor(texel[c], ranges[c], levels) / levels.largest);
       (c < 3 ? out.color.data[i * 3 + c] : out.alpha.data[i]) = stored;
-      clipped = clipped || isClipped(texel[c], ranges[c]);
+      clipped = clipped || isClipped(texel[c], ranges[c], levels);
     }
     if (clipped) ++out.clipped_texels;
   }

@@ -89,8 +89,10 @@ void checkExtensionPlaces(const GltfDocument& document) {
   const std::string ours(kTextureExtension);
   const auto refuse = [&](const tinygltf::ExtensionMap& extensions, const std::string& pointer) {
     if (extensions.count(ours) == 0) return;
-    throw document.bad(pointer + "/extensions/" + ours,
-                       "wrong place (expected inside " + std::string(kSplatExtension) + ")");
+    document.attempt([&] {
+      throw document.bad(pointer + "/extensions/" + ours,
+                         "wrong place (expected inside " + std::string(kSplatExtension) + ")");
+    });
   };
   refuse(document.model.extensions, "");
   for (std::size_t m = 0; m < document.model.meshes.size(); ++m) {
@@ -114,13 +116,15 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
     throw document.bad(splats.pointer, "a pre-release draft of " + std::string(kSplatExtension) +
                                            " (attributes _ROTATION, _SCALE) is not supported");
   }
-  if (primitive.mode != TINYGLTF_MODE_POINTS) {
+  document.attempt([&] {
+    if (primitive.mode == TINYGLTF_MODE_POINTS) return;
     throw document.bad(splats.pointer + "/mode",
                        "wrong mode for splats (expected 0, POINTS, found " + std::to_string(primitive.mode) + ")");
-  }
-  if (text("kernel") != "ellipse") {
+  });
+  document.attempt([&] {
+    if (text("kernel") == "ellipse") return;
     throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
-  }
+  });
   if (const std::string space = text("colorSpace"); space == "lin_rec709_display") {
     document.warn(pointer, "colours are linear: the numbers are kept and shown as they are");
   } else if (space != "srgb_rec709_display") {
@@ -147,37 +151,39 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
     const int mesh = model.nodes[placed.node].mesh;
     if (mesh < 0) continue;
     for (std::size_t p = 0; p < model.meshes[mesh].primitives.size(); ++p) {
-      SplatInstance instance;
-      instance.splats.primitive = &model.meshes[mesh].primitives[p];
-      instance.splats.pointer = "/meshes/" + std::to_string(mesh) + "/primitives/" + std::to_string(p);
-      const auto& extensions = instance.splats.primitive->extensions;
-      const auto found = extensions.find(std::string(kSplatExtension));
-      if (found == extensions.end()) {
-        document.warn(instance.splats.pointer, "no " + std::string(kSplatExtension) + ", ignored");
-        continue;
-      }
-      checkSplatExtension(document, instance.splats, found->second);
-      const auto position = instance.splats.primitive->attributes.find("POSITION");
-      if (position == instance.splats.primitive->attributes.end()) {
-        throw document.bad(instance.splats.pointer + "/attributes", "the attribute POSITION is missing");
-      }
-      const tinygltf::Accessor& accessor = model.accessors[position->second];
-      if (accessor.minValues.empty() || accessor.maxValues.empty()) {
-        document.warn(instance.splats.pointer + "/attributes/POSITION", "no min and max");
-      }
-      instance.splats.count = accessor.count;
-      total += accessor.count;
-      if (accessor.count > kMaxGaussians || total > kMaxGaussians) {
-        throw document.bad(instance.splats.pointer, "too many splats (expected at most " +
-                                                        std::to_string(kMaxGaussians) + ", found " +
-                                                        std::to_string(total) + ")");
-      }
-      instance.degree = findDegree(document, instance.splats);
-      instance.place = decompose(document, placed);
-      instances.push_back(std::move(instance));
+      document.attempt([&] {
+        SplatInstance instance;
+        instance.splats.primitive = &model.meshes[mesh].primitives[p];
+        instance.splats.pointer = "/meshes/" + std::to_string(mesh) + "/primitives/" + std::to_string(p);
+        const auto& extensions = instance.splats.primitive->extensions;
+        const auto found = extensions.find(std::string(kSplatExtension));
+        if (found == extensions.end()) {
+          document.warn(instance.splats.pointer, "no " + std::string(kSplatExtension) + ", ignored");
+          return;
+        }
+        checkSplatExtension(document, instance.splats, found->second);
+        const auto position = instance.splats.primitive->attributes.find("POSITION");
+        if (position == instance.splats.primitive->attributes.end()) {
+          throw document.bad(instance.splats.pointer + "/attributes", "the attribute POSITION is missing");
+        }
+        const tinygltf::Accessor& accessor = model.accessors[position->second];
+        if (accessor.minValues.empty() || accessor.maxValues.empty()) {
+          document.warn(instance.splats.pointer + "/attributes/POSITION", "no min and max");
+        }
+        instance.splats.count = accessor.count;
+        total += accessor.count;
+        if (accessor.count > kMaxGaussians || total > kMaxGaussians) {
+          throw document.bad(instance.splats.pointer, "too many splats (expected at most " +
+                                                          std::to_string(kMaxGaussians) + ", found " +
+                                                          std::to_string(total) + ")");
+        }
+        instance.degree = findDegree(document, instance.splats);
+        instance.place = decompose(document, placed);
+        instances.push_back(std::move(instance));
+      });
     }
   }
-  if (instances.empty()) {
+  if (instances.empty() && (document.errors == nullptr || document.errors->empty())) {
     throw Error(ErrorKind::badData, document.path,
                 "the scene holds no splats (expected a primitive with " + std::string(kSplatExtension) + ")");
   }
@@ -191,23 +197,27 @@ BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance)
                                     "KHR_mesh_quantization") != 0;
   BaseArrays base;
   const SplatPrimitive& splats = instance.splats;
-  base.position = readAttribute(document, splats, {"POSITION", 3, quantized ? kFloat | integers : unsigned{kFloat}});
-  base.rotation =
-      readAttribute(document, splats, {splatName("ROTATION"), 4, kFloat | kByteNormalized | kShortNormalized});
-  base.byte_rotation = document.model.accessors[splats.primitive->attributes.at(splatName("ROTATION"))].componentType ==
-                       TINYGLTF_COMPONENT_TYPE_BYTE;
-  // Signed integers: the first release candidate asked for them, files remain.
-  base.scale = readAttribute(document, splats, {splatName("SCALE"), 3, kFloat | integers});
-  base.opacity = readAttribute(document, splats,
-                               {splatName("OPACITY"), 1, kFloat | kUnsignedByteNormalized | kUnsignedShortNormalized});
-  const auto readIfThere = [&](const char* semantic, int components) {
-    return splats.has(semantic) ? readAttribute(document, splats, {semantic, components}) : std::vector<float>();
+  const auto read = [&](std::vector<float>& to, const AttributeRule& rule) {
+    document.attempt([&] { to = readAttribute(document, splats, rule); });
   };
-  base.source_rotation = readIfThere(kSourceRotation, 4);
-  base.source_log_scale = readIfThere(kSourceLogScale, 3);
-  base.source_logit = readIfThere(kSourceLogit, 1);
+  read(base.position, {"POSITION", 3, quantized ? kFloat | integers : unsigned{kFloat}});
+  read(base.rotation, {splatName("ROTATION"), 4, kFloat | kByteNormalized | kShortNormalized});
+  if (splats.has(splatName("ROTATION"))) {
+    base.byte_rotation =
+        document.model.accessors[splats.primitive->attributes.at(splatName("ROTATION"))].componentType ==
+        TINYGLTF_COMPONENT_TYPE_BYTE;
+  }
+  // Signed integers: the first release candidate asked for them, files remain.
+  read(base.scale, {splatName("SCALE"), 3, kFloat | integers});
+  read(base.opacity, {splatName("OPACITY"), 1, kFloat | kUnsignedByteNormalized | kUnsignedShortNormalized});
+  const auto readIfThere = [&](std::vector<float>& to, const char* semantic, int components) {
+    if (splats.has(semantic)) read(to, {semantic, components});
+  };
+  readIfThere(base.source_rotation, kSourceRotation, 4);
+  readIfThere(base.source_log_scale, kSourceLogScale, 3);
+  readIfThere(base.source_logit, kSourceLogit, 1);
   for (int l = 0; l <= instance.degree; ++l) {
-    for (int k = 0; k <= 2 * l; ++k) base.sh.push_back(readAttribute(document, splats, {coefficientName(l, k), 3}));
+    for (int k = 0; k <= 2 * l; ++k) read(base.sh.emplace_back(), {coefficientName(l, k), 3});
   }
   return base;
 }
@@ -385,9 +395,14 @@ LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
       model.texture_mode =
           static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(layer->mode));
     }
+    const BaseArrays base = readBase(document, instance);
+    if (document.errors != nullptr && !document.errors->empty()) continue;  // its arrays may be empty
     Repairs repairs;
-    append(instance, readBase(document, instance), layer ? &*layer : nullptr, model, repairs);
+    append(instance, base, layer ? &*layer : nullptr, model, repairs);
     warnRepairs(document, instance, repairs);
+  }
+  if (document.errors != nullptr && !document.errors->empty()) {
+    throw Error(ErrorKind::badData, document.errors->front());
   }
   if (!textured) model.atlas = {};
   if (model.size() == 0) throw Error(ErrorKind::badData, document.path, "no splat is left: none had finite values");
@@ -401,8 +416,11 @@ LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
 
 }  // namespace
 
-LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options) {
-  return assemble(loadGltf(readFile(path, kMaxFileBytes), path.string()), options);
+LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options, std::vector<std::string>* errors) {
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  GltfDocument document = loadGltf(readFile(path, kMaxFileBytes), path.string(), folder);
+  document.errors = errors;
+  return assemble(std::move(document), options);
 }
 
 LoadedModel parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "converter/read_model.h"
 
@@ -12,7 +13,10 @@ namespace tg {
 
 // All splat primitives of the scene as one model in the toolchain's axes. Throws Error(cannotRead / badData); a broken
 // texture layer is an error, never a silent fall back to the base.
-LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options = {});
+// `errors`, if given, gets every error of the base and the layer that can be told apart before the first one is thrown;
+// it stays empty when the file could not be taken apart.
+LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
+                     std::vector<std::string>* errors = nullptr);
 // The same from memory; `path` starts the messages.
 LoadedModel parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
 

@@ -73,9 +73,24 @@ std::pair<std::uint32_t, std::uint32_t> pngSize(const Place& place, const std::v
   return {u32(16), u32(20)};
 }
 
-// An image of the file by way of a texture index. Empty when the key is absent.
-Image readPage(const Place& place, const std::string& key, std::uint64_t& texels) {
-  if (!place.has(key)) return {};
+void checkPageSize(const Place& place, std::uint64_t width, std::uint64_t height, std::uint64_t& texels) {
+  const std::uint64_t area = width * height;
+  texels += area;
+  if (area == 0 || area > kMaxPageTexels || texels > kMaxAtlasTexels) {
+    place.fail("the atlas is too large (expected at most " + std::to_string(kMaxPageTexels) + " texels, " +
+               std::to_string(kMaxAtlasTexels) + " in all, found " + std::to_string(width) + " x " +
+               std::to_string(height) + ")");
+  }
+}
+
+// Stored integers in [0, 1], and the largest of them.
+struct Page {
+  Image image;
+  double largest = 255.0;
+};
+
+// An image of the file by way of a texture index.
+Page readPage(const Place& place, const std::string& key, std::uint64_t& texels) {
   const tinygltf::Model& model = place.document.model;
   const tinygltf::Value& index = place.get(key);
   const int texture = index.IsInt() ? index.Get<int>() : -1;
@@ -93,22 +108,56 @@ Image readPage(const Place& place, const std::string& key, std::uint64_t& texels
     image_place.fail("an atlas of another type (expected image/png, found " + image.mimeType + ")");
   }
   const auto [width, height] = pngSize(image_place, image.image);
-  const std::uint64_t area = std::uint64_t{width} * height;
-  texels += area;
-  if (area == 0 || area > kMaxPageTexels || texels > kMaxAtlasTexels) {
-    image_place.fail("the atlas is too large (expected at most " + std::to_string(kMaxPageTexels) + " texels, " +
-                     std::to_string(kMaxAtlasTexels) + " in all, found " + std::to_string(width) + " x " +
-                     std::to_string(height) + ")");
-  }
-  return decodeImage(image.image, place.document.path + ": " + image_place.pointer);
+  checkPageSize(image_place, width, height, texels);
+  constexpr std::size_t bit_depth_at = 24;
+  return {decodeImage(image.image, place.document.path + ": " + image_place.pointer),
+          image.image[bit_depth_at] == 16 ? 65535.0 : 255.0};
 }
 
-// A stored value in [0, 1] to the texel's. Bytes are taken back to integers: byte 128 then is exactly 0 where the
-// offset says so.
-float texelValue(float stored, double scale, double offset) {
-  double byte = static_cast<double>(stored) * 255.0;
-  if (std::abs(byte - std::round(byte)) < 1e-4) byte = std::round(byte);
-  return static_cast<float>(byte * scale / 255.0 + offset);
+// A stored value in [0, 1] to the texel's. It is taken back to an integer: 128 then is exactly 0 where the offset says
+// so.
+float texelValue(float stored, double largest, double scale, double offset) {
+  return static_cast<float>(std::round(static_cast<double>(stored) * largest) * scale / largest + offset);
+}
+
+// The values themselves, of an atlas whose other images have been checked.
+AtlasPage readValues(const Place& place, TextureMode mode, int width, int height, std::uint64_t& texels) {
+  const tinygltf::Model& model = place.document.model;
+  const tinygltf::Value& index = place.get("exr");
+  const int source = index.IsInt() ? index.Get<int>() : -1;
+  if (source < 0 || static_cast<std::size_t>(source) >= model.images.size()) {
+    place.fail("\"exr\" names no image (expected an index below " + std::to_string(model.images.size()) + ", found " +
+               (index.IsInt() ? std::to_string(source) : "no integer") + ")");
+  }
+  const Place image_place{place.document, place.value, "/images/" + std::to_string(source)};
+  const tinygltf::Image& image = model.images[static_cast<std::size_t>(source)];
+  if (image.mimeType != "image/x-exr") {
+    image_place.fail("values of another type (expected image/x-exr, found " + image.mimeType + ")");
+  }
+  std::vector<std::string> channels;
+  if (hasColor(mode)) channels = {"R", "G", "B"};
+  if (hasAlpha(mode)) channels.push_back("alpha");
+  checkPageSize(image_place, static_cast<std::uint64_t>(width), static_cast<std::uint64_t>(height), texels);
+  const Image values = decodeExr(image.image, channels, place.document.path + ": " + image_place.pointer);
+  if (values.width != width || values.height != height) {
+    image_place.fail("the values differ in size from the atlas (expected " + std::to_string(width) + " x " +
+                     std::to_string(height) + ", found " + std::to_string(values.width) + " x " +
+                     std::to_string(values.height) + ")");
+  }
+  AtlasPage page;
+  page.width = width;
+  page.height = height;
+  page.texels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), glm::vec4(0, 0, 0, 1));
+  const std::size_t n = channels.size();
+  for (std::size_t i = 0; i < page.texels.size(); ++i) {
+    glm::vec4& texel = page.texels[i];
+    for (int c = 0; c < 3 && hasColor(mode); ++c) texel[c] = values.data[i * n + static_cast<std::size_t>(c)];
+    if (hasAlpha(mode)) texel.a = std::clamp(values.data[i * n + n - 1], 0.0f, 1.0f);
+    for (int c = 0; c < 4; ++c) {
+      if (!std::isfinite(texel[c])) image_place.fail("texel " + std::to_string(i) + " is not finite");
+    }
+  }
+  return page;
 }
 
 AtlasPage readAtlas(const Place& place, TextureMode mode, std::uint64_t& texels) {
@@ -116,26 +165,31 @@ AtlasPage readAtlas(const Place& place, TextureMode mode, std::uint64_t& texels)
   const std::array<double, 4> offset = readVec4(place, "offset", 0.0);
   if (hasColor(mode) && !place.has("color")) place.fail("\"color\" is missing (the mode needs it)");
   if (hasAlpha(mode) && !place.has("alpha")) place.fail("\"alpha\" is missing (the mode needs it)");
-  const Image color = hasColor(mode) ? readPage(place, "color", texels) : Image();
-  const Image alpha = hasAlpha(mode) ? readPage(place, "alpha", texels) : Image();
-  if (hasColor(mode) && hasAlpha(mode) && (color.width != alpha.width || color.height != alpha.height)) {
-    place.fail("the images differ in size (expected " + std::to_string(color.width) + " x " +
-               std::to_string(color.height) + " as color, found " + std::to_string(alpha.width) + " x " +
-               std::to_string(alpha.height) + " for alpha)");
+  const Page color = hasColor(mode) ? readPage(place, "color", texels) : Page();
+  const Page alpha = hasAlpha(mode) ? readPage(place, "alpha", texels) : Page();
+  if (hasColor(mode) && hasAlpha(mode) &&
+      (color.image.width != alpha.image.width || color.image.height != alpha.image.height)) {
+    place.fail("the images differ in size (expected " + std::to_string(color.image.width) + " x " +
+               std::to_string(color.image.height) + " as color, found " + std::to_string(alpha.image.width) + " x " +
+               std::to_string(alpha.image.height) + " for alpha)");
   }
   AtlasPage page;
-  page.width = std::max(color.width, alpha.width);
-  page.height = std::max(color.height, alpha.height);
-  page.texels.assign(static_cast<std::size_t>(page.width) * page.height, glm::vec4(0, 0, 0, 1));
+  page.width = std::max(color.image.width, alpha.image.width);
+  page.height = std::max(color.image.height, alpha.image.height);
+  if (place.has("exr")) return readValues(place, mode, page.width, page.height, texels);
+  page.texels.assign(static_cast<std::size_t>(page.width) * static_cast<std::size_t>(page.height),
+                     glm::vec4(0, 0, 0, 1));
+  const std::size_t color_channels = static_cast<std::size_t>(color.image.channels);
+  const std::size_t alpha_channels = static_cast<std::size_t>(alpha.image.channels);
   for (std::size_t i = 0; i < page.texels.size(); ++i) {
-    if (hasColor(mode)) {
-      for (int c = 0; c < 3; ++c) {
-        const int channel = color.channels >= 3 ? c : 0;
-        page.texels[i][c] = texelValue(color.data[i * color.channels + channel], scale[c], offset[c]);
-      }
+    for (int c = 0; c < 3 && hasColor(mode); ++c) {
+      const std::size_t k = static_cast<std::size_t>(c);
+      const float stored = color.image.data[i * color_channels + (color_channels >= 3 ? k : 0)];
+      page.texels[i][c] = texelValue(stored, color.largest, scale[k], offset[k]);
     }
     if (hasAlpha(mode)) {
-      page.texels[i].a = std::clamp(texelValue(alpha.data[i * alpha.channels], scale[3], offset[3]), 0.0f, 1.0f);
+      const float stored = alpha.image.data[i * alpha_channels];
+      page.texels[i].a = std::clamp(texelValue(stored, alpha.largest, scale[3], offset[3]), 0.0f, 1.0f);
     }
   }
   return page;
@@ -219,49 +273,71 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
       splats.pointer + "/extensions/" + std::string(kSplatExtension) + "/extensions/" + std::string(kTextureExtension)};
   if (!extension.IsObject()) place.fail("is no object");
   TextureLayer layer;
-  const std::optional<TextureMode> mode = parseTextureMode(readChoice(place, "mode", ""));
-  if (!mode || *mode == TextureMode::none) {
-    place.fail("unknown \"mode\" (expected \"alpha\", \"rgb\" or \"rgba\", found " + quoted(place.get("mode")) + ")");
-  }
-  layer.mode = *mode;
-  const std::optional<IntersectionModel> intersection =
-      parseIntersectionModel(readChoice(place, "intersection", "plane"));
-  if (!intersection) {
-    place.fail("unknown \"intersection\" (expected \"plane\" or \"maxResponse\", found " +
-               quoted(place.get("intersection")) + ")");
-  }
-  layer.intersection = *intersection;
-  if (place.has("extent")) {
+  const auto attempt = [&](auto step) { return document.attempt(step); };
+  const bool has_mode = attempt([&] {
+    const std::optional<TextureMode> mode = parseTextureMode(readChoice(place, "mode", ""));
+    if (!mode || *mode == TextureMode::none) {
+      place.fail("unknown \"mode\" (expected \"alpha\", \"rgb\" or \"rgba\", found " + quoted(place.get("mode")) + ")");
+    }
+    layer.mode = *mode;
+  });
+  attempt([&] {
+    const std::optional<IntersectionModel> intersection =
+        parseIntersectionModel(readChoice(place, "intersection", "plane"));
+    if (!intersection) {
+      place.fail("unknown \"intersection\" (expected \"plane\" or \"maxResponse\", found " +
+                 quoted(place.get("intersection")) + ")");
+    }
+    layer.intersection = *intersection;
+  });
+  attempt([&] {
+    if (!place.has("extent")) return;
     const tinygltf::Value& extent = place.get("extent");
     if (!extent.IsNumber() || extent.GetNumberAsDouble() != kTextureExtent) {
       place.fail("\"extent\" is not supported (expected 3, found " +
                  (extent.IsNumber() ? std::to_string(extent.GetNumberAsDouble()) : std::string("no number")) + ")");
     }
-  }
-  if (readChoice(place, "filter", "bilinear") != "bilinear") {
-    place.fail("\"filter\" is not supported (expected \"bilinear\", found " + quoted(place.get("filter")) + ")");
-  }
+  });
+  attempt([&] {
+    if (readChoice(place, "filter", "bilinear") != "bilinear") {
+      place.fail("\"filter\" is not supported (expected \"bilinear\", found " + quoted(place.get("filter")) + ")");
+    }
+  });
   const tinygltf::Value& atlases = place.get("atlases");
-  if (!atlases.IsArray() || atlases.ArrayLen() == 0 || atlases.ArrayLen() > kMaxAtlases) {
-    place.fail("\"atlases\" is wrong (expected an array of 1 to 255, found " +
-               (atlases.IsArray() ? std::to_string(atlases.ArrayLen()) : std::string("none")) + ")");
-  }
+  const bool has_atlases = attempt([&] {
+    if (!atlases.IsArray() || atlases.ArrayLen() == 0 || atlases.ArrayLen() > kMaxAtlases) {
+      place.fail("\"atlases\" is wrong (expected an array of 1 to 255, found " +
+                 (atlases.IsArray() ? std::to_string(atlases.ArrayLen()) : std::string("none")) + ")");
+    }
+  });
   // The attributes first: an image can cost much more to decode.
-  const std::vector<AtlasPlacement> placements = readPlacements(document, splats);
-  if (splats.has(kOpacity)) {
+  std::vector<AtlasPlacement> placements;
+  const bool has_placements = attempt([&] { placements = readPlacements(document, splats); });
+  attempt([&] {
+    if (!splats.has(kOpacity)) return;
     layer.opacity =
         readAttribute(document, splats, {kOpacity, 1, kFloat | kUnsignedByteNormalized | kUnsignedShortNormalized});
-  }
-  if (splats.has(kDc)) layer.dc = readAttribute(document, splats, {kDc, 3, kFloat});
+  });
+  attempt([&] {
+    if (splats.has(kDc)) layer.dc = readAttribute(document, splats, {kDc, 3, kFloat});
+  });
+  if (!has_mode || !has_atlases) return layer;
   std::uint64_t texels = 0;
   std::vector<AtlasPage> pages;
+  bool has_pages = true;
   for (std::size_t i = 0; i < atlases.ArrayLen(); ++i) {
-    const Place atlas{document, atlases.Get(i), place.pointer + "/atlases/" + std::to_string(i)};
-    if (!atlas.value.IsObject()) atlas.fail("is no object");
-    pages.push_back(readAtlas(atlas, layer.mode, texels));
+    const Place atlas{document, atlases.Get(static_cast<int>(i)), place.pointer + "/atlases/" + std::to_string(i)};
+    has_pages = attempt([&] {
+                  if (!atlas.value.IsObject()) atlas.fail("is no object");
+                  pages.push_back(readAtlas(atlas, layer.mode, texels));
+                }) &&
+                has_pages;
   }
-  checkPlacements(document, splats, pages, placements);
-  layer.atlas = copyRectangles(document, splats, pages, placements);
+  if (!has_pages || !has_placements) return layer;
+  attempt([&] {
+    checkPlacements(document, splats, pages, placements);
+    layer.atlas = copyRectangles(document, splats, pages, placements);
+  });
   return layer;
 }
 

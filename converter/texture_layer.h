@@ -23,7 +23,8 @@ struct TextureLayer {
 // The extension object of a primitive; nullptr when it has none.
 const tinygltf::Value* findTextureExtension(const tinygltf::Primitive& primitive);
 
-// Throws Error(badData) with a JSON pointer, what was expected and what was found.
+// Throws Error(badData) with a JSON pointer, what was expected and what was found. Where the document collects errors,
+// all that can be told apart; the layer is then of no use.
 TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive& splats,
                               const tinygltf::Value& extension);
 

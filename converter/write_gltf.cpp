@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a model as GLB.
+// Writes a model as GLB or glTF.
 #include "converter/write_gltf.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "converter/axes.h"
 #include "converter/fallback.h"
+#include "converter/gltf_builder.h"
 #include "converter/gltf_cameras.h"
 #include "converter/gltf_document.h"
 #include "converter/gltf_numbers.h"
@@ -19,126 +22,198 @@
 #include "converter/quantize.h"
 #include "converter/repair.h"
 #include "core/error.h"
-#include "core/file.h"
+#include "core/png16.h"
 #include "shared/limits.h"
 
 namespace tg {
 namespace {
 
-using tinygltf::Value;
+using Json = nlohmann::ordered_json;
 
-constexpr int kMaxAtlasSide = 4096;                                 // [texels] what every WebGL 2 device can load
-constexpr std::uint64_t kMaxGlbBytes = 0xFFFFFFFFull - (1u << 20);  // the header's 32 bits, less room for the JSON
+constexpr int kMaxAtlasSide = 4096;  // [texels] what every WebGL 2 device can load
 constexpr const char* kGenerator = "Textured Gaussians tgconvert";
+constexpr std::uint64_t kSourceBytes = 32;                             // of a Gaussian: rotation, scale, opacity
+constexpr std::uint64_t kMaxBinaryBytes = 0xFFFFFFFFull - (1u << 24);  // of a GLB, less room for the JSON
+// Bits that --quantize leaves a float's mantissa in a packed file.
+constexpr MeshoptFilter kQuaternionFilter{MeshoptFilter::Kind::quaternion, 14};
+constexpr MeshoptFilter kScaleFilter{MeshoptFilter::Kind::exponential, 14};
+constexpr MeshoptFilter kDcFilter{MeshoptFilter::Kind::exponential, 14};
+constexpr MeshoptFilter kShFilter{MeshoptFilter::Kind::exponential, 10};
+
+constexpr ElementType kFloat1{"SCALAR", 5126, false, 4};
+constexpr ElementType kFloat3{"VEC3", 5126, false, 12};
+constexpr ElementType kFloat4{"VEC4", 5126, false, 16};
+constexpr ElementType kShort4{"VEC4", 5122, true, 8};
+constexpr ElementType kUnsignedShort1{"SCALAR", 5123, true, 2};
+constexpr ElementType kUnsignedShort4{"VEC4", 5123, true, 8};
+constexpr ElementType kUnsignedByte4{"VEC4", 5121, true, 4};
+constexpr ElementType kRectangle{"VEC4", 5123, false, 8};
+constexpr ElementType kIndex{"SCALAR", 5121, false, 1};
 
 std::string attributeName(std::string_view extension, const std::string& name) {
   return std::string(extension) + ":" + name;
 }
 
-// IEC 61966-2-1; colours of COLOR_0 are linear by glTF's rule.
-double linearFromSrgb(double c) { return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4); }
-
-// Appends to one buffer, one view per attribute or image.
-class Writer {
+// IEC 61966-2-1; colours of COLOR_0 are linear by glTF's rule. Between 4096 nodes a chord is off by less than 3e-8.
+class LinearFromSrgb {
  public:
-  explicit Writer(const std::string& path) : path_(path) { model.buffers.emplace_back(); }
-
-  // fill(i, out) writes `components` values of type T for element i. Elements are padded to 4 bytes (glTF's rule).
-  template <typename T, typename Fill>
-  int addAccessor(int gltf_type, int component_type, bool normalized, std::size_t count, Fill fill) {
-    const int components = tinygltf::GetNumComponentsInType(gltf_type);
-    const std::size_t element = components * sizeof(T);
-    const std::size_t stride = (element + 3) / 4 * 4;
-    unsigned char* to = grow(count * stride);
-    std::vector<T> values(components);
-    for (std::size_t i = 0; i < count; ++i, to += stride) {
-      fill(i, values.data());
-      std::memcpy(to, values.data(), element);
+  LinearFromSrgb() {
+    for (std::size_t k = 0; k < nodes_.size(); ++k) {
+      const double c = static_cast<double>(k) / kCells;
+      nodes_[k] = c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
     }
-    model.bufferViews.back().target = TINYGLTF_TARGET_ARRAY_BUFFER;
-    if (stride != element) model.bufferViews.back().byteStride = stride;
-    tinygltf::Accessor accessor;
-    accessor.bufferView = static_cast<int>(model.bufferViews.size()) - 1;
-    accessor.componentType = component_type;
-    accessor.normalized = normalized;
-    accessor.count = count;
-    accessor.type = gltf_type;
-    model.accessors.push_back(std::move(accessor));
-    return static_cast<int>(model.accessors.size()) - 1;
   }
-  template <typename Fill>
-  int addFloats(int gltf_type, std::size_t count, Fill fill) {
-    return addAccessor<float>(gltf_type, TINYGLTF_COMPONENT_TYPE_FLOAT, false, count, fill);
+  // c in [0, 1].
+  double operator()(double c) const {
+    const double x = c * kCells;
+    const auto cell = static_cast<std::size_t>(std::min(x, kCells - 1.0));
+    return nodes_[cell] + (x - static_cast<double>(cell)) * (nodes_[cell + 1] - nodes_[cell]);
   }
-
-  // Returns the index of a texture that shows it.
-  int addPng(const std::vector<std::uint8_t>& bytes, const std::string& name) {
-    std::memcpy(grow(bytes.size()), bytes.data(), bytes.size());
-    tinygltf::Image image;
-    image.name = name;
-    image.mimeType = "image/png";
-    image.bufferView = static_cast<int>(model.bufferViews.size()) - 1;
-    model.images.push_back(std::move(image));
-    tinygltf::Texture texture;
-    texture.source = static_cast<int>(model.images.size()) - 1;
-    texture.sampler = 0;
-    model.textures.push_back(std::move(texture));
-    return static_cast<int>(model.textures.size()) - 1;
-  }
-
-  tinygltf::Model model;
 
  private:
-  // Room for a new view of `bytes` bytes, 4-byte aligned, zero-filled.
-  unsigned char* grow(std::size_t bytes) {
-    std::vector<unsigned char>& data = model.buffers.front().data;
-    const std::size_t offset = (data.size() + 3) / 4 * 4;
-    if (offset + bytes > kMaxGlbBytes) {
-      throw Error(ErrorKind::badData, path_, "the model does not fit a GLB (expected at most 4 GiB)");
-    }
-    data.resize(offset + bytes);
-    tinygltf::BufferView view;
-    view.buffer = 0;
-    view.byteOffset = offset;
-    view.byteLength = bytes;
-    model.bufferViews.push_back(std::move(view));
-    return data.data() + offset;
-  }
-
-  std::string path_;
+  static constexpr double kCells = 4096.0;
+  std::array<double, 4097> nodes_;
 };
 
-using Attributes = std::map<std::string, int>;
+// Collects the parts of one file. Names of attributes are in the order of the file.
+class Writer {
+ public:
+  // `limited`: the file ends at 4 GiB.
+  Writer(const GltfContent& content, bool limited)
+      : builder(content.meshopt), content_(content), model_(content.model), limited_(limited) {}
 
-void addPositions(Writer& writer, const GaussianModel& model, Attributes& attributes) {
+  template <typename T, typename Fill>
+  void add(const std::string& semantic, const ElementType& element, Fill fill, MeshoptFilter filter = {}) {
+    const std::size_t stride = element.stride();
+    const auto block = [fill, stride](std::size_t first, std::size_t count, std::uint8_t* to) {
+      for (std::size_t i = first; i < first + count; ++i, to += stride) {
+        const T value = fill(i);
+        std::memcpy(to, &value, sizeof(value));
+      }
+    };
+    attributes[semantic] = builder.addAttribute(element, model_.size(), block, filter);
+  }
+
+  void addPositions();
+  void addShape(bool textured);
+  void addOpacity(const GaussianModel& model, std::string_view extension);
+  void addColors(const GaussianModel& model);
+  void addDc(const GaussianModel& model);
+  Json addTextures(GltfReport& report);
+  void addSource(bool textured, GltfReport& report);
+  void addScene(Json nested);
+
+  GltfBuilder builder;
+  Json attributes;
+
+ private:
+  Json addAtlas(AtlasPage& page, const std::string& name, GltfReport& report);
+  // Index of a texture that shows the image.
+  std::size_t addTexture(std::vector<std::uint8_t> png, const std::string& name);
+  MeshoptFilter filter(const MeshoptFilter& lossy) const { return content_.quantize ? lossy : MeshoptFilter{}; }
+
+  const GltfContent& content_;
+  const GaussianModel& model_;
+  const bool limited_;
+};
+
+void Writer::addPositions() {
   glm::vec3 low(std::numeric_limits<float>::max());
   glm::vec3 high(std::numeric_limits<float>::lowest());
-  attributes["POSITION"] = writer.addFloats(TINYGLTF_TYPE_VEC3, model.size(), [&](std::size_t i, float* out) {
-    const glm::vec3 p = turnAxes(model.mean[i]);
+  for (const glm::vec3& mean : model_.mean) {
+    const glm::vec3 p = turnAxes(mean);
     low = glm::min(low, p);
     high = glm::max(high, p);
-    std::memcpy(out, &p, sizeof(p));
-  });
-  writer.model.accessors.back().minValues = {low.x, low.y, low.z};
-  writer.model.accessors.back().maxValues = {high.x, high.y, high.z};
+  }
+  add<glm::vec3>("POSITION", kFloat3, [&model = model_](std::size_t i) { return turnAxes(model.mean[i]); });
+  builder.document["accessors"].back()["min"] = {low.x, low.y, low.z};
+  builder.document["accessors"].back()["max"] = {high.x, high.y, high.z};
 }
 
 // Rotation and scale; local axes in the order of the texture extension when it is there.
-void addShape(Writer& writer, const GaussianModel& model, bool textured, Attributes& attributes) {
-  std::vector<glm::vec3> log_scale = model.log_scale;
-  std::vector<glm::vec4> rotation = model.rotation;
-  if (textured) orderAxesForGltf(log_scale, rotation);
-  attributes[attributeName(kSplatExtension, "ROTATION")] =
-      writer.addFloats(TINYGLTF_TYPE_VEC4, model.size(), [&](std::size_t i, float* out) {
-        const glm::vec4 q = gltfRotation(rotation[i]);
-        const float xyzw[4] = {q.y, q.z, q.w, q.x};
-        std::memcpy(out, xyzw, sizeof(xyzw));
-      });
-  attributes[attributeName(kSplatExtension, "SCALE")] =
-      writer.addFloats(TINYGLTF_TYPE_VEC3, model.size(), [&](std::size_t i, float* out) {
-        const glm::vec3 scale = gltfScale(log_scale[i]);
-        std::memcpy(out, &scale, sizeof(scale));
-      });
+void Writer::addShape(bool textured) {
+  const auto xyzw = [&model = model_, textured](std::size_t i) {
+    glm::vec3 log_scale = model.log_scale[i];
+    glm::vec4 rotation = model.rotation[i];
+    if (textured) orderAxesForGltf(log_scale, rotation);
+    const glm::vec4 q = gltfRotation(rotation);
+    return glm::vec4(q.y, q.z, q.w, q.x);
+  };
+  const std::string rotation_name = attributeName(kSplatExtension, "ROTATION");
+  if (content_.quantize && !content_.meshopt) {
+    add<std::array<std::int16_t, 4>>(rotation_name, kShort4, [xyzw](std::size_t i) {
+      const glm::vec4 q = xyzw(i);
+      std::array<std::int16_t, 4> out;
+      for (int k = 0; k < 4; ++k)
+        out[static_cast<std::size_t>(k)] = static_cast<std::int16_t>(std::lround(q[k] * 32767.0f));
+      return out;
+    });
+  } else {
+    add<glm::vec4>(rotation_name, kFloat4, xyzw, filter(kQuaternionFilter));
+  }
+  add<glm::vec3>(
+      attributeName(kSplatExtension, "SCALE"), kFloat3,
+      [&model = model_, textured](std::size_t i) {
+        glm::vec3 log_scale = model.log_scale[i];
+        glm::vec4 rotation = model.rotation[i];
+        if (textured) orderAxesForGltf(log_scale, rotation);
+        return gltfScale(log_scale);
+      },
+      filter(kScaleFilter));
+}
+
+void Writer::addOpacity(const GaussianModel& model, std::string_view extension) {
+  const std::string semantic = attributeName(extension, "OPACITY");
+  if (content_.quantize) {
+    add<std::uint16_t>(semantic, kUnsignedShort1, [&model](std::size_t i) {
+      return static_cast<std::uint16_t>(std::lround(gltfOpacity(model.opacity_logit[i]) * 65535.0f));
+    });
+  } else {
+    add<float>(semantic, kFloat1, [&model](std::size_t i) { return gltfOpacity(model.opacity_logit[i]); });
+  }
+}
+
+void Writer::addColors(const GaussianModel& model) {
+  const std::size_t count = static_cast<std::size_t>(model.shCount());
+  std::size_t k = 0;
+  for (int l = 0; l <= model.sh_degree; ++l) {
+    for (int m = 0; m <= 2 * l; ++m, ++k) {
+      // Signs of the half turn: functions of even index are even in (x, y).
+      const float sign = k % 2 == 0 ? 1.0f : -1.0f;
+      const std::string name = "SH_DEGREE_" + std::to_string(l) + "_COEF_" + std::to_string(m);
+      add<glm::vec3>(
+          attributeName(kSplatExtension, name), kFloat3,
+          [&model, sign, count, k](std::size_t i) { return sign * model.sh[i * count + k]; },
+          filter(l == 0 ? kDcFilter : kShFilter));
+    }
+  }
+  static const LinearFromSrgb linear;
+  const auto color = [&model, count](std::size_t i, int c) {
+    return c == 3 ? static_cast<double>(gltfOpacity(model.opacity_logit[i]))
+                  : linear(std::clamp(0.5 + double{kShC0} * model.sh[i * count][c], 0.0, 1.0));
+  };
+  if (content_.quantize) {
+    add<std::array<std::uint8_t, 4>>("COLOR_0", kUnsignedByte4, [color](std::size_t i) {
+      std::array<std::uint8_t, 4> out;
+      for (int c = 0; c < 4; ++c)
+        out[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(color(i, c) * 255.0 + 0.5);
+      return out;
+    });
+  } else {
+    add<std::array<std::uint16_t, 4>>("COLOR_0", kUnsignedShort4, [color](std::size_t i) {
+      std::array<std::uint16_t, 4> out;
+      for (int c = 0; c < 4; ++c)
+        out[static_cast<std::size_t>(c)] = static_cast<std::uint16_t>(color(i, c) * 65535.0 + 0.5);
+      return out;
+    });
+  }
+}
+
+void Writer::addDc(const GaussianModel& model) {
+  const std::size_t count = static_cast<std::size_t>(model.shCount());
+  add<glm::vec3>(
+      attributeName(kTextureExtension, "SH_DEGREE_0_COEF_0"), kFloat3,
+      [&model, count](std::size_t i) { return model.sh[i * count]; }, filter(kDcFilter));
 }
 
 // What of a Gaussian a reader of the glTF numbers gets back with other last bits.
@@ -148,7 +223,7 @@ struct Changed {
 
 Changed changedByGltf(const GaussianModel& model, bool textured) {
   Changed changed;
-  for (std::size_t i = 0; i < model.size(); ++i) {
+  for (std::size_t i = 0; i < model.size() && !(changed.rotation && changed.log_scale && changed.opacity); ++i) {
     glm::vec3 log_scale = model.log_scale[i];
     glm::vec4 q = model.rotation[i];
     if (textured) orderAxesForGltf(log_scale, q);
@@ -165,201 +240,165 @@ Changed changedByGltf(const GaussianModel& model, bool textured) {
 
 // The numbers the model came with, beside those glTF has words for. An attribute is left out where nothing would
 // change.
-void addSource(Writer& writer, const GaussianModel& model, bool textured, Attributes& attributes) {
-  const Changed changed = changedByGltf(model, textured);
+void Writer::addSource(bool textured, GltfReport& report) {
+  if (content_.lean || content_.quantize) return;
+  const Changed changed = changedByGltf(model_, textured);
+  if (limited_ && builder.binaryBytes() + kSourceBytes * model_.size() > kMaxBinaryBytes) {
+    report.dropped_source = changed.rotation || changed.log_scale || changed.opacity;
+    return;
+  }
   if (changed.rotation) {
-    attributes[kSourceRotation] = writer.addFloats(TINYGLTF_TYPE_VEC4, model.size(), [&](std::size_t i, float* out) {
-      std::memcpy(out, &model.rotation[i], sizeof(model.rotation[i]));
-    });
+    add<glm::vec4>(kSourceRotation, kFloat4, [&model = model_](std::size_t i) { return model.rotation[i]; });
   }
   if (changed.log_scale) {
-    attributes[kSourceLogScale] = writer.addFloats(TINYGLTF_TYPE_VEC3, model.size(), [&](std::size_t i, float* out) {
-      std::memcpy(out, &model.log_scale[i], sizeof(model.log_scale[i]));
-    });
+    add<glm::vec3>(kSourceLogScale, kFloat3, [&model = model_](std::size_t i) { return model.log_scale[i]; });
   }
   if (changed.opacity) {
-    attributes[kSourceLogit] = writer.addFloats(TINYGLTF_TYPE_SCALAR, model.size(),
-                                                [&](std::size_t i, float* out) { *out = model.opacity_logit[i]; });
+    add<float>(kSourceLogit, kFloat1, [&model = model_](std::size_t i) { return model.opacity_logit[i]; });
   }
 }
 
-void addOpacity(Writer& writer, const GaussianModel& model, std::string_view extension, Attributes& attributes) {
-  attributes[attributeName(extension, "OPACITY")] =
-      writer.addFloats(TINYGLTF_TYPE_SCALAR, model.size(),
-                       [&](std::size_t i, float* out) { *out = gltfOpacity(model.opacity_logit[i]); });
+std::size_t Writer::addTexture(std::vector<std::uint8_t> png, const std::string& name) {
+  const std::size_t image = builder.addImage(std::move(png), "image/png", name);
+  builder.document["textures"].push_back({{"source", image}, {"sampler", 0}});
+  return builder.document["textures"].size() - 1;
 }
 
-void addColors(Writer& writer, const GaussianModel& model, Attributes& attributes) {
-  const std::size_t count = model.shCount();
-  for (int l = 0, k = 0; l <= model.sh_degree; ++l) {
-    for (int m = 0; m <= 2 * l; ++m, ++k) {
-      // Signs of the half turn: functions of even index are even in (x, y).
-      const float sign = k % 2 == 0 ? 1.0f : -1.0f;
-      const std::string name = "SH_DEGREE_" + std::to_string(l) + "_COEF_" + std::to_string(m);
-      attributes[attributeName(kSplatExtension, name)] =
-          writer.addFloats(TINYGLTF_TYPE_VEC3, model.size(), [&](std::size_t i, float* out) {
-            const glm::vec3 coefficient = sign * model.sh[i * count + k];
-            std::memcpy(out, &coefficient, sizeof(coefficient));
-          });
+// One atlas object. The page's texels are gone afterwards.
+Json Writer::addAtlas(AtlasPage& page, const std::string& name, GltfReport& report) {
+  const unsigned mode = static_cast<unsigned>(model_.texture_mode);
+  for (glm::vec4& texel : page.texels) {  // terms that the mode lacks do not count
+    if ((mode & kModeRgb) == 0) texel = glm::vec4(0.0f, 0.0f, 0.0f, texel.a);
+    if ((mode & kModeAlpha) == 0) texel.a = 1.0f;
+  }
+  const int bits = content_.atlas == AtlasFormat::png16 ? 16 : 8;
+  const QuantizedPage quantized = quantizePage(page, bits);
+  report.clipped_texels += quantized.clipped_texels;
+  const auto encode = [&](const Image& image) { return bits == 16 ? encodePng16(image) : encodePng(image); };
+  Json atlas;
+  if ((mode & kModeRgb) != 0) atlas["color"] = addTexture(encode(quantized.color), name + "_color");
+  if ((mode & kModeAlpha) != 0) atlas["alpha"] = addTexture(encode(quantized.alpha), name + "_alpha");
+  if (content_.atlas == AtlasFormat::exr) {
+    Image values(page.width, page.height, 4);
+    for (std::size_t i = 0; i < page.texels.size(); ++i) {
+      for (int c = 0; c < 4; ++c) values.data[i * 4 + static_cast<std::size_t>(c)] = page.texels[i][c];
     }
+    const std::array<std::string, 4> channels = {"R", "G", "B", "alpha"};
+    atlas["exr"] = builder.addImage(encodeExr(values, channels), "image/x-exr", name + "_values");
   }
-  attributes["COLOR_0"] = writer.addAccessor<std::uint16_t>(
-      TINYGLTF_TYPE_VEC4, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, true, model.size(),
-      [&](std::size_t i, std::uint16_t* out) {
-        for (int c = 0; c < 4; ++c) {
-          const double value = c == 3
-                                   ? gltfOpacity(model.opacity_logit[i])
-                                   : linearFromSrgb(std::clamp(0.5 + double{kShC0} * model.sh[i * count][c], 0.0, 1.0));
-          out[c] = static_cast<std::uint16_t>(std::lround(value * 65535.0));
-        }
-      });
+  page.texels = {};
+  atlas["scale"] = quantized.scale;
+  atlas["offset"] = quantized.offset;
+  return atlas;
 }
 
-Value numbers(const std::array<double, 4>& values) {
-  Value::Array list;
-  for (const double v : values) list.emplace_back(v);
-  return Value(std::move(list));
-}
-
-// Atlases, rectangles and the values to use with them. Returns the extension object.
-Value addTextures(Writer& writer, const GaussianModel& model, Attributes& attributes, GltfReport& report) {
-  const unsigned mode = static_cast<unsigned>(model.texture_mode);
-  PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxAtlasSide);
-  attributes[attributeName(kTextureExtension, "RECT")] =
-      writer.addAccessor<std::uint16_t>(TINYGLTF_TYPE_VEC4, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, false, model.size(),
-                                        [&](std::size_t i, std::uint16_t* out) {
-                                          const AtlasPlacement& p = packed.placements[i];
-                                          const std::uint16_t rect[4] = {p.x, p.y, p.w, p.h};
-                                          std::memcpy(out, rect, sizeof(rect));
-                                        });
+// Atlases and rectangles. Returns the extension object; images are the last thing in the buffer.
+Json Writer::addTextures(GltfReport& report) {
+  PackedAtlas packed = packAtlas(model_.atlas, model_.size(), kMaxAtlasSide);
+  // Fills outlive this function.
+  const auto placements = std::make_shared<const std::vector<AtlasPlacement>>(std::move(packed.placements));
+  add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle, [placements](std::size_t i) {
+    const AtlasPlacement& p = (*placements)[i];
+    return std::array<std::uint16_t, 4>{p.x, p.y, p.w, p.h};
+  });
   if (packed.pages.size() > 1) {
-    attributes[attributeName(kTextureExtension, "ATLAS")] = writer.addAccessor<std::uint8_t>(
-        TINYGLTF_TYPE_SCALAR, TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE, false, model.size(),
-        [&](std::size_t i, std::uint8_t* out) { *out = packed.placements[i].page; });
+    add<std::uint8_t>(attributeName(kTextureExtension, "ATLAS"), kIndex,
+                      [placements](std::size_t i) { return (*placements)[i].page; });
   }
-  if ((mode & kModeAlpha) != 0) addOpacity(writer, model, kTextureExtension, attributes);
-  if ((mode & kModeRgb) != 0) {
-    attributes[attributeName(kTextureExtension, "SH_DEGREE_0_COEF_0")] = writer.addFloats(
-        TINYGLTF_TYPE_VEC3, model.size(),
-        [&](std::size_t i, float* out) { std::memcpy(out, &model.sh[i * model.shCount()], sizeof(glm::vec3)); });
-  }
+  for (const AtlasPlacement& p : *placements) report.texels += std::uint64_t{p.w} * p.h;
+  addSource(true, report);
 
-  tinygltf::Sampler sampler;
-  sampler.magFilter = TINYGLTF_TEXTURE_FILTER_LINEAR;
-  sampler.minFilter = TINYGLTF_TEXTURE_FILTER_LINEAR;
-  sampler.wrapS = TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE;
-  sampler.wrapT = TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE;
-  writer.model.samplers.push_back(sampler);
-  Value::Array atlases;
+  constexpr int linear = 9729, clamp = 33071;
+  builder.document["samplers"] =
+      Json::array({{{"magFilter", linear}, {"minFilter", linear}, {"wrapS", clamp}, {"wrapT", clamp}}});
+  Json atlases = Json::array();
   for (std::size_t p = 0; p < packed.pages.size(); ++p) {
-    for (glm::vec4& texel : packed.pages[p].texels) {  // terms that the mode lacks do not count
-      if ((mode & kModeRgb) == 0) texel = glm::vec4(0.0f, 0.0f, 0.0f, texel.a);
-      if ((mode & kModeAlpha) == 0) texel.a = 1.0f;
-    }
-    const QuantizedPage page = quantizePage(packed.pages[p]);
     report.atlas_width = packed.pages[p].width;
     report.atlas_height = packed.pages[p].height;
-    packed.pages[p].texels = {};
-    report.clipped_texels += page.clipped_texels;
-    Value::Object atlas;
-    const std::string name = "atlas_" + std::to_string(p);
-    if ((mode & kModeRgb) != 0) atlas["color"] = Value(writer.addPng(encodePng(page.color), name + "_color"));
-    if ((mode & kModeAlpha) != 0) atlas["alpha"] = Value(writer.addPng(encodePng(page.alpha), name + "_alpha"));
-    atlas["scale"] = numbers(page.scale);
-    atlas["offset"] = numbers(page.offset);
-    atlases.emplace_back(std::move(atlas));
+    atlases.push_back(addAtlas(packed.pages[p], "atlas_" + std::to_string(p), report));
   }
   report.atlases = static_cast<int>(packed.pages.size());
-  for (const AtlasPlacement& p : packed.placements) report.texels += std::uint64_t{p.w} * p.h;
-
-  Value::Object extension;
-  extension["mode"] = Value(std::string(name(model.texture_mode)));
-  extension["intersection"] = Value(std::string(name(model.intersection)));
-  extension["extent"] = Value(double{kTextureExtent});
-  extension["filter"] = Value(std::string("bilinear"));
-  extension["atlases"] = Value(std::move(atlases));
-  return Value(std::move(extension));
+  return {{"mode", name(model_.texture_mode)},
+          {"intersection", name(model_.intersection)},
+          {"extent", double{kTextureExtent}},
+          {"filter", "bilinear"},
+          {"atlases", std::move(atlases)}};
 }
 
 // The root, nodes and the primitive around the attributes.
-void addScene(tinygltf::Model& gltf, const GltfContent& content, Attributes attributes, Value::Object nested) {
-  Value::Object splatting;
-  splatting["kernel"] = Value(std::string("ellipse"));
-  splatting["colorSpace"] = Value(std::string("srgb_rec709_display"));
-  gltf.extensionsUsed.emplace_back(kSplatExtension);
-  if (!nested.empty()) {
-    gltf.extensionsUsed.emplace_back(kTextureExtension);
-    splatting["extensions"] = Value(std::move(nested));
+void Writer::addScene(Json nested) {
+  Json splatting = {{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}};
+  Json used = Json::array({std::string(kSplatExtension)});
+  if (!nested.is_null()) {
+    used.push_back(std::string(kTextureExtension));
+    splatting["extensions"][std::string(kTextureExtension)] = std::move(nested);
   }
-  tinygltf::Primitive primitive;
-  primitive.mode = TINYGLTF_MODE_POINTS;
-  primitive.attributes = std::move(attributes);
-  primitive.extensions[std::string(kSplatExtension)] = Value(std::move(splatting));
-  tinygltf::Mesh mesh;
-  mesh.primitives.push_back(std::move(primitive));
-  gltf.meshes.push_back(std::move(mesh));
-  tinygltf::Node node;
-  node.name = "gaussians";
-  node.mesh = 0;
-  gltf.nodes.push_back(std::move(node));
-  gltf.scenes.emplace_back();
-  gltf.scenes.front().nodes = {0};
-  gltf.defaultScene = 0;
-  addCameras(gltf, content.cameras);
-
-  Value::Object ours;
-  ours["intersection"] = Value(std::string(name(content.model.intersection)));
-  Value::Array background;
-  for (int c = 0; c < 3; ++c) background.emplace_back(double{content.background[c]});
-  ours["background"] = Value(std::move(background));
-  gltf.asset.version = "2.0";
-  gltf.asset.generator = kGenerator;
-  gltf.asset.extras = Value(Value::Object{{kExtrasKey, Value(std::move(ours))}});
+  Json& root = builder.document;
+  if (content_.meshopt) {
+    used.push_back("EXT_meshopt_compression");
+    root["extensionsRequired"] = {"EXT_meshopt_compression"};
+  }
+  root["extensionsUsed"] = std::move(used);
+  Json primitive = {{"mode", 0}, {"attributes", std::move(attributes)}};
+  primitive["extensions"][std::string(kSplatExtension)] = std::move(splatting);
+  root["meshes"] = Json::array({{{"primitives", Json::array({std::move(primitive)})}}});
+  root["nodes"] = Json::array({{{"name", "gaussians"}, {"mesh", 0}}});
+  root["scenes"] = Json::array({{{"nodes", {0}}}});
+  root["scene"] = 0;
+  addCameras(root, content_.cameras);
+  root["asset"] = {{"version", "2.0"}, {"generator", kGenerator}};
+  const glm::vec3& background = content_.background;
+  root["asset"]["extras"][kExtrasKey] = {{"intersection", name(model_.intersection)},
+                                         {"background", {background.x, background.y, background.z}}};
 }
 
-}  // namespace
-
-GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content) {
+GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {
   const GaussianModel& model = content.model;
   if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
   const bool textured =
       model.texture_mode != TextureMode::none && std::any_of(model.atlas.rects.begin(), model.atlas.rects.end(),
                                                              [](const TextureRect& r) { return r.texelCount() != 0; });
   GltfReport report;
-  Writer writer(path.string());
-  Attributes attributes;
-  addPositions(writer, model, attributes);
-  addShape(writer, model, textured, attributes);
-  Value::Object nested;
+  Writer writer(content, binary);
+  writer.addPositions();
+  writer.addShape(textured);
+  const GaussianModel base = textured ? bakeFallback(model) : GaussianModel();  // outlives the writing
+  writer.addOpacity(textured ? base : model, kSplatExtension);
+  writer.addColors(textured ? base : model);
+  Json nested;
   if (textured) {
-    {
-      const GaussianModel base = bakeFallback(model);
-      addOpacity(writer, base, kSplatExtension, attributes);
-      addColors(writer, base, attributes);
-    }
-    nested[std::string(kTextureExtension)] = addTextures(writer, model, attributes, report);
+    const unsigned mode = static_cast<unsigned>(model.texture_mode);
+    if ((mode & kModeAlpha) != 0) writer.addOpacity(model, kTextureExtension);
+    if ((mode & kModeRgb) != 0) writer.addDc(model);
+    nested = writer.addTextures(report);
   } else {
-    addOpacity(writer, model, kSplatExtension, attributes);
-    addColors(writer, model, attributes);
+    writer.addSource(false, report);
   }
-  if (!content.lean) addSource(writer, model, textured, attributes);
-  addScene(writer.model, content, std::move(attributes), std::move(nested));
-
-  writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
-    std::ofstream stream(temporary, std::ios::binary | std::ios::trunc);
-    tinygltf::TinyGLTF gltf;
-    bool ok = false;
-    std::string why = "the disk is full or not writable";
-    try {
-      ok = stream.good() && gltf.WriteGltfSceneToStream(&writer.model, stream, false, true);
-    } catch (const std::exception& exception) {
-      why = exception.what();
-    }
-    stream.close();
-    if (!ok || stream.fail()) throw Error(ErrorKind::cannotWrite, path.string(), "cannot be written: " + why);
-    report.bytes = std::filesystem::file_size(temporary);
-  });
+  writer.addScene(std::move(nested));
+  report.bytes = binary ? writer.builder.writeGlb(path) : writer.builder.writeGltf(path);
   return report;
+}
+
+}  // namespace
+
+std::string_view name(AtlasFormat format) {
+  constexpr std::array<std::string_view, 3> names = {"png8", "png16", "exr"};
+  return names[static_cast<std::size_t>(format)];
+}
+
+std::optional<AtlasFormat> parseAtlasFormat(std::string_view text) {
+  for (const AtlasFormat format : {AtlasFormat::png8, AtlasFormat::png16, AtlasFormat::exr}) {
+    if (name(format) == text) return format;
+  }
+  return std::nullopt;
+}
+
+GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content) {
+  return write(path, content, true);
+}
+
+GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content) {
+  return write(path, content, false);
 }
 
 }  // namespace tg

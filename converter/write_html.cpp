@@ -95,6 +95,9 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
     const std::filesystem::path glb_path = temporary.string() + ".glb";
     GltfContent lean = content;
     lean.lean = true;
+    // What the page's script does not read.
+    if (lean.atlas == AtlasFormat::exr) lean.atlas = AtlasFormat::png16;
+    lean.meshopt = false;
     report = writeGlb(glb_path, lean);
     std::ifstream glb(glb_path, std::ios::binary);
     std::filesystem::remove(glb_path);

@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/image_codecs.h"
 #include "core/parallel.h"
+#include "core/png16.h"
 
 namespace tg {
 namespace {
@@ -98,15 +99,15 @@ bool readRows(PngState& state, std::vector<png_bytep>& rows) {
   return true;
 }
 
-bool writeRows(PngState& state, const Image& image, std::vector<png_bytep>& rows) {
+bool writeRows(PngState& state, const Image& image, int bits, std::vector<png_bytep>& rows) {
   if (setjmp(state.jump)) return false;
   const int color = image.channels == 1   ? PNG_COLOR_TYPE_GRAY
                     : image.channels == 3 ? PNG_COLOR_TYPE_RGB
                                           : PNG_COLOR_TYPE_RGB_ALPHA;
   png_set_write_fn(state.png, &state, onWrite, onFlush);
   png_set_compression_level(state.png, 6);
-  png_set_IHDR(state.png, state.info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), 8,
-               color, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(state.png, state.info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height),
+               bits, color, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   png_write_info(state.png, state.info);
   png_write_image(state.png, rows.data());
   png_write_end(state.png, nullptr);
@@ -150,23 +151,38 @@ Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path) {
   return image;
 }
 
-std::vector<std::uint8_t> encodePng(const Image& image) {
+namespace {
+
+std::vector<std::uint8_t> encode(const Image& image, int bits) {
   const std::string name = "PNG";
   if (image.channels != 1 && image.channels != 3 && image.channels != 4)
     throw Error(ErrorKind::cannotWrite, name,
                 "wrong number of channels (expected 1, 3 or 4, found " + std::to_string(image.channels) + ")");
   PngWriter state;
   begin(state, ErrorKind::cannotWrite, name);
-  std::vector<std::uint8_t> pixels(image.data.size());
-  for (std::size_t i = 0; i < pixels.size(); ++i) {
-    const float v = image.data[i];
-    pixels[i] = v > 0.0f ? static_cast<std::uint8_t>(std::min(v, 1.0f) * 255.0f + 0.5f) : 0;  // NaN becomes 0
+  const std::size_t sample_bytes = bits == 16 ? 2 : 1;
+  std::vector<std::uint8_t> pixels(image.data.size() * sample_bytes);
+  for (std::size_t i = 0; i < image.data.size(); ++i) {
+    const float v = image.data[i] > 0.0f ? std::min(image.data[i], 1.0f) : 0.0f;  // NaN becomes 0
+    if (bits == 16) {
+      const auto stored = static_cast<unsigned>(static_cast<double>(v) * 65535.0 + 0.5);
+      pixels[2 * i] = static_cast<std::uint8_t>(stored >> 8);  // big endian
+      pixels[2 * i + 1] = static_cast<std::uint8_t>(stored);
+    } else {
+      pixels[i] = static_cast<std::uint8_t>(v * 255.0f + 0.5f);
+    }
   }
   std::vector<png_bytep> rows(static_cast<std::size_t>(image.height));
-  const std::size_t row_bytes = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.channels);
+  const std::size_t row_bytes =
+      static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.channels) * sample_bytes;
   for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = pixels.data() + y * row_bytes;
-  if (!writeRows(state, image, rows)) throw Error(ErrorKind::cannotWrite, name, state.message);
+  if (!writeRows(state, image, bits, rows)) throw Error(ErrorKind::cannotWrite, name, state.message);
   return std::move(state.output);
 }
+
+}  // namespace
+
+std::vector<std::uint8_t> encodePng(const Image& image) { return encode(image, 8); }
+std::vector<std::uint8_t> encodePng16(const Image& image) { return encode(image, 16); }
 
 }  // namespace tg

@@ -577,7 +577,7 @@ def _(g):
     g.json["accessors"][0]["count"] = COUNT + 1
 
 
-@case("K16", "external", "error", "/buffers/0/uri", "external buffers are not read")
+@case("K16", "external", "error", "/buffers/0/uri", "no name of a file beside this one")
 def _(g):
     "a buffer outside the file"
     g.json["buffers"][0]["uri"] = "../secret.bin"

@@ -104,6 +104,37 @@ TEST_CASE("tgconvert edits in the order of its options, merges inputs and refuse
   CHECK(!std::filesystem::exists(scratch.folder() / "b.glb"));
 }
 
+TEST_CASE("tgconvert turns a folder of models into another, and says which failed") {
+  const Scratch scratch;
+  std::filesystem::create_directory(scratch.folder() / "in");
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    GaussianModel model = test::makeScene(test::SceneKind::ordinary, seed, 20).model;
+    writeSplatPly(scratch.folder() / "in" / (std::to_string(seed) + ".ply"), model);
+  }
+  scratch.write("in/readme.txt", "no model");
+  const Result good = tgconvert(scratch, "in out --to glb --keep 'index < 10'");
+  CHECK(good.code == 0);
+  CHECK(good.err.empty());  // no progress where there is no terminal
+  CHECK(good.out.find("2.ply: 10 Gaussians, ") != std::string::npos);
+  CHECK(good.out.find("3 models written, 0 failed") != std::string::npos);
+  CHECK(readModel(scratch.folder() / "out" / "3.glb").model.size() == 10);
+
+  scratch.write("in/4.ply", "ply\nformat ascii 1.0\nend_header\n");
+  const Result again = tgconvert(scratch, "in out --to glb --json");
+  CHECK(again.code == 4);  // the first failure: 1.glb exists
+  CHECK(nlohmann::json::parse(again.out)["models"].size() == 4);
+  const Result broken = tgconvert(scratch, "in out --to glb --overwrite --quiet");
+  CHECK(broken.code == 3);
+  CHECK(broken.out.empty());
+  CHECK(broken.err.find("4.ply") != std::string::npos);
+  CHECK(readModel(scratch.folder() / "out" / "3.glb").model.size() == 20);
+
+  CHECK(tgconvert(scratch, "in out").code == 1);
+  CHECK(tgconvert(scratch, "in out --to obj").code == 1);
+  std::filesystem::create_directory(scratch.folder() / "empty");
+  CHECK(tgconvert(scratch, "empty out --to glb").code == 2);
+}
+
 TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit code") {
   const Scratch scratch;
   writeGlb(scratch.folder() / "good.glb",
@@ -130,6 +161,23 @@ TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit c
   REQUIRE(json["warnings"].size() == 2);
   CHECK(json["warnings"][0]["pointer"] == "/meshes/0/primitives/0/attributes/POSITION");
   CHECK(json["warnings"][1]["pointer"] == "/extensionsRequired");
+
+  // All that is wrong, not the first of it.
+  glb.textures()["extent"] = -1;
+  glb.textures()["filter"] = "cubic";
+  glb.primitive()["attributes"].erase("KHR_gaussian_splatting:SCALE");
+  glb.primitive()["attributes"].erase("TG_gaussian_splatting_texture:RECT");
+  glb.primitive()["mode"] = 4;
+  glb.json["extensionsUsed"] = {"KHR_gaussian_splatting", "TG_gaussian_splatting_texture"};
+  scratch.write("worse.glb", glb.bytes());
+  const Result worse = tgconvert(scratch, "check worse.glb");
+  CHECK(worse.code == 3);
+  for (const char* part : {"unknown \"mode\"", "\"extent\" is not supported", "\"filter\" is not supported",
+                           "KHR_gaussian_splatting:SCALE is missing", "TG_gaussian_splatting_texture:RECT is missing",
+                           "/meshes/0/primitives/0/mode: wrong mode", "worse.glb: not valid, 6 errors"}) {
+    CAPTURE(part);
+    CHECK(worse.out.find(part) != std::string::npos);
+  }
 
   scratch.write("cut.spz", std::string("NGSP\3\0\0\0", 8));
   CHECK(tgconvert(scratch, "check cut.spz").code == 3);
@@ -167,7 +215,7 @@ TEST_CASE("tgconvert writes what it says and refuses with one line and the right
   CHECK(tgconvert(scratch, "in.ply b.glb --no-such-option").code == 1);
   CHECK(tgconvert(scratch, "--help").code == 0);
   CHECK(tgconvert(scratch, "missing.ply b.glb").code == 2);
-  CHECK(tgconvert(scratch, ". b.glb").code == 2);
+  CHECK(tgconvert(scratch, ". b.glb").code == 1);  // a folder: --to is missing
   scratch.write("empty.glb", "");
   CHECK(tgconvert(scratch, "empty.glb b.glb").code == 3);
   CHECK(tgconvert(scratch, "in.ply no/such/folder/b.glb").code == 4);

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// A folder of models to a folder of models.
+#include "converter/batch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <new>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <system_error>
+
+#include "converter/file_format.h"
+#include "core/error.h"
+
+namespace tg {
+namespace {
+
+bool isModel(const std::filesystem::path& path) {
+  try {
+    detectFormat(path);
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> models;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    if (entry.is_regular_file() && isModel(entry.path())) models.push_back(entry.path());
+  }
+  if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot be read: " + error.message());
+  if (models.empty()) throw Error(ErrorKind::cannotRead, folder.string(), "holds no model");
+  std::sort(models.begin(), models.end());
+  return models;
+}
+
+}  // namespace
+
+BatchReport convertFolder(const std::filesystem::path& input, const std::filesystem::path& output,
+                          const std::string& extension, const ConvertOptions& options,
+                          const std::function<void(const BatchProgress&)>& progress) {
+  BatchReport report;
+  std::uint64_t total = 0;
+  std::set<std::filesystem::path> outputs;
+  for (const std::filesystem::path& model : modelsIn(input)) {
+    BatchItem item;
+    item.input = model;
+    item.output = output / (model.stem().string() + "." + extension);
+    if (!outputs.insert(item.output).second) {
+      throw Error(ErrorKind::usage, model.string() + ": two models would become " + item.output.string());
+    }
+    total += std::filesystem::file_size(model);
+    report.items.push_back(std::move(item));
+  }
+  std::error_code error;
+  if (!options.dry_run) std::filesystem::create_directories(output, error);
+  if (error) throw Error(ErrorKind::cannotWrite, output.string(), "cannot be made: " + error.message());
+  std::uint64_t read = 0;
+  for (std::size_t i = 0; i < report.items.size(); ++i) {
+    BatchItem& item = report.items[i];
+    progress({i, report.items.size(), item.input.filename().string(),
+              static_cast<double>(read) / static_cast<double>(std::max<std::uint64_t>(total, 1))});
+    const auto failed = [&](ErrorKind kind, const std::string& what) {
+      item.error = what;
+      if (report.exit_code == 0) report.exit_code = static_cast<int>(kind);
+    };
+    try {
+      item.report = convert(item.input, item.output, options);
+    } catch (const Error& e) {
+      failed(e.kind, e.what());
+    } catch (const std::bad_alloc&) {
+      failed(ErrorKind::badData, item.input.string() + ": the model does not fit into memory");
+    }
+    read += std::filesystem::file_size(item.input);
+  }
+  return report;
+}
+
+std::string describe(const BatchReport& report) {
+  std::string text;
+  std::size_t failures = 0;
+  std::uint64_t before = 0, after = 0;
+  for (const BatchItem& item : report.items) {
+    text += item.input.filename().string() + ": ";
+    if (!item.error.empty()) {
+      ++failures;
+      text += "failed: " + item.error + "\n";
+      continue;
+    }
+    before += item.report.input_bytes;
+    after += item.report.output_bytes;
+    char line[160];
+    std::snprintf(line, sizeof(line), "%zu Gaussians, %llu -> %llu bytes", item.report.gaussians,
+                  static_cast<unsigned long long>(item.report.input_bytes),
+                  static_cast<unsigned long long>(item.report.output_bytes));
+    text += line;
+    const std::optional<double> psnr = item.report.textured_psnr ? item.report.textured_psnr : item.report.base_psnr;
+    if (psnr && std::isinf(*psnr)) text += ", identical";
+    if (psnr && !std::isinf(*psnr)) {
+      std::snprintf(line, sizeof(line), ", %.2f dB", *psnr);
+      text += line;
+    }
+    if (!item.report.warnings.empty()) text += ", " + std::to_string(item.report.warnings.size()) + " warnings";
+    text += "\n";
+  }
+  return text + std::to_string(report.items.size() - failures) + " models written, " + std::to_string(failures) +
+         " failed, " + std::to_string(before) + " -> " + std::to_string(after) + " bytes\n";
+}
+
+std::string describeJson(const BatchReport& report) {
+  using Json = nlohmann::ordered_json;
+  Json list = Json::array();
+  for (const BatchItem& item : report.items) {
+    Json entry = {{"input", item.input.string()}, {"output", item.output.string()}};
+    if (item.error.empty()) {
+      entry["report"] = Json::parse(describeJson(item.report));
+    } else {
+      entry["error"] = item.error;
+    }
+    list.push_back(std::move(entry));
+  }
+  return Json{{"models", std::move(list)}}.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace tg

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// A folder of models to a folder of models.
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "converter/convert.h"
+
+namespace tg {
+
+struct BatchItem {
+  std::filesystem::path input;
+  std::filesystem::path output;
+  std::string error;     // "" when it went well
+  ConvertReport report;  // when it did
+};
+
+struct BatchReport {
+  std::vector<BatchItem> items;
+  int exit_code = 0;  // the first failure's
+};
+
+struct BatchProgress {
+  std::size_t item = 0, items = 0;
+  std::string name;
+  double done = 0;  // part of all bytes to be read, in [0, 1]
+};
+
+// Every file of `input`, not of its folders, that is a model by its content, in the order of their names, to
+// `output`/NAME.`extension`. A file that fails does not end the run. `output` is made if it is not there. Throws
+// Error(usage) when two inputs would get one name, Error(cannotRead) when there is no model, Error(cannotWrite).
+BatchReport convertFolder(const std::filesystem::path& input, const std::filesystem::path& output,
+                          const std::string& extension, const ConvertOptions& options,
+                          const std::function<void(const BatchProgress&)>& progress);
+
+std::string describe(const BatchReport& report);
+std::string describeJson(const BatchReport& report);
+
+}  // namespace tg

@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: Apache-2.0
+// Smaller files: adaptive textures, atlas formats, integers, meshopt, and files beside a .gltf.
+#include <cstring>
+
+#include "converter/convert.h"
+#include "converter/edit_reduce.h"
+#include "converter/meshopt.h"
+#include "converter/read_gltf.h"
+#include "converter/texture_budget.h"
+#include "core/bundle.h"
+#include "edits.h"
+#include "glb.h"
+#include "scratch.h"
+#include "support/catch.h"
+
+using namespace tg;
+using tg::test::Random;
+using tg::test::SceneKind;
+
+namespace {
+
+std::uint64_t texelsOf(const GaussianModel& model) { return model.atlas.texels.size(); }
+
+// Texels as a bundle stores them.
+void roundToHalf(GaussianModel& model) {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = model;
+  writeBundle(scratch.folder() / "a.tgz", bundle);
+  model = readBundle(scratch.folder() / "a.tgz").model;
+}
+
+template <typename Work>
+std::string messageOf(Work work) {
+  try {
+    work();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+bool sameBits(const GaussianModel& a, const GaussianModel& b) {
+  const auto same = [](const auto& x, const auto& y) {
+    return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
+  };
+  return same(a.mean, b.mean) && same(a.rotation, b.rotation) && same(a.log_scale, b.log_scale) &&
+         same(a.opacity_logit, b.opacity_logit) && same(a.sh, b.sh) && same(a.atlas.texels, b.atlas.texels) &&
+         a.atlas.rects == b.atlas.rects && a.texture_mode == b.texture_mode && a.intersection == b.intersection;
+}
+
+}  // namespace
+
+TEST_CASE("Textures get the fewest texels that keep their error") {
+  const test::TestScene scene = test::makeScene(SceneKind::mixed, 51, 60, 48, 36);
+  const FrameT<double> before = referenceFrame(scene.model, scene.camera);
+  GaussianModel exact = scene.model;
+  fitTexturesToError(exact, 0.0);
+  checkModel(exact, "exact");
+  CHECK(framePsnr(before, referenceFrame(exact, scene.camera)) > 100.0);
+  std::uint64_t texels = texelsOf(exact);
+  double last = 1e9;
+  for (const double error : {0.02, 0.1, 10.0}) {
+    GaussianModel model = scene.model;
+    fitTexturesToError(model, error);
+    checkModel(model, "model");
+    const double psnr = framePsnr(before, referenceFrame(model, scene.camera));
+    CAPTURE(error, psnr, texelsOf(model), texels);
+    CHECK(texelsOf(model) < texels);
+    CHECK(psnr < last);
+    CHECK(psnr > -20.0 * std::log10(error));  // errors of textures add up to no more than that here
+    texels = texelsOf(model);
+    last = psnr;
+  }
+  CHECK(texels == 0);
+
+  // Textures of one colour need none, and leave it in the base.
+  GaussianModel flat = scene.model;
+  for (glm::vec4& texel : flat.atlas.texels) texel = glm::vec4(0.1f, 0.2f, 0.05f, 1.0f);
+  for (std::size_t k = 0; k < flat.sh.size(); ++k) {  // no base is clamped at 0
+    flat.sh[k] = k % 16 == 0 ? glm::vec3(0.8f) : 0.02f * flat.sh[k];
+  }
+  const FrameT<double> flat_before = referenceFrame(flat, scene.camera);
+  fitTexturesToError(flat, 1e-5);
+  CHECK(texelsOf(flat) == 0);
+  CHECK(framePsnr(flat_before, referenceFrame(flat, scene.camera)) >
+        45.0);  // textures end at 3 sigma, the base does not
+}
+
+TEST_CASE("A texel budget is kept and spent where pictures show it") {
+  const Bundle sample = readBundle("docs/sample.tgz");
+  const std::vector<Camera> views = contributionViews(sample.model, sample.cameras);
+  const std::vector<Camera> judges = qualityViews(sample.model, sample.cameras);
+  const auto psnr = [&](const GaussianModel& model) {
+    return renderedPsnr(sample.model, model, judges, sample.background);
+  };
+  GaussianModel uniform = sample.model;
+  resizeTextures(uniform, 2, 2);
+  GaussianModel adaptive = sample.model;
+  fitTexturesToBudget(adaptive, texelsOf(uniform), views);
+  checkModel(adaptive, "adaptive");
+  CHECK(texelsOf(adaptive) <= texelsOf(uniform));
+  CHECK(texelsOf(adaptive) > texelsOf(uniform) * 9 / 10);
+  CAPTURE(psnr(adaptive), psnr(uniform));
+  CHECK(psnr(adaptive) > psnr(uniform) + 3.0);
+  GaussianModel none = sample.model, all = sample.model;
+  fitTexturesToBudget(none, 0, views);
+  CHECK(texelsOf(none) == 0);
+  fitTexturesToBudget(all, 1u << 30, views);
+  CHECK(psnr(all) > 70.0);
+}
+
+TEST_CASE("A bundle comes back bit by bit by way of EXR atlases, and closer with 16 bits than with 8") {
+  const Scratch scratch;
+  for (const SceneKind kind : {SceneKind::mixed, SceneKind::oddTextures}) {
+    for (const TextureMode mode : {TextureMode::rgba, TextureMode::rgb, TextureMode::alpha}) {
+      test::TestScene scene = test::makeScene(kind, 52, 60);
+      scene.model.texture_mode = mode;
+      for (glm::vec4& texel : scene.model.atlas.texels) {  // what the mode lacks is not stored
+        if (mode == TextureMode::alpha) texel = glm::vec4(0.0f, 0.0f, 0.0f, texel.a);
+        if (mode == TextureMode::rgb) texel.a = 1.0f;
+      }
+      roundToHalf(scene.model);
+      const auto through = [&](AtlasFormat atlas) {
+        const GltfContent content = {scene.model, {}, glm::vec3(0.0f), false, atlas};
+        writeGlb(scratch.folder() / "a.glb", content);
+        return readModel(scratch.folder() / "a.glb").model;
+      };
+      CAPTURE(test::name(kind), name(mode));
+      CHECK(sameBits(scene.model, through(AtlasFormat::exr)));
+      const Image source = picture(scene.model, scene.camera);
+      const double with8 = psnr(source, picture(through(AtlasFormat::png8), scene.camera));
+      const double with16 = psnr(source, picture(through(AtlasFormat::png16), scene.camera));
+      CAPTURE(with8, with16);
+      CHECK(with8 > 50.0);
+      CHECK(with16 > with8 + 20.0);
+    }
+  }
+}
+
+TEST_CASE("A broken EXR atlas is refused with its place") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::ordinary, 53, 12);
+  writeGlb(scratch.folder() / "a.glb", {scene.model, {}, glm::vec3(0.0f), false, AtlasFormat::exr});
+  const Glb good = Glb::read(scratch.folder() / "a.glb");
+  const auto refused = [&](auto spoil) {
+    Glb glb = good;
+    spoil(glb);
+    return refusal(scratch.write("b.glb", glb.bytes()));
+  };
+  const std::string index =
+      std::to_string(good.json["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["extensions"]
+                              ["TG_gaussian_splatting_texture"]["atlases"][0]["exr"]
+                                  .get<int>());
+  CHECK(refused([](Glb& glb) { glb.textures()["atlases"][0]["exr"] = 77; }).find("\"exr\" names no image") !=
+        std::string::npos);
+  CHECK(refused([](Glb& glb) { glb.textures()["atlases"][0]["exr"] = 0; }).find("values of another type") !=
+        std::string::npos);
+  CHECK(refused([&](Glb& glb) {
+          const auto view = glb.json["images"][std::stoi(index)]["bufferView"].get<std::size_t>();
+          const auto at = glb.json["bufferViews"][view]["byteOffset"].get<std::size_t>();
+          glb.bin[at] = 'x';
+        }).find("/images/" + index) != std::string::npos);
+}
+
+TEST_CASE("Integers and packed attributes cost what they are said to cost") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::mixed, 54, 400);
+  const auto write = [&](bool quantize, bool meshopt, const char* file) {
+    const GltfContent content = {scene.model, {}, glm::vec3(0.0f), false, AtlasFormat::png8, quantize, meshopt};
+    return writeGlb(scratch.folder() / file, content).bytes;
+  };
+  const std::uint64_t plain = write(false, false, "plain.glb");
+  const std::uint64_t integers = write(true, false, "integers.glb");
+  CHECK(integers + 20 * scene.model.size() < plain);
+  const GaussianModel expected = readModel(scratch.folder() / "plain.glb").model;
+  const GaussianModel rounded = readModel(scratch.folder() / "integers.glb").model;
+  Glb glb = Glb::read(scratch.folder() / "integers.glb");
+  CHECK(glb.accessor("KHR_gaussian_splatting:ROTATION")["componentType"] == 5122);
+  CHECK(!glb.json.contains("extensionsRequired"));
+  const std::optional<Deviation> deviation = deviationOf(expected, rounded);
+  REQUIRE(deviation);
+  CHECK(deviation->mean == 0.0);
+  CHECK(deviation->sh == 0.0);
+  CHECK(deviation->opacity < 1.0 / 65535.0);
+  CHECK(deviation->shape < 1e-3);
+  CHECK(psnr(picture(expected, scene.camera), picture(rounded, scene.camera)) > 60.0);
+
+  if (!hasMeshopt()) {
+    CHECK(messageOf([&] { write(false, true, "packed.glb"); }).find("built without libmeshoptimizer") !=
+          std::string::npos);
+    return;
+  }
+  const std::uint64_t packed = write(false, true, "packed.glb");
+  const std::uint64_t both = write(true, true, "both.glb");
+  CHECK(packed < plain);
+  CHECK(both < packed * 9 / 10);
+  CHECK(sameBits(expected, readModel(scratch.folder() / "packed.glb").model));
+  CHECK(psnr(picture(expected, scene.camera), picture(readModel(scratch.folder() / "both.glb").model, scene.camera)) >
+        50.0);
+  const Glb good = Glb::read(scratch.folder() / "packed.glb");
+  CHECK(good.json["extensionsRequired"] == nlohmann::json({"EXT_meshopt_compression"}));
+  const auto refused = [&](auto spoil) {
+    Glb spoilt = good;
+    spoil(spoilt.json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"], spoilt);
+    return refusal(scratch.write("b.glb", spoilt.bytes()));
+  };
+  const std::string place = "/bufferViews/0/extensions/EXT_meshopt_compression: ";
+  CHECK(refused([](auto& view, Glb&) { view["count"] = 1u << 30; }).find(place + "more than the stream can hold") == 0);
+  CHECK(refused([](auto& view, Glb&) { view["byteLength"] = 1u << 30; }).find(place + "leaves its buffer") == 0);
+  CHECK(refused([](auto& view, Glb&) { view["mode"] = "TRIANGLES"; }).find(place + "wrong \"mode\"") == 0);
+  CHECK(refused([](auto& view, Glb&) { view["filter"] = "NEW"; }).find(place + "unknown \"filter\"") == 0);
+  CHECK(refused([](auto& view, Glb& g) { g.bin[view["byteOffset"].template get<std::size_t>()] = 0; }) ==
+        place + "the packed stream is broken");
+  CHECK(refused([](auto& view, Glb&) { view["buffer"] = 1; }).find(place + "the packed bytes are in no file") == 0);
+}
+
+TEST_CASE("A .gltf with its files is the model of the GLB, and reads nothing but files beside it") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::mixed, 55, 60);
+  const Camera cameras[] = {scene.camera};
+  const bool meshopt = GENERATE(false, true);
+  if (meshopt && !hasMeshopt()) return;
+  const GltfContent content = {scene.model, cameras, glm::vec3(0.25f), false, AtlasFormat::exr, false, meshopt};
+  writeGlb(scratch.folder() / "a.glb", content);
+  writeGltf(scratch.folder() / "a b.gltf", content);
+  for (const char* file :
+       {"a b.gltf", "a b.bin", "a b_atlas_0_color.png", "a b_atlas_0_alpha.png", "a b_atlas_0_values.exr"}) {
+    CHECK(std::filesystem::exists(scratch.folder() / file));
+  }
+  const LoadedModel one = readModel(scratch.folder() / "a.glb"), many = readModel(scratch.folder() / "a b.gltf");
+  CHECK(sameBits(one.model, many.model));
+  CHECK(many.cameras.size() == 1);
+  CHECK(many.background == glm::vec3(0.25f));
+
+  const auto json = nlohmann::json::parse(Glb::slurp(scratch.folder() / "a b.gltf"));
+  const auto with = [&](const std::string& uri) {
+    auto changed = json;
+    changed["buffers"][0]["uri"] = uri;
+    return refusal(scratch.write("b.gltf", changed.dump()));
+  };
+  CHECK(with("a%20b.bin") == "accepted");
+  std::filesystem::create_directory(scratch.folder() / "sub");
+  for (const char* uri :
+       {"../a%20b.bin", "/etc/passwd", "sub/../a%20b.bin", "file:///etc/passwd", "%2e%2e/x", "a\\b", ""}) {
+    CAPTURE(uri);
+    CHECK(with(uri).find("/buffers/0/uri: no name of a file beside this one") == 0);
+  }
+  CHECK(with("missing.bin").find("/buffers/0/uri: external file: ") == 0);
+  scratch.write("short.bin", "1234");
+  CHECK(with("short.bin").find("/buffers/0: the file is too short") == 0);
+  const std::string text = json.dump();
+  const std::span bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
+  CHECK(messageOf([&] { parseGltf(bytes, "x"); }).find("external files are not read here") != std::string::npos);
+}
+
+TEST_CASE("An atlas as pictures and JSON says where every texture lies") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::mixed, 56, 40);
+  Bundle bundle;
+  bundle.model = scene.model;
+  writeBundle(scratch.folder() / "in.tgz", bundle);
+  const ConvertReport report = convert(scratch.folder() / "in.tgz", scratch.folder() / "a.png");
+  const auto json = nlohmann::json::parse(Glb::slurp(scratch.folder() / "a.json"));
+  const auto& atlas = json["atlases"][0];
+  const Image color = readImage(scratch.folder() / atlas["color"].get<std::string>());
+  const Image alpha = readImage(scratch.folder() / atlas["alpha"].get<std::string>());
+  CHECK(atlas["color"] == "a.png");
+  CHECK(report.output_bytes == std::filesystem::file_size(scratch.folder() / "a.png") +
+                                   std::filesystem::file_size(scratch.folder() / "a_alpha.png") +
+                                   std::filesystem::file_size(scratch.folder() / "a.json"));
+  for (std::size_t i = 0; i < scene.model.size(); ++i) {
+    const TextureRect& rect = scene.model.atlas.rects[i];
+    const auto row = json["rectangles"]["rows"][i].get<std::vector<int>>();
+    REQUIRE(row[2] == rect.width);
+    REQUIRE(row[3] == rect.height);
+    if (rect.texelCount() == 0) continue;
+    const glm::vec4 texel = scene.model.atlas.texels[rect.offset + rect.texelCount() - 1u];
+    const int x = row[0] + row[2] - 1, y = row[1] + row[3] - 1;
+    for (int c = 0; c < 3; ++c) {
+      CHECK(color.at(x, y, c) * atlas["scale"][c].get<float>() + atlas["offset"][c].get<float>() ==
+            Approx(texel[c]).margin(1.0 / 255 * atlas["scale"][c].get<double>()));
+    }
+    CHECK(alpha.at(x, y, 0) == Approx(texel.a).margin(0.51 / 255));
+  }
+}
