@@ -145,40 +145,71 @@ void zoom(Renderer& renderer, const Camera& start, const Options& options, glm::
   }
 }
 
-void turn(Renderer& renderer, const Camera& start, const Options& options, glm::vec3 background) {
-  std::vector<Image> pictures[2];
-  double ms[2] = {};
-  for (int i = 0; i < options.frames; ++i) {
-    const double radians = options.turn * std::acos(-1.0) / 180 * i / std::max(options.frames - 1, 1);
-    for (int order = 0; order < 2; ++order) {
-      RenderSettings settings;
-      settings.background = background;
-      settings.order = order == 0 ? SplatOrder::global : SplatOrder::perPixel;
-      const double begin = processorMilliseconds();
-      pictures[order].push_back(picture(renderer, turned(start, radians), settings));
-      ms[order] += processorMilliseconds() - begin;
+// The pixels of `image`, seen by `from`, as `to` sees them: cameras at one place, whose rays correspond one to one.
+// Bilinear; pixels that `from` does not see are left as `fallback` has them.
+Image rotated(const Image& image, const Camera& from, const Camera& to, const Image& fallback) {
+  const glm::dmat3 from_to = from.camera_from_world_rotation * glm::transpose(to.camera_from_world_rotation);
+  Image out = fallback;
+  for (int y = 0; y < to.height; ++y) {
+    for (int x = 0; x < to.width; ++x) {
+      const glm::dvec3 ray = from_to * glm::dvec3((x + 0.5 - to.cx) / to.fx, (y + 0.5 - to.cy) / to.fy, 1.0);
+      const double u = from.fx * ray.x / ray.z + from.cx - 0.5, v = from.fy * ray.y / ray.z + from.cy - 0.5;
+      if (!(ray.z > 0 && u >= 0 && v >= 0 && u < from.width - 1 && v < from.height - 1)) continue;
+      const int u0 = static_cast<int>(u), v0 = static_cast<int>(v);
+      const auto fu = static_cast<float>(u - u0), fv = static_cast<float>(v - v0);
+      for (int k = 0; k < 3; ++k) {
+        const auto at = [&](int px, int py) {
+          return image.data[(static_cast<std::size_t>(py) * image.width + px) * 3 + k];
+        };
+        out.data[(static_cast<std::size_t>(y) * to.width + x) * 3 + k] =
+            glm::mix(glm::mix(at(u0, v0), at(u0 + 1, v0), fu), glm::mix(at(u0, v0 + 1), at(u0 + 1, v0 + 1), fu), fv);
+      }
     }
   }
-  constexpr float kJump = 16.0f / 255.0f;
-  double jumps[2] = {}, total = 0;
-  for (std::size_t i = 1; i < pictures[0].size(); ++i) {
-    for (std::size_t pixel = 0; pixel < pictures[0][i].data.size() / 3; ++pixel) {
-      float change[2] = {};
-      for (int order = 0; order < 2; ++order) {
-        for (std::size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
-          change[order] =
-              std::max(change[order], std::abs(pictures[order][i].data[k] - pictures[order][i - 1].data[k]));
+  return out;
+}
+
+// A turn about the camera's own centre moves every ray's colour to another pixel and changes none: what differs between
+// a frame and the one before, turned likewise, popped. Averages of many rays, so that resampling does not count.
+void turn(Renderer& renderer, const Camera& start, const Options& options, glm::vec3 background) {
+  constexpr int kSupersampling = 8;
+  constexpr double kPop = 4.0 / 255;
+  std::printf("turn by %g degrees in %d frames: popping [1/255], pixels that pop by 4/255, processor time\n",
+              options.turn, options.frames);
+  for (const auto& [name, order] :
+       {std::pair("global", SplatOrder::global), std::pair("per-pixel", SplatOrder::perPixel)}) {
+    RenderSettings settings;
+    settings.background = background;
+    settings.order = order;
+    double ms = 0, squares = 0, pops = 0, pixels = 0;
+    Image before;
+    Camera camera_before;
+    for (int i = 0; i < options.frames; ++i) {
+      const double radians = options.turn * std::acos(-1.0) / 180 * i / std::max(options.frames - 1, 1);
+      const Camera camera = turned(start, radians);
+      const double begin = processorMilliseconds();
+      (void)picture(renderer, camera, settings);
+      ms += processorMilliseconds() - begin;
+      const Camera fine = resized(camera, start.width * kSupersampling, start.height * kSupersampling);
+      Image image = picture(renderer, fine, settings);
+      if (i > 0) {
+        const Image now = downsample(image, kSupersampling);
+        const Image then = downsample(rotated(before, camera_before, fine, image), kSupersampling);
+        squares += squaredDifference(now, then);
+        for (std::size_t pixel = 0; pixel < now.data.size() / 3; ++pixel) {
+          double most = 0;
+          for (std::size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
+            most = std::max(most, std::abs(static_cast<double>(now.data[k]) - then.data[k]));
+          }
+          pops += most > kPop;
+          ++pixels;
         }
       }
-      for (int order = 0; order < 2; ++order) jumps[order] += change[order] > kJump && change[1 - order] <= kJump;
-      ++total;
+      before = std::move(image);
+      camera_before = fine;
     }
-  }
-  std::printf("turn by %g degrees in %d frames: jumps that the other order does not have, processor time\n",
-              options.turn, options.frames);
-  for (int order = 0; order < 2; ++order) {
-    std::printf("  %-18s %8.4f %% %8.1f ms\n", order == 0 ? "global" : "per-pixel",
-                100 * jumps[order] / std::max(total, 1.0), ms[order] / options.frames);
+    std::printf("  %-18s %6.3f %8.4f %% %8.1f ms\n", name, 255 * std::sqrt(squares / (options.frames - 1)),
+                100 * pops / std::max(pixels, 1.0), ms / options.frames);
   }
 }
 
