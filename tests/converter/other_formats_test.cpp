@@ -212,7 +212,7 @@ TEST_CASE("Compressed PLY: truncated and spoilt files are errors or sound models
       [](const std::string& bytes) { checkModel(parseCompressedPly(bytesOf(bytes), "a.ply"), "a.ply"); }, 2);
 }
 
-TEST_CASE(".splat: every number where it belongs; what has no logarithm is repaired or dropped with a warning") {
+TEST_CASE(".splat: every number where it belongs, what has no logarithm is repaired or dropped with a warning") {
   const float infinity = std::numeric_limits<float>::infinity();
   const SplatRecord records[] = {
       {{1, 2, 3}, {1, 0.5f, 0.25f}, {255, 0, 128, 51}, {255, 128, 0, 128}},

@@ -100,7 +100,7 @@ TEST_CASE("8-bit PSNR compares rounded values") {
   REQUIRE(tg::psnr8Bit(Image(4, 4, 1, 0.5f), Image(4, 4, 1, 0.6f)) == Approx(-20.0 * std::log10(25.0 / 255.0)));
 }
 
-TEST_CASE("a mask leaves pixels out of PSNR; for SSIM they are as beyond the border") {
+TEST_CASE("a mask leaves pixels out of PSNR, for SSIM they are as beyond the border") {
   // A mask that leaves a rectangle is the same as cutting it out: the rest is zero padding.
   const int left = 7, top = 3, w = 20, h = 15;
   Image a = noise(40, 30, 3, 6), b = noise(40, 30, 3, 7);

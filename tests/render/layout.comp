@@ -7,5 +7,9 @@
 layout(local_size_x = 1) in;
 layout(std140, binding = 0) uniform View { ViewUniforms view; };
 layout(std430, binding = 1) buffer Splats { Splat splats[]; };
+layout(std430, binding = 2) buffer Records { SplatRecord records[]; };
 
-void main() { splats[view.gaussian_count].d0_size = view.background; }
+void main() {
+  splats[view.gaussian_count].d0_size = view.background;
+  records[view.gaussian_count].outline = view.background;
+}

@@ -52,11 +52,31 @@ TEST_CASE("the structs that cross host and device have one layout") {
                                                    TG_OFFSET(ViewUniforms, gaussian_count),
                                                    TG_OFFSET(ViewUniforms, sh_degree),
                                                    TG_OFFSET(ViewUniforms, texture_mode),
-                                                   TG_OFFSET(ViewUniforms, intersection)};
+                                                   TG_OFFSET(ViewUniforms, intersection),
+                                                   TG_OFFSET(ViewUniforms, crop_min),
+                                                   TG_OFFSET(ViewUniforms, crop_max),
+                                                   TG_OFFSET(ViewUniforms, opacity_scale),
+                                                   TG_OFFSET(ViewUniforms, splat_scale),
+                                                   TG_OFFSET(ViewUniforms, near),
+                                                   TG_OFFSET(ViewUniforms, exposure),
+                                                   TG_OFFSET(ViewUniforms, sh_used),
+                                                   TG_OFFSET(ViewUniforms, antialiasing),
+                                                   TG_OFFSET(ViewUniforms, unused0),
+                                                   TG_OFFSET(ViewUniforms, unused1)};
+  const std::map<std::string, std::size_t> record = {TG_OFFSET(SplatRecord, center_depth_opacity),
+                                                     TG_OFFSET(SplatRecord, w_r),
+                                                     TG_OFFSET(SplatRecord, d_g),
+                                                     TG_OFFSET(SplatRecord, e_b),
+                                                     TG_OFFSET(SplatRecord, u_offset),
+                                                     TG_OFFSET(SplatRecord, v_size),
+                                                     TG_OFFSET(SplatRecord, normal),
+                                                     TG_OFFSET(SplatRecord, outline)};
 #undef TG_OFFSET
   CHECK(reflectedOffsets(reflection, "Splat") == splat);
   CHECK(reflectedOffsets(reflection, "ViewUniforms") == view);
+  CHECK(reflectedOffsets(reflection, "SplatRecord") == record);
   for (const auto& type : reflection.at("types")) {
     if (type.at("name") == "Splats") CHECK(type.at("members").at(0).at("array_stride") == sizeof(Splat));
+    if (type.at("name") == "Records") CHECK(type.at("members").at(0).at("array_stride") == sizeof(SplatRecord));
   }
 }

@@ -578,7 +578,7 @@ TEST_CASE("the layout that is asked for is the one that is read", "[dataset]") {
   CHECK(loadDataset(folder.path, options).views[0].camera.name == "b.png");
 }
 
-TEST_CASE("a data set reads the same pixels whatever the memory limit; a random background keeps alpha", "[dataset]") {
+TEST_CASE("a data set reads the same pixels whatever the memory limit, a random background keeps alpha", "[dataset]") {
   tg::TemporaryFolder folder;
   Json frames = Json::array();
   for (int i = 0; i < 6; i++) {
@@ -619,7 +619,7 @@ TEST_CASE("the extent is 1.1 times the largest distance from the training camera
   CHECK(tg::cameraExtent(dataset) == Approx(3.3));
 }
 
-TEST_CASE("reads the shared scenes; COLMAP and JSON poses of one scene agree", "[dataset][shared]") {
+TEST_CASE("reads the shared scenes, COLMAP and JSON poses of one scene agree", "[dataset][shared]") {
   const char* environment = std::getenv("TG_SHARED");
   const fs::path shared = environment ? fs::path(environment) : fs::path("../shared");
   if (!fs::exists(shared / "data/fox")) {

@@ -99,7 +99,7 @@ TEST_CASE("children of a split cover their parent's spread", "[densify]") {
   CHECK(std::sqrt(square_y) == Approx(0.5).epsilon(0.1));
 }
 
-TEST_CASE("transparent Gaussians are pruned; large ones only once asked to", "[densify]") {
+TEST_CASE("transparent Gaussians are pruned, large ones only once asked to", "[densify]") {
   tg::TrainingState state = rowOf(5);
   state.model.opacity_logit[0] = logit(0.004f);
   state.model.log_scale[2].y = std::log(0.2f);

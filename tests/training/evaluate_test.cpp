@@ -54,7 +54,7 @@ TEST_CASE("a view is scored by every metric, over the pixels that count", "[eval
   CHECK(same.flip == masked.flip);
 }
 
-TEST_CASE("means are over the views; a metric that no view has stays away", "[evaluate]") {
+TEST_CASE("means are over the views, a metric that no view has stays away", "[evaluate]") {
   std::vector<tg::ViewScore> scores(2);
   scores[0] = {"a", 20, 21, 0.5, 0.1, std::nullopt};
   scores[1] = {"b", 30, 32, 0.7, 0.3, std::nullopt};

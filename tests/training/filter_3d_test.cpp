@@ -53,7 +53,7 @@ TEST_CASE("the pixel size is that of the training view that sees the Gaussian la
   CHECK(tg::minSigmas(twoViews(), model)[0] == Approx(std::sqrt(0.2) * 6.0 / 300));
 }
 
-TEST_CASE("effective sigmas add variances; opacity pays on the texture axes only", "[filter3d]") {
+TEST_CASE("effective sigmas add variances, opacity pays on the texture axes only", "[filter3d]") {
   const tg::GaussianModel model = oneGaussian();
   tg::EffectiveParameters effective;
   const float f[] = {0.01f};

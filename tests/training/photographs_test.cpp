@@ -156,7 +156,7 @@ TEST_CASE("straight alpha is composited late as it is early, in 8 bit", "[photog
   CHECK(tg::compositeOver(opaque, glm::vec3(0.0f)).get() == &opaque->pixels);
 }
 
-TEST_CASE("a mask hides where it is zero; a downscaled pixel counts when its whole box does", "[photographs]") {
+TEST_CASE("a mask hides where it is zero, a downscaled pixel counts when its whole box does", "[photographs]") {
   const tg::TemporaryFolder folder;
   tg::writeImage(folder / "a.png", tg::Image(9, 6, 3, 0.5f));
   tg::Image mask(9, 6, 1, 1.0f / 255.0f);  // 1 of 255 counts, as in label images

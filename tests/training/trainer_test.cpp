@@ -106,7 +106,7 @@ TEST_CASE("both stages lower the loss, and the report says so", "[trainer]") {
   CHECK(text.find('/') == std::string::npos);  // no paths
 }
 
-TEST_CASE("same seed, same model at any thread count; another seed, another model", "[trainer]") {
+TEST_CASE("same seed, same model at any thread count, another seed, another model", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   tg::TrainSettings settings = shortRun();
   const auto trained = [&](int threads) {

@@ -103,7 +103,7 @@ TEST_CASE("a pitch beyond the limit, from a model's camera, is left only towards
   CHECK(pose.pitch == Approx(start + 0.5));
 }
 
-TEST_CASE("looking around keeps the position; flying keeps the orientation") {
+TEST_CASE("looking around keeps the position, flying keeps the orientation") {
   ViewPose pose = levelPose({0, -1, 0}, {1, 2, 3}, {0, 0, 0});
   const glm::dvec3 position = pose.position;
   look(pose, 0.7, -0.3);

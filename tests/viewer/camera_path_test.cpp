@@ -90,7 +90,7 @@ TEST_CASE("a key that repeats its neighbour stands still, and nothing overshoots
   }
 }
 
-TEST_CASE("an open path stands still beyond its ends; a closed one goes round") {
+TEST_CASE("an open path stands still beyond its ends, a closed one goes round") {
   test::Random random(23);
   CameraPath path = randomPath(random, 4, 0);
   checkSame(at(path, -5), path.keys.front(), 1e-12);

@@ -53,7 +53,7 @@ TEST_CASE("mode names come back from text") {
   CHECK_FALSE(parseCompareMode("both"));
 }
 
-TEST_CASE("side by side keeps every pixel of both; a wipe takes each side of the divider from its own") {
+TEST_CASE("side by side keeps every pixel of both, a wipe takes each side of the divider from its own") {
   const Image a = noise(6, 4, 1), b = noise(7, 4, 2), c = noise(6, 4, 3);
   const Image side = composed(a, b, {}, {.mode = CompareMode::side});
   REQUIRE(side.width == 13);

@@ -114,7 +114,7 @@ TEST_CASE("each model keeps its own view, models of one data set share theirs") 
   CHECK(state.camera.pose.position == seen);
 }
 
-TEST_CASE("closing shows a neighbour; closing the last one leaves nothing to draw") {
+TEST_CASE("closing shows a neighbour, closing the last one leaves nothing to draw") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {});
   writeModel(folder / "b.tgz", 4, {});

@@ -193,7 +193,7 @@ TEST_CASE("a lost device is a message, and the CPU draws the same picture") {
   }
 }
 
-TEST_CASE("--timings says how fast the file and the first pictures came") {
+TEST_CASE("timings say how fast the file and the first pictures came") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");

@@ -69,7 +69,7 @@ TEST_CASE("an inspected pixel lists its splats front to back and picks the first
   CHECK(state.inspect.picked == static_cast<int>(state.inspect.hits.size()) - 1);
 }
 
-TEST_CASE("alone, a Gaussian is drawn by a box around its mean; the list stays that of all") {
+TEST_CASE("alone, a Gaussian is drawn by a box around its mean, the list stays that of all") {
   ViewerState state = sampleState();
   press(state, 'N');
   CHECK_FALSE(state.inspect.isolated);
@@ -86,7 +86,7 @@ TEST_CASE("alone, a Gaussian is drawn by a box around its mean; the list stays t
   CHECK_FALSE(state.inspect.isolated);
 }
 
-TEST_CASE("a pixel of nothing has no splats; another model forgets the pixel") {
+TEST_CASE("a pixel of nothing has no splats, another model forgets the pixel") {
   ViewerState state = sampleState();
   state.camera.pose.yaw += 3.14;
   inspectNow(state, {0, 0});

@@ -67,7 +67,7 @@ TEST_CASE("a bookmark brings back pose and lens, in this window and after a file
   }
 }
 
-TEST_CASE("B goes through the bookmarks; removed ones leave their number to new ones") {
+TEST_CASE("B goes through the bookmarks, removed ones leave their number to new ones") {
   ViewerState state = stateAt({0, 0, -4});
   press(state, 'B');
   CHECK_FALSE(state.messages.notice.empty());
@@ -96,7 +96,7 @@ TEST_CASE("a new model has its own bookmarks and no path") {
   CHECK(state.path.path.keys.size() == 3);  // a path may be compared on two models
 }
 
-TEST_CASE("playing goes through the keys and stops at the end; input takes over") {
+TEST_CASE("playing goes through the keys and stops at the end, input takes over") {
   ViewerState state = stateWithPath();
   showKey(state, 0);
   const ViewPose first = state.camera.pose;
@@ -120,7 +120,7 @@ TEST_CASE("playing goes through the keys and stops at the end; input takes over"
   CHECK_FALSE(state.path.playing);
 }
 
-TEST_CASE("a closed path plays on; seeking shows the view of the recording") {
+TEST_CASE("a closed path plays on, seeking shows the view of the recording") {
   ViewerState state = stateWithPath();
   changeKeySeconds(state, 2, 1);
   press(state, 'L');
@@ -173,7 +173,7 @@ TEST_CASE("a path goes to files and back, also as cameras") {
   CHECK(state.path.path.keys.size() == 3);
 }
 
-TEST_CASE("the turntable turns by its speed; another up axis keeps position and pivot") {
+TEST_CASE("the turntable turns by its speed, another up axis keeps position and pivot") {
   ViewerState state = stateAt({0, 0, -4});
   const glm::dvec3 pivot = state.camera.pose.pivot();
   const double yaw = state.camera.pose.yaw;

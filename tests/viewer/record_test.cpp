@@ -49,7 +49,7 @@ TEST_CASE("a turntable's frames are what --render makes of its cameras") {
   CHECK(psnr8Bit(shop.read("turn/0002.png"), shop.read("first.png")) < 40);
 }
 
-TEST_CASE("a path of two keys begins and ends with their pictures; cameras.json is a path too") {
+TEST_CASE("a path of two keys begins and ends with their pictures, cameras.json is a path too") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   std::vector<Camera> cameras = {lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 96, 72),

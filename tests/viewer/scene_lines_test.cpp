@@ -17,7 +17,7 @@ TEST_CASE("a segment before the camera lands where its ends project") {
   CHECK(line->second.y == Approx(50 + camera.fy / 8));
 }
 
-TEST_CASE("a segment through the camera's plane keeps its visible part on its line; one behind is gone") {
+TEST_CASE("a segment through the camera's plane keeps its visible part on its line, one behind is gone") {
   test::Random random(31);
   const Camera camera = lookAt({0, 0, 0}, {0, 0, 1}, {0, -1, 0}, 0.8, 200, 100);
   for (int i = 0; i < 200; ++i) {

@@ -71,7 +71,7 @@ TEST_CASE("a session comes back from its file whole") {
   CHECK(formatSession(loaded.session) == formatSession(session));
 }
 
-TEST_CASE("without a file a session is fresh and silent; a broken file is fresh with a word, once") {
+TEST_CASE("without a file a session is fresh and silent, a broken file is fresh with a word, once") {
   const TemporaryFolder folder;
   CHECK(loadSession(folder / "none.json").problem.empty());
   CHECK(loadSession({}).problem.empty());
@@ -130,7 +130,7 @@ TEST_CASE("recent files: the last one first, each once, a bounded number") {
   CHECK(session.recent.size() == kMaxRecentFiles);
 }
 
-TEST_CASE("bookmarks belong to their model; those of the models used last are kept") {
+TEST_CASE("bookmarks belong to their model, those of the models used last are kept") {
   Session session;
   const Camera camera = lookAt({1, 2, 3}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48);
   for (std::size_t i = 0; i < kMaxBookmarkedModels + 5; ++i)

@@ -73,7 +73,7 @@ TEST_CASE("the number keys choose the output") {
   }
 }
 
-TEST_CASE("T steps through the texture terms and back; Tab switches them off only while held") {
+TEST_CASE("T steps through the texture terms and back, Tab switches them off only while held") {
   ViewerState state = stateWithCameras(1);
   std::vector<TextureMode> seen;
   for (int i = 0; i < 4; ++i) {
@@ -124,7 +124,7 @@ TEST_CASE("Esc closes an error, then the help, then the viewer") {
   CHECK(state.quit);
 }
 
-TEST_CASE("moving leaves the model's camera; Shift+F comes back to it") {
+TEST_CASE("moving leaves the model's camera, Shift+F comes back to it") {
   ViewerState state = stateWithCameras(2);
   const ViewPose start = state.camera.pose;
   Input input;
@@ -153,7 +153,7 @@ TEST_CASE("a panned point stays under the pointer") {
   CHECK(camera.fy * p.y / p.z == Approx(-9));
 }
 
-TEST_CASE("the wheel comes closer; with Ctrl it changes the lens within its limits") {
+TEST_CASE("the wheel comes closer, with Ctrl it changes the lens within its limits") {
   ViewerState state = stateWithCameras(1);
   const double distance = state.camera.pose.distance;
   Input input;
@@ -202,7 +202,7 @@ TEST_CASE("full stop and comma go round the test cameras, with Shift round the t
   CHECK_FALSE(train.messages.notice.empty());
 }
 
-TEST_CASE("V goes through the ways to compare; Shift+V shows the other one") {
+TEST_CASE("V goes through the ways to compare, Shift+V shows the other one") {
   ViewerState state = stateWithCameras(1);
   std::vector<CompareMode> seen;
   for (int i = 0; i < 5; ++i) {

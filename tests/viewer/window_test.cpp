@@ -105,7 +105,7 @@ TEST_CASE("the CPU's pictures reach the window unchanged") {
   CHECK(psnr(shop.read("picture.png"), shop.read("render.png")) > 60);
 }
 
-TEST_CASE("a broken file shows an error and leaves the old model; a good one replaces it") {
+TEST_CASE("a broken file shows an error and leaves the old model, a good one replaces it") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -338,7 +338,7 @@ TEST_CASE("the flag --benchmark in a window times what is shown there") {
   }
 }
 
-TEST_CASE("a session keeps size, page, output, recent files and bookmarks; a broken one is replaced with a word") {
+TEST_CASE("a session keeps size, page, output, recent files and bookmarks, a broken one is replaced with a word") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
