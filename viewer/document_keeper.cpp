@@ -104,7 +104,9 @@ bool DocumentKeeper::takeLoaded(ViewerState& state) {
     } else {
       if (partial) close(state, document);
       if (!news->problem.empty()) {
-        if (!opened_any_ && state.documents.open.empty() && loader_.status().path.empty()) {
+        const ModelLoader::Status left = loader_.status();
+        const bool last = left.path.empty() && left.news == 0;
+        if (last && !opened_any_ && state.documents.open.empty()) {
           throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
         }
         state.messages.error = news->problem;

@@ -66,6 +66,7 @@ ModelLoader::Status ModelLoader::status() const {
   const std::lock_guard lock(mutex_);
   Status status;
   status.waiting = waiting_.size();
+  status.news = news_.size();
   if (progress_) {
     status.path = reading_;
     status.done = progress_->done;

@@ -35,6 +35,7 @@ class ModelLoader {
     std::uint64_t done = 0;      // [bytes]
     std::uint64_t total = 0;     // 0: not known
     std::size_t waiting = 0;     // files after it
+    std::size_t news = 0;        // not taken yet
   };
   Status status() const;
 
