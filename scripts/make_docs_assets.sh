@@ -13,5 +13,5 @@ mkdir -p docs/images
 for show in final base texture normal; do
   "$bin/tgview" docs/sample.tgz --render "docs/images/$show.png" --show "$show" --size 400x400
 done
-printf 'wait 20\nwindow docs/images/window.png\n' > "$work/script"
+printf 'wait 20\ninspect 700 480\nwait 20\nwindow docs/images/window.png\n' > "$work/script"
 xvfb-run -a "$bin/tgview" docs/sample.tgz --size 1280x720 --script "$work/script"
