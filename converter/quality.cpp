@@ -86,6 +86,7 @@ double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<co
   renderer_b->setModel(b);
   RenderSettings settings;
   settings.background = background;
+  settings.outputs = {Output::final};
   // All views as one tall image: views of any size count by their pixels.
   Image all_a, all_b;
   for (const Camera& view : views) {

@@ -176,7 +176,7 @@ class Renderer {
   virtual std::string deviceName() const = 0;
 };
 
-// For backends that cannot do all of RenderSettings yet. Throws Error(usage) naming the first output outside of
+// For what has no gradient: training and the backward pass. Throws Error(usage) naming the first output outside of
 // `outputs`, or the first setting beyond textures, intersection and background that is not its default.
 void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend);
 

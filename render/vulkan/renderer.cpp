@@ -144,7 +144,7 @@ class RendererImpl final : public VulkanRenderer {
   }
 
   void checkFrame(const Camera& camera, const RenderSettings& settings) const {
-    if (!pairs_) throw Error(ErrorKind::usage, "a frame needs a model: setModel() comes first");
+    if (!pairs_) throw Error(ErrorKind::usage, "a frame needs a model whose buffers fit: setModel() comes first");
     checkSettings(settings);
     if (camera.width <= 0 || camera.height <= 0) {
       throw Error(ErrorKind::usage, "camera \"" + camera.name + "\"",

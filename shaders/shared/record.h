@@ -65,19 +65,14 @@ TG_FN float touchedY(vec3 mean_c, float bound, vec3 lx, vec3 ly, vec3 lz) {
 // when the ellipsoid lies beyond one of the planes through the image's sides.
 TG_FN void splatOutline(vec3 mean_c, mat3 axes_c, vec3 scale, float radius, bool flat_c, vec4 focal_center, vec2 size,
                         TG_OUT(vec4) box, TG_OUT(vec4) outline) {
-  vec3 r = radius * scale;
-  if (flat_c) r.z = 0.0f;
-  vec3 lx = r * vec3(axes_c[0].x, axes_c[1].x, axes_c[2].x);
-  vec3 ly = r * vec3(axes_c[0].y, axes_c[1].y, axes_c[2].y);
-  vec3 lz = r * vec3(axes_c[0].z, axes_c[1].z, axes_c[2].z);
+  mat3 rows = ellipsoidRows(axes_c, scale, radius, flat_c);
+  vec3 lx = rows[0];
+  vec3 ly = rows[1];
+  vec3 lz = rows[2];
   vec2 bx;
   vec2 by;
-  bool ok_x = tangentBounds(mean_c.x, mean_c.z, lx, lz, bx);
-  bool ok_y = tangentBounds(mean_c.y, mean_c.z, ly, lz, by);
   outline = vec4(0.0f, 0.0f, radius * radius, 0.0f);
-  if (ok_x && ok_y) {
-    box = vec4(bx.x * focal_center.x + focal_center.z, by.x * focal_center.y + focal_center.w,
-               bx.y * focal_center.x + focal_center.z, by.y * focal_center.y + focal_center.w);
+  if (rowsBox(mean_c, rows, focal_center, bx, by, box)) {
     float center_y = mean_c.y / mean_c.z;
     outline.x = (touchedY(mean_c, bx.x, lx, ly, lz) - center_y) * focal_center.y;
     outline.y = (touchedY(mean_c, bx.y, lx, ly, lz) - center_y) * focal_center.y;

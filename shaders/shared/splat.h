@@ -91,22 +91,31 @@ TG_FN Splat makeSplat(vec3 mean_c, mat3 axes_c, vec3 scale, vec4 focal_center, f
   return s;
 }
 
+// Columns: the rows x, y and z of L, Sigma = L L^T, of the ellipsoid at `radius` [sigma]; flat_c: without its extent
+// along c.
+TG_FN mat3 ellipsoidRows(mat3 axes_c, vec3 scale, float radius, bool flat_c) {
+  vec3 r = radius * scale;
+  if (flat_c) r.z = 0.0f;
+  return mat3(r * vec3(axes_c[0].x, axes_c[1].x, axes_c[2].x), r * vec3(axes_c[0].y, axes_c[1].y, axes_c[2].y),
+              r * vec3(axes_c[0].z, axes_c[1].z, axes_c[2].z));
+}
+
+// splatBox() of given rows; bx and by are its bounds as tangentBounds() has them.
+TG_FN bool rowsBox(vec3 mean_c, mat3 rows, vec4 focal_center, TG_OUT(vec2) bx, TG_OUT(vec2) by, TG_OUT(vec4) box) {
+  bool ok_x = tangentBounds(mean_c.x, mean_c.z, rows[0], rows[2], bx);
+  bool ok_y = tangentBounds(mean_c.y, mean_c.z, rows[1], rows[2], by);
+  box = vec4(bx.x * focal_center.x + focal_center.z, by.x * focal_center.y + focal_center.w,
+             bx.y * focal_center.x + focal_center.z, by.y * focal_center.y + focal_center.w);
+  return ok_x && ok_y;
+}
+
 // Screen box [px] (x0, y0, x1, y1) of everything a splat can draw, not clipped to the image. flat_c: the plane model,
 // where the extent along c does not count. Returns false when the box is unbounded (cover the whole screen).
 TG_FN bool splatBox(vec3 mean_c, mat3 axes_c, vec3 scale, float radius, bool flat_c, vec4 focal_center,
                     TG_OUT(vec4) box) {
-  vec3 r = radius * scale;
-  if (flat_c) r.z = 0.0f;
-  vec3 lx = r * vec3(axes_c[0].x, axes_c[1].x, axes_c[2].x);
-  vec3 ly = r * vec3(axes_c[0].y, axes_c[1].y, axes_c[2].y);
-  vec3 lz = r * vec3(axes_c[0].z, axes_c[1].z, axes_c[2].z);
   vec2 bx;
   vec2 by;
-  bool ok_x = tangentBounds(mean_c.x, mean_c.z, lx, lz, bx);
-  bool ok_y = tangentBounds(mean_c.y, mean_c.z, ly, lz, by);
-  box = vec4(bx.x * focal_center.x + focal_center.z, by.x * focal_center.y + focal_center.w,
-             bx.y * focal_center.x + focal_center.z, by.y * focal_center.y + focal_center.w);
-  return ok_x && ok_y;
+  return rowsBox(mean_c, ellipsoidRows(axes_c, scale, radius, flat_c), focal_center, bx, by, box);
 }
 
 // Screen-space low-pass (docs/math.md 1.4): the wider sigmas of a Gaussian whose mean lies at camera z `z`. focal: the

@@ -11,14 +11,12 @@
 #include "viewer/compare.h"
 
 using namespace tg;
+using test::haveWindow;
+using test::kXServer;
 using test::ProcessResult;
 using test::Workshop;
 
 namespace {
-
-const std::vector<std::string> kXServer = {"xvfb-run", "-a", "-s", "-screen 0 1024x768x24"};
-
-bool haveWindow() { return test::haveXServer() && test::haveVulkan(); }
 
 ProcessResult play(const Workshop& shop, std::vector<std::string> arguments, const std::string& script,
                    const std::string& size, const std::string& backend) {

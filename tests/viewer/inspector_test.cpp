@@ -8,12 +8,14 @@
 #include <thread>
 
 #include "core/json.h"
+#include "keys.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 #include "viewer/actions.h"
 #include "viewer/scene_lines.h"
 
 using namespace tg;
+using test::press;
 
 namespace {
 
@@ -36,12 +38,6 @@ void inspectNow(ViewerState& state, glm::ivec2 pixel) {
   for (int i = 0; i < 2000 && !thread.update(state, {96, 72}); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   REQUIRE(state.inspect.inspected);
-}
-
-void press(ViewerState& state, int key, bool shift = false) {
-  const auto action = actionOf(key, shift);
-  REQUIRE(action);
-  apply(state, *action);
 }
 
 }  // namespace

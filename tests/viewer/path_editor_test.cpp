@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/temporary_folder.h"
+#include "keys.h"
 #include "support/catch.h"
 #include "viewer/actions.h"
 #include "viewer/bookmarks.h"
@@ -11,6 +12,7 @@
 #include "viewer/recording.h"
 
 using namespace tg;
+using test::press;
 
 namespace {
 
@@ -22,12 +24,6 @@ ViewerState stateAt(glm::dvec3 eye) {
   ViewerState state;
   setScene(state, scene);
   return state;
-}
-
-void press(ViewerState& state, int key, bool shift = false) {
-  const auto action = actionOf(key, shift);
-  REQUIRE(action);
-  apply(state, *action);
 }
 
 // Three keys, 2 s apart.

@@ -103,4 +103,6 @@ bool haveVulkan() {
   }
 }
 
+bool haveWindow() { return haveXServer() && haveVulkan(); }
+
 }  // namespace tg::test

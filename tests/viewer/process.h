@@ -44,5 +44,10 @@ void writeSample(const std::filesystem::path& path, int gaussians = 400, const s
 bool haveXServer();
 // Whether a Vulkan device is there; says why not, once.
 bool haveVulkan();
+// Both: the window tests run.
+bool haveWindow();
+
+// The prefix of Workshop::tgview() that gives it a screen.
+inline const std::vector<std::string> kXServer = {"xvfb-run", "-a", "-s", "-screen 0 1024x768x24"};
 
 }  // namespace tg::test

@@ -5,11 +5,13 @@
 #include <set>
 #include <utility>
 
+#include "keys.h"
 #include "support/catch.h"
 #include "viewer/actions.h"
 #include "viewer/input.h"
 
 using namespace tg;
+using test::press;
 
 namespace {
 
@@ -24,12 +26,6 @@ ViewerState stateWithCameras(int count) {
   ViewerState state;
   setScene(state, scene);
   return state;
-}
-
-void press(ViewerState& state, int key, bool shift = false) {
-  const auto action = actionOf(key, shift);
-  REQUIRE(action);
-  apply(state, *action);
 }
 
 }  // namespace

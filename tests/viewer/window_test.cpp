@@ -15,14 +15,12 @@
 #include "viewer/session.h"
 
 using namespace tg;
+using test::haveWindow;
+using test::kXServer;
 using test::ProcessResult;
 using test::Workshop;
 
 namespace {
-
-const std::vector<std::string> kXServer = {"xvfb-run", "-a", "-s", "-screen 0 1024x768x24"};
-
-bool haveWindow() { return test::haveXServer() && test::haveVulkan(); }
 
 // Runs a script in a window, under validation.
 void play(const Workshop& shop, const std::string& script, const std::string& size,
