@@ -8,14 +8,9 @@
 
 #include "core/image.h"
 #include "render/vulkan/vulkan_renderer.h"
+#include "viewer/pixel_rect.h"
 
 namespace tg {
-
-// A rectangle of the window [px], top left first.
-struct PixelRect {
-  glm::ivec2 origin{0};
-  glm::ivec2 size{0};
-};
 
 // A part of an image in layout GENERAL, whose writes have finished, and where in the window it goes.
 struct PictureBlit {

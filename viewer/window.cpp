@@ -15,21 +15,20 @@
 
 #include "converter/file_format.h"
 #include "core/error.h"
-#include "core/file.h"
 #include "render/vulkan/check.h"
 #include "viewer/actions.h"
-#include "viewer/benchmark.h"
+#include "viewer/captures.h"
+#include "viewer/comparison_control.h"
 #include "viewer/document_keeper.h"
 #include "viewer/graphics.h"
 #include "viewer/input.h"
 #include "viewer/inspector.h"
-#include "viewer/metrics_thread.h"
+#include "viewer/load_timings.h"
 #include "viewer/panels.h"
 #include "viewer/path_editor.h"
-#include "viewer/photographs.h"
-#include "viewer/picture_run.h"
+#include "viewer/run_keeper.h"
 #include "viewer/script.h"
-#include "viewer/session.h"
+#include "viewer/session_keeper.h"
 #include "viewer/state.h"
 
 namespace tg {
@@ -39,7 +38,6 @@ constexpr int kSettleFrames = 3;         // drawn after the last event: widgets 
 constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
 constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
-constexpr float kDividerReach = 6;       // [ImGui units] around the line of a wipe
 constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
 
@@ -61,6 +59,9 @@ class Viewer {
   void run();
 
  private:
+  void wake() const {
+    if (awake_) glfwPostEmptyEvent();
+  }
   void waitForEvents();
   PixelRect pictureArea() const;
   void followAspect();
@@ -68,29 +69,19 @@ class Viewer {
   bool handlePointer();
   void openCameraFiles();
   void inspectClick();
-  void adopt(Scene scene);
-  void keepSession();
   bool scriptMayGoOn() const;
   bool onDevice(const std::function<void()>& draw);
-  void printTimings();
 
   void setTitle();
   void openJson(const std::filesystem::path& path);
   PictureRequest request(glm::ivec2 size) const;
   glm::ivec2 pictureSize() const;
   glm::ivec2 wantedSize() const { return drawnSize(state_, pictureSize()); }
-  std::optional<OtherPicture> otherPicture(std::string& problem) const;
-  void updateComparison();
-  void measure();
-  bool dragDivider();
-  bool measuring() const;
-  Image capturedPicture();
+  // Numbers of the present picture are under way; scripts and captures wait for them.
+  bool measuring() const { return picture_ && picture_->pair && complete() && !state_.compare.measured; }
+  void ask(const PictureRequest& request);
   void askForPicture(bool moving);
-  void updateRun();
-  void beginRun();
-  void endRun(const std::string& notice);
-  void askForRun();
-  bool takeForRun();
+  void runEnded();
   bool inspecting() const { return state_.inspect.asked || state_.inspect.busy; }
   bool animating() const { return state_.camera.turntable || state_.path.playing; }
   void takePicture();
@@ -98,39 +89,31 @@ class Viewer {
   bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
   // The picture on screen is that of the present state at full size, or will never come.
   bool complete() const;
-  void writeCaptures();
+  void capture();
   bool held(int key) const { return glfwGetKey(window_.get(), key) == GLFW_PRESS; }
 
   ViewOptions options_;
   std::optional<Script> script_;
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
   std::atomic<bool> awake_{false};  // GLFW may be called from other threads
-  LoadedSession session_;
-  bool adopted_any_ = false;
+  SessionKeeper session_;
   DocumentKeeper documents_;
-  std::optional<Photographs> photographs_;
-  MetricsThread metrics_;
+  ComparisonControl comparison_;
   Glfw glfw_;
   Events events_;
   WindowPtr window_;
   std::unique_ptr<Graphics> graphics_;
   ViewerState state_;
   FrameStatistics statistics_;
-  std::shared_ptr<const PicturePair> measured_;  // last, by the thread of metrics
-  double flickered_ = 0;                         // [s] window time
-  bool dragging_divider_ = false;
   std::optional<PictureRequest> asked_;     // last, of the picture thread
   std::shared_ptr<const Picture> picture_;  // on screen; null before the first
   bool given_up_ = false;                   // what was asked for cannot be drawn
   double last_full_ms_ = 0;                 // of the last picture at full size
-  double first_picture_ = 0;                // [s] from the start; 0: not yet
-  double first_picture_cpu_ = 0;            // [s] of the process until then
-  bool timings_printed_ = false;
+  LoadTimings timings_{started_};
   bool recovered_ = false;               // the device has failed once
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
-  std::unique_ptr<PictureRun> run_;            // a recording or a benchmark under way
-  std::optional<PictureRequest> run_request_;  // the picture it waits for
+  RunKeeper run_;
   int frames_since_event_ = 0;
   double last_time_ = 0;
 };
@@ -138,41 +121,22 @@ class Viewer {
 Viewer::Viewer(const ViewOptions& options)
     : options_(options),
       script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script))),
-      session_(loadSession(options.session)),
+      session_(options),
       documents_(
-          options,
-          [this] {
-            if (awake_) glfwPostEmptyEvent();
-          },
-          [this](ViewerState&, Scene scene) { adopt(std::move(scene)); }),
-      photographs_(options.photographs.empty() ? std::nullopt : std::make_optional<Photographs>(options.photographs)),
-      metrics_([this] {
-        if (awake_) glfwPostEmptyEvent();
-      }),
-      window_(openWindow(options.size.value_or(session_.session.window), events_)),
-      graphics_(std::make_unique<Graphics>(window_.get(), options)) {
+          options, [this] { wake(); },
+          [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }),
+      comparison_(options, [this] { wake(); }),
+      window_(openWindow(session_.windowSize(), events_)),
+      graphics_(std::make_unique<Graphics>(window_.get(), options)),
+      run_(options, started_, script_.has_value()) {
   awake_ = true;
-  const Session& session = session_.session;
-  const bool kept = !options.session.empty();
-  state_.ui.panel = session.panel;
-  state_.ui.tab = session.tab;
-  state_.camera.speed = session.speed;
-  state_.camera.fly = session.fly;
-  state_.camera.up = options.up;
-  state_.recent = session.recent;
-  state_.messages.error = session_.problem;
-  state_.display.settings = options.settings;
-  state_.display.settings.crop.reset();  // set with the model
-  state_.display.output = kept && !options.show_given ? session.output : options.show;
-  state_.display.settings.textures = kept && !options.textures_given ? session.textures : options.textures;
-  state_.display.settings.intersection = options.intersection;
-  state_.display.exposure = options.exposure;
+  session_.start(state_);
   if (!options.path.empty() && !options.benchmark) readPathFile(state_, options.path);
   state_.follow.active = options.follow;
   state_.compare.photographs = options.photographs;
-  state_.compare.with_photographs = !options.photographs.empty();
+  state_.compare.with_photographs = comparison_.hasPhotographs();
   state_.compare.other = options.compare;
-  if (!options.compare.empty() || photographs_) state_.compare.how.mode = options.compare_mode;
+  if (!options.compare.empty() || comparison_.hasPhotographs()) state_.compare.how.mode = options.compare_mode;
   setTitle();
 }
 
@@ -204,7 +168,7 @@ void Viewer::run() {
       frames_since_event_ = 0;
       setTitle();
     }
-    updateRun();
+    if (run_.update(state_, pictureArea().size)) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(window_.get(), size->x, size->y);
@@ -212,25 +176,27 @@ void Viewer::run() {
     if (std::exchange(state_.test.lose_renderer, false)) {
       graphics_->pictures.loseDevice();
       asked_.reset();
-      run_request_.reset();
+      run_.forget();
       picture_.reset();
     }
     handleEvents();
     const bool moving = handlePointer();
-    updateComparison();
+    comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_);
     graphics_->gui.endFrame();
     followAspect();
     askForPicture(moving);
-    measure();
+    comparison_.measure(state_.compare, picture_.get(), complete());
     onDevice([&] {
       if (std::exchange(state_.test.lose_window, false)) TG_VK(VK_ERROR_DEVICE_LOST);
       drawFrame();
-      if ((complete() && !measuring()) || !capturing()) writeCaptures();
+      if ((complete() && !measuring()) || !capturing()) capture();
       graphics_->presenter.present();
     });
   }
-  keepSession();
+  glm::ivec2 window;
+  glfwGetWindowSize(window_.get(), &window.x, &window.y);
+  session_.keep(state_, window);
   validation_messages_ += graphics_->device->validation_messages.size();
   if (validation_messages_ > 0) {
     throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
@@ -249,7 +215,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
   }
   validation_messages_ += graphics_->device->validation_messages.size();
-  run_request_.reset();  // asked for again, of the new device
+  run_.forget();  // asked for again, of the new device
   picture_.reset();
   asked_.reset();
   graphics_.reset();
@@ -271,13 +237,13 @@ bool Viewer::scriptMayGoOn() const {
 void Viewer::waitForEvents() {
   if (script_ && !scriptMayGoOn()) {
     glfwWaitEventsTimeout(kScriptPause);
-  } else if (run_ || animating() || state_.record.wanted || inspecting()) {
+  } else if (run_.active() || animating() || state_.record.wanted || inspecting()) {
     glfwWaitEventsTimeout(kMotionPause);
   } else if (script_ || frames_since_event_ < kSettleFrames) {
     glfwPollEvents();
     ++frames_since_event_;
   } else if (state_.compare.how.mode == CompareMode::flicker && state_.compare.timed) {
-    glfwWaitEventsTimeout(std::max(state_.compare.flicker_seconds - (glfwGetTime() - flickered_), 1e-3));
+    glfwWaitEventsTimeout(comparison_.untilFlicker(state_.compare, glfwGetTime()));
   } else if (state_.loading.active) {
     glfwWaitEventsTimeout(kProgressPause);
   } else {
@@ -328,7 +294,9 @@ bool Viewer::handlePointer() {
   input.shift = io.KeyShift;
   input.control = io.KeyCtrl;
   inspectClick();
-  if (!dragDivider() && !io.WantCaptureMouse) {
+  if (comparison_.dragDivider(state_.compare.how, pictureArea())) {
+    frames_since_event_ = 0;
+  } else if (!io.WantCaptureMouse) {
     input.drag = {io.MouseDelta.x, io.MouseDelta.y};
     input.wheel = io.MouseWheel;
     input.left = io.MouseDown[0];
@@ -380,37 +348,6 @@ void Viewer::openCameraFiles() {
   }
 }
 
-// A model and what the session knows of it.
-void Viewer::adopt(Scene scene) {
-  Session& session = session_.session;
-  keepBookmarks(session, state_.scene.path, state_.camera.bookmarks);
-  setScene(state_, std::move(scene));
-  state_.camera.bookmarks = bookmarksOf(session, state_.scene.path);
-  noteRecent(session, state_.scene.path);
-  if (!options_.session.empty()) state_.recent = session.recent;
-  if (std::exchange(adopted_any_, true) || !options_.settings.crop) return;
-  state_.display.box = *options_.settings.crop;
-  state_.display.crop = true;
-}
-
-void Viewer::keepSession() {
-  if (options_.session.empty()) return;
-  Session& session = session_.session;
-  keepBookmarks(session, state_.scene.path, state_.camera.bookmarks);
-  glfwGetWindowSize(window_.get(), &session.window.x, &session.window.y);
-  session.panel = state_.ui.panel;
-  session.tab = state_.ui.tab;
-  session.output = state_.display.output;
-  session.textures = state_.display.settings.textures;
-  session.speed = state_.camera.speed;
-  session.fly = state_.camera.fly;
-  try {
-    saveSession(session, options_.session);
-  } catch (const Error& error) {
-    std::fprintf(stderr, "tgview: %s\n", error.what());  // the work is done: no reason to fail
-  }
-}
-
 void Viewer::openJson(const std::filesystem::path& path) {
   if (isPathFile(path)) {
     readPathFile(state_, path);
@@ -434,163 +371,31 @@ glm::ivec2 Viewer::pictureSize() const {
 
 PictureRequest Viewer::request(glm::ivec2 size) const {
   std::string ignored;
-  return {state_.scene.model,        toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
-          effectiveSettings(state_), state_.display.output,
-          otherPicture(ignored),     state_.display.exposure};
-}
-
-std::optional<OtherPicture> Viewer::otherPicture(std::string& problem) const {
-  const CompareState& compare = state_.compare;
-  if (compare.how.mode == CompareMode::off) return std::nullopt;
-  OtherPicture other;
-  other.difference = compare.how.mode == CompareMode::difference;
-  other.with_sign = compare.how.with_sign;
-  other.gain = compare.how.gain;
-  if (compare.with_photographs && photographs_) {
-    if (state_.camera.index < 0) {
-      problem = "No photograph was taken from here: go to a camera of the model (Space, or . and ,)";
-      return std::nullopt;
-    }
-    other.taken = state_.scene.cameras[static_cast<std::size_t>(state_.camera.index)];
-    other.photograph = photographs_->find(other.taken);
-    if (!other.photograph.empty()) return other;
-    problem = photographs_->folder().string() + ": holds no photograph \"" + other.taken.name + "\"";
-    return std::nullopt;
-  }
-  const int document = otherDocument(state_);
-  if (document >= 0) {
-    other.model = state_.documents.open[static_cast<std::size_t>(document)].scene.model;
-    if (other.model) return other;
-  }
-  problem = "There is nothing to compare with: open another model";
-  return std::nullopt;
-}
-
-// Before the panels are drawn: what they say about the comparison.
-void Viewer::updateComparison() {
-  CompareState& compare = state_.compare;
-  compare.problem.clear();
-  (void)otherPicture(compare.problem);
-  if (compare.problem.empty() && picture_ && asked_ && same(picture_->request, *asked_)) {
-    compare.problem = picture_->problem;
-  }
-  if (compare.how.mode == CompareMode::flicker && compare.timed &&
-      state_.time - flickered_ >= compare.flicker_seconds) {
-    compare.how.shows_other = !compare.how.shows_other;
-    flickered_ = state_.time;
-  }
-  if (const auto result = metrics_.take(); result && picture_ && result->pair == picture_->pair) {
-    compare.metrics = result->metrics;
-    compare.measured = true;
-  }
-}
-
-// Only whole pictures are measured, each once.
-void Viewer::measure() {
-  CompareState& compare = state_.compare;
-  if (!picture_ || !picture_->pair || !complete()) {
-    compare.measured = false;
-    if (compare.how.mode == CompareMode::off) compare.metrics.reset();
-    return;
-  }
-  if (measured_ == picture_->pair) return;
-  measured_ = picture_->pair;
-  compare.measured = false;
-  metrics_.ask(measured_);
-}
-
-// Numbers of the present picture are under way; scripts and captures wait for them.
-bool Viewer::measuring() const { return picture_ && picture_->pair && complete() && !state_.compare.measured; }
-
-// Near the line of a wipe the pointer moves it instead of the camera.
-bool Viewer::dragDivider() {
-  const ImGuiIO& io = ImGui::GetIO();
-  Comparison& how = state_.compare.how;
-  if (how.mode != CompareMode::wipe || !io.MouseDown[0]) return dragging_divider_ = false;
-  const PixelRect area = pictureArea();
-  const float pixels = std::max(io.DisplayFramebufferScale.x, 1e-3f);
-  const float left = static_cast<float>(area.origin.x) / pixels, width = static_cast<float>(area.size.x) / pixels;
-  if (!dragging_divider_) {
-    const bool pressed = ImGui::IsMouseClicked(0) && !io.WantCaptureMouse;
-    dragging_divider_ = pressed && std::abs(io.MousePos.x - (left + how.divider * width)) < kDividerReach;
-  }
-  if (dragging_divider_) {
-    how.divider = std::clamp((io.MousePos.x - left) / width, 0.0f, 1.0f);
-    frames_since_event_ = 0;
-  }
-  return dragging_divider_;
+  return {state_.scene.model,
+          toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+          effectiveSettings(state_),
+          state_.display.output,
+          comparison_.other(state_, ignored),
+          state_.display.exposure};
 }
 
 bool Viewer::complete() const {
   if (inspecting()) return false;
   if (!state_.scene.model || given_up_) return true;
-  if (run_ || animating()) return picture_ != nullptr;  // no picture is the last one
+  if (run_.active() || animating()) return picture_ != nullptr;  // no picture is the last one
   return picture_ && same(picture_->request, request(wantedSize()));
 }
 
-// Begins and ends recordings as the state wants it, and the benchmark once the model is there.
-void Viewer::updateRun() {
-  try {
-    if (!run_) return beginRun();
-    if (!options_.benchmark && !state_.record.wanted) return endRun("Recording cancelled");
-    if (run_->done() == run_->frames()) {
-      const std::string result = run_->finish();
-      if (options_.benchmark) state_.quit = true;
-      return endRun(result);
-    }
-    state_.record.done = run_->done();
-    state_.record.frames = run_->frames();
-  } catch (const Error& error) {
-    if (script_ || options_.benchmark) throw;
-    endRun("");
-    state_.messages.error = error.what();
-  }
-}
-
-void Viewer::beginRun() {
-  if (options_.benchmark) {
-    if (state_.quit || !state_.scene.model || state_.scene.partial) return;
-    run_ = makeBenchmarkRun(options_, state_.scene, pictureArea().size, started_);
-  } else if (state_.record.wanted) {
-    if (!state_.scene.model) throw Error(ErrorKind::usage, "there is no model to record");
-    run_ = makeRecordingRun(state_);
-  }
-}
-
-void Viewer::endRun(const std::string& notice) {
-  run_.reset();
-  run_request_.reset();
+// What was asked for last was the run's.
+void Viewer::runEnded() {
   asked_.reset();
-  state_.record.wanted = false;
   frames_since_event_ = 0;
-  if (!notice.empty() && !script_) notify(state_, notice);
 }
 
-void Viewer::askForRun() {
-  if (run_request_) return;
-  const Camera* camera = run_->due();
-  if (!camera) return;
-  run_request_ = request(pictureArea().size);
-  run_request_->camera = *camera;
-  run_request_->other.reset();
-  asked_ = run_request_;
+void Viewer::ask(const PictureRequest& request) {
+  asked_ = request;
   given_up_ = false;
-  graphics_->pictures.ask(*run_request_);
-}
-
-// Whether the picture on screen was made for the run.
-bool Viewer::takeForRun() {
-  if (!run_ || !run_request_ || !same(picture_->request, *run_request_)) return false;
-  try {
-    run_->take(*picture_,
-               [this] { return graphics_->presenter.read(picture_->image->storage.handle(), picture_->image->size); });
-  } catch (const Error& error) {
-    if (script_) throw;
-    state_.messages.error = error.what();
-    endRun("");
-  }
-  run_request_.reset();
-  return true;
+  graphics_->pictures.ask(request);
 }
 
 void Viewer::askForPicture(bool moving) {
@@ -599,7 +404,10 @@ void Viewer::askForPicture(bool moving) {
     asked_.reset();
     return;
   }
-  if (run_) return askForRun();
+  if (run_.active()) {
+    if (const auto due = run_.due(request(pictureArea().size))) ask(*due);
+    return;
+  }
   glm::ivec2 size = wantedSize();
   const bool reduced = moving && !capturing() && last_full_ms_ > kSmoothFrame;
   if (reduced) {
@@ -610,9 +418,7 @@ void Viewer::askForPicture(bool moving) {
   const PictureRequest wanted = request(size);
   const bool again = state_.ui.continuous && graphics_->pictures.idle();
   if (asked_ && same(*asked_, wanted) && !again) return;
-  asked_ = wanted;
-  given_up_ = false;
-  graphics_->pictures.ask(wanted);
+  ask(wanted);
 }
 
 void Viewer::takePicture() {
@@ -622,14 +428,16 @@ void Viewer::takePicture() {
     state_.messages.error = news.problem;
   }
   given_up_ = given_up_ || news.given_up;
-  if (news.given_up && run_) {
-    if (options_.benchmark) throw Error(ErrorKind::device, news.problem);
-    endRun("");
+  if (news.given_up && run_.active()) {
+    run_.giveUp(state_, news.problem);
+    runEnded();
   }
   if (!news.picture) return;
   picture_ = std::move(news.picture);
   const glm::ivec2 size = picture_->image->size;
-  const bool for_run = takeForRun();
+  const bool for_run =
+      run_.take(state_, *picture_, [&] { return graphics_->presenter.read(picture_->image->storage.handle(), size); });
+  if (for_run && !run_.active()) runEnded();
   statistics_.reduced = !for_run && size != wantedSize();
   if (!statistics_.reduced && !for_run) last_full_ms_ = picture_->milliseconds;
   statistics_.frame_ms.push_back(static_cast<float>(picture_->milliseconds));
@@ -637,26 +445,10 @@ void Viewer::takePicture() {
   statistics_.passes = picture_->passes;
   statistics_.device = picture_->device;
   statistics_.picture_size = size;
-  if (options_.timings && !timings_printed_) printTimings();
-}
-
-// From the start of the program to the pictures of the first model.
-void Viewer::printTimings() {
-  const double now = std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
-  const double cpu = processMilliseconds() / 1e3;
-  if (first_picture_ == 0) {
-    first_picture_ = now;
-    first_picture_cpu_ = cpu;
+  if (options_.timings) {
+    const bool whole = !state_.scene.partial && picture_->request.model == state_.scene.model && !statistics_.reduced;
+    timings_.take(whole, state_.scene, documents_);
   }
-  if (state_.scene.partial || picture_->request.model != state_.scene.model || statistics_.reduced) return;
-  timings_printed_ = true;
-  const double gigabytes = static_cast<double>(documents_.readBytes()) / 1e9;
-  const double read = std::max(documents_.readSeconds(), 1e-9);
-  std::printf("%s: %.1f MB read in %.2f s (%.2f GB/s)\n", state_.scene.path.c_str(), 1e3 * gigabytes, read,
-              gigabytes / read);
-  std::printf("first picture after %.2f s (%.2f s of CPU time), all of it after %.2f s (%.2f s, %.2f GB/s from disk)\n",
-              first_picture_, first_picture_cpu_, now, cpu, gigabytes / now);
-  std::fflush(stdout);
 }
 
 void Viewer::drawFrame() {
@@ -666,7 +458,7 @@ void Viewer::drawFrame() {
                             std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
   const VkCommandBuffer commands = graphics_->presenter.beginCommands();
   std::vector<PictureBlit> blits;
-  if (picture_ && run_) {
+  if (picture_ && run_.active()) {
     const glm::ivec2 size = picture_->image->size;
     blits.push_back({picture_->image->storage.handle(), {{0, 0}, size}, fittedInto(pictureArea(), size)});
   } else if (picture_) {
@@ -679,35 +471,10 @@ void Viewer::drawFrame() {
   graphics_->presenter.submitAndWait();
 }
 
-// As --render with the same comparison writes it.
-Image Viewer::capturedPicture() {
-  if (picture_->pair)
-    return composed(picture_->pair->first, picture_->pair->other, picture_->pair->mask, state_.compare.how);
-  return graphics_->presenter.read(picture_->image->storage.handle(), picture_->image->size);
-}
-
-void Viewer::writeCaptures() {
-  const CaptureRequest capture = std::exchange(state_.capture, {});
-  const auto saved = [this](const std::filesystem::path& path) {
-    if (!script_) notify(state_, "Saved " + path.string());  // the next capture of a script must not show it
-  };
+void Viewer::capture() {
   try {
-    if (!capture.picture.empty()) {
-      writeImage(capture.picture, capturedPicture());
-      saved(capture.picture);
-    }
-    if (!capture.window.empty()) {
-      writeImage(capture.window, graphics_->presenter.readWindow());
-      saved(capture.window);
-    }
-    if (!capture.camera.empty()) {
-      const glm::ivec2 size = pictureSize();
-      Camera camera = toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y);
-      camera.name = state_.scene.path.stem().string();
-      const std::string text = formatCameras({camera});
-      writeFileAtomically(capture.camera, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-      saved(capture.camera);
-    }
+    const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->presenter);
+    if (!saved.empty() && !script_) notify(state_, "Saved " + saved.string());  // a script's next one must not show it
   } catch (const Error& error) {
     if (script_) throw;
     state_.messages.error = error.what();
