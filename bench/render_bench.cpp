@@ -25,7 +25,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/reference/splat.h"
-#include "render/vulkan/buffer.h"
+#include "render/vulkan/vulkan_renderer.h"
 #include "support/scenes.h"
 
 namespace {
@@ -140,44 +140,6 @@ Times measure(const Renderer& renderer, int frames, const DrawFrame& draw) {
   return times;
 }
 
-// The window's path of the Vulkan renderer without a window.
-class RecordedFrames {
- public:
-  RecordedFrames(VulkanDevice& device, VulkanRenderer& renderer, VulkanFrameRequest request)
-      : device_(device), renderer_(renderer), commands_(device), request_(std::move(request)) {}
-
-  void draw() {
-    do {
-      commands_.run([&](VkCommandBuffer buffer) { renderer_.record(buffer, request_); });
-    } while (!renderer_.finishFrame());
-  }
-
-  Image picture() {
-    const auto width = static_cast<std::uint32_t>(request_.camera.width);
-    const auto height = static_cast<std::uint32_t>(request_.camera.height);
-    const Buffer pixels(device_, "picture read-back", VkDeviceSize{width} * height * 4, Memory::host);
-    commands_.run([&](VkCommandBuffer buffer) {
-      stageBarrier(buffer, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT);
-      VkBufferImageCopy copy{};
-      copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
-      copy.imageExtent = {width, height, 1};
-      vkCmdCopyImageToBuffer(buffer, renderer_.image(), VK_IMAGE_LAYOUT_GENERAL, pixels.handle(), 1, &copy);
-      stageBarrier(buffer, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT);
-    });
-    Image image(request_.camera.width, request_.camera.height, 3);
-    for (std::size_t i = 0; i < image.data.size(); ++i) {
-      image.data[i] = static_cast<float>(std::to_integer<int>(pixels.data()[i / 3 * 4 + i % 3])) / 255.0f;
-    }
-    return image;
-  }
-
- private:
-  VulkanDevice& device_;
-  VulkanRenderer& renderer_;
-  Commands commands_;
-  VulkanFrameRequest request_;
-};
-
 // PSNR [dB] of the final picture against the float64 reference at seeded random pixels, both clamped to [0, 1].
 double psnrAtPixels(const Image& picture, const GaussianModel& model, const Camera& camera,
                     const RenderSettings& settings, int count) {
@@ -258,11 +220,13 @@ void run(const Options& options) {
     const auto device = createVulkanDevice(vulkan);
     const std::unique_ptr<VulkanRenderer> renderer = makeVulkanRenderer(*device);
     renderer->setModel(loaded.model);
-    RecordedFrames frames(*device, *renderer, {camera, settings, output});
-    times = measure(*renderer, options.frames, [&] { frames.draw(); });
-    picture = frames.picture();
+    times = measure(*renderer, options.frames, [&] {
+      while (!renderer->draw({camera, settings, output})) {
+      }
+    });
+    picture = renderer->picture();
     device_name = renderer->deviceName();
-    const VulkanFrameCounts counts = renderer->counts();
+    const FrameCounts counts = renderer->counts();
     result["visible"] = counts.visible;
     result["pairs"] = counts.pairs;
   } else {

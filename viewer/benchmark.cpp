@@ -11,7 +11,6 @@
 
 #include "core/error.h"
 #include "core/json.h"
-#include "render/vulkan/buffer.h"
 #include "viewer/headless_renderer.h"
 #include "viewer/shot.h"
 
@@ -71,32 +70,29 @@ nlohmann::ordered_json passMedians(const std::vector<BenchmarkFrame>& frames) {
 class FrameRunner {
  public:
   FrameRunner(const HeadlessRenderer& backend, Output output, const RenderSettings& settings)
-      : renderer_(*backend.renderer), vulkan_(dynamic_cast<VulkanRenderer*>(backend.renderer.get())) {
+      : renderer_(*backend.renderer), gpu_(dynamic_cast<GpuRenderer*>(backend.renderer.get())) {
     request_.output = output;
     request_.settings = settings;
-    if (vulkan_) commands_ = std::make_unique<Commands>(*backend.device);
   }
 
-  const char* backend() const { return vulkan_ ? "vulkan" : "cpu"; }
+  const char* backend() const { return gpu_ ? "vulkan" : "cpu"; }
 
   void draw(const Camera& camera) {
-    if (!vulkan_) {
+    if (!gpu_) {
       (void)visualize(renderer_.render(camera, request_.settings), request_.output);
       return;
     }
     request_.camera = camera;
     for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
-      commands_->run([this](VkCommandBuffer commands) { vulkan_->record(commands, request_); });
-      if (vulkan_->finishFrame()) return;
+      if (gpu_->draw(request_)) return;
     }
     throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
   }
 
  private:
   Renderer& renderer_;
-  VulkanRenderer* const vulkan_;
-  VulkanFrameRequest request_;
-  std::unique_ptr<Commands> commands_;
+  GpuRenderer* const gpu_;
+  FrameRequest request_;
 };
 
 }  // namespace

@@ -215,7 +215,7 @@ void PictureMaker::upload(const Image& picture, const PictureImage& target) {
 }
 
 Image PictureMaker::download(const PictureImage& source) {
-  const auto* bytes = reinterpret_cast<const std::uint8_t*>(staging(source.size));
+  const std::byte* bytes = staging(source.size);
   commands_.run([&](VkCommandBuffer commands) {
     barrier(commands, source.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT,
             VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
@@ -223,11 +223,7 @@ Image PictureMaker::download(const PictureImage& source) {
     vkCmdCopyImageToBuffer(commands, source.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, staging_.handle(), 1, &copy);
     stageBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT);
   });
-  Image image(source.size.x, source.size.y, 3);
-  for (std::size_t i = 0; i < image.data.size() / 3; ++i) {
-    for (std::size_t c = 0; c < 3; ++c) image.data[3 * i + c] = static_cast<float>(bytes[4 * i + c]) / 255.0f;
-  }
-  return image;
+  return imageFromRgba8({bytes, std::size_t{4} * source.size.x * source.size.y}, source.size.x, source.size.y);
 }
 
 }  // namespace tg

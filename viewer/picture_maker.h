@@ -4,6 +4,7 @@
 #include <list>
 #include <memory>
 
+#include "render/vulkan/vulkan_renderer.h"
 #include "viewer/picture.h"
 
 namespace tg {

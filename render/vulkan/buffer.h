@@ -7,24 +7,23 @@
 #include <utility>
 #include <vector>
 
-#include "render/vulkan/vulkan_renderer.h"
+#include "render/gpu/device.h"
+#include "render/vulkan/vulkan_device.h"
 
 namespace tg {
 
 enum class Memory { device, host };  // host: mapped and coherent, for uniforms and transfers
 
-class Buffer {
+class Buffer final : public GpuBuffer {
  public:
   Buffer() = default;
-  // The size is rounded up to 16 bytes, 16 at least: an empty model binds like any other, and buffers of smaller
-  // elements can be read four at a time.
   Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes, Memory memory = Memory::device);
   Buffer(Buffer&& other) noexcept { swap(other); }
   Buffer& operator=(Buffer&& other) noexcept {
     swap(other);
     return *this;
   }
-  ~Buffer();
+  ~Buffer() override;
 
   VkBuffer handle() const { return buffer_; }
   VkDeviceSize size() const { return size_; }  // [bytes]
@@ -46,7 +45,7 @@ class Buffer {
 };
 
 // The RGBA8 picture that a window copies from.
-class StorageImage {
+class StorageImage final : public GpuImage {
  public:
   StorageImage() = default;
   StorageImage(const VulkanDevice& device, std::uint32_t width, std::uint32_t height);
@@ -55,7 +54,7 @@ class StorageImage {
     swap(other);
     return *this;
   }
-  ~StorageImage();
+  ~StorageImage() override;
 
   VkImage handle() const { return image_; }
   VkImageView view() const { return view_; }

@@ -4,63 +4,32 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
 
-#include "blend_comp.h"
-#include "compact_comp.h"
-#include "emit_keys_comp.h"
-#include "output_range_comp.h"
-#include "present_comp.h"
-#include "project_comp.h"
 #include "render/vulkan/check.h"
-#include "scan_apply_comp.h"
-#include "scan_partitions_comp.h"
-#include "scan_reduce_comp.h"
 #include "shared/layout.h"
-#include "solid_comp.h"
-#include "sort_count_comp.h"
-#include "sort_count_runs_comp.h"
-#include "sort_scan_comp.h"
-#include "sort_scatter_comp.h"
-#include "sort_scatter_runs_comp.h"
-#include "tile_ranges_comp.h"
 
 namespace tg {
 namespace {
 
-constexpr std::uint32_t kViewBinding = 16;  // shaders/pass.glsl
-constexpr std::uint32_t kPassBinding = 17;
 constexpr std::uint32_t kMostBuffers = 16;
 constexpr std::uint32_t kSetsPerPool = 64;
 
-struct Module {
-  std::span<const std::uint32_t> code;
-  std::uint32_t texel_count;
-  std::uint32_t buffer_count;
-  bool image = false;
-};
+VkFormat formatOf(Texels texels) {
+  switch (texels) {
+    case Texels::r32ui:
+      return VK_FORMAT_R32_UINT;
+    case Texels::rgba32ui:
+      return VK_FORMAT_R32G32B32A32_UINT;
+    case Texels::rgba32f:
+      return VK_FORMAT_R32G32B32A32_SFLOAT;
+    case Texels::rgba16f:
+      return VK_FORMAT_R16G16B16A16_SFLOAT;
+    default:
+      return VK_FORMAT_UNDEFINED;
+  }
+}
 
-// In the order of enum class Shader.
-constexpr std::array<Module, 16> kModules = {{
-    {project_comp, 5, 3},
-    {scan_reduce_comp, 0, 4},
-    {scan_partitions_comp, 0, 2},
-    {scan_apply_comp, 0, 5},
-    {compact_comp, 1, 5},
-    {sort_count_comp, 0, 3},
-    {sort_scan_comp, 0, 3},
-    {sort_scatter_comp, 0, 7},
-    {sort_count_runs_comp, 1, 2},
-    {sort_scatter_runs_comp, 2, 5},
-    {emit_keys_comp, 1, 6},
-    {tile_ranges_comp, 1, 2},
-    {blend_comp, 5, 6},
-    {solid_comp, 6, 3},
-    {output_range_comp, 0, 4},
-    {present_comp, 0, 5, true},
-}};
-
-VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const Module& module) {
+VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const ShaderModule& module) {
   std::vector<VkDescriptorSetLayoutBinding> bindings;
   const auto add = [&](std::uint32_t binding, VkDescriptorType type) {
     bindings.push_back({binding, type, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
@@ -80,7 +49,7 @@ VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const Module& 
   return layout;
 }
 
-VkPipeline createPipeline(const VulkanDevice& device, VkPipelineLayout layout, const Module& module,
+VkPipeline createPipeline(const VulkanDevice& device, VkPipelineLayout layout, const ShaderModule& module,
                           std::span<const std::uint32_t> constants) {
   VkShaderModuleCreateInfo code{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
   code.codeSize = module.code.size_bytes();
@@ -117,7 +86,7 @@ const Pipeline& Pipelines::get(Shader shader, std::span<const std::uint32_t> con
   const auto [entry, is_new] = pipelines_.try_emplace({shader, {constants.begin(), constants.end()}});
   Pipeline& pipeline = entry->second;  // in the map from here on: its handles are destroyed with it, complete or not
   if (pipeline.pipeline) return pipeline;
-  const Module& module = kModules.at(static_cast<std::size_t>(shader));
+  const ShaderModule& module = moduleOf(shader);
   pipeline.first_buffer = module.image;
   pipeline.texel_count = module.texel_count;
   pipeline.buffer_count = module.buffer_count;
@@ -158,8 +127,7 @@ VkDescriptorPool DescriptorSets::addPool() {
   return pool;
 }
 
-VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, std::span<const Binding> buffers, VkImageView image) {
-  assert(buffers.size() == pipeline.texel_count + pipeline.buffer_count);
+VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, const Pass& pass) {
   VkDescriptorSetAllocateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO};
   info.descriptorPool = sets_left_ ? pools_.back() : addPool();
   info.descriptorSetCount = 1;
@@ -168,11 +136,19 @@ VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, std::span<const B
   TG_VK(vkAllocateDescriptorSets(device_.device, &info, &set));
   --sets_left_;
 
-  std::vector<VkDescriptorBufferInfo> infos;
-  for (const Binding& buffer : buffers) infos.push_back({buffer.buffer, buffer.offset, buffer.bytes});
+  std::vector<VkDescriptorBufferInfo> infos(pass.buffers.size());
+  std::vector<VkBufferView> views(pass.buffers.size());
+  for (std::size_t i = 0; i < pass.buffers.size(); ++i) {
+    const Binding& binding = pass.buffers[i];
+    const auto& buffer = static_cast<const Buffer&>(*binding.buffer);
+    infos[i] = {buffer.handle(), binding.offset, binding.bytes ? binding.bytes : VK_WHOLE_SIZE};
+    if (binding.texels != Texels::none) views[i] = buffer.view(formatOf(binding.texels));
+  }
   const VkDescriptorBufferInfo view{view_.handle(), 0, sizeof(ViewUniforms)};
   const VkDescriptorBufferInfo slot{pass_slots_.handle(), 0, sizeof(PassUniforms)};
-  const VkDescriptorImageInfo picture{VK_NULL_HANDLE, image, VK_IMAGE_LAYOUT_GENERAL};
+  const GpuImage* image = pass.options.image;
+  const VkDescriptorImageInfo picture{VK_NULL_HANDLE, image ? static_cast<const StorageImage*>(image)->view() : nullptr,
+                                      VK_IMAGE_LAYOUT_GENERAL};
   std::vector<VkWriteDescriptorSet> writes;
   const auto write = [&](std::uint32_t binding, VkDescriptorType type) -> VkWriteDescriptorSet& {
     VkWriteDescriptorSet& added = writes.emplace_back(VkWriteDescriptorSet{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET});
@@ -184,7 +160,7 @@ VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, std::span<const B
   };
   for (std::uint32_t i = 0; i < infos.size(); ++i) {
     if (i < pipeline.texel_count) {
-      write(pipeline.first_buffer + i, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER).pTexelBufferView = &buffers[i].view;
+      write(pipeline.first_buffer + i, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER).pTexelBufferView = &views[i];
     } else {
       write(pipeline.first_buffer + i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER).pBufferInfo = &infos[i];
     }

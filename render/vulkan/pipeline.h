@@ -4,35 +4,13 @@
 #include <cstdint>
 #include <map>
 #include <span>
-#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "render/gpu/passes.h"
 #include "render/vulkan/buffer.h"
-#include "shared/work.h"
 
 namespace tg {
-
-// The compiled passes. All share the two uniform blocks of shaders/pass.glsl; other bindings go by position: the image
-// where there is one, uniform texel buffers, storage buffers.
-enum class Shader {
-  project,
-  scanReduce,
-  scanPartitions,
-  scanApply,
-  compact,
-  sortCount,
-  sortScan,
-  sortScatter,
-  sortCountRuns,
-  sortScatterRuns,
-  emitKeys,
-  tileRanges,
-  blend,
-  solid,
-  outputRange,
-  present,
-};
 
 struct Pipeline {
   VkPipeline pipeline = VK_NULL_HANDLE;
@@ -41,18 +19,6 @@ struct Pipeline {
   std::uint32_t first_buffer = 0;  // binding of the first buffer: 1 where an image has binding 0
   std::uint32_t texel_count = 0;   // uniform texel buffers, which come first
   std::uint32_t buffer_count = 0;  // storage buffers
-};
-
-// Part of a storage buffer, or a uniform texel buffer.
-struct Binding {
-  VkBuffer buffer = VK_NULL_HANDLE;
-  VkDeviceSize offset = 0;
-  VkDeviceSize bytes = VK_WHOLE_SIZE;
-  VkBufferView view = VK_NULL_HANDLE;
-  Binding(const Buffer& whole) : buffer(whole.handle()) {}  // implicit: a list of buffers is a list of bindings
-  Binding(const Buffer& part, VkDeviceSize first, VkDeviceSize length)
-      : buffer(part.handle()), offset(first), bytes(length) {}
-  Binding(const Buffer& texels, VkFormat format) : view(texels.view(format)) {}
 };
 
 // Pipelines by shader and specialization constants, each made at its first use and kept.
@@ -80,8 +46,8 @@ class DescriptorSets {
   DescriptorSets& operator=(const DescriptorSets&) = delete;
   ~DescriptorSets();
 
-  // `buffers` in the order of the shader's bindings, exactly as many as it has: texel buffers, then storage buffers.
-  VkDescriptorSet make(const Pipeline& pipeline, std::span<const Binding> buffers, VkImageView image = VK_NULL_HANDLE);
+  // With the buffers and the image of `pass`, which `pipeline` runs.
+  VkDescriptorSet make(const Pipeline& pipeline, const Pass& pass);
 
  private:
   VkDescriptorPool addPool();

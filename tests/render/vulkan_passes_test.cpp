@@ -6,7 +6,8 @@
 #include <numeric>
 #include <random>
 
-#include "render/vulkan/passes.h"
+#include "render/gpu/passes.h"
+#include "render/vulkan/pass_device.h"
 #include "shared/layout.h"
 #include "shared/limits.h"
 #include "support/catch.h"
@@ -22,50 +23,37 @@ using Numbers = std::vector<std::uint32_t>;
 // Data on the device and passes over it, without a frame around them.
 class PassBench {
  public:
-  PassBench()
-      : commands_(vulkanDevice()),
-        pipelines(vulkanDevice()),
-        view(vulkanDevice(), "view", sizeof(ViewUniforms), Memory::host),
-        counters(vulkanDevice(), "counters", sizeof(Counters)),
-        scratch(vulkanDevice()) {}
+  PassBench() : device(vulkanDevice()), counters(device.makeBuffer("counters", sizeof(Counters))), scratch(device) {}
 
   // The bytes of `numbers`, `room` of them at least.
-  Buffer put(const Numbers& numbers, std::size_t room = 0) {
+  BufferPtr put(const Numbers& numbers, std::size_t room = 0) {
     const std::size_t bytes = numbers.size() * 4;
-    Buffer buffer(vulkanDevice(), "test", std::max(bytes, room * 4));
-    upload(vulkanDevice(), commands_, buffer, bytes, 4, [&](VkDeviceSize first, std::span<std::byte> out) {
+    BufferPtr buffer = device.makeBuffer("test", std::max(bytes, room * 4));
+    device.upload(buffer, bytes, 4, [&](std::uint64_t first, std::span<std::byte> out) {
       std::memcpy(out.data(), reinterpret_cast<const std::byte*>(numbers.data()) + first, out.size());
     });
     return buffer;
   }
-  Numbers get(const Buffer& buffer, std::size_t count) {
+  Numbers get(const BufferPtr& buffer, std::size_t count) {
     Numbers numbers(count);
-    download(vulkanDevice(), commands_, buffer, std::as_writable_bytes(std::span(numbers)));
+    device.download(buffer, std::as_writable_bytes(std::span(numbers)));
     return numbers;
   }
+  BufferPtr room(std::size_t count) { return device.makeBuffer("room", count * 4); }
 
   // Runs the passes on `count` items of kind `work`; returns what they left in Counters.
   Counters run(std::uint32_t work, std::uint32_t count, const std::function<void(PassList&)>& build) {
-    PassList list(vulkanDevice(), pipelines, view, counters);
-    build(list);
     Counters first{};
     first.work[work] = makeWork(count, count);
-    commands_.run([&](VkCommandBuffer commands) {
-      vkCmdUpdateBuffer(commands, counters.handle(), 0, sizeof first, &first);
-      list.record(commands, nullptr);
-    });
-    Counters last;
-    download(vulkanDevice(), commands_, counters, std::as_writable_bytes(std::span(&last, 1)));
-    return last;
+    PassList list(counters, first);
+    build(list);
+    const std::unique_ptr<PassProgram> program = device.prepare(list);
+    device.run(*program, {});
+    return program->counters();
   }
 
- private:
-  Commands commands_;
-
- public:
-  Pipelines pipelines;
-  Buffer view;
-  Buffer counters;
+  VulkanPassDevice device;
+  BufferPtr counters;
   Scratch scratch;
 };
 
@@ -100,8 +88,8 @@ TEST_CASE("a prefix sum equals std::exclusive_scan at every size around a bounda
       GENERATE(0u, 1u, 3u, 63u, 255u, 256u, 257u, 1023u, 1025u, 2047u, 2048u, 2049u, 100000u, 1100000u);
   const Numbers values = randomNumbers(count, 1000);
   PassBench& b = bench();
-  const Buffer input = b.put(values);
-  const Buffer offsets(vulkanDevice(), "offsets", count * 4);
+  const BufferPtr input = b.put(values);
+  const BufferPtr offsets = b.room(count);
   const Counters counters = b.run(kWorkGaussians, count, [&](PassList& list) {
     addScan(list, "scan", b.scratch,
             {ScanInput::values, input, input, offsets, kWorkGaussians, kWorkVisible, /*capacity=*/500});
@@ -121,10 +109,10 @@ TEST_CASE("a prefix sum counts what is not zero, or follows an order", "[scan]")
   Numbers order(count);
   std::iota(order.rbegin(), order.rend(), 0u);
   PassBench& b = bench();
-  const Buffer input = b.put(values);
-  const Buffer backwards = b.put(order);
-  const Buffer counted(vulkanDevice(), "offsets", count * 4);
-  const Buffer ordered(vulkanDevice(), "offsets", count * 4);
+  const BufferPtr input = b.put(values);
+  const BufferPtr backwards = b.put(order);
+  const BufferPtr counted = b.room(count);
+  const BufferPtr ordered = b.room(count);
   b.run(kWorkGaussians, count, [&](PassList& list) {
     addScan(list, "scan", b.scratch, {ScanInput::nonZero, input, input, counted, kWorkGaussians, kWorkVisible, count});
     addScan(list, "scan", b.scratch,
@@ -142,8 +130,8 @@ TEST_CASE("a prefix sum counts what is not zero, or follows an order", "[scan]")
 TEST_CASE("a prefix sum beyond 32 bits stops at the largest number instead of wrapping", "[scan]") {
   const Numbers values(9000, 1u << 20);
   PassBench& b = bench();
-  const Buffer input = b.put(values);
-  const Buffer offsets(vulkanDevice(), "offsets", values.size() * 4);
+  const BufferPtr input = b.put(values);
+  const BufferPtr offsets = b.room(values.size());
   const Counters counters = b.run(kWorkGaussians, 9000, [&](PassList& list) {
     addScan(list, "scan", b.scratch,
             {ScanInput::values, input, input, offsets, kWorkGaussians, kWorkPairs, /*capacity=*/100});
@@ -176,8 +164,8 @@ TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key an
     }
     Numbers numbers(count);
     std::iota(numbers.begin(), numbers.end(), 0u);
-    const PingPong key_buffers{b.put(keys), Buffer(vulkanDevice(), "keys", count * 4)};
-    const PingPong value_buffers{b.put(numbers), Buffer(vulkanDevice(), "values", count * 4)};
+    const PingPong key_buffers{b.put(keys), b.room(count)};
+    const PingPong value_buffers{b.put(numbers), b.room(count)};
     int result = 0;
     b.run(kWorkVisible, count, [&](PassList& list) {
       result = addSort(list, "sort", b.scratch, {key_buffers, value_buffers, kWorkVisible, 0, bits, runs});
@@ -202,8 +190,8 @@ TEST_CASE("a sort of a million keys uses partitions of more than the smallest si
   Numbers numbers(count);
   std::iota(numbers.begin(), numbers.end(), 0u);
   PassBench& b = bench();
-  const PingPong key_buffers{b.put(keys), Buffer(vulkanDevice(), "keys", count * 4)};
-  const PingPong value_buffers{b.put(numbers), Buffer(vulkanDevice(), "values", count * 4)};
+  const PingPong key_buffers{b.put(keys), b.room(count)};
+  const PingPong value_buffers{b.put(numbers), b.room(count)};
   b.run(kWorkPairs, count, [&](PassList& list) {
     addSort(list, "sort", b.scratch, {key_buffers, value_buffers, kWorkPairs, first_bit, 8, runs});
   });
@@ -221,10 +209,10 @@ TEST_CASE("tile ranges find every tile in more pairs than one row of groups hold
   const auto count = static_cast<std::uint32_t>(pair_tiles.size());
   REQUIRE(makeWork(count, count).item_groups.y == 2);
   PassBench& b = bench();
-  const Buffer input = b.put(pair_tiles);
-  const Buffer ranges = b.put(Numbers(std::size_t{tiles} * 4, 0u));
+  const BufferPtr input = b.put(pair_tiles);
+  const BufferPtr ranges = b.put(Numbers(std::size_t{tiles} * 4, 0u));
   b.run(kWorkPairs, count, [&](PassList& list) {
-    list.add("tile_ranges", Shader::tileRanges, {{input, VK_FORMAT_R32_UINT}, list.counters(), ranges}, {},
+    list.add("tile_ranges", Shader::tileRanges, {{input, Texels::r32ui}, list.counters(), ranges}, {},
              Groups::perItem(kWorkPairs));
   });
   const Numbers result = b.get(ranges, std::size_t{tiles} * 4);

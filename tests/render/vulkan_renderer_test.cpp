@@ -88,28 +88,11 @@ TestScene facingScene(std::size_t count) {
   return scene;
 }
 
-// Runs record() as a window would and copies the picture out.
+// Records as a window would and copies the picture out.
 Image recordPicture(VulkanRenderer& renderer, const TestScene& scene, const RenderSettings& settings, Output output,
                     bool* complete, float exposure_stops = 0.0f) {
-  Commands commands(vulkanDevice());
-  const auto width = static_cast<std::uint32_t>(scene.camera.width);
-  const auto height = static_cast<std::uint32_t>(scene.camera.height);
-  const Buffer pixels(vulkanDevice(), "test", VkDeviceSize{width} * height * 4, Memory::host);
-  commands.run([&](VkCommandBuffer buffer) {
-    renderer.record(buffer, {scene.camera, settings, output, exposure_stops});
-    stageBarrier(buffer, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT);
-    VkBufferImageCopy copy{};
-    copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
-    copy.imageExtent = {width, height, 1};
-    vkCmdCopyImageToBuffer(buffer, renderer.image(), VK_IMAGE_LAYOUT_GENERAL, pixels.handle(), 1, &copy);
-    stageBarrier(buffer, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT);
-  });
-  *complete = renderer.finishFrame();
-  Image image(scene.camera.width, scene.camera.height, 3);
-  for (std::size_t i = 0; i < image.data.size(); ++i) {
-    image.data[i] = std::to_integer<int>(pixels.data()[i / 3 * 4 + i % 3]) / 255.0f;
-  }
-  return image;
+  *complete = renderer.draw({scene.camera, settings, output, exposure_stops});
+  return renderer.picture();
 }
 
 float largestDifference(const Image& a, const Image& b) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The frame as a list, top to bottom.
-#include "render/vulkan/frame.h"
+#include "render/gpu/frame.h"
 
 #include <algorithm>
 #include <bit>
@@ -20,23 +20,22 @@ constexpr std::uint32_t kPresentSide = 16;        // shaders/present.comp
 constexpr std::uint32_t kDepthBits = 32;
 constexpr std::uint32_t kKeptPerPixel = 8;  // splats that a pixel keeps back to sort them
 
-PingPong makePingPong(const VulkanDevice& device, const char* name, VkDeviceSize bytes) {
-  return {Buffer(device, name, bytes), Buffer(device, name, bytes)};
+PingPong makePingPong(GpuDevice& device, const char* name, std::uint64_t bytes) {
+  return {device.makeBuffer(name, bytes), device.makeBuffer(name, bytes)};
 }
 
-std::uint32_t checkedPixels(const VulkanDevice& device, std::uint32_t width, std::uint32_t height) {
-  const VkPhysicalDeviceLimits& limits = device.properties.limits;
+std::uint32_t checkedPixels(const GpuLimits& limits, std::uint32_t width, std::uint32_t height) {
   const std::uint64_t pixels = std::uint64_t{width} * height;
-  const std::uint64_t most = limits.maxStorageBufferRange / sizeof(glm::vec4);
-  if (pixels > most || std::max(width, height) > limits.maxImageDimension2D) {
-    throw Error(ErrorKind::device, device.properties.deviceName,
+  const std::uint64_t most = limits.storage_bytes / sizeof(glm::vec4);
+  if (pixels > most || std::max(width, height) > limits.image_side) {
+    throw Error(ErrorKind::device, limits.device,
                 "an image of " + std::to_string(width) + " x " + std::to_string(height) +
                     " pixels is too large (expected at most " + std::to_string(most) + " pixels and " +
-                    std::to_string(limits.maxImageDimension2D) + " to a side)");
+                    std::to_string(limits.image_side) + " to a side)");
   }
   const std::uint64_t tiles = std::uint64_t{width + kTileSize - 1} / kTileSize * ((height + kTileSize - 1) / kTileSize);
   if (tiles > kMaxTiles) {
-    throw Error(ErrorKind::device, device.properties.deviceName,
+    throw Error(ErrorKind::device, limits.device,
                 "an image of " + std::to_string(width) + " x " + std::to_string(height) +
                     " pixels is too large (expected at most " + std::to_string(kMaxTiles) + " tiles, found " +
                     std::to_string(tiles) + ")");
@@ -47,7 +46,7 @@ std::uint32_t checkedPixels(const VulkanDevice& device, std::uint32_t width, std
 void addProject(PassList& list, const FrameInputs& in) {
   const ModelBuffers& m = in.model;
   const SplatBuffers& s = in.splats;
-  const std::uint32_t most = in.device.properties.limits.maxStorageBufferRange / sizeof(SplatRecord);
+  const std::uint32_t most = in.limits.storage_bytes / sizeof(SplatRecord);
   const std::uint32_t chunk = most / 2 * 2;  // 256 bytes: the largest alignment of an offset that a device may ask for
   for (std::uint32_t first = 0; first < m.gaussian_count; first += chunk) {
     const std::uint32_t count = std::min(chunk, m.gaussian_count - first);
@@ -56,11 +55,11 @@ void addProject(PassList& list, const FrameInputs& in) {
     uniforms.count = count;
     const glm::uvec4 groups = groupGrid((count + kGroupSize - 1) / kGroupSize);
     list.add("project", Shader::project,
-             {{m.mean_logit, VK_FORMAT_R32G32B32A32_SFLOAT},
-              {m.rotation, VK_FORMAT_R32G32B32A32_SFLOAT},
-              {m.scale_offset, VK_FORMAT_R32G32B32A32_UINT},
-              {m.texture_size, VK_FORMAT_R32_UINT},
-              {m.sh, VK_FORMAT_R32G32B32A32_SFLOAT},
+             {{m.mean_logit, Texels::rgba32f},
+              {m.rotation, Texels::rgba32f},
+              {m.scale_offset, Texels::rgba32ui},
+              {m.texture_size, Texels::r32ui},
+              {m.sh, Texels::rgba32f},
               {s.records, first * sizeof(SplatRecord), count * sizeof(SplatRecord)},
               s.pixel_rects,
               s.tile_counts},
@@ -82,12 +81,12 @@ void addBlend(PassList& list, const FrameInputs& in, int by_tile) {
     const Groups tiles = Groups::fixed(in.image.tilesX(), in.image.tilesY());
     if (solid) {
       list.add("solid", Shader::solid,
-               {{in.model.mean_logit, VK_FORMAT_R32G32B32A32_SFLOAT},
-                {in.model.rotation, VK_FORMAT_R32G32B32A32_SFLOAT},
-                {in.model.scale_offset, VK_FORMAT_R32G32B32A32_UINT},
-                {in.pairs.keys[by_tile], VK_FORMAT_R32_UINT},
-                {in.pairs.splats[by_tile], VK_FORMAT_R32_UINT},
-                {in.splats.records, VK_FORMAT_R32G32B32A32_UINT},
+               {{in.model.mean_logit, Texels::rgba32f},
+                {in.model.rotation, Texels::rgba32f},
+                {in.model.scale_offset, Texels::rgba32ui},
+                {in.pairs.keys[by_tile], Texels::r32ui},
+                {in.pairs.splats[by_tile], Texels::r32ui},
+                {in.splats.records, Texels::rgba32ui},
                 list.counters(),
                 in.image.tile_ranges,
                 in.image.base_transmittance},
@@ -95,11 +94,11 @@ void addBlend(PassList& list, const FrameInputs& in, int by_tile) {
       continue;
     }
     list.add("blend", Shader::blend,
-             {{in.pairs.keys[by_tile], VK_FORMAT_R32G32B32A32_UINT},
-              {in.pairs.splats[by_tile], VK_FORMAT_R32_UINT},
-              {in.splats.records, VK_FORMAT_R32G32B32A32_UINT},
-              {in.model.texels, VK_FORMAT_R16G16B16A16_SFLOAT},
-              {in.model.texture_means, VK_FORMAT_R32G32B32A32_SFLOAT},
+             {{in.pairs.keys[by_tile], Texels::rgba32ui},
+              {in.pairs.splats[by_tile], Texels::r32ui},
+              {in.splats.records, Texels::rgba32ui},
+              {in.model.texels, Texels::rgba16f},
+              {in.model.texture_means, Texels::rgba32f},
               list.counters(),
               in.image.tile_ranges,
               in.image.base_transmittance,
@@ -127,7 +126,7 @@ void addPresent(PassList& list, const FrameInputs& in) {
       uniforms,
       Groups::fixed((in.image.width + kPresentSide - 1) / kPresentSide,
                     (in.image.height + kPresentSide - 1) / kPresentSide),
-      {{}, in.image.picture.view()});
+      {{}, in.image.picture.get()});
 }
 
 }  // namespace
@@ -148,52 +147,47 @@ FrameVariant variantFor(Output shown) {
   return variant;
 }
 
-SplatBuffers::SplatBuffers(const VulkanDevice& device, std::uint32_t gaussian_count)
-    : records(device, "splat records", VkDeviceSize{gaussian_count} * sizeof(SplatRecord)),
-      pixel_rects(device, "screen boxes", VkDeviceSize{gaussian_count} * 8),
-      tile_counts(device, "tile counts", VkDeviceSize{gaussian_count} * 4),
-      visible_offsets(device, "visible offsets", VkDeviceSize{gaussian_count} * 4),
-      depth_keys(makePingPong(device, "depth keys", VkDeviceSize{gaussian_count} * 4)),
-      depth_splats(makePingPong(device, "depth order", VkDeviceSize{gaussian_count} * 4)),
-      pair_offsets(device, "pair offsets", VkDeviceSize{gaussian_count} * 4) {}
+SplatBuffers::SplatBuffers(GpuDevice& device, std::uint32_t gaussian_count)
+    : records(device.makeBuffer("splat records", std::uint64_t{gaussian_count} * sizeof(SplatRecord))),
+      pixel_rects(device.makeBuffer("screen boxes", std::uint64_t{gaussian_count} * 8)),
+      tile_counts(device.makeBuffer("tile counts", std::uint64_t{gaussian_count} * 4)),
+      visible_offsets(device.makeBuffer("visible offsets", std::uint64_t{gaussian_count} * 4)),
+      depth_keys(makePingPong(device, "depth keys", std::uint64_t{gaussian_count} * 4)),
+      depth_splats(makePingPong(device, "depth order", std::uint64_t{gaussian_count} * 4)),
+      pair_offsets(device.makeBuffer("pair offsets", std::uint64_t{gaussian_count} * 4)) {}
 
-PairBuffers::PairBuffers(const VulkanDevice& device, std::uint32_t room)
+PairBuffers::PairBuffers(GpuDevice& device, std::uint32_t room)
     : capacity(room),
-      keys(makePingPong(device, "pair keys", VkDeviceSize{room} * 4)),
-      splats(makePingPong(device, "pair splats", VkDeviceSize{room} * 4)) {}
+      keys(makePingPong(device, "pair keys", std::uint64_t{room} * 4)),
+      splats(makePingPong(device, "pair splats", std::uint64_t{room} * 4)) {}
 
-ImageBuffers::ImageBuffers(const VulkanDevice& device, std::uint32_t w, std::uint32_t h) : width(w), height(h) {
-  const VkDeviceSize bytes = VkDeviceSize{checkedPixels(device, w, h)} * sizeof(glm::vec4);
-  tile_ranges = Buffer(device, "tile ranges", VkDeviceSize{tilesX()} * tilesY() * sizeof(glm::uvec2));
-  base_transmittance = Buffer(device, "base and transmittance", bytes);
-  texture_depth = Buffer(device, "texture and depth", bytes);
-  normal_count = Buffer(device, "normal and count", bytes);
-  extras = Buffer(device, "median depth, overdraw and texel density", bytes);
-  picture = StorageImage(device, w, h);
+ImageBuffers::ImageBuffers(GpuDevice& device, std::uint32_t w, std::uint32_t h) : width(w), height(h) {
+  const std::uint64_t bytes = std::uint64_t{checkedPixels(device.limits(), w, h)} * sizeof(glm::vec4);
+  tile_ranges = device.makeBuffer("tile ranges", std::uint64_t{tilesX()} * tilesY() * sizeof(glm::uvec2));
+  base_transmittance = device.makeBuffer("base and transmittance", bytes);
+  texture_depth = device.makeBuffer("texture and depth", bytes);
+  normal_count = device.makeBuffer("normal and count", bytes);
+  extras = device.makeBuffer("median depth, overdraw and texel density", bytes);
+  picture = device.makeImage(w, h);
 }
 
-std::uint32_t listEntriesPerRound(const VulkanTuning& tuning) {
+std::uint32_t listEntriesPerRound(const PassTuning& tuning) {
   return tuning.bounded_loops ? kListEntriesOnCpu : kListEntries;
 }
 
-std::uint32_t maxPairCapacity(const VulkanDevice& device) {
-  const VkPhysicalDeviceLimits& limits = device.properties.limits;
-  return std::min<std::uint32_t>(limits.maxStorageBufferRange / sizeof(std::uint32_t), limits.maxTexelBufferElements);
+std::uint32_t maxPairCapacity(const GpuLimits& limits) {
+  return std::min<std::uint32_t>(limits.storage_bytes / sizeof(std::uint32_t), limits.texel_elements);
 }
 
-void recordFrameStart(VkCommandBuffer commands, const FrameInputs& in, const Buffer& counters) {
+PassList buildFrame(const FrameInputs& in, const BufferPtr& counters) {
+  const SplatBuffers& s = in.splats;
+  const PairBuffers& p = in.pairs;
+
   Counters first{};
   first.work[kWorkGaussians] = makeWork(in.model.gaussian_count, in.model.gaussian_count);
   first.output_range = glm::uvec4(~0u, 0u, 0u, 0u);
-  stageBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-               VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT);
-  vkCmdUpdateBuffer(commands, counters.handle(), 0, sizeof first, &first);
-  vkCmdFillBuffer(commands, in.image.tile_ranges.handle(), 0, VK_WHOLE_SIZE, 0);
-}
-
-void buildFrame(PassList& list, const FrameInputs& in) {
-  const SplatBuffers& s = in.splats;
-  const PairBuffers& p = in.pairs;
+  PassList list(counters, first);
+  list.clear(in.image.tile_ranges);
 
   // Model and view to splats with their tile counts.
   addProject(list, in);
@@ -203,7 +197,7 @@ void buildFrame(PassList& list, const FrameInputs& in) {
           {ScanInput::nonZero, s.tile_counts, s.tile_counts, s.visible_offsets, kWorkGaussians, kWorkVisible,
            in.model.gaussian_count});
   list.add("compact", Shader::compact,
-           {{s.records, VK_FORMAT_R32G32B32A32_UINT},
+           {{s.records, Texels::rgba32ui},
             list.counters(),
             s.tile_counts,
             s.visible_offsets,
@@ -218,7 +212,7 @@ void buildFrame(PassList& list, const FrameInputs& in) {
           {ScanInput::ordered, s.tile_counts, s.depth_splats[near_to_far], s.pair_offsets, kWorkVisible, kWorkPairs,
            p.capacity});
   list.add("emit_keys", Shader::emitKeys,
-           {{s.records, VK_FORMAT_R32G32B32A32_UINT},
+           {{s.records, Texels::rgba32ui},
             list.counters(),
             s.depth_splats[near_to_far],
             s.pair_offsets,
@@ -229,13 +223,13 @@ void buildFrame(PassList& list, const FrameInputs& in) {
   const auto tile_bits = static_cast<std::uint32_t>(std::bit_width(in.image.tilesX() * in.image.tilesY() - 1));
   const int by_tile =
       addSort(list, "sort_tiles", in.scratch, {p.keys, p.splats, kWorkPairs, kBlockBits, tile_bits, in.tuning.runs});
-  list.add("tile_ranges", Shader::tileRanges,
-           {{p.keys[by_tile], VK_FORMAT_R32_UINT}, list.counters(), in.image.tile_ranges}, {},
-           Groups::perItem(kWorkPairs));
+  list.add("tile_ranges", Shader::tileRanges, {{p.keys[by_tile], Texels::r32ui}, list.counters(), in.image.tile_ranges},
+           {}, Groups::perItem(kWorkPairs));
 
   // Splats to sums per pixel, sums to a picture.
   addBlend(list, in, by_tile);
   if (in.variant.shown) addPresent(list, in);
+  return list;
 }
 
 }  // namespace tg

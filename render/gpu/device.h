@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the passes need of an API: memory, copies, and the execution of a list of passes. Vulkan and OpenGL each do it.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+#include "render/renderer.h"
+#include "shared/layout.h"
+#include "shared/work.h"
+
+namespace tg {
+
+class PassList;
+
+// A buffer on the device. The size is rounded up to 16 bytes, 16 at least: an empty model binds like any other, and
+// buffers of smaller elements can be read four at a time.
+class GpuBuffer {
+ public:
+  virtual ~GpuBuffer() = default;
+};
+using BufferPtr = std::unique_ptr<GpuBuffer>;
+
+// An RGBA8 picture on the device.
+class GpuImage {
+ public:
+  virtual ~GpuImage() = default;
+};
+using ImagePtr = std::unique_ptr<GpuImage>;
+
+struct GpuLimits {
+  std::string device;                // its name, for messages
+  std::uint32_t storage_bytes = 0;   // that a storage buffer shows a shader
+  std::uint32_t texel_elements = 0;  // of a buffer that is bound as texels
+  std::uint32_t image_side = 0;      // [px]
+};
+
+// A list of passes made ready to run: again and again, each time with another view.
+class PassProgram {
+ public:
+  virtual ~PassProgram() = default;
+  // Both of the last run, which has ended. Times are empty on devices that cannot tell.
+  virtual Counters counters() const = 0;
+  virtual std::vector<PassTime> times() const = 0;
+};
+
+// Every function throws Error(device) when the device fails or has no memory left.
+class GpuDevice {
+ public:
+  virtual ~GpuDevice() = default;
+  virtual GpuLimits limits() const = 0;
+  // `name` must live as long as the buffer.
+  virtual BufferPtr makeBuffer(const char* name, std::uint64_t bytes) = 0;
+  virtual ImagePtr makeImage(std::uint32_t width, std::uint32_t height) = 0;
+  // Fills `target` from offset 0: write(first_byte, piece) delivers the next piece, whose length is a multiple of
+  // `granularity`.
+  virtual void upload(const BufferPtr& target, std::uint64_t bytes, std::uint64_t granularity,
+                      const std::function<void(std::uint64_t first, std::span<std::byte>)>& write) = 0;
+  // Reads `out.size()` bytes from offset 0.
+  virtual void download(const BufferPtr& source, std::span<std::byte> out) = 0;
+  // 3 channels.
+  virtual Image download(const ImagePtr& source, std::uint32_t width, std::uint32_t height) = 0;
+  // The buffers of the list must outlive the program.
+  virtual std::unique_ptr<PassProgram> prepare(const PassList& list) = 0;
+  // Waits for the end.
+  virtual void run(PassProgram& program, const ViewUniforms& view) = 0;
+};
+
+// The 3 colour channels.
+Image imageFromRgba8(std::span<const std::byte> pixels, int width, int height);
+
+}  // namespace tg

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a camera and settings to the view of the passes, and from their buffers to a frame.
+#include "render/gpu/gpu_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/error.h"
+#include "shared/layout.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint32_t kFirstPairCapacity = 1u << 16;
+constexpr std::uint32_t kFirstPairsPerGaussian = 4;
+
+ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const ModelBuffers& model,
+                    const ImageBuffers& image, float exposure_stops) {
+  ViewUniforms view{};
+  glm::dmat4 camera_from_world(camera.camera_from_world_rotation);
+  camera_from_world[3] = glm::dvec4(camera.camera_from_world_translation, 1.0);
+  view.camera_from_world = glm::mat4(camera_from_world);
+  view.camera_position = glm::vec4(glm::vec3(camera.position()), 0.0f);
+  view.focal_center = glm::vec4(camera.fx, camera.fy, camera.cx, camera.cy);
+  view.background = glm::vec4(settings.background, 0.0f);
+  view.width = image.width;
+  view.height = image.height;
+  view.tiles_x = image.tilesX();
+  view.tiles_y = image.tilesY();
+  view.gaussian_count = model.gaussian_count;
+  view.sh_degree = model.sh_degree;
+  view.texture_mode = static_cast<std::uint32_t>(model.texture_mode) & static_cast<std::uint32_t>(settings.textures);
+  view.intersection = static_cast<std::uint32_t>(settings.intersection.value_or(model.intersection));
+  const CropBox crop = settings.crop.value_or(CropBox{});
+  view.crop_min = glm::vec4(crop.min, settings.crop ? 1.0f : 0.0f);
+  view.crop_max = glm::vec4(crop.max, 0.0f);
+  view.opacity_scale = settings.opacity_scale;
+  view.splat_scale = settings.splat_scale;
+  view.near = settings.near;
+  view.exposure = std::exp2(exposure_stops);
+  view.sh_used = std::min(model.sh_degree, static_cast<std::uint32_t>(settings.max_sh_degree));
+  view.antialiasing = settings.antialiasing == Antialiasing::screen;
+  return view;
+}
+
+}  // namespace
+
+GpuRenderer::GpuRenderer(std::unique_ptr<GpuDevice> device, const PassTuning& tuning)
+    : device_(std::move(device)),
+      tuning_(tuning),
+      scratch_(*device_),
+      counters_(device_->makeBuffer("counters", sizeof(Counters))) {}
+
+void GpuRenderer::setModel(const GaussianModel& model) {
+  program_.reset();
+  splats_.reset();
+  model_.reset();
+  model_ = uploadModel(*device_, model);
+  splats_.emplace(*device_, model_->gaussian_count);
+  const std::uint64_t wish = std::max<std::uint64_t>(kFirstPairCapacity, kFirstPairsPerGaussian * model.size());
+  makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits()))));
+}
+
+Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) {
+  constexpr OutputSet kSolid = {Output::ellipsoids, Output::centers};
+  FrameVariant variant = variantFor(settings.outputs);
+  OutputSet outputs = settings.outputs;
+  if (variant.all) outputs = outputs | kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
+  if (outputs.has(Output::final)) outputs = outputs | OutputSet{Output::alpha};
+  checkFrame(camera, settings);
+  fitImage(camera);
+  Frame frame(camera.width, camera.height, outputs);
+  if (variant.all || outputs.hasAny({Output::final, Output::alpha}) || !outputs.hasAny(kSolid)) {
+    drawOutputs(camera, settings, variant);
+    readBlended(variant, frame);
+  }
+  for (const Output solid : {Output::ellipsoids, Output::centers}) {
+    if (!outputs.has(solid)) continue;
+    variant = variantFor(solid);
+    variant.shown.reset();
+    drawOutputs(camera, settings, variant);
+    std::vector<glm::vec3>& colors = solid == Output::ellipsoids ? frame.ellipsoids : frame.centers;
+    const std::vector<glm::vec4> pixels = readPixels(image_->base_transmittance);
+    colors.assign(pixels.begin(), pixels.end());
+  }
+  return frame;
+}
+
+bool GpuRenderer::draw(const FrameRequest& request) {
+  const Recording recording = prepareFrame(request);
+  device_->run(recording.program, recording.view);
+  return finishFrame();
+}
+
+GpuRenderer::Recording GpuRenderer::prepareFrame(const FrameRequest& request) {
+  checkFrame(request.camera, request.settings);
+  return prepare(request.camera, request.settings, variantFor(request.output), request.exposure_stops);
+}
+
+bool GpuRenderer::finishFrame() {
+  times_ = program_->times();
+  const Counters counters = program_->counters();
+  const std::uint32_t pairs = counters.work[kWorkPairs].total;
+  counts_ = {counters.work[kWorkVisible].total, pairs};
+  if (pairs <= pairs_->capacity) return blendedAll(counters.longest_list);
+  const std::uint32_t most = maxPairCapacity(device_->limits());
+  if (pairs > most) {
+    throw Error(ErrorKind::device, device_->limits().device,
+                "the view needs " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +
+                    " pairs of tile and splat (expected at most " + std::to_string(most) + ")");
+  }
+  makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{pairs} + pairs / 4, most)));
+  return false;
+}
+
+void GpuRenderer::makePairs(std::uint32_t capacity) {
+  program_.reset();
+  pairs_.reset();  // the old ones make room for the new ones
+  pairs_.emplace(*device_, capacity);
+}
+
+// False: a tile's list went on after the last dispatch of blend. The next frame has enough of them.
+bool GpuRenderer::blendedAll(std::uint32_t longest_list) {
+  const std::uint32_t rounds = std::max(longest_list, 1u) / listEntriesPerRound(tuning_) + 1;
+  if (rounds <= blend_rounds_) return true;
+  blend_rounds_ = rounds;
+  program_.reset();
+  return false;
+}
+
+void GpuRenderer::checkFrame(const Camera& camera, const RenderSettings& settings) const {
+  if (!pairs_) throw Error(ErrorKind::usage, "a frame needs a model whose buffers fit: setModel() comes first");
+  checkSettings(settings);
+  if (camera.width <= 0 || camera.height <= 0) {
+    throw Error(ErrorKind::usage, "camera \"" + camera.name + "\"",
+                "the image is empty (" + std::to_string(camera.width) + " x " + std::to_string(camera.height) + ")");
+  }
+}
+
+void GpuRenderer::drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant) {
+  do {
+    const Recording recording = prepare(camera, settings, variant, 0.0f);
+    device_->run(recording.program, recording.view);
+  } while (!finishFrame());
+}
+
+void GpuRenderer::fitImage(const Camera& camera) {
+  const auto width = static_cast<std::uint32_t>(camera.width);
+  const auto height = static_cast<std::uint32_t>(camera.height);
+  if (!image_ || image_->width != width || image_->height != height) {
+    program_.reset();
+    image_.reset();
+    image_.emplace(*device_, width, height);
+  }
+}
+
+// Buffers, passes and uniforms of the next frame.
+GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
+                                            float exposure_stops) {
+  fitImage(camera);
+  const ViewUniforms view = viewOf(camera, settings, *model_, *image_, exposure_stops);
+  if (model_->textured && view.texture_mode != kModeNone) {
+    variant.sample = settings.texture_filter == TextureFilter::footprint ? kSampleFootprint : kSampleBilinear;
+  }
+  variant.per_pixel = settings.order == SplatOrder::perPixel;
+  if (variant != variant_) program_.reset();
+  variant_ = variant;
+  if (!program_) {
+    const GpuLimits limits = device_->limits();
+    const FrameInputs inputs{tuning_, limits, *model_, *splats_, *pairs_, *image_, scratch_, variant_, blend_rounds_};
+    program_ = device_->prepare(buildFrame(inputs, counters_));
+  }
+  return {*program_, view};
+}
+
+std::vector<glm::vec4> GpuRenderer::readPixels(const BufferPtr& buffer) {
+  std::vector<glm::vec4> pixels(std::size_t{image_->width} * image_->height);
+  device_->download(buffer, std::as_writable_bytes(std::span(pixels)));
+  return pixels;
+}
+
+// Into the members that the frame holds.
+void GpuRenderer::readBlended(const FrameVariant& variant, Frame& frame) {
+  const auto put = [](auto& out, std::size_t i, auto value) {
+    if (!out.empty()) out[i] = value;
+  };
+  std::vector<glm::vec4> pixels = readPixels(image_->base_transmittance);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    put(frame.picture, i, glm::vec3(pixels[i]));
+    put(frame.base, i, glm::vec3(pixels[i]));
+    put(frame.alpha, i, 1.0f - pixels[i].w);
+  }
+  if (!variant.all) return;
+  pixels = readPixels(image_->texture_depth);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    frame.texture[i] = glm::vec3(pixels[i]);
+    frame.depth[i] = pixels[i].w;
+  }
+  pixels = readPixels(image_->normal_count);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    frame.normal[i] = glm::vec3(pixels[i]);
+    frame.count[i] = pixels[i].w;
+  }
+  pixels = readPixels(image_->extras);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    frame.depth_median[i] = pixels[i].x;
+    put(frame.overdraw, i, pixels[i].y);
+    frame.texel_density[i] = pixels[i].z;
+  }
+}
+
+}  // namespace tg

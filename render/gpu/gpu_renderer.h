@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// The renderer that every API on a GPU shares: keeps the buffers that the next frame needs, lists its passes, reads it
+// back. What differs is the GpuDevice that it is given.
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "render/gpu/frame.h"
+#include "render/renderer.h"
+
+namespace tg {
+
+// One frame of the live viewer.
+struct FrameRequest {
+  Camera camera;
+  RenderSettings settings;
+  Output output = Output::final;  // settings.outputs does not count
+  float exposure_stops = 0.0f;    // as of visualize()
+};
+
+// What the device counted in the last finished frame.
+struct FrameCounts {
+  std::uint32_t visible = 0;  // splats that reach the screen
+  std::uint32_t pairs = 0;    // (tile, splat)
+};
+
+class GpuRenderer : public Renderer {
+ public:
+  GpuRenderer(std::unique_ptr<GpuDevice> device, const PassTuning& tuning);
+
+  using Renderer::setModel;
+  void setModel(const GaussianModel& model) override;
+  Frame render(const Camera& camera, const RenderSettings& settings) override;
+  std::vector<PassTime> passTimes() const override { return times_; }
+  std::string deviceName() const override { return device_->limits().device; }
+  FrameCounts counts() const { return counts_; }
+
+  // Draws the picture of the requested output and waits for it. False: the pair buffer overflowed, the picture is
+  // incomplete and the buffers have been grown for the next frame.
+  bool draw(const FrameRequest& request);
+  // What draw() drew, 3 channels.
+  Image picture() { return device_->download(image_->picture, image_->width, image_->height); }
+
+ protected:
+  GpuDevice& gpu() { return *device_; }
+  const GpuImage* image() const { return image_ ? image_->picture.get() : nullptr; }
+  struct Recording {
+    PassProgram& program;
+    ViewUniforms view;
+  };
+  // What draw() is made of: the first says what to run, the second comes after it has run and returns as draw() does.
+  Recording prepareFrame(const FrameRequest& request);
+  bool finishFrame();
+
+ private:
+  void makePairs(std::uint32_t capacity);
+  bool blendedAll(std::uint32_t longest_list);
+  void checkFrame(const Camera& camera, const RenderSettings& settings) const;
+  void drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant);
+  void fitImage(const Camera& camera);
+  Recording prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant, float exposure_stops);
+  std::vector<glm::vec4> readPixels(const BufferPtr& buffer);
+  void readBlended(const FrameVariant& variant, Frame& frame);
+
+  std::unique_ptr<GpuDevice> device_;
+  PassTuning tuning_;
+  Scratch scratch_;
+  BufferPtr counters_;
+  std::optional<ModelBuffers> model_;
+  std::optional<SplatBuffers> splats_;
+  std::optional<PairBuffers> pairs_;
+  std::optional<ImageBuffers> image_;
+  FrameVariant variant_;
+  std::uint32_t blend_rounds_ = 1;
+  std::unique_ptr<PassProgram> program_;  // of the buffers above, which it outlives in no case
+  std::vector<PassTime> times_;
+  FrameCounts counts_;
+};
+
+}  // namespace tg

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// The compiled passes by name.
+#pragma once
+#include <cstdint>
+#include <span>
+
+namespace tg {
+
+// All share the two uniform blocks of shaders/pass.glsl; other bindings go by position: the image where there is one,
+// uniform texel buffers, storage buffers.
+enum class Shader {
+  project,
+  scanReduce,
+  scanPartitions,
+  scanApply,
+  compact,
+  sortCount,
+  sortScan,
+  sortScatter,
+  sortCountRuns,
+  sortScatterRuns,
+  emitKeys,
+  tileRanges,
+  blend,
+  solid,
+  outputRange,
+  present,
+};
+
+constexpr std::uint32_t kViewBinding = 16;  // shaders/pass.glsl
+constexpr std::uint32_t kPassBinding = 17;
+
+struct ShaderModule {
+  std::span<const std::uint32_t> code;  // SPIR-V 1.0
+  std::uint32_t texel_count = 0;        // uniform texel buffers, which come first
+  std::uint32_t buffer_count = 0;       // storage buffers
+  bool image = false;                   // at binding 0, before both
+};
+const ShaderModule& moduleOf(Shader shader);
+
+}  // namespace tg

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Instance, device and queues.
+#pragma once
+#include <vulkan/vulkan.h>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace tg {
+
+struct VulkanOptions {
+  bool validation = false;                          // Khronos + synchronization validation, where installed
+  std::vector<const char*> instance_extensions;     // a window adds its surface extensions
+  bool swapchain = false;                           // enable VK_KHR_swapchain and pick a device that can present
+  std::function<VkSurfaceKHR(VkInstance)> surface;  // called once when `swapchain`
+  std::string device;                               // part of a device's name; empty: the fastest kind there is
+};
+
+// Instance, device, and queues of one family that does compute, graphics and transfer. Owns its handles.
+struct VulkanDevice {
+  VkInstance instance = VK_NULL_HANDLE;
+  VkSurfaceKHR surface = VK_NULL_HANDLE;
+  VkPhysicalDevice physical = VK_NULL_HANDLE;
+  VkDevice device = VK_NULL_HANDLE;
+  std::uint32_t queue_family = 0;
+  VkQueue queue = VK_NULL_HANDLE;         // what renderers submit to
+  VkQueue window_queue = VK_NULL_HANDLE;  // what a window submits and presents to; `queue` where there is only one
+  VkPhysicalDeviceProperties properties{};
+  bool validation = false;                       // the layer is on: asked for and installed
+  std::vector<std::string> validation_messages;  // every warning and error, in order; tests demand none
+
+  // Held around every call that takes the queue: renderer and window live in threads of their own.
+  std::mutex& mutexOf(VkQueue which) const { return which == queue ? queue_mutex : window_mutex; }
+  mutable std::mutex queue_mutex;
+  mutable std::mutex window_mutex;
+  std::mutex messages_mutex;  // guards validation_messages while more than one thread calls Vulkan
+};
+
+// Throws Error(device): no loader, no device, missing feature - with the name of what is missing.
+std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const VulkanOptions& options);
+
+}  // namespace tg
