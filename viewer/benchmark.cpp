@@ -69,17 +69,18 @@ nlohmann::ordered_json passMedians(const std::vector<BenchmarkFrame>& frames) {
 // Draws one picture and waits for it.
 class FrameRunner {
  public:
-  FrameRunner(const HeadlessRenderer& backend, Output output, const RenderSettings& settings)
+  FrameRunner(const HeadlessRenderer& backend, const Benchmark& benchmark)
       : renderer_(*backend.renderer), gpu_(dynamic_cast<GpuRenderer*>(backend.renderer.get())) {
-    request_.output = output;
-    request_.settings = settings;
+    request_.output = benchmark.output;
+    request_.settings = benchmark.settings;
+    request_.exposure_stops = benchmark.exposure;
   }
 
   const char* backend() const { return gpu_ ? "vulkan" : "cpu"; }
 
   void draw(const Camera& camera) {
     if (!gpu_) {
-      (void)visualize(renderer_.render(camera, request_.settings), request_.output);
+      (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.exposure_stops);
       return;
     }
     request_.camera = camera;
@@ -126,6 +127,7 @@ Benchmark benchmarkOf(const ViewOptions& options, const Scene& scene) {
   benchmark.sh_degree = scene.sh_degree;
   benchmark.path = options.path.string();
   benchmark.output = options.show;
+  benchmark.exposure = options.exposure;
   benchmark.settings = settingsFor(options, scene.background);
   return benchmark;
 }
@@ -145,6 +147,7 @@ std::string formatBenchmark(const Benchmark& benchmark) {
   json["image"] = {{"width", benchmark.width}, {"height", benchmark.height}, {"output", name(benchmark.output)}};
   json["settings"] = {
       {"textures", texturesName(settings.textures)},
+      {"exposure", benchmark.exposure},
       {"intersection", settings.intersection ? ordered_json(name(*settings.intersection)) : ordered_json(nullptr)}};
   const auto known = [](const std::optional<double>& ms) {
     return ms ? ordered_json(rounded(*ms)) : ordered_json(nullptr);
@@ -178,7 +181,7 @@ void benchmarkHeadless(const ViewOptions& options) {
   backend.renderer->setModel(scene.model);
   benchmark.upload_ms = uploading.milliseconds();
   benchmark.device = backend.renderer->deviceName();
-  FrameRunner runner(backend, options.show, benchmark.settings);
+  FrameRunner runner(backend, benchmark);
   benchmark.backend = runner.backend();
   const Stopwatch first;
   runner.draw(cameras.front());

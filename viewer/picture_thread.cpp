@@ -2,6 +2,7 @@
 // The mailbox, and the way out when a device fails.
 #include "viewer/picture_thread.h"
 
+#include <chrono>
 #include <new>
 #include <utility>
 
@@ -37,6 +38,11 @@ void PictureThread::loseDevice() {
   lose_ = true;
 }
 
+void PictureThread::delay(double seconds) {
+  const std::lock_guard lock(mutex_);
+  delay_ = seconds;
+}
+
 bool PictureThread::idle() const {
   const std::lock_guard lock(mutex_);
   return !asked_ && !working_;
@@ -56,7 +62,9 @@ void PictureThread::run() {
     const PictureRequest request = std::move(*std::exchange(asked_, std::nullopt));
     working_ = true;
     const bool lose = std::exchange(lose_, false);
+    const std::chrono::duration<double> delay(std::exchange(delay_, 0));
     lock.unlock();
+    std::this_thread::sleep_for(delay);
 
     std::shared_ptr<const Picture> picture;
     std::string problem;

@@ -27,6 +27,8 @@ class PictureThread {
   void ask(PictureRequest request);
   // For tests: the next picture fails as it would on a lost device.
   void loseDevice();
+  // For tests: the next picture takes that much longer [s].
+  void delay(double seconds);
   // Neither asked for nor at work.
   bool idle() const;
 
@@ -48,6 +50,7 @@ class PictureThread {
   std::optional<PictureRequest> asked_;
   bool working_ = false;
   bool lose_ = false;
+  double delay_ = 0;  // [s]
   bool stop_ = false;
   News news_;
   std::thread thread_;

@@ -52,19 +52,19 @@ int parseDocument(const std::string& text, const ViewerState& state, const std::
   return static_cast<int>(number);
 }
 
-// Whether --follow has brought that many models. Throws Error(badData) when it takes too long.
-bool arrived(Script& script, const ViewerState& state, const std::string& text, const std::string& what) {
-  const double count = parseNumber(text, what);
-  if (state.follow.reloads >= count) {
+// Whether what `await` or `await-file` waits for is there. Throws Error(badData) when it takes too long.
+bool arrived(Script& script, const ViewerState& state, const ScriptCommand& command, const std::string& what) {
+  const std::string& word = command.words[0];
+  const bool file = command.verb == "await-file";
+  if (file ? std::filesystem::exists(word) : state.follow.reloads >= parseNumber(word, what)) {
     script.waiting_since = 0;
     return true;
   }
   if (script.waiting_since == 0) script.waiting_since = std::max(state.time, 1e-9);
-  if (state.time - script.waiting_since > kLongestAwait) {
-    throw Error(ErrorKind::badData, what + ": no such model came in 60 s (expected --follow and " + text +
-                                        " models, found " + std::to_string(state.follow.reloads) + ")");
-  }
-  return false;
+  if (state.time - script.waiting_since <= kLongestAwait) return false;
+  if (file) throw Error(ErrorKind::badData, what + ": no file \"" + word + "\" came in 60 s");
+  throw Error(ErrorKind::badData, what + ": no such model came in 60 s (expected --follow and " + word +
+                                      " models, found " + std::to_string(state.follow.reloads) + ")");
 }
 
 constexpr std::array kVerbs = {
@@ -125,7 +125,12 @@ constexpr std::array kVerbs = {
     Verb{"lose-window-device", 0, 1,
          [](ViewerState& s, const Words&, const std::string&) { s.test.lose_window = true; }},
     Verb{"wait", 1, 0, nullptr},
+    Verb{"slow-picture", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.test.slow_picture = parseNumber(w[0], 0, kLongestAwait, at);
+         }},
     Verb{"await", 1, kFramesOfPanels, nullptr},
+    Verb{"await-file", 1, kFramesOfPanels, nullptr},
     Verb{"size", 1, kFramesAfterResize, nullptr},
     Verb{"picture", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.picture = w[0]; }},
     Verb{"window", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.window = w[0]; }},
@@ -195,7 +200,8 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
     const std::string at = "line " + std::to_string(command.line) + ": " + command.verb;
     try {
       if (verb.ready && !verb.ready(state)) return std::nullopt;
-      if (command.verb == "await" && !arrived(script, state, command.words[0], at)) return std::nullopt;
+      const bool awaits = command.verb == "await" || command.verb == "await-file";
+      if (awaits && !arrived(script, state, command, at)) return std::nullopt;
       ++script.next;
       script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;
       if (command.verb == "size") return parseSize(command.words[0], at);

@@ -119,10 +119,11 @@ struct CaptureRequest {
   std::filesystem::path camera;   // .json: the picture's camera, for --camera
 };
 
-// Failures that tests ask for; the window acts once and clears them.
+// Failures and delays that tests ask for; the window acts once and clears them.
 struct TestState {
   bool lose_renderer = false;  // the next picture fails as on a lost device
   bool lose_window = false;    // the next frame of the window does
+  double slow_picture = 0;     // [s] that the next picture takes longer
 };
 
 struct ViewerState {

@@ -173,6 +173,7 @@ void Viewer::run() {
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(window_.get(), size->x, size->y);
     }
+    if (state_.test.slow_picture > 0) graphics_->pictures.delay(std::exchange(state_.test.slow_picture, 0));
     if (std::exchange(state_.test.lose_renderer, false)) {
       graphics_->pictures.loseDevice();
       asked_.reset();
