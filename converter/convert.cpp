@@ -4,10 +4,15 @@
 
 #include <stdlib.h>
 
+#include <memory>
+#include <optional>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include "converter/fallback.h"
+#include "converter/file_format.h"
+#include "converter/gaussian_blocks.h"
 #include "converter/quality.h"
 #include "converter/repair.h"
 #include "converter/write_atlas.h"
@@ -22,6 +27,9 @@ namespace tg {
 namespace {
 
 enum class OutputFormat { bundle, ply, spz, glb, gltf, html, png };
+
+// Rendering holds both models, and what both renderers make of them.
+constexpr std::uint64_t kMeasuredBytes = std::uint64_t{1} << 29;
 
 OutputFormat outputFormat(const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
@@ -64,37 +72,49 @@ GltfReport writeScene(OutputFormat format, const std::filesystem::path& output, 
   }
 }
 
-void writeAs(OutputFormat format, const std::filesystem::path& output, const LoadedModel& source,
+void writeScene(OutputFormat format, const std::filesystem::path& output, const GltfContent& content,
+                ConvertReport& report) {
+  const GltfReport gltf = writeScene(format, output, content);
+  report.output_format = output.extension().string().substr(1);
+  report.output_bytes = gltf.bytes;
+  if (gltf.dropped_source) {
+    report.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
+  }
+  report.atlases = gltf.atlases;
+  report.atlas_width = gltf.atlas_width;
+  report.atlas_height = gltf.atlas_height;
+  report.texels = gltf.texels;
+  report.clipped_texels = gltf.clipped_texels;
+  report.texture_mode = gltf.atlases > 0 ? name(content.model.texture_mode) : name(TextureMode::none);
+}
+
+// What a format without textures holds.
+template <typename Write>
+auto writeBase(const GaussianModel& model, const Write& write) {
+  return isTextured(model) ? write(bakeFallback(model)) : write(model);
+}
+
+// The source is as it was afterwards; on an error, it is not.
+void writeAs(OutputFormat format, const std::filesystem::path& output, LoadedModel& source,
              const ConvertOptions& options, ConvertReport& report) {
   switch (format) {
     case OutputFormat::png:
     case OutputFormat::glb:
     case OutputFormat::gltf:
-    case OutputFormat::html: {
-      const GltfContent content = {source.model,  source.cameras,   source.background, options.lean,
-                                   options.atlas, options.quantize, options.meshopt};
-      const GltfReport gltf = writeScene(format, output, content);
-      report.output_format = output.extension().string().substr(1);
-      report.output_bytes = gltf.bytes;
-      if (gltf.dropped_source) {
-        report.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
-      }
-      report.atlases = gltf.atlases;
-      report.atlas_width = gltf.atlas_width;
-      report.atlas_height = gltf.atlas_height;
-      report.texels = gltf.texels;
-      report.clipped_texels = gltf.clipped_texels;
-      report.texture_mode = gltf.atlases > 0 ? name(source.model.texture_mode) : name(TextureMode::none);
+    case OutputFormat::html:
+      writeScene(format, output,
+                 {source.model, source.cameras, source.background, options.lean, options.atlas, options.quantize,
+                  options.meshopt},
+                 report);
       break;
-    }
     case OutputFormat::ply:
-      writeSplatPly(output, bakeFallback(source.model));
+      writeBase(source.model, [&](const GaussianModel& base) { writeSplatPly(output, base); });
       report.output_format = "ply";
       report.texture_mode = name(TextureMode::none);
       if (!source.cameras.empty()) report.warnings.push_back("PLY holds no cameras: they are left out");
       break;
     case OutputFormat::spz: {
-      const SpzReport spz = writeSpz(output, bakeFallback(source.model));
+      const SpzReport spz = writeBase(source.model, [&](const GaussianModel& base) { return writeSpz(output, base); });
       report.output_format = "spz";
       report.texture_mode = name(TextureMode::none);
       if (!source.cameras.empty()) report.warnings.push_back("SPZ holds no cameras: they are left out");
@@ -105,12 +125,13 @@ void writeAs(OutputFormat format, const std::filesystem::path& output, const Loa
     }
     case OutputFormat::bundle: {
       Bundle bundle;
-      bundle.model = source.model;
+      bundle.model = std::move(source.model);  // and back: twice in memory is once too often
       bundle.cameras = source.cameras;
       bundle.background = source.background;
       bundle.training_json = source.training_json;
       bundle.preview = source.preview;
       writeBundle(output, bundle);
+      source.model = std::move(bundle.model);
       report.output_format = "tgz";
       report.texture_mode = name(source.model.texture_mode);
       break;
@@ -165,37 +186,82 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
   }
 }
 
+std::uint64_t bytesOf(const GaussianModel& model) {
+  const std::uint64_t floats = 11 + 3 * static_cast<std::uint64_t>(model.shCount());
+  return floats * sizeof(float) * model.size() + sizeof(glm::vec4) * model.atlas.texels.size();
+}
+
+// Whether what is written may look otherwise than the model: not by the last bits of its numbers.
+bool changesPictures(const GaussianModel& model, OutputFormat format, const ConvertOptions& options) {
+  return isTextured(model) || format == OutputFormat::spz || options.quantize;
+}
+
+// The input, where it can be converted without being a model in between.
+std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input, OutputFormat format,
+                                             const ConvertOptions& options) {
+  const bool scene = format == OutputFormat::glb || format == OutputFormat::gltf;
+  const bool rendered =
+      options.measure == Measure::always || (options.measure == Measure::automatic && options.quantize);
+  if (!scene || !options.edits.empty() || options.meshopt || (rendered && !options.dry_run)) return nullptr;
+  if (detectFormat(input) != FileFormat::ply) return nullptr;
+  auto file = std::make_unique<const SplatPlyFile>(input);
+  return file->rows().plain() ? std::move(file) : nullptr;
+}
+
 }  // namespace
 
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
   const OutputFormat format = outputFormat(output);
   if (!options.dry_run) checkOutput(output, options.overwrite);
+  ConvertReport report;
+  report.input_bytes = std::filesystem::exists(input) ? std::filesystem::file_size(input) : 0;
+  report.dry_run = options.dry_run;
+  // Calls write(file) for the output, or for a forecast: the exact size comes from the exact bytes, which are written
+  // where nobody looks.
+  const auto writeTo = [&](const auto& write) {
+    const std::optional<TemporaryFolder> folder =
+        options.dry_run ? std::optional<TemporaryFolder>(std::in_place) : std::nullopt;
+    const std::filesystem::path file = folder ? folder->path() / ("forecast" + output.extension().string()) : output;
+    write(file);
+    if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
+  };
+  if (const auto file = streamed(input, format, options)) {
+    GaussianModel none;
+    const FileBlocks blocks(*file, input);
+    report.input_format = name(FileFormat::ply);
+    report.gaussians = blocks.size();
+    report.sh_degree = blocks.shDegree();
+    GltfContent content = {none, {}};
+    content.lean = options.lean;
+    content.quantize = options.quantize;
+    content.gaussians = &blocks;
+    writeTo([&](const std::filesystem::path& to) { writeScene(format, to, content, report); });
+    return report;
+  }
+
   ReadOptions read_options;
   read_options.base_only = options.base_only;
   LoadedModel source = readModel(input, read_options);
-
-  ConvertReport report;
-  report.edits = applyEdits(source, options.edits, options.measure && !options.dry_run);
+  const bool small = bytesOf(source.model) <= kMeasuredBytes;
+  const bool measured =
+      !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));
+  report.edits = applyEdits(source, options.edits, measured);
   report.input_format = source.format;
-  report.input_bytes = std::filesystem::file_size(input);
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
   const bool keeps_cameras = format != OutputFormat::ply && format != OutputFormat::spz && format != OutputFormat::png;
   report.cameras = keeps_cameras ? source.cameras.size() : 0;
   report.warnings = source.warnings;
-  report.dry_run = options.dry_run;
-  if (options.dry_run) {
-    // The exact size comes from the exact bytes: they are written where nobody looks.
-    const TemporaryFolder folder;
-    const std::filesystem::path file = folder.path() / ("forecast" + output.extension().string());
-    writeAs(format, file, source, options, report);
-    if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
-    return report;
+  const bool changes = changesPictures(source.model, format, options);
+  if (changes && !measured && !options.dry_run && options.measure == Measure::automatic) {
+    report.warnings.push_back(
+        "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
-  writeAs(format, output, source, options, report);
-  if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(output);
-  if (options.measure && format != OutputFormat::png) measure(output, source, report);
+  writeTo([&](const std::filesystem::path& to) { writeAs(format, to, source, options, report); });
+  if (measured && format != OutputFormat::png && (changes || options.measure == Measure::always)) {
+    measure(output, source, report);
+  }
   return report;
 }
 

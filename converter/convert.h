@@ -14,12 +14,19 @@
 
 namespace tg {
 
+// Whether source and result are rendered for the summary.
+enum class Measure {
+  automatic,  // where textures or rounding change pictures, and the model is not too large for it
+  always,
+  never
+};
+
 struct ConvertOptions {
   bool overwrite = false;
-  bool base_only = false;                 // see ReadOptions
-  bool measure = true;                    // render source and result
+  bool base_only = false;  // see ReadOptions
+  Measure measure = Measure::automatic;
   bool lean = false;                      // glb: see GltfContent
-  bool dry_run = false;                   // encode and count, write nothing; implies measure = false
+  bool dry_run = false;                   // encode and count, write nothing; implies Measure::never
   AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png
   bool quantize = false;                  // glb, gltf: see GltfContent
   bool meshopt = false;                   // likewise
@@ -50,7 +57,8 @@ struct ConvertReport {
 };
 
 // The output's format is its extension: .glb, .gltf, .html, .ply, .spz, .tgz or .png (an atlas with its JSON). Throws
-// Error(usage / cannotRead / badData / cannotWrite); nothing is written then.
+// Error(usage / cannotRead / badData / cannotWrite); nothing is written then. A binary PLY becomes a .glb or .gltf
+// block by block where nothing is edited, rendered or packed; other ways hold the model in memory once.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 

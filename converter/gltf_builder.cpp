@@ -2,16 +2,12 @@
 // A glTF file under construction.
 #include "converter/gltf_builder.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <system_error>
+#include <cstring>
+#include <limits>
 
 #include "converter/meshopt.h"
 #include "core/error.h"
-#include "core/file.h"
 #include "core/parallel.h"
 
 namespace tg {
@@ -20,43 +16,12 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::uint64_t kMaxGlbBytes = 0xFFFFFFFFull;  // the header's 32 bits
-constexpr std::size_t kBlock = 4096;                   // elements: a block of all SH of degree 3 fits a core's cache
+constexpr std::size_t kBlock = 512;                    // Gaussians: with SH of degree 3 they stay in a core's cache
+constexpr std::size_t kWrittenBlock = 64 * kBlock;     // that are written at once
 constexpr int kArrayBuffer = 34962;
 constexpr std::uint32_t kMagic = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinChunk = 0x004E4942;
 
 std::uint64_t aligned(std::uint64_t bytes) { return (bytes + 3) / 4 * 4; }
-
-class OpenFile {
- public:
-  OpenFile(const std::filesystem::path& file, const std::string& path)
-      : descriptor_(::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)), path_(path) {
-    if (descriptor_ < 0) fail();
-  }
-  ~OpenFile() { ::close(descriptor_); }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-
-  int descriptor() const { return descriptor_; }
-  [[noreturn]] void fail() const {
-    throw Error(ErrorKind::cannotWrite, path_, "cannot be written: " + std::generic_category().message(errno));
-  }
-
- private:
-  const int descriptor_;
-  const std::string path_;
-};
-
-void put(int file, std::span<const std::uint8_t> bytes, std::uint64_t at, const std::string& path) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::pwrite(file, bytes.data(), bytes.size(), static_cast<off_t>(at));
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) {
-      throw Error(ErrorKind::cannotWrite, path, "cannot be written: " + std::generic_category().message(errno));
-    }
-    bytes = bytes.subspan(static_cast<std::size_t>(written));
-    at += static_cast<std::uint64_t>(written);
-  }
-}
 
 void putU32(std::vector<std::uint8_t>& to, std::uint64_t value) {
   for (int shift = 0; shift < 32; shift += 8) to.push_back(static_cast<std::uint8_t>(value >> shift));
@@ -84,7 +49,26 @@ std::string textOf(const Json& json) { return json.dump(-1, ' ', false, Json::er
 
 }  // namespace
 
-GltfBuilder::GltfBuilder(bool meshopt) : meshopt_(meshopt) {
+// Of the three floats of an element.
+struct GltfBuilder::Bounds {
+  glm::vec3 low{std::numeric_limits<float>::max()};
+  glm::vec3 high{std::numeric_limits<float>::lowest()};
+
+  void add(std::span<const std::uint8_t> elements) {
+    for (; elements.size() >= sizeof(glm::vec3); elements = elements.subspan(sizeof(glm::vec3))) {
+      glm::vec3 p;
+      std::memcpy(&p, elements.data(), sizeof(p));
+      low = glm::min(low, p);
+      high = glm::max(high, p);
+    }
+  }
+  void add(const Bounds& other) {
+    low = glm::min(low, other.low);
+    high = glm::max(high, other.high);
+  }
+};
+
+GltfBuilder::GltfBuilder(const GaussianBlocks& gaussians, bool meshopt) : gaussians_(gaussians), meshopt_(meshopt) {
   if (meshopt && !hasMeshopt()) throw Error(ErrorKind::usage, "--meshopt: " + std::string(missingMeshopt()));
 }
 
@@ -107,36 +91,50 @@ void GltfBuilder::addBlob(std::vector<std::uint8_t> bytes, std::uint64_t offset)
   blobs_.push_back(std::move(blob));
 }
 
-std::size_t GltfBuilder::addAttribute(const ElementType& element, std::size_t count, Fill fill, MeshoptFilter filter) {
-  count_ = count;
+// The zeros of both signs are one number in glTF: + 0 makes them one text.
+void GltfBuilder::setBounds(std::size_t accessor, const Bounds& bounds) {
+  const glm::vec3 low = bounds.low + 0.0f, high = bounds.high + 0.0f;
+  document["accessors"][accessor]["min"] = {low.x, low.y, low.z};
+  document["accessors"][accessor]["max"] = {high.x, high.y, high.z};
+}
+
+std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, MeshoptFilter filter, bool bounded) {
+  const std::size_t index = document["accessors"].size();
   ElementType stored = element;
+  Bounds bounds;
   if (meshopt_) {
     if (filter.kind == MeshoptFilter::Kind::quaternion) stored = {element.type, 5122, true, 8};
-    addPacked(element, count, fill, filter);
+    addPacked(element, fill, filter, bounded ? &bounds : nullptr);
   } else {
-    const std::uint64_t bytes = std::uint64_t{count} * element.stride();
+    const std::uint64_t bytes = std::uint64_t{gaussians_.size()} * element.stride();
     const std::uint64_t offset = reserve(bytes);
     addView(offset, bytes);
     Json& view = document["bufferViews"].back();
     if (element.stride() != element.bytes) view["byteStride"] = element.stride();
     view["target"] = kArrayBuffer;
-    attributes_.push_back({offset, element.stride(), std::move(fill)});
+    attributes_.push_back({offset, element.stride(), std::move(fill), bounded, index});
   }
   Json accessor = {{"bufferView", document["bufferViews"].size() - 1}, {"componentType", stored.component_type}};
   if (stored.normalized) accessor["normalized"] = true;
-  accessor["count"] = count;
+  accessor["count"] = gaussians_.size();
   accessor["type"] = stored.type;
   document["accessors"].push_back(std::move(accessor));
-  return document["accessors"].size() - 1;
+  // Until the numbers are written, the longest text that bounds can have stands in their place.
+  constexpr float longest = std::numeric_limits<float>::lowest();
+  if (bounded) setBounds(index, meshopt_ ? bounds : Bounds{glm::vec3(longest), glm::vec3(longest)});
+  return index;
 }
 
-void GltfBuilder::addPacked(const ElementType& element, std::size_t count, const Fill& fill,
-                            const MeshoptFilter& filter) {
+void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, const MeshoptFilter& filter, Bounds* bounds) {
+  const std::size_t count = gaussians_.size();
   std::vector<std::uint8_t> bytes(count * element.stride());
-  parallelFor(static_cast<std::int64_t>((count + kBlock - 1) / kBlock), 1, [&](std::int64_t block) {
+  std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
+  parallelForWorkers(static_cast<std::int64_t>((count + kBlock - 1) / kBlock), 8, [&](std::int64_t block, int worker) {
     const std::size_t first = static_cast<std::size_t>(block) * kBlock;
-    fill(first, std::min(kBlock, count - first), bytes.data() + first * element.stride());
+    fill(gaussians_.block(first, std::min(kBlock, count - first), scratch[static_cast<std::size_t>(worker)]),
+         bytes.data() + first * element.stride());
   });
+  if (bounds) bounds->add(bytes);
   PackedView packed = packMeshopt(bytes, count, element.stride(), filter);
   const char* filters[] = {"NONE", "QUATERNION", "EXPONENTIAL"};
   const std::uint64_t size = packed.bytes.size();
@@ -173,54 +171,82 @@ std::size_t GltfBuilder::addImage(std::vector<std::uint8_t> file, const std::str
   return blobs_.back().image;
 }
 
-void GltfBuilder::writeBinary(int file, std::uint64_t base, bool with_images, const std::string& path) const {
-  std::vector<std::vector<std::uint8_t>> scratch(static_cast<std::size_t>(threadCount()));
-  parallelForWorkers(static_cast<std::int64_t>((count_ + kBlock - 1) / kBlock), 1, [&](std::int64_t block, int worker) {
-    const std::size_t first = static_cast<std::size_t>(block) * kBlock;
-    const std::size_t count = std::min(kBlock, count_ - first);
-    std::vector<std::uint8_t>& bytes = scratch[static_cast<std::size_t>(worker)];
-    for (const Attribute& attribute : attributes_) {
-      bytes.assign(count * attribute.stride, 0);
-      attribute.fill(first, count, bytes.data());
-      put(file, bytes, base + attribute.offset + std::uint64_t{first} * attribute.stride, path);
+void GltfBuilder::writeBinary(const FileWriter& file, std::uint64_t base, bool with_images) {
+  struct Worker {
+    GaussianBlocks::Scratch gaussians;
+    std::vector<std::vector<std::uint8_t>> bytes;  // of every attribute
+    std::vector<Bounds> bounds;                    // likewise
+  };
+  std::vector<Worker> workers(static_cast<std::size_t>(threadCount()));
+  for (Worker& worker : workers) {
+    for (const Attribute& attribute : attributes_) worker.bytes.emplace_back(kWrittenBlock * attribute.stride);
+    worker.bounds.resize(attributes_.size());
+  }
+  const std::size_t size = gaussians_.size();
+  const std::size_t blocks = attributes_.empty() ? 0 : (size + kWrittenBlock - 1) / kWrittenBlock;
+  parallelForWorkers(static_cast<std::int64_t>(blocks), 1, [&](std::int64_t item, int number) {
+    const std::size_t first = static_cast<std::size_t>(item) * kWrittenBlock;
+    const std::size_t count = std::min(kWrittenBlock, size - first);
+    Worker& worker = workers[static_cast<std::size_t>(number)];
+    for (std::size_t done = 0; done < count; done += kBlock) {
+      const std::size_t part = std::min(kBlock, count - done);
+      const GaussianBlocks::Block block = gaussians_.block(first + done, part, worker.gaussians);
+      for (std::size_t k = 0; k < attributes_.size(); ++k) {
+        attributes_[k].fill(block, worker.bytes[k].data() + done * attributes_[k].stride);
+      }
+    }
+    for (std::size_t k = 0; k < attributes_.size(); ++k) {
+      const Attribute& attribute = attributes_[k];
+      const std::span<const std::uint8_t> bytes = std::span(worker.bytes[k]).first(count * attribute.stride);
+      if (attribute.bounded) worker.bounds[k].add(bytes);
+      file.write(base + attribute.offset + std::uint64_t{first} * attribute.stride, bytes);
     }
   });
+  for (std::size_t k = 0; k < attributes_.size(); ++k) {
+    if (!attributes_[k].bounded) continue;
+    for (std::size_t i = 1; i < workers.size(); ++i) workers[0].bounds[k].add(workers[i].bounds[k]);
+    setBounds(attributes_[k].accessor, workers[0].bounds[k]);
+  }
   for (const Blob& blob : blobs_) {
-    if (blob.file_name.empty() || with_images) put(file, blob.bytes, base + blob.offset, path);
+    if (blob.file_name.empty() || with_images) file.write(base + blob.offset, blob.bytes);
   }
 }
 
-std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
-  Json buffers = Json::array({{{"byteLength", binary_bytes_}}});
+Json GltfBuilder::buffers(Json first) const {
+  Json buffers = Json::array({std::move(first)});
   if (meshopt_) {
     Json fallback = {{"byteLength", unpacked_bytes_}};
     fallback["extensions"]["EXT_meshopt_compression"]["fallback"] = true;
     buffers.push_back(std::move(fallback));
   }
-  document["buffers"] = std::move(buffers);
-  std::string text = textOf(document);
-  text.resize(aligned(text.size()), ' ');
+  return buffers;
+}
+
+std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
+  document["buffers"] = buffers({{"byteLength", binary_bytes_}});
+  // Bounds are known once the numbers behind this text have been written, and are no longer than the ones in it now.
+  const std::uint64_t text_bytes = aligned(textOf(document).size());
   const std::uint64_t binary = aligned(binary_bytes_);
-  const std::uint64_t total = 12 + 8 + text.size() + 8 + binary;
+  const std::uint64_t head_bytes = 12 + 8 + text_bytes + 8;
+  const std::uint64_t total = head_bytes + binary;
   if (total > kMaxGlbBytes) {
     throw Error(ErrorKind::badData, path.string(),
                 "the model does not fit a GLB (expected at most 4 GiB, found " + std::to_string(total) +
                     " bytes; a .gltf has no limit)");
   }
-  std::vector<std::uint8_t> head;
-  putU32(head, kMagic);
-  putU32(head, 2);
-  putU32(head, total);
-  putU32(head, text.size());
-  putU32(head, kJsonChunk);
-  head.insert(head.end(), text.begin(), text.end());
-  putU32(head, binary);
-  putU32(head, kBinChunk);
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
-    const OpenFile file(temporary, path.string());
-    if (::ftruncate(file.descriptor(), static_cast<off_t>(total)) != 0) file.fail();
-    put(file.descriptor(), head, 0, path.string());
-    writeBinary(file.descriptor(), head.size(), true, path.string());
+    const FileWriter file(temporary, path);
+    file.resize(total);
+    writeBinary(file, head_bytes, true);
+    std::string text = textOf(document);
+    text.resize(static_cast<std::size_t>(text_bytes), ' ');
+    std::vector<std::uint8_t> head;
+    for (const std::uint64_t word : {std::uint64_t{kMagic}, std::uint64_t{2}, total, text_bytes}) putU32(head, word);
+    putU32(head, kJsonChunk);
+    head.insert(head.end(), text.begin(), text.end());
+    putU32(head, binary);
+    putU32(head, kBinChunk);
+    file.write(0, head);
   });
   return total;
 }
@@ -228,7 +254,6 @@ std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
 std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path) {
   const std::string stem = path.stem().string();
   const std::filesystem::path folder = path.parent_path();
-  Json changed = document;
   std::uint64_t total = 0;
   // Images leave the buffer: it ends before the first of them, as they are added last.
   std::uint64_t bytes = binary_bytes_;
@@ -239,27 +264,22 @@ std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path) {
     const std::string name = stem + blob.file_name;
     writeFileAtomically(folder / name, blob.bytes);
     total += blob.bytes.size();
-    Json& image = changed["images"][blob.image];
+    Json& image = document["images"][blob.image];
     image.erase("bufferView");
     image["uri"] = uriOf(name);
     dropped.push_back(blob.view);
   }
   for (auto view = dropped.rbegin(); view != dropped.rend(); ++view) {
-    changed["bufferViews"].erase(changed["bufferViews"].begin() + static_cast<std::ptrdiff_t>(*view));
+    document["bufferViews"].erase(document["bufferViews"].begin() + static_cast<std::ptrdiff_t>(*view));
   }
   const std::filesystem::path binary = folder / (stem + ".bin");
   writeFileAtomically(binary, [&](const std::filesystem::path& temporary) {
-    const OpenFile file(temporary, binary.string());
-    if (::ftruncate(file.descriptor(), static_cast<off_t>(bytes)) != 0) file.fail();
-    writeBinary(file.descriptor(), 0, false, binary.string());
+    const FileWriter file(temporary, binary);
+    file.resize(bytes);
+    writeBinary(file, 0, false);
   });
-  changed["buffers"] = Json::array({{{"uri", uriOf(stem + ".bin")}, {"byteLength", bytes}}});
-  if (meshopt_) {
-    Json fallback = {{"byteLength", unpacked_bytes_}};
-    fallback["extensions"]["EXT_meshopt_compression"]["fallback"] = true;
-    changed["buffers"].push_back(std::move(fallback));
-  }
-  const std::string text = changed.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  document["buffers"] = buffers({{"uri", uriOf(stem + ".bin")}, {"byteLength", bytes}});
+  const std::string text = document.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   writeFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
   return total + bytes + text.size();
 }

@@ -11,6 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "converter/gaussian_blocks.h"
+#include "core/file.h"
+
 namespace tg {
 
 // How elements of an attribute are stored. Strides are multiples of 4 bytes (glTF's rule); what is beyond an element is
@@ -31,15 +34,15 @@ struct MeshoptFilter {
 
 class GltfBuilder {
  public:
-  // Writes elements [first, first + count) to `to`, `stride` bytes each, of zero-filled memory. From several threads.
-  using Fill = std::function<void(std::size_t first, std::size_t count, std::uint8_t* to)>;
+  // Writes a block's elements to `to`, `stride` bytes each, of zero-filled memory. From several threads.
+  using Fill = std::function<void(const GaussianBlocks::Block& block, std::uint8_t* to)>;
 
-  // `meshopt`: pack attributes by EXT_meshopt_compression. Throws Error(usage) where the library was not there to build
-  // with.
-  explicit GltfBuilder(bool meshopt = false);
+  // Attributes have an element for each of the `gaussians`, which outlive this. `meshopt`: pack attributes by
+  // EXT_meshopt_compression. Throws Error(usage) where the library was not there to build with.
+  explicit GltfBuilder(const GaussianBlocks& gaussians, bool meshopt = false);
 
-  // An accessor over a view of its own; its index. All attributes have the same count.
-  std::size_t addAttribute(const ElementType& element, std::size_t count, Fill fill, MeshoptFilter filter = {});
+  // An accessor over a view of its own; its index. `bounded`: with min and max, of floats that are not packed lossily.
+  std::size_t addAttribute(const ElementType& element, Fill fill, MeshoptFilter filter = {}, bool bounded = false);
   // A file inside the buffer; the index of its image.
   std::size_t addImage(std::vector<std::uint8_t> file, const std::string& mime_type, const std::string& name);
 
@@ -58,7 +61,10 @@ class GltfBuilder {
     std::uint64_t offset = 0;  // in the buffer
     std::size_t stride = 0;
     Fill fill;
+    bool bounded = false;
+    std::size_t accessor = 0;
   };
+  struct Bounds;
   struct Blob {
     std::uint64_t offset = 0;
     std::vector<std::uint8_t> bytes;
@@ -67,17 +73,19 @@ class GltfBuilder {
     std::size_t image = 0;
   };
 
+  void setBounds(std::size_t accessor, const Bounds& bounds);
   std::uint64_t reserve(std::uint64_t bytes);
   std::size_t addView(std::uint64_t offset, std::uint64_t bytes);
-  void addPacked(const ElementType& element, std::size_t count, const Fill& fill, const MeshoptFilter& filter);
+  void addPacked(const ElementType& element, const Fill& fill, const MeshoptFilter& filter, Bounds* bounds);
   void addBlob(std::vector<std::uint8_t> bytes, std::uint64_t offset);
-  // The binary part at `base` of an open file.
-  void writeBinary(int file, std::uint64_t base, bool with_images, const std::string& path) const;
+  // The binary part at `base` of a file, in one pass over the Gaussians, and then the document's bounds.
+  void writeBinary(const FileWriter& file, std::uint64_t base, bool with_images);
+  nlohmann::ordered_json buffers(nlohmann::ordered_json first) const;
 
-  bool meshopt_;
+  const GaussianBlocks& gaussians_;
+  const bool meshopt_;
   std::uint64_t binary_bytes_ = 0;
   std::uint64_t unpacked_bytes_ = 0;  // of the buffer that packed views stand for
-  std::size_t count_ = 0;
   std::vector<Attribute> attributes_;
   std::vector<Blob> blobs_;
 };

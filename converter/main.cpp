@@ -31,6 +31,7 @@ struct Arguments {
   bool json = false;
   bool info = false;
   bool base_only = false;
+  bool psnr = false;
   bool no_psnr = false;
   bool stats = false;
   bool dry_run = false;
@@ -110,7 +111,8 @@ int run(const Arguments& arguments) {
   tg::ConvertOptions options;
   options.overwrite = arguments.overwrite;
   options.base_only = arguments.base_only;
-  options.measure = !arguments.no_psnr && (arguments.json || !arguments.quiet);
+  if (arguments.psnr) options.measure = tg::Measure::always;
+  if (arguments.no_psnr || (arguments.quiet && !arguments.json)) options.measure = tg::Measure::never;
   options.dry_run = arguments.dry_run;
   options.lean = arguments.lean;
   options.quantize = arguments.quantize;
@@ -254,7 +256,11 @@ int main(int argc, char** argv) {
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(CLI::IsMember({"glb", "gltf", "html", "ply", "spz", "tgz"}));
   app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
-  app.add_flag("--no-psnr", arguments.no_psnr, "do not render source and result for the summary");
+  CLI::Option* psnr = app.add_flag("--psnr", arguments.psnr,
+                                   "render source and result for the summary also where no number is rounded, and "
+                                   "however large the model is");
+  app.add_flag("--no-psnr", arguments.no_psnr, "do not render them even where textures or rounding change pictures")
+      ->excludes(psnr);
   const EditParser edit_parser(app);
   app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
   if (const std::optional<int> code = parse(app, argc, argv)) return *code;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -14,6 +15,7 @@
 
 #include "converter/axes.h"
 #include "converter/fallback.h"
+#include "converter/gaussian_blocks.h"
 #include "converter/gltf_builder.h"
 #include "converter/gltf_cameras.h"
 #include "converter/gltf_document.h"
@@ -22,6 +24,7 @@
 #include "converter/quantize.h"
 #include "converter/repair.h"
 #include "core/error.h"
+#include "core/parallel.h"
 #include "core/png16.h"
 #include "shared/limits.h"
 
@@ -75,30 +78,41 @@ class LinearFromSrgb {
   std::array<double, 4097> nodes_;
 };
 
+// Where an attribute's numbers come from: a model that is there as a whole, or the blocks that are written.
+using Baked = const GaussianModel*;  // null: the blocks
+
 // Collects the parts of one file. Names of attributes are in the order of the file.
 class Writer {
  public:
   // `limited`: the file ends at 4 GiB.
-  Writer(const GltfContent& content, bool limited)
-      : builder(content.meshopt), content_(content), model_(content.model), limited_(limited) {}
+  Writer(const GltfContent& content, const GaussianBlocks& gaussians, bool limited)
+      : builder(gaussians, content.meshopt),
+        content_(content),
+        model_(content.model),
+        gaussians_(gaussians),
+        limited_(limited) {}
 
+  // fill(model, i): the element of the model's Gaussian i.
   template <typename T, typename Fill>
-  void add(const std::string& semantic, const ElementType& element, Fill fill, MeshoptFilter filter = {}) {
+  void add(const std::string& semantic, const ElementType& element, Fill fill, MeshoptFilter filter = {},
+           Baked baked = nullptr, bool bounded = false) {
     const std::size_t stride = element.stride();
-    const auto block = [fill, stride](std::size_t first, std::size_t count, std::uint8_t* to) {
-      for (std::size_t i = first; i < first + count; ++i, to += stride) {
-        const T value = fill(i);
+    const auto write = [fill, stride, baked](const GaussianBlocks::Block& block, std::uint8_t* to) {
+      const GaussianModel& model = baked ? *baked : block.model;
+      const std::size_t begin = baked ? block.first : block.begin;
+      for (std::size_t i = begin; i < begin + block.count; ++i, to += stride) {
+        const T value = fill(model, i);
         std::memcpy(to, &value, sizeof(value));
       }
     };
-    attributes[semantic] = builder.addAttribute(element, model_.size(), block, filter);
+    attributes[semantic] = builder.addAttribute(element, write, filter, bounded);
   }
 
   void addPositions();
   void addShape(bool textured);
-  void addOpacity(const GaussianModel& model, std::string_view extension);
-  void addColors(const GaussianModel& model);
-  void addDc(const GaussianModel& model);
+  void addOpacity(Baked baked, std::string_view extension);
+  void addColors(Baked baked);
+  void addDc();
   Json addTextures(GltfReport& report);
   void addSource(bool textured, GltfReport& report);
   void addScene(Json nested);
@@ -114,25 +128,19 @@ class Writer {
 
   const GltfContent& content_;
   const GaussianModel& model_;
+  const GaussianBlocks& gaussians_;
   const bool limited_;
 };
 
 void Writer::addPositions() {
-  glm::vec3 low(std::numeric_limits<float>::max());
-  glm::vec3 high(std::numeric_limits<float>::lowest());
-  for (const glm::vec3& mean : model_.mean) {
-    const glm::vec3 p = turnAxes(mean);
-    low = glm::min(low, p);
-    high = glm::max(high, p);
-  }
-  add<glm::vec3>("POSITION", kFloat3, [&model = model_](std::size_t i) { return turnAxes(model.mean[i]); });
-  builder.document["accessors"].back()["min"] = {low.x, low.y, low.z};
-  builder.document["accessors"].back()["max"] = {high.x, high.y, high.z};
+  add<glm::vec3>(
+      "POSITION", kFloat3, [](const GaussianModel& model, std::size_t i) { return turnAxes(model.mean[i]); }, {},
+      nullptr, true);
 }
 
 // Rotation and scale; local axes in the order of the texture extension when it is there.
 void Writer::addShape(bool textured) {
-  const auto xyzw = [&model = model_, textured](std::size_t i) {
+  const auto xyzw = [textured](const GaussianModel& model, std::size_t i) {
     glm::vec3 log_scale = model.log_scale[i];
     glm::vec4 rotation = model.rotation[i];
     if (textured) orderAxesForGltf(log_scale, rotation);
@@ -141,8 +149,8 @@ void Writer::addShape(bool textured) {
   };
   const std::string rotation_name = attributeName(kSplatExtension, "ROTATION");
   if (content_.quantize && !content_.meshopt) {
-    add<std::array<std::int16_t, 4>>(rotation_name, kShort4, [xyzw](std::size_t i) {
-      const glm::vec4 q = xyzw(i);
+    add<std::array<std::int16_t, 4>>(rotation_name, kShort4, [xyzw](const GaussianModel& model, std::size_t i) {
+      const glm::vec4 q = xyzw(model, i);
       std::array<std::int16_t, 4> out;
       for (int k = 0; k < 4; ++k)
         out[static_cast<std::size_t>(k)] = static_cast<std::int16_t>(std::lround(q[k] * 32767.0f));
@@ -153,7 +161,7 @@ void Writer::addShape(bool textured) {
   }
   add<glm::vec3>(
       attributeName(kSplatExtension, "SCALE"), kFloat3,
-      [&model = model_, textured](std::size_t i) {
+      [textured](const GaussianModel& model, std::size_t i) {
         glm::vec3 log_scale = model.log_scale[i];
         glm::vec4 rotation = model.rotation[i];
         if (textured) orderAxesForGltf(log_scale, rotation);
@@ -162,58 +170,61 @@ void Writer::addShape(bool textured) {
       filter(kScaleFilter));
 }
 
-void Writer::addOpacity(const GaussianModel& model, std::string_view extension) {
+void Writer::addOpacity(Baked baked, std::string_view extension) {
   const std::string semantic = attributeName(extension, "OPACITY");
+  const auto opacity = [](const GaussianModel& model, std::size_t i) { return gltfOpacity(model.opacity_logit[i]); };
   if (content_.quantize) {
-    add<std::uint16_t>(semantic, kUnsignedShort1, [&model](std::size_t i) {
-      return static_cast<std::uint16_t>(std::lround(gltfOpacity(model.opacity_logit[i]) * 65535.0f));
-    });
+    const auto rounded = [opacity](const GaussianModel& model, std::size_t i) {
+      return static_cast<std::uint16_t>(std::lround(opacity(model, i) * 65535.0f));
+    };
+    add<std::uint16_t>(semantic, kUnsignedShort1, rounded, {}, baked);
   } else {
-    add<float>(semantic, kFloat1, [&model](std::size_t i) { return gltfOpacity(model.opacity_logit[i]); });
+    add<float>(semantic, kFloat1, opacity, {}, baked);
   }
 }
 
-void Writer::addColors(const GaussianModel& model) {
-  const std::size_t count = static_cast<std::size_t>(model.shCount());
+void Writer::addColors(Baked baked) {
+  const int degree = gaussians_.shDegree();
+  const std::size_t count = static_cast<std::size_t>((degree + 1) * (degree + 1));
   std::size_t k = 0;
-  for (int l = 0; l <= model.sh_degree; ++l) {
+  for (int l = 0; l <= degree; ++l) {
     for (int m = 0; m <= 2 * l; ++m, ++k) {
       // Signs of the half turn: functions of even index are even in (x, y).
       const float sign = k % 2 == 0 ? 1.0f : -1.0f;
       const std::string name = "SH_DEGREE_" + std::to_string(l) + "_COEF_" + std::to_string(m);
       add<glm::vec3>(
           attributeName(kSplatExtension, name), kFloat3,
-          [&model, sign, count, k](std::size_t i) { return sign * model.sh[i * count + k]; },
-          filter(l == 0 ? kDcFilter : kShFilter));
+          [sign, count, k](const GaussianModel& model, std::size_t i) { return sign * model.sh[i * count + k]; },
+          filter(l == 0 ? kDcFilter : kShFilter), baked);
     }
   }
   static const LinearFromSrgb linear;
-  const auto color = [&model, count](std::size_t i, int c) {
+  const auto color = [count](const GaussianModel& model, std::size_t i, int c) {
     return c == 3 ? static_cast<double>(gltfOpacity(model.opacity_logit[i]))
                   : linear(std::clamp(0.5 + double{kShC0} * model.sh[i * count][c], 0.0, 1.0));
   };
+  const auto rounded = [color]<typename T>(T, const GaussianModel& model, std::size_t i) {
+    std::array<T, 4> out;
+    for (int c = 0; c < 4; ++c)
+      out[static_cast<std::size_t>(c)] = static_cast<T>(color(model, i, c) * std::numeric_limits<T>::max() + 0.5);
+    return out;
+  };
   if (content_.quantize) {
-    add<std::array<std::uint8_t, 4>>("COLOR_0", kUnsignedByte4, [color](std::size_t i) {
-      std::array<std::uint8_t, 4> out;
-      for (int c = 0; c < 4; ++c)
-        out[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(color(i, c) * 255.0 + 0.5);
-      return out;
-    });
+    add<std::array<std::uint8_t, 4>>(
+        "COLOR_0", kUnsignedByte4,
+        [rounded](const GaussianModel& model, std::size_t i) { return rounded(std::uint8_t{}, model, i); }, {}, baked);
   } else {
-    add<std::array<std::uint16_t, 4>>("COLOR_0", kUnsignedShort4, [color](std::size_t i) {
-      std::array<std::uint16_t, 4> out;
-      for (int c = 0; c < 4; ++c)
-        out[static_cast<std::size_t>(c)] = static_cast<std::uint16_t>(color(i, c) * 65535.0 + 0.5);
-      return out;
-    });
+    add<std::array<std::uint16_t, 4>>(
+        "COLOR_0", kUnsignedShort4,
+        [rounded](const GaussianModel& model, std::size_t i) { return rounded(std::uint16_t{}, model, i); }, {}, baked);
   }
 }
 
-void Writer::addDc(const GaussianModel& model) {
-  const std::size_t count = static_cast<std::size_t>(model.shCount());
+void Writer::addDc() {
+  const std::size_t count = static_cast<std::size_t>(model_.shCount());
   add<glm::vec3>(
       attributeName(kTextureExtension, "SH_DEGREE_0_COEF_0"), kFloat3,
-      [&model, count](std::size_t i) { return model.sh[i * count]; }, filter(kDcFilter));
+      [count](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; }, filter(kDcFilter));
 }
 
 // What of a Gaussian a reader of the glTF numbers gets back with other last bits.
@@ -221,40 +232,58 @@ struct Changed {
   bool rotation = false, log_scale = false, opacity = false;
 };
 
-Changed changedByGltf(const GaussianModel& model, bool textured) {
-  Changed changed;
-  for (std::size_t i = 0; i < model.size() && !(changed.rotation && changed.log_scale && changed.opacity); ++i) {
-    glm::vec3 log_scale = model.log_scale[i];
-    glm::vec4 q = model.rotation[i];
-    if (textured) orderAxesForGltf(log_scale, q);
-    log_scale = logFromScale(gltfScale(log_scale));
-    q = modelFromGltfRotation(gltfRotation(q));
-    if (textured && model.atlas.rects[i].texelCount() != 0) orderAxesForModel(log_scale, q);
-    const float logit = logitFromOpacity(gltfOpacity(model.opacity_logit[i]));
-    changed.rotation = changed.rotation || std::memcmp(&q, &model.rotation[i], sizeof(q)) != 0;
-    changed.log_scale = changed.log_scale || std::memcmp(&log_scale, &model.log_scale[i], sizeof(log_scale)) != 0;
-    changed.opacity = changed.opacity || std::memcmp(&logit, &model.opacity_logit[i], sizeof(logit)) != 0;
-  }
-  return changed;
+// Looks no further once all three are known to be.
+Changed changedByGltf(const GaussianBlocks& gaussians, const GaussianModel& whole, bool textured) {
+  std::atomic<bool> rotation{false}, log_scale{false}, opacity{false};
+  std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
+  const std::size_t size = gaussians.size();
+  const auto compare = [&](std::int64_t item, int worker) {
+    if (rotation && log_scale && opacity) return;
+    const std::size_t first = static_cast<std::size_t>(item) * kSplatBlockRows;
+    const GaussianBlocks::Block block =
+        gaussians.block(first, std::min(kSplatBlockRows, size - first), scratch[static_cast<std::size_t>(worker)]);
+    const GaussianModel& model = block.model;
+    Changed changed;
+    for (std::size_t i = block.begin; i < block.begin + block.count; ++i) {
+      glm::vec3 s = model.log_scale[i];
+      glm::vec4 q = model.rotation[i];
+      if (textured) orderAxesForGltf(s, q);
+      s = logFromScale(gltfScale(s));
+      q = modelFromGltfRotation(gltfRotation(q));
+      if (textured && whole.atlas.rects[i].texelCount() != 0) orderAxesForModel(s, q);
+      const float logit = logitFromOpacity(gltfOpacity(model.opacity_logit[i]));
+      changed.rotation = changed.rotation || std::memcmp(&q, &model.rotation[i], sizeof(q)) != 0;
+      changed.log_scale = changed.log_scale || std::memcmp(&s, &model.log_scale[i], sizeof(s)) != 0;
+      changed.opacity = changed.opacity || std::memcmp(&logit, &model.opacity_logit[i], sizeof(logit)) != 0;
+      if (changed.rotation && changed.log_scale && changed.opacity) break;
+    }
+    if (changed.rotation) rotation = true;
+    if (changed.log_scale) log_scale = true;
+    if (changed.opacity) opacity = true;
+  };
+  parallelForWorkers(static_cast<std::int64_t>((size + kSplatBlockRows - 1) / kSplatBlockRows), 1, compare);
+  return {rotation, log_scale, opacity};
 }
 
 // The numbers the model came with, beside those glTF has words for. An attribute is left out where nothing would
 // change.
 void Writer::addSource(bool textured, GltfReport& report) {
   if (content_.lean || content_.quantize) return;
-  const Changed changed = changedByGltf(model_, textured);
-  if (limited_ && builder.binaryBytes() + kSourceBytes * model_.size() > kMaxBinaryBytes) {
+  const Changed changed = changedByGltf(gaussians_, model_, textured);
+  if (limited_ && builder.binaryBytes() + kSourceBytes * gaussians_.size() > kMaxBinaryBytes) {
     report.dropped_source = changed.rotation || changed.log_scale || changed.opacity;
     return;
   }
   if (changed.rotation) {
-    add<glm::vec4>(kSourceRotation, kFloat4, [&model = model_](std::size_t i) { return model.rotation[i]; });
+    add<glm::vec4>(kSourceRotation, kFloat4,
+                   [](const GaussianModel& model, std::size_t i) { return model.rotation[i]; });
   }
   if (changed.log_scale) {
-    add<glm::vec3>(kSourceLogScale, kFloat3, [&model = model_](std::size_t i) { return model.log_scale[i]; });
+    add<glm::vec3>(kSourceLogScale, kFloat3,
+                   [](const GaussianModel& model, std::size_t i) { return model.log_scale[i]; });
   }
   if (changed.opacity) {
-    add<float>(kSourceLogit, kFloat1, [&model = model_](std::size_t i) { return model.opacity_logit[i]; });
+    add<float>(kSourceLogit, kFloat1, [](const GaussianModel& model, std::size_t i) { return model.opacity_logit[i]; });
   }
 }
 
@@ -297,13 +326,14 @@ Json Writer::addTextures(GltfReport& report) {
   PackedAtlas packed = packAtlas(model_.atlas, model_.size(), kMaxAtlasSide);
   // Fills outlive this function.
   const auto placements = std::make_shared<const std::vector<AtlasPlacement>>(std::move(packed.placements));
-  add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle, [placements](std::size_t i) {
-    const AtlasPlacement& p = (*placements)[i];
-    return std::array<std::uint16_t, 4>{p.x, p.y, p.w, p.h};
-  });
+  add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle,
+                                    [placements](const GaussianModel&, std::size_t i) {
+                                      const AtlasPlacement& p = (*placements)[i];
+                                      return std::array<std::uint16_t, 4>{p.x, p.y, p.w, p.h};
+                                    });
   if (packed.pages.size() > 1) {
     add<std::uint8_t>(attributeName(kTextureExtension, "ATLAS"), kIndex,
-                      [placements](std::size_t i) { return (*placements)[i].page; });
+                      [placements](const GaussianModel&, std::size_t i) { return (*placements)[i].page; });
   }
   for (const AtlasPlacement& p : *placements) report.texels += std::uint64_t{p.w} * p.h;
   addSource(true, report);
@@ -354,22 +384,25 @@ void Writer::addScene(Json nested) {
 
 GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {
   const GaussianModel& model = content.model;
-  if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
-  const bool textured =
-      model.texture_mode != TextureMode::none && std::any_of(model.atlas.rects.begin(), model.atlas.rects.end(),
-                                                             [](const TextureRect& r) { return r.texelCount() != 0; });
+  const ModelBlocks own(model);
+  const GaussianBlocks& gaussians = content.gaussians ? *content.gaussians : own;
+  if (gaussians.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
+  const bool textured = !content.gaussians && model.texture_mode != TextureMode::none &&
+                        std::any_of(model.atlas.rects.begin(), model.atlas.rects.end(),
+                                    [](const TextureRect& r) { return r.texelCount() != 0; });
   GltfReport report;
-  Writer writer(content, binary);
+  Writer writer(content, gaussians, binary);
   writer.addPositions();
   writer.addShape(textured);
   const GaussianModel base = textured ? bakeFallback(model) : GaussianModel();  // outlives the writing
-  writer.addOpacity(textured ? base : model, kSplatExtension);
-  writer.addColors(textured ? base : model);
+  const Baked baked = textured ? &base : nullptr;
+  writer.addOpacity(baked, kSplatExtension);
+  writer.addColors(baked);
   Json nested;
   if (textured) {
     const unsigned mode = static_cast<unsigned>(model.texture_mode);
-    if ((mode & kModeAlpha) != 0) writer.addOpacity(model, kTextureExtension);
-    if ((mode & kModeRgb) != 0) writer.addDc(model);
+    if ((mode & kModeAlpha) != 0) writer.addOpacity(nullptr, kTextureExtension);
+    if ((mode & kModeRgb) != 0) writer.addDc();
     nested = writer.addTextures(report);
   } else {
     writer.addSource(false, report);

@@ -12,6 +12,8 @@
 
 namespace tg {
 
+class GaussianBlocks;
+
 enum class AtlasFormat {
   png8,   // 8 bits a channel
   png16,  // 16 bits
@@ -21,14 +23,15 @@ std::string_view name(AtlasFormat format);  // "png8", "png16", "exr"
 std::optional<AtlasFormat> parseAtlasFormat(std::string_view text);
 
 struct GltfContent {
-  const GaussianModel& model;  // the toolchain's axes
+  const GaussianModel& model;  // the toolchain's axes; without Gaussians where `gaussians` are given
   std::span<const Camera> cameras;
   glm::vec3 background{0.0f};
   bool lean = false;  // without the source numbers of converter/gltf_numbers.h
   AtlasFormat atlas = AtlasFormat::png8;
   bool quantize =
       false;  // integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean
-  bool meshopt = false;  // EXT_meshopt_compression, which readers must then know
+  bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
+  const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };
 
 struct GltfReport {

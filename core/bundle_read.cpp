@@ -9,6 +9,8 @@
 #include <exception>
 #include <fstream>
 #include <memory>
+#include <optional>
+#include <span>
 #include <unordered_set>
 
 #include "core/bundle.h"
@@ -19,15 +21,15 @@
 #include "core/json.h"
 #include "core/npy.h"
 #include "core/parallel.h"
-#include "core/ply.h"
 #include "core/read_progress.h"
 #include "core/sha256.h"
+#include "core/splat_rows.h"
 
 namespace tg {
 namespace {
 
 constexpr std::size_t kMaxNameBytes = 255;
-constexpr std::size_t kFirstPreviewBytes = std::size_t{32} << 20;  // some 130 000 Gaussians; then at four times as much
+constexpr std::size_t kFirstPreview = 130'000;                      // Gaussians; then at four times as many
 constexpr std::uint64_t kMaxTarOverhead = std::uint64_t{64} << 20;  // headers and padding beside total_bytes
 
 bool isUtf8(const std::string& text) {
@@ -211,8 +213,7 @@ class BundleReader {
     const std::size_t n = static_cast<std::size_t>(manifest_.gaussians);
     constexpr std::uint64_t npy_header = 65546;
     if (name == kGaussiansName) {
-      const auto bytes = readListed(name, size, limits_.entry_bytes);
-      bundle_.model = parseSplatPly(bytes, inside(name));
+      readGaussians(name, size);
       checkCount(name, "Gaussians", n, bundle_.model.size());
       checkCount(name, "SH degree", static_cast<std::size_t>(manifest_.sh_degree),
                  static_cast<std::size_t>(bundle_.model.sh_degree));
@@ -267,31 +268,60 @@ class BundleReader {
                   "wrong number of channels (expected 3, found " + std::to_string(bundle_.preview.channels) + ")");
   }
 
+  // The Gaussians, without their file being in memory as a whole.
+  void readGaussians(const std::string& name, std::uint64_t size) {
+    SplatStream stream(size, inside(name));
+    std::size_t next_preview = kFirstPreview;
+    readListed(name, size, limits_.entry_bytes, [&](std::span<const std::uint8_t> piece) {
+      stream.add(piece);
+      if (!progress_ || !progress_->preview || stream.ready() < next_preview) return;
+      next_preview *= 4;
+      progress_->preview(previewOf(stream.model(), stream.ready()));
+    });
+    bundle_.model = stream.finish();
+  }
+
   // The content of the current entry, held against the manifest.
   std::vector<std::uint8_t> readListed(const std::string& name, std::uint64_t size, std::uint64_t max_bytes) {
+    std::vector<std::uint8_t> bytes;
+    readListed(name, size, max_bytes, [&](std::span<const std::uint8_t> piece) {
+      bytes.reserve(static_cast<std::size_t>(size));
+      bytes.insert(bytes.end(), piece.begin(), piece.end());
+    });
+    return bytes;
+  }
+  template <typename Visit>
+  void readListed(const std::string& name, std::uint64_t size, std::uint64_t max_bytes, const Visit& visit) {
     const ManifestFile* listed = manifest_.find(name);
     if (!listed) fail("entry " + shown(name) + " is not listed in the manifest");
     checkCount(name, "its bytes", static_cast<std::size_t>(listed->bytes), static_cast<std::size_t>(size));
     Sha256 digest;
-    std::vector<std::uint8_t> bytes = readBytes(name, size, max_bytes, &digest);
+    readPieces(name, size, max_bytes, [&](std::span<const std::uint8_t> piece) {
+      digest.add(piece);
+      visit(piece);
+    });
     const std::string hash = digest.hex();
     if (hash != listed->sha256)
       throw Error(ErrorKind::badData, inside(name),
                   "is damaged (expected SHA-256 " + listed->sha256 + ", found " + hash + ")");
+  }
+
+  std::vector<std::uint8_t> readBytes(const std::string& name, std::uint64_t size, std::uint64_t max_bytes) {
+    std::vector<std::uint8_t> bytes;
+    readPieces(name, size, max_bytes,
+               [&](std::span<const std::uint8_t> piece) { bytes.insert(bytes.end(), piece.begin(), piece.end()); });
     return bytes;
   }
 
-  std::vector<std::uint8_t> readBytes(const std::string& name, std::uint64_t size, std::uint64_t max_bytes,
-                                      Sha256* digest = nullptr) {
+  // Calls visit(span of bytes) for the content of the current entry, which is not empty at once and `size` in the end.
+  template <typename Visit>
+  void readPieces(const std::string& name, std::uint64_t size, std::uint64_t max_bytes, const Visit& visit) {
     if (size > max_bytes)
       throw Error(
           ErrorKind::badData, inside(name),
           "is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " + std::to_string(size) + ")");
     if (size > gzip_.inflatedBound()) throw Error(ErrorKind::badData, inside(name), "is longer than the file can hold");
-    std::vector<std::uint8_t> bytes;
-    bytes.reserve(static_cast<std::size_t>(size));
-    std::size_t next_preview =
-        name == kGaussiansName && progress_ && progress_->preview ? kFirstPreviewBytes : size + 1;
+    std::uint64_t read = 0;
     for (;;) {
       const void* data = nullptr;
       std::size_t length = 0;
@@ -299,19 +329,12 @@ class BundleReader {
       const int result = archive_read_data_block(archive_.get(), &data, &length, &offset);
       checkArchive(result);
       if (result == ARCHIVE_EOF) break;
-      if (offset != static_cast<la_int64_t>(bytes.size()) || length > size - bytes.size())
+      if (offset != static_cast<la_int64_t>(read) || length > size - read)
         throw Error(ErrorKind::badData, inside(name), "has a wrong size");
-      const auto* from = static_cast<const std::uint8_t*>(data);
-      bytes.insert(bytes.end(), from, from + length);
-      if (digest) digest->add({from, length});
-      if (bytes.size() >= next_preview) {
-        next_preview *= 4;
-        GaussianModel part = previewSplatPly(bytes, size);
-        if (part.size() > 0) progress_->preview(std::move(part));
-      }
+      read += length;
+      visit(std::span(static_cast<const std::uint8_t*>(data), length));
     }
-    if (bytes.size() != size) throw Error(ErrorKind::badData, inside(name), "ends early");
-    return bytes;
+    if (read != size) throw Error(ErrorKind::badData, inside(name), "ends early");
   }
 
   void finishAtlas() {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writing model.tgz: every entry is encoded in memory, because the manifest that precedes them holds their hashes.
+// Writing model.tgz. The manifest that precedes the entries holds their hashes: entries are encoded in memory, but for
+// the Gaussians, which are encoded twice.
 #include <archive.h>
 #include <archive_entry.h>
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <span>
 
 #include "core/bundle.h"
 #include "core/bundle_manifest.h"
@@ -16,6 +18,7 @@
 #include "core/parallel.h"
 #include "core/ply.h"
 #include "core/sha256.h"
+#include "core/splat_rows.h"
 
 namespace tg {
 namespace {
@@ -23,7 +26,28 @@ namespace {
 struct Entry {
   std::string name;
   std::vector<std::uint8_t> bytes;
+  const GaussianModel* gaussians = nullptr;  // the entry is these as a PLY; `bytes` is its header
 };
+
+std::uint64_t sizeOf(const Entry& entry) {
+  const GaussianModel* model = entry.gaussians;
+  return entry.bytes.size() + (model ? std::uint64_t{model->size()} * splatRowBytes(model->sh_degree) : 0);
+}
+
+// Calls visit(span of bytes) for the entry's content, piece by piece.
+template <typename Visit>
+void forEachPiece(const Entry& entry, const Visit& visit) {
+  visit(std::span(entry.bytes));
+  if (!entry.gaussians) return;
+  const GaussianModel& model = *entry.gaussians;
+  std::vector<std::uint8_t> rows;
+  for (std::size_t first = 0; first < model.size(); first += kSplatBlockRows) {
+    const std::size_t count = std::min(kSplatBlockRows, model.size() - first);
+    rows.resize(count * splatRowBytes(model.sh_degree));
+    formatSplatRows(model, first, count, rows.data());
+    visit(std::span(rows));
+  }
+}
 
 std::vector<std::uint8_t> toBytes(const std::string& text) { return {text.begin(), text.end()}; }
 
@@ -53,15 +77,15 @@ void addAtlas(const GaussianModel& model, Manifest& manifest, std::vector<Entry>
     rects.insert(rects.end(), {at.x, at.y, at.w, at.h});
     pages.push_back(at.page);
   }
-  entries.push_back({kRectsName, formatNpy<std::uint16_t>(rects, model.size(), 4)});
-  entries.push_back({kAtlasIdName, formatNpy<std::uint8_t>(pages, model.size(), 0)});
+  entries.push_back({kRectsName, formatNpy<std::uint16_t>(rects, model.size(), 4), nullptr});
+  entries.push_back({kAtlasIdName, formatNpy<std::uint8_t>(pages, model.size(), 0), nullptr});
 
   manifest.atlas_pages = static_cast<int>(packed.pages.size());
   if (packed.pages.empty()) return;
   manifest.atlas_width = packed.pages[0].width;
   manifest.atlas_height = packed.pages[0].height;
   const std::size_t first = entries.size();
-  for (int page = 0; page < manifest.atlas_pages; ++page) entries.push_back({atlasPageName(page), {}});
+  for (int page = 0; page < manifest.atlas_pages; ++page) entries.push_back({atlasPageName(page), {}, nullptr});
   parallelFor(manifest.atlas_pages, 1, [&](std::int64_t page) {
     entries[first + static_cast<std::size_t>(page)].bytes = encodePage(packed.pages[static_cast<std::size_t>(page)]);
   });
@@ -76,17 +100,20 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
   manifest.intersection = bundle.model.intersection;
   manifest.background = bundle.background;
 
-  std::vector<Entry> entries = {{kManifestName, {}}};
-  entries.push_back({kGaussiansName, formatSplatPly(bundle.model)});
+  std::vector<Entry> entries = {{kManifestName, {}, nullptr}};
+  const std::string header = splatHeader(bundle.model.size(), bundle.model.sh_degree);
+  entries.push_back({kGaussiansName, toBytes(header), &bundle.model});
   addAtlas(bundle.model, manifest, entries);
-  if (!bundle.cameras.empty()) entries.push_back({kCamerasName, toBytes(formatCameras(bundle.cameras))});
-  if (!bundle.training_json.empty()) entries.push_back({kTrainingName, toBytes(bundle.training_json)});
-  if (bundle.preview.width > 0) entries.push_back({kPreviewName, encodePng(bundle.preview)});
+  if (!bundle.cameras.empty()) entries.push_back({kCamerasName, toBytes(formatCameras(bundle.cameras)), nullptr});
+  if (!bundle.training_json.empty()) entries.push_back({kTrainingName, toBytes(bundle.training_json), nullptr});
+  if (bundle.preview.width > 0) entries.push_back({kPreviewName, encodePng(bundle.preview), nullptr});
 
   manifest.files.resize(entries.size() - 1);
   parallelFor(static_cast<std::int64_t>(manifest.files.size()), 1, [&](std::int64_t i) {
     const Entry& entry = entries[static_cast<std::size_t>(i) + 1];
-    manifest.files[static_cast<std::size_t>(i)] = {entry.name, entry.bytes.size(), sha256Hex(entry.bytes)};
+    Sha256 digest;
+    forEachPiece(entry, [&](std::span<const std::uint8_t> piece) { digest.add(piece); });
+    manifest.files[static_cast<std::size_t>(i)] = {entry.name, sizeOf(entry), digest.hex()};
   });
   const std::string json = formatManifest(manifest);
   parseManifest(json, path);  // what this program would refuse to read it does not write
@@ -128,18 +155,18 @@ class TarWriter {
     const std::unique_ptr<archive_entry, void (*)(archive_entry*)> header(archive_entry_new(), archive_entry_free);
     if (!header) throw std::bad_alloc();
     archive_entry_set_pathname(header.get(), entry.name.c_str());
-    archive_entry_set_size(header.get(), static_cast<la_int64_t>(entry.bytes.size()));
+    archive_entry_set_size(header.get(), static_cast<la_int64_t>(sizeOf(entry)));
     archive_entry_set_filetype(header.get(), AE_IFREG);
     archive_entry_set_perm(header.get(), 0644);
     archive_entry_set_mtime(header.get(), 0, 0);
     check(archive_write_header(archive_.get(), header.get()));
-    std::size_t written = 0;
-    while (written < entry.bytes.size()) {
-      const la_ssize_t got =
-          archive_write_data(archive_.get(), entry.bytes.data() + written, entry.bytes.size() - written);
-      if (got <= 0) throw std::runtime_error(message());
-      written += static_cast<std::size_t>(got);
-    }
+    forEachPiece(entry, [&](std::span<const std::uint8_t> piece) {
+      while (!piece.empty()) {
+        const la_ssize_t got = archive_write_data(archive_.get(), piece.data(), piece.size());
+        if (got <= 0) throw std::runtime_error(message());
+        piece = piece.subspan(static_cast<std::size_t>(got));
+      }
+    });
   }
   void close() { check(archive_write_close(archive_.get())); }
 

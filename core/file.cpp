@@ -103,18 +103,6 @@ void syncFile(const std::filesystem::path& file, const std::filesystem::path& re
     throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write to disk: " + reason());
 }
 
-void writeAll(const std::filesystem::path& file, std::span<const std::uint8_t> bytes,
-              const std::filesystem::path& reported) {
-  const Descriptor descriptor(::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC));
-  if (descriptor.fd < 0) throw Error(ErrorKind::cannotWrite, reported.string(), "cannot open: " + reason());
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(descriptor.fd, bytes.data(), std::min<std::size_t>(bytes.size(), 1u << 30));
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write: " + reason());
-    bytes = bytes.subspan(static_cast<std::size_t>(written));
-  }
-}
-
 }  // namespace
 
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
@@ -183,6 +171,29 @@ void FileReader::read(std::uint64_t offset, std::span<std::uint8_t> out) const {
   }
 }
 
+FileWriter::FileWriter(const std::filesystem::path& file, const std::filesystem::path& reported)
+    : reported_(reported.string()), descriptor_(::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)) {
+  if (descriptor_ < 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot open: " + reason());
+}
+
+FileWriter::~FileWriter() { ::close(descriptor_); }
+
+void FileWriter::resize(std::uint64_t bytes) const {
+  if (::ftruncate(descriptor_, static_cast<off_t>(bytes)) != 0)
+    throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + reason());
+}
+
+void FileWriter::write(std::uint64_t offset, std::span<const std::uint8_t> bytes) const {
+  while (!bytes.empty()) {
+    const std::size_t length = std::min<std::size_t>(bytes.size(), 1u << 30);
+    const ssize_t written = ::pwrite(descriptor_, bytes.data(), length, static_cast<off_t>(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + reason());
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
+    offset += static_cast<std::uint64_t>(written);
+  }
+}
+
 void requireWritable(const std::filesystem::path& path) {
   requireFileName(path);
   // The final name itself: the temporary one is shorter than a name the file system may refuse.
@@ -207,7 +218,8 @@ void writeFileAtomically(const std::filesystem::path& path,
 }
 
 void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {
-  writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeAll(temporary, bytes, path); });
+  writeFileAtomically(path,
+                      [&](const std::filesystem::path& temporary) { FileWriter(temporary, path).write(0, bytes); });
 }
 
 void writeTextAtomically(const std::filesystem::path& path, const std::string& text) {

@@ -32,6 +32,23 @@ class FileReader {
   std::uint64_t size_ = 0;
 };
 
+// A file that is there, overwritten piece by piece, from several threads at once if need be.
+class FileWriter {
+ public:
+  // `reported` is the name in messages. Throws Error(cannotWrite).
+  FileWriter(const std::filesystem::path& file, const std::filesystem::path& reported);
+  ~FileWriter();
+  FileWriter(const FileWriter&) = delete;
+  FileWriter& operator=(const FileWriter&) = delete;
+
+  void resize(std::uint64_t bytes) const;
+  void write(std::uint64_t offset, std::span<const std::uint8_t> bytes) const;
+
+ private:
+  const std::string reported_;
+  int descriptor_ = -1;
+};
+
 // Throws what writeFileAtomically would throw for a place that cannot be written: for use before hours of work.
 void requireWritable(const std::filesystem::path& path);
 

@@ -28,10 +28,6 @@ GaussianModel parseSplatPly(std::span<const std::uint8_t> bytes, const std::stri
 std::vector<std::uint8_t> formatSplatPly(const GaussianModel& model);
 void writeSplatPly(const std::filesystem::path& path, const GaussianModel& model);
 
-// At most kPreviewGaussians of those whose rows lie in `start`, the first bytes of a file of `total`, spread evenly.
-// Empty where that cannot be done; never throws Error.
-GaussianModel previewSplatPly(std::span<const std::uint8_t> start, std::uint64_t total);
-
 struct PointCloud {
   std::vector<glm::vec3> position;
   std::vector<glm::vec3> color;  // [0,1]; grey 0.5 where the file has none

@@ -39,8 +39,10 @@ TEST_CASE("A textured scene comes back from tgz to glb to tgz within the quantis
       bundle.model = scene.model;
       bundle.cameras = {scene.camera};
       writeBundle(scratch.folder() / "in.tgz", bundle);
-      convert(scratch.folder() / "in.tgz", scratch.folder() / "mid.glb", {.overwrite = true, .measure = false});
-      convert(scratch.folder() / "mid.glb", scratch.folder() / "out.tgz", {.overwrite = true, .measure = false});
+      convert(scratch.folder() / "in.tgz", scratch.folder() / "mid.glb",
+              {.overwrite = true, .measure = Measure::never});
+      convert(scratch.folder() / "mid.glb", scratch.folder() / "out.tgz",
+              {.overwrite = true, .measure = Measure::never});
       const Bundle out = readBundle(scratch.folder() / "out.tgz");
       CAPTURE(test::name(kind), name(intersection));
       CHECK(out.model.texture_mode == TextureMode::rgba);
@@ -66,7 +68,7 @@ TEST_CASE("A PLY comes back from a GLB bit by bit") {
       model.opacity_logit[i] = static_cast<float>(i) - 15.5f;  // beyond what an opacity can say
     }
     writeSplatPly(scratch.folder() / "in.ply", model);
-    const ConvertOptions options = {.overwrite = true, .measure = false};
+    const ConvertOptions options = {.overwrite = true, .measure = Measure::never};
     convert(scratch.folder() / "in.ply", scratch.folder() / "mid.glb", options);
     convert(scratch.folder() / "mid.glb", scratch.folder() / "out.ply", options);
     CAPTURE(degree);
@@ -80,11 +82,11 @@ TEST_CASE("A lean GLB brings a PLY back within the rounding of a float") {
   model.texture_mode = TextureMode::none;
   model.atlas = {};
   writeSplatPly(scratch.folder() / "in.ply", model);
-  convert(scratch.folder() / "in.ply", scratch.folder() / "mid.glb", {.measure = false, .lean = true});
+  convert(scratch.folder() / "in.ply", scratch.folder() / "mid.glb", {.measure = Measure::never, .lean = true});
   for (const auto& [name, accessor] : Glb::read(scratch.folder() / "mid.glb").primitive()["attributes"].items()) {
     CHECK(name.rfind("_TG_SOURCE", 0) != 0);
   }
-  convert(scratch.folder() / "mid.glb", scratch.folder() / "out.ply", {.measure = false});
+  convert(scratch.folder() / "mid.glb", scratch.folder() / "out.ply", {.measure = Measure::never});
   const GaussianModel in = readSplatPly(scratch.folder() / "in.ply");
   const GaussianModel out = readSplatPly(scratch.folder() / "out.ply");
   REQUIRE(out.size() == in.size());

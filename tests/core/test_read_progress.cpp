@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading in pieces: the same model and messages as from memory, progress, parts to look at, and the way to stop.
 #include "core/read_progress.h"
+#include "core/splat_rows.h"
 
 #include <cmath>
 #include <fstream>
@@ -122,9 +123,51 @@ TEST_CASE("a large bundle shows a part of itself while it is read, wide enough t
         Approx(0.5 * std::log(150'000.0 / static_cast<double>(part.size()))).epsilon(1e-3));
 }
 
-TEST_CASE("a part of a file that is no splat PLY is nothing, without a word") {
-  const Bytes text = {'p', 'l', 'y', '\n'};
-  CHECK(tg::previewSplatPly(text, 1000).size() == 0);
-  const Bytes whole = tg::formatSplatPly(noise(10));
-  CHECK(tg::previewSplatPly(std::span(whole).first(whole.size() - 500), whole.size()).size() == 7);
+TEST_CASE("a PLY that arrives in pieces of any size is the model that its bytes are") {
+  const tg::GaussianModel model = noise(37);
+  const Bytes plain = tg::formatSplatPly(model);
+  // Two faces before the vertices, so that the rows do not start where the header ends, and lines after them.
+  const std::string text(plain.begin(), plain.end());
+  const std::size_t vertex = text.find("element vertex"), end = text.find("end_header\n") + 11;
+  const std::string around =
+      text.substr(0, vertex) + "element face 2\nproperty double area\n" + text.substr(vertex, end - 11 - vertex) +
+      "element line 3\nproperty uchar kind\nend_header\n" + std::string(16, 'x') + text.substr(end) + "abc";
+  const Bytes surrounded(around.begin(), around.end());
+  Bytes swapped(text.begin(), text.end());  // big endian: kept until the end
+  const std::string little = "little", big = "big";
+  const auto at = std::search(swapped.begin(), swapped.end(), little.begin(), little.end());
+  const auto body = static_cast<std::size_t>(at - swapped.begin());
+  swapped.erase(at, at + 6);
+  swapped.insert(swapped.begin() + static_cast<std::ptrdiff_t>(body), big.begin(), big.end());
+  for (std::size_t i = end - 3; i < swapped.size(); i += 4) std::reverse(&swapped[i], &swapped[i] + 4);
+  for (const Bytes& bytes : {plain, surrounded, swapped}) {
+    for (const std::size_t piece :
+         {std::size_t{1}, std::size_t{100}, std::size_t{248}, std::size_t{5000}, bytes.size()}) {
+      tg::SplatStream stream(bytes.size(), "a.ply");
+      for (std::size_t i = 0; i < bytes.size(); i += piece) {
+        stream.add(std::span(bytes).subspan(i, std::min(piece, bytes.size() - i)));
+      }
+      REQUIRE(equal(stream.finish(), model));
+    }
+  }
+}
+
+TEST_CASE("a broken PLY that arrives in pieces is refused") {
+  tg::GaussianModel broken = noise(5);
+  broken.sh[3 * 16 + 2].y = NAN;
+  const Bytes bytes = tg::formatSplatPly(broken);
+  tg::SplatStream stream(bytes.size(), "a.ply");
+  stream.add(bytes);
+  CHECK_THROWS_WITH(stream.finish(), "a.ply: Gaussian 3: sh coefficient 2 is not finite");
+  tg::SplatStream none(0, "b.ply");
+  CHECK_THROWS_WITH(none.finish(), "b.ply: not a PLY file");
+  const std::string head = tg::splatHeader(60'000'000, 3);
+  tg::SplatStream hostile(head.size() + 100,
+                          "c.ply");  // a count that the bytes cannot hold: refused before anything is made
+  CHECK_THROWS_WITH(
+      [&] {
+        hostile.add({reinterpret_cast<const std::uint8_t*>(head.data()), head.size()});
+        hostile.finish();
+      }(),
+      Catch::Contains("too short for its counts"));
 }
