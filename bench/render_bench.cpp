@@ -4,8 +4,8 @@
 //     render_bench MODEL [--backend vulkan] [--size 1280x720] [--frames 9] [--textures 4x4]
 //
 // Processor time of the whole process (user + system, all threads, software drivers included) is what compares on a
-// loaded machine; wall time and the driver's time stamps are printed beside it. The Vulkan frame is that of a window:
-// recorded passes that end in an RGBA8 picture. The CPU frame is Renderer::render() for the output that is asked for.
+// loaded machine; wall time and the driver's time stamps are printed beside it. The frame of a GPU backend is that of a
+// window: passes that end in an RGBA8 picture. The CPU frame is Renderer::render() for the output that is asked for.
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -24,8 +24,8 @@
 #include "converter/read_model.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "render/devices/devices.h"
 #include "render/reference/splat.h"
-#include "render/vulkan/vulkan_renderer.h"
 #include "support/scenes.h"
 
 namespace {
@@ -214,11 +214,14 @@ void run(const Options& options) {
     times = measure(*renderer, options.frames, [&] { frame = renderer->render(camera, settings); });
     picture = visualize(frame, output);
     device_name = renderer->deviceName();
-  } else if (options.backend == "vulkan") {
-    VulkanOptions vulkan;
-    vulkan.device = options.device;
-    const auto device = createVulkanDevice(vulkan);
-    const std::unique_ptr<VulkanRenderer> renderer = makeVulkanRenderer(*device);
+  } else {
+    const auto* api =
+        std::find_if(std::begin(kApis), std::end(kApis), [&](Api a) { return options.backend == name(a); });
+    if (api == std::end(kApis)) {
+      usage("--backend: expected cpu, vulkan or opengl, found \"" + options.backend + "\"");
+    }
+    const std::unique_ptr<OpenDevice> device = openDevice(*api, {pickDevice(options.device), false});
+    const std::unique_ptr<GpuRenderer> renderer = device->makeRenderer();
     renderer->setModel(loaded.model);
     times = measure(*renderer, options.frames, [&] {
       while (!renderer->draw({camera, settings, output})) {
@@ -229,8 +232,6 @@ void run(const Options& options) {
     const FrameCounts counts = renderer->counts();
     result["visible"] = counts.visible;
     result["pairs"] = counts.pairs;
-  } else {
-    usage("--backend: expected cpu or vulkan, found \"" + options.backend + "\"");
   }
 
   result["model"] = options.model;
@@ -270,8 +271,8 @@ int main(int argc, char** argv) {
   CLI::App app("Times frames of a renderer and compares the picture with the float64 reference");
   Options options;
   app.add_option("model", options.model, "any file that tgview opens")->required();
-  app.add_option("--backend", options.backend, "cpu or vulkan");
-  app.add_option("--device", options.device, "part of a Vulkan device's name");
+  app.add_option("--backend", options.backend, "cpu, vulkan or opengl");
+  app.add_option("--device", options.device, "part of a device's name, or its number in tgview --list-devices");
   app.add_option("--cameras", options.cameras, "cameras.json (default: the model's, or MODEL.cameras.json beside it)");
   app.add_option("--camera", options.camera, "number of the camera");
   app.add_option("--size", options.size, "WIDTHxHEIGHT [px] (default: the camera's)");

@@ -1,5 +1,6 @@
 # tg_add_shaders(TARGET FILE...): compiles GLSL to SPIR-V 1.0 and embeds each module as `const uint32_t NAME[]` in
-# gen/NAME.h of the build tree, NAME = file name with '.' replaced by '_' (blend.comp -> blend_comp).
+# gen/NAME.h of the build tree, NAME = file name with '.' replaced by '_' (blend.comp -> blend_comp). Beside it lies the
+# text with includes and macros resolved, as `const char STEM_text[]` in gen/STEM_text.h (blend.comp -> blend_text).
 find_program(TG_GLSLANG NAMES glslangValidator glslang)
 
 function(tg_add_shaders target)
@@ -15,7 +16,13 @@ function(tg_add_shaders target)
       COMMAND ${CMAKE_COMMAND} -E make_directory ${CMAKE_CURRENT_BINARY_DIR}/gen
       COMMAND ${TG_GLSLANG} -V --target-env vulkan1.0 --quiet --vn ${variable} -I${CMAKE_SOURCE_DIR}/shaders -o ${out} ${source}
       DEPENDS ${source} ${shared_headers} VERBATIM)
-    target_sources(${target} PRIVATE ${out})
+    get_filename_component(stem ${source} NAME_WE)
+    set(text ${CMAKE_CURRENT_BINARY_DIR}/gen/${stem}_text.h)
+    add_custom_command(OUTPUT ${text}
+      COMMAND ${CMAKE_COMMAND} -DGLSLANG=${TG_GLSLANG} -DINCLUDE=${CMAKE_SOURCE_DIR}/shaders -DSOURCE=${source}
+              -DNAME=${stem}_text -DOUT=${text} -P ${CMAKE_SOURCE_DIR}/cmake/shader_text.cmake
+      DEPENDS ${source} ${shared_headers} ${CMAKE_SOURCE_DIR}/cmake/shader_text.cmake VERBATIM)
+    target_sources(${target} PRIVATE ${out} ${text})
   endforeach()
   target_include_directories(${target} PRIVATE ${CMAKE_CURRENT_BINARY_DIR}/gen)
 endfunction()

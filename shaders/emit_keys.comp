@@ -67,8 +67,8 @@ void main() {
     while (pair == splat_end) {  // the next splat
       splat = order[entry];
       splat_end = entry < last_entry ? offsets[entry + 1u] : count;
-      uvec2 packed = pixel_rects[splat];
-      rect = uvec4(packed.x & 0xFFFFu, packed.x >> 16u, packed.y & 0xFFFFu, packed.y >> 16u);
+      uvec2 ends = pixel_rects[splat];
+      rect = uvec4(ends.x & 0xFFFFu, ends.x >> 16u, ends.y & 0xFFFFu, ends.y >> 16u);
       record.center_depth_opacity = fetchRecord(splat, 0u);
       record.w_r = fetchRecord(splat, 1u);
       record.d_g = fetchRecord(splat, 2u);

@@ -40,6 +40,15 @@ struct GpuLimits {
   std::uint32_t image_side = 0;      // [px]
 };
 
+// A device as a list of devices shows it.
+struct DeviceInfo {
+  std::string api;      // "Vulkan", "OpenGL"
+  std::string version;  // of the API, as the driver words it
+  bool software = false;
+  GpuLimits limits;
+  std::string missing;  // why it cannot be used; "": it can
+};
+
 // A list of passes made ready to run: again and again, each time with another view.
 class PassProgram {
  public:

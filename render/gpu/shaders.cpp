@@ -5,43 +5,59 @@
 #include <array>
 
 #include "blend_comp.h"
+#include "blend_text.h"
 #include "compact_comp.h"
+#include "compact_text.h"
 #include "emit_keys_comp.h"
+#include "emit_keys_text.h"
 #include "output_range_comp.h"
+#include "output_range_text.h"
 #include "present_comp.h"
+#include "present_text.h"
 #include "project_comp.h"
+#include "project_text.h"
 #include "scan_apply_comp.h"
+#include "scan_apply_text.h"
 #include "scan_partitions_comp.h"
+#include "scan_partitions_text.h"
 #include "scan_reduce_comp.h"
+#include "scan_reduce_text.h"
 #include "solid_comp.h"
+#include "solid_text.h"
 #include "sort_count_comp.h"
 #include "sort_count_runs_comp.h"
+#include "sort_count_runs_text.h"
+#include "sort_count_text.h"
 #include "sort_scan_comp.h"
+#include "sort_scan_text.h"
 #include "sort_scatter_comp.h"
 #include "sort_scatter_runs_comp.h"
+#include "sort_scatter_runs_text.h"
+#include "sort_scatter_text.h"
 #include "tile_ranges_comp.h"
+#include "tile_ranges_text.h"
 
 namespace tg {
 namespace {
 
 // In the order of enum class Shader.
 constexpr std::array<ShaderModule, 16> kModules = {{
-    {project_comp, 5, 3},
-    {scan_reduce_comp, 0, 4},
-    {scan_partitions_comp, 0, 2},
-    {scan_apply_comp, 0, 5},
-    {compact_comp, 1, 5},
-    {sort_count_comp, 0, 3},
-    {sort_scan_comp, 0, 3},
-    {sort_scatter_comp, 0, 7},
-    {sort_count_runs_comp, 1, 2},
-    {sort_scatter_runs_comp, 2, 5},
-    {emit_keys_comp, 1, 6},
-    {tile_ranges_comp, 1, 2},
-    {blend_comp, 5, 6},
-    {solid_comp, 6, 3},
-    {output_range_comp, 0, 4},
-    {present_comp, 0, 5, true},
+    {"project", project_comp, project_text, 5, 3},
+    {"scan_reduce", scan_reduce_comp, scan_reduce_text, 0, 4},
+    {"scan_partitions", scan_partitions_comp, scan_partitions_text, 0, 2},
+    {"scan_apply", scan_apply_comp, scan_apply_text, 0, 5},
+    {"compact", compact_comp, compact_text, 1, 5},
+    {"sort_count", sort_count_comp, sort_count_text, 0, 3},
+    {"sort_scan", sort_scan_comp, sort_scan_text, 0, 3},
+    {"sort_scatter", sort_scatter_comp, sort_scatter_text, 0, 7},
+    {"sort_count_runs", sort_count_runs_comp, sort_count_runs_text, 1, 2},
+    {"sort_scatter_runs", sort_scatter_runs_comp, sort_scatter_runs_text, 2, 5},
+    {"emit_keys", emit_keys_comp, emit_keys_text, 1, 6},
+    {"tile_ranges", tile_ranges_comp, tile_ranges_text, 1, 2},
+    {"blend", blend_comp, blend_text, 5, 6},
+    {"solid", solid_comp, solid_text, 6, 3},
+    {"output_range", output_range_comp, output_range_text, 0, 4},
+    {"present", present_comp, present_text, 0, 5, true},
 }};
 
 }  // namespace

@@ -31,7 +31,9 @@ constexpr std::uint32_t kViewBinding = 16;  // shaders/pass.glsl
 constexpr std::uint32_t kPassBinding = 17;
 
 struct ShaderModule {
+  const char* name = nullptr;
   std::span<const std::uint32_t> code;  // SPIR-V 1.0
+  const char* text = nullptr;           // the same as GLSL 4.50, includes and macros resolved
   std::uint32_t texel_count = 0;        // uniform texel buffers, which come first
   std::uint32_t buffer_count = 0;       // storage buffers
   bool image = false;                   // at binding 0, before both

@@ -195,31 +195,38 @@ int rank(VkPhysicalDeviceType type) {
   }
 }
 
-void pickPhysicalDevice(const VulkanOptions& options, VulkanDevice& device) {
+std::vector<VkPhysicalDevice> physicalDevices(const VulkanDevice& device) {
   std::uint32_t count = 0;
   TG_VK(vkEnumeratePhysicalDevices(device.instance, &count, nullptr));
-  std::vector<VkPhysicalDevice> candidates(count);
-  TG_VK(vkEnumeratePhysicalDevices(device.instance, &count, candidates.data()));
+  std::vector<VkPhysicalDevice> all(count);
+  TG_VK(vkEnumeratePhysicalDevices(device.instance, &count, all.data()));
+  all.resize(count);
+  return all;
+}
+
+void pickPhysicalDevice(const VulkanOptions& options, VulkanDevice& device) {
   std::string refused;
   int best = -1;
-  for (VkPhysicalDevice candidate : candidates) {
+  const std::vector<VkPhysicalDevice> candidates = physicalDevices(device);
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
     VkPhysicalDeviceProperties properties;
-    vkGetPhysicalDeviceProperties(candidate, &properties);
+    vkGetPhysicalDeviceProperties(candidates[i], &properties);
     const std::string name = properties.deviceName;
-    const std::string missing = whatIsMissing(candidate, properties, options, device.surface);
-    if (name.find(options.device) == std::string::npos) {
-      refused += "; \"" + name + "\" has another name";
+    const std::string missing = whatIsMissing(candidates[i], properties, options, device.surface);
+    if (options.index ? i != *options.index : name.find(options.device) == std::string::npos) {
+      refused += "; \"" + name + "\" has another " + (options.index ? "number" : "name");
     } else if (!missing.empty()) {
       refused += "; \"" + name + "\" lacks " + missing;
     } else if (rank(properties.deviceType) > best) {
       best = rank(properties.deviceType);
-      device.physical = candidate;
+      device.physical = candidates[i];
       device.properties = properties;
     }
   }
   if (best >= 0) return;
   const std::string wanted = options.device.empty() ? "" : " named \"" + options.device + "\"";
-  throw Error(ErrorKind::device, "Vulkan: no usable device" + wanted + (count ? refused : "; the drivers list none"));
+  throw Error(ErrorKind::device,
+              "Vulkan: no usable device" + wanted + (candidates.empty() ? "; the drivers list none" : refused));
 }
 
 void createLogicalDevice(const VulkanOptions& options, VulkanDevice& device) {
@@ -262,6 +269,30 @@ std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const 
   pickPhysicalDevice(options, *device);
   createLogicalDevice(options, *device);
   return device;
+}
+
+std::vector<DeviceInfo> listVulkanDevices() {
+  std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device(new OwnedDevice, destroyDevice);
+  createInstance({}, static_cast<OwnedDevice&>(*device));
+  std::vector<DeviceInfo> infos;
+  for (VkPhysicalDevice physical : physicalDevices(*device)) {
+    VkPhysicalDeviceProperties properties;
+    vkGetPhysicalDeviceProperties(physical, &properties);
+    const std::uint32_t version = properties.apiVersion;
+    infos.push_back({"Vulkan",
+                     std::to_string(VK_API_VERSION_MAJOR(version)) + "." +
+                         std::to_string(VK_API_VERSION_MINOR(version)) + "." +
+                         std::to_string(VK_API_VERSION_PATCH(version)),
+                     properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU, limitsOf(properties),
+                     whatIsMissing(physical, properties, {}, VK_NULL_HANDLE)});
+  }
+  return infos;
+}
+
+GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties) {
+  const VkPhysicalDeviceLimits& limits = properties.limits;
+  return {properties.deviceName, limits.maxStorageBufferRange, limits.maxTexelBufferElements,
+          limits.maxImageDimension2D};
 }
 
 }  // namespace tg

@@ -137,11 +137,7 @@ void VulkanProgram::record(VkCommandBuffer commands, const ViewUniforms& view) {
   stageBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT);
 }
 
-GpuLimits VulkanPassDevice::limits() const {
-  const VkPhysicalDeviceLimits& limits = device_.properties.limits;
-  return {device_.properties.deviceName, limits.maxStorageBufferRange, limits.maxTexelBufferElements,
-          limits.maxImageDimension2D};
-}
+GpuLimits VulkanPassDevice::limits() const { return limitsOf(device_.properties); }
 
 BufferPtr VulkanPassDevice::makeBuffer(const char* name, std::uint64_t bytes) {
   return std::make_unique<Buffer>(device_, name, bytes);

@@ -6,8 +6,11 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "render/gpu/device.h"
 
 namespace tg {
 
@@ -17,6 +20,7 @@ struct VulkanOptions {
   bool swapchain = false;                           // enable VK_KHR_swapchain and pick a device that can present
   std::function<VkSurfaceKHR(VkInstance)> surface;  // called once when `swapchain`
   std::string device;                               // part of a device's name; empty: the fastest kind there is
+  std::optional<std::size_t> index;                 // of listVulkanDevices(); instead of a name
 };
 
 // Instance, device, and queues of one family that does compute, graphics and transfer. Owns its handles.
@@ -41,5 +45,10 @@ struct VulkanDevice {
 
 // Throws Error(device): no loader, no device, missing feature - with the name of what is missing.
 std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const VulkanOptions& options);
+
+GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties);
+
+// Those that createVulkanDevice() chooses from. Throws Error(device) when there is no loader.
+std::vector<DeviceInfo> listVulkanDevices();
 
 }  // namespace tg

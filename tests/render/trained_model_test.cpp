@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference, CPU and Vulkan agree on a model that came out of training, output by output: docs/sample.tgz, or the
-// bundle that the environment names as TG_MODEL.
+// All backends agree on a model that came out of training, output by output: docs/sample.tgz, or the bundle that the
+// environment names as TG_MODEL.
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <iostream>
 
 #include "core/bundle.h"
+#include "core/error.h"
+#include "render/devices/devices.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/compare.h"
-#include "vulkan_device.h"
 
 namespace tg {
 namespace {
@@ -17,32 +20,140 @@ namespace {
 // Trained splats are thin and many lie on one another, so more pixels than in random scenes see a threshold fall the
 // other way, and depth moves with them.
 const test::Tolerance kTrained{.tight = 2e-5, .outlier_share = 2e-2, .loose = 1e-3, .flip = 5e-2, .depth_factor = 10};
+// Of the pixels of any output, between any two backends: farther apart than 1e-3 of the larger of 1 and their size.
+constexpr double kApart = 1e-3;
+constexpr double kApartShare = 2e-2;
+constexpr OutputSet kAllOutputs = {Output::final,    Output::base,       Output::texture, Output::alpha,
+                                   Output::depth,    Output::normal,     Output::count,   Output::depthMedian,
+                                   Output::overdraw, Output::ellipsoids, Output::centers, Output::texelDensity};
 
-TEST_CASE("Reference, CPU and Vulkan show a trained model alike in every output") {
+struct Backend {
+  std::string name;
+  Frame frame;
+};
+
+struct View {
+  Bundle bundle;
+  Camera camera;
+};
+
+View trainedView() {
   const char* other = std::getenv("TG_MODEL");
-  const Bundle bundle = readBundle(other ? other : "docs/sample.tgz");
-  REQUIRE(bundle.model.texture_mode == TextureMode::rgba);
-  const Camera& view = bundle.cameras.at(bundle.cameras.size() / 2);
-  const int longer = std::max(view.width, view.height);
-  const Camera camera = resized(view, 96 * view.width / longer, 96 * view.height / longer);
-  const auto intersection = GENERATE(IntersectionModel::maxResponse, IntersectionModel::plane);
-  const RenderSettings settings{TextureMode::rgba, intersection, bundle.background};
-  const FrameT<double> reference = renderReference(ReferenceModel(bundle.model), camera, settings);
+  View view{readBundle(other ? other : "docs/sample.tgz"), {}};
+  const Camera& seen = view.bundle.cameras.at(view.bundle.cameras.size() / 2);
+  const int longer = std::max(seen.width, seen.height);
+  view.camera = resized(seen, 96 * seen.width / longer, 96 * seen.height / longer);
+  return view;
+}
 
-  const auto cpu = makeCpuRenderer();
-  cpu->setModel(bundle.model);
-  const Frame cpu_frame = cpu->render(camera, settings);
-  const auto cpu_difference = test::compareFrames(cpu_frame, reference, kTrained);
-  std::cout << "CPU against the reference, " << name(intersection) << "\n" << test::report(cpu_difference);
-  CHECK(test::violations(cpu_difference, kTrained) == "");
+// To float, so that it is a backend like any other.
+Frame rounded(const FrameT<double>& exact) {
+  Frame frame;
+  frame.width = exact.width;
+  frame.height = exact.height;
+  const auto copy = [](auto& to, const auto& from) { to.assign(from.begin(), from.end()); };
+  copy(frame.picture, exact.picture);
+  copy(frame.base, exact.base);
+  copy(frame.texture, exact.texture);
+  copy(frame.alpha, exact.alpha);
+  copy(frame.depth, exact.depth);
+  copy(frame.normal, exact.normal);
+  copy(frame.count, exact.count);
+  copy(frame.depth_median, exact.depth_median);
+  copy(frame.overdraw, exact.overdraw);
+  copy(frame.ellipsoids, exact.ellipsoids);
+  copy(frame.centers, exact.centers);
+  copy(frame.texel_density, exact.texel_density);
+  return frame;
+}
 
-  VulkanRenderer& vulkan = test::vulkanRenderer();
-  vulkan.setModel(bundle.model);
-  const auto vulkan_difference = test::compareFrames(vulkan.render(camera, settings), reference, kTrained);
-  std::cout << "Vulkan against the reference, " << name(intersection) << "\n" << test::report(vulkan_difference);
-  CHECK(test::violations(vulkan_difference, kTrained) == "");
-  CHECK(test::validationMessages() == "");
+std::vector<Backend> drawnByAll(const View& view, const RenderSettings& settings) {
+  std::vector<Backend> backends;
+  const auto add = [&](const std::string& name, Renderer& renderer) {
+    renderer.setModel(view.bundle.model);
+    backends.push_back({name, renderer.render(view.camera, settings)});
+  };
+  backends.push_back({"reference", rounded(renderReference(ReferenceModel(view.bundle.model), view.camera, settings))});
+  add("cpu", *makeCpuRenderer());
+  for (const Api api : kApis) {
+    try {
+      const auto device = openDevice(api, {{}, true});
+      add(name(api), *device->makeRenderer());
+      CHECK(device->messages().empty());
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::device) throw;
+      std::cout << name(api) << " is left out: " << error.what() << "\n";
+    }
+  }
+  return backends;
+}
+
+struct Apart {
+  double largest = 0;
+  double share = 0;  // of the pixels beyond kApart
+};
+
+Apart apart(const Frame& a, const Frame& b, Output output) {
+  const Image x = extract(a, output), y = extract(b, output);
+  REQUIRE(x.data.size() == y.data.size());
+  REQUIRE(!x.data.empty());
+  Apart result;
+  std::size_t beyond = 0;
+  for (std::size_t i = 0; i < x.data.size(); ++i) {
+    const double difference = std::abs(double{x.data[i]} - y.data[i]);
+    REQUIRE(std::isfinite(difference));
+    result.largest = std::max(result.largest, difference);
+    beyond += difference > kApart * std::max(1.0, std::abs(double{y.data[i]}));
+  }
+  result.share = static_cast<double>(beyond) / static_cast<double>(x.data.size());
+  return result;
 }
 
 }  // namespace
+
+TEST_CASE("every backend shows a trained model as the reference does") {
+  const View view = trainedView();
+  REQUIRE(view.bundle.model.texture_mode == TextureMode::rgba);
+  const auto intersection = GENERATE(IntersectionModel::maxResponse, IntersectionModel::plane);
+  RenderSettings settings;
+  settings.intersection = intersection;
+  settings.background = view.bundle.background;
+  const auto reference = renderReference(ReferenceModel(view.bundle.model), view.camera, settings);
+  for (const Backend& backend : drawnByAll(view, settings)) {
+    if (backend.name == "reference") continue;
+    const auto difference = test::compareFrames(backend.frame, reference, kTrained);
+    std::cout << backend.name << " against the reference, " << name(intersection) << "\n" << test::report(difference);
+    INFO(backend.name);
+    CHECK(test::violations(difference, kTrained) == "");
+  }
+}
+
+TEST_CASE("any two backends agree on a trained model in every output") {
+  const View view = trainedView();
+  RenderSettings settings;
+  settings.background = view.bundle.background;
+  settings.outputs = kAllOutputs;
+  const std::vector<Backend> backends = drawnByAll(view, settings);
+  REQUIRE(backends.size() >= 2);
+  std::printf("largest difference, share of the numbers beyond %g\n%-14s", kApart, "");
+  for (std::size_t a = 0; a < backends.size(); ++a) {
+    for (std::size_t b = a + 1; b < backends.size(); ++b) {
+      std::printf(" %20s", (backends[a].name + "/" + backends[b].name).c_str());
+    }
+  }
+  for (unsigned k = 0; k < kOutputKinds; ++k) {
+    const auto output = static_cast<Output>(k);
+    std::printf("\n%-14s", std::string(name(output)).c_str());
+    for (std::size_t a = 0; a < backends.size(); ++a) {
+      for (std::size_t b = a + 1; b < backends.size(); ++b) {
+        const Apart found = apart(backends[a].frame, backends[b].frame, output);
+        std::printf("  %9.2e %7.3f %%", found.largest, 100 * found.share);
+        INFO(name(output) << ": " << backends[a].name << ", " << backends[b].name << ": " << found.largest);
+        CHECK(found.share <= kApartShare);
+      }
+    }
+  }
+  std::printf("\n");
+}
+
 }  // namespace tg

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan_device.h"
-
 #include <cstdio>
+#include <utility>
+
+#include "gpu_device.h"
+#include "render/vulkan/pass_device.h"
+#include "render/vulkan/vulkan_renderer.h"
 
 namespace tg::test {
 namespace {
@@ -15,23 +18,37 @@ std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createTestDevice() {
   return device;
 }
 
-}  // namespace
-
 VulkanDevice& vulkanDevice() {
   static const auto device = createTestDevice();
   return *device;
 }
 
-VulkanRenderer& vulkanRenderer() {
+}  // namespace
+
+Api testedApi() { return Api::vulkan; }
+
+GpuRenderer& gpuRenderer() {
   static const auto renderer = makeVulkanRenderer(vulkanDevice());
   return *renderer;
 }
+
+std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning) {
+  return makeVulkanRenderer(vulkanDevice(), tuning);
+}
+
+std::unique_ptr<GpuDevice> makePassDevice() { return std::make_unique<VulkanPassDevice>(vulkanDevice()); }
 
 std::string validationMessages() {
   std::string text;
   for (const std::string& message : vulkanDevice().validation_messages) text += message + "\n";
   vulkanDevice().validation_messages.clear();
   return text;
+}
+
+Bindings claim(Bindings bindings) {
+  VkPhysicalDeviceLimits& limits = vulkanDevice().properties.limits;
+  return {std::exchange(limits.maxStorageBufferRange, bindings.bytes),
+          std::exchange(limits.maxTexelBufferElements, bindings.texels)};
 }
 
 }  // namespace tg::test

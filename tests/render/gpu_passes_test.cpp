@@ -6,12 +6,11 @@
 #include <numeric>
 #include <random>
 
+#include "gpu_device.h"
 #include "render/gpu/passes.h"
-#include "render/vulkan/pass_device.h"
 #include "shared/layout.h"
 #include "shared/limits.h"
 #include "support/catch.h"
-#include "vulkan_device.h"
 
 using namespace tg;
 using namespace tg::test;
@@ -22,8 +21,14 @@ using Numbers = std::vector<std::uint32_t>;
 
 // Data on the device and passes over it, without a frame around them.
 class PassBench {
+  std::unique_ptr<GpuDevice> owned_;
+
  public:
-  PassBench() : device(vulkanDevice()), counters(device.makeBuffer("counters", sizeof(Counters))), scratch(device) {}
+  PassBench()
+      : owned_(makePassDevice()),
+        device(*owned_),
+        counters(device.makeBuffer("counters", sizeof(Counters))),
+        scratch(device) {}
 
   // The bytes of `numbers`, `room` of them at least.
   BufferPtr put(const Numbers& numbers, std::size_t room = 0) {
@@ -52,7 +57,7 @@ class PassBench {
     return program->counters();
   }
 
-  VulkanPassDevice device;
+  GpuDevice& device;
   BufferPtr counters;
   Scratch scratch;
 };

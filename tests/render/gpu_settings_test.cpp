@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a viewer may change and ask for: the Vulkan renderer against the float64 reference.
+// What a viewer may change and ask for: a GPU renderer against the float64 reference.
 #include <algorithm>
 #include <cmath>
 #include <glm/gtc/packing.hpp>
 
+#include "gpu_device.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/scenes.h"
-#include "vulkan_device.h"
 
 using namespace tg;
 using namespace tg::test;
@@ -20,7 +20,7 @@ TestScene halfTexels(TestScene scene) {
 }
 
 Frame renderScene(const TestScene& scene, const RenderSettings& settings) {
-  VulkanRenderer& renderer = vulkanRenderer();
+  GpuRenderer& renderer = gpuRenderer();
   renderer.setModel(scene.model);
   return renderer.render(scene.camera, settings);
 }

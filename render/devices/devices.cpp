@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/devices/devices.h"
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+
+#include "core/error.h"
+#ifdef TG_VULKAN
+#include "render/vulkan/vulkan_renderer.h"
+#endif
+#ifdef TG_OPENGL
+#include "render/gl/gl_renderer.h"
+#endif
+
+namespace tg {
+namespace {
+
+constexpr const char* title(Api api) { return api == Api::vulkan ? "Vulkan" : "OpenGL"; }
+
+DeviceInfo unusable(Api api, const std::string& problem) {
+  DeviceInfo info;
+  info.api = title(api);
+  info.missing = problem;
+  return info;
+}
+
+std::vector<DeviceInfo> devicesOf(Api api) {
+  try {
+#ifdef TG_VULKAN
+    if (api == Api::vulkan) return listVulkanDevices();
+#endif
+#ifdef TG_OPENGL
+    if (api == Api::opengl) return listGlDevices();
+#endif
+  } catch (const Error& error) {
+    return {unusable(api, error.what())};
+  }
+  return {unusable(api, "this program was built without it")};
+}
+
+std::optional<std::size_t> numberOf(const std::string& device) {
+  std::size_t number = 0;
+  const auto [end, error] = std::from_chars(device.data(), device.data() + device.size(), number);
+  if (error != std::errc() || end != device.data() + device.size()) return std::nullopt;
+  return number;
+}
+
+#ifdef TG_VULKAN
+class OpenVulkan final : public OpenDevice {
+ public:
+  explicit OpenVulkan(const VulkanOptions& options) : device_(createVulkanDevice(options)) {}
+  bool software() const override { return device_->properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU; }
+  std::unique_ptr<GpuRenderer> makeRenderer() override { return makeVulkanRenderer(*device_); }
+  std::vector<std::string> messages() const override { return device_->validation_messages; }
+
+ private:
+  std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device_;
+};
+#endif
+
+#ifdef TG_OPENGL
+class OpenGl final : public OpenDevice {
+ public:
+  explicit OpenGl(const GlOptions& options) : device_(createGlDevice(options)) {}
+  bool software() const override { return device_->software; }
+  std::unique_ptr<GpuRenderer> makeRenderer() override { return makeGlRenderer(*device_); }
+  std::vector<std::string> messages() const override { return device_->debug_messages; }
+
+ private:
+  std::unique_ptr<GlDevice> device_;
+};
+#endif
+
+}  // namespace
+
+std::vector<DeviceInfo> listDevices() {
+  std::vector<DeviceInfo> all;
+  for (const Api api : kApis) {
+    for (DeviceInfo& info : devicesOf(api)) all.push_back(std::move(info));
+  }
+  return all;
+}
+
+DevicePick pickDevice(const std::string& device) {
+  const auto number = numberOf(device);
+  if (!number) return {std::nullopt, device, std::nullopt};
+  std::size_t first = 0;
+  for (const Api api : kApis) {
+    const std::size_t count = devicesOf(api).size();
+    if (*number < first + count) return {api, {}, *number - first};
+    first += count;
+  }
+  throw Error(ErrorKind::usage, "--device: expected a name or 0 to " + std::to_string(first - 1) +
+                                    " (see --list-devices), found \"" + device + "\"");
+}
+
+std::unique_ptr<OpenDevice> openDevice(Api api, [[maybe_unused]] const OpenOptions& options) {
+#ifdef TG_VULKAN
+  if (api == Api::vulkan) {
+    VulkanOptions vulkan;
+    vulkan.validation = options.validation;
+    vulkan.device = options.pick.name;
+    vulkan.index = options.pick.index;
+    return std::make_unique<OpenVulkan>(vulkan);
+  }
+#endif
+#ifdef TG_OPENGL
+  if (api == Api::opengl) {
+    GlOptions gl;
+    gl.debug = options.validation;
+    gl.device = options.pick.name;
+    gl.index = options.pick.index;
+    return std::make_unique<OpenGl>(gl);
+  }
+#endif
+  throw Error(ErrorKind::device, std::string(title(api)) + ": this program was built without it");
+}
+
+}  // namespace tg

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// The OpenGL backend: the shared renderer on compute shaders of OpenGL 4.5.
+#pragma once
+#include <memory>
+
+#include "render/gl/gl_device.h"
+#include "render/gpu/gpu_renderer.h"
+
+namespace tg {
+
+PassTuning tuningFor(const GlDevice& device);
+
+class GlRenderer : public GpuRenderer {
+ public:
+  using GpuRenderer::GpuRenderer;
+  // Name of the RGBA8 texture that draw() drew. Changes when the size changes.
+  unsigned texture() const;
+};
+
+// `device` must outlive the renderer, and its context be current whenever the renderer is used or destroyed.
+std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device);
+std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device, const PassTuning& tuning);
+
+}  // namespace tg

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// The API under test: each program that runs these tests has one, in vulkan_device.cpp or opengl_device.cpp. One
+// validated device for the whole program: drivers that compile shaders on the CPU take seconds to warm up.
+#pragma once
+#include "render/devices/devices.h"
+
+namespace tg::test {
+
+Api testedApi();
+// One renderer on the device, with its pipelines.
+GpuRenderer& gpuRenderer();
+std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning);
+std::unique_ptr<GpuDevice> makePassDevice();
+
+// The messages since the last call, one a line: CHECK(validationMessages() == "").
+std::string validationMessages();
+
+// What the device claims to bind at most.
+struct Bindings {
+  std::uint32_t bytes;   // of a storage buffer
+  std::uint32_t texels;  // of a buffer
+};
+// Returns what it claimed before.
+Bindings claim(Bindings bindings);
+
+}  // namespace tg::test
