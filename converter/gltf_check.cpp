@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "converter/gltf_document.h"
+#include "converter/gltf_spz.h"
 #include "core/error.h"
 
 namespace tg {
@@ -22,7 +23,7 @@ constexpr std::size_t kChunkHeaderBytes = 8;
 constexpr std::uint32_t kChunkJson = 0x4E4F534A;
 constexpr std::uint32_t kChunkBin = 0x004E4942;
 constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 32;  // of accessor elements: keeps every product below 2^64
-constexpr std::array<std::string_view, 3> kSupportedExtensions = {kSplatExtension, kTextureExtension,
+constexpr std::array<std::string_view, 4> kSupportedExtensions = {kSplatExtension, kTextureExtension, kSpzExtension,
                                                                   "KHR_mesh_quantization"};
 
 std::uint32_t readU32(std::span<const std::uint8_t> bytes, std::size_t at) {

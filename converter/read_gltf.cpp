@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -15,6 +16,7 @@
 #include "converter/gltf_document.h"
 #include "converter/gltf_nodes.h"
 #include "converter/gltf_numbers.h"
+#include "converter/gltf_spz.h"
 #include "converter/plane_order.h"
 #include "converter/repair.h"
 #include "converter/texture_layer.h"
@@ -34,6 +36,7 @@ struct SplatInstance {
   SplatPrimitive splats;
   RigidScale place;
   int degree = 0;
+  std::optional<GaussianModel> packed;  // an SPZ's splats, which stand for the attributes
 };
 
 // One primitive's numbers as stored, lengths count x components.
@@ -121,13 +124,17 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
     throw document.bad(splats.pointer + "/mode",
                        "wrong mode for splats (expected 0, POINTS, found " + std::to_string(primitive.mode) + ")");
   });
+  const bool packed = findSpzExtension(extension) != nullptr;
+  if (packed && !extension.Has("kernel")) {
+    document.warn(pointer, "no \"kernel\", taken for ellipse: the SPZ draft's files have none");
+  }
   document.attempt([&] {
-    if (text("kernel") == "ellipse") return;
+    if (text("kernel") == "ellipse" || (packed && !extension.Has("kernel"))) return;
     throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
   });
   if (const std::string space = text("colorSpace"); space == "lin_rec709_display") {
     document.warn(pointer, "colours are linear: the numbers are kept and shown as they are");
-  } else if (space != "srgb_rec709_display") {
+  } else if (space != "srgb_rec709_display" && !(packed && space.empty())) {
     document.warn(pointer, "unknown colorSpace \"" + space + "\", taken for srgb_rec709_display");
   }
   if (const std::string projection = text("projection"); !projection.empty() && projection != "perspective") {
@@ -135,9 +142,10 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
   }
   if (!extension.Has("extensions") || !extension.Get("extensions").IsObject()) return;
   for (const std::string& name : extension.Get("extensions").Keys()) {
-    if (name == kTextureExtension) continue;
+    if (name == kTextureExtension || name == kSpzExtension) continue;
     if (name.find("compression") != std::string::npos) {
-      throw document.bad(pointer + "/extensions/" + name, "compressed splats are not supported");
+      throw document.bad(pointer + "/extensions/" + name,
+                         "this compression of splats is not supported (" + std::string(kSpzExtension) + " is)");
     }
     document.warn(pointer + "/extensions/" + name, "unknown extension, ignored");
   }
@@ -177,7 +185,12 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
                                                           std::to_string(kMaxGaussians) + ", found " +
                                                           std::to_string(total) + ")");
         }
-        instance.degree = findDegree(document, instance.splats);
+        if (const tinygltf::Value* spz = findSpzExtension(found->second)) {
+          instance.packed = readSpzPrimitive(document, instance.splats, *spz);
+          instance.degree = instance.packed->sh_degree;
+        } else {
+          instance.degree = findDegree(document, instance.splats);
+        }
         instance.place = decompose(document, placed);
         instances.push_back(std::move(instance));
       });
@@ -190,7 +203,30 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
   return instances;
 }
 
+// An SPZ's splats as the numbers of attributes.
+BaseArrays unpackedBase(const GaussianModel& model) {
+  BaseArrays base;
+  const std::size_t count = static_cast<std::size_t>(model.shCount());
+  base.sh.resize(count);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const glm::vec4& q = model.rotation[i];
+    const glm::vec3& mean = model.mean[i];
+    const glm::vec3 scale = gltfScale(model.log_scale[i]);
+    base.position.insert(base.position.end(), {mean.x, mean.y, mean.z});
+    base.rotation.insert(base.rotation.end(), {q.y, q.z, q.w, q.x});
+    base.scale.insert(base.scale.end(), {scale.x, scale.y, scale.z});
+    base.opacity.push_back(gltfOpacity(model.opacity_logit[i]));
+    for (std::size_t k = 0; k < count; ++k) {
+      const glm::vec3& sh = model.sh[i * count + k];
+      base.sh[k].insert(base.sh[k].end(), {sh.x, sh.y, sh.z});
+    }
+  }
+  base.byte_rotation = true;  // off unit length by the rounding of its 8 or 9 bits
+  return base;
+}
+
 BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance) {
+  if (instance.packed) return unpackedBase(*instance.packed);
   constexpr unsigned integers = kByte | kUnsignedByte | kShort | kUnsignedShort | kByteNormalized |
                                 kUnsignedByteNormalized | kShortNormalized | kUnsignedShortNormalized;
   const bool quantized = std::count(document.model.extensionsUsed.begin(), document.model.extensionsUsed.end(),
