@@ -32,34 +32,44 @@ std::vector<std::uint8_t> decodeBase64(std::string_view text, const std::string&
   return bytes;
 }
 
-}  // namespace
-
-std::vector<std::uint8_t> readHtmlGlb(const std::filesystem::path& path) {
+// The gzip stream in the page.
+std::vector<std::uint8_t> packedOf(std::span<const std::uint8_t> file, const std::string& path) {
   std::vector<std::uint8_t> packed;
-  {
-    const std::vector<std::uint8_t> file = readFile(path, kMaxPageBytes);
-    const std::string_view page(reinterpret_cast<const char*>(file.data()), file.size());
-    for (std::size_t at = page.find(kHtmlModelTag); at != std::string_view::npos; at = page.find(kHtmlModelTag, at)) {
-      at += kHtmlModelTag.size();
-      const std::size_t end = page.find(kHtmlModelEnd, at);
-      if (end == std::string_view::npos) throw Error(ErrorKind::badData, path.string(), "the page ends early");
-      const std::vector<std::uint8_t> bytes = decodeBase64(page.substr(at, end - at), path.string());
-      packed.insert(packed.end(), bytes.begin(), bytes.end());
-      at = end;
-    }
+  const std::string_view page(reinterpret_cast<const char*>(file.data()), file.size());
+  for (std::size_t at = page.find(kHtmlModelTag); at != std::string_view::npos; at = page.find(kHtmlModelTag, at)) {
+    at += kHtmlModelTag.size();
+    const std::size_t end = page.find(kHtmlModelEnd, at);
+    if (end == std::string_view::npos) throw Error(ErrorKind::badData, path, "the page ends early");
+    const std::vector<std::uint8_t> bytes = decodeBase64(page.substr(at, end - at), path);
+    packed.insert(packed.end(), bytes.begin(), bytes.end());
+    at = end;
   }
   if (packed.empty()) {
-    throw Error(ErrorKind::badData, path.string(), "the page holds no model (expected one that tgconvert wrote)");
+    throw Error(ErrorKind::badData, path, "the page holds no model (expected one that tgconvert wrote)");
   }
-  GzipBytes stream(packed, path.string());
+  return packed;
+}
+
+std::vector<std::uint8_t> unpacked(const std::vector<std::uint8_t>& packed, const std::string& path) {
+  GzipBytes stream(packed, path);
   std::vector<std::uint8_t> glb = stream.take(kGlbHeader, "the GLB's header");
   std::uint32_t length = 0;
   std::memcpy(&length, glb.data() + 8, sizeof(length));
   const std::vector<std::uint8_t> rest =
       stream.take(std::max<std::uint64_t>(length, kGlbHeader) - kGlbHeader, "the GLB");
   glb.insert(glb.end(), rest.begin(), rest.end());
-  if (stream.skipRest(1) != 0) throw Error(ErrorKind::badData, path.string(), "the page's GLB is longer than it says");
+  if (stream.skipRest(1) != 0) throw Error(ErrorKind::badData, path, "the page's GLB is longer than it says");
   return glb;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> parseHtmlGlb(std::span<const std::uint8_t> bytes, const std::string& path) {
+  return unpacked(packedOf(bytes, path), path);
+}
+
+std::vector<std::uint8_t> readHtmlGlb(const std::filesystem::path& path) {
+  return unpacked(packedOf(readFile(path, kMaxPageBytes), path.string()), path.string());
 }
 
 }  // namespace tg
