@@ -1,16 +1,19 @@
 # One INTERFACE target that every target of ours links: warnings, reproducible floating point, sanitizers.
 add_library(tg_warnings INTERFACE)
 # Contraction off: bit-equality is tested across thread counts and backends (docs/math.md, section "Precision").
-target_compile_options(tg_warnings INTERFACE -Wall -Wextra -Wshadow -ffp-contract=off)
+# nvcc knows other options; tests compile the .cu files as C++ with these, too.
+set(tg_cxx $<COMPILE_LANGUAGE:C,CXX>)
+target_compile_options(tg_warnings INTERFACE "$<${tg_cxx}:-Wall;-Wextra;-Wshadow;-ffp-contract=off>")
 if(TG_WERROR)
-  target_compile_options(tg_warnings INTERFACE -Werror)
+  target_compile_options(tg_warnings INTERFACE $<${tg_cxx}:-Werror>)
 endif()
 if(TG_SANITIZE)
-  target_compile_options(tg_warnings INTERFACE -fsanitize=${TG_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_compile_options(tg_warnings INTERFACE
+    "$<${tg_cxx}:-fsanitize=${TG_SANITIZE};-fno-omit-frame-pointer;-fno-sanitize-recover=all>")
   target_link_options(tg_warnings INTERFACE -fsanitize=${TG_SANITIZE})
 endif()
 if(TG_FUZZ)
-  target_compile_options(tg_warnings INTERFACE -fsanitize=fuzzer-no-link)
+  target_compile_options(tg_warnings INTERFACE $<${tg_cxx}:-fsanitize=fuzzer-no-link>)
   target_link_options(tg_warnings INTERFACE -fsanitize=fuzzer-no-link)
 endif()
 target_include_directories(tg_warnings INTERFACE ${CMAKE_SOURCE_DIR})

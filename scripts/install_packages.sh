@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|test]`, test = build + more.
+# Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|test]`, test = build + more,
+# among it a CUDA compiler where PyPI can be reached.
 set -euo pipefail
 
 build_packages=(build-essential cmake ninja-build pkg-config ccache
@@ -19,10 +20,14 @@ missing=()
 for package in "${packages[@]}"; do
   dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
 done
-[ ${#missing[@]} -eq 0 ] && exit 0
+if [ ${#missing[@]} -gt 0 ]; then
+  sudo=()
+  [ "$(id -u)" -eq 0 ] || sudo=(sudo)
+  echo "Installing: ${missing[*]}"
+  "${sudo[@]}" apt-get update -qq
+  DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+fi
 
-sudo=()
-[ "$(id -u)" -eq 0 ] || sudo=(sudo)
-echo "Installing: ${missing[*]}"
-"${sudo[@]}" apt-get update -qq
-DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+if [ "${1:-build}" = test ] && ! command -v nvcc >/dev/null; then
+  scripts/install_cuda.sh || echo "CUDA is not compiled in this build: its compiler could not be installed." >&2
+fi

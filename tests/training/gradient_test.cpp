@@ -5,12 +5,12 @@
 #include <hwy/targets.h>
 
 #include <cmath>
-#include <cstring>
 
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
+#include "support/gradients.h"
 #include "support/scenes.h"
 
 using namespace tg;
@@ -18,83 +18,14 @@ using namespace tg::test;
 
 namespace {
 
-// A loss that weighs every pixel and channel by another number: L = sum v_color . picture.
-std::vector<glm::dvec3> randomWeights(const Camera& camera, unsigned seed) {
-  Random random(seed);
-  std::vector<glm::dvec3> weights(static_cast<std::size_t>(camera.width) * camera.height);
-  for (auto& w : weights) w = glm::dvec3(glm::vec3(random.uniformVec3(-1.0, 1.0)));
-  return weights;
-}
-
 ModelGradient gradientCpu(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
                           const std::vector<glm::dvec3>& weights, const GradientOptions& options = {}) {
-  const auto renderer = makeCpuDifferentiableRenderer();
-  renderer->forward(model, camera, settings);
-  ModelGradient gradient;
-  const std::vector<glm::vec3> v_color(weights.begin(), weights.end());
-  renderer->backward(v_color, gradient, options);
-  return gradient;
+  return gradientOf(*makeCpuDifferentiableRenderer(), model, camera, settings, weights, options);
 }
 
-// |a - b| / |b| over all components of two arrays.
-template <typename A, typename B>
-double relativeError(const std::vector<A>& a, const std::vector<B>& b) {
-  REQUIRE(a.size() == b.size());
-  double difference = 0.0, size = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    if constexpr (std::is_arithmetic_v<A>) {
-      difference += (a[i] - b[i]) * (a[i] - b[i]);
-      size += b[i] * b[i];
-    } else {
-      const B d = B(a[i]) - b[i];
-      difference += glm::dot(d, d);
-      size += glm::dot(b[i], b[i]);
-    }
-  }
-  return size > 0.0 ? std::sqrt(difference / size) : std::sqrt(difference);
-}
-
-struct BlockErrors {
-  double mean, rotation, log_scale, opacity_logit, sh, texels, screen, screen_abs;
-};
-BlockErrors compare(const ModelGradient& g, const ReferenceGradient& r) {
-  std::vector<double> screen;
-  for (const auto& e : r.screen) screen.push_back(glm::length(e));
-  return {relativeError(g.v_mean, r.mean),
-          relativeError(g.v_rotation, r.rotation),
-          relativeError(g.v_log_scale, r.log_scale),
-          relativeError(g.v_opacity_logit, r.opacity_logit),
-          relativeError(g.v_sh, r.sh),
-          relativeError(g.v_texels, r.texels),
-          relativeError(g.screen_gradient, screen),
-          relativeError(g.screen_gradient_abs, r.screen_abs)};
-}
-
-void checkAgainstReference(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
-                           double allowed = 1e-4) {
+void checkCpu(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
   const auto weights = randomWeights(camera, 2);
-  const BlockErrors e = compare(gradientCpu(model, camera, settings, weights),
-                                backwardReference(ReferenceModel(model), camera, settings, weights));
-  CHECK(e.mean < allowed);
-  CHECK(e.rotation < allowed);
-  CHECK(e.log_scale < allowed);
-  CHECK(e.opacity_logit < allowed);
-  CHECK(e.sh < allowed);
-  CHECK(e.texels < allowed);
-  CHECK(e.screen < allowed);
-  CHECK(e.screen_abs < allowed);
-}
-
-template <typename T>
-bool sameBytes(const std::vector<T>& a, const std::vector<T>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
-}
-bool sameBytes(const ModelGradient& a, const ModelGradient& b) {
-  return sameBytes(a.v_mean, b.v_mean) && sameBytes(a.v_rotation, b.v_rotation) &&
-         sameBytes(a.v_log_scale, b.v_log_scale) && sameBytes(a.v_opacity_logit, b.v_opacity_logit) &&
-         sameBytes(a.v_sh, b.v_sh) && sameBytes(a.v_texels, b.v_texels) &&
-         sameBytes(a.screen_gradient, b.screen_gradient) && sameBytes(a.screen_gradient_abs, b.screen_gradient_abs) &&
-         sameBytes(a.screen_radius, b.screen_radius);
+  checkAgainstReference(gradientCpu(model, camera, settings, weights), model, camera, settings, weights);
 }
 
 }  // namespace
@@ -108,7 +39,7 @@ TEST_CASE("gradients equal the reference's on every kind of scene, in both model
       settings.intersection = intersection;
       settings.background = {0.3f, 0.1f, 0.8f};
       INFO(name(kind) << ", " << name(intersection));
-      checkAgainstReference(scene.model, scene.camera, settings);
+      checkCpu(scene.model, scene.camera, settings);
     }
   }
 }
@@ -119,7 +50,7 @@ TEST_CASE("gradients equal the reference's in every texture mode") {
     RenderSettings settings;
     settings.textures = mode;
     INFO(name(mode));
-    checkAgainstReference(scene.model, scene.camera, settings);
+    checkCpu(scene.model, scene.camera, settings);
   }
 }
 
@@ -130,7 +61,7 @@ TEST_CASE("gradients equal the reference's for every SIMD target of this machine
     hwy::SetSupportedTargetsForTest(target);
     for (const SceneKind kind : {SceneKind::ordinary, SceneKind::oddTextures}) {
       const TestScene scene = makeScene(kind, 3);
-      checkAgainstReference(scene.model, scene.camera, {});
+      checkCpu(scene.model, scene.camera, {});
     }
     hwy::SetSupportedTargetsForTest(0);
   }

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fibers start by makecontext and switch by _setjmp / _longjmp, which save no signal mask: a switch is some ten
+// nanoseconds instead of two system calls.
+#include "cuda_host.h"
+
+#include <ucontext.h>
+#include <csetjmp>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <limits>
+#include <memory>
+#include <numeric>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "training/cuda/device.h"
+#include "training/cuda/memory.h"
+#include "training/random.h"
+
+namespace tg::cuda {
+namespace {
+
+constexpr std::size_t kStack = 256 * 1024;
+constexpr unsigned kWarps = kThreads / kWarp;
+constexpr std::size_t kCanary = 64;  // bytes before and after every allocation
+constexpr unsigned char kCanaryByte = 0xc5;
+
+struct Fiber {
+  ucontext_t context;
+  std::jmp_buf resume;
+  std::unique_ptr<char[]> stack;
+  bool started = false;
+  bool done = false;
+  const std::uint64_t* waits_for = nullptr;  // a generation that must leave `seen`
+  std::uint64_t seen = 0;
+};
+
+// Threads that meet. Values of two generations are kept: nobody can be two ahead.
+struct Warp {
+  std::uint64_t generation = 0;
+  unsigned arrived = 0;
+  WarpOperation operation = WarpOperation::shuffle;
+  std::array<std::array<std::uint64_t, kWarp>, 2> values;
+};
+struct Barrier {
+  std::uint64_t generation = 0;
+  unsigned arrived = 0;
+  std::array<int, 2> count{};
+};
+
+Schedule schedule = Schedule::forward;
+Random order_random(0);
+std::size_t launches = 0;
+std::array<Fiber, kThreads> fibers;
+std::array<Warp, kWarps> warps;
+Barrier barrier;
+std::jmp_buf scheduler;
+unsigned running = 0;
+const std::function<void()>* body = nullptr;
+std::vector<char> shared;
+std::string failure;
+
+void pause() {
+  if (_setjmp(fibers[running].resume) == 0) _longjmp(scheduler, 1);
+}
+
+void fiberMain() {
+  for (;;) {
+    (*body)();
+    fibers[running].done = true;
+    pause();
+  }
+}
+
+void resume(unsigned thread) {
+  Fiber& fiber = fibers[thread];
+  running = thread;
+  threadIdx = {thread, 0, 0};
+  if (_setjmp(scheduler) != 0) return;
+  if (fiber.started) _longjmp(fiber.resume, 1);
+  fiber.started = true;
+  fiber.stack = std::make_unique<char[]>(kStack);
+  getcontext(&fiber.context);
+  fiber.context.uc_stack = {fiber.stack.get(), 0, kStack};
+  fiber.context.uc_link = nullptr;
+  makecontext(&fiber.context, fiberMain, 0);
+  setcontext(&fiber.context);
+}
+
+void waitFor(const std::uint64_t& generation, std::uint64_t seen) {
+  fibers[running].waits_for = &generation;
+  fibers[running].seen = seen;
+  while (generation == seen) pause();
+  fibers[running].waits_for = nullptr;
+}
+
+template <typename Order>
+void arrange(Order& order) {
+  std::iota(order.begin(), order.end(), typename Order::value_type{0});
+  if (schedule == Schedule::backward) std::reverse(order.begin(), order.end());
+  if (schedule == Schedule::scrambled) order_random.shuffle(order);
+}
+
+void runBlock(const char* name) {
+  std::fill(shared.begin(), shared.end(), static_cast<char>(0xff));
+  barrier = {};
+  for (Warp& warp : warps) warp = {};
+  for (Fiber& fiber : fibers) fiber.done = false, fiber.waits_for = nullptr;
+  std::array<unsigned, kThreads> order;
+  for (unsigned left = kThreads; left > 0;) {
+    arrange(order);
+    bool progress = false;
+    for (const unsigned thread : order) {
+      Fiber& fiber = fibers[thread];
+      if (fiber.done || (fiber.waits_for && *fiber.waits_for == fiber.seen)) continue;
+      resume(thread);
+      progress = true;
+      left -= fiber.done;
+      if (!failure.empty()) throw std::logic_error(std::string(name) + ": " + std::exchange(failure, {}));
+    }
+    if (!progress) {
+      throw std::logic_error(std::string(name) + ": " + std::to_string(left) +
+                             " threads wait for others that ended or wait elsewhere");
+    }
+  }
+}
+
+}  // namespace
+
+void setSchedule(Schedule s, std::uint64_t seed) {
+  schedule = s;
+  order_random = Random(seed);
+}
+
+std::size_t launchCount() { return launches; }
+
+void runBlocks(const char* name, std::size_t blocks, const std::function<void()>& kernel) {
+  launches++;
+  body = &kernel;
+  gridDim = {static_cast<unsigned>(blocks), 1, 1};
+  std::vector<unsigned> order(blocks);
+  arrange(order);
+  for (const unsigned block : order) {
+    blockIdx = {block, 0, 0};
+    runBlock(name);
+  }
+}
+
+void* sharedBytes(std::size_t bytes) {
+  if (shared.size() < bytes) shared.assign(48 * 1024, static_cast<char>(0xff));
+  return shared.data();
+}
+
+const std::uint64_t* exchangeInWarp(WarpOperation operation, std::uint64_t value) {
+  Warp& warp = warps[running / kWarp];
+  const std::uint64_t generation = warp.generation;
+  if (warp.arrived == 0) warp.operation = operation;
+  if (warp.operation != operation) failure = "lanes of a warp meet in different operations";
+  auto& values = warp.values[generation % 2];
+  values[running % kWarp] = value;
+  if (++warp.arrived == kWarp) {
+    warp.arrived = 0;
+    warp.generation++;
+  } else {
+    waitFor(warp.generation, generation);
+  }
+  return values.data();
+}
+
+const int* exchangeInBlock(int value) {
+  const std::uint64_t generation = barrier.generation;
+  int& count = barrier.count[generation % 2];
+  if (barrier.arrived == 0) count = 0;
+  count += value != 0;
+  if (++barrier.arrived == kThreads) {
+    barrier.arrived = 0;
+    barrier.generation++;
+  } else {
+    waitFor(barrier.generation, generation);
+  }
+  return &count;
+}
+
+// ---- memory.h
+
+std::string openDevice() { return "host"; }
+
+void* allocate(std::size_t bytes) {
+  if (bytes == 0) return nullptr;
+  auto* memory = static_cast<unsigned char*>(std::malloc(bytes + 2 * kCanary));
+  if (!memory) throw Error(ErrorKind::device, "host", "out of memory");
+  std::memset(memory, kCanaryByte, kCanary);
+  std::memcpy(memory, &bytes, sizeof(bytes));
+  std::memset(memory + kCanary, 0xff, bytes);  // no float holds a number
+  std::memset(memory + kCanary + bytes, kCanaryByte, kCanary);
+  return memory + kCanary;
+}
+
+void release(void* memory) noexcept {
+  if (!memory) return;
+  auto* first = static_cast<unsigned char*>(memory) - kCanary;
+  std::size_t bytes = 0;
+  std::memcpy(&bytes, first, sizeof(bytes));
+  const auto intact = [](const unsigned char* from, const unsigned char* to) {
+    return std::all_of(from, to, [](unsigned char c) { return c == kCanaryByte; });
+  };
+  if (!intact(first + sizeof(bytes), first + kCanary) ||
+      !intact(first + kCanary + bytes, first + 2 * kCanary + bytes)) {
+    std::fputs("a kernel wrote beside its buffer\n", stderr);
+    std::abort();
+  }
+  std::free(first);
+}
+
+void copyToDevice(void* to, const void* from, std::size_t bytes) {
+  if (bytes > 0) std::memcpy(to, from, bytes);
+}
+void copyToHost(void* to, const void* from, std::size_t bytes) {
+  if (bytes > 0) std::memcpy(to, from, bytes);
+}
+void copyOnDevice(void* to, const void* from, std::size_t bytes) {
+  if (bytes > 0) std::memcpy(to, from, bytes);
+}
+void fillZero(void* memory, std::size_t bytes) {
+  if (bytes > 0) std::memset(memory, 0, bytes);
+}
+
+void Primitives::sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys, const std::uint32_t* values,
+                           std::uint32_t* sorted_values, std::size_t count, int bits) {
+  const std::uint32_t mask = bits >= 32 ? ~0u : (1u << bits) - 1;
+  std::vector<std::uint32_t> order(count);
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return (keys[a] & mask) < (keys[b] & mask); });
+  for (std::size_t i = 0; i < count; i++) {
+    sorted_keys[i] = keys[order[i]];
+    sorted_values[i] = values[order[i]];
+  }
+}
+
+void Primitives::exclusiveSum(const std::uint32_t* from, std::uint32_t* to, std::size_t count) {
+  std::exclusive_scan(from, from + count, to, 0u);
+}
+
+}  // namespace tg::cuda

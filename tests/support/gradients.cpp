@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "support/gradients.h"
+
+#include <cmath>
+#include <cstring>
+#include <type_traits>
+
+#include "support/catch.h"
+#include "support/scenes.h"
+
+namespace tg::test {
+namespace {
+
+template <typename A, typename B>
+double relativeError(const std::vector<A>& a, const std::vector<B>& b) {
+  REQUIRE(a.size() == b.size());
+  double difference = 0.0, size = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if constexpr (std::is_arithmetic_v<A>) {
+      difference += (a[i] - b[i]) * (a[i] - b[i]);
+      size += b[i] * b[i];
+    } else {
+      const B d = B(a[i]) - b[i];
+      difference += glm::dot(d, d);
+      size += glm::dot(b[i], b[i]);
+    }
+  }
+  return size > 0.0 ? std::sqrt(difference / size) : std::sqrt(difference);
+}
+
+template <typename T>
+bool same(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+
+}  // namespace
+
+std::vector<glm::dvec3> randomWeights(const Camera& camera, unsigned seed) {
+  Random random(seed);
+  std::vector<glm::dvec3> weights(static_cast<std::size_t>(camera.width) * camera.height);
+  for (auto& w : weights) w = glm::dvec3(glm::vec3(random.uniformVec3(-1.0, 1.0)));
+  return weights;
+}
+
+ModelGradient gradientOf(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,
+                         const RenderSettings& settings, const std::vector<glm::dvec3>& weights,
+                         const GradientOptions& options) {
+  renderer.forward(model, camera, settings);
+  ModelGradient gradient;
+  renderer.backward(std::vector<glm::vec3>(weights.begin(), weights.end()), gradient, options);
+  return gradient;
+}
+
+BlockErrors compare(const ModelGradient& g, const ReferenceGradient& r) {
+  std::vector<double> screen;
+  for (const auto& e : r.screen) screen.push_back(glm::length(e));
+  return {relativeError(g.v_mean, r.mean),
+          relativeError(g.v_rotation, r.rotation),
+          relativeError(g.v_log_scale, r.log_scale),
+          relativeError(g.v_opacity_logit, r.opacity_logit),
+          relativeError(g.v_sh, r.sh),
+          relativeError(g.v_texels, r.texels),
+          relativeError(g.screen_gradient, screen),
+          relativeError(g.screen_gradient_abs, r.screen_abs)};
+}
+
+void checkAgainstReference(const ModelGradient& gradient, const GaussianModel& model, const Camera& camera,
+                           const RenderSettings& settings, const std::vector<glm::dvec3>& weights,
+                           const ReferenceOptions& options, double allowed) {
+  const BlockErrors e = compare(gradient, backwardReference(ReferenceModel(model), camera, settings, weights, options));
+  CHECK(e.mean < allowed);
+  CHECK(e.rotation < allowed);
+  CHECK(e.log_scale < allowed);
+  CHECK(e.opacity_logit < allowed);
+  CHECK(e.sh < allowed);
+  CHECK(e.texels < allowed);
+  CHECK(e.screen < allowed);
+  CHECK(e.screen_abs < allowed);
+}
+
+bool sameBytes(const ModelGradient& a, const ModelGradient& b) {
+  return same(a.v_mean, b.v_mean) && same(a.v_rotation, b.v_rotation) && same(a.v_log_scale, b.v_log_scale) &&
+         same(a.v_opacity_logit, b.v_opacity_logit) && same(a.v_sh, b.v_sh) && same(a.v_texels, b.v_texels) &&
+         same(a.screen_gradient, b.screen_gradient) && same(a.screen_gradient_abs, b.screen_gradient_abs) &&
+         same(a.screen_radius, b.screen_radius);
+}
+
+}  // namespace tg::test

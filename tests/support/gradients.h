@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// A DifferentiableRenderer's gradients against the float64 reference.
+#pragma once
+#include <vector>
+
+#include "render/reference/reference.h"
+#include "training/gradient.h"
+
+namespace tg::test {
+
+// A loss that weighs every pixel and channel by another number: L = sum v_color . picture.
+std::vector<glm::dvec3> randomWeights(const Camera& camera, unsigned seed);
+
+ModelGradient gradientOf(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,
+                         const RenderSettings& settings, const std::vector<glm::dvec3>& weights,
+                         const GradientOptions& options = {});
+
+// |a - b| / |b| over all components of each array.
+struct BlockErrors {
+  double mean, rotation, log_scale, opacity_logit, sh, texels, screen, screen_abs;
+};
+BlockErrors compare(const ModelGradient& gradient, const ReferenceGradient& reference);
+
+// CHECKs that every block's error is below `allowed`.
+void checkAgainstReference(const ModelGradient& gradient, const GaussianModel& model, const Camera& camera,
+                           const RenderSettings& settings, const std::vector<glm::dvec3>& weights,
+                           const ReferenceOptions& options = {}, double allowed = 1e-4);
+
+bool sameBytes(const ModelGradient& a, const ModelGradient& b);
+
+}  // namespace tg::test

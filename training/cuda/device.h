@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// The language of the kernels. nvcc compiles them for GPUs; a C++ compiler that finds cuda_host.h (tests/support) makes
+// the same text run on the host. Kernels keep to these rules: every thread of a block reaches every barrier, every lane
+// of a warp every warp operation; a block's shared memory is one TG_BLOCK_SHARED struct without constructors.
+#pragma once
+#include <cstdint>
+
+#ifdef __CUDACC__
+#include <cuda_runtime.h>
+#define TG_KERNEL __global__ void
+#define TG_DEVICE __device__ inline
+#define TG_BLOCK_SHARED(Type, name) __shared__ Type name
+#else
+#include "cuda_host.h"
+#define TG_KERNEL void
+#define TG_DEVICE inline
+#define TG_BLOCK_SHARED(Type, name) Type& name = tg::cuda::sharedMemory<Type>()
+#endif
+
+namespace tg::cuda {
+
+constexpr unsigned kWarp = 32;
+constexpr unsigned kAllLanes = 0xffffffffu;
+constexpr unsigned kThreads = 256;  // of a block, everywhere
+
+#ifdef __CUDACC__
+// Throws Error(device) naming `what` unless the last call to the runtime succeeded.
+void checkLaunch(const char* what);
+
+// Runs `blocks` blocks of kThreads threads; none for 0.
+template <typename... Parameters, typename... Arguments>
+void launch(const char* name, void (*kernel)(Parameters...), std::size_t blocks, Arguments... arguments) {
+  if (blocks == 0) return;
+  kernel<<<static_cast<unsigned>(blocks), kThreads>>>(arguments...);
+  checkLaunch(name);
+}
+#endif
+
+inline std::size_t blocksFor(std::size_t items) { return (items + kThreads - 1) / kThreads; }
+
+// The item of a one-dimensional kernel's thread.
+TG_DEVICE std::size_t itemIndex() { return static_cast<std::size_t>(blockIdx.x) * kThreads + threadIdx.x; }
+
+TG_DEVICE float warpSum(float value) {
+  for (unsigned offset = kWarp / 2; offset > 0; offset /= 2) value += __shfl_xor_sync(kAllLanes, value, offset);
+  return value;
+}
+
+// Sixteen sums over a warp for the price of 16 shuffles instead of 80: lanes that differ in a bit exchange halves of
+// what they hold. Lane l returns the sum of values[l / 2]; the values are used up.
+TG_DEVICE float warpSums16(float (&values)[16], unsigned lane) {
+#pragma unroll
+  for (unsigned count = 8; count >= 1; count /= 2) {
+    const bool upper = (lane & (2 * count)) != 0;
+#pragma unroll
+    for (unsigned k = 0; k < count; ++k) {
+      const float keep = upper ? values[k + count] : values[k];
+      const float give = upper ? values[k] : values[k + count];
+      values[k] = keep + __shfl_xor_sync(kAllLanes, give, 2 * count);
+    }
+  }
+  return values[0] + __shfl_xor_sync(kAllLanes, values[0], 1);
+}
+
+// The sum over a block, in every thread, in a fixed order. scratch: kThreads / kWarp doubles of shared memory.
+TG_DEVICE double blockSum(double value, double* scratch) {
+  for (unsigned offset = kWarp / 2; offset > 0; offset /= 2) value += __shfl_xor_sync(kAllLanes, value, offset);
+  __syncthreads();
+  if (threadIdx.x % kWarp == 0) scratch[threadIdx.x / kWarp] = value;
+  __syncthreads();
+  double sum = 0;
+  for (unsigned warp = 0; warp < kThreads / kWarp; ++warp) sum += scratch[warp];
+  return sum;
+}
+
+}  // namespace tg::cuda

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// From the sums of a Gaussian's pairs to the gradient of its stored parameters.
+#pragma once
+#include "training/cuda/types.h"
+
+namespace tg::cuda {
+
+struct FinishInput {
+  View view;
+  Parameters model;
+  const BlendSplat* splats;
+  const std::uint32_t* tile_counts;  // [N]
+  const std::uint32_t* pair_begin;   // [N]
+  const float* sums;                 // [pairs, pairSums(...)]
+  const std::uint8_t* shows;         // [pairs]
+  bool statistics;
+};
+
+// Writes every entry of `gradient` but the texels', and the statistics, both [N] (ModelGradient).
+void finishGradients(const FinishInput& input, const Parameters& gradient, float* screen_gradient,
+                     float* screen_gradient_abs);
+
+// Texel sums to floats; where the stored alpha lies outside [0, 1], its gradient is 0. sums: [texels, 4]
+void finishTexels(const long long* sums, const float* texels, float* v_texels, std::size_t texel_count);
+
+}  // namespace tg::cuda

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model on the device, and one view of it: forward, then backward.
+#pragma once
+#include "core/camera.h"
+#include "core/model.h"
+#include "render/renderer.h"
+#include "training/cuda/blend.h"
+#include "training/cuda/memory.h"
+#include "training/cuda/project.h"
+#include "training/cuda/types.h"
+#include "training/gradient.h"
+
+namespace tg::cuda {
+
+// Throws Error(usage) as a renderer does, and for pictures of more than kMaxTiles tiles.
+View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings);
+
+// Parameters, or gradients in their shapes.
+class DeviceModel {
+ public:
+  void upload(const GaussianModel& model);
+  void resizeLike(const DeviceModel& other);  // contents undefined
+  void download(ModelGradient& gradient) const;
+  Parameters parameters() const;
+
+ private:
+  std::size_t count_ = 0;
+  int sh_count_ = 1;
+  Buffer<float> mean_, rotation_, log_scale_, opacity_logit_, sh_, texels_;
+  Buffer<TextureRect> rects_;
+};
+
+class Frame {
+ public:
+  // The picture, not clamped, stays on the device: [height, width, 3].
+  void forward(const View& view, const Parameters& model);
+  // Of the last forward(), for the same parameters. v_picture: as the picture, on the device.
+  void backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
+                const Parameters& gradient);
+
+  const Buffer<float>& picture() const { return picture_; }
+  // As in ModelGradient, of the last backward().
+  const Buffer<float>& screenGradient() const { return screen_gradient_; }
+  const Buffer<float>& screenGradientAbs() const { return screen_gradient_abs_; }
+  const Buffer<float>& screenRadius() const { return screen_.screen_radius; }
+
+ private:
+  BlendInput blendInput(const Parameters& model) const;
+  PixelRecord record() const { return {transmittance_.data(), end_.data()}; }
+
+  View view_{};
+  Primitives primitives_;
+  ScreenSplats screen_;
+  TileLists lists_;
+  Buffer<float> picture_, transmittance_;
+  Buffer<std::uint32_t> end_;
+  Buffer<float> sums_;
+  Buffer<std::uint8_t> shows_;
+  Buffer<long long> texel_sums_;
+  Buffer<float> screen_gradient_, screen_gradient_abs_;
+};
+
+}  // namespace tg::cuda

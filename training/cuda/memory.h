@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the CUDA trainer asks of a device, for code that no CUDA compiler reads: memory, copies, sort and scan.
+// device.cu implements it with the CUDA runtime and cub, tests/support/cuda_host.cpp in host memory.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+
+namespace tg::cuda {
+
+// Everything here throws Error(device) saying what failed and why.
+
+// Takes the first device, whose name it returns. Errors: no driver, a driver too old, no device, one that this program
+// holds no code for.
+std::string openDevice();
+
+void* allocate(std::size_t bytes);
+void release(void* memory) noexcept;
+void copyToDevice(void* to, const void* from, std::size_t bytes);
+void copyToHost(void* to, const void* from, std::size_t bytes);  // waits for all kernels before it
+void copyOnDevice(void* to, const void* from, std::size_t bytes);
+void fillZero(void* memory, std::size_t bytes);
+
+// Memory of the device, or of nothing.
+template <typename T>
+class Buffer {
+ public:
+  Buffer() = default;
+  ~Buffer() { release(data_); }
+  Buffer(Buffer&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)),
+        size_(std::exchange(other.size_, 0)),
+        capacity_(std::exchange(other.capacity_, 0)) {}
+  Buffer& operator=(Buffer&& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    std::swap(capacity_, other.capacity_);
+    return *this;
+  }
+
+  // Room for `size` entries; what it held is lost when it grows, by a quarter more than asked for.
+  void resize(std::size_t size) {
+    if (size > capacity_) {
+      release(std::exchange(data_, nullptr));
+      size_ = capacity_ = 0;
+      const std::size_t room = size + size / 4;
+      data_ = static_cast<T*>(allocate(room * sizeof(T)));
+      capacity_ = room;
+    }
+    size_ = size;
+  }
+  void zero() { fillZero(data_, size_ * sizeof(T)); }
+  template <typename U>
+  void upload(std::span<const U> from) {
+    static_assert(sizeof(U) % sizeof(T) == 0);
+    resize(from.size() * (sizeof(U) / sizeof(T)));
+    copyToDevice(data_, from.data(), from.size_bytes());
+  }
+  // `to` must have the size of the buffer in bytes.
+  template <typename U>
+  void download(std::span<U> to) const {
+    copyToHost(to.data(), data_, to.size_bytes());
+  }
+  T* data() const { return data_; }
+  std::size_t size() const { return size_; }
+  std::size_t bytes() const { return capacity_ * sizeof(T); }
+
+ private:
+  T* data_ = nullptr;
+  std::size_t size_ = 0;
+  std::size_t capacity_ = 0;
+};
+
+// A stable sort of (key, value) pairs by the lowest `bits` bits of the keys, and an exclusive sum. They keep scratch
+// space between calls.
+class Primitives {
+ public:
+  void sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys, const std::uint32_t* values,
+                 std::uint32_t* sorted_values, std::size_t count, int bits);
+  void exclusiveSum(const std::uint32_t* from, std::uint32_t* to, std::size_t count);
+
+ private:
+  Buffer<std::byte> scratch_;
+};
+
+}  // namespace tg::cuda

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians to splats, splats to the lists of the tiles that they can colour.
+#pragma once
+#include "training/cuda/memory.h"
+#include "training/cuda/types.h"
+
+namespace tg::cuda {
+
+// A frame's splats, by Gaussian.
+struct ScreenSplats {
+  Buffer<BlendSplat> splats;
+  Buffer<LocalFrame> frames;          // empty without textures
+  Buffer<std::uint32_t> pixel_rects;  // [N, 2] x0 | y0 << 16, x1 | y1 << 16, ends inclusive
+  Buffer<std::uint32_t> tile_counts;  // [N] 0: not drawn
+  Buffer<std::uint32_t> depth_keys;   // [N] bits of the mean's camera z; largest number: not drawn
+  Buffer<float> screen_radius;        // [N] px, half the longer side of the unclipped screen box
+  Buffer<glm::vec4> outlines;         // [N] as in SplatRecord
+};
+void projectGaussians(const View& view, const Parameters& model, ScreenSplats& out);
+
+struct TileLists {
+  Buffer<std::uint32_t> order;          // [N] Gaussians by depth, ties by index
+  Buffer<std::uint32_t> pair_begin;     // [N] by Gaussian: its first pair
+  Buffer<std::uint32_t> pair_gaussian;  // [pairs]
+  Buffer<std::uint32_t> sorted_pairs;   // [pairs]
+  Buffer<std::uint32_t> tile_begin;     // [tiles + 1]
+  std::size_t pairs = 0;
+
+  Lists lists() const { return {sorted_pairs.data(), tile_begin.data(), pair_gaussian.data()}; }
+
+  // Scratch.
+  Buffer<std::uint32_t> sorted_keys, indices, counts, offsets, pair_tiles, pair_indices, sorted_tiles;
+};
+// Reads one number back from the device: how many pairs there are.
+void buildLists(const View& view, const ScreenSplats& screen, Primitives& primitives, TileLists& out);
+
+}  // namespace tg::cuda

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// The stages of a frame and of its gradient, one after the other.
+#include "training/cuda/renderer.h"
+
+#include <string>
+
+#include "core/error.h"
+#include "render/cpu/project.h"
+#include "training/cuda/frame.h"
+
+namespace tg {
+namespace {
+
+class CudaDifferentiableRenderer final : public DifferentiableRenderer {
+ public:
+  CudaDifferentiableRenderer() : device_(cuda::openDevice()) {}
+
+  const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
+                                        const RenderSettings& settings) override {
+    requireBlendingDefaults(settings, settings.outputs, "training");
+    const cuda::View view = cuda::makeView(model, camera, settings);
+    model_.upload(model);
+    frame_.forward(view, model_.parameters());
+    picture_.resize(static_cast<std::size_t>(view.width) * view.height);
+    frame_.picture().download(std::span(picture_));
+    return picture_;
+  }
+
+  void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient, const GradientOptions& options) override {
+    if (picture_.empty()) throw Error(ErrorKind::usage, "backward", "no forward pass (expected forward first)");
+    if (v_color.size() != picture_.size()) {
+      throw Error(ErrorKind::usage, "backward",
+                  "wrong number of pixels (expected " + std::to_string(picture_.size()) + ", found " +
+                      std::to_string(v_color.size()) + ")");
+    }
+    v_picture_.upload(v_color);
+    gradient_.resizeLike(model_);
+    frame_.backward(v_picture_.data(), options, model_.parameters(), gradient_.parameters());
+    gradient_.download(gradient);
+    const std::size_t n = model_.parameters().count;
+    gradient.screen_gradient.resize(n);
+    gradient.screen_gradient_abs.resize(n);
+    gradient.screen_radius.resize(n);
+    frame_.screenGradient().download(std::span(gradient.screen_gradient));
+    frame_.screenGradientAbs().download(std::span(gradient.screen_gradient_abs));
+    frame_.screenRadius().download(std::span(gradient.screen_radius));
+  }
+
+  std::span<const PhaseTime> phaseTimes() const override { return {}; }
+
+ private:
+  std::string device_;
+  cuda::DeviceModel model_;
+  cuda::DeviceModel gradient_;
+  cuda::Frame frame_;
+  cuda::Buffer<float> v_picture_;
+  std::vector<glm::vec3> picture_;
+};
+
+}  // namespace
+
+std::unique_ptr<DifferentiableRenderer> makeCudaDifferentiableRenderer() {
+  return std::make_unique<CudaDifferentiableRenderer>();
+}
+
+}  // namespace tg

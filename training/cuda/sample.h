@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// A splat and its texture at a pixel: the scalar twin of render/cpu/kernel-inl.h and texture-inl.h.
+#pragma once
+#include "shared/texture.h"
+#include "training/cuda/device.h"
+#include "training/cuda/types.h"
+
+namespace tg::cuda {
+
+// (x, y): pixel - centre [px].
+struct Sample {
+  float x, y;
+  float value;  // opacity * G
+  float w;      // first triangular component of W
+  float inverse_d2;
+  float q;  // |W|^2 / |D|^2
+};
+
+// False: the splat does not show there.
+TG_DEVICE bool evaluate(const BlendSplat& s, float pixel_x, float pixel_y, Sample& out) {
+  out.x = pixel_x - s.center_x;
+  out.y = pixel_y - s.center_y;
+  out.w = s.w_xx * out.x + s.w_xy * out.y;
+  const float w2 = s.w_yy * out.y;
+  const float d = s.d_xx * out.x + (s.d_xy * out.y + s.d_x1);
+  const float d2 = s.d_yy * out.y + s.d_y1;
+  out.inverse_d2 = 1.0f / (d * d + (d2 * d2 + s.d_11 * s.d_11));
+  out.q = (out.w * out.w + w2 * w2) * out.inverse_d2;
+  out.value = ::exp2f(s.log2_opacity - out.q);
+  if (!(out.value >= kAlphaMin)) return false;
+  return s.near == 0.0f || (s.t_x * out.x + (s.t_y * out.y + s.t_1)) * out.inverse_d2 > s.near;
+}
+
+// The components of W and D.
+struct LocalRay {
+  float w[3], d[3];
+};
+TG_DEVICE LocalRay localRay(const LocalFrame& f, float x, float y) {
+  LocalRay ray;
+  for (int k = 0; k < 3; ++k) {
+    ray.w[k] = f.wx[k] * x + f.wy[k] * y;
+    ray.d[k] = f.dx[k] * x + (f.dy[k] * y + f.d0[k]);
+  }
+  return ray;
+}
+
+// Where a sample falls on the texture: the four texels around it and their weights.
+struct TexturePoint {
+  bool inside;
+  float u, v;  // [sigma]
+  float fraction_u, fraction_v;
+  std::uint32_t cell;            // texel index of the first corner, within the rectangle
+  std::uint32_t step_u, step_v;  // [texels] to the next along u and v; 0 on a one-texel axis
+
+  TG_DEVICE std::uint32_t corner(int k) const { return cell + (k & 1 ? step_u : 0) + (k & 2 ? step_v : 0); }
+  TG_DEVICE float weight(int k) const {
+    return (k & 1 ? fraction_u : 1.0f - fraction_u) * (k & 2 ? fraction_v : 1.0f - fraction_v);
+  }
+};
+TG_DEVICE TexturePoint locate(const BlendSplat& s, const LocalRay& ray, float inverse_d2) {
+  TexturePoint at;
+  at.u = (ray.d[1] * ray.w[2] - ray.d[2] * ray.w[1]) * inverse_d2;
+  at.v = (ray.d[2] * ray.w[0] - ray.d[0] * ray.w[2]) * inverse_d2;
+  at.inside = insideTexture(glm::vec2(at.u, at.v));
+  if (!at.inside) {
+    at.fraction_u = at.fraction_v = 0.0f;
+    at.cell = at.step_u = at.step_v = 0;
+    return at;
+  }
+  const std::uint32_t width = s.texture_size & 0xffffu;
+  const std::uint32_t height = s.texture_size >> 16;
+  const TextureTap tap_u = textureTap(at.u, width);
+  const TextureTap tap_v = textureTap(at.v, height);
+  at.fraction_u = tap_u.fraction;
+  at.fraction_v = tap_v.fraction;
+  at.cell = tap_v.i0 * width + tap_u.i0;
+  at.step_u = tap_u.i1 - tap_u.i0;
+  at.step_v = (tap_v.i1 - tap_v.i0) * width;
+  return at;
+}
+
+}  // namespace tg::cuda

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// What crosses between the CUDA kernels and the code that launches them. Pointers are the device's.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <glm/glm.hpp>
+
+#include "core/atlas.h"
+#include "shared/limits.h"
+
+namespace tg::cuda {
+
+// One frame's view.
+struct View {
+  glm::dmat3 camera_from_world_rotation;
+  glm::dvec3 camera_from_world_translation;
+  glm::dvec3 position;      // world space
+  glm::dvec4 focal_center;  // fx, fy, cx, cy [px]
+  glm::vec3 background;
+  int width, height;  // [px]
+  int tiles_x, tiles_y;
+  std::uint32_t intersection;  // kIntersect*
+  bool texture_rgb, texture_alpha;
+};
+
+// A model's parameters, or gradients in their shapes.
+struct Parameters {
+  std::size_t count;  // Gaussians
+  int sh_count;       // coefficients of each
+  float* mean;        // [N, 3]
+  float* rotation;    // [N, 4]
+  float* log_scale;   // [N, 3]
+  float* opacity_logit;
+  float* sh;           // [N, sh_count, 3]
+  float* texels;       // [texels, 4]
+  TextureRect* rects;  // [N]; null: no textures
+  std::size_t texel_count;
+};
+
+// What blending evaluates of a splat; names and units as in render/cpu/project.h. (x, y) = pixel - centre [px].
+struct BlendSplat {
+  float center_x, center_y;
+  float log2_opacity;
+  float w_xx, w_xy, w_yy;
+  float d_xx, d_xy, d_x1, d_yy, d_y1, d_11;
+  float t_x, t_y, t_1, near;
+  float base[3];
+  float kappa_first, kappa_second;
+  std::uint32_t gaussian;
+  std::uint32_t texel_offset;
+  std::uint32_t texture_size;  // width | height << 16; 0: none
+};
+static_assert(sizeof(BlendSplat) == 96);
+
+// What a texture look-up needs beside it.
+struct LocalFrame {
+  float wx[3], wy[3], dx[3], dy[3], d0[3], kappa[3];
+};
+
+// Lists of a frame. A pair is a (tile, splat); pairs are numbered in depth order of their splats, those of one splat in
+// a row.
+struct Lists {
+  const std::uint32_t* sorted_pairs;  // by tile, front to back in each
+  const std::uint32_t* tile_begin;    // [tiles + 1]
+  const std::uint32_t* gaussian;      // [pairs]
+};
+
+// Order of a pair's sums: PairSums of training/cpu/backward.h; of textured models then PairTextureSums; with statistics
+// then the sum of |e|.
+constexpr unsigned kSums = 16;
+constexpr unsigned kTextureSums = 12;
+constexpr unsigned pairSums(bool textured, bool statistics) {
+  return kSums + (textured ? kTextureSums : 0u) + (statistics ? 1u : 0u);
+}
+
+// Texel gradients are added up as integers, in units of 2^-48: sums do not depend on the order of threads.
+constexpr float kTexelUnits = 281474976710656.0f;
+
+}  // namespace tg::cuda
