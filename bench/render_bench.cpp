@@ -24,6 +24,7 @@
 #include "converter/read_model.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "picture_rate.h"
 #include "render/devices/devices.h"
 #include "render/reference/splat.h"
 #include "support/scenes.h"
@@ -184,6 +185,11 @@ void report(const Options& options, const nlohmann::ordered_json& result) {
   for (const auto& pass : result["passes"]) {
     std::printf("  %-14s %34.1f ms wall\n", pass["name"].get<std::string>().c_str(), pass["wall_ms"].get<double>());
   }
+  if (result.contains("pixel_splats")) {
+    const double rate = result["pixel_splats_per_second"].get<double>(), peak = result["peak"].get<double>();
+    std::printf("%.1f M pixel-splats evaluated, %.3f G/s a core: %.0f %% of the loop's own %.3f G/s\n",
+                1e-6 * result["pixel_splats"].get<double>(), 1e-9 * rate, 100.0 * rate / peak, 1e-9 * peak);
+  }
   if (result.contains("psnr_db")) {
     std::printf("PSNR %.2f dB against the float64 reference at %d random pixels\n", result["psnr_db"].get<double>(),
                 options.reference_pixels);
@@ -251,6 +257,12 @@ void run(const Options& options) {
   result["passes"] = nlohmann::ordered_json::array();
   for (const auto& [name, milliseconds] : times.passes) {
     result["passes"].push_back({{"name", name}, {"wall_ms", median(milliseconds)}});
+  }
+  if (options.backend == "cpu" && output == Output::final && result["textures"] == "off") {
+    const PictureRate rate = pictureRate(loaded.model, camera, settings, options.frames);
+    result["pixel_splats"] = rate.pixel_splats;
+    result["pixel_splats_per_second"] = rate.pixel_splats / rate.seconds;
+    result["peak"] = picturePeak();
   }
   if (output == Output::final && options.reference_pixels > 0) {
     result["psnr_db"] = psnrAtPixels(picture, loaded.model, camera, settings, options.reference_pixels);

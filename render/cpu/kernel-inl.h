@@ -82,9 +82,8 @@ HWY_INLINE std::uint32_t bitsOf(M mask) {
 
 // 2^x. A minimax polynomial on [-1/2, 1/2] (relative error 7.5e-8) whose exponent is moved by the rounded x; the sum
 // with kRound holds that integer in its lowest bits. Below 2^-125, far under kAlphaMin, it stays there.
-HWY_INLINE V exp2Bounded(V x) {
+HWY_INLINE V exp2InRange(V x) {
   const V round = set(12582912.0f);  // 1.5 * 2^23
-  x = hn::Max(x, set(-125.0f));
   const V rounded = hn::Add(x, round);
   const V f = hn::Sub(x, hn::Sub(rounded, round));
   // Estrin's order: half the latency of Horner's.
@@ -96,6 +95,8 @@ HWY_INLINE V exp2Bounded(V x) {
   const VI exponent = hn::ShiftLeft<23>(hn::BitCast(di, rounded));
   return hn::BitCast(df, hn::Add(hn::BitCast(di, p), exponent));
 }
+
+HWY_INLINE V exp2Bounded(V x) { return exp2InRange(hn::Max(x, set(-125.0f))); }
 
 // What the rows of a tile fix of a splat's formulas. (x, y) = pixel - centre of the splat.
 struct Rows {

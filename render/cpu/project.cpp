@@ -234,36 +234,15 @@ bool visible(float logit, float opacity_scale) {
   return (logit > kSurely && opacity_scale >= 1.0f) || opacity(logit) * opacity_scale * 255.0f > 1.0f;
 }
 
-// The pyramid of the image in camera space.
-class Frustum {
- public:
-  explicit Frustum(const View& view) {
-    const glm::dvec4 f = view.focal_center;
-    const glm::dvec2 low = -glm::dvec2(f.z, f.w) / glm::dvec2(f);
-    const glm::dvec2 high = (glm::dvec2(view.width, view.height) - glm::dvec2(f.z, f.w)) / glm::dvec2(f);
-    planes_[0] = glm::normalize(glm::dvec3(1, 0, -low.x));
-    planes_[1] = glm::normalize(glm::dvec3(-1, 0, high.x));
-    planes_[2] = glm::normalize(glm::dvec3(0, 1, -low.y));
-    planes_[3] = glm::normalize(glm::dvec3(0, -1, high.y));
-    reach_ = kMostRadius * view.splat_scale;
-    // Antialiasing widens by a third of a pixel in sigma; a dot at the mean is drawn with kCenterRadius.
-    pixels_ = 2.0 / std::min(f.x, f.y);
+// Nothing of the Gaussian can be on the image.
+bool misses(const Frustum& frustum, glm::dvec3 mean_c, glm::vec3 log_scale) {
+  const double longest = std::exp(std::max({log_scale.x, log_scale.y, log_scale.z}));
+  const double reach = frustum.reach * longest + frustum.pixel * std::abs(mean_c.z);
+  for (const glm::dvec3& plane : frustum.planes) {
+    if (glm::dot(plane, mean_c) < -reach) return true;
   }
-  // Nothing of the Gaussian can be on the image.
-  bool misses(glm::dvec3 mean_c, glm::vec3 log_scale) const {
-    const double reach =
-        reach_ * std::exp(std::max({log_scale.x, log_scale.y, log_scale.z})) + pixels_ * std::abs(mean_c.z);
-    for (const glm::dvec3& plane : planes_) {
-      if (glm::dot(plane, mean_c) < -reach) return true;
-    }
-    return false;
-  }
-
- private:
-  static constexpr double kMostRadius = 3.34;  // [sigma] visibleRadius(1), rounded up
-  glm::dvec3 planes_[4];                       // unit normals, inwards
-  double reach_, pixels_;
-};
+  return false;
+}
 
 bool inside(const CropBox& box, glm::vec3 x) {
   return glm::all(glm::lessThanEqual(box.min, x)) && glm::all(glm::lessThanEqual(x, box.max));
@@ -309,9 +288,20 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
   return view;
 }
 
+Frustum makeFrustum(const View& view) {
+  const glm::dvec4 c = view.focal_center;
+  const glm::dvec2 low = -glm::dvec2(c.z, c.w) / glm::dvec2(c);
+  const glm::dvec2 high = (glm::dvec2(view.width, view.height) - glm::dvec2(c.z, c.w)) / glm::dvec2(c);
+  constexpr double kMostRadius = 3.34;  // [sigma] visibleRadius(1), rounded up
+  return {{glm::normalize(glm::dvec3(1, 0, -low.x)), glm::normalize(glm::dvec3(-1, 0, high.x)),
+           glm::normalize(glm::dvec3(0, 1, -low.y)), glm::normalize(glm::dvec3(0, -1, high.y))},
+          kMostRadius * view.splat_scale,
+          2.0 / std::min(c.x, c.y)};
+}
+
 void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out) {
   constexpr std::size_t kChunk = 4096;
-  const Frustum frustum(view);
+  const Frustum frustum = makeFrustum(view);
   const std::size_t chunks = (model.size() + kChunk - 1) / kChunk;
   std::vector<DepthKey> keys(model.size());
   std::vector<std::size_t> counts(chunks, 0);
@@ -325,7 +315,7 @@ void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& ou
       const glm::dvec3 mean_c = cameraFromWorld(view, model.mean[i]);
       const double z = mean_c.z;
       if (!(z > view.near) || !visible(model.opacity_logit[i], view.opacity_scale)) continue;
-      if (frustum.misses(mean_c, model.log_scale[i])) continue;
+      if (misses(frustum, mean_c, model.log_scale[i])) continue;
       if (view.crop && !inside(*view.crop, model.mean[i])) continue;
       keys[next++] = {std::bit_cast<std::uint32_t>(static_cast<float>(z)), static_cast<std::uint32_t>(i)};
     }

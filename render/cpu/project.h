@@ -39,6 +39,16 @@ struct View {
 };
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings);
 
+// The pyramid of the image in camera space, and how far from its mean a Gaussian reaches.
+struct Frustum {
+  glm::dvec3 planes[4];  // unit normals, inwards
+  double reach;          // [sigma]
+  // Added per unit of camera z: antialiasing widens by a third of a pixel in sigma, a dot at the mean has
+  // kCenterRadius.
+  double pixel;
+};
+Frustum makeFrustum(const View& view);
+
 constexpr double kExponentScale = 0.84932180028801904272;  // sqrt(log2(e) / 2): exp(-p^2 / 2) = 2^-(kExponentScale p)^2
 
 // What blending one splat needs. (x, y) = pixel - center [px]. Names are those of Geometry in geometry-inl.h.

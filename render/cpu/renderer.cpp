@@ -2,6 +2,7 @@
 // The CPU backend behind Renderer: the stages in order, timed.
 #include <hwy/targets.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <utility>
@@ -9,6 +10,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/cpu/blend.h"
+#include "render/cpu/picture.h"
 #include "render/cpu/project.h"
 #include "render/cpu/solid.h"
 #include "render/cpu/tiles.h"
@@ -31,6 +33,12 @@ class CpuRenderer final : public Renderer {
     const cpu::View view = cpu::makeView(model, camera, settings);
     Frame frame(camera.width, camera.height, settings.outputs);
     times_.clear();
+    if (isPicture(view, settings)) {
+      timed("project", [&] { cpu::projectPicture(view, model, picture_); });
+      timed("tiles", [&] { cpu::listPicture(picture_); });
+      timed("blend", [&] { cpu::blendPicture(view, picture_, frame); });
+      return frame;
+    }
     timed("sort", [&] { cpu::findDepthOrder(view, model, depth_order_); });
     timed("project", [&] { cpu::projectSplats(view, model, depth_order_.gaussians, screen_); });
     if (!frame.centers.empty()) {
@@ -55,6 +63,11 @@ class CpuRenderer final : public Renderer {
   }
 
  private:
+  static bool isPicture(const cpu::View& view, const RenderSettings& settings) {
+    return OutputSet{Output::final, Output::alpha}.hasAll(settings.outputs) && view.order == SplatOrder::global &&
+           !view.textured() && std::max(view.width, view.height) <= cpu::kMaxPictureSide;
+  }
+
   void drawEllipsoids(cpu::View view, std::vector<glm::vec3>& pixels) {
     view.intersection = IntersectionModel::maxResponse;
     view.fixed_radius = 1.0f;
@@ -76,6 +89,7 @@ class CpuRenderer final : public Renderer {
   cpu::DepthOrder depth_order_;
   cpu::ScreenSplats screen_;
   cpu::TileLists lists_;
+  cpu::PictureScene picture_;
   std::vector<PassTime> times_;
 };
 

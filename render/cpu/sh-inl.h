@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Real spherical harmonics to degree 3 for a batch of directions; the numbers are shaders/shared/sh.h's.
+// Real spherical harmonics to degree 3 for a batch of directions, and their gradient.
 #include "render/cpu/geometry-inl.h"
+#include "render/cpu/sh_basis-inl.h"
 
 #if defined(TG_RENDER_CPU_SH_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef TG_RENDER_CPU_SH_INL_H
@@ -13,7 +14,6 @@ HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
 
 using VB = hn::Vec<BatchFloats>;
-constexpr int kShMax = 16;
 
 // Directions of a batch from the camera to the means, world space.
 struct Directions {
@@ -38,33 +38,7 @@ struct ShBasis {
   alignas(64) float at[kShMax][kBatch];
 };
 HWY_INLINE void shBasis(const Directions& direction, int count, ShBasis& out) {
-  const VB x = direction.x, y = direction.y, z = direction.z;
-  const auto put = [&](int k, float factor, VB value)
-                       HWY_ATTR { hn::Store(hn::Mul(hn::Set(dbf, factor), value), dbf, out.at[k]); };
-  put(0, 0.28209479177387814f, hn::Set(dbf, 1.0f));
-  if (count <= 1) return;
-  put(1, -0.4886025119029199f, y);
-  put(2, 0.4886025119029199f, z);
-  put(3, -0.4886025119029199f, x);
-  if (count <= 4) return;
-  const VB xx = hn::Mul(x, x), yy = hn::Mul(y, y), zz = hn::Mul(z, z);
-  const VB xy = hn::Mul(x, y);
-  const VB xx_yy = hn::Sub(xx, yy);
-  put(4, 1.0925484305920792f, xy);
-  put(5, -1.0925484305920792f, hn::Mul(y, z));
-  put(6, 0.31539156525252005f, hn::Sub(hn::Sub(hn::Add(zz, zz), xx), yy));
-  put(7, -1.0925484305920792f, hn::Mul(x, z));
-  put(8, 0.5462742152960396f, xx_yy);
-  if (count <= 9) return;
-  const VB three = hn::Set(dbf, 3.0f);
-  const VB four_zz = hn::Sub(hn::Sub(hn::Mul(hn::Set(dbf, 4.0f), zz), xx), yy);
-  put(9, -0.5900435899266435f, hn::Mul(y, hn::MulSub(three, xx, yy)));
-  put(10, 2.890611442640554f, hn::Mul(xy, z));
-  put(11, -0.4570457994644658f, hn::Mul(y, four_zz));
-  put(12, 0.3731763325901154f, hn::Mul(z, hn::NegMulAdd(three, hn::Add(xx, yy), hn::Add(zz, zz))));
-  put(13, -0.4570457994644658f, hn::Mul(x, four_zz));
-  put(14, 1.445305721320277f, hn::Mul(z, xx_yy));
-  put(15, -0.5900435899266435f, hn::Mul(x, hn::NegMulAdd(three, yy, xx)));
+  shBasis(dbf, direction.x, direction.y, direction.z, count, out.at[0]);
 }
 
 // sum over coefficients of weights[k] grad Y_k, the direction taken as three free variables.

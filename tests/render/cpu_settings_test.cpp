@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU renderer against the float64 reference with every setting that a viewer changes and every output beyond the
 // blended ones.
+#include <hwy/targets.h>
+
 #include <cmath>
 
 #include "core/bundle.h"
+#include "core/parallel.h"
 #include "render/reference/reference.h"
 #include "render/renderer.h"
 #include "support/catch.h"
@@ -64,6 +67,34 @@ RenderSettings everything(IntersectionModel intersection) {
   return settings;
 }
 
+RenderSettings pictureAlone(IntersectionModel intersection) {
+  RenderSettings settings;
+  settings.intersection = intersection;
+  settings.background = {0.3f, 0.1f, 0.8f};
+  settings.outputs = {Output::final, Output::alpha};
+  return settings;
+}
+
+// The band of whole frames. The picture does not say which pixels a threshold fell differently in: those beyond `tight`
+// keep what flipped ones keep.
+void checkPicture(SceneKind kind, const TestScene& scene, const RenderSettings& settings) {
+  const Tolerance allowed = tolerance(kind, *settings.intersection);
+  const Frame frame = renderCpu(scene.model, scene.camera, settings);
+  RenderSettings whole = settings;
+  whole.outputs = kBlendedOutputs;
+  const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, whole);
+  double worst = 0;
+  std::vector<glm::dvec3> colors(reference.base.size());
+  for (std::size_t i = 0; i < colors.size(); ++i) {
+    colors[i] = reference.color(i);
+    worst = std::max({worst, differ(frame.picture[i], colors[i]), differ(frame.alpha[i], reference.alpha[i])});
+  }
+  INFO(name(kind) << ", " << name(*settings.intersection) << ", textures " << name(settings.textures));
+  CHECK(worst <= allowed.flip);
+  CHECK(strays(frame.picture, colors, allowed.tight) <= allowed.outlier_share);
+  CHECK(strays(frame.alpha, reference.alpha, allowed.tight) <= allowed.outlier_share);
+}
+
 }  // namespace
 
 TEST_CASE("every output beyond the blended ones equals the reference's") {
@@ -106,21 +137,116 @@ TEST_CASE("screen antialiasing and the footprint filter equal the reference's") 
   }
 }
 
-TEST_CASE("a picture alone is that of a whole frame") {
-  const TestScene scene = makeScene(SceneKind::mixed, 16, 200, 70, 40);
-  for (const auto order : {SplatOrder::global, SplatOrder::perPixel}) {
-    RenderSettings settings;
-    settings.order = order;
-    settings.background = {0.2f, 0.4f, 0.1f};
-    const Frame all = renderCpu(scene.model, scene.camera, settings);
-    settings.outputs = {Output::final, Output::alpha};
-    const Frame picture = renderCpu(scene.model, scene.camera, settings);
-    CHECK(picture.base.empty());
-    CHECK(picture.depth.empty());
-    for (std::size_t i = 0; i < all.base.size(); ++i) {
-      REQUIRE(glm::all(glm::lessThan(glm::abs(picture.color(i) - all.color(i)), glm::vec3(2e-6f))));
-      REQUIRE(std::abs(picture.alpha[i] - all.alpha[i]) < 1e-6f);
+TEST_CASE("a picture alone equals the reference's on every kind of scene, in both models") {
+  for (const SceneKind kind : kSceneKinds) {
+    for (const auto intersection : kModels) {
+      for (const auto textures : {TextureMode::none, TextureMode::rgba}) {
+        RenderSettings settings = pictureAlone(intersection);
+        settings.textures = textures;
+        checkPicture(kind, makeScene(kind, 21), settings);
+        checkPicture(kind, makeScene(kind, 22, 300, 83, 70), settings);
+      }
     }
+  }
+}
+
+TEST_CASE("a picture alone with every setting equals the reference's") {
+  for (const auto intersection : kModels) {
+    for (const auto textures : {TextureMode::none, TextureMode::rgba}) {
+      RenderSettings settings = pictureAlone(intersection);
+      settings.textures = textures;
+      settings.opacity_scale = 1.7f;
+      settings.splat_scale = 0.4f;
+      settings.max_sh_degree = 2;
+      checkPicture(SceneKind::mixed, makeScene(SceneKind::mixed, 23), settings);
+      settings.splat_scale = 0.2f;
+      settings.antialiasing = Antialiasing::screen;
+      for (const SceneKind kind : {SceneKind::mixed, SceneKind::flat, SceneKind::needles, SceneKind::edgeOn}) {
+        checkPicture(kind, makeScene(kind, 24), settings);
+      }
+      settings = pictureAlone(intersection);
+      settings.textures = textures;
+      settings.opacity_scale = 0.25f;
+      settings.max_sh_degree = 0;
+      settings.near = 2.5f;
+      settings.crop = CropBox{{-1.0f, -0.75f, -10.0f}, {1.0f, 10.0f, 10.0f}};
+      checkPicture(SceneKind::mixed, makeScene(SceneKind::mixed, 25), settings);
+      settings = pictureAlone(intersection);
+      settings.textures = textures;
+      settings.near = 0.05f;
+      checkPicture(SceneKind::nearPlane, makeScene(SceneKind::nearPlane, 26), settings);
+      settings.texture_filter = TextureFilter::footprint;
+      checkPicture(SceneKind::mixed, makeScene(SceneKind::mixed, 27), settings);
+    }
+  }
+}
+
+TEST_CASE("a picture alone has the same bytes for any number of threads, and no other outputs") {
+  const TestScene scene = makeScene(SceneKind::mixed, 28, 5000, 100, 80);  // more than one chunk of Gaussians
+  for (const auto textures : {TextureMode::none, TextureMode::rgba}) {
+    RenderSettings settings = pictureAlone(IntersectionModel::maxResponse);
+    settings.textures = textures;
+    setThreadCount(1);
+    const Frame one = renderCpu(scene.model, scene.camera, settings);
+    CHECK(one.base.empty());
+    CHECK(one.depth.empty());
+    for (const int threads : {2, 3, 8}) {
+      setThreadCount(threads);
+      const Frame frame = renderCpu(scene.model, scene.camera, settings);
+      CHECK(frame.picture == one.picture);
+      CHECK(frame.alpha == one.alpha);
+    }
+    setThreadCount(0);
+  }
+}
+
+TEST_CASE("a picture alone is the same on every SIMD target of this machine") {
+  for (std::int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
+    const std::int64_t target = targets & -targets;
+    INFO(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    for (const SceneKind kind : {SceneKind::ordinary, SceneKind::oddTextures, SceneKind::nearPlane}) {
+      for (const auto textures : {TextureMode::none, TextureMode::rgba}) {
+        RenderSettings settings = pictureAlone(IntersectionModel::maxResponse);
+        settings.textures = textures;
+        checkPicture(kind, makeScene(kind, 29), settings);
+      }
+    }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
+// What float cannot hold is left out; the general stages draw it in double.
+TEST_CASE("a picture alone of scales and means beyond any picture is finite") {
+  TestScene scene = makeScene(SceneKind::ordinary, 6, 40);
+  const float beyond[] = {-1e30f, -200.0f, 88.0f, 200.0f, 1e30f};
+  for (std::size_t i = 0; i < scene.model.size(); ++i) {
+    if (i % 4 == 0) scene.model.log_scale[i][i % 3] = beyond[i / 4 % 5];
+    if (i % 4 == 1) scene.model.mean[i] *= i % 8 == 1 ? 1e30f : 1e-30f;
+    if (i % 4 == 2) scene.model.opacity_logit[i] = i % 8 == 2 ? 1e30f : -1e30f;
+    if (i % 4 == 3) scene.model.rotation[i] *= i % 8 == 3 ? 1e-18f : 1e18f;
+  }
+  RenderSettings settings = pictureAlone(IntersectionModel::maxResponse);
+  settings.textures = TextureMode::none;
+  const Frame frame = renderCpu(scene.model, scene.camera, settings);
+  for (std::size_t i = 0; i < frame.picture.size(); ++i) {
+    REQUIRE(std::isfinite(frame.picture[i].x + frame.picture[i].y + frame.picture[i].z + frame.alpha[i]));
+  }
+}
+
+TEST_CASE("the per-pixel order's picture alone is that of a whole frame") {
+  const TestScene scene = makeScene(SceneKind::mixed, 16, 200, 70, 40);
+  RenderSettings settings;
+  settings.order = SplatOrder::perPixel;
+  settings.background = {0.2f, 0.4f, 0.1f};
+  const Frame all = renderCpu(scene.model, scene.camera, settings);
+  settings.outputs = {Output::final, Output::alpha};
+  const Frame picture = renderCpu(scene.model, scene.camera, settings);
+  CHECK(picture.base.empty());
+  CHECK(picture.depth.empty());
+  for (std::size_t i = 0; i < all.base.size(); ++i) {
+    REQUIRE(glm::all(glm::lessThan(glm::abs(picture.color(i) - all.color(i)), glm::vec3(2e-6f))));
+    REQUIRE(std::abs(picture.alpha[i] - all.alpha[i]) < 1e-6f);
   }
 }
 
