@@ -10,6 +10,7 @@
 #include "converter/axes.h"
 #include "converter/edit_decimate.h"
 #include "converter/edit_merge.h"
+#include "converter/edit_merge_pairs.h"
 #include "converter/edit_reduce.h"
 #include "converter/edit_select.h"
 #include "converter/edit_transform.h"
@@ -111,7 +112,7 @@ void merge(LoadedModel& loaded, const Edit& edit) {
   loaded.training_json.clear();  // it tells of one of them
 }
 
-void decimateTo(LoadedModel& loaded, const Edit& edit) {
+std::size_t countOf(const LoadedModel& loaded, const Edit& edit) {
   Edit number = edit;
   const bool percent = !number.value.empty() && number.value.back() == '%';
   if (percent) number.value.pop_back();
@@ -120,8 +121,15 @@ void decimateTo(LoadedModel& loaded, const Edit& edit) {
     throw Error(ErrorKind::usage, "wrong value (expected a count, or a percentage from 0 to 100)");
   }
   const double count = percent ? std::round(static_cast<double>(loaded.model.size()) * n / 100.0) : n;
-  decimate(loaded.model, static_cast<std::size_t>(std::min(count, 1e18)),
-           contributionViews(loaded.model, loaded.cameras));
+  return static_cast<std::size_t>(std::min(count, 1e18));
+}
+
+void decimateTo(LoadedModel& loaded, const Edit& edit) {
+  decimate(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
+}
+
+void mergeTo(LoadedModel& loaded, const Edit& edit) {
+  decimateByMerging(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
 }
 
 void reduceSh(LoadedModel& loaded, const Edit& edit) {
@@ -164,7 +172,7 @@ struct Command {
   void (*apply)(LoadedModel&, const Edit&);
   bool reduces;  // the same scene with less of it
 };
-constexpr std::array<Command, 15> kCommands = {{
+constexpr std::array<Command, 16> kCommands = {{
     {{"--translate", "X,Y,Z", "move"}, translate, false},
     {{"--rotate", "X,Y,Z,DEG", "turn by an angle about an axis through the origin"}, rotate, false},
     {{"--rotate-quaternion", "W,X,Y,Z", "turn by a quaternion of any length"}, rotateQuaternion, false},
@@ -175,6 +183,9 @@ constexpr std::array<Command, 15> kCommands = {{
     {{"--keep", "EXPR", "keep by value: \"opacity > 0.1\", \"0.01 <= max_scale < 2\""}, keepWhere, false},
     {{"--merge", "FILE", "put another model beside it"}, merge, false},
     {{"--decimate", "N|P%", "leave the N Gaussians, or P % of them, that pictures show most"}, decimateTo, true},
+    {{"--merge-pairs", "N|P%", "leave N Gaussians, or P %, by merging neighbours that have no textures"},
+     mergeTo,
+     true},
     {{"--sh-degree", "D", "leave SH degrees up to D"}, reduceSh, true},
     {{"--texture-size", "WxH", "give every texture this size [texels]"}, textureSize, true},
     {{"--texel-budget", "N", "at most N texels in all, where pictures show them most"}, texelBudget, true},
