@@ -76,8 +76,6 @@ class FrameRunner {
     request_.exposure_stops = benchmark.exposure;
   }
 
-  const char* backend() const { return gpu_ ? "vulkan" : "cpu"; }
-
   void draw(const Camera& camera) {
     if (!gpu_) {
       (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.exposure_stops);
@@ -182,7 +180,7 @@ void benchmarkHeadless(const ViewOptions& options) {
   benchmark.upload_ms = uploading.milliseconds();
   benchmark.device = backend.renderer->deviceName();
   FrameRunner runner(backend, benchmark);
-  benchmark.backend = runner.backend();
+  benchmark.backend = backend.backend;
   const Stopwatch first;
   runner.draw(cameras.front());
   benchmark.first_frame_ms = first.milliseconds();

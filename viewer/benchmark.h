@@ -16,7 +16,7 @@ struct BenchmarkFrame {
 
 struct Benchmark {
   std::string where;    // "headless" or "window"
-  std::string backend;  // "vulkan" or "cpu"
+  std::string backend;  // "vulkan", "opengl" or "cpu"
   std::string device;
   std::string model;  // file
   std::uint64_t model_bytes = 0;
@@ -47,7 +47,7 @@ Spread spreadOf(std::vector<double> values);
 
 double processMilliseconds();  // CPU time of the process so far, user and system
 
-// Renders options.path without a window and prints the JSON. On Vulkan a frame is what the window would draw: nothing
+// Renders options.path without a window and prints the JSON. On a device a frame is what the window would draw: nothing
 // is read back. Throws Error of every kind.
 void benchmarkHeadless(const ViewOptions& options);
 

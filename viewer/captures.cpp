@@ -12,23 +12,23 @@ namespace tg {
 namespace {
 
 // As --render with the same comparison writes it.
-Image pictureOnScreen(const Picture& picture, const Comparison& how, Presenter& presenter) {
+Image pictureOnScreen(const Picture& picture, const Comparison& how, Screen& screen) {
   if (picture.pair) return composed(picture.pair->first, picture.pair->other, picture.pair->mask, how);
-  return presenter.read(picture.image->storage.handle(), picture.image->size);
+  return screen.read(*picture.image);
 }
 
 }  // namespace
 
-std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, glm::ivec2 size, Presenter& presenter) {
+std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, glm::ivec2 size, Screen& screen) {
   const CaptureRequest capture = std::exchange(state.capture, {});
   std::filesystem::path saved;
   if (!capture.picture.empty()) {
     if (!picture) throw Error(ErrorKind::usage, "there is no picture to save: open a model");
-    writeImage(capture.picture, pictureOnScreen(*picture, state.compare.how, presenter));
+    writeImage(capture.picture, pictureOnScreen(*picture, state.compare.how, screen));
     saved = capture.picture;
   }
   if (!capture.window.empty()) {
-    writeImage(capture.window, presenter.readWindow());
+    writeImage(capture.window, screen.readWindow());
     saved = capture.window;
   }
   if (!capture.camera.empty()) {

@@ -5,14 +5,14 @@
 #include <glm/glm.hpp>
 
 #include "viewer/picture.h"
-#include "viewer/presenter.h"
+#include "viewer/screen.h"
 #include "viewer/state.h"
 
 namespace tg {
 
-// Between the presenter's submitAndWait and present; clears state.capture. `picture`: the one on screen, may be null.
+// Between the screen's draw and present; clears state.capture. `picture`: the one on screen, may be null.
 // `size`: of its camera [px]. Returns the file written last; empty: none. Throws Error: usage where there is no picture
 // to save, cannotWrite, device.
-std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, glm::ivec2 size, Presenter& presenter);
+std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, glm::ivec2 size, Screen& screen);
 
 }  // namespace tg

@@ -42,9 +42,20 @@ Glfw::Glfw() {
   if (!glfwInit()) refuseWindow(lastError());
 }
 
-WindowPtr openWindow(glm::ivec2 size, Events& events) {
-  if (!glfwVulkanSupported()) refuseWindow("GLFW finds no Vulkan loader");
-  glfwWindowHint(GLFW_CLIENT_API, GLFW_NO_API);
+WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug) {
+  glfwDefaultWindowHints();
+  if (api == Api::vulkan) {
+    if (!glfwVulkanSupported()) refuseWindow("GLFW finds no Vulkan loader");
+    glfwWindowHint(GLFW_CLIENT_API, GLFW_NO_API);
+  } else {
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 4);
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 5);
+    glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
+    glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_LOSE_CONTEXT_ON_RESET);
+    glfwWindowHint(GLFW_OPENGL_DEBUG_CONTEXT, debug);
+    glfwWindowHint(GLFW_DEPTH_BITS, 0);
+    glfwWindowHint(GLFW_STENCIL_BITS, 0);
+  }
   WindowPtr window(glfwCreateWindow(size.x, size.y, "tgview", nullptr, nullptr));
   if (!window) refuseWindow(lastError());
   glfwSetWindowUserPointer(window.get(), &events);
@@ -53,21 +64,13 @@ WindowPtr openWindow(glm::ivec2 size, Events& events) {
   return window;
 }
 
-std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createWindowDevice(GLFWwindow* window, const ViewOptions& view) {
-  VulkanOptions options;
-  options.validation = view.validation;
-  options.device = view.device;
-  std::uint32_t count = 0;
-  const char** extensions = glfwGetRequiredInstanceExtensions(&count);
-  if (!extensions) refuseWindow("Vulkan cannot draw to this display");
-  options.instance_extensions.assign(extensions, extensions + count);
-  options.swapchain = true;
-  options.surface = [window](VkInstance instance) {
-    VkSurfaceKHR surface = VK_NULL_HANDLE;
-    if (glfwCreateWindowSurface(instance, window, nullptr, &surface) != VK_SUCCESS) refuseWindow(lastError());
-    return surface;
-  };
-  return createVulkanDevice(options);
+// The hints are still those of the window.
+WindowPtr openSharedContext(GLFWwindow* window) {
+  glfwWindowHint(GLFW_VISIBLE, GLFW_FALSE);
+  WindowPtr shared(glfwCreateWindow(1, 1, "tgview", nullptr, window));
+  glfwWindowHint(GLFW_VISIBLE, GLFW_TRUE);
+  if (!shared) refuseWindow(lastError());
+  return shared;
 }
 
 }  // namespace tg

@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The window system: one window, its events, and a Vulkan device that draws into it.
+// The window system: windows and their events.
 #pragma once
-#include <vulkan/vulkan.h>
-
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 
 #include <filesystem>
+#include <glm/glm.hpp>
 #include <memory>
 #include <utility>
 #include <vector>
 
-#include "render/vulkan/vulkan_renderer.h"
-#include "viewer/options.h"
+#include "render/devices/devices.h"
 
 namespace tg {
 
@@ -36,9 +34,10 @@ struct WindowCloser {
 };
 using WindowPtr = std::unique_ptr<GLFWwindow, WindowCloser>;
 
-// `events` must outlive the window. Throws Error(device).
-WindowPtr openWindow(glm::ivec2 size, Events& events);
-// A device with a surface for the window. Throws Error(device).
-std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createWindowDevice(GLFWwindow* window, const ViewOptions& view);
+// For that API; an OpenGL window has a context, which nothing has made current. `events` must outlive the window.
+// Throws Error(device).
+WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug);
+// A context without a window that shares its objects with the window's. Throws Error(device).
+WindowPtr openSharedContext(GLFWwindow* window);
 
 }  // namespace tg

@@ -1,15 +1,63 @@
 // SPDX-License-Identifier: Apache-2.0
-// Devices of windows, and the layout of comparisons.
+// The choice of a device for a window, and the layout of comparisons.
 #include "viewer/graphics.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <utility>
+
+#include "core/error.h"
+#include "viewer/headless_renderer.h"
 
 namespace tg {
 namespace {
 
-bool rendersOnCpu(const VulkanDevice& device, Backend backend) {
-  const bool software = device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
-  return backend == Backend::cpu || (backend == Backend::automatic && software);
+bool hasOpenGlGpu() {
+  const std::vector<DeviceInfo> devices = listDevices(Api::opengl);
+  return std::any_of(devices.begin(), devices.end(),
+                     [](const DeviceInfo& device) { return device.missing.empty() && !device.software; });
+}
+
+OpenedScreen open(Api api, glm::ivec2 size, Events& events, const ViewOptions& options, const DevicePick& pick) {
+  OpenedScreen opened;
+  opened.window = openWindow(api, size, events, options.validation);
+#ifdef TG_VULKAN
+  if (api == Api::vulkan) opened.screen = makeVulkanScreen(opened.window.get(), options, pick);
+#endif
+#ifdef TG_OPENGL
+  if (api == Api::opengl) opened.screen = makeGlScreen(opened.window.get(), options, pick);
+#endif
+  if (!opened.screen) throw Error(ErrorKind::device, "this program was built without " + std::string(name(api)));
+  const bool gpu = options.backend != Backend::cpu &&
+                   (options.backend != Backend::automatic || !pick.any() || !opened.screen->software());
+  opened.backend = gpu ? name(api) : "cpu";
+  return opened;
+}
+
+OpenedScreen openScreen(glm::ivec2 size, Events& events, const ViewOptions& options) {
+  const DevicePick pick = pickDevice(options.device);
+  std::vector<Api> apis = apisFor(options, pick);
+  if (apis.empty()) apis.assign(std::begin(kApis), std::end(kApis));
+  OpenedScreen found;
+  std::string missing;
+  for (const Api api : apis) {
+    // Good enough to show what the CPU renders, unless OpenGL reaches a GPU.
+    if (found.screen && !hasOpenGlGpu()) break;
+    try {
+      OpenedScreen opened = open(api, size, events, options, pick);
+      if (!found.screen || opened.backend != "cpu") {
+        found.screen.reset();  // before its window
+        found = std::move(opened);
+      }
+      if (found.backend != "cpu" || options.backend == Backend::cpu) break;
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::device) throw;
+      missing += (missing.empty() ? "" : "; ") + std::string(error.what());
+    }
+  }
+  if (!found.screen) throw Error(ErrorKind::device, missing);
+  return found;
 }
 
 // A column of the picture, as shares of its width, and where it goes.
@@ -18,18 +66,17 @@ PictureBlit column(const PictureImage& image, float begin, float end, PixelRect 
     return static_cast<int>(std::lround(share * static_cast<float>(width)));
   };
   const int from = at(begin, image.size.x), to = at(begin, area.size.x);
-  return {image.storage.handle(),
+  return {&image,
           {{from, 0}, {at(end, image.size.x) - from, image.size.y}},
           {{area.origin.x + to, area.origin.y}, {at(end, area.size.x) - to, area.size.y}}};
 }
 
 }  // namespace
 
-Graphics::Graphics(GLFWwindow* window, const ViewOptions& options)
-    : device(createWindowDevice(window, options)),
-      presenter(*device),
-      gui(window, *device, presenter),
-      pictures(*device, rendersOnCpu(*device, options.backend), glfwPostEmptyEvent) {}
+Graphics::Graphics(glm::ivec2 size, Events& events, const ViewOptions& options)
+    : opened(openScreen(size, events, options)),
+      gui(window(), screen()),
+      pictures(screen(), opened.backend, glfwPostEmptyEvent) {}
 
 std::vector<PictureBlit> layOut(const Picture& picture, const Comparison& how, PixelRect area) {
   const PictureImage& first = *picture.image;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything of a window that lives on a device, and where pictures lie in it.
+// A window with everything that lives on its device, and where pictures lie in it.
 #pragma once
 #include <memory>
 #include <vector>
@@ -7,17 +7,26 @@
 #include "viewer/glfw_window.h"
 #include "viewer/gui.h"
 #include "viewer/picture_thread.h"
-#include "viewer/presenter.h"
+#include "viewer/screen.h"
 
 namespace tg {
 
+struct OpenedScreen {
+  WindowPtr window;
+  std::unique_ptr<Screen> screen;  // first to end
+  std::string backend;             // what renders, as --backend has it
+};
+
 // Made anew as a whole when the device fails.
 struct Graphics {
-  // Throws Error(device).
-  Graphics(GLFWwindow* window, const ViewOptions& options);
+  // Opens a window of `size` for the first API that --backend and --device allow: one whose device is a GPU if there is
+  // any, else one that shows what the CPU renders. Throws Error: device, usage.
+  Graphics(glm::ivec2 size, Events& events, const ViewOptions& options);
 
-  std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device;
-  Presenter presenter;
+  GLFWwindow* window() const { return opened.window.get(); }
+  Screen& screen() const { return *opened.screen; }
+
+  OpenedScreen opened;
   Gui gui;
   PictureThread pictures;  // first to end
 };

@@ -3,8 +3,6 @@
 #include "viewer/gui.h"
 
 #include <GLFW/glfw3.h>
-#include <backends/imgui_impl_glfw.h>
-#include <backends/imgui_impl_vulkan.h>
 #include <imgui.h>
 
 #include <algorithm>
@@ -12,13 +10,10 @@
 #include <cmath>
 #include <filesystem>
 
-#include "render/vulkan/check.h"
-
 namespace tg {
 namespace {
 
-constexpr std::uint32_t kVertexBuffers = 2;  // the least that the backend accepts; one frame is in flight
-constexpr float kFontSize = 14.0f;           // [px] at scale 1
+constexpr float kFontSize = 14.0f;  // [px] at scale 1
 
 // The built-in font is a 13 px bitmap; a system's sans serif reads better and scales. Missing: the built-in one.
 constexpr std::array kFonts = {
@@ -96,72 +91,28 @@ void applyStyle(float scale) {
   style.ScaleAllSizes(scale);
 }
 
-void checkResult(VkResult result) { TG_VK(result); }
-
-void uploadFont(Presenter& presenter) {
-#if IMGUI_VERSION_NUM < 19000
-  ImGui_ImplVulkan_CreateFontsTexture(presenter.beginCommands());
-  presenter.submitAndWait();
-  ImGui_ImplVulkan_DestroyFontUploadObjects();
-#else
-  (void)presenter;  // the backend does it by itself
-#endif
-}
-
 }  // namespace
 
-Gui::Gui(GLFWwindow* window, VulkanDevice& device, Presenter& presenter) : device_(device) {
-  const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, 8};
-  VkDescriptorPoolCreateInfo pool{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO};
-  pool.flags = VK_DESCRIPTOR_POOL_CREATE_FREE_DESCRIPTOR_SET_BIT;
-  pool.maxSets = size.descriptorCount;
-  pool.poolSizeCount = 1;
-  pool.pPoolSizes = &size;
-  TG_VK(vkCreateDescriptorPool(device_.device, &pool, nullptr, &pool_));
-
+Gui::Gui(GLFWwindow* window, Screen& screen) : screen_(screen) {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
   ImGui::GetIO().IniFilename = nullptr;  // leaves no file in the user's folder
   const float scale = interfaceScale(window);
   loadFont(scale);
   applyStyle(scale);
-  ImGui_ImplGlfw_InitForVulkan(window, true);
-  ImGui_ImplVulkan_InitInfo info{};
-  info.Instance = device_.instance;
-  info.PhysicalDevice = device_.physical;
-  info.Device = device_.device;
-  info.QueueFamily = device_.queue_family;
-  info.Queue = device_.window_queue;
-  info.DescriptorPool = pool_;
-  info.MinImageCount = kVertexBuffers;
-  info.ImageCount = kVertexBuffers;
-  info.CheckVkResultFn = checkResult;
-#if IMGUI_VERSION_NUM < 19030
-  info.MSAASamples = VK_SAMPLE_COUNT_1_BIT;
-  ImGui_ImplVulkan_Init(&info, presenter.renderPass());
-#else
-  info.RenderPass = presenter.renderPass();
-  info.MSAASamples = VK_SAMPLE_COUNT_1_BIT;
-  ImGui_ImplVulkan_Init(&info);
-#endif
-  uploadFont(presenter);
+  screen_.startPanels();
 }
 
 Gui::~Gui() {
-  ImGui_ImplVulkan_Shutdown();
-  ImGui_ImplGlfw_Shutdown();
+  screen_.stopPanels();
   ImGui::DestroyContext();
-  vkDestroyDescriptorPool(device_.device, pool_, nullptr);
 }
 
 void Gui::beginFrame() {
-  ImGui_ImplVulkan_NewFrame();
-  ImGui_ImplGlfw_NewFrame();
+  screen_.beginPanels();
   ImGui::NewFrame();
 }
 
 void Gui::endFrame() { ImGui::Render(); }
-
-void Gui::record(VkCommandBuffer commands) { ImGui_ImplVulkan_RenderDrawData(ImGui::GetDrawData(), commands); }
 
 }  // namespace tg

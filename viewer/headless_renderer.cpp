@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses between Vulkan and the CPU.
+// Chooses between Vulkan, OpenGL and the CPU.
 #include "viewer/headless_renderer.h"
 
 #include <cstdio>
@@ -7,29 +7,75 @@
 #include "core/error.h"
 
 namespace tg {
+namespace {
+
+const char* title(Api api) { return api == Api::vulkan ? "Vulkan" : "OpenGL"; }
+
+std::string limitsText(const GpuLimits& limits) {
+  return "buffers to " + std::to_string(limits.storage_bytes >> 20) + " MiB, of texels to " +
+         std::to_string(limits.texel_elements) + " elements, images to " + std::to_string(limits.image_side) +
+         " px a side";
+}
+
+}  // namespace
+
+std::vector<Api> apisFor(const ViewOptions& options, const DevicePick& pick) {
+  if (options.backend == Backend::cpu) return {};
+  if (options.backend == Backend::automatic) return pick.api ? std::vector{*pick.api} : std::vector(kApis, kApis + 2);
+  const Api api = options.backend == Backend::vulkan ? Api::vulkan : Api::opengl;
+  if (pick.api && *pick.api != api) {
+    throw Error(ErrorKind::usage, "--device " + options.device + " is one of " + title(*pick.api) +
+                                      " (expected one of " + title(api) + " with --backend " + name(api) + ")");
+  }
+  return {api};
+}
 
 HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options) {
+  const DevicePick pick = pickDevice(options.device);
+  const bool asked = !pick.any() || options.validation || options.backend != Backend::automatic;
   HeadlessRenderer result;
-  const bool asked = !options.device.empty() || options.validation;  // for Vulkan, in other words
-  if (options.backend != Backend::cpu) {
+  std::string missing;
+  bool any = false;
+  for (const Api api : apisFor(options, pick)) {
     try {
-      VulkanOptions vulkan;
-      vulkan.validation = options.validation;
-      vulkan.device = options.device;
-      result.device = createVulkanDevice(vulkan);
-      const bool software = result.device->properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
-      if (!software || options.backend == Backend::vulkan || asked) {
-        result.renderer = makeVulkanRenderer(*result.device);
+      result.device = openDevice(api, {pick, options.validation});
+      any = true;
+      if (!result.device->software() || asked) {
+        result.renderer = result.device->makeRenderer();
+        result.backend = name(api);
         return result;
       }
     } catch (const Error& error) {
-      if (options.backend == Backend::vulkan || asked) throw;
-      std::fprintf(stderr, "tgview: no Vulkan (%s); rendering on the CPU\n", error.what());
+      if (error.kind != ErrorKind::device) throw;
+      missing += (missing.empty() ? "" : "; ") + std::string(error.what());
     }
     result.device.reset();
   }
+  if (!any && !missing.empty()) {
+    if (asked) throw Error(ErrorKind::device, missing);
+    std::fprintf(stderr, "tgview: no device (%s); rendering on the CPU\n", missing.c_str());
+  }
   result.renderer = makeCpuRenderer();
+  result.backend = "cpu";
   return result;
+}
+
+void printDevices() {
+  const std::vector<DeviceInfo> devices = listDevices();
+  for (std::size_t i = 0; i < devices.size(); ++i) {
+    const DeviceInfo& device = devices[i];
+    std::string line = device.api;
+    for (const std::string& part : {device.limits.device, device.version}) line += part.empty() ? "" : ", " + part;
+    if (device.missing.empty()) {
+      line += device.software ? ", on the CPU\n   " : ", on a GPU\n   ";
+      line += limitsText(device.limits);
+    } else {
+      line += device.limits.device.empty() ? ": " : ": not usable, it lacks ";
+      line += device.missing;
+    }
+    std::printf("%zu  %s\n", i, line.c_str());
+  }
+  std::printf("-  %s: always there, --backend cpu\n", makeCpuRenderer()->deviceName().c_str());
 }
 
 void printWarnings(const Scene& scene, const ViewOptions& options) {
@@ -39,9 +85,9 @@ void printWarnings(const Scene& scene, const ViewOptions& options) {
 }
 
 void requireNoValidationMessages(const HeadlessRenderer& backend) {
-  if (backend.device && !backend.device->validation_messages.empty()) {
-    throw Error(ErrorKind::device,
-                std::to_string(backend.device->validation_messages.size()) + " validation messages (expected none)");
+  const std::size_t messages = backend.device ? backend.device->messages().size() : 0;
+  if (messages > 0) {
+    throw Error(ErrorKind::device, std::to_string(messages) + " validation messages (expected none)");
   }
 }
 

@@ -2,24 +2,32 @@
 // The renderer of runs without a window.
 #pragma once
 #include <memory>
+#include <string>
+#include <vector>
 
-#include "render/vulkan/vulkan_renderer.h"
+#include "render/devices/devices.h"
 #include "viewer/options.h"
 
 namespace tg {
 
 // A renderer with the device it lives on; the device is destroyed last.
 struct HeadlessRenderer {
-  std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device{nullptr, [](VulkanDevice*) {}};
+  std::unique_ptr<OpenDevice> device;  // null: the CPU renderer
   std::unique_ptr<Renderer> renderer;
+  std::string backend;  // as --backend has it: what was chosen
 };
 
-// What --backend, --device and --validation ask for; says so on stderr when it must be the CPU for want of Vulkan.
-// Throws Error(device).
+// What --backend, --device and --validation ask for; says so on stderr when it must be the CPU for want of any
+// device. Throws Error(device).
 HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options);
 // The model's warnings, a line each, to stderr.
 void printWarnings(const Scene& scene, const ViewOptions& options);
-// Throws Error(device) when the validation layer has said anything.
+// Writes the devices of every API with their limits to stdout.
+void printDevices();
+// The APIs that --backend and --device leave, the first choice first; none for the CPU. Throws Error(usage) when they
+// contradict each other.
+std::vector<Api> apisFor(const ViewOptions& options, const DevicePick& pick);
+// Throws Error(device) when validation has said anything.
 void requireNoValidationMessages(const HeadlessRenderer& backend);
 
 }  // namespace tg

@@ -13,6 +13,7 @@
 #include "viewer/follow.h"
 #include "viewer/headless.h"
 #include "viewer/headless_compare.h"
+#include "viewer/headless_renderer.h"
 #include "viewer/inspector.h"
 #include "viewer/options.h"
 #include "viewer/record.h"
@@ -59,10 +60,19 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_option("--exposure", flags.exposure, "[stops] brighter or darker, of final and base");
   app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window");
   app.add_option("--background", flags.background, "r,g,b in [0,1], white or black instead of the model's own");
-  app.add_option("--backend", flags.backend, "auto, vulkan or cpu: what renders; auto is Vulkan on a GPU, else the CPU")
+  app.add_option("--backend", flags.backend,
+                 "auto, vulkan, opengl or cpu: what renders; auto is Vulkan or OpenGL on a GPU, else the CPU")
       ->capture_default_str();
-  app.add_option("--device", flags.view.device, "part of the name of the Vulkan device to use");
-  app.add_flag("--validation", flags.view.validation, "run under Vulkan's validation layer; messages are errors");
+  app.add_option("--device", flags.view.device, "number in --list-devices, or part of the name, of the device to use");
+  app.add_flag_callback(
+      "--list-devices",
+      [] {
+        tg::printDevices();
+        throw CLI::Success();
+      },
+      "print the devices of Vulkan and OpenGL with their limits and exit");
+  app.add_flag("--validation", flags.view.validation,
+               "run under Vulkan's validation layer or OpenGL's debug output; messages are errors");
   app.add_flag("--follow", flags.view.follow,
                "read the model again whenever it changes; model may be a run folder of tgtrain");
   app.add_option("-o,--output", flags.view.record,
@@ -95,8 +105,9 @@ void declare(CLI::App& app, Flags& flags) {
 tg::Backend parseBackend(const std::string& text) {
   if (text == "auto") return tg::Backend::automatic;
   if (text == "vulkan") return tg::Backend::vulkan;
+  if (text == "opengl") return tg::Backend::opengl;
   if (text == "cpu") return tg::Backend::cpu;
-  throw tg::Error(tg::ErrorKind::usage, "--backend: expected auto, vulkan or cpu, found \"" + text + "\"");
+  throw tg::Error(tg::ErrorKind::usage, "--backend: expected auto, vulkan, opengl or cpu, found \"" + text + "\"");
 }
 
 void parseSettings(Flags& flags) {

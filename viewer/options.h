@@ -16,9 +16,9 @@ constexpr std::int64_t kMaxFramePixels = std::int64_t{1} << 26;  // all outputs 
 
 constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
 
-// automatic: Vulkan on a GPU; the CPU renderer where Vulkan is missing or itself runs on the CPU (where it is far
-// slower).
-enum class Backend { automatic, vulkan, cpu };
+// automatic: Vulkan on a GPU, else OpenGL on a GPU, else the CPU renderer: where these run on the CPU themselves, they
+// are slower.
+enum class Backend { automatic, vulkan, opengl, cpu };
 
 // What the command line asks for, in a window or to a file.
 struct ViewOptions {
@@ -39,7 +39,7 @@ struct ViewOptions {
   std::optional<glm::ivec2> size;                 // default: the camera's
   std::optional<glm::vec3> background;            // default: the model's
   Backend backend = Backend::automatic;
-  std::string device;  // part of a Vulkan device's name
+  std::string device;  // a number of --list-devices, or part of a device's name
   bool validation = false;
   bool timings = false;                             // say how long it took from the start to the first pictures
   std::filesystem::path session;                    // keeps the window's state between runs; empty: nothing is kept

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a picture is drawn from, and what comes of it.
 #pragma once
-#include <vulkan/vulkan.h>
 #include <filesystem>
 #include <glm/glm.hpp>
 #include <memory>
@@ -12,8 +11,8 @@
 #include "core/camera.h"
 #include "core/model.h"
 #include "render/renderer.h"
-#include "render/vulkan/buffer.h"
 #include "viewer/metrics_thread.h"
+#include "viewer/screen.h"
 
 namespace tg {
 
@@ -40,14 +39,6 @@ struct PictureRequest {
 // Whether both yield the same picture.
 bool same(const PictureRequest& a, const PictureRequest& b);
 
-// RGBA8, layout GENERAL, all writes finished.
-struct PictureImage {
-  PictureImage(const VulkanDevice& device, glm::ivec2 size_)
-      : storage(device, static_cast<std::uint32_t>(size_.x), static_cast<std::uint32_t>(size_.y)), size(size_) {}
-  StorageImage storage;
-  glm::ivec2 size;  // [px]
-};
-
 struct Picture {
   PictureRequest request;
   std::shared_ptr<const PictureImage> image;
@@ -57,6 +48,7 @@ struct Picture {
   std::vector<PassTime> passes;
   double milliseconds = 0;  // wall time of all of it
   std::string device;       // what drew it
+  std::string backend;      // as --backend has it
 };
 
 }  // namespace tg

@@ -8,43 +8,12 @@
 #include <utility>
 
 #include "core/error.h"
-#include "core/parallel.h"
 
 namespace tg {
 namespace {
 
 constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and one to compare with or to go back to
 constexpr int kMaxGrowth = 8;             // repeats of a frame whose buffers were too small
-
-// Makes writes of `before` visible to `after` on the whole image and changes its layout.
-void barrier(VkCommandBuffer commands, VkImage image, VkImageLayout old_layout, VkPipelineStageFlags before,
-             VkAccessFlags written, VkImageLayout new_layout, VkPipelineStageFlags after, VkAccessFlags used) {
-  VkImageMemoryBarrier info{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER};
-  info.srcAccessMask = written;
-  info.dstAccessMask = used;
-  info.oldLayout = old_layout;
-  info.newLayout = new_layout;
-  info.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-  info.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-  info.image = image;
-  info.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
-  vkCmdPipelineBarrier(commands, before, after, 0, 0, nullptr, 0, nullptr, 1, &info);
-}
-
-constexpr VkPipelineStageFlags kTransfer = VK_PIPELINE_STAGE_TRANSFER_BIT;
-
-// The old contents may go.
-void beginWrite(VkCommandBuffer commands, VkImage image) {
-  barrier(commands, image, VK_IMAGE_LAYOUT_UNDEFINED, kTransfer, 0, VK_IMAGE_LAYOUT_GENERAL, kTransfer,
-          VK_ACCESS_TRANSFER_WRITE_BIT);
-}
-
-VkBufferImageCopy wholeCopy(glm::ivec2 size) {
-  VkBufferImageCopy copy{};
-  copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
-  copy.imageExtent = {static_cast<std::uint32_t>(size.x), static_cast<std::uint32_t>(size.y), 1};
-  return copy;
-}
 
 bool sameView(const Camera& a, const Camera& b) {
   return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
@@ -69,10 +38,11 @@ bool same(const PictureRequest& a, const PictureRequest& b) {
 struct PictureMaker::Loaded {
   std::shared_ptr<const GaussianModel> model;
   std::unique_ptr<Renderer> renderer;
-  VulkanRenderer* vulkan = nullptr;  // the same, where it is one
+  GpuRenderer* gpu = nullptr;  // the same, where it is one
 };
 
-PictureMaker::PictureMaker(VulkanDevice& device, bool cpu) : device_(device), cpu_(cpu), commands_(device) {}
+PictureMaker::PictureMaker(PictureDevice& device, std::string backend)
+    : device_(device), backend_(std::move(backend)) {}
 PictureMaker::~PictureMaker() = default;
 
 PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianModel>& model) {
@@ -86,12 +56,12 @@ PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianM
   while (loaded_.size() >= kModelsAtOnce) loaded_.pop_back();
   Loaded fresh;
   fresh.model = model;
-  if (cpu_) {
+  if (backend_ == "cpu") {
     fresh.renderer = makeCpuRenderer();
   } else {
-    std::unique_ptr<VulkanRenderer> vulkan = makeVulkanRenderer(device_);
-    fresh.vulkan = vulkan.get();
-    fresh.renderer = std::move(vulkan);
+    std::unique_ptr<GpuRenderer> gpu = device_.makeRenderer();
+    fresh.gpu = gpu.get();
+    fresh.renderer = std::move(gpu);
   }
   fresh.renderer->setModel(model);
   return loaded_.emplace_front(std::move(fresh));
@@ -103,7 +73,7 @@ std::shared_ptr<PictureImage> PictureMaker::freeImage(glm::ivec2 size) {
   const auto found = std::find_if(images_.begin(), images_.end(), unused);
   // The window's last use of the image came before it let go of it.
   std::atomic_thread_fence(std::memory_order_acquire);
-  return found != images_.end() ? *found : images_.emplace_back(std::make_shared<PictureImage>(device_, size));
+  return found != images_.end() ? *found : images_.emplace_back(device_.makeImage(size));
 }
 
 Picture PictureMaker::draw(const PictureRequest& request) {
@@ -117,6 +87,7 @@ Picture PictureMaker::draw(const PictureRequest& request) {
   picture.image = image;
   picture.passes = model.renderer->passTimes();
   picture.device = model.renderer->deviceName();
+  picture.backend = backend_;
   if (pair) {
     drawOther(request, picture, *pair);
     if (picture.other) picture.pair = pair;
@@ -145,85 +116,35 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
     ResampledPhotograph seen = resampled(photograph_, other.taken, request.camera, request.settings.background);
     pair.other = std::move(seen.image);
     pair.mask = std::move(seen.mask);
-    upload(pair.other, *image);
+    device_.upload(pair.other, *image);
   }
   picture.other = image;
   if (!other.difference) return;
   const std::shared_ptr<PictureImage> difference = freeImage(size);
-  upload(differenceOf(pair.first, pair.other, pair.mask, {.gain = other.gain, .with_sign = other.with_sign}),
-         *difference);
+  device_.upload(differenceOf(pair.first, pair.other, pair.mask, {.gain = other.gain, .with_sign = other.with_sign}),
+                 *difference);
   picture.difference = difference;
 }
 
-void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, const PictureImage& target, Image* pixels) {
-  if (loaded.vulkan) {
-    drawVulkan(loaded, request, target);
-    if (pixels) *pixels = download(target);
+void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target, Image* pixels) {
+  if (loaded.gpu) {
+    drawOnDevice(loaded, request, target);
+    if (pixels) *pixels = device_.download(target);
     return;
   }
   RenderSettings settings = request.settings;
   settings.outputs = {request.output};
   Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output, request.exposure);
-  upload(picture, target);
+  device_.upload(picture, target);
   if (pixels) *pixels = std::move(picture);
 }
 
-void PictureMaker::drawVulkan(Loaded& loaded, const PictureRequest& request, const PictureImage& target) {
-  bool complete = false;
-  for (int attempt = 0; !complete && attempt < kMaxGrowth; ++attempt) {
-    commands_.run([&](VkCommandBuffer commands) {
-      loaded.vulkan->record(commands, {request.camera, request.settings, request.output, request.exposure});
-      const VkImage drawn = loaded.vulkan->image();
-      barrier(commands, drawn, VK_IMAGE_LAYOUT_GENERAL, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-              VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
-      beginWrite(commands, target.storage.handle());
-      VkImageCopy copy{};
-      copy.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
-      copy.dstSubresource = copy.srcSubresource;
-      copy.extent = {static_cast<std::uint32_t>(target.size.x), static_cast<std::uint32_t>(target.size.y), 1};
-      vkCmdCopyImage(commands, drawn, VK_IMAGE_LAYOUT_GENERAL, target.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, 1,
-                     &copy);
-    });
-    complete = loaded.vulkan->finishFrame();
+void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
+  const FrameRequest frame{request.camera, request.settings, request.output, request.exposure};
+  for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
+    if (device_.draw(*loaded.gpu, frame, target)) return;
   }
-  if (!complete) throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
-}
-
-std::byte* PictureMaker::staging(glm::ivec2 size) {
-  const VkDeviceSize bytes = VkDeviceSize{4} * size.x * size.y;
-  if (staging_.size() < bytes) {
-    staging_ = {};  // the old one makes room
-    staging_ = Buffer(device_, "a picture on its way", bytes, Memory::host);
-  }
-  return staging_.data();
-}
-
-void PictureMaker::upload(const Image& picture, const PictureImage& target) {
-  auto* out = reinterpret_cast<std::uint8_t*>(staging(target.size));
-  parallelFor(picture.height, 16, [&](std::int64_t y) {
-    const std::size_t row = static_cast<std::size_t>(y) * picture.width;
-    for (std::size_t i = row; i < row + picture.width; ++i) {
-      for (int c = 0; c < 3; ++c) out[i * 4 + c] = static_cast<std::uint8_t>(picture.data[i * 3 + c] * 255.0f + 0.5f);
-      out[i * 4 + 3] = 255;
-    }
-  });
-  commands_.run([&](VkCommandBuffer commands) {
-    beginWrite(commands, target.storage.handle());
-    const VkBufferImageCopy copy = wholeCopy(target.size);
-    vkCmdCopyBufferToImage(commands, staging_.handle(), target.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, 1, &copy);
-  });
-}
-
-Image PictureMaker::download(const PictureImage& source) {
-  const std::byte* bytes = staging(source.size);
-  commands_.run([&](VkCommandBuffer commands) {
-    barrier(commands, source.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT,
-            VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
-    const VkBufferImageCopy copy = wholeCopy(source.size);
-    vkCmdCopyImageToBuffer(commands, source.storage.handle(), VK_IMAGE_LAYOUT_GENERAL, staging_.handle(), 1, &copy);
-    stageBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT);
-  });
-  return imageFromRgba8({bytes, std::size_t{4} * source.size.x * source.size.y}, source.size.x, source.size.y);
+  throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
 }
 
 }  // namespace tg

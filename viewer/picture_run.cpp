@@ -53,7 +53,7 @@ class BenchmarkRun final : public PictureRun {
       warm_ = true;
       benchmark_.load_ms = milliseconds(now - started_);
       benchmark_.device = picture.device;
-      benchmark_.backend = picture.device.starts_with("CPU") ? "cpu" : "vulkan";
+      benchmark_.backend = picture.backend;
     } else {
       benchmark_.frames.push_back({milliseconds(now - *asked_), processMilliseconds() - cpu_, picture.passes});
     }

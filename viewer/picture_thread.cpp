@@ -7,13 +7,12 @@
 #include <utility>
 
 #include "core/error.h"
-#include "render/vulkan/check.h"
 #include "viewer/picture_maker.h"
 
 namespace tg {
 
-PictureThread::PictureThread(VulkanDevice& device, bool cpu, std::function<void()> wake)
-    : device_(device), cpu_(cpu), wake_(std::move(wake)), thread_([this] { run(); }) {}
+PictureThread::PictureThread(Screen& screen, std::string backend, std::function<void()> wake)
+    : screen_(screen), backend_(std::move(backend)), wake_(std::move(wake)), thread_([this] { run(); }) {}
 
 PictureThread::~PictureThread() {
   {
@@ -54,6 +53,7 @@ PictureThread::News PictureThread::take() {
 }
 
 void PictureThread::run() {
+  std::unique_ptr<PictureDevice> device;
   std::unique_ptr<PictureMaker> maker;
   std::unique_lock lock(mutex_);
   for (;;) {
@@ -72,8 +72,9 @@ void PictureThread::run() {
       std::string reason;
       bool device_failed = true;
       try {
-        if (lose && !cpu_) TG_VK(VK_ERROR_DEVICE_LOST);
-        if (!maker) maker = std::make_unique<PictureMaker>(device_, cpu_);
+        if (lose && backend_ != "cpu") throw Error(ErrorKind::device, "device lost, as a script wants it");
+        if (!device) device = screen_.makePictureDevice();
+        if (!maker) maker = std::make_unique<PictureMaker>(*device, backend_);
         picture = std::make_shared<const Picture>(maker->draw(request));
         break;
       } catch (const std::bad_alloc&) {
@@ -85,11 +86,11 @@ void PictureThread::run() {
         reason = error.what();
       }
       maker.reset();  // whatever it held makes room
-      if (cpu_ || !device_failed) {
+      if (backend_ == "cpu" || !device_failed) {
         problem = "The picture cannot be drawn: " + reason;
         break;
       }
-      cpu_ = true;
+      backend_ = "cpu";
       problem = "The device failed, the CPU renders from here on: " + reason;
     }
 

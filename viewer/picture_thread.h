@@ -17,8 +17,9 @@ namespace tg {
 // with the CPU renderer and says so. All members may be called from one other thread, none of them waits for a picture.
 class PictureThread {
  public:
-  // `device` must outlive this and every picture. `wake` is called in this thread when there is news.
-  PictureThread(VulkanDevice& device, bool cpu, std::function<void()> wake);
+  // `screen` must outlive this and every picture. backend: as --backend has it. `wake` is called in this thread when
+  // there is news.
+  PictureThread(Screen& screen, std::string backend, std::function<void()> wake);
   // Waits for the picture at hand, drops the one asked for.
   ~PictureThread();
   PictureThread(const PictureThread&) = delete;
@@ -42,8 +43,8 @@ class PictureThread {
  private:
   void run();
 
-  VulkanDevice& device_;
-  bool cpu_;  // of the thread, once it runs
+  Screen& screen_;
+  std::string backend_;  // of the thread, once it runs
   const std::function<void()> wake_;
   mutable std::mutex mutex_;  // guards all below but the thread
   std::condition_variable changed_;

@@ -215,7 +215,7 @@ VkCommandBuffer Presenter::beginCommands() {
   return commands_;
 }
 
-void Presenter::recordPictures(std::span<const PictureBlit> pictures, glm::vec3 clear) {
+void Presenter::recordPictures(std::span<const ImageBlit> pictures, glm::vec3 clear) {
   const VkImage target = images_[index_];
   // The stage is the one that the acquire semaphore holds back.
   barrier(commands_, target, {kTransfer, 0, VK_IMAGE_LAYOUT_UNDEFINED},
@@ -223,7 +223,7 @@ void Presenter::recordPictures(std::span<const PictureBlit> pictures, glm::vec3 
   const VkClearColorValue color{{clear.r, clear.g, clear.b, 1.0f}};
   vkCmdClearColorImage(commands_, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &color, 1, &kColor);
   const Use cleared{kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL};
-  for (const PictureBlit& picture : pictures) {
+  for (const ImageBlit& picture : pictures) {
     barrier(commands_, target, cleared, cleared);
     // Written by another submission, perhaps of another queue, that a fence has told the end of.
     barrier(commands_, picture.image, {kTransfer, VK_ACCESS_MEMORY_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL},

@@ -13,7 +13,7 @@
 namespace tg {
 
 // A part of an image in layout GENERAL, whose writes have finished, and where in the window it goes.
-struct PictureBlit {
+struct ImageBlit {
   VkImage image;
   PixelRect from;
   PixelRect to;
@@ -36,7 +36,7 @@ class Presenter {
   bool acquire(glm::ivec2 framebuffer_size);
   VkCommandBuffer beginCommands();
   // Clears the window and scales the pictures into it, in their order.
-  void recordPictures(std::span<const PictureBlit> pictures, glm::vec3 clear);
+  void recordPictures(std::span<const ImageBlit> pictures, glm::vec3 clear);
   void beginPanels();  // render pass over what is there
   void endPanels();
   void submitAndWait();

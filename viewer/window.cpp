@@ -15,7 +15,6 @@
 
 #include "converter/file_format.h"
 #include "core/error.h"
-#include "render/vulkan/check.h"
 #include "viewer/actions.h"
 #include "viewer/captures.h"
 #include "viewer/comparison_control.h"
@@ -90,7 +89,7 @@ class Viewer {
   // The picture on screen is that of the present state at full size, or will never come.
   bool complete() const;
   void capture();
-  bool held(int key) const { return glfwGetKey(window_.get(), key) == GLFW_PRESS; }
+  bool held(int key) const { return glfwGetKey(graphics_->window(), key) == GLFW_PRESS; }
 
   ViewOptions options_;
   std::optional<Script> script_;
@@ -101,7 +100,6 @@ class Viewer {
   ComparisonControl comparison_;
   Glfw glfw_;
   Events events_;
-  WindowPtr window_;
   std::unique_ptr<Graphics> graphics_;
   ViewerState state_;
   FrameStatistics statistics_;
@@ -126,8 +124,7 @@ Viewer::Viewer(const ViewOptions& options)
           options, [this] { wake(); },
           [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }),
       comparison_(options, [this] { wake(); }),
-      window_(openWindow(session_.windowSize(), events_)),
-      graphics_(std::make_unique<Graphics>(window_.get(), options)),
+      graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options)),
       run_(options, started_, script_.has_value()) {
   awake_ = true;
   session_.start(state_);
@@ -144,16 +141,16 @@ void Viewer::setTitle() {
   const Scene& scene = state_.scene;
   std::string title = "tgview - " + (scene.path.empty() ? options_.model : scene.path).filename().string();
   if (!scene.training.empty()) title += " - " + scene.training;
-  glfwSetWindowTitle(window_.get(), title.c_str());
+  glfwSetWindowTitle(graphics_->window(), title.c_str());
 }
 
 void Viewer::run() {
-  while (!state_.quit && !glfwWindowShouldClose(window_.get())) {
+  while (!state_.quit && !glfwWindowShouldClose(graphics_->window())) {
     waitForEvents();
     glm::ivec2 pixels;
-    glfwGetFramebufferSize(window_.get(), &pixels.x, &pixels.y);
+    glfwGetFramebufferSize(graphics_->window(), &pixels.x, &pixels.y);
     bool visible = false;
-    if (!onDevice([&] { visible = graphics_->presenter.acquire(pixels); })) continue;
+    if (!onDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
     if (!visible) {
       glfwWaitEventsTimeout(0.1);
       continue;
@@ -171,7 +168,7 @@ void Viewer::run() {
     if (run_.update(state_, pictureArea().size)) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
-      if (const auto size = step(*script_, state_)) glfwSetWindowSize(window_.get(), size->x, size->y);
+      if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
     }
     if (state_.test.slow_picture > 0) graphics_->pictures.delay(std::exchange(state_.test.slow_picture, 0));
     if (std::exchange(state_.test.lose_renderer, false)) {
@@ -189,23 +186,24 @@ void Viewer::run() {
     askForPicture(moving);
     comparison_.measure(state_.compare, picture_.get(), complete());
     onDevice([&] {
-      if (std::exchange(state_.test.lose_window, false)) TG_VK(VK_ERROR_DEVICE_LOST);
+      if (std::exchange(state_.test.lose_window, false))
+        throw Error(ErrorKind::device, "device lost, as a script wants it");
       drawFrame();
       if ((complete() && !measuring()) || !capturing()) capture();
-      graphics_->presenter.present();
+      graphics_->screen().present();
     });
   }
   glm::ivec2 window;
-  glfwGetWindowSize(window_.get(), &window.x, &window.y);
+  glfwGetWindowSize(graphics_->window(), &window.x, &window.y);
   session_.keep(state_, window);
-  validation_messages_ += graphics_->device->validation_messages.size();
+  validation_messages_ += graphics_->screen().messages();
   if (validation_messages_ > 0) {
     throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
   }
 }
 
 // Runs what talks to the device outside of the picture thread. When that fails everything on the device is made anew,
-// with the CPU renderer; false then. Throws when it fails again.
+// the window, too, with the CPU renderer; false then. Throws when it fails again.
 bool Viewer::onDevice(const std::function<void()>& draw) {
   try {
     draw();
@@ -215,14 +213,20 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
     recovered_ = true;
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
   }
-  validation_messages_ += graphics_->device->validation_messages.size();
+  validation_messages_ += graphics_->screen().messages();
+  glm::ivec2 size, place;
+  glfwGetWindowSize(graphics_->window(), &size.x, &size.y);
+  glfwGetWindowPos(graphics_->window(), &place.x, &place.y);
   run_.forget();  // asked for again, of the new device
   picture_.reset();
   asked_.reset();
   graphics_.reset();
   ViewOptions options = options_;
   options.backend = Backend::cpu;
-  graphics_ = std::make_unique<Graphics>(window_.get(), options);
+  options.device.clear();
+  graphics_ = std::make_unique<Graphics>(size, events_, options);
+  glfwSetWindowPos(graphics_->window(), place.x, place.y);
+  setTitle();
   frames_since_event_ = 0;
   return false;
 }
@@ -259,7 +263,7 @@ void Viewer::waitForEvents() {
 
 PixelRect Viewer::pictureArea() const {
   const ImGuiIO& io = ImGui::GetIO();
-  const glm::ivec2 window = graphics_->presenter.size();
+  const glm::ivec2 window = graphics_->screen().size();
   const float panel = panelWidth(state_, io.DisplaySize.x) * io.DisplayFramebufferScale.x;
   PixelRect area;
   area.origin.x = std::min(static_cast<int>(std::ceil(panel)), window.x - 1);
@@ -436,8 +440,7 @@ void Viewer::takePicture() {
   if (!news.picture) return;
   picture_ = std::move(news.picture);
   const glm::ivec2 size = picture_->image->size;
-  const bool for_run =
-      run_.take(state_, *picture_, [&] { return graphics_->presenter.read(picture_->image->storage.handle(), size); });
+  const bool for_run = run_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
   if (for_run && !run_.active()) runEnded();
   statistics_.reduced = !for_run && size != wantedSize();
   if (!statistics_.reduced && !for_run) last_full_ms_ = picture_->milliseconds;
@@ -457,24 +460,19 @@ void Viewer::drawFrame() {
   const ImGuiIO& io = ImGui::GetIO();
   const glm::ivec2 laid_out(std::lround(io.DisplaySize.x * io.DisplayFramebufferScale.x),
                             std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
-  const VkCommandBuffer commands = graphics_->presenter.beginCommands();
   std::vector<PictureBlit> blits;
   if (picture_ && run_.active()) {
     const glm::ivec2 size = picture_->image->size;
-    blits.push_back({picture_->image->storage.handle(), {{0, 0}, size}, fittedInto(pictureArea(), size)});
+    blits.push_back({picture_->image.get(), {{0, 0}, size}, fittedInto(pictureArea(), size)});
   } else if (picture_) {
     blits = layOut(*picture_, state_.compare.how, pictureArea());
   }
-  graphics_->presenter.recordPictures(blits, kSurround);
-  graphics_->presenter.beginPanels();
-  if (laid_out == graphics_->presenter.size()) graphics_->gui.record(commands);
-  graphics_->presenter.endPanels();
-  graphics_->presenter.submitAndWait();
+  graphics_->screen().draw(blits, kSurround, laid_out == graphics_->screen().size());
 }
 
 void Viewer::capture() {
   try {
-    const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->presenter);
+    const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->screen());
     if (!saved.empty() && !script_) notify(state_, "Saved " + saved.string());  // a script's next one must not show it
   } catch (const Error& error) {
     if (script_) throw;

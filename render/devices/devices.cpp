@@ -25,20 +25,6 @@ DeviceInfo unusable(Api api, const std::string& problem) {
   return info;
 }
 
-std::vector<DeviceInfo> devicesOf(Api api) {
-  try {
-#ifdef TG_VULKAN
-    if (api == Api::vulkan) return listVulkanDevices();
-#endif
-#ifdef TG_OPENGL
-    if (api == Api::opengl) return listGlDevices();
-#endif
-  } catch (const Error& error) {
-    return {unusable(api, error.what())};
-  }
-  return {unusable(api, "this program was built without it")};
-}
-
 std::optional<std::size_t> numberOf(const std::string& device) {
   std::size_t number = 0;
   const auto [end, error] = std::from_chars(device.data(), device.data() + device.size(), number);
@@ -74,10 +60,24 @@ class OpenGl final : public OpenDevice {
 
 }  // namespace
 
+std::vector<DeviceInfo> listDevices(Api api) {
+  try {
+#ifdef TG_VULKAN
+    if (api == Api::vulkan) return listVulkanDevices();
+#endif
+#ifdef TG_OPENGL
+    if (api == Api::opengl) return listGlDevices();
+#endif
+  } catch (const Error& error) {
+    return {unusable(api, error.what())};
+  }
+  return {unusable(api, "this program was built without it")};
+}
+
 std::vector<DeviceInfo> listDevices() {
   std::vector<DeviceInfo> all;
   for (const Api api : kApis) {
-    for (DeviceInfo& info : devicesOf(api)) all.push_back(std::move(info));
+    for (DeviceInfo& info : listDevices(api)) all.push_back(std::move(info));
   }
   return all;
 }
@@ -87,7 +87,7 @@ DevicePick pickDevice(const std::string& device) {
   if (!number) return {std::nullopt, device, std::nullopt};
   std::size_t first = 0;
   for (const Api api : kApis) {
-    const std::size_t count = devicesOf(api).size();
+    const std::size_t count = listDevices(api).size();
     if (*number < first + count) return {api, {}, *number - first};
     first += count;
   }

@@ -45,5 +45,6 @@ std::unique_ptr<OpenDevice> openDevice(Api api, const OpenOptions& options);
 
 // Usable or not, those of Vulkan first. A driver that fails is an entry that says so.
 std::vector<DeviceInfo> listDevices();
+std::vector<DeviceInfo> listDevices(Api api);
 
 }  // namespace tg

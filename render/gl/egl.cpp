@@ -4,6 +4,7 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
+#include <functional>
 
 #include "core/error.h"
 #include "render/gl/context.h"
@@ -131,7 +132,7 @@ class CurrentContext {
   EGLSurface draw_ = EGL_NO_SURFACE, read_ = EGL_NO_SURFACE;
 };
 
-// All there are, usable or not, each name and version once.
+// All there are, usable or not, each name and version once; sources without a device only where there is no device.
 std::vector<Found> findDevices(const GlOptions& options) {
   std::vector<Found> found;
   for (const Source& source : sources()) {
@@ -150,6 +151,8 @@ std::vector<Found> findDevices(const GlOptions& options) {
     });
     if (!known) found.push_back(std::move(one));
   }
+  const auto named = [](const Found& one) { return !one.device->limits.device.empty(); };
+  if (std::any_of(found.begin(), found.end(), named)) std::erase_if(found, std::not_fn(named));
   return found;
 }
 
@@ -160,16 +163,14 @@ std::unique_ptr<GlDevice> createGlDevice(const GlOptions& options) {
   std::vector<Found> found = findDevices(options);
   std::string refused;
   Found* best = nullptr;
-  std::size_t usable = 0;  // number of the next one in listGlDevices()
-  for (Found& one : found) {
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    Found& one = found[i];
     const std::string& name = one.device->limits.device;
-    if (!one.missing.empty()) {
-      refused += "; " + (name.empty() ? one.source.name : "\"" + name + "\"") + " lacks " + one.missing;
-      continue;
-    }
-    const std::size_t number = usable++;
-    if (options.index ? number != *options.index : name.find(options.device) == std::string::npos) {
-      refused += "; \"" + name + "\" has another " + (options.index ? "number" : "name");
+    const std::string called = name.empty() ? one.source.name : "\"" + name + "\"";
+    if (options.index ? i != *options.index : name.find(options.device) == std::string::npos) {
+      refused += "; " + called + " has another " + (options.index ? "number" : "name");
+    } else if (!one.missing.empty()) {
+      refused += "; " + called + " lacks " + one.missing;
     } else if (!best || (best->device->software && !one.device->software)) {
       best = &one;
     }

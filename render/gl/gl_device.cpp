@@ -42,7 +42,10 @@ void GLAPIENTRY keepMessage(GLenum source, GLenum type, GLuint, GLenum severity,
   if (source == GL_DEBUG_SOURCE_SHADER_COMPILER && !error) return;
   auto* device = const_cast<GlDevice*>(static_cast<const GlDevice*>(user));
   const std::string said(message, length >= 0 ? static_cast<std::size_t>(length) : std::strlen(message));
-  device->debug_messages.push_back(said);
+  {
+    const std::lock_guard lock(device->messages_mutex);
+    device->debug_messages.push_back(said);
+  }
   std::fprintf(stderr, "opengl: %s\n", said.c_str());
 }
 

@@ -2,6 +2,7 @@
 // An OpenGL 4.5 core context with what it can do: headless through EGL, or a window's.
 #pragma once
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,6 +31,7 @@ struct GlDevice {
   std::uint32_t uniform_alignment = 256;    // [bytes] of an offset into a uniform buffer
   bool debug = false;                       // asked for and there
   std::vector<std::string> debug_messages;  // every error and warning, in order; tests demand none
+  mutable std::mutex messages_mutex;        // guards debug_messages where another thread looks at them
 };
 
 // Headless. Tries EGL without a surface, then EGL's devices, then its default display. Throws Error(device) that says

@@ -82,5 +82,7 @@ class GpuDevice {
 
 // The 3 colour channels.
 Image imageFromRgba8(std::span<const std::byte> pixels, int width, int height);
+// 3 channels in [0, 1], rounded; opaque. As many pixels as the image has.
+void toRgba8(const Image& image, std::span<std::byte> pixels);
 
 }  // namespace tg

@@ -11,6 +11,7 @@
 #include "viewer/compare.h"
 
 using namespace tg;
+using test::backendOr;
 using test::haveWindow;
 using test::kXServer;
 using test::ProcessResult;
@@ -25,7 +26,7 @@ ProcessResult play(const Workshop& shop, std::vector<std::string> arguments, con
   ProcessResult result = shop.tgview(arguments, kXServer);
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
-  CHECK(result.err.find("vulkan:") == std::string::npos);
+  CHECK(result.err.find(backendOr("vulkan") + ":") == std::string::npos);
   return result;
 }
 
@@ -45,7 +46,8 @@ double numberAfter(const std::string& text, const std::string& word) {
 
 }  // namespace
 
-TEST_CASE("several models are open at once: the one shown is what --render writes, and closing comes back") {
+TEST_CASE("several models are open at once: the one shown is what --render writes, and closing comes back",
+          "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
@@ -54,10 +56,10 @@ TEST_CASE("several models are open at once: the one shown is what --render write
   play(shop, {"a.tgz", "b.tgz", "c.ply"},
        "panel off\ndocument 1\npicture b.png\nkey PageUp\npicture a.png\nkey PageUp\nsave-camera c.json\n"
        "picture c.png\nclose-document 0\nkey Delete\npicture last.png\nopen a.tgz\npicture again.png\n",
-       "240x180", "vulkan");
+       "240x180", backendOr("vulkan"));
   const auto render = [&](const std::string& model, const std::string& camera) {
-    run(shop, {model, "--render", "render.png", "--backend", "vulkan", "--camera", camera, "--size", "240x180",
-               "--background", model == "c.ply" ? "black" : "white"});
+    run(shop, {model, "--render", "render.png", "--backend", backendOr("vulkan"), "--camera", camera, "--size",
+               "240x180", "--background", model == "c.ply" ? "black" : "white"});
     return shop.read("render.png");
   };
   CHECK(psnr(shop.read("a.png"), render("a.tgz", "1")) > 45);
@@ -67,7 +69,7 @@ TEST_CASE("several models are open at once: the one shown is what --render write
   CHECK(psnr(shop.read("again.png"), shop.read("a.png")) > 60);
 }
 
-TEST_CASE("the window answers while a large file is read, shows how far it is, and Esc stops it") {
+TEST_CASE("the window answers while a large file is read, shows how far it is, and Esc stops it", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
@@ -81,17 +83,17 @@ TEST_CASE("the window answers while a large file is read, shows how far it is, a
   CHECK(psnr(shop.read("large.png"), shop.read("after.png")) < 40);
 }
 
-TEST_CASE("the window ends cleanly while a file is read and a picture is drawn") {
+TEST_CASE("the window ends cleanly while a file is read and a picture is drawn", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   test::writeSample(shop / "large.tgz", 60'000);
-  for (const char* backend : {"vulkan", "cpu"}) {
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     play(shop, {"a.tgz"}, "orbit 30 5\nbegin-open large.tgz\norbit 10 0\n", "300x200", backend);
   }
 }
 
-TEST_CASE("a storm of sizes leaves the picture of the last one") {
+TEST_CASE("a storm of sizes leaves the picture of the last one", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
@@ -99,15 +101,17 @@ TEST_CASE("a storm of sizes leaves the picture of the last one") {
   for (int i = 0; i < 25; ++i) {
     storm += "size " + std::to_string(60 + 37 * (i * i % 17)) + "x" + std::to_string(50 + 29 * (i * 7 % 13)) + "\n";
   }
-  play(shop, {"a.tgz"}, storm + "size 260x200\nwindow window.png\npicture picture.png\n", "240x180", "vulkan");
-  run(shop, {"a.tgz", "--render", "render.png", "--backend", "vulkan", "--size", "260x200"});
+  play(shop, {"a.tgz"}, storm + "size 260x200\nwindow window.png\npicture picture.png\n", "240x180",
+       backendOr("vulkan"));
+  run(shop, {"a.tgz", "--render", "render.png", "--backend", backendOr("vulkan"), "--size", "260x200"});
   CHECK(psnr(shop.read("window.png"), shop.read("render.png")) > 45);
   CHECK(psnr(shop.read("picture.png"), shop.read("render.png")) > 45);
 }
 
-TEST_CASE("a comparison on screen is the one that --render writes, and both are two renderings put together") {
+TEST_CASE("a comparison on screen is the one that --render writes, and both are two renderings put together",
+          "[window]") {
   if (!haveWindow()) return;
-  for (const char* backend : {"vulkan", "cpu"}) {
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     INFO(backend);
     const Workshop shop;
     test::writeSample(shop / "a.tgz");
@@ -145,7 +149,7 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
   }
 }
 
-TEST_CASE("a model is compared with the photograph of its camera, found by name in a data set's folder") {
+TEST_CASE("a model is compared with the photograph of its camera, found by name in a data set's folder", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
@@ -172,7 +176,7 @@ TEST_CASE("a model is compared with the photograph of its camera, found by name 
   CHECK(shop.tgview({"a.tgz", "b.tgz", "--render", "out.png", "--backend", "cpu"}).exit_code == 1);
 }
 
-TEST_CASE("a lost device is a message, and the CPU draws the same picture") {
+TEST_CASE("a lost device is a message, and the CPU draws the same picture", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
@@ -182,7 +186,7 @@ TEST_CASE("a lost device is a message, and the CPU draws the same picture") {
     play(shop, {"a.tgz"},
          "panel off\nwait 2\npicture before.png\n" + verb + "\nwait 3\nwindow message.png\nkey Esc\n" +
              "window after.png\npicture picture.png\norbit 10 0\npicture turned.png\n",
-         "240x180", "vulkan");
+         "240x180", backendOr("vulkan"));
     CHECK(psnr(shop.read("before.png"), shop.read("render.png")) > 45);
     CHECK(psnr(shop.read("message.png"), shop.read("render.png")) < 40);
     CHECK(psnr(shop.read("after.png"), shop.read("render.png")) > 60);
@@ -191,7 +195,7 @@ TEST_CASE("a lost device is a message, and the CPU draws the same picture") {
   }
 }
 
-TEST_CASE("timings say how fast the file and the first pictures came") {
+TEST_CASE("timings say how fast the file and the first pictures came", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "a.tgz");

@@ -11,6 +11,7 @@
 #include "support/catch.h"
 
 using namespace tg;
+using test::backendOr;
 using test::haveWindow;
 using test::ProcessResult;
 using test::Workshop;
@@ -30,7 +31,8 @@ void play(const Workshop& shop, const std::string& script, const std::string& ha
   std::filesystem::copy(TG_DRIVER, shop / "driver.sh");
   shop.write("hand.sh", hand);
   shop.write("script.txt", "panel off\nwait 3\nwindow ready.png\n" + script);
-  models.insert(models.end(), {"--script", "script.txt", "--size", "640x480", "--backend", "cpu", "--validation"});
+  models.insert(models.end(),
+                {"--script", "script.txt", "--size", "640x480", "--backend", backendOr("cpu"), "--validation"});
   std::vector<std::string> prefix = test::kXServer;
   prefix.insert(prefix.end(), {"sh", "driver.sh"});
   const ProcessResult result = shop.tgview(models, prefix);
@@ -40,7 +42,7 @@ void play(const Workshop& shop, const std::string& script, const std::string& ha
 
 }  // namespace
 
-TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the camera") {
+TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the camera", "[window]") {
   if (!haveHand()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -57,7 +59,7 @@ TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the ca
   CHECK(before.camera_from_world_translation != after.camera_from_world_translation);
 }
 
-TEST_CASE("the keyboard, the wheel and a click act as the help says") {
+TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]") {
   if (!haveHand()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -79,7 +81,7 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says") {
   CHECK(changed > 100);
 }
 
-TEST_CASE("a window that was minimised and hidden comes back with its picture") {
+TEST_CASE("a window that was minimised and hidden comes back with its picture", "[window]") {
   if (!haveHand()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -92,7 +94,7 @@ TEST_CASE("a window that was minimised and hidden comes back with its picture") 
   CHECK(psnr(shop.read("mapped.png"), shop.read("minimised.png")) < 30);
 }
 
-TEST_CASE("the panels answer while a picture takes seconds") {
+TEST_CASE("the panels answer while a picture takes seconds", "[window]") {
   if (!haveHand()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");

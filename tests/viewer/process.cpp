@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
@@ -13,7 +14,7 @@
 
 #include "core/bundle.h"
 #include "core/error.h"
-#include "render/vulkan/vulkan_renderer.h"
+#include "render/devices/devices.h"
 #include "support/scenes.h"
 
 namespace tg::test {
@@ -93,16 +94,28 @@ bool haveXServer() {
   return false;
 }
 
-bool haveVulkan() {
-  try {
-    createVulkanDevice({});
-    return true;
-  } catch (const Error& error) {
-    std::cout << "skipped: " << error.what() << "\n";
-    return false;
+std::vector<std::string> deviceBackends() {
+  std::vector<std::string> names;
+  for (const Api api : kApis) {
+    try {
+      openDevice(api, {});
+      names.emplace_back(name(api));
+    } catch (const Error& error) {
+      std::cout << "skipped: " << error.what() << "\n";
+    }
   }
+  return names;
 }
 
-bool haveWindow() { return haveXServer() && haveVulkan(); }
+std::string backendOr(const std::string& usual) {
+  const char* named = std::getenv("TG_TEST_BACKEND");
+  return named ? named : usual;
+}
+
+bool haveWindow() {
+  if (!haveXServer()) return false;
+  const std::vector<std::string> names = deviceBackends();
+  return std::find(names.begin(), names.end(), backendOr("vulkan")) != names.end();
+}
 
 }  // namespace tg::test

@@ -42,9 +42,11 @@ void writeSample(const std::filesystem::path& path, int gaussians = 400, const s
 
 // Whether windows can be opened on a virtual screen; says why not.
 bool haveXServer();
-// Whether a Vulkan device is there; says why not, once.
-bool haveVulkan();
-// Both: the window tests run.
+// Those of "vulkan" and "opengl" that have a device; says why the others have none.
+std::vector<std::string> deviceBackends();
+// The backend that a test of windows runs on: what the environment names as TG_TEST_BACKEND, else `usual`.
+std::string backendOr(const std::string& usual);
+// Whether a window can be opened and has a device for that.
 bool haveWindow();
 
 // The prefix of Workshop::tgview() that gives it a screen.

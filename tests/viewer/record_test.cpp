@@ -139,8 +139,8 @@ TEST_CASE("the flag --benchmark prints medians, percentiles and passes as JSON, 
              formatPath(pathOf(std::vector<Camera>{lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 96, 72),
                                                    lookAt({3, -1, -2}, {0, 0, 0}, {0, -1, 0}, 0.6, 96, 72)},
                                1, "")));
-  std::vector<std::string> backends = {"cpu"};
-  if (test::haveVulkan()) backends.push_back("vulkan");
+  std::vector<std::string> backends = test::deviceBackends();
+  backends.emplace_back("cpu");
   for (const std::string& backend : backends) {
     INFO(backend);
     const ProcessResult result =

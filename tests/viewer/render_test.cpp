@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <sstream>
 
 #include "core/bundle.h"
 #include "core/metrics.h"
@@ -67,30 +68,33 @@ TEST_CASE("the flag --render writes every output of the first test camera") {
   }
 }
 
-TEST_CASE("Vulkan and CPU render the same pictures") {
-  if (!test::haveVulkan()) return;
+TEST_CASE("Vulkan, OpenGL and CPU render the same pictures") {
+  const std::vector<std::string> devices = test::deviceBackends();
+  std::vector<std::string> backends = devices;
+  backends.emplace_back("cpu");
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   for (const Output output : kOutputs) {
     const std::string show(name(output));
     INFO(show);
-    for (const char* backend : {"cpu", "vulkan"}) {
-      const ProcessResult result = shop.tgview({"model.tgz", "--render", std::string(backend) + ".png", "--show", show,
-                                                "--backend", backend, "--size", "160x120"});
+    for (const std::string& backend : backends) {
+      const ProcessResult result = shop.tgview(
+          {"model.tgz", "--render", backend + ".png", "--show", show, "--backend", backend, "--size", "160x120"});
       INFO(result.err);
       REQUIRE(result.exit_code == 0);
     }
-    CHECK(psnr(shop.read("vulkan.png"), shop.read("cpu.png")) > 45);
+    for (const std::string& device : devices) CHECK(psnr(shop.read(device + ".png"), shop.read("cpu.png")) > 45);
   }
 }
 
 TEST_CASE("the flag --render under validation: no message") {
-  if (!test::haveVulkan()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  const ProcessResult result = shop.tgview({"model.tgz", "--render", "a.png", "--backend", "vulkan", "--validation"});
-  CHECK(result.err == "");
-  CHECK(result.exit_code == 0);
+  for (const std::string& backend : test::deviceBackends()) {
+    const ProcessResult result = shop.tgview({"model.tgz", "--render", "a.png", "--backend", backend, "--validation"});
+    CHECK(result.err == "");
+    CHECK(result.exit_code == 0);
+  }
 }
 
 TEST_CASE("texture terms, intersection, background, camera and size change the picture as they say") {
@@ -106,7 +110,11 @@ TEST_CASE("texture terms, intersection, background, camera and size change the p
   };
   const auto expected = [&bundle](int camera, TextureMode textures, std::optional<IntersectionModel> intersection,
                                   glm::vec3 background) {
-    return visualize(cpuFrame(bundle, camera, {textures, intersection, background}), Output::final);
+    RenderSettings settings;
+    settings.textures = textures;
+    settings.intersection = intersection;
+    settings.background = background;
+    return visualize(cpuFrame(bundle, camera, settings), Output::final);
   };
   const glm::vec3 white(1.0f);
   CHECK(std::isinf(psnr8Bit(render({"--textures", "off"}), expected(1, TextureMode::none, {}, white))));
@@ -152,17 +160,48 @@ TEST_CASE("a model without cameras is shown whole") {
   CHECK(sum / static_cast<double>(image.data.size()) > 0.1);
 }
 
-TEST_CASE("without Vulkan: auto says so once and uses the CPU, vulkan fails") {
+TEST_CASE("the list of devices names each with its limits, and --device takes its number") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  const std::vector<std::string> no_driver = {"VK_DRIVER_FILES=/nonexistent.json",
-                                              "VK_ICD_FILENAMES=/nonexistent.json"};
+  const ProcessResult list = shop.tgview({"--list-devices"});
+  INFO(list.out << list.err);
+  CHECK(list.exit_code == 0);
+  CHECK(contains(list.out, "--backend cpu"));
+  std::istringstream lines(list.out);
+  int numbered = 0, used = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (!contains(line, std::to_string(numbered) + "  ")) continue;
+    const std::string number = std::to_string(numbered++);
+    const bool usable = contains(line, ", on the CPU") || contains(line, ", on a GPU");
+    const ProcessResult shot = shop.tgview({"model.tgz", "--render", "a.png", "--device", number, "--validation"});
+    INFO(number << ": " << line << shot.err);
+    CHECK(shot.exit_code == (usable ? 0 : 5));
+    const std::string other = contains(line, "Vulkan") ? "opengl" : "vulkan";
+    CHECK(shop.tgview({"model.tgz", "--render", "a.png", "--device", number, "--backend", other}).exit_code == 1);
+    if (!usable) continue;
+    ++used;
+    std::getline(lines, line);
+    CHECK(contains(line, "MiB"));
+  }
+  CHECK(numbered >= 2);
+  CHECK(shop.tgview({"model.tgz", "--render", "a.png", "--device", "99"}).exit_code == 1);
+  if (used > 0) CHECK(std::filesystem::exists(shop / "a.png"));
+}
+
+TEST_CASE("without any device: auto says so once and uses the CPU, vulkan and opengl fail") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const std::vector<std::string> no_driver = {"VK_DRIVER_FILES=/nonexistent.json", "VK_ICD_FILENAMES=/nonexistent.json",
+                                              "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent.json"};
   const ProcessResult automatic = shop.tgview({"model.tgz", "--render", "a.png"}, no_driver);
   CHECK(automatic.exit_code == 0);
   CHECK(std::count(automatic.err.begin(), automatic.err.end(), '\n') == 1);
   CHECK(contains(automatic.err, "rendering on the CPU"));
-  const ProcessResult vulkan = shop.tgview({"model.tgz", "--render", "b.png", "--backend", "vulkan"}, no_driver);
-  CHECK(vulkan.exit_code == 5);
+  for (const char* backend : {"vulkan", "opengl"}) {
+    const ProcessResult asked = shop.tgview({"model.tgz", "--render", "b.png", "--backend", backend}, no_driver);
+    INFO(asked.err);
+    CHECK(asked.exit_code == 5);
+  }
   CHECK_FALSE(std::filesystem::exists(shop / "b.png"));
   const ProcessResult device = shop.tgview({"model.tgz", "--render", "b.png", "--device", "no such device"});
   CHECK(device.exit_code == 5);

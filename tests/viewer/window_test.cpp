@@ -15,6 +15,7 @@
 #include "viewer/session.h"
 
 using namespace tg;
+using test::backendOr;
 using test::haveWindow;
 using test::kXServer;
 using test::ProcessResult;
@@ -24,17 +25,17 @@ namespace {
 
 // Runs a script in a window, under validation.
 void play(const Workshop& shop, const std::string& script, const std::string& size,
-          const std::string& backend = "vulkan") {
+          const std::string& backend = backendOr("vulkan")) {
   shop.write("script.txt", script);
   const ProcessResult result = shop.tgview(
       {"model.tgz", "--script", "script.txt", "--size", size, "--backend", backend, "--validation"}, kXServer);
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
-  CHECK(result.err.find("vulkan:") == std::string::npos);
+  CHECK(result.err.find(backendOr("vulkan") + ":") == std::string::npos);
 }
 
 Image render(const Workshop& shop, std::vector<std::string> flags) {
-  flags.insert(flags.begin(), {"model.tgz", "--render", "render.png", "--backend", "vulkan"});
+  flags.insert(flags.begin(), {"model.tgz", "--render", "render.png", "--backend", backendOr("vulkan")});
   const ProcessResult result = shop.tgview(flags);
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
@@ -43,7 +44,7 @@ Image render(const Workshop& shop, std::vector<std::string> flags) {
 
 }  // namespace
 
-TEST_CASE("the window shows every output as --render writes it, before and after a resize") {
+TEST_CASE("the window shows every output as --render writes it, before and after a resize", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -68,7 +69,7 @@ TEST_CASE("the window shows every output as --render writes it, before and after
   CHECK(psnr(resized, shop.read("picture.png")) > 60);
 }
 
-TEST_CASE("the panel lies beside the picture and never changes it") {
+TEST_CASE("the panel lies beside the picture and never changes it", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -91,7 +92,7 @@ TEST_CASE("the panel lies beside the picture and never changes it") {
   CHECK(worst == 0);
 }
 
-TEST_CASE("the CPU's pictures reach the window unchanged") {
+TEST_CASE("the CPU's pictures reach the window unchanged", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -103,7 +104,31 @@ TEST_CASE("the CPU's pictures reach the window unchanged") {
   CHECK(psnr(shop.read("picture.png"), shop.read("render.png")) > 60);
 }
 
-TEST_CASE("a broken file shows an error and leaves the old model, a good one replaces it") {
+TEST_CASE("without Vulkan a window opens on OpenGL, on the device that draws windows") {
+  const std::vector<std::string> devices = test::deviceBackends();
+  if (!test::haveXServer() || std::find(devices.begin(), devices.end(), "opengl") == devices.end()) return;
+  std::vector<std::string> no_vulkan = {"VK_DRIVER_FILES=/nonexistent.json", "VK_ICD_FILENAMES=/nonexistent.json"};
+  no_vulkan.insert(no_vulkan.end(), kXServer.begin(), kXServer.end());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "panel off\nwait 2\npicture picture.png\n");
+  const auto window = [&](const std::vector<std::string>& flags) {
+    std::vector<std::string> all = {"model.tgz", "--script", "script.txt", "--size", "240x180"};
+    all.insert(all.end(), flags.begin(), flags.end());
+    return shop.tgview(all, no_vulkan);
+  };
+  const ProcessResult automatic = window({});
+  INFO(automatic.err);
+  REQUIRE(automatic.exit_code == 0);
+  CHECK(shop.tgview({"model.tgz", "--render", "cpu.png", "--size", "240x180", "--backend", "cpu"}).exit_code == 0);
+  CHECK(psnr(shop.read("picture.png"), shop.read("cpu.png")) > 45);
+  CHECK(window({"--backend", "vulkan"}).exit_code == 5);
+  const ProcessResult refused = window({"--backend", "opengl", "--device", "no such device"});
+  CHECK(refused.exit_code == 5);
+  CHECK_THAT(refused.err, Catch::Contains("lets OpenGL draw on") && Catch::Contains("expected \"no such device\""));
+}
+
+TEST_CASE("a broken file shows an error and leaves the old model, a good one replaces it", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -123,9 +148,10 @@ TEST_CASE("a broken file shows an error and leaves the old model, a good one rep
   CHECK(psnr(shop.read("plain.png"), shop.read("textured.png")) > 45);
 }
 
-TEST_CASE("a followed run folder is waited for, shown, and shown again from the same camera when it changes") {
+TEST_CASE("a followed run folder is waited for, shown, and shown again from the same camera when it changes",
+          "[window]") {
   if (!haveWindow()) return;
-  for (const char* backend : {"vulkan", "cpu"}) {
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     const Workshop shop;
     shop.write("script.txt",
                "wait 3\nwindow waiting.png\nawait 1\norbit 20 -10\nsave-camera camera.json\npicture first.png\n"
@@ -152,7 +178,7 @@ TEST_CASE("a followed run folder is waited for, shown, and shown again from the 
     trainer.join();
     INFO(result.err);
     REQUIRE(result.exit_code == 0);
-    CHECK(result.err.find("vulkan:") == std::string::npos);
+    CHECK(result.err.find(backendOr("vulkan") + ":") == std::string::npos);
     const Image second = shop.read("second.png");
     CHECK(psnr(second, render(shop, {"--camera", "camera.json"})) > 45);
     CHECK(psnr(second, shop.read("first.png")) < 45);
@@ -176,7 +202,7 @@ TEST_CASE("without a display, a followed model is rendered whenever it changes, 
   CHECK_THAT(result.out, Catch::Contains("90 Gaussians") && Catch::Contains("plain 9"));
 }
 
-TEST_CASE("every way of drawing is the same in the window and by its flags") {
+TEST_CASE("every way of drawing is the same in the window and by its flags", "[window]") {
   if (!haveWindow()) return;
   const std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
       {"sort per-pixel", {"--sort", "per-pixel"}},
@@ -203,7 +229,7 @@ TEST_CASE("every way of drawing is the same in the window and by its flags") {
     REQUIRE(result.exit_code == 0);
     return shop.read("render.png");
   };
-  for (const std::string backend : {"cpu", "vulkan"}) {
+  for (const std::string& backend : {std::string("cpu"), backendOr("vulkan")}) {
     std::size_t number = 0;
     for (const auto& [command, flags] : cases) {
       const std::string name = std::to_string(number++) + ".png";
@@ -214,7 +240,7 @@ TEST_CASE("every way of drawing is the same in the window and by its flags") {
   }
 }
 
-TEST_CASE("the picture's resolution follows the state, the window's does not") {
+TEST_CASE("the picture's resolution follows the state, the window's does not", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -224,7 +250,7 @@ TEST_CASE("the picture's resolution follows the state, the window's does not") {
   CHECK(psnr(shop.read("half.png"), render(shop, {"--size", "120x90"})) > 45);
 }
 
-TEST_CASE("bookmarks, up axes and key frames in the window are cameras elsewhere") {
+TEST_CASE("bookmarks, up axes and key frames in the window are cameras elsewhere", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -236,15 +262,15 @@ TEST_CASE("bookmarks, up axes and key frames in the window are cameras elsewhere
        "240x180");
   CHECK(psnr(shop.read("marked.png"), shop.read("away.png")) < 40);
   CHECK(psnr(shop.read("marked.png"), render(shop, {"--camera", "marks.json", "--size", "240x180"})) > 45);
-  const ProcessResult result = shop.tgview(
-      {"model.tgz", "--path", "path.json", "--fps", "1", "-o", "f/#.png", "--size", "240x180", "--backend", "vulkan"});
+  const ProcessResult result = shop.tgview({"model.tgz", "--path", "path.json", "--fps", "1", "-o", "f/#.png", "--size",
+                                            "240x180", "--backend", backendOr("vulkan")});
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
   CHECK(psnr(shop.read("middle.png"), shop.read("f/1.png")) > 45);
   CHECK(psnr(shop.read("end.png"), shop.read("f/2.png")) > 45);
 }
 
-TEST_CASE("the turntable turns and the path plays while the window lives") {
+TEST_CASE("the turntable turns and the path plays while the window lives", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -257,9 +283,9 @@ TEST_CASE("the turntable turns and the path plays while the window lives") {
   CHECK(psnr(shop.read("played.png"), shop.read("end.png")) > 60);
 }
 
-TEST_CASE("a recording in the window is the recording without one, and can be cancelled") {
+TEST_CASE("a recording in the window is the recording without one, and can be cancelled", "[window]") {
   if (!haveWindow()) return;
-  for (const char* backend : {"vulkan", "cpu"}) {
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     const Workshop shop;
     test::writeSample(shop / "model.tgz");
     play(shop,
@@ -281,7 +307,7 @@ TEST_CASE("a recording in the window is the recording without one, and can be ca
   }
 }
 
-TEST_CASE("inspecting draws the picked Gaussian's square, alone only that, and clearing takes both back") {
+TEST_CASE("inspecting draws the picked Gaussian's square, alone only that, and clearing takes both back", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -314,12 +340,12 @@ TEST_CASE("the inspector prints a pixel whose colour is the picture's") {
   CHECK(shop.tgview({"none.tgz", "--inspect", "1,1"}).exit_code == 2);
 }
 
-TEST_CASE("the flag --benchmark in a window times what is shown there") {
+TEST_CASE("the flag --benchmark in a window times what is shown there", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   shop.write("path.json", formatCameras({test::trainedLikeCamera(96, 72), test::trainedLikeCamera(96, 72)}));
-  for (const char* backend : {"vulkan", "cpu"}) {
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     const ProcessResult result = shop.tgview({"model.tgz", "--benchmark", "path.json", "--window", "--fps", "4",
                                               "--size", "700x300", "--backend", backend, "--validation"},
                                              kXServer);
@@ -336,7 +362,8 @@ TEST_CASE("the flag --benchmark in a window times what is shown there") {
   }
 }
 
-TEST_CASE("a session keeps size, page, output, recent files and bookmarks, a broken one is replaced with a word") {
+TEST_CASE("a session keeps size, page, output, recent files and bookmarks, a broken one is replaced with a word",
+          "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -371,7 +398,7 @@ TEST_CASE("a session keeps size, page, output, recent files and bookmarks, a bro
   CHECK(plain.err.empty());
 }
 
-TEST_CASE("a path given to the window, or dropped on it, is there to be played") {
+TEST_CASE("a path given to the window, or dropped on it, is there to be played", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -388,7 +415,7 @@ TEST_CASE("a path given to the window, or dropped on it, is there to be played")
   CHECK(psnr(shop.read("end.png"), shop.read("given.png")) > 45);
 }
 
-TEST_CASE("a script that is wrong or cannot write ends with its exit code") {
+TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[window]") {
   if (!haveWindow()) return;
   const Workshop shop;
   test::writeSample(shop / "model.tgz");

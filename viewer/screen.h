@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// A window's device as the viewer sees it, whatever its API: images, what draws into them, and what shows them.
+#pragma once
+#include <glm/glm.hpp>
+#include <memory>
+#include <span>
+
+#include "core/image.h"
+#include "render/devices/devices.h"
+#include "viewer/options.h"
+#include "viewer/pixel_rect.h"
+
+struct GLFWwindow;
+
+namespace tg {
+
+// RGBA8 on the device, all writes finished.
+class PictureImage {
+ public:
+  virtual ~PictureImage() = default;
+  const glm::ivec2 size;  // [px]
+
+ protected:
+  explicit PictureImage(glm::ivec2 s) : size(s) {}
+};
+
+// A part of an image and where in the window it goes.
+struct PictureBlit {
+  const PictureImage* image;
+  PixelRect from;
+  PixelRect to;
+};
+
+// Makes pictures, in the thread that called Screen::makePictureDevice(), which also destroys it. Images may be
+// destroyed in the window's thread, too. Throws Error(device), std::bad_alloc.
+class PictureDevice {
+ public:
+  virtual ~PictureDevice() = default;
+  virtual std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) = 0;
+  virtual std::unique_ptr<GpuRenderer> makeRenderer() = 0;
+  // One of its renderers into an image of the request's size; returns as GpuRenderer::draw().
+  virtual bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target) = 0;
+  virtual void upload(const Image& picture, PictureImage& target) = 0;  // 3 channels in [0, 1]
+  virtual Image download(const PictureImage& source) = 0;               // 3 channels
+};
+
+// One frame in flight: pictures come from another thread, so that a frame is a few copies and the panels. Use: acquire,
+// draw, read, present. All but the first three members belong to the window's thread.
+class Screen {
+ public:
+  virtual ~Screen() = default;
+  virtual bool software() const = 0;
+  virtual std::size_t messages() const = 0;  // of validation, so far
+  virtual std::unique_ptr<PictureDevice> makePictureDevice() = 0;
+
+  virtual glm::ivec2 size() const = 0;  // [px]
+  // False: the window shows nothing now (minimised); try again later.
+  virtual bool acquire(glm::ivec2 framebuffer_size) = 0;
+  // Clears the window, scales the pictures into it, in their order, and draws what ImGui::Render() left over them when
+  // `panels`.
+  virtual void draw(std::span<const PictureBlit> pictures, glm::vec3 clear, bool panels) = 0;
+  virtual Image read(const PictureImage& image) = 0;
+  // All that is on screen, between draw and present. Throws Error(device) where the window system forbids it.
+  virtual Image readWindow() = 0;
+  virtual void present() = 0;
+
+  // Dear ImGui's back ends: once its context is there, at the start of a frame, before the context goes.
+  virtual void startPanels() = 0;
+  virtual void beginPanels() = 0;
+  virtual void stopPanels() = 0;
+};
+
+// For a window made for that API. Throw Error(device). Which device draws an OpenGL window is the window system's
+// choice: another one than was picked is refused.
+std::unique_ptr<Screen> makeVulkanScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick);
+std::unique_ptr<Screen> makeGlScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick);
+
+}  // namespace tg
