@@ -35,7 +35,8 @@ using namespace tg;
 
 struct Options {
   std::string model, backend = "vulkan", size, output = "final", textures, cameras, device, json, picture;
-  std::string mode = "rgba", intersection;
+  std::string mode = "rgba", intersection, order = "global";
+  bool exact = false;
   int frames = 9, threads = 0, reference_pixels = 1000, camera = 0;
 };
 
@@ -228,6 +229,7 @@ void run(const Options& options) {
     }
     const std::unique_ptr<OpenDevice> device = openDevice(*api, {pickDevice(options.device), false});
     const std::unique_ptr<GpuRenderer> renderer = device->makeRenderer();
+    renderer->setPrecision(options.exact ? ModelPrecision::exact : ModelPrecision::compact);
     renderer->setModel(loaded.model);
     times = measure(*renderer, options.frames, [&] {
       while (!renderer->draw({camera, settings, output})) {
@@ -291,6 +293,8 @@ int main(int argc, char** argv) {
   app.add_option("--frames", options.frames, "frames to time, after two that warm up")->check(CLI::Range(1, 10000));
   app.add_option("--output", options.output, "the output to show, as tgview --show");
   app.add_option("--textures", options.textures, "give every Gaussian random RGBA textures of WIDTHxHEIGHT texels");
+  app.add_flag("--exact", options.exact, "on a GPU, the model in full precision instead of the window's");
+  app.add_option("--order", options.order, "order of splats: global or perPixel");
   app.add_option("--mode", options.mode, "texture terms to apply: none, alpha, rgb, rgba");
   app.add_option("--intersection", options.intersection, "plane or maxResponse (default: the model's)");
   app.add_option("--reference-pixels", options.reference_pixels, "pixels to compare with the reference, 0 = none")

@@ -12,6 +12,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "pass.glsl"
 #include "shared/splat.h"
+#include "shared/texels.h"
 #include "shared/texture.h"
 
 layout(local_size_x_id = 1) in;
@@ -21,12 +22,13 @@ layout(constant_id = 3) const uint kSample = kSampleBilinear;
 layout(constant_id = 4) const bool kOverdraw = false;  // count what lies behind the last blended splat, too
 // Splats that a pixel keeps back to blend them in the order of their hits; 0: blend them in the order of the list.
 layout(constant_id = 5) const uint kKept = 0u;
+layout(constant_id = 6) const bool kHalfTexels = true;  // otherwise 8 bits
 const bool kTextured = kSample != kSampleNone;
 
 layout(binding = 0) uniform usamplerBuffer pair_keys;    // [pairs / 4] tile << kBlockBits | blocks, four to a texel
 layout(binding = 1) uniform usamplerBuffer pair_splats;  // [pairs]
 layout(binding = 2) uniform usamplerBuffer records;      // [N, 8] SplatRecord
-layout(binding = 3) uniform samplerBuffer texels;        // 4 halfs: r, g, b, alpha
+layout(binding = 3) uniform usamplerBuffer texels;       // cells of four texels (render/gpu/model_buffers.h)
 layout(binding = 4) uniform samplerBuffer texture_means; // [N] kSampleFootprint
 layout(std430, binding = 5) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 6) readonly buffer TileRanges { uvec2 tile_ranges[]; };       // [tiles]
@@ -47,6 +49,10 @@ const float kPowerMax = 12.0;
 vec4 fetchRecord(uint splat, uint member) {
   return uintBitsToFloat(texelFetch(records, int(splat * kRecordSize + member)));
 }
+
+// Of the view: read once, since drivers read a uniform again wherever a loop or a branch uses it.
+float near_plane;
+uint texture_mode;
 
 // Sums of a thread's pixels. A pixel that takes no more splats has its transmittance negated.
 float transmittances[kPixels];
@@ -74,7 +80,7 @@ void blendFragment(uint j, Fragment f) {
   bool take = hit && after >= kTransmittanceStop;
   transmittances[j] = take ? after : hit ? -abs(before) : before;
   float weight = take ? before * f.alpha : 0.0;
-  bases[j] += weight * f.base;
+  bases[j] = fma(vec3(weight), f.base, bases[j]);
   if (kAll) {
     tints[j] += weight * f.tint;
     depths[j] += weight * f.depth;
@@ -112,60 +118,47 @@ void keepFragment(uint j, Fragment f) {
   kept[j * kKept + kKept - 1u] = far;
 }
 
-// Of the pixels' hits with one splat.
-float hit_depths[kPixels];
-float hit_alphas[kPixels];
-vec3 hit_tints[kPixels];
-vec2 hit_texels[kPixels];  // texel coordinates
-uint hit_cells[kPixels];   // row << 16 | column of the texel before them, kNoCell without a texture
+// Bytes of a texel keep the place that they have in its word: kByteScale brings their mean back.
+const vec3 kByteScale = vec3(1.0, 1.0 / 256.0, 1.0 / 65536.0);
+vec4 bytesOf(uint texel) { return vec4(texel & 0xFFu, texel & 0xFF00u, texel & 0xFF0000u, texel >> 24u); }
+vec4 halvesOf(uvec2 texel) { return vec4(unpackHalf2x16(texel.x), unpackHalf2x16(texel.y)); }
+vec4 between(vec4 from, vec4 to, float share) { return fma(to - from, vec4(share), from); }
 
-const uint kNoCell = 0xFFFFFFFFu;
-
-uint leastCell() {
-  uint least = kNoCell;
-  [[unroll]] for (uint j = 0u; j < kPixels; ++j) least = min(least, hit_cells[j]);
-  return least;
+// The bilinear sample in a cell of texels, before unit and start of TexelRange.
+vec4 sampleCell(int cell, vec2 fraction) {
+  if (kHalfTexels) {
+    uvec4 above = texelFetch(texels, cell * 2);
+    uvec4 below = texelFetch(texels, cell * 2 + 1);
+    return between(between(halvesOf(above.xy), halvesOf(above.zw), fraction.x),
+                   between(halvesOf(below.xy), halvesOf(below.zw), fraction.x), fraction.y);
+  }
+  uvec4 corners = texelFetch(texels, cell);
+  return between(between(bytesOf(corners.x), bytesOf(corners.y), fraction.x),
+                 between(bytesOf(corners.z), bytesOf(corners.w), fraction.x), fraction.y);
 }
 
-// Bilinear samples, a cell of four texels at a time: its texels serve all pixels that fall into it.
-void sampleTexture(uint splat, uint offset, uint width, uint size_v, float texels_per_pixel) {
-  vec4 mean = vec4(0.0);
-  float mean_share = 0.0;
-  if (kSample == kSampleFootprint) {
-    mean = texelFetch(texture_means, int(splat));
-    mean_share = footprintShare(texels_per_pixel);
+// What turns a sample into the texture's share of the colour and the factor on alpha.
+struct TexelRange {
+  vec4 unit;
+  vec4 start;
+};
+
+// Of a texel, what the mode lets through.
+vec4 inMode(vec4 texel, float no_alpha) {
+  return vec4((texture_mode & kModeRgb) != 0u ? texel.xyz : vec3(0.0),
+              (texture_mode & kModeAlpha) != 0u ? texel.w : no_alpha);
+}
+
+TexelRange texelRange(uint place) {
+  TexelRange range = TexelRange(vec4(1.0), vec4(0.0));  // of halfs
+  if (!kHalfTexels) {
+    float unit = uintBitsToFloat((place >> kCellBits) + uint(127 + kTexelExponentMin) << 23u) / 127.0;
+    range.unit = vec4(unit * kByteScale, -1.0 / 255.0);
+    range.start = vec4(vec3(-128.0 * unit), 1.0);
   }
-  for (uint cell = leastCell(); cell != kNoCell; cell = leastCell()) {
-    uvec2 first = uvec2(cell & 0xFFFFu, cell >> 16u);
-    uvec2 second = min(first + 1u, uvec2(width, size_v) - 1u);
-    uint top = offset + first.y * width;
-    uint bottom = offset + second.y * width;
-    vec4 start = texelFetch(texels, int(top + first.x));
-    vec4 along_u = texelFetch(texels, int(top + second.x)) - start;
-    vec4 along_v = texelFetch(texels, int(bottom + first.x)) - start;
-    vec4 along_both = texelFetch(texels, int(bottom + second.x)) - start - along_u - along_v;
-    if ((view.texture_mode & kModeAlpha) == 0u) {
-      start.w = 1.0;
-      along_u.w = along_v.w = along_both.w = 0.0;
-    }
-    if ((view.texture_mode & kModeRgb) == 0u) {
-      start.xyz = along_u.xyz = along_v.xyz = along_both.xyz = vec3(0.0);
-    }
-    if (kSample == kSampleFootprint) {
-      start = mix(start, mean, mean_share);
-      along_u *= 1.0 - mean_share;
-      along_v *= 1.0 - mean_share;
-      along_both *= 1.0 - mean_share;
-    }
-    [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
-      bool here = hit_cells[j] == cell;
-      vec2 fraction = hit_texels[j] - vec2(first);
-      vec4 texel = start + along_v * fraction.y + (along_u + along_both * fraction.y) * fraction.x;
-      hit_alphas[j] *= here ? texel.w : 1.0;
-      hit_tints[j] = here ? texel.xyz : hit_tints[j];
-      hit_cells[j] = here ? kNoCell : hit_cells[j];
-    }
-  }
+  range.unit = inMode(range.unit, 0.0);
+  range.start = inMode(range.start, 1.0);
+  return range;
 }
 
 void blendSplat(uint splat, vec2 first_center) {
@@ -177,10 +170,18 @@ void blendSplat(uint splat, vec2 first_center) {
   vec4 v_size = kTextured ? fetchRecord(splat, 5u) : vec4(0.0);
   vec4 normal = kAll || kSample == kSampleFootprint ? fetchRecord(splat, 6u) : vec4(0.0);
   uint size = floatBitsToUint(v_size.w);
-  uint size_u = size & 0xFFFFu;
-  uint size_v = size >> 16u;
-  vec2 texels_per_sigma = vec2(texelsPerSigma(size_u), texelsPerSigma(size_v));
-  vec2 last_cell = vec2(max(size_u, 2u), max(size_v, 2u)) - 2.0;
+  uint place = floatBitsToUint(u_offset.w);
+  uvec2 cells = max(uvec2(size & 0xFFFFu, size >> 16u), 2u) - 1u;
+  // Texel coordinates: those of the mean, and how they change with shift, x and y. Without a texture: far outside.
+  vec2 texels_per_sigma = vec2(cells) / (2.0 * kTextureExtent);
+  vec2 texel_mean = size != 0u ? 0.5 * vec2(cells) : vec2(-1e9);
+  vec2 texel_shift = vec2(u_offset.x, v_size.x) * texels_per_sigma - texel_mean;
+  vec2 texel_x = vec2(u_offset.y, v_size.y) * texels_per_sigma;
+  vec2 texel_y = vec2(u_offset.z, v_size.z) * texels_per_sigma;
+  TexelRange range = texelRange(place);
+  int first_cell = int(kHalfTexels ? place : place & (1u << kCellBits) - 1u);
+  vec4 mean = kSample == kSampleFootprint ? inMode(texelFetch(texture_means, int(splat)), 1.0) : vec4(0.0);
+  float mean_share = kSample == kSampleFootprint ? footprintShare(normal.w) : 0.0;
   vec2 offset = first_center - center_depth_opacity.xy;
   [[unroll]] for (uint row = 0u; row < kSide; ++row) {
     float y = offset.y + float(row);
@@ -192,45 +193,43 @@ void blendSplat(uint splat, vec2 first_center) {
     float d_rest = s * s + e_b.z * e_b.z;
     float t_rest = e_b.y * s + e_b.z * e_b.z;
     float shift_rest = e_b.x * y * s;
+    vec2 texel_row = texel_mean + texel_x * offset.x + texel_y * y;
     [[unroll]] for (uint column = 0u; column < kSide; ++column) {
-      const uint j = row * kSide + column;
       float w = w_start + w_r.x * float(column);
       float d_moved = d_start + d_g.x * float(column);  // D - d0
       float d = d_moved + d_g.z;
-      float inverse = 1.0 / (d * d + d_rest);
-      float power = (w * w + w_rest) * inverse;
-      float t = (d_g.z * d + t_rest) * inverse;  // in units of the mean's depth
-      hit_depths[j] = t * center_depth_opacity.z;
-      bool hit = power < kPowerMax && hit_depths[j] > view.near;
-      hit_alphas[j] = hit ? center_depth_opacity.w * exp2(-kHalfLog2E * power) : 0.0;
+      float inverse = 1.0 / fma(d, d, d_rest);
+      float power = fma(w, w, w_rest) * inverse;
+      float t = fma(d_g.z, d, t_rest) * inverse;  // in units of the mean's depth
+      Fragment f;
+      f.depth = t * center_depth_opacity.z;
+      bool hit = power < kPowerMax && f.depth > near_plane;
+      f.alpha = hit ? center_depth_opacity.w * exp2(-kHalfLog2E * power) : 0.0;
+      f.base = vec3(w_r.w, d_g.w, e_b.w);
+      f.tint = vec3(0.0);
       if (kTextured) {
-        float shift = -(d_moved * d + shift_rest) * inverse;  // t - 1
-        float x = offset.x + float(column);
-        vec2 uv = vec2(shift * u_offset.x + t * (u_offset.y * x + u_offset.z * y),
-                       shift * v_size.x + t * (v_size.y * x + v_size.z * y));
-        vec2 texel = (uv + kTextureExtent) * texels_per_sigma;
-        vec2 cell = clamp(floor(texel), vec2(0.0), last_cell);
-        bool sampled = size != 0u && insideTexture(uv) && hit_alphas[j] >= kAlphaMin;
-        hit_texels[j] = texel;
-        hit_cells[j] = sampled ? uint(cell.y) << 16u | uint(cell.x) : kNoCell;
-        hit_tints[j] = vec3(0.0);
+        float shift = -fma(d_moved, d, shift_rest) * inverse;  // t - 1
+        vec2 straight = texel_row + texel_x * float(column);
+        vec2 texel = fma(vec2(shift), straight + texel_shift, straight);
+        vec2 corner = floor(texel);
+        ivec2 cell = ivec2(corner);
+        bool sampled = uint(cell.x) < cells.x && uint(cell.y) < cells.y;
+        // Cell 0 changes nothing.
+        vec4 sum = sampleCell(sampled ? first_cell + cell.y * int(cells.x) + cell.x : 0, texel - corner);
+        vec4 value = fma(sum, range.unit, range.start);
+        if (kSample == kSampleFootprint) value = sampled ? mix(value, mean, mean_share) : value;
+        f.tint = value.xyz;
+        f.alpha *= value.w;
+        if (!kAll) f.base += f.tint;
       }
-    }
-  }
-  if (kTextured) sampleTexture(splat, floatBitsToUint(u_offset.w), size_u, size_v, normal.w);
-  [[unroll]] for (uint j = 0u; j < kPixels; ++j) {
-    Fragment f;
-    f.depth = hit_depths[j];
-    f.alpha = min(kAlphaMax, hit_alphas[j]);
-    f.tint = kTextured ? hit_tints[j] : vec3(0.0);
-    f.base = vec3(w_r.w, d_g.w, e_b.w);
-    if (!kAll) f.base += f.tint;
-    f.normal = normal.xyz;
-    f.density = size != 0u ? normal.w : -1.0;
-    if (kKept == 0u) {
-      blendFragment(j, f);
-    } else {
-      keepFragment(j, f);
+      f.alpha = min(kAlphaMax, f.alpha);
+      f.normal = normal.xyz;
+      f.density = size != 0u ? normal.w : -1.0;
+      if (kKept == 0u) {
+        blendFragment(row * kSide + column, f);
+      } else {
+        keepFragment(row * kSide + column, f);
+      }
     }
   }
 }
@@ -282,6 +281,8 @@ bool allDone() {
 }
 
 void main() {
+  near_plane = view.near;
+  texture_mode = view.texture_mode;
   uint thread = gl_LocalInvocationIndex;
   uint tile = gl_WorkGroupID.y * view.tiles_x + gl_WorkGroupID.x;
   uvec2 range = tile_ranges[tile];

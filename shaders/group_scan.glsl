@@ -7,11 +7,6 @@ const uint kRun = 16u;  // sqrt(kGroupSize)
 shared uint scan_values[kGroupSize];
 shared uint scan_runs[kRun];
 
-uint addSaturated(uint a, uint b) {
-  uint sum = a + b;
-  return sum < a ? 0xFFFFFFFFu : sum;
-}
-
 // Sum of `value` over the threads before this one; `total` over all. All threads must call it.
 uint groupExclusiveScan(uint value, out uint total) {
   uint thread = gl_LocalInvocationIndex;

@@ -60,6 +60,7 @@ PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianM
     fresh.renderer = makeCpuRenderer();
   } else {
     std::unique_ptr<GpuRenderer> gpu = device_.makeRenderer();
+    gpu->setPrecision(ModelPrecision::compact);
     fresh.gpu = gpu.get();
     fresh.renderer = std::move(gpu);
   }

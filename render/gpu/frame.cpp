@@ -12,9 +12,9 @@ namespace tg {
 namespace {
 
 // Mesa 22.3's llvmpipe ends all loops of a thread after 65535 rounds in total, without a word; its threads run 4 to 16
-// in step. blend.comp takes a round per entry, one more per texture cell that its 16 pixels fall into, and one per four
-// entries for each of 16 threads that go their own ways.
-constexpr std::uint32_t kListEntriesOnCpu = 3072;
+// in step. blend.comp takes two rounds per entry, and one per four entries for each of 16 threads that go their own
+// ways.
+constexpr std::uint32_t kListEntriesOnCpu = 8192;
 constexpr std::uint32_t kListEntries = 1u << 31;  // no limit
 constexpr std::uint32_t kPresentSide = 16;        // shaders/present.comp
 constexpr std::uint32_t kDepthBits = 32;
@@ -59,7 +59,7 @@ void addProject(PassList& list, const FrameInputs& in) {
               {m.rotation, Texels::rgba32f},
               {m.scale_offset, Texels::rgba32ui},
               {m.texture_size, Texels::r32ui},
-              {m.sh, Texels::rgba32f},
+              {m.sh, m.precision == ModelPrecision::compact ? Texels::rgba16f : Texels::rgba32f},
               {s.records, first * sizeof(SplatRecord), count * sizeof(SplatRecord)},
               s.pixel_rects,
               s.tile_counts},
@@ -97,7 +97,7 @@ void addBlend(PassList& list, const FrameInputs& in, int by_tile) {
              {{in.pairs.keys[by_tile], Texels::rgba32ui},
               {in.pairs.splats[by_tile], Texels::r32ui},
               {in.splats.records, Texels::rgba32ui},
-              {in.model.texels, Texels::rgba16f},
+              {in.model.texels, Texels::rgba32ui},
               {in.model.texture_means, Texels::rgba32f},
               list.counters(),
               in.image.tile_ranges,
@@ -105,7 +105,9 @@ void addBlend(PassList& list, const FrameInputs& in, int by_tile) {
               in.image.texture_depth,
               in.image.normal_count,
               in.image.extras},
-             uniforms, tiles, {{variant.all, threads, side, variant.sample, variant.overdraw, kept}});
+             uniforms, tiles,
+             {{variant.all, threads, side, variant.sample, variant.overdraw, kept,
+               in.model.precision == ModelPrecision::exact}});
   }
 }
 
@@ -195,7 +197,7 @@ PassList buildFrame(const FrameInputs& in, const BufferPtr& counters) {
   // The visible ones side by side, then near to far. Equal depths stay in the model's order.
   addScan(list, "scan_visible", in.scratch,
           {ScanInput::nonZero, s.tile_counts, s.tile_counts, s.visible_offsets, kWorkGaussians, kWorkVisible,
-           in.model.gaussian_count});
+           in.model.gaussian_count, in.tuning.runs});
   list.add("compact", Shader::compact,
            {{s.records, Texels::rgba32ui},
             list.counters(),
@@ -210,7 +212,7 @@ PassList buildFrame(const FrameInputs& in, const BufferPtr& counters) {
   // A pair for each tile of each splat, in depth order; sorted by tile alone, they stay in depth order within a tile.
   addScan(list, "scan_pairs", in.scratch,
           {ScanInput::ordered, s.tile_counts, s.depth_splats[near_to_far], s.pair_offsets, kWorkVisible, kWorkPairs,
-           p.capacity});
+           p.capacity, in.tuning.runs});
   list.add("emit_keys", Shader::emitKeys,
            {{s.records, Texels::rgba32ui},
             list.counters(),

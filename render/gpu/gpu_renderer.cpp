@@ -56,7 +56,7 @@ void GpuRenderer::setModel(const GaussianModel& model) {
   program_.reset();
   splats_.reset();
   model_.reset();
-  model_ = uploadModel(*device_, model);
+  model_ = uploadModel(*device_, model, precision_);
   splats_.emplace(*device_, model_->gaussian_count);
   const std::uint64_t wish = std::max<std::uint64_t>(kFirstPairCapacity, kFirstPairsPerGaussian * model.size());
   makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits()))));

@@ -30,6 +30,8 @@ class GpuRenderer : public Renderer {
  public:
   GpuRenderer(std::unique_ptr<GpuDevice> device, const PassTuning& tuning);
 
+  // From the next model on. exact unless said otherwise.
+  void setPrecision(ModelPrecision precision) { precision_ = precision; }
   using Renderer::setModel;
   void setModel(const GaussianModel& model) override;
   Frame render(const Camera& camera, const RenderSettings& settings) override;
@@ -66,6 +68,7 @@ class GpuRenderer : public Renderer {
 
   std::unique_ptr<GpuDevice> device_;
   PassTuning tuning_;
+  ModelPrecision precision_ = ModelPrecision::exact;
   Scratch scratch_;
   BufferPtr counters_;
   std::optional<ModelBuffers> model_;

@@ -3,12 +3,15 @@
 #include "render/gpu/model_buffers.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <glm/gtc/packing.hpp>
 
 #include "core/error.h"
 #include "shared/layout.h"
+#include "shared/texels.h"
 
 namespace tg {
 namespace {
@@ -44,9 +47,84 @@ glm::vec4 shElement(const GaussianModel& model, std::size_t element) {
   return value;
 }
 
+std::uint32_t cellsAlong(std::uint32_t texels) { return std::max(texels, 2u) - 1; }
+
+std::uint64_t cellCount(const TextureRect& rect) {
+  return rect.texelCount() == 0 ? 0 : std::uint64_t{cellsAlong(rect.width)} * cellsAlong(rect.height);
+}
+
+// Writes the cells of all textures in their order, one at a time.
+class CellWriter {
+ public:
+  CellWriter(const TextureAtlas& atlas, ModelPrecision precision) : atlas_(atlas), precision_(precision) {}
+
+  // Of a Gaussian with a texture: 2^(exponent + kTexelExponentMin) holds its colours.
+  std::uint32_t exponent(const TextureRect& rect) const {
+    float largest = 0.0f;
+    for (std::uint32_t i = 0; i < rect.texelCount(); ++i) {
+      const glm::vec3 color = glm::abs(glm::vec3(atlas_.texels[rect.offset + i]));
+      largest = std::max({largest, color.x, color.y, color.z});
+    }
+    int exponent = 0;
+    std::frexp(std::min(largest, kLargestHalf), &exponent);
+    return static_cast<std::uint32_t>(std::clamp(exponent, kTexelExponentMin, kTexelExponentMax) - kTexelExponentMin);
+  }
+
+  // Cells are asked for from 0 on.
+  glm::uvec4 element(std::size_t index) {
+    const std::size_t cell = precision_ == ModelPrecision::exact ? index / 2 : index;
+    while (cell >= first_ + cells_) nextTexture();
+    std::array<glm::vec4, 4> corners;
+    corners.fill(glm::vec4(0.0f, 0.0f, 0.0f, 1.0f));
+    if (cell > 0) {
+      const auto in_texture = static_cast<std::uint32_t>(cell - first_);
+      const std::uint32_t x = in_texture % cellsAlong(rect_.width);
+      const std::uint32_t y = in_texture / cellsAlong(rect_.width);
+      for (std::uint32_t k = 0; k < 4; ++k) {
+        const std::uint32_t column = std::min<std::uint32_t>(x + k % 2, rect_.width - 1u);
+        const std::uint32_t row = std::min<std::uint32_t>(y + k / 2, rect_.height - 1u);
+        corners[k] = glm::clamp(atlas_.texels[rect_.offset + row * rect_.width + column], -kLargestHalf, kLargestHalf);
+      }
+    }
+    if (precision_ == ModelPrecision::compact) {
+      return {bytes(corners[0]), bytes(corners[1]), bytes(corners[2]), bytes(corners[3])};
+    }
+    const std::size_t first = index % 2 * 2;
+    const auto left = glm::unpackUint2x32(glm::packHalf4x16(corners[first]));
+    const auto right = glm::unpackUint2x32(glm::packHalf4x16(corners[first + 1]));
+    return {left.x, left.y, right.x, right.y};
+  }
+
+ private:
+  void nextTexture() {
+    first_ += cells_;
+    do {
+      rect_ = atlas_.rects[next_++];
+      cells_ = cellCount(rect_);
+    } while (cells_ == 0);
+    unit_ = std::ldexp(1.0f, static_cast<int>(exponent(rect_)) + kTexelExponentMin) / 127.0f;
+  }
+
+  std::uint32_t bytes(const glm::vec4& texel) const {
+    const auto color = [&](float value) {
+      return static_cast<std::uint32_t>(128.0f + std::round(std::min(std::max(-127.0f, value / unit_), 127.0f)));
+    };
+    const auto loss = static_cast<std::uint32_t>(std::round(255.0f * (1.0f - std::min(std::max(0.0f, texel.w), 1.0f))));
+    return color(texel.x) | color(texel.y) << 8 | color(texel.z) << 16 | loss << 24;
+  }
+
+  const TextureAtlas& atlas_;
+  ModelPrecision precision_;
+  std::size_t next_ = 0;   // rectangle after that of the texture
+  std::size_t first_ = 0;  // cell of the texture; cell 0 belongs to none
+  std::size_t cells_ = 1;
+  TextureRect rect_{};
+  float unit_ = 1.0f;
+};
+
 }  // namespace
 
-ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model) {
+ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model, ModelPrecision precision) {
   const GpuLimits limits = device.limits();
   const std::size_t count = model.size();
   // A Gaussian has 8 bytes in storage buffers that are bound whole, and 8 to 12 elements in texel buffers.
@@ -57,36 +135,53 @@ ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model) {
         ErrorKind::device, limits.device,
         "the model has " + std::to_string(count) + " Gaussians, the device binds at most " + std::to_string(most));
   }
-  const std::vector<glm::vec4>& texels = model.atlas.texels;
-  if (texels.size() > limits.texel_elements) {
+  const std::vector<TextureRect>& rects = model.atlas.rects;
+  const std::uint32_t cell_size = precision == ModelPrecision::exact ? 2 : 1;
+  std::uint64_t cells = 1;
+  for (const TextureRect& rect : rects) cells += cellCount(rect);
+  const std::uint64_t most_cells = std::min(limits.texel_elements / cell_size, 1u << kCellBits);
+  if (cells > most_cells) {
     throw Error(ErrorKind::device, limits.device,
-                "the model has " + std::to_string(texels.size()) + " texels, the device binds at most " +
-                    std::to_string(limits.texel_elements));
+                "the model's textures have " + std::to_string(cells) +
+                    " cells between texels, the device binds at most " + std::to_string(most_cells));
   }
   ModelBuffers buffers;
   buffers.gaussian_count = static_cast<std::uint32_t>(count);
   buffers.sh_degree = static_cast<std::uint32_t>(model.sh_degree);
   buffers.texture_mode = model.texture_mode;
   buffers.intersection = model.intersection;
-  buffers.textured = !model.atlas.rects.empty() && !texels.empty();
-
-  const std::vector<TextureRect>& rects = model.atlas.rects;
+  buffers.textured = cells > 1;
+  buffers.precision = precision;
   buffers.mean_logit = uploadArray<glm::vec4>(
       device, "means", count, [&](std::size_t i) { return glm::vec4(model.mean[i], model.opacity_logit[i]); });
   buffers.rotation =
       uploadArray<glm::vec4>(device, "rotations", count, [&](std::size_t i) { return model.rotation[i]; });
+  CellWriter writer(model.atlas, precision);
+  std::uint32_t first_cell = 1;
   buffers.scale_offset = uploadArray<glm::vec4>(device, "scales", count, [&](std::size_t i) {
-    return glm::vec4(model.log_scale[i], std::bit_cast<float>(rects.empty() ? 0u : rects[i].offset));
+    std::uint32_t place = 0;
+    if (!rects.empty() && cellCount(rects[i]) > 0) {
+      place = first_cell;
+      if (precision == ModelPrecision::compact) place |= writer.exponent(rects[i]) << kCellBits;
+      first_cell += static_cast<std::uint32_t>(cellCount(rects[i]));
+    }
+    return glm::vec4(model.log_scale[i], std::bit_cast<float>(place));
   });
   buffers.texture_size = uploadArray<std::uint32_t>(device, "texture sizes", count, [&](std::size_t i) {
     const bool textured = !rects.empty() && rects[i].texelCount() > 0;
     return textured ? rects[i].width | std::uint32_t{rects[i].height} << 16 : 0u;
   });
-  buffers.sh = uploadArray<glm::vec4>(device, "spherical harmonics", count * shRows(model.sh_degree) * 3,
-                                      [&](std::size_t i) { return shElement(model, i); });
-  buffers.texels = uploadArray<std::uint64_t>(device, "texels", texels.size(), [&](std::size_t i) {
-    return glm::packHalf4x16(glm::clamp(texels[i], -kLargestHalf, kLargestHalf));
-  });
+  const std::size_t sh_elements = count * shRows(model.sh_degree) * 3;
+  if (precision == ModelPrecision::compact) {
+    buffers.sh = uploadArray<std::uint64_t>(device, "spherical harmonics", sh_elements, [&](std::size_t i) {
+      return glm::packHalf4x16(glm::clamp(shElement(model, i), -kLargestHalf, kLargestHalf));
+    });
+  } else {
+    buffers.sh = uploadArray<glm::vec4>(device, "spherical harmonics", sh_elements,
+                                        [&](std::size_t i) { return shElement(model, i); });
+  }
+  buffers.texels =
+      uploadArray<glm::uvec4>(device, "texels", cells * cell_size, [&](std::size_t i) { return writer.element(i); });
   const std::vector<glm::vec4> means = buffers.textured ? textureMeans(model.atlas, count) : std::vector<glm::vec4>{};
   buffers.texture_means =
       uploadArray<glm::vec4>(device, "texture means", means.size(), [&](std::size_t i) { return means[i]; });

@@ -29,12 +29,26 @@ void addScan(PassList& list, const char* name, const Scratch& scratch, const Sca
   uniforms.next_work = scan.next_work;
   uniforms.capacity = scan.capacity;
   const PassOptions input{{static_cast<std::uint32_t>(scan.input)}};
-  const Groups groups = Groups::perPartition(scan.work);
-  list.add(name, Shader::scanReduce, {list.counters(), scan.values, scan.order, scratch.partition_sums}, uniforms,
-           groups, input);
+  const Groups groups = scan.runs ? Groups::fixed(kMaxPartitions / kRunThreads) : Groups::perPartition(scan.work);
+  const bool ordered = scan.input == ScanInput::ordered;
+  const Binding values_texels(scan.values, ordered ? Texels::r32ui : Texels::rgba32ui);
+  const Binding order_texels(scan.order, Texels::rgba32ui);
+  if (scan.runs) {
+    list.add(name, Shader::scanReduceRuns, {values_texels, order_texels, list.counters(), scratch.partition_sums},
+             uniforms, groups, input);
+  } else {
+    list.add(name, Shader::scanReduce, {list.counters(), scan.values, scan.order, scratch.partition_sums}, uniforms,
+             groups, input);
+  }
   list.add(name, Shader::scanPartitions, {list.counters(), scratch.partition_sums}, uniforms, Groups::fixed(1));
-  list.add(name, Shader::scanApply, {list.counters(), scan.values, scan.order, scratch.partition_sums, scan.offsets},
-           uniforms, groups, input);
+  if (scan.runs) {
+    list.add(name, Shader::scanApplyRuns,
+             {values_texels, order_texels, list.counters(), scratch.partition_sums, scan.offsets}, uniforms, groups,
+             input);
+  } else {
+    list.add(name, Shader::scanApply, {list.counters(), scan.values, scan.order, scratch.partition_sums, scan.offsets},
+             uniforms, groups, input);
+  }
 }
 
 int addSort(PassList& list, const char* name, const Scratch& scratch, const Sort& sort) {

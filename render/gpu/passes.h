@@ -100,6 +100,7 @@ struct Scan {
   std::uint32_t work = 0;
   std::uint32_t next_work = 0;
   std::uint32_t capacity = 0;
+  bool runs = false;  // as of Sort
 };
 void addScan(PassList& list, const char* name, const Scratch& scratch, const Scan& scan);
 

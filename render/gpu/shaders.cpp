@@ -17,10 +17,14 @@
 #include "project_comp.h"
 #include "project_text.h"
 #include "scan_apply_comp.h"
+#include "scan_apply_runs_comp.h"
+#include "scan_apply_runs_text.h"
 #include "scan_apply_text.h"
 #include "scan_partitions_comp.h"
 #include "scan_partitions_text.h"
 #include "scan_reduce_comp.h"
+#include "scan_reduce_runs_comp.h"
+#include "scan_reduce_runs_text.h"
 #include "scan_reduce_text.h"
 #include "solid_comp.h"
 #include "solid_text.h"
@@ -41,11 +45,13 @@ namespace tg {
 namespace {
 
 // In the order of enum class Shader.
-constexpr std::array<ShaderModule, 16> kModules = {{
+constexpr std::array<ShaderModule, 18> kModules = {{
     {"project", project_comp, project_text, 5, 3},
     {"scan_reduce", scan_reduce_comp, scan_reduce_text, 0, 4},
     {"scan_partitions", scan_partitions_comp, scan_partitions_text, 0, 2},
     {"scan_apply", scan_apply_comp, scan_apply_text, 0, 5},
+    {"scan_reduce_runs", scan_reduce_runs_comp, scan_reduce_runs_text, 2, 2},
+    {"scan_apply_runs", scan_apply_runs_comp, scan_apply_runs_text, 2, 3},
     {"compact", compact_comp, compact_text, 1, 5},
     {"sort_count", sort_count_comp, sort_count_text, 0, 3},
     {"sort_scan", sort_scan_comp, sort_scan_text, 0, 3},

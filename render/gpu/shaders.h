@@ -13,6 +13,8 @@ enum class Shader {
   scanReduce,
   scanPartitions,
   scanApply,
+  scanReduceRuns,
+  scanApplyRuns,
   compact,
   sortCount,
   sortScan,

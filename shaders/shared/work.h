@@ -42,6 +42,12 @@ TG_FN Work makeWork(uint total, uint capacity) {
   return work;
 }
 
+// Sums of items stop at 2^32 - 1.
+TG_FN uint addSaturated(uint a, uint b) {
+  uint sum = a + b;
+  return sum < a ? 0xFFFFFFFFu : sum;
+}
+
 // The kinds of items of a frame.
 const uint kWorkGaussians = 0u;  // of the model
 const uint kWorkVisible = 1u;    // splats that reach the screen

@@ -91,13 +91,14 @@ TEST_CASE("a prefix sum equals std::exclusive_scan at every size around a bounda
   // 1100000: more than 512 partitions of the smallest size.
   const std::uint32_t count =
       GENERATE(0u, 1u, 3u, 63u, 255u, 256u, 257u, 1023u, 1025u, 2047u, 2048u, 2049u, 100000u, 1100000u);
+  const bool runs = GENERATE(false, true);
   const Numbers values = randomNumbers(count, 1000);
   PassBench& b = bench();
   const BufferPtr input = b.put(values);
   const BufferPtr offsets = b.room(count);
   const Counters counters = b.run(kWorkGaussians, count, [&](PassList& list) {
     addScan(list, "scan", b.scratch,
-            {ScanInput::values, input, input, offsets, kWorkGaussians, kWorkVisible, /*capacity=*/500});
+            {ScanInput::values, input, input, offsets, kWorkGaussians, kWorkVisible, /*capacity=*/500, runs});
   });
   Numbers expected(count);
   std::exclusive_scan(values.begin(), values.end(), expected.begin(), 0u);
@@ -109,7 +110,8 @@ TEST_CASE("a prefix sum equals std::exclusive_scan at every size around a bounda
 }
 
 TEST_CASE("a prefix sum counts what is not zero, or follows an order", "[scan]") {
-  const std::uint32_t count = 5000;
+  const std::uint32_t count = GENERATE(4999u, 5000u);
+  const bool runs = GENERATE(false, true);
   const Numbers values = randomNumbers(count, 3);
   Numbers order(count);
   std::iota(order.rbegin(), order.rend(), 0u);
@@ -119,9 +121,10 @@ TEST_CASE("a prefix sum counts what is not zero, or follows an order", "[scan]")
   const BufferPtr counted = b.room(count);
   const BufferPtr ordered = b.room(count);
   b.run(kWorkGaussians, count, [&](PassList& list) {
-    addScan(list, "scan", b.scratch, {ScanInput::nonZero, input, input, counted, kWorkGaussians, kWorkVisible, count});
     addScan(list, "scan", b.scratch,
-            {ScanInput::ordered, input, backwards, ordered, kWorkGaussians, kWorkPairs, count});
+            {ScanInput::nonZero, input, input, counted, kWorkGaussians, kWorkVisible, count, runs});
+    addScan(list, "scan", b.scratch,
+            {ScanInput::ordered, input, backwards, ordered, kWorkGaussians, kWorkPairs, count, runs});
   });
   Numbers expected(count);
   std::transform_exclusive_scan(values.begin(), values.end(), expected.begin(), 0u, std::plus<>{},
@@ -133,13 +136,14 @@ TEST_CASE("a prefix sum counts what is not zero, or follows an order", "[scan]")
 }
 
 TEST_CASE("a prefix sum beyond 32 bits stops at the largest number instead of wrapping", "[scan]") {
+  const bool runs = GENERATE(false, true);
   const Numbers values(9000, 1u << 20);
   PassBench& b = bench();
   const BufferPtr input = b.put(values);
   const BufferPtr offsets = b.room(values.size());
   const Counters counters = b.run(kWorkGaussians, 9000, [&](PassList& list) {
     addScan(list, "scan", b.scratch,
-            {ScanInput::values, input, input, offsets, kWorkGaussians, kWorkPairs, /*capacity=*/100});
+            {ScanInput::values, input, input, offsets, kWorkGaussians, kWorkPairs, /*capacity=*/100, runs});
   });
   CHECK(counters.work[kWorkPairs].total == ~0u);
   CHECK(counters.work[kWorkPairs].count == 100);

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <glm/gtc/packing.hpp>
 #include <limits>
+#include <span>
 
 #include "core/error.h"
 #include "gpu_device.h"
@@ -116,6 +117,49 @@ TEST_CASE("every texture mode agrees with the reference, as the model's and as t
   (of_model ? scene.model.texture_mode : settings.textures) = mode;
   INFO(name(mode));
   checkAgainstReference(scene, settings, allowed(SceneKind::mixed, scene.model.intersection));
+}
+
+TEST_CASE("a model that compact storage holds agrees with the reference from it, too") {
+  const SceneKind kind = GENERATE(SceneKind::mixed, SceneKind::flat, SceneKind::aroundCamera);
+  TestScene scene = makeScene(kind, 21);
+  for (glm::vec3& c : scene.model.sh) c = glm::vec3(glm::unpackHalf4x16(glm::packHalf4x16(glm::vec4(c, 0.0f))));
+  for (const TextureRect& rect : scene.model.atlas.rects) {
+    const std::span<glm::vec4> texels(scene.model.atlas.texels.data() + rect.offset, rect.texelCount());
+    float largest = 0.0f;
+    for (const glm::vec4& t : texels) largest = std::max({largest, std::abs(t.x), std::abs(t.y), std::abs(t.z)});
+    const float unit = std::exp2(std::ceil(std::log2(std::max(largest, 1e-3f)))) / 127.0f;
+    for (glm::vec4& t : texels) {
+      const glm::vec3 color = glm::clamp(glm::round(glm::vec3(t) / unit), -126.0f, 126.0f);
+      t = glm::vec4(unit * color, std::round(t.w * 255.0f) / 255.0f);
+    }
+  }
+  gpuRenderer().setPrecision(ModelPrecision::compact);
+  RenderSettings settings;
+  settings.textures = GENERATE(TextureMode::alpha, TextureMode::rgb, TextureMode::rgba);
+  settings.texture_filter = GENERATE(TextureFilter::bilinear, TextureFilter::footprint);
+  INFO(name(kind) << ", " << name(settings.textures));
+  checkAgainstReference(scene, settings, allowed(kind, scene.model.intersection));
+  gpuRenderer().setPrecision(ModelPrecision::exact);
+}
+
+TEST_CASE("compact storage changes a picture by less than a screen shows") {
+  const TestScene scene = {trainedLikeModel(3, 6000), trainedLikeCamera(160, 120)};
+  const Frame exact = renderScene(scene);
+  gpuRenderer().setPrecision(ModelPrecision::compact);
+  const Frame rounded = renderScene(scene);
+  gpuRenderer().setPrecision(ModelPrecision::exact);
+  double sum = 0.0;
+  float largest = 0.0f;
+  for (std::size_t i = 0; i < exact.base.size(); ++i) {
+    const glm::vec3 difference = glm::abs(exact.color(i) - rounded.color(i));
+    largest = std::max({largest, difference.x, difference.y, difference.z});
+    sum += glm::dot(difference, difference) / 3.0;
+  }
+  const double psnr = -10.0 * std::log10(sum / static_cast<double>(exact.base.size()));
+  INFO("PSNR " << psnr << " dB, largest difference " << largest);
+  CHECK(sum > 0.0);
+  CHECK(psnr > 55.0);
+  CHECK(largest < 0.02f);
 }
 
 TEST_CASE("every SH degree agrees with the reference") {
@@ -288,7 +332,7 @@ TEST_CASE("what exceeds every binding is an error that names numbers") {
   TestScene textured = facingScene(600);
   textured.model.atlas = makeUniformAtlas(600, 4, 6);
   CHECK_THROWS_WITH(renderer.setModel(textured.model),
-                    Catch::Contains("has 14400 texels, the device binds at most 12000"));
+                    Catch::Contains("have 9001 cells between texels, the device binds at most 6000"));
   TestScene wide = facingScene(1000);  // around the camera: each covers every tile, 4 and then 17
   for (glm::vec3& log_scale : wide.model.log_scale) log_scale = glm::vec3(3.0f);
   wide.camera.width = wide.camera.height = 32;
