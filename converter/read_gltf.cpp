@@ -401,6 +401,14 @@ void readAssetExtras(const GltfDocument& document, LoadedModel& loaded) {
   }
 }
 
+void reserve(GaussianModel& model, std::size_t count) {
+  model.mean.reserve(count);
+  model.rotation.reserve(count);
+  model.log_scale.reserve(count);
+  model.opacity_logit.reserve(count);
+  model.sh.reserve(count * static_cast<std::size_t>(model.shCount()));
+}
+
 // The model of a document that has been checked.
 LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
   if (!options.base_only) checkExtensionPlaces(document);
@@ -432,7 +440,9 @@ LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
           static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(layer->mode));
     }
     const BaseArrays base = readBase(document, instance);
+    if (&instance == &instances.back()) document.model.buffers = {};        // read; a large file's are better gone
     if (document.errors != nullptr && !document.errors->empty()) continue;  // its arrays may be empty
+    if (model.size() == 0) reserve(model, instance.splats.count);  // whose numbers are there: no more than they ask for
     Repairs repairs;
     append(instance, base, layer ? &*layer : nullptr, model, repairs);
     warnRepairs(document, instance, repairs);
