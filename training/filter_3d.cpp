@@ -7,7 +7,7 @@
 
 #include "core/parallel.h"
 #include "shared/limits.h"
-#include "shared/splat.h"
+#include "training/step_math.h"
 
 namespace tg {
 namespace {
@@ -15,24 +15,6 @@ namespace {
 constexpr float kFilterVariance = 0.2f;  // [px^2]
 constexpr double kMargin = 0.15;         // of the image, a side
 constexpr std::int64_t kGrain = 1024;
-// Above it 1 - opacity is all rounding; below the least, the logit leaves float.
-constexpr double kMostOpacity = 1 - 1e-6;
-constexpr double kLeastOpacity = 1e-30;
-
-double sigmoid(double logit) { return 1 / (1 + std::exp(-logit)); }
-
-// sigma^2 / sigma_eff^2 of each stored axis.
-glm::dvec3 keptShare(const GaussianModel& model, std::size_t i, double f) {
-  const glm::dvec3 variance = glm::exp(2.0 * glm::dvec3(model.log_scale[i]));
-  return variance / (variance + f * f);
-}
-
-// The effective opacity's factor.
-double compensation(const GaussianModel& model, std::size_t i, glm::dvec3 kept) {
-  const int c = shortestAxis(model.log_scale[i]);
-  return std::sqrt(kept[axisU(c)] * kept[axisV(c)]);
-}
-
 }  // namespace
 
 std::vector<float> pixelSizes(const Dataset& dataset, const GaussianModel& model) {
@@ -70,28 +52,16 @@ void applyFilter(const GaussianModel& model, std::span<const float> min_sigma, E
   out.log_scale.resize(model.size());
   out.opacity_logit.resize(model.size());
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
-    const glm::dvec3 kept = keptShare(model, i, min_sigma[i]);
-    out.log_scale[i] = glm::vec3(glm::dvec3(model.log_scale[i]) - 0.5 * glm::log(kept));
-    const double opacity =
-        std::clamp(sigmoid(model.opacity_logit[i]) * compensation(model, i, kept), kLeastOpacity, kMostOpacity);
-    out.opacity_logit[i] = static_cast<float>(std::log(opacity / (1 - opacity)));
+    const EffectiveGaussian effective = effectiveGaussian(model.log_scale[i], model.opacity_logit[i], min_sigma[i]);
+    out.log_scale[i] = effective.log_scale;
+    out.opacity_logit[i] = effective.opacity_logit;
   });
 }
 
 void filterGradient(const GaussianModel& model, std::span<const float> min_sigma, ModelGradient& gradient) {
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
-    const glm::dvec3 kept = keptShare(model, i, min_sigma[i]);
-    const double opacity = std::min(sigmoid(model.opacity_logit[i]), kMostOpacity);
-    const double effective = opacity * compensation(model, i, kept);
-    // v_effective_logit / (1 - effective) = dL/d ln(effective opacity).
-    const double v_log_opacity = gradient.v_opacity_logit[i] / (1 - effective);
-    const int c = shortestAxis(model.log_scale[i]);
-    for (const int axis : {0, 1, 2}) {
-      double v = gradient.v_log_scale[i][axis] * kept[axis];
-      if (axis != c) v += v_log_opacity * (1 - kept[axis]);
-      gradient.v_log_scale[i][axis] = static_cast<float>(v);
-    }
-    gradient.v_opacity_logit[i] = static_cast<float>(v_log_opacity * (1 - opacity));
+    filterGradientOf(model.log_scale[i], model.opacity_logit[i], min_sigma[i], gradient.v_log_scale[i],
+                     gradient.v_opacity_logit[i]);
   });
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a training step needs from a renderer: a picture, and the gradient of a loss on it. training/cpu implements it;
-// a CUDA version replaces it without the trainer noticing.
+// What a training step needs from a renderer: a picture, and the gradient of a loss on it. training/cpu implements it,
+// and training/cuda; the trainer does not notice which.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -43,6 +43,8 @@ struct PhaseTime {
   double processor;  // [ms] of all threads together
 };
 
+class TrainingEngine;  // training/engine.h
+
 class DifferentiableRenderer {
  public:
   virtual ~DifferentiableRenderer() = default;
@@ -56,6 +58,8 @@ class DifferentiableRenderer {
                         const GradientOptions& options = {}) = 0;
   // Of the last forward() and backward(), in order of execution.
   virtual std::span<const PhaseTime> phaseTimes() const = 0;
+  // What a trainer steps with, by default on the host through forward() and backward(). The renderer must outlive it.
+  virtual std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight);
 };
 
 // Splats that reach over several tiles keep one copy of their texels' gradients per tile until they are added up; tiles

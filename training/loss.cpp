@@ -3,37 +3,20 @@
 #include "training/loss.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "core/parallel.h"
 #include "training/simd.h"
+#include "training/step_math.h"
 
 namespace tg {
 namespace {
 
-constexpr int kRadius = 5;
-constexpr int kTaps = 2 * kRadius + 1;
-constexpr double kSigma = 1.5;
-constexpr float kC1 = 1e-4f;  // (0.01 * peak)^2
-constexpr float kC2 = 9e-4f;  // (0.03 * peak)^2
+constexpr int kRadius = kSsimRadius;
+constexpr int kTaps = kSsimTaps;
 constexpr int kBand = 32;     // rows a task: the halo of 10 rows costs 31 % of one of two passes
 constexpr int kForward = 5;   // blurred quantities: x, y, xx, yy, xy
 constexpr int kBackward = 3;  // dSSIM / d(mean, variance, covariance)
-
-using Window = std::array<float, kTaps>;
-
-Window makeWindow() {
-  std::array<double, kTaps> weights;
-  double sum = 0;
-  for (int i = 0; i < kTaps; i++) {
-    weights[i] = std::exp(-(i - kRadius) * (i - kRadius) / (2 * kSigma * kSigma));
-    sum += weights[i];
-  }
-  Window window;
-  for (int i = 0; i < kTaps; i++) window[i] = static_cast<float>(weights[i] / sum);
-  return window;
-}
 
 // padded: [width + 10], the row with 5 zeros on either side.
 TG_SIMD_CLONES void blurAlongRow(const float* __restrict padded, const float* __restrict w, int width,
@@ -65,20 +48,11 @@ TG_SIMD_CLONES void ssimRow(const float* __restrict m1, const float* __restrict 
                             const float* __restrict e22, const float* __restrict e12, int width, float* __restrict ssim,
                             float* __restrict v_mean, float* __restrict v_variance, float* __restrict v_covariance) {
   for (int x = 0; x < width; x++) {
-    const float s1 = e11[x] - m1[x] * m1[x];
-    const float s2 = e22[x] - m2[x] * m2[x];
-    const float s12 = e12[x] - m1[x] * m2[x];
-    const float a1 = 2 * m1[x] * m2[x] + kC1;
-    const float a2 = 2 * s12 + kC2;
-    const float b1 = m1[x] * m1[x] + m2[x] * m2[x] + kC1;
-    const float b2 = s1 + s2 + kC2;
-    const float inv = 1 / (b1 * b2);
-    const float value = a1 * a2 * inv;
-    ssim[x] = value;
-    // The variance and covariance terms hold -m1^2 and -m1 m2: their share is in v_mean.
-    v_mean[x] = 2 * inv * (m2[x] * (a2 - a1) - m1[x] * value * (b2 - b1));
-    v_variance[x] = -value / b2;
-    v_covariance[x] = 2 * a1 * inv;
+    const SsimPixel pixel = ssimPixel(m1[x], m2[x], e11[x], e22[x], e12[x]);
+    ssim[x] = pixel.value;
+    v_mean[x] = pixel.v_mean;
+    v_variance[x] = pixel.v_variance;
+    v_covariance[x] = pixel.v_covariance;
   }
 }
 
@@ -87,10 +61,7 @@ TG_SIMD_CLONES void gradientRow(const float* __restrict picture, const float* __
                                 const float* __restrict g_covariance, int width, float l1_weight, float ssim_weight,
                                 float* __restrict out) {
   for (int x = 0; x < width; x++) {
-    const float difference = picture[x] - target[x];
-    const float sign = static_cast<float>(difference > 0) - static_cast<float>(difference < 0);
-    out[x] =
-        l1_weight * sign - ssim_weight * (g_mean[x] + 2 * picture[x] * g_variance[x] + target[x] * g_covariance[x]);
+    out[x] = lossGradientOf(picture[x], target[x], g_mean[x], g_variance[x], g_covariance[x], l1_weight, ssim_weight);
   }
 }
 
@@ -101,7 +72,7 @@ class BlurBand {
   static std::size_t size(int quantities, int width) {
     return static_cast<std::size_t>(width + 2 * kRadius) + static_cast<std::size_t>(quantities) * kTaps * width + width;
   }
-  BlurBand(float* scratch, int quantities, int width, const Window& window)
+  BlurBand(float* scratch, int quantities, int width, const SsimWindow& window)
       : padded_(scratch),
         rows_(scratch + width + 2 * kRadius),
         zeros_(rows_ + static_cast<std::size_t>(quantities) * kTaps * width),
@@ -111,7 +82,7 @@ class BlurBand {
     std::fill(zeros_, zeros_ + width, 0.0f);
   }
   float* input() { return padded_ + kRadius; }  // fill [width], then push
-  void push(int quantity, int y) { blurAlongRow(padded_, window_.data(), width_, row(quantity, y)); }
+  void push(int quantity, int y) { blurAlongRow(padded_, window_.weights, width_, row(quantity, y)); }
   // The blurred row y; rows outside [0, height) are zero.
   void pull(int quantity, int y, int height, float* out) const {
     const float* rows[kTaps];
@@ -119,7 +90,7 @@ class BlurBand {
       const int source = y + k - kRadius;
       rows[k] = source < 0 || source >= height ? zeros_ : row(quantity, source);
     }
-    blurAcrossRows(rows, window_.data(), width_, out);
+    blurAcrossRows(rows, window_.weights, width_, out);
   }
 
  private:
@@ -130,10 +101,23 @@ class BlurBand {
   float* rows_;
   float* zeros_;
   int width_;
-  const Window& window_;
+  const SsimWindow& window_;
 };
 
 }  // namespace
+
+SsimWindow makeSsimWindow() {
+  constexpr double kSigma = 1.5;
+  double weights[kTaps];
+  double sum = 0;
+  for (int i = 0; i < kTaps; i++) {
+    weights[i] = std::exp(-(i - kRadius) * (i - kRadius) / (2 * kSigma * kSigma));
+    sum += weights[i];
+  }
+  SsimWindow window;
+  for (int i = 0; i < kTaps; i++) window.weights[i] = static_cast<float>(weights[i] / sum);
+  return window;
+}
 
 LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::vec3> picture,
                                     std::span<const std::uint8_t> target, std::span<glm::vec3> v_picture,
@@ -142,7 +126,7 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
   const std::size_t ignored = static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
   const double counted = static_cast<double>(3 * std::max<std::size_t>(pixels - ignored, 1));
   if (ignored == 0) mask = {};
-  const Window window = makeWindow();
+  const SsimWindow window = makeSsimWindow();
   planes_.resize(6 * pixels);
   v_moments_.resize(9 * pixels);
   row_sums_.assign(3 * static_cast<std::size_t>(height), {});

@@ -24,6 +24,9 @@
 #include "training/trained_bundle.h"
 #include "training/trainer.h"
 #include "training/watch.h"
+#ifdef TG_HAVE_CUDA
+#include "training/cuda/renderer.h"
+#endif
 
 namespace {
 
@@ -51,6 +54,7 @@ struct Options {
   tg::DatasetFlags data;
   std::string preset = "default";
   std::map<const tg::SettingEntry*, std::string> chosen;  // over the preset; empty: not given
+  std::string device = "auto";
   int threads = 0;
   bool overwrite = false;
   bool watch = false;
@@ -110,6 +114,26 @@ std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
   return std::make_unique<tg::RunFolder>(folder);
 }
 
+// What --device names; auto: CUDA where it works, else the CPU.
+std::unique_ptr<tg::DifferentiableRenderer> openDevice(const Options& options) {
+#ifdef TG_HAVE_CUDA
+  if (options.device != "cpu") {
+    try {
+      return tg::makeCudaDifferentiableRenderer();
+    } catch (const tg::Error& error) {
+      if (options.device == "cuda") throw;
+      if (!options.quiet) std::printf("training on the CPU (%s)\n", error.what());
+    }
+  }
+#else
+  if (options.device == "cuda") {
+    throw tg::Error(tg::ErrorKind::device, "CUDA",
+                    "this program was built without it (no nvcc when it was configured)");
+  }
+#endif
+  return tg::makeCpuDifferentiableRenderer();
+}
+
 tg::Dataset loadData(const Options& options) {
   tg::Dataset dataset = tg::loadDataset(options.dataset, tg::datasetOptions(options.data));
   const tg::Camera& camera = dataset.views.front().camera;
@@ -136,6 +160,7 @@ int runTraining(const Options& options) {
   // What a run wrote when it was stopped, it replaces when it goes on.
   checkOutputs(options, options.overwrite || (run && run->hasCheckpoint()));
   if (options.threads > 0) tg::setThreadCount(options.threads);
+  const std::unique_ptr<tg::DifferentiableRenderer> renderer = openDevice(options);
 
   const auto start = std::chrono::steady_clock::now();
   const tg::Dataset dataset = loadData(options);
@@ -145,7 +170,6 @@ int runTraining(const Options& options) {
   json_options.downscale = options.data.downscale;
   json_options.threads = tg::threadCount();
   json_options.measurements = !options.reproducible;
-  const auto renderer = tg::makeCpuDifferentiableRenderer();
   std::optional<tg::GaussianModel> start_model = startModel(options);
   std::optional<tg::RunState> state;
   if (run) {
@@ -238,6 +262,9 @@ void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("--untextured-output", options.untextured_output,
                  "Write the untextured model too (implies --compare-untextured)");
   app.add_option("--json", options.json, "Also write training.json here");
+  app.add_option("--device", options.device, "Where to train; auto: a CUDA device if there is one")
+      ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
+      ->capture_default_str();
   app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
       ->check(CLI::Range(0, 4096));
   app.add_flag("--reproducible", options.reproducible,

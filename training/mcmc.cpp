@@ -9,15 +9,13 @@
 #include <vector>
 
 #include "core/parallel.h"
-#include "shaders/shared/splat.h"
+#include "training/step_math.h"
 
 namespace tg {
 namespace {
 
 constexpr int kMostShared = 51;  // the paper's implementation; binomials stay exact in double
 constexpr std::int64_t kGrain = 1024;
-
-double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 
 // Index drawn with probability proportional to the steps of `cumulative`.
 std::uint32_t draw(const std::vector<double>& cumulative, Random& random) {
@@ -96,20 +94,9 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
 }
 
 void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration) {
-  constexpr double kSteepness = 100;
-  constexpr double kMiddle = 0.005;
-  constexpr double kNegligible = 1e-7;  // of the noise of a Gaussian about to die
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
-    const double gate = sigmoid(-kSteepness * (sigmoid(model.opacity_logit[i]) - kMiddle));
-    if (gate < kNegligible) return;
-    Random random(Random(seed + static_cast<std::uint64_t>(iteration) * 0x9e3779b97f4a7c15u).bits() ^
-                  static_cast<std::uint64_t>(i) * 0xd1342543de82ef95u);
-    const glm::mat3 rotation = rotationFromQuaternion(model.rotation[i]);
-    const double x = random.normal();
-    const double y = random.normal();
-    const glm::vec3 local = glm::transpose(rotation) * glm::vec3(x, y, random.normal());
-    const glm::vec3 variance = glm::exp(2.0f * model.log_scale[i]);
-    model.mean[i] += static_cast<float>(strength * gate) * (rotation * (variance * local));
+    model.mean[i] += explorationNoise(model.rotation[i], model.log_scale[i], model.opacity_logit[i], strength, seed,
+                                      iteration, static_cast<std::uint64_t>(i));
   });
 }
 
@@ -117,9 +104,8 @@ void addRegularizerGradient(const GaussianModel& model, float opacity_weight, fl
                             ModelGradient& gradient) {
   const auto count = static_cast<double>(model.size());
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
-    const double opacity = sigmoid(model.opacity_logit[i]);
-    gradient.v_opacity_logit[i] += static_cast<float>(opacity_weight / count * opacity * (1 - opacity));
-    gradient.v_log_scale[i] += static_cast<float>(scale_weight / (3 * count)) * glm::exp(model.log_scale[i]);
+    addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / count, scale_weight / count,
+                             gradient.v_log_scale[i], gradient.v_opacity_logit[i]);
   });
 }
 

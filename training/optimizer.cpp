@@ -12,30 +12,15 @@
 namespace tg {
 namespace {
 
-constexpr float kBeta1 = 0.9f;
-constexpr float kBeta2 = 0.999f;
-constexpr float kEpsilon = 1e-15f;
-// Moments of Gaussians that no view sees decay into denormals, which cost 100 times a normal operation: cut to zero.
-constexpr float kTiny = 1e-30f;
 constexpr std::int64_t kChunk = 4096;     // rows of kLane floats a task
 constexpr std::size_t kUniformLane = 16;  // row length for blocks with one rate
-
-struct AdamScales {
-  float correction1;  // 1 / (1 - beta1^t)
-  float correction2;  // 1 / sqrt(1 - beta2^t)
-};
 
 // rates: [lane], the learning rate of each position in a row.
 TG_SIMD_CLONES void adamRow(float* __restrict value, const float* __restrict gradient, float* __restrict first,
                             float* __restrict second, const float* __restrict rates, std::size_t lane,
                             AdamScales scales) {
   for (std::size_t i = 0; i < lane; i++) {
-    const float g = gradient[i];
-    const float m = kBeta1 * first[i] + (1 - kBeta1) * g;
-    const float v = kBeta2 * second[i] + (1 - kBeta2) * g * g;
-    first[i] = std::abs(m) < kTiny ? 0.0f : m;
-    second[i] = v < kTiny ? 0.0f : v;
-    value[i] -= rates[i] * (m * scales.correction1) / (std::sqrt(v) * scales.correction2 + kEpsilon);
+    adamUpdate(value[i], gradient[i], first[i], second[i], rates[i], scales);
   }
 }
 
@@ -102,12 +87,16 @@ double decayedRate(double first, double last, std::int64_t iteration, std::int64
   return std::exp(std::lerp(std::log(first), std::log(last), progress));
 }
 
+AdamScales adamScales(std::int64_t step) {
+  const auto t = static_cast<double>(step);
+  return {static_cast<float>(1 / (1 - std::pow(double{kBeta1}, t))),
+          static_cast<float>(1 / std::sqrt(1 - std::pow(double{kBeta2}, t)))};
+}
+
 void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates) {
   GaussianModel& model = state.model;
   state.step++;
-  const auto t = static_cast<double>(state.step);
-  const AdamScales scales{static_cast<float>(1 / (1 - std::pow(double{kBeta1}, t))),
-                          static_cast<float>(1 / std::sqrt(1 - std::pow(double{kBeta2}, t)))};
+  const AdamScales scales = adamScales(state.step);
   const auto uniform = [&](auto& value, const auto& v_value, Moments& moments, float rate) {
     std::array<float, kUniformLane> lane;
     lane.fill(rate);

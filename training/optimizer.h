@@ -7,6 +7,7 @@
 
 #include "core/model.h"
 #include "training/gradient.h"
+#include "training/step_math.h"
 
 namespace tg {
 
@@ -35,6 +36,9 @@ struct LearningRates {
 
 // Log-linear from `first` to `last` over `iterations`; both above 0, or else linear.
 double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations);
+
+// Of step `step`, counted from 1.
+AdamScales adamScales(std::int64_t step);
 
 // Adam, beta 0.9 / 0.999, epsilon 1e-15, bias-corrected, on every parameter; alpha texels are then clamped to [0, 1].
 // Moments must have the model's size (see resetMoments). Any thread count, same bytes.

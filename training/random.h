@@ -5,15 +5,17 @@
 #include <cstdint>
 #include <numbers>
 
+#include "shared/lang.h"
+
 namespace tg {
 
 // SplitMix64 (Steele, Lea, Flood 2014): one 64-bit state, passes BigCrush.
 class Random {
  public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
+  TG_FN explicit Random(std::uint64_t seed) : state_(seed) {}
   // Random(state()) goes on with the same sequence.
   std::uint64_t state() const { return state_; }
-  std::uint64_t bits() {
+  TG_FN std::uint64_t bits() {
     state_ += 0x9e3779b97f4a7c15u;
     std::uint64_t z = state_;
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -21,11 +23,11 @@ class Random {
     return z ^ (z >> 31);
   }
   // In [0, 1).
-  double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
+  TG_FN double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
   // In [0, count), count > 0. The bias is below count / 2^64.
   std::uint64_t below(std::uint64_t count) { return bits() % count; }
   // Mean 0, variance 1 (Box-Muller, one of the pair).
-  double normal() {
+  TG_FN double normal() {
     const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform()));
     return radius * std::cos(2.0 * std::numbers::pi * uniform());
   }

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "core/error.h"
-#include "core/parallel.h"
+#include "training/filter_3d.h"
 #include "training/init.h"
 #include "training/mcmc.h"
 #include "training/textures.h"
@@ -30,38 +30,6 @@ Random stream(std::uint64_t seed, Stream which) {
 }
 
 double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }
-
-// While it lives, the model's scales and opacities are the effective ones.
-class DrawnModel {
- public:
-  DrawnModel(GaussianModel& model, EffectiveParameters& effective, bool filtered)
-      : model_(model), effective_(effective), filtered_(filtered) {
-    exchange();
-  }
-  ~DrawnModel() { exchange(); }
-  DrawnModel(const DrawnModel&) = delete;
-  DrawnModel& operator=(const DrawnModel&) = delete;
-
- private:
-  void exchange() {
-    if (!filtered_) return;
-    std::swap(model_.log_scale, effective_.log_scale);
-    std::swap(model_.opacity_logit, effective_.opacity_logit);
-  }
-  GaussianModel& model_;
-  EffectiveParameters& effective_;
-  bool filtered_;
-};
-
-void clampColors(std::vector<glm::vec4>& texels) {
-  constexpr std::int64_t kChunk = 1 << 16;
-  const auto count = static_cast<std::int64_t>(texels.size());
-  parallelFor((count + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
-    for (std::int64_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); i++) {
-      texels[i] = glm::clamp(texels[i], glm::vec4(0.0f), glm::vec4(1.0f));
-    }
-  });
-}
 
 }  // namespace
 
@@ -94,8 +62,13 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       renderer_(renderer),
       schedule_(makeSchedule(settings)),
       extent_(cameraExtent(dataset)),
-      state_(std::move(state)),
-      loss_(settings.ssim_weight) {}
+      engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
+      state_(std::move(state)) {}
+
+const RunState& Trainer::state() const {
+  pull();
+  return state_;
+}
 
 int Trainer::iterationsOf(Stage stage) const {
   return stage == Stage::textured || stage == Stage::untextured ? settings_.texture_iterations : settings_.iterations;
@@ -131,6 +104,8 @@ GaussianModel Trainer::firstGaussians() const {
 }
 
 void Trainer::begin(Stage stage, GaussianModel first) {
+  pull();
+  engine_->stateChanged();
   state_.stage = stage;
   state_.iteration = 0;
   state_.seconds = 0;
@@ -179,6 +154,8 @@ void Trainer::begin(Stage stage, GaussianModel first) {
 
 void Trainer::updateFilter() {
   if (!settings_.filter_3d) return;
+  pull();
+  engine_->stateChanged();
   state_.min_sigma = minSigmas(dataset_, state_.training.model);
 }
 
@@ -215,44 +192,17 @@ TrainProgress Trainer::progress() const {
 
 void Trainer::iterate() {
   const int iteration = ++state_.iteration;
-  TrainingState& training = state_.training;
   const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
   const bool adc = settings_.densification == Densification::adc;
-  const bool filtered = !state_.min_sigma.empty();
   const std::size_t view = state_.order.next();
-  const Camera& camera = dataset_.views[view].camera;
-  RenderSettings render;
-  render.background = dataset_.background;
+  glm::vec3 background = dataset_.background;
   if (dataset_.random_background) {
     Random random = stream(settings_.seed + static_cast<std::uint64_t>(iteration), Stream::background);
-    for (int c = 0; c < 3; c++) render.background[c] = static_cast<float>(random.uniform());
+    for (int c = 0; c < 3; c++) background[c] = static_cast<float>(random.uniform());
   }
-  const std::shared_ptr<const ViewPixels> photograph = dataset_.composited(view, render.background);
+  const std::shared_ptr<const ViewPixels> photograph = dataset_.composited(view, background);
   if (const auto following = state_.order.following()) dataset_.prefetch(*following);
-  if (filtered) applyFilter(training.model, state_.min_sigma, effective_);
-  LossValue loss;
-  {
-    const DrawnModel drawn(training.model, effective_, filtered);
-    const std::vector<glm::vec3>& picture = renderer_.forward(training.model, camera, render);
-    v_picture_.resize(picture.size());
-    loss = loss_.evaluate(camera.width, camera.height, picture, photograph->rgb, v_picture_, photograph->mask);
-    if (!std::isfinite(loss.total)) {
-      throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
-                                          std::to_string(iteration) + " of stage '" + std::string(name(state_.stage)) +
-                                          "'");
-    }
-    GradientOptions options;
-    options.statistics = first_stage && adc && iteration < schedule_.densify_until;
-    options.texture_to_geometry = settings_.texture_gradient_geometry;
-    options.texture_in_suffix = settings_.texture_gradient_suffix;
-    renderer_.backward(v_picture_, gradient_, options);
-  }
-  if (filtered) filterGradient(training.model, state_.min_sigma, gradient_);
   const bool mcmc = first_stage && settings_.densification == Densification::mcmc;
-  if (mcmc) {
-    addRegularizerGradient(training.model, settings_.mcmc_opacity_weight, settings_.mcmc_scale_weight, gradient_);
-  }
-
   LearningRates rates;
   rates.mean = static_cast<float>(extent_ * decayedRate(settings_.rate_position, settings_.rate_position_end, iteration,
                                                         iterationsOf(state_.stage)));
@@ -262,15 +212,33 @@ void Trainer::iterate() {
   rates.sh_dc = settings_.rate_sh_dc;
   rates.sh_rest = settings_.rate_sh_rest;
   rates.texels = settings_.rate_texels;
-  adamStep(training, gradient_, rates);
-  if (settings_.texture_init == TextureInit::paper) clampColors(training.model.atlas.texels);
-  if (mcmc) {
-    addExplorationNoise(training.model, settings_.mcmc_noise * rates.mean, stream(settings_.seed, Stream::noise).bits(),
-                        iteration);
+  StepInput input{.camera = dataset_.views[view].camera,
+                  .view = view,
+                  .photograph = *photograph,
+                  .background = background,
+                  .background_varies = dataset_.random_background,
+                  .iteration = iteration,
+                  .gradient = {},
+                  .gather_statistics = first_stage && adc && iteration < schedule_.densify_until,
+                  .rates = rates,
+                  .mcmc = mcmc,
+                  .opacity_weight = settings_.mcmc_opacity_weight,
+                  .scale_weight = settings_.mcmc_scale_weight,
+                  .noise = settings_.mcmc_noise * rates.mean,
+                  .noise_seed = stream(settings_.seed, Stream::noise).bits(),
+                  .clamp_colors = settings_.texture_init == TextureInit::paper};
+  input.gradient.statistics = input.gather_statistics;
+  input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
+  input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;
+  const LossValue loss = engine_->step(state_, input);
+  if (!std::isfinite(loss.total)) {
+    throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
+                                        std::to_string(iteration) + " of stage '" + std::string(name(state_.stage)) +
+                                        "'");
   }
   if (first_stage) densifyAndSchedule(iteration);
   const int left = iterationsOf(state_.stage) - iteration;
-  if (filtered && iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
+  if (!state_.min_sigma.empty() && iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
 
   state_.loss.add(loss.total);
   state_.squared_error.add(loss.mean_squared_error);
@@ -279,8 +247,9 @@ void Trainer::iterate() {
 void Trainer::densifyAndSchedule(int iteration) {
   TrainingState& training = state_.training;
   const bool adc = settings_.densification == Densification::adc;
-  if (adc && iteration < schedule_.densify_until) state_.statistics.add(gradient_);
   if (schedule_.densifies(iteration)) {
+    pull();
+    engine_->stateChanged();
     if (adc) {
       DensifySettings densify_settings;
       densify_settings.extent = extent_;
@@ -308,9 +277,13 @@ void Trainer::densifyAndSchedule(int iteration) {
   const bool white = dataset_.background == glm::vec3(1.0f);
   if (schedule_.resetsOpacity(iteration) ||
       (schedule_.reset_every > 0 && white && iteration == schedule_.densify_from)) {
+    pull();
+    engine_->stateChanged();
     resetOpacity(training);
   }
-  if (schedule_.raisesShDegree(iteration)) {
+  if (schedule_.raisesShDegree(iteration) && training.model.sh_degree < settings_.sh_degree) {
+    pull();
+    engine_->stateChanged();
     growShDegree(training, std::min(training.model.sh_degree + 1, settings_.sh_degree));
   }
 }
@@ -365,6 +338,7 @@ bool Trainer::end(const std::atomic<bool>* stop) {
 }
 
 GaussianModel Trainer::model() const {
+  pull();
   GaussianModel drawn = state_.training.model;
   growShDegree(drawn, settings_.sh_degree);
   if (!state_.min_sigma.empty()) {

@@ -7,9 +7,8 @@
 
 #include "core/model.h"
 #include "training/dataset.h"
-#include "training/filter_3d.h"
+#include "training/engine.h"
 #include "training/gradient.h"
-#include "training/loss.h"
 #include "training/run_state.h"
 #include "training/schedule.h"
 #include "training/settings.h"
@@ -51,7 +50,7 @@ class Trainer {
   // Throws Error(badData) when the loss is no longer finite or no Gaussian is left.
   bool step(const std::atomic<bool>* stop = nullptr);
 
-  const RunState& state() const { return state_; }
+  const RunState& state() const;
   const Dataset& dataset() const { return dataset_; }
   const TrainSettings& settings() const { return settings_; }
   TrainProgress progress() const;
@@ -68,6 +67,8 @@ class Trainer {
   bool end(const std::atomic<bool>* stop);
   void iterate();
   void densifyAndSchedule(int iteration);
+  // What the engine did, in state_.
+  void pull() const { engine_->pull(state_); }
   void updateFilter();
   int iterationsOf(Stage stage) const;
   std::size_t limit() const;  // of the count; 0: none
@@ -81,11 +82,9 @@ class Trainer {
   DifferentiableRenderer& renderer_;
   const Schedule schedule_;
   const double extent_;
-  RunState state_;
-  EffectiveParameters effective_;
-  PhotometricLoss loss_;
-  ModelGradient gradient_;
-  std::vector<glm::vec3> v_picture_;
+  const std::unique_ptr<TrainingEngine> engine_;
+  // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
+  mutable RunState state_;
 };
 
 struct TrainHooks {

@@ -106,26 +106,40 @@ void arrange(Order& order) {
   if (schedule == Schedule::scrambled) order_random.shuffle(order);
 }
 
+// The fibers stay where they are, for good: the next kernel gets new ones.
+[[noreturn]] void fail(const char* name, const std::string& what) {
+  for (Fiber& fiber : fibers) fiber.started = false;
+  throw std::logic_error(std::string(name) + ": " + what);
+}
+
 void runBlock(const char* name) {
   std::fill(shared.begin(), shared.end(), static_cast<char>(0xff));
   barrier = {};
   for (Warp& warp : warps) warp = {};
   for (Fiber& fiber : fibers) fiber.done = false, fiber.waits_for = nullptr;
-  std::array<unsigned, kThreads> order;
+  // One warp after the other runs until all its threads wait for others: their stacks stay in the cache.
+  std::array<unsigned, kWarps> warp_order;
+  std::array<unsigned, kWarp> lane_order;
   for (unsigned left = kThreads; left > 0;) {
-    arrange(order);
-    bool progress = false;
-    for (const unsigned thread : order) {
-      Fiber& fiber = fibers[thread];
-      if (fiber.done || (fiber.waits_for && *fiber.waits_for == fiber.seen)) continue;
-      resume(thread);
-      progress = true;
-      left -= fiber.done;
-      if (!failure.empty()) throw std::logic_error(std::string(name) + ": " + std::exchange(failure, {}));
+    const unsigned left_before = left;
+    const std::uint64_t barrier_before = barrier.generation;
+    arrange(warp_order);
+    for (const unsigned warp : warp_order) {
+      for (bool progress = true; progress;) {
+        progress = false;
+        arrange(lane_order);
+        for (const unsigned lane : lane_order) {
+          Fiber& fiber = fibers[warp * kWarp + lane];
+          if (fiber.done || (fiber.waits_for && *fiber.waits_for == fiber.seen)) continue;
+          resume(warp * kWarp + lane);
+          progress = true;
+          left -= fiber.done;
+          if (!failure.empty()) fail(name, std::exchange(failure, {}));
+        }
+      }
     }
-    if (!progress) {
-      throw std::logic_error(std::string(name) + ": " + std::to_string(left) +
-                             " threads wait for others that ended or wait elsewhere");
+    if (left == left_before && barrier.generation == barrier_before) {
+      fail(name, std::to_string(left) + " threads wait for others that ended or wait elsewhere");
     }
   }
 }
@@ -189,6 +203,8 @@ const int* exchangeInBlock(int value) {
 // ---- memory.h
 
 std::string openDevice() { return "host"; }
+
+DeviceMemory deviceMemory() { return {std::size_t{1} << 30, std::size_t{1} << 30}; }
 
 void* allocate(std::size_t bytes) {
   if (bytes == 0) return nullptr;

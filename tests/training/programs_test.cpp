@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgtrain and tgeval as users meet them: exit codes, messages, files that are never half written.
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <tuple>
 
@@ -81,6 +82,21 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   CHECK_THAT(nothing.output, Contains("not a data set"));
   CHECK(tgtrain(folder, "--help").code == 0);
   CHECK_FALSE(fs::exists(folder / "x.tgz"));
+}
+
+TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on the CPU", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string hidden = "CUDA_VISIBLE_DEVICES= '" TG_TGTRAIN "' scene -o model.tgz --device ";
+  const Outcome refused = run(folder, hidden + "cuda" + kShort);
+  CHECK(refused.code == 5);
+  CHECK_THAT(refused.output, Contains("tgtrain: CUDA"));
+  CHECK_FALSE(std::filesystem::exists(folder / "model.tgz"));
+  const Outcome trained = run(folder, hidden + "auto" + kShort);
+  INFO(trained.output);
+  CHECK(trained.code == 0);
+  CHECK(std::filesystem::exists(folder / "model.tgz"));
+  CHECK(tgtrain(folder, "scene -o other.tgz --device gpu").code == 1);
 }
 
 TEST_CASE("an existing model is kept unless --overwrite, and when writing fails", "[programs]") {

@@ -39,7 +39,7 @@ TG_DEVICE void sampleTexture(const View& view, const float* texels, const Textur
     const float* texel = texels + 4 * static_cast<std::size_t>(at.corner(k));
     const float weight = at.weight(k);
     for (int c = 0; c < 3; ++c) color[c] += weight * (view.texture_rgb ? texel[c] : 0.0f);
-    deviation += weight * (texel[3] - 1.0f);
+    deviation = ::fmaf(weight, texel[3] - 1.0f, deviation);
   }
   alpha_factor = view.texture_alpha ? 1.0f + deviation : 1.0f;
 }
@@ -126,7 +126,7 @@ TG_DEVICE TextureSlopes textureSlopes(const BlendInput& in, const BlendSplat& s,
     along[k] = in.view.texture_rgb ? v_color[0] * texel[0] + v_color[1] * texel[1] + v_color[2] * texel[2] : 0.0f;
     alpha[k] = in.view.texture_alpha ? texel[3] : 1.0f;
     t.along += at.weight(k) * along[k];
-    deviation += at.weight(k) * (alpha[k] - 1.0f);
+    deviation = ::fmaf(at.weight(k), alpha[k] - 1.0f, deviation);
   }
   t.alpha_factor = 1.0f + deviation;
   const float scale_u = texelsPerSigma(s.texture_size & 0xffffu);

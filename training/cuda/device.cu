@@ -48,14 +48,19 @@ std::string openDevice() {
 
 void checkLaunch(const char* what) { check(cudaGetLastError(), std::string("CUDA, ") + what); }
 
+DeviceMemory deviceMemory() {
+  DeviceMemory memory{};
+  check(cudaMemGetInfo(&memory.free, &memory.total), "CUDA");
+  return memory;
+}
+
 void* allocate(std::size_t bytes) {
   void* memory = nullptr;
   if (bytes == 0) return memory;
   const cudaError_t status = cudaMalloc(&memory, bytes);
   if (status == cudaErrorMemoryAllocation) {
     cudaGetLastError();
-    std::size_t free = 0, total = 0;
-    check(cudaMemGetInfo(&free, &total), "CUDA");
+    const auto [free, total] = deviceMemory();
     throw Error(ErrorKind::device, "CUDA",
                 "out of device memory (expected " + megabytes(bytes) + ", found " + megabytes(free) + " free of " +
                     megabytes(total) + "): train fewer Gaussians or texels, smaller pictures, or with --device cpu");

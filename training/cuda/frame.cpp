@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Buffers are made once and grow; a frame launches eight kernels, two sorts and a scan, its gradient three.
+// Buffers are made once and grow; a frame launches six kernels, two sorts and a scan, its gradient three kernels.
 #include "training/cuda/frame.h"
 
 #include <string>
@@ -39,13 +39,13 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
 void DeviceModel::upload(const GaussianModel& model) {
   count_ = model.size();
   sh_count_ = model.shCount();
-  mean_.upload(std::span(model.mean));
-  rotation_.upload(std::span(model.rotation));
-  log_scale_.upload(std::span(model.log_scale));
-  opacity_logit_.upload(std::span(model.opacity_logit));
-  sh_.upload(std::span(model.sh));
-  texels_.upload(std::span(model.atlas.texels));
-  rects_.upload(std::span(model.atlas.rects));
+  mean_.upload(model.mean);
+  rotation_.upload(model.rotation);
+  log_scale_.upload(model.log_scale);
+  opacity_logit_.upload(model.opacity_logit);
+  sh_.upload(model.sh);
+  texels_.upload(model.atlas.texels);
+  rects_.upload(model.atlas.rects);
 }
 
 void DeviceModel::resizeLike(const DeviceModel& other) {
@@ -62,7 +62,7 @@ void DeviceModel::resizeLike(const DeviceModel& other) {
 void DeviceModel::download(ModelGradient& gradient) const {
   const auto get = [](const Buffer<float>& from, auto& to, std::size_t floats) {
     to.resize(from.size() / floats);
-    from.download(std::span(to));
+    from.download(to);
   };
   get(mean_, gradient.v_mean, 3);
   get(rotation_, gradient.v_rotation, 4);
@@ -70,6 +70,15 @@ void DeviceModel::download(ModelGradient& gradient) const {
   get(opacity_logit_, gradient.v_opacity_logit, 1);
   get(sh_, gradient.v_sh, 3);
   get(texels_, gradient.v_texels, 4);
+}
+
+void DeviceModel::download(GaussianModel& model) const {
+  mean_.download(model.mean);
+  rotation_.download(model.rotation);
+  log_scale_.download(model.log_scale);
+  opacity_logit_.download(model.opacity_logit);
+  sh_.download(model.sh);
+  texels_.download(model.atlas.texels);
 }
 
 Parameters DeviceModel::parameters() const {

@@ -21,6 +21,8 @@ class DeviceModel {
   void upload(const GaussianModel& model);
   void resizeLike(const DeviceModel& other);  // contents undefined
   void download(ModelGradient& gradient) const;
+  // The sizes must be the same as at the upload; rectangles do not change.
+  void download(GaussianModel& model) const;
   Parameters parameters() const;
 
  private:

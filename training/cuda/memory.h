@@ -16,6 +16,11 @@ namespace tg::cuda {
 // holds no code for.
 std::string openDevice();
 
+struct DeviceMemory {
+  std::size_t free, total;  // [bytes]
+};
+DeviceMemory deviceMemory();
+
 void* allocate(std::size_t bytes);
 void release(void* memory) noexcept;
 void copyToDevice(void* to, const void* from, std::size_t bytes);
@@ -40,28 +45,31 @@ class Buffer {
     return *this;
   }
 
-  // Room for `size` entries; what it held is lost when it grows, by a quarter more than asked for.
+  // Room for `size` entries; what it held is lost when it grows, from the second time on by a quarter more than needed.
   void resize(std::size_t size) {
     if (size > capacity_) {
+      const std::size_t room = data_ == nullptr ? size : size + size / 4;
       release(std::exchange(data_, nullptr));
       size_ = capacity_ = 0;
-      const std::size_t room = size + size / 4;
       data_ = static_cast<T*>(allocate(room * sizeof(T)));
       capacity_ = room;
     }
     size_ = size;
   }
   void zero() { fillZero(data_, size_ * sizeof(T)); }
-  template <typename U>
-  void upload(std::span<const U> from) {
-    static_assert(sizeof(U) % sizeof(T) == 0);
-    resize(from.size() * (sizeof(U) / sizeof(T)));
-    copyToDevice(data_, from.data(), from.size_bytes());
+  // Of an array-like in host memory, whose entries may hold several T.
+  template <typename Range>
+  void upload(const Range& from) {
+    const std::span all(from);
+    static_assert(sizeof(all[0]) % sizeof(T) == 0);
+    resize(all.size() * (sizeof(all[0]) / sizeof(T)));
+    copyToDevice(data_, all.data(), all.size_bytes());
   }
-  // `to` must have the size of the buffer in bytes.
-  template <typename U>
-  void download(std::span<U> to) const {
-    copyToHost(to.data(), data_, to.size_bytes());
+  // `to` must have the buffer's size in bytes.
+  template <typename Range>
+  void download(Range&& to) const {
+    const std::span all(to);
+    copyToHost(all.data(), data_, all.size_bytes());
   }
   T* data() const { return data_; }
   std::size_t size() const { return size_; }

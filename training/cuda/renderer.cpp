@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/error.h"
-#include "render/cpu/project.h"
+#include "training/cuda/engine.h"
 #include "training/cuda/frame.h"
 
 namespace tg {
@@ -22,7 +22,7 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
     model_.upload(model);
     frame_.forward(view, model_.parameters());
     picture_.resize(static_cast<std::size_t>(view.width) * view.height);
-    frame_.picture().download(std::span(picture_));
+    frame_.picture().download(picture_);
     return picture_;
   }
 
@@ -41,12 +41,15 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
     gradient.screen_gradient.resize(n);
     gradient.screen_gradient_abs.resize(n);
     gradient.screen_radius.resize(n);
-    frame_.screenGradient().download(std::span(gradient.screen_gradient));
-    frame_.screenGradientAbs().download(std::span(gradient.screen_gradient_abs));
-    frame_.screenRadius().download(std::span(gradient.screen_radius));
+    frame_.screenGradient().download(gradient.screen_gradient);
+    frame_.screenGradientAbs().download(gradient.screen_gradient_abs);
+    frame_.screenRadius().download(gradient.screen_radius);
   }
 
   std::span<const PhaseTime> phaseTimes() const override { return {}; }
+  std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight) override {
+    return cuda::makeTrainingEngine(ssim_weight);
+  }
 
  private:
   std::string device_;

@@ -16,19 +16,21 @@ struct Sample {
   float q;  // |W|^2 / |D|^2
 };
 
-// False: the splat does not show there.
+// False: the splat does not show there. Forward and backward pass must agree on that: every sum is an explicit fmaf, so
+// that no compiler contracts it in one kernel and not in another.
 TG_DEVICE bool evaluate(const BlendSplat& s, float pixel_x, float pixel_y, Sample& out) {
   out.x = pixel_x - s.center_x;
   out.y = pixel_y - s.center_y;
-  out.w = s.w_xx * out.x + s.w_xy * out.y;
+  out.w = ::fmaf(s.w_xx, out.x, s.w_xy * out.y);
   const float w2 = s.w_yy * out.y;
-  const float d = s.d_xx * out.x + (s.d_xy * out.y + s.d_x1);
-  const float d2 = s.d_yy * out.y + s.d_y1;
-  out.inverse_d2 = 1.0f / (d * d + (d2 * d2 + s.d_11 * s.d_11));
-  out.q = (out.w * out.w + w2 * w2) * out.inverse_d2;
-  out.value = ::exp2f(s.log2_opacity - out.q);
+  const float d = ::fmaf(s.d_xx, out.x, ::fmaf(s.d_xy, out.y, s.d_x1));
+  const float d2 = ::fmaf(s.d_yy, out.y, s.d_y1);
+  out.inverse_d2 = 1.0f / ::fmaf(d, d, ::fmaf(d2, d2, s.d_11 * s.d_11));
+  const float square = ::fmaf(out.w, out.w, w2 * w2);
+  out.q = square * out.inverse_d2;
+  out.value = ::exp2f(::fmaf(-square, out.inverse_d2, s.log2_opacity));
   if (!(out.value >= kAlphaMin)) return false;
-  return s.near == 0.0f || (s.t_x * out.x + (s.t_y * out.y + s.t_1)) * out.inverse_d2 > s.near;
+  return s.near == 0.0f || ::fmaf(s.t_x, out.x, ::fmaf(s.t_y, out.y, s.t_1)) * out.inverse_d2 > s.near;
 }
 
 // The components of W and D.
@@ -38,8 +40,8 @@ struct LocalRay {
 TG_DEVICE LocalRay localRay(const LocalFrame& f, float x, float y) {
   LocalRay ray;
   for (int k = 0; k < 3; ++k) {
-    ray.w[k] = f.wx[k] * x + f.wy[k] * y;
-    ray.d[k] = f.dx[k] * x + (f.dy[k] * y + f.d0[k]);
+    ray.w[k] = ::fmaf(f.wx[k], x, f.wy[k] * y);
+    ray.d[k] = ::fmaf(f.dx[k], x, ::fmaf(f.dy[k], y, f.d0[k]));
   }
   return ray;
 }
@@ -59,8 +61,8 @@ struct TexturePoint {
 };
 TG_DEVICE TexturePoint locate(const BlendSplat& s, const LocalRay& ray, float inverse_d2) {
   TexturePoint at;
-  at.u = (ray.d[1] * ray.w[2] - ray.d[2] * ray.w[1]) * inverse_d2;
-  at.v = (ray.d[2] * ray.w[0] - ray.d[0] * ray.w[2]) * inverse_d2;
+  at.u = ::fmaf(ray.d[1], ray.w[2], -(ray.d[2] * ray.w[1])) * inverse_d2;
+  at.v = ::fmaf(ray.d[2], ray.w[0], -(ray.d[0] * ray.w[2])) * inverse_d2;
   at.inside = insideTexture(glm::vec2(at.u, at.v));
   if (!at.inside) {
     at.fraction_u = at.fraction_v = 0.0f;

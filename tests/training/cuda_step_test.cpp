@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// CUDA's loss, Adam, 3D filter, regularisers, noise and statistics, executed on the host, against the CPU's.
+#include <algorithm>
+#include <cstring>
+
+#include "cuda_host.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+#include "training/cuda/frame.h"
+#include "training/cuda/step.h"
+#include "training/filter_3d.h"
+#include "training/loss.h"
+#include "training/mcmc.h"
+#include "training/optimizer.h"
+
+using namespace tg;
+
+namespace {
+
+struct Pictures {
+  int width, height;
+  std::vector<glm::vec3> picture;
+  std::vector<std::uint8_t> target;
+  std::vector<std::uint8_t> mask;
+};
+Pictures randomPictures(int width, int height, bool masked, std::uint64_t seed) {
+  Random random(seed);
+  Pictures p{width, height, {}, {}, {}};
+  for (int i = 0; i < width * height; i++) {
+    const auto value = [&] { return static_cast<float>(random.uniform() * 1.2 - 0.1); };
+    p.picture.emplace_back(value(), value(), value());
+    for (int c = 0; c < 3; c++) p.target.push_back(static_cast<std::uint8_t>(random.below(256)));
+    if (masked) p.mask.push_back(random.uniform() < 0.3 ? 0 : 255);
+  }
+  return p;
+}
+
+struct DeviceLoss {
+  double sums[3];
+  std::vector<glm::vec3> v_picture;
+};
+DeviceLoss lossCuda(const Pictures& p, double counted) {
+  cuda::Buffer<float> picture, v_picture;
+  cuda::Buffer<std::uint8_t> target, mask;
+  cuda::LossBuffers buffers;
+  picture.upload(p.picture);
+  target.upload(p.target);
+  if (!p.mask.empty()) mask.upload(p.mask);
+  v_picture.resize(3 * p.picture.size());
+  cuda::evaluateLoss({p.width, p.height, 0.2f, counted, picture.data(), target.data(), mask.data()}, buffers,
+                     v_picture.data());
+  DeviceLoss loss;
+  buffers.sums.download(loss.sums);
+  loss.v_picture.resize(p.picture.size());
+  v_picture.download(loss.v_picture);
+  return loss;
+}
+
+// Everything of random values; a third of the Gaussians nearly transparent.
+TrainingState randomState(std::size_t count, std::uint64_t seed) {
+  Random random(seed);
+  const auto value = [&] { return static_cast<float>(random.normal()); };
+  TrainingState state;
+  GaussianModel& model = state.model;
+  model.sh_degree = 1;
+  for (std::size_t i = 0; i < count; i++) {
+    model.mean.emplace_back(value(), value(), value());
+    model.rotation.emplace_back(value(), value(), value(), value());
+    model.log_scale.emplace_back(value() - 3, value() - 3, value() - 3);
+    model.opacity_logit.push_back(i % 3 == 0 ? value() - 5 : value());
+    for (int k = 0; k < 4; k++) model.sh.emplace_back(value(), value(), value());
+  }
+  resetMoments(state);
+  return state;
+}
+
+template <typename T>
+std::vector<T> download(const cuda::Buffer<float>& from) {
+  std::vector<T> to(from.size() * sizeof(float) / sizeof(T));
+  from.download(to);
+  return to;
+}
+
+}  // namespace
+
+TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every border") {
+  for (const auto& [width, height] : {std::pair{64, 48}, std::pair{37, 5}, std::pair{1, 1}, std::pair{16, 33}}) {
+    for (const bool masked : {false, true}) {
+      const Pictures p = randomPictures(width, height, masked, 3);
+      INFO(width << " x " << height << (masked ? ", masked" : ""));
+      std::vector<glm::vec3> v_picture(p.picture.size());
+      const LossValue expected = PhotometricLoss(0.2f).evaluate(width, height, p.picture, p.target, v_picture, p.mask);
+      const auto ignored = std::count(p.mask.begin(), p.mask.end(), 0);
+      const double counted = 3.0 * std::max<double>(static_cast<double>(p.picture.size()) - ignored, 1.0);
+      const DeviceLoss found = lossCuda(p, counted);
+      CHECK(found.sums[0] / counted == Approx(expected.l1).epsilon(1e-6));
+      CHECK(found.sums[1] / counted == Approx(expected.ssim).epsilon(1e-4).margin(1e-6));
+      CHECK(found.sums[2] / counted == Approx(expected.mean_squared_error).epsilon(1e-6));
+      float largest = 0.0f, difference = 0.0f;
+      for (std::size_t i = 0; i < v_picture.size(); i++) {
+        largest = std::max(largest, glm::length(v_picture[i]));
+        difference = std::max(difference, glm::length(v_picture[i] - found.v_picture[i]));
+      }
+      CHECK(difference <= 1e-4f * largest);
+      cuda::setSchedule(cuda::Schedule::scrambled, 9);
+      const DeviceLoss again = lossCuda(p, counted);
+      cuda::setSchedule(cuda::Schedule::forward);
+      CHECK(std::memcmp(again.sums, found.sums, sizeof(found.sums)) == 0);
+      CHECK(again.v_picture == found.v_picture);
+    }
+  }
+}
+
+TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does") {
+  TrainingState state = randomState(50, 1);
+  Random random(2);
+  ModelGradient gradient;
+  const std::size_t n = state.model.size();
+  gradient.v_mean.resize(n);
+  gradient.v_rotation.resize(n);
+  gradient.v_log_scale.resize(n);
+  gradient.v_opacity_logit.resize(n);
+  gradient.v_sh.resize(state.model.sh.size());
+  for (glm::vec3& v : gradient.v_sh) v = glm::vec3(random.normal(), random.normal(), random.normal());
+  cuda::Buffer<float> value, v_value;
+  cuda::DeviceMoments moments;
+  value.upload(state.model.sh);
+  v_value.upload(gradient.v_sh);
+  moments.first.upload(state.sh.first);
+  moments.second.upload(state.sh.second);
+  const LearningRates rates;
+  for (int step = 1; step <= 3; step++) {
+    adamStep(state, gradient, rates);
+    cuda::adamStep(
+        {value.data(), v_value.data(), moments, value.size(), 12, 3, rates.sh_dc, rates.sh_rest, adamScales(step)});
+  }
+  CHECK(download<glm::vec3>(value) == state.model.sh);
+  CHECK(download<float>(moments.first) == state.sh.first);
+  CHECK(download<float>(moments.second) == state.sh.second);
+}
+
+TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's") {
+  TrainingState state = randomState(300, 4);
+  GaussianModel& model = state.model;
+  std::vector<float> min_sigma(model.size());
+  Random random(5);
+  for (float& sigma : min_sigma) sigma = static_cast<float>(0.1 * random.uniform());
+  ModelGradient gradient;
+  for (std::size_t i = 0; i < model.size(); i++) {
+    gradient.v_log_scale.emplace_back(random.normal(), random.normal(), random.normal());
+    gradient.v_opacity_logit.push_back(static_cast<float>(random.normal()));
+  }
+  cuda::DeviceModel device;
+  device.upload(model);
+  cuda::Buffer<float> sigmas, log_scale, logit, v_log_scale, v_logit;
+  sigmas.upload(min_sigma);
+  log_scale.resize(3 * model.size());
+  logit.resize(model.size());
+  v_log_scale.upload(gradient.v_log_scale);
+  v_logit.upload(gradient.v_opacity_logit);
+
+  EffectiveParameters effective;
+  applyFilter(model, min_sigma, effective);
+  cuda::applyFilter(device.parameters(), sigmas.data(), log_scale.data(), logit.data());
+  CHECK(download<glm::vec3>(log_scale) == effective.log_scale);
+  CHECK(download<float>(logit) == effective.opacity_logit);
+
+  filterGradient(model, min_sigma, gradient);
+  addRegularizerGradient(model, 0.5f, 0.25f, gradient);
+  cuda::Parameters v{};
+  v.log_scale = v_log_scale.data();
+  v.opacity_logit = v_logit.data();
+  const auto count = static_cast<double>(model.size());
+  cuda::chainGradients({device.parameters(), sigmas.data(), true, 0.5f / count, 0.25f / count}, v);
+  CHECK(download<glm::vec3>(v_log_scale) == gradient.v_log_scale);
+  CHECK(download<float>(v_logit) == gradient.v_opacity_logit);
+
+  const std::vector<glm::vec3> before = model.mean;
+  addExplorationNoise(model, 100.0f, 77, 5);
+  cuda::addNoise(device.parameters(), 100.0f, 77, 5);
+  GaussianModel found = model;
+  found.mean = before;
+  device.download(found);
+  CHECK(found.mean == model.mean);
+  CHECK(model.mean != before);
+}

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// What happens to a picture and to gradients in a training step: loss, 3D filter, regularisers, Adam, noise,
+// statistics. The formulas are those of training/step_math.h.
+#pragma once
+#include "training/cuda/memory.h"
+#include "training/cuda/types.h"
+#include "training/step_math.h"
+
+namespace tg::cuda {
+
+struct LossInput {
+  int width, height;
+  float ssim_weight;
+  double counted;              // values that count: 3 for each pixel that the mask leaves
+  const float* picture;        // [height, width, 3]
+  const std::uint8_t* target;  // [height, width, 3]
+  const std::uint8_t* mask;    // [height, width], 0: ignored; null: all count
+};
+struct LossBuffers {
+  Buffer<float> derivatives;  // [3, 3, height, width] dSSIM/d mean, variance, covariance of each window
+  Buffer<double> block_sums;  // [blocks, 3]
+  Buffer<double> sums;        // [3] of |x - y|, SSIM and squared clamped difference
+};
+// v_picture: [height, width, 3], dL/d(picture). The sums stay on the device.
+void evaluateLoss(const LossInput& input, LossBuffers& buffers, float* v_picture);
+
+// What the 3D filter draws: log_scale [N, 3], opacity_logit [N].
+void applyFilter(const Parameters& model, const float* min_sigma, float* log_scale, float* opacity_logit);
+
+struct ChainInput {
+  Parameters model;
+  const float* min_sigma;  // null: no 3D filter
+  bool mcmc;
+  double opacity_weight, scale_weight;  // over the number of Gaussians
+};
+// From gradients with respect to what was drawn to those of what is stored, with the regularisers', in place.
+void chainGradients(const ChainInput& input, const Parameters& gradient);
+
+// Adam's moments of one parameter.
+struct DeviceMoments {
+  Buffer<float> first, second;
+};
+struct AdamInput {
+  float* value;
+  const float* gradient;
+  const DeviceMoments& moments;
+  std::size_t count;  // [floats]
+  unsigned row;       // floats of a row; the first `leading` have the first rate, the others the second
+  unsigned leading;
+  float first_rate, rate;
+  AdamScales scales;
+};
+void adamStep(const AdamInput& input);
+// Alpha to [0, 1]; colours too where clamp_colors.
+void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors);
+
+void addNoise(const Parameters& model, float strength, std::uint64_t seed, int iteration);
+
+struct DeviceStatistics {
+  Buffer<float> score_sum, magnitude_sum, max_radius;
+  Buffer<std::uint32_t> view_count;
+};
+// DensityStatistics::add. All [N].
+void addStatistics(const float* screen_gradient, const float* screen_gradient_abs, const float* screen_radius,
+                   std::size_t count, const DeviceStatistics& statistics);
+
+}  // namespace tg::cuda

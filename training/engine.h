@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the arithmetic of training runs: an iteration from forward pass to the moved parameters. The host's engine
+// works on the state in place; one with a device of its own keeps the state there.
+#pragma once
+#include <cstdint>
+#include <memory>
+
+#include "core/camera.h"
+#include "training/gradient.h"
+#include "training/loss.h"
+#include "training/optimizer.h"
+#include "training/photographs.h"
+#include "training/run_state.h"
+
+namespace tg {
+
+struct StepInput {
+  const Camera& camera;
+  std::size_t view;  // of the data set
+  // What the picture is compared with; the same for every step with this view unless background_varies.
+  const ViewPixels& photograph;
+  glm::vec3 background;
+  bool background_varies;
+  int iteration;  // of the stage, from 1
+  GradientOptions gradient;
+  bool gather_statistics;  // add to RunState::statistics
+  LearningRates rates;
+  bool mcmc;  // the four below count
+  float opacity_weight;
+  float scale_weight;
+  float noise;
+  std::uint64_t noise_seed;
+  bool clamp_colors;  // texel colours to [0, 1]
+};
+
+class TrainingEngine {
+ public:
+  virtual ~TrainingEngine() = default;
+  // One iteration. A state with min_sigma is drawn through the 3D filter. After a loss that is not finite the state is
+  // not to be used. Throws Error(device).
+  virtual LossValue step(RunState& state, const StepInput& input) = 0;
+  // Brings training and statistics of `state` up to date with the steps done.
+  virtual void pull(RunState& state) = 0;
+  // `state` was changed by others after a pull.
+  virtual void stateChanged() = 0;
+};
+
+// The engine that goes through a renderer's forward() and backward(); the renderer must outlive it.
+std::unique_ptr<TrainingEngine> makeHostTrainingEngine(DifferentiableRenderer& renderer, float ssim_weight);
+
+}  // namespace tg
