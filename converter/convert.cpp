@@ -215,7 +215,9 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   const OutputFormat format = outputFormat(output);
   if (!options.dry_run) checkOutput(output, options.overwrite);
   ConvertReport report;
-  report.input_bytes = std::filesystem::exists(input) ? std::filesystem::file_size(input) : 0;
+  std::error_code unknown;
+  const std::uintmax_t bytes = std::filesystem::file_size(input, unknown);
+  report.input_bytes = unknown ? 0 : bytes;  // what cannot be read says so below
   report.dry_run = options.dry_run;
   // Calls write(file) for the output, or for a forecast: the exact size comes from the exact bytes, which are written
   // where nobody looks.

@@ -106,6 +106,12 @@ TEST_CASE("A PLY with a broken value is refused by name while it is converted, a
   CHECK(filesIn(scratch.folder()) == 1);
 }
 
+TEST_CASE("What is no file is refused as such") {
+  const Scratch scratch;
+  CHECK_THROWS_WITH(convert(scratch.folder() / "none.ply", scratch.folder() / "a.glb"), Catch::Contains("none.ply: "));
+  CHECK_THROWS_AS(convert(scratch.folder(), scratch.folder() / "a.glb"), Error);
+}
+
 TEST_CASE("Pictures are compared where textures or rounding change them, or when asked for") {
   const Scratch scratch;
   const auto to = [&](const char* name) { return scratch.folder() / name; };
