@@ -206,6 +206,7 @@ void run(const Options& options) {
   settings.background = loaded.background;
   settings.outputs = {output};
   settings.textures = named(parseTextureMode(options.mode), "--mode", options.mode);
+  settings.order = named(parseSplatOrder(options.order), "--sort", options.order);
   if (!options.intersection.empty()) {
     settings.intersection = named(parseIntersectionModel(options.intersection), "--intersection", options.intersection);
   }
@@ -294,7 +295,7 @@ int main(int argc, char** argv) {
   app.add_option("--output", options.output, "the output to show, as tgview --show");
   app.add_option("--textures", options.textures, "give every Gaussian random RGBA textures of WIDTHxHEIGHT texels");
   app.add_flag("--exact", options.exact, "on a GPU, the model in full precision instead of the window's");
-  app.add_option("--order", options.order, "order of splats: global or perPixel");
+  app.add_option("--sort", options.order, "order of splats: global or per-pixel");
   app.add_option("--mode", options.mode, "texture terms to apply: none, alpha, rgb, rgba");
   app.add_option("--intersection", options.intersection, "plane or maxResponse (default: the model's)");
   app.add_option("--reference-pixels", options.reference_pixels, "pixels to compare with the reference, 0 = none")
