@@ -24,9 +24,11 @@ PingPong makePingPong(GpuDevice& device, const char* name, std::uint64_t bytes) 
   return {device.makeBuffer(name, bytes), device.makeBuffer(name, bytes)};
 }
 
+std::uint64_t mostPixels(const GpuLimits& limits) { return limits.storage_bytes / sizeof(glm::vec4); }
+
 std::uint32_t checkedPixels(const GpuLimits& limits, std::uint32_t width, std::uint32_t height) {
   const std::uint64_t pixels = std::uint64_t{width} * height;
-  const std::uint64_t most = limits.storage_bytes / sizeof(glm::vec4);
+  const std::uint64_t most = mostPixels(limits);
   if (pixels > most || std::max(width, height) > limits.image_side) {
     throw Error(ErrorKind::device, limits.device,
                 "an image of " + std::to_string(width) + " x " + std::to_string(height) +
@@ -171,6 +173,14 @@ ImageBuffers::ImageBuffers(GpuDevice& device, std::uint32_t w, std::uint32_t h) 
   normal_count = device.makeBuffer("normal and count", bytes);
   extras = device.makeBuffer("median depth, overdraw and texel density", bytes);
   picture = device.makeImage(w, h);
+}
+
+std::uint32_t rowsAtOnce(const GpuLimits& limits, std::uint32_t width, std::uint32_t height) {
+  if (std::max(width, height) > limits.image_side) checkedPixels(limits, width, height);  // says so
+  const std::uint64_t rows_of_tiles = std::min(mostPixels(limits) / (std::uint64_t{width} * kTileSize),
+                                               std::uint64_t{kMaxTiles} / ((width + kTileSize - 1) / kTileSize));
+  const std::uint64_t rows = std::max<std::uint64_t>(rows_of_tiles, 1) * kTileSize;
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(rows, height));
 }
 
 std::uint32_t listEntriesPerRound(const PassTuning& tuning) {

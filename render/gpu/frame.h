@@ -84,6 +84,10 @@ PassList buildFrame(const FrameInputs& inputs, const BufferPtr& counters);
 // List entries of a tile that one dispatch of blend takes; longer lists need FrameInputs::blend_rounds dispatches.
 std::uint32_t listEntriesPerRound(const PassTuning& tuning);
 
+// How many rows of pixels a frame of an image of that size can have at once. Throws Error(device) when a side is longer
+// than the device's images.
+std::uint32_t rowsAtOnce(const GpuLimits& limits, std::uint32_t width, std::uint32_t height);
+
 // As many pairs as the device can bind.
 std::uint32_t maxPairCapacity(const GpuLimits& limits);
 

@@ -69,6 +69,9 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   if (variant.all) outputs = outputs | kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
   if (outputs.has(Output::final)) outputs = outputs | OutputSet{Output::alpha};
   checkFrame(camera, settings);
+  const auto rows = static_cast<int>(rowsAtOnce(device_->limits(), static_cast<std::uint32_t>(camera.width),
+                                                static_cast<std::uint32_t>(camera.height)));
+  if (rows < camera.height) return renderBands(camera, settings, rows);
   fitImage(camera);
   Frame frame(camera.width, camera.height, outputs);
   if (variant.all || outputs.hasAny({Output::final, Output::alpha}) || !outputs.hasAny(kSolid)) {
@@ -84,6 +87,37 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
     const std::vector<glm::vec4> pixels = readPixels(image_->base_transmittance);
     colors.assign(pixels.begin(), pixels.end());
   }
+  return frame;
+}
+
+// Pictures that the device cannot hold at once, from the top down. Times and counts are those of the last band.
+Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& settings, int rows) {
+  Frame frame;
+  for (int top = 0; top < camera.height; top += rows) {
+    Camera band = camera;
+    band.height = std::min(rows, camera.height - top);
+    band.cy -= top;
+    const Frame part = render(band, settings);
+    const auto append = [&](auto Frame::* member) {
+      const auto& from = part.*member;
+      auto& to = frame.*member;
+      to.insert(to.end(), from.begin(), from.end());
+    };
+    append(&Frame::picture);
+    append(&Frame::base);
+    append(&Frame::texture);
+    append(&Frame::alpha);
+    append(&Frame::depth);
+    append(&Frame::normal);
+    append(&Frame::count);
+    append(&Frame::depth_median);
+    append(&Frame::overdraw);
+    append(&Frame::ellipsoids);
+    append(&Frame::centers);
+    append(&Frame::texel_density);
+  }
+  frame.width = camera.width;
+  frame.height = camera.height;
   return frame;
 }
 

@@ -59,6 +59,7 @@ class GpuRenderer : public Renderer {
  private:
   void makePairs(std::uint32_t capacity);
   bool blendedAll(std::uint32_t longest_list);
+  Frame renderBands(const Camera& camera, const RenderSettings& settings, int rows);
   void checkFrame(const Camera& camera, const RenderSettings& settings) const;
   void drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant);
   void fitImage(const Camera& camera);

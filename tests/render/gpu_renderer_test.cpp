@@ -258,7 +258,8 @@ TEST_CASE("a frame without a model or with an empty camera is refused") {
   CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("131072 x 131072 pixels is too large"));
   const BindingLimit limit(~0u);
   scene.camera.width = scene.camera.height = 4097;
-  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("at most 65536 tiles, found 66049"));
+  CHECK_THROWS_WITH(renderer->draw({scene.camera, {}, Output::final, 0.0f}),
+                    Catch::Contains("at most 65536 tiles, found 66049"));
 }
 
 TEST_CASE("parameters at the ends of what float holds leave no pixel without a number") {
@@ -321,6 +322,24 @@ TEST_CASE("a model larger than a binding is rendered in parts, bit for bit the s
   const Frame whole = renderScene(scene);
   const BindingLimit limit(64 << 10);  // 512 records
   CHECK(same(whole, renderScene(scene)));
+  CHECK(validationMessages() == "");
+}
+
+TEST_CASE("a picture larger than a binding is rendered in bands, the same but for rounding") {
+  const TestScene scene = makeScene(SceneKind::mixed, 4, 300, 90, 70);
+  RenderSettings settings;
+  settings.outputs = kBlendedOutputs | OutputSet{Output::centers};
+  const Frame whole = renderScene(scene, settings);
+  const BindingLimit limit(64 << 10);  // 4096 pixels: bands of 32, 32 and 6 rows
+  const Frame bands = renderScene(scene, settings);
+  const FrameDifference difference = compareFrames(bands, whole);
+  INFO(report(difference));
+  CHECK(violations(difference) == "");
+  CHECK(bands.height == 70);
+  REQUIRE(bands.centers.size() == whole.centers.size());
+  std::size_t moved = 0;
+  for (std::size_t i = 0; i < bands.centers.size(); ++i) moved += bands.centers[i] != whole.centers[i];
+  CHECK(moved < bands.centers.size() / 100);  // dots whose edge rounds to the other side of a pixel's centre
   CHECK(validationMessages() == "");
 }
 
