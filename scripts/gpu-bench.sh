@@ -1,18 +1,21 @@
 #!/usr/bin/env bash
-# The CUDA trainer's tests and times on a machine with an NVIDIA GPU: `gpu-bench.sh [--packages FOLDER] [--out FOLDER]`.
-# FOLDER of --packages: Debian packages unpacked with `dpkg -x` (its usr/ below), where the machine has no apt; with a
-# cuda-13.0/ in it, as scripts/install_cuda.sh makes it, where it has no nvcc. Writes table.md and the logs into --out
-# (gpu-bench). Ends with 5 where no device answers: then the table holds the build and the tests alone.
+# The CUDA trainer's tests and times on a machine with an NVIDIA GPU: `gpu-bench.sh [--packages FOLDER]
+# [--build FOLDER] [--out FOLDER]`. --packages: Debian packages unpacked with `dpkg -x` (usr/ below it), where the
+# machine has no apt; with a cuda-13.0/ in it, as scripts/install_cuda.sh makes it, where it has no nvcc. Builds in
+# --build (build-gpu); writes table.md and the logs into --out (gpu-bench). Ends with 5 where no device answers: then
+# the table holds the tests alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 packages=
+build=build-gpu
 out=gpu-bench
 while [ $# -gt 0 ]; do
   case $1 in
     --packages) packages=$(realpath "$2"); shift 2 ;;
+    --build) build=$2; shift 2 ;;
     --out) out=$2; shift 2 ;;
-    *) echo "gpu-bench.sh: unknown option $1 (expected --packages FOLDER, --out FOLDER)" >&2; exit 1 ;;
+    *) echo "gpu-bench.sh: unknown option $1 (expected --packages, --build or --out FOLDER)" >&2; exit 1 ;;
   esac
 done
 mkdir -p "$out"
@@ -24,9 +27,9 @@ if [ -n "$packages" ]; then
   export PKG_CONFIG_PATH="$packages/usr/lib/x86_64-linux-gnu/pkgconfig:$packages/usr/share/pkgconfig"
   [ -x "$packages/cuda-13.0/bin/nvcc" ] && options+=("-DCMAKE_CUDA_COMPILER=$packages/cuda-13.0/bin/nvcc")
 fi
-cmake -S . -B build-gpu "${options[@]}" >"$out/configure.log"
-cmake --build build-gpu -j "$(nproc)" --target tgtrain tgeval training_cuda_test >"$out/build.log"
-bin=build-gpu/bin
+cmake -S . -B "$build" "${options[@]}" >"$out/configure.log"
+cmake --build "$build" -j "$(nproc)" --target tgtrain tgeval training_cuda_test >"$out/build.log"
+bin=$build/bin
 
 table="$out/table.md"
 device=$(nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,noheader 2>/dev/null | head -1 || true)
