@@ -9,14 +9,14 @@
 namespace tg {
 
 // [1 / s, one core] The loop over a batch of splats that all cover the tile, its data in the first-level cache. Best of
-// many short runs.
-double picturePeak();
+// many short runs. textured: with 4 x 4 texels each.
+double picturePeak(bool textured);
 
 struct PictureRate {
   double pixel_splats = 0;  // evaluated in a frame
   double seconds = 0;       // processor time of the blending stage, all threads: list sorting and set-up are in it
 };
-// Median of `frames` frames; settings without textures, in the global order.
+// Median of `frames` frames; settings in the global order, without the footprint filter.
 PictureRate pictureRate(const GaussianModel& model, const Camera& camera, const RenderSettings& settings, int frames);
 
 }  // namespace tg

@@ -261,11 +261,11 @@ void run(const Options& options) {
   for (const auto& [name, milliseconds] : times.passes) {
     result["passes"].push_back({{"name", name}, {"wall_ms", median(milliseconds)}});
   }
-  if (options.backend == "cpu" && output == Output::final && result["textures"] == "off") {
+  if (options.backend == "cpu" && output == Output::final) {
     const PictureRate rate = pictureRate(loaded.model, camera, settings, options.frames);
     result["pixel_splats"] = rate.pixel_splats;
     result["pixel_splats_per_second"] = rate.pixel_splats / rate.seconds;
-    result["peak"] = picturePeak();
+    result["peak"] = picturePeak(result["textures"] != "off");
   }
   if (output == Output::final && options.reference_pixels > 0) {
     result["psnr_db"] = psnrAtPixels(picture, loaded.model, camera, settings, options.reference_pixels);

@@ -66,7 +66,8 @@ HWY_INLINE void prefetchSplat(const Splat& s) {
   const char* bytes = reinterpret_cast<const char*>(&s);
   for (std::size_t line = 0; line < sizeof(Splat); line += kCacheLine) hwy::Prefetch(bytes + line);
 }
-HWY_INLINE void prefetchTexels(const Splat& s, const glm::vec4* texels) {
+template <class S>
+HWY_INLINE void prefetchTexels(const S& s, const glm::vec4* texels) {
   const std::size_t bytes = std::size_t{16} * s.texture_width * s.texture_height;
   const char* first = reinterpret_cast<const char*>(texels + s.texel_offset);
   for (std::size_t line = 0; line < std::min<std::size_t>(bytes, 1024); line += kCacheLine) hwy::Prefetch(first + line);

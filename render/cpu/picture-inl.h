@@ -6,6 +6,7 @@
 #include "render/cpu/bit_places.h"
 #include "render/cpu/kernel-inl.h"
 #include "render/cpu/picture.h"
+#include "render/cpu/texture_samples-inl.h"
 
 // Compiled once per target: not `#pragma once`.
 #if defined(TG_RENDER_CPU_PICTURE_INL_H) == defined(HWY_TARGET_TOGGLE)
@@ -19,7 +20,9 @@ HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
 
 constexpr int kBatch = 16;
-constexpr int kItemsAtOnce = 32;
+constexpr int kItemsAtOnce = 32, kHitsAtOnce = 16;
+constexpr int kColumnBits = std::bit_width(static_cast<unsigned>(kColumns)) - 1;
+static_assert(kColumns == 1 << kColumnBits);
 constexpr float kLog2AlphaMin = -7.99435344f;
 
 // Splats of a tile, ready for its pixels. Blocks are row by row here: row * kColumns + column.
@@ -43,6 +46,12 @@ struct PixelBlock {
   alignas(4 * kLanes) float transmittance[kLanes];  // negative: the pixel is done, its magnitude is what is left
   float color[3][kLanes];
 };
+// Where a tile lies [px], and what its textured splats need.
+struct TileView {
+  const View& view;
+  Texels texels;
+  int x, y;
+};
 struct TileState {
   alignas(64) PixelBlock blocks[kBlocks];
   std::uint32_t live[kColumns];  // a bit per row: blocks with a pixel that is not done
@@ -53,14 +62,14 @@ constexpr int kRowsAtOnce = std::min(kLanes, 8);  // a byte of bits at most
 using Items = HWY_CAPPED(std::uint16_t, kRowsAtOnce);
 using ItemBytes = hn::Rebind<std::uint8_t, Items>;
 static_assert(hn::MaxLanes(Items()) == kRowsAtOnce);
-// Appends first + kColumns * row for the rows whose bits are set. Returns their number; what lies behind is spoilt.
-HWY_INLINE int appendItems(std::uint32_t bits, int first, std::uint16_t* out) {
+// Appends first + (place << kShift) of the bits that are set. Returns the end; what lies behind it is spoilt.
+template <int kShift>
+HWY_INLINE std::uint16_t* appendPlaces(std::size_t bits, hn::Vec<Items> first, std::uint16_t* out) {
   constexpr Items d16;
   constexpr ItemBytes d8;
   const auto places = hn::PromoteTo(d16, hn::LoadU(d8, kBitPlaces[bits].data()));
-  const auto items = hn::Add(hn::Mul(places, hn::Set(d16, kColumns)), hn::Set(d16, static_cast<std::uint16_t>(first)));
-  hn::StoreU(items, d16, out);
-  return std::popcount(bits);
+  hn::StoreU(hn::Add(hn::ShiftLeft<kShift>(places), first), d16, out);
+  return out + std::popcount(bits);
 }
 
 // Puts a splat into a slot and appends the live blocks that it may show in: findBlocks() of kernel-inl.h.
@@ -82,7 +91,7 @@ HWY_INLINE void addSplat(const PictureSplat& s, int slot, int tile_x, int tile_y
   const int row_begin = std::max(static_cast<int>(s.y0) - tile_y, 0);
   const int row_end = std::min(static_cast<int>(s.y1) - tile_y, kTileHeight);
   const std::uint32_t rows = (~0u >> (kTileHeight - row_end)) & (~0u << row_begin);
-  int n = batch.count;
+  std::uint32_t meets[kColumns] = {};  // a bit per row
   for (int r = row_begin / kLanes * kLanes; r < row_end; r += kLanes) {
     const V row_y = hn::Sub(hn::Iota(df, static_cast<float>(r) + 0.5f), set(y));
     const V w = hn::Mul(set(s.w_xy), row_y);
@@ -107,14 +116,22 @@ HWY_INLINE void addSplat(const PictureSplat& s, int slot, int tile_x, int tile_y
     for (int c = 0; c < kColumns; ++c) {
       const float left = static_cast<float>(c * kLanes) + 0.5f;
       const M inside = hn::And(hn::Ge(high, set(left)), hn::Le(low, set(left + static_cast<float>(kLanes - 1))));
-      const std::uint32_t bits = (bounded ? bitsOf(inside) : ~0u) & (rows & state.live[c]) >> r;
-      for (int part = 0; part < kLanes; part += kRowsAtOnce) {
-        n += appendItems(bits >> part & ((1u << kRowsAtOnce) - 1), slot * kBlocks + (r + part) * kColumns + c,
-                         batch.items + n);
-      }
+      meets[c] |= bitsOf(inside) << r;
     }
   }
-  batch.count = n;
+  constexpr Items d16;
+  std::uint16_t* out = batch.items + batch.count;
+  // How often this loop goes round does not depend on the bits, which are known late.
+  for (int c = 0; c < kColumns; ++c) meets[c] = (bounded ? meets[c] : ~0u) & rows & state.live[c];
+  auto first = hn::Set(d16, static_cast<std::uint16_t>(slot * kBlocks + row_begin / kLanes * kLanes * kColumns));
+  for (int r = row_begin / kLanes * kLanes; r < row_end; r += kRowsAtOnce) {
+    for (int c = 0; c < kColumns; ++c) {
+      out = appendPlaces<kColumnBits>(meets[c] >> r & ((1u << kRowsAtOnce) - 1),
+                                      hn::Add(first, hn::Set(d16, static_cast<std::uint16_t>(c))), out);
+    }
+    first = hn::Add(first, hn::Set(d16, kRowsAtOnce * kColumns));
+  }
+  batch.count = static_cast<int>(out - batch.items);
 }
 
 // Whether a splat's hits in a tile may lie before its near plane. t |D|^2 - near |D|^2 > 0 is a linear function less a
@@ -130,68 +147,191 @@ HWY_INLINE bool meetsNear(const PictureSplat& s, const PictureHit& hit, int tile
   return false;
 }
 
-// Lanes whose hit lies behind the splat's near plane.
-HWY_INLINE M behindNear(const PictureSplat& s, const PictureHit& hit, unsigned block, int tile_x, int tile_y, V d2) {
-  const float y = static_cast<float>(tile_y + static_cast<int>(block / kColumns)) + 0.5f - s.center_y;
-  const float left = static_cast<float>(tile_x + static_cast<int>(block % kColumns) * kLanes) + 0.5f;
-  const V x = hn::Sub(hn::Iota(df, left), set(s.center_x));
-  return hn::Gt(hn::MulAdd(set(hit.t_x), x, set(hit.t_y * y + hit.t_1)), hn::Mul(set(hit.near), d2));
+// What of an item evaluation leaves to the texture.
+struct ItemHit {
+  V inverse_d2;  // 1 / |D|^2
+  M visible;     // by the exponent alone
+  V exponent;
+};
+HWY_INLINE ItemHit hitItem(const Batch& batch, unsigned item) {
+  const unsigned slot = item / kBlocks, row = item / kColumns;
+  const unsigned column = (slot * kColumns + item % kColumns) * kLanes;
+  const V w = hn::Add(hn::Load(df, batch.column_w + column), set(batch.row_w[row]));
+  const V d = hn::Add(hn::Load(df, batch.column_d + column), set(batch.row_d[row]));
+  const V w2 = hn::MulAdd(w, w, set(batch.row_w2[row]));
+  const V inverse_d2 = hn::Div(set(1.0f), hn::MulAdd(d, d, set(batch.row_d2[row])));
+  const V exponent = hn::NegMulAdd(w2, inverse_d2, set(batch.log2_opacity[slot]));
+  return {inverse_d2, hn::Ge(exponent, set(kLog2AlphaMin)), exponent};
 }
 
-// Items [begin, end): evaluate() of kernel-inl.h and blending in one. kHit: all are the first one's splat, which has a
-// PictureHit.
-template <bool kHit>
-HWY_INLINE void blendItems(const Batch& batch, int begin, int end, int tile_x, int tile_y, PixelBlock* blocks) {
-  const V sign = set(-0.0f);
+// Blends a splat's share into a block. color(ch): of base and texture.
+template <class Color>
+HWY_INLINE void blendItem(V alpha, const Color& color, PixelBlock& pixels) {
+  const V transmittance = hn::Load(df, pixels.transmittance);
+  const V blended = hn::Mul(transmittance, alpha);
+  const V next = hn::Sub(transmittance, blended);
+  const M goes_on = hn::Ge(next, set(kTransmittanceStop));
+  hn::Store(hn::IfThenElse(goes_on, next, hn::Or(transmittance, set(-0.0f))), df, pixels.transmittance);
+  const V weight = hn::IfThenElseZero(goes_on, blended);
+  for (int ch = 0; ch < 3; ++ch) {
+    hn::Store(hn::MulAdd(weight, color(ch), hn::Load(df, pixels.color[ch])), df, pixels.color[ch]);
+  }
+}
+
+// Items [begin, end), of splats without a PictureHit.
+HWY_INLINE void blendItems(const Batch& batch, int begin, int end, PixelBlock* blocks) {
   alignas(64) float alphas[kItemsAtOnce * kLanes];
   while (begin < end) {
     const int count = std::min(end - begin, kItemsAtOnce);
     for (int i = 0; i < count; ++i) {
-      const unsigned item = batch.items[begin + i];
-      const unsigned slot = item / kBlocks, row = item / kColumns;
-      const unsigned column = (slot * kColumns + item % kColumns) * kLanes;
-      const V w = hn::Add(hn::Load(df, batch.column_w + column), set(batch.row_w[row]));
-      const V d = hn::Add(hn::Load(df, batch.column_d + column), set(batch.row_d[row]));
-      const V w2 = hn::MulAdd(w, w, set(batch.row_w2[row]));
-      const V d2 = hn::MulAdd(d, d, set(batch.row_d2[row]));
-      const V exponent = hn::Sub(set(batch.log2_opacity[slot]), hn::Div(w2, d2));
-      M visible = hn::Ge(exponent, set(kLog2AlphaMin));
-      if constexpr (kHit) {
-        visible =
-            hn::And(visible, behindNear(*batch.splats[slot], *batch.hits[slot], item % kBlocks, tile_x, tile_y, d2));
-      }
-      const V alpha = hn::IfThenElseZero(visible, hn::Min(exp2InRange(exponent), set(kAlphaMax)));
-      hn::Store(alpha, df, alphas + i * kLanes);
+      const ItemHit hit = hitItem(batch, batch.items[begin + i]);
+      const V value = hn::Min(exp2InRange(hit.exponent), set(kAlphaMax));
+      hn::Store(hn::IfThenElseZero(hit.visible, value), df, alphas + i * kLanes);
     }
     for (int i = 0; i < count; ++i) {
       const unsigned item = batch.items[begin + i];
       const unsigned slot = item / kBlocks;
-      PixelBlock& pixels = blocks[item % kBlocks];
-      const V transmittance = hn::Load(df, pixels.transmittance);
-      const V blended = hn::Mul(transmittance, hn::Load(df, alphas + i * kLanes));
-      const V next = hn::Sub(transmittance, blended);
-      const M goes_on = hn::Ge(next, set(kTransmittanceStop));
-      hn::Store(hn::IfThenElse(goes_on, next, hn::Or(transmittance, sign)), df, pixels.transmittance);
-      const V weight = hn::IfThenElseZero(goes_on, blended);
-      for (int ch = 0; ch < 3; ++ch) {
-        hn::Store(hn::MulAdd(weight, set(batch.base[ch][slot]), hn::Load(df, pixels.color[ch])), df, pixels.color[ch]);
+      const auto base = [&](int ch) HWY_ATTR { return set(batch.base[ch][slot]); };
+      blendItem(hn::Load(df, alphas + i * kLanes), base, blocks[item % kBlocks]);
+    }
+    begin += count;
+  }
+}
+
+// Items of one splat on their way through its texture, and the runs of lanes that fall into one texel cell.
+struct TextureItems {
+  alignas(64) float value[kHitsAtOnce][kLanes];  // opacity * G, 0 where the splat does not show
+  alignas(64) float fraction_u[kHitsAtOnce][kLanes];
+  alignas(64) float fraction_v[kHitsAtOnce][kLanes];
+  alignas(64) std::int32_t cell[kHitsAtOnce][kLanes];  // -1 where the texture does not apply
+  alignas(64) float texture[kHitsAtOnce][4][kLanes];   // colour and alpha's deviation from 1; 0 where it doesn't apply
+  std::uint16_t runs[kHitsAtOnce * kLanes + 2 * kLanes];  // item * kLanes + first lane
+};
+
+// Appends the runs of item i: lanes that are inside and whose cell is not the one before. inside: a bit per lane. A
+// cell may have two runs in an item.
+HWY_INLINE std::uint16_t* appendRuns(std::uint32_t inside, VI cell, int i, std::uint16_t* out) {
+  const auto before = hn::IndicesFromVec(di, hn::Max(hn::Sub(hn::Iota(di, 0), hn::Set(di, 1)), hn::Zero(di)));
+  const M changes = hn::RebindMask(df, hn::Ne(cell, hn::TableLookupLanes(cell, before)));
+  const std::uint32_t starts = (bitsOf(changes) | 1u) & inside;
+  for (int part = 0; part < kLanes; part += kRowsAtOnce) {
+    const auto first = hn::Set(Items(), static_cast<std::uint16_t>(i * kLanes + part));
+    out = appendPlaces<0>(starts >> part & ((1u << kRowsAtOnce) - 1), first, out);
+  }
+  return out;
+}
+
+// Looks up the four texels of a run's cell, for all lanes of its item that fall into it: without a branch on how many
+// cells an item meets, which would wait for the hit.
+HWY_INLINE void lookUpRun(const Texture& texture, unsigned run, TextureItems& items) {
+  const unsigned i = run / kLanes;
+  const std::int32_t cell = items.cell[i][run % kLanes];
+  const float* t00 = texture.texels + std::ptrdiff_t{4} * cell;
+  const float* t10 = t00 + texture.step_u;
+  const float* t01 = t00 + texture.step_v;
+  const float* t11 = t01 + texture.step_u;
+  using Texels4 = HWY_CAPPED(float, 4);
+  constexpr Texels4 d4;
+  alignas(16) constexpr float kNeutral[4] = {0, 0, 0, 1};
+  alignas(16) float first[4], along_u[4], along_v[4], both[4];
+  for (std::size_t ch = 0; ch < 4; ch += hn::MaxLanes(Texels4())) {
+    const auto at = hn::LoadU(d4, t00 + ch);
+    const auto to_u = hn::Sub(hn::LoadU(d4, t10 + ch), at);
+    hn::Store(hn::Sub(at, hn::Load(d4, kNeutral + ch)), d4, first + ch);
+    hn::Store(to_u, d4, along_u + ch);
+    hn::Store(hn::Sub(hn::LoadU(d4, t01 + ch), at), d4, along_v + ch);
+    hn::Store(hn::Sub(hn::Sub(hn::LoadU(d4, t11 + ch), hn::LoadU(d4, t01 + ch)), to_u), d4, both + ch);
+  }
+  const M lanes = hn::RebindMask(df, hn::Eq(hn::Load(di, items.cell[i]), hn::Set(di, cell)));
+  const V u = hn::Load(df, items.fraction_u[i]), v = hn::Load(df, items.fraction_v[i]);
+  for (int ch = 0; ch < 4; ++ch) {
+    const V low = hn::MulAdd(u, set(along_u[ch]), set(first[ch]));
+    const V value = hn::MulAdd(v, hn::MulAdd(u, set(both[ch]), set(along_v[ch])), low);
+    float* out = items.texture[i][ch];
+    hn::Store(hn::IfThenElse(lanes, value, hn::Load(df, out)), df, out);
+  }
+}
+
+// The footprint filter, where the texture applies.
+HWY_INLINE void fadeToMean(const TextureMean& mean, int count, TextureItems& items) {
+  for (int i = 0; i < count; ++i) {
+    const M inside = hn::RebindMask(df, hn::Gt(hn::Load(di, items.cell[i]), hn::Set(di, -1)));
+    for (int ch = 0; ch < 4; ++ch) {
+      float* at = items.texture[i][ch];
+      const V sharp = hn::Mul(hn::Load(df, at), set(1.0f - mean.share));
+      hn::Store(hn::Add(sharp, hn::IfThenElseZero(inside, set(mean.value[ch]))), df, at);
+    }
+  }
+}
+
+// Items [begin, end), all of the splat in `slot`, which has a PictureHit.
+HWY_INLINE void blendHits(const Batch& batch, int slot, int begin, int end, const TileView& tile, PixelBlock* blocks) {
+  const PictureSplat& s = *batch.splats[slot];
+  const PictureHit& hit = *batch.hits[slot];
+  const bool textured = hit.texture_width > 0;
+  const bool crosses_near = hit.near > 0.0f && meetsNear(s, hit, tile.x, tile.y);
+  const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
+  const Texture texture = makeTexture(hit, tile.texels.texels);
+  const TextureMean mean = textured ? textureMean(hit, tile.texels, tile.view) : TextureMean{};
+  TextureItems items;
+  while (begin < end) {
+    const int count = std::min(end - begin, kHitsAtOnce);
+    std::uint16_t* runs_end = items.runs;
+    for (int i = 0; i < count; ++i) {
+      const unsigned item = batch.items[begin + i];
+      const int block = static_cast<int>(item % kBlocks);
+      const ItemHit at = hitItem(batch, item);
+      M visible = at.visible;
+      const float y = static_cast<float>(tile.y + block / kColumns) + 0.5f - s.center_y;
+      const float left = static_cast<float>(tile.x + block % kColumns * kLanes) + 0.5f;
+      const V x = hn::Sub(hn::Iota(df, left), set(s.center_x));
+      if (crosses_near) {
+        const V t = hn::Mul(hn::MulAdd(set(hit.t_x), x, set(hit.t_y * y + hit.t_1)), at.inverse_d2);
+        visible = hn::And(visible, hn::Gt(t, set(hit.near)));
+      }
+      hn::Store(hn::IfThenElseZero(visible, exp2InRange(at.exponent)), df, items.value[i]);
+      if (!textured) continue;
+      const TexturePoint point = locate(texture, localRay(hit, set(y), x), at.inverse_d2, visible);
+      const VI cell = hn::IfThenElse(hn::RebindMask(di, point.inside), point.cell, hn::Set(di, -1));
+      hn::Store(cell, di, items.cell[i]);
+      hn::Store(point.fraction_u, df, items.fraction_u[i]);
+      hn::Store(point.fraction_v, df, items.fraction_v[i]);
+      for (float* to : items.texture[i]) hn::Store(hn::Zero(df), df, to);
+      runs_end = appendRuns(bitsOf(point.inside), cell, i, runs_end);
+    }
+    for (const std::uint16_t* run = items.runs; run != runs_end; ++run) lookUpRun(texture, *run, items);
+    if (mean.share > 0.0f) fadeToMean(mean, count, items);
+    for (int i = 0; i < count; ++i) {
+      PixelBlock& pixels = blocks[batch.items[begin + i] % kBlocks];
+      V value = hn::Load(df, items.value[i]);
+      if (!textured) {
+        blendItem(hn::Min(value, set(kAlphaMax)), [&](int ch) HWY_ATTR { return base[ch]; }, pixels);
+        continue;
+      }
+      const auto look = [&](int ch) HWY_ATTR { return hn::Load(df, items.texture[i][ch]); };
+      if (tile.view.texture_alpha) value = cutAlpha(hn::Mul(value, hn::Add(set(1.0f), look(3))));
+      const V alpha = hn::Min(value, set(kAlphaMax));
+      if (tile.view.texture_rgb) {
+        blendItem(alpha, [&](int ch) HWY_ATTR { return hn::Add(base[ch], look(ch)); }, pixels);
+      } else {
+        blendItem(alpha, [&](int ch) HWY_ATTR { return base[ch]; }, pixels);
       }
     }
     begin += count;
   }
 }
 
-// All items in their order, in runs of splats that the same code serves.
-HWY_INLINE void blendBatch(const Batch& batch, int slots, int tile_x, int tile_y, PixelBlock* blocks) {
+// All items in their order: runs of splats without a PictureHit, and those with one.
+HWY_INLINE void blendBatch(const Batch& batch, int slots, const TileView& tile, PixelBlock* blocks) {
   int done = 0;
   for (int slot = 0; slot < slots; ++slot) {
     if (HWY_LIKELY(batch.hits[slot] == nullptr)) continue;
     const int begin = slot > 0 ? batch.ends[slot - 1] : 0;
-    blendItems<false>(batch, done, begin, tile_x, tile_y, blocks);
+    blendItems(batch, done, begin, blocks);
     done = batch.ends[slot];
-    blendItems<true>(batch, begin, done, tile_x, tile_y, blocks);
+    blendHits(batch, slot, begin, done, tile, blocks);
   }
-  blendItems<false>(batch, done, batch.count, tile_x, tile_y, blocks);
+  blendItems(batch, done, batch.count, blocks);
 }
 
 }  // namespace tg::cpu::HWY_NAMESPACE

@@ -44,10 +44,15 @@ struct alignas(64) PictureSplat {
 };
 static_assert(sizeof(PictureSplat) == 64);
 
-// What few splats need: those that cross the near plane.
+// What splats need that have a texture or may cross the near plane. Names are Splat's.
 struct PictureHit {
-  float t_x, t_y, t_1;  // as Splat's
-  float near;           // [world units] camera z that hits must lie behind
+  glm::vec3 wx, wy, dx, dy, d0;
+  float t_x, t_y, t_1;
+  float near;  // [world units] camera z that hits must lie behind; below all of them where all do
+  std::uint32_t gaussian;
+  std::uint32_t texel_offset;
+  std::uint16_t texture_width, texture_height;  // 0 = no texture applies
+  float texel_density;
 };
 
 // [tiles] x1 and y1 exclusive
@@ -78,6 +83,6 @@ void projectPicture(const View& view, const GaussianModel& model, PictureScene& 
 // Throws Error(badData) beyond 2^32 pairs.
 void listPicture(PictureScene& scene);
 // picture and alpha, as far as the frame has room for them
-void blendPicture(const View& view, PictureScene& scene, Frame& frame);
+void blendPicture(const View& view, PictureScene& scene, Texels texels, Frame& frame);
 
 }  // namespace tg::cpu

@@ -41,6 +41,7 @@ class DepthQueue {
 struct PictureArgs {
   const View& view;
   const PictureScene& scene;
+  Texels texels;
   Frame& frame;
 };
 
@@ -121,24 +122,34 @@ std::uint64_t blendPictureTile(const PictureArgs& args, int tile, DepthQueue& qu
   TileState state;
   clear(width, height, state);
   Batch batch;
+  const PictureHit* hits = view.textured() ? scene.hits.data() : nullptr;
+  const auto prefetch = [&](std::uint32_t at) {
+    hwy::Prefetch(splats + at);
+    if (hits == nullptr) return;
+    hwy::Prefetch(hits + at);
+    hwy::Prefetch(&hits[at].near);
+  };
   bool any_live = true;
   std::uint64_t items = 0;
   for (std::size_t first = 0; first < queue.size() && any_live; first += kBatch) {
     queue.sortTo(first + 2 * kBatch);
     const std::size_t end = std::min(queue.size(), first + kBatch);
-    for (std::size_t k = end; k < std::min(queue.size(), end + kBatch); ++k) hwy::Prefetch(splats + queue[k]);
     batch.count = 0;
     for (std::size_t k = first; k < end; ++k) {
       const std::uint32_t at = queue[k];
       const auto slot = static_cast<int>(k - first);
       const PictureSplat& s = splats[at];
+      // One at a time: the processor looks up the pages of few addresses at once.
+      if (k + kBatch < queue.size()) prefetch(queue[k + kBatch]);
       addSplat(s, slot, tile_x, tile_y, state, batch);
       batch.splats[slot] = &s;
       const PictureHit* hit = std::signbit(s.d_11) ? scene.hits.data() + at : nullptr;
-      batch.hits[slot] = hit != nullptr && meetsNear(s, *hit, tile_x, tile_y) ? hit : nullptr;
+      const bool needed = hit != nullptr && (hit->texture_width > 0 || meetsNear(s, *hit, tile_x, tile_y));
+      batch.hits[slot] = needed ? hit : nullptr;
+      if (needed) prefetchTexels(*hit, args.texels.texels);
       batch.ends[slot] = batch.count;
     }
-    blendBatch(batch, static_cast<int>(end - first), tile_x, tile_y, state.blocks);
+    blendBatch(batch, static_cast<int>(end - first), {view, args.texels, tile_x, tile_y}, state.blocks);
     items += static_cast<std::uint64_t>(batch.count);
     any_live = updateLive(state);
   }
@@ -180,8 +191,8 @@ void DepthQueue::sortTo(std::size_t end) {
   }
 }
 
-void blendPicture(const View& view, PictureScene& scene, Frame& frame) {
-  const PictureArgs args{view, scene, frame};
+void blendPicture(const View& view, PictureScene& scene, Texels texels, Frame& frame) {
+  const PictureArgs args{view, scene, texels, frame};
   std::vector<DepthQueue> queues(static_cast<std::size_t>(threadCount()));
   std::atomic<std::uint64_t> pixel_splats{0};
   parallelForWorkers(std::int64_t{scene.tiles_x} * scene.tiles_y, 1, [&](std::int64_t tile, int worker) {

@@ -24,6 +24,7 @@
 
 #include "render/cpu/sh_basis-inl.h"
 #include "shared/limits.h"
+#include "shared/splat.h"
 
 #ifndef TG_RENDER_CPU_PICTURE_PROJECT_ARGS
 #define TG_RENDER_CPU_PICTURE_PROJECT_ARGS
@@ -263,6 +264,22 @@ struct Quad {
 HWY_INLINE void putQuad(V a, V b, V c, V d, Quad& out) { hn::StoreInterleaved4(a, b, c, d, f, out.of); }
 HWY_INLINE void copyQuad(const Quad& from, unsigned lane, float* to) { std::copy_n(from.of + 4 * lane, 4, to); }
 
+HWY_INLINE void putTexture(const ProjectArgs& args, std::uint32_t gaussian, PictureHit& hit) {
+  hit.gaussian = gaussian;
+  hit.texel_offset = 0;
+  hit.texture_width = hit.texture_height = 0;
+  hit.texel_density = 0.0f;
+  if (!args.view.textured() || args.model.atlas.rects.empty()) return;
+  const TextureRect& rect = args.model.atlas.rects[gaussian];
+  if (rect.texelCount() == 0) return;
+  hit.texel_offset = rect.offset;
+  hit.texture_width = rect.width;
+  hit.texture_height = rect.height;
+  if (!args.view.texel_density) return;
+  hit.texel_density =
+      texelDensity(hit.wx, hit.wy, hit.d0, rect.width, rect.height, static_cast<uint>(args.view.intersection));
+}
+
 // Records without colours of up to kLanes Gaussians of `seen`, from `first` on; the visible ones are appended. Returns
 // their number, and leaves at `appended` which place of `seen` each comes from.
 HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std::size_t first, std::size_t at,
@@ -272,12 +289,14 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
   const bool plane = view.intersection == IntersectionModel::plane;
   const V zero = hn::Zero(f), one = set(1.0f);
   Quad rotations;
-  alignas(64) float log_scales[3 * kLanes + 1], logits[kLanes];
+  alignas(64) float log_scales[3 * kLanes + 1], logits[kLanes], has_texture[kLanes];
+  const bool textured = view.textured() && !model.atlas.rects.empty();
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const auto i = std::size_t{seen.gaussian[std::min(first + lane, seen.count - 1)]};
     std::copy_n(&model.rotation[i].x, 4, rotations.of + 4 * lane);
     std::copy_n(&model.log_scale[i].x, 3, log_scales + 3 * lane);
     logits[lane] = model.opacity_logit[i];
+    has_texture[lane] = textured && model.atlas.rects[i].texelCount() > 0 ? 1.0f : 0.0f;
   }
   const V z = hn::LoadU(f, seen.z + first);
   const V ray_x = hn::LoadU(f, seen.ray_x + first);
@@ -395,30 +414,42 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
   const PixelRange y_range = pixelRange(by, bounded, view.height);
   visible = hn::And(visible,
                     hn::RebindMask(f, hn::And(hn::Gt(x_range.end, x_range.begin), hn::Gt(y_range.end, y_range.begin))));
+  const M is_textured = hn::Gt(hn::Load(f, has_texture), zero);
   const M crosses_near = hn::Le(hn::Sub(z, length(lz)), set(1.001f * view.near));
+
+  const M has_hit = hn::Or(crosses_near, is_textured);
 
   const auto floats = [](VI a) HWY_ATTR { return hn::BitCast(f, a); };
   const V box_rows = floats(hn::Or(y_range.begin, hn::ShiftLeft<16>(y_range.end)));
   Quad quads[4];
   putQuad(center_x, center_y, log2_opacity, w_xx, quads[0]);
   putQuad(w_xy, w_yy, d_xx, d_xy, quads[1]);
-  putQuad(d_x1, d_yy, d_y1, hn::IfThenElse(crosses_near, hn::Neg(hn::Max(d_11, set(1e-30f))), d_11), quads[2]);
+  putQuad(d_x1, d_yy, d_y1, hn::IfThenElse(has_hit, hn::Neg(hn::Max(d_11, set(1e-30f))), d_11), quads[2]);
   putQuad(zero, zero, zero, box_rows, quads[3]);
   static_assert(kTileWidth == 16 && kTileHeight == 32);
   const VI last = hn::Set(fi, 1);
   const VI tile_x1 = hn::Add(hn::ShiftRight<4>(hn::Sub(x_range.end, last)), last);
   const VI tile_y1 = hn::Add(hn::ShiftRight<5>(hn::Sub(y_range.end, last)), last);
-  Quad tiles, hits;
+  Quad tiles;
   putQuad(floats(hn::Or(hn::ShiftRight<4>(x_range.begin), hn::ShiftLeft<16>(hn::ShiftRight<5>(y_range.begin)))),
           floats(hn::Or(tile_x1, hn::ShiftLeft<16>(tile_y1))), z, zero, tiles);
-  const bool any_crosses = !hn::AllFalse(f, hn::And(crosses_near, visible));
-  if (HWY_UNLIKELY(any_crosses)) {
-    const V uz = hn::Mul(z, unit);
-    const V zu = hn::Mul(uz, unit);
-    putQuad(hn::Mul(hn::Mul(zu, inverse_fx), plane ? hn::Mul(d0.z, m[0].z) : dot(d0, m[0])),
-            hn::Mul(hn::Mul(zu, inverse_fy), plane ? hn::Mul(d0.z, m[1].z) : dot(d0, m[1])),
-            plane ? hn::Mul(zu, hn::Mul(d0.z, d0.z)) : z,
-            hn::IfThenElse(crosses_near, set(view.near), set(-std::numeric_limits<float>::infinity())), hits);
+  Quad hits[5];
+  const unsigned hit_bits = bitsOf(hn::And(has_hit, visible));
+  if (hit_bits != 0) {
+    const V dx_unit = hn::Mul(unit, inverse_fx), dy_unit = hn::Mul(unit, inverse_fy);
+    V3 dx = scaled(m[0], dx_unit), dy = scaled(m[1], dy_unit), d0_unit = scaled(d0, unit);
+    if (plane) dx.x = dx.y = dy.x = dy.y = d0_unit.x = d0_unit.y = zero;
+    // The axes a, b, c are a left-handed frame where b was left out.
+    const V hand = hn::IfThenElse(shortest_1, set(-1.0f), one);
+    const V moment = hn::Mul(hand, hn::Div(hn::Mul(unit, z), longest));
+    const V3 wx_unit = scaled(wx, hn::Neg(hn::Mul(moment, inverse_fx)));
+    const V3 wy_unit = scaled(wy, hn::Mul(moment, inverse_fy));
+    putQuad(wx_unit.x, wx_unit.y, wx_unit.z, wy_unit.x, hits[0]);
+    putQuad(wy_unit.y, wy_unit.z, dx.x, dx.y, hits[1]);
+    putQuad(dx.z, dy.x, dy.y, dy.z, hits[2]);
+    putQuad(d0_unit.x, d0_unit.y, d0_unit.z, hn::Mul(z, dot(d0_unit, dx)), hits[3]);
+    putQuad(hn::Mul(z, dot(d0_unit, dy)), hn::Mul(z, dot(d0_unit, d0_unit)),
+            hn::IfThenElse(crosses_near, set(view.near), set(std::numeric_limits<float>::lowest())), zero, hits[4]);
   }
 
   std::size_t n = 0;
@@ -428,7 +459,11 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
     for (int quad = 0; quad < 4; ++quad) copyQuad(quads[quad], lane, record + 4 * quad);
     std::memcpy(&args.tiles[at + n], tiles.of + 4 * lane, sizeof(PictureTiles));
     args.depths[at + n] = std::bit_cast<std::uint32_t>(tiles.of[4 * lane + 2]);
-    if (HWY_UNLIKELY(any_crosses)) copyQuad(hits, lane, &args.hits[at + n].t_x);
+    if ((hit_bits >> lane & 1) != 0) {
+      PictureHit& hit = args.hits[at + n];
+      for (int quad = 0; quad < 5; ++quad) copyQuad(hits[quad], lane, &hit.wx.x + 4 * quad);
+      putTexture(args, seen.gaussian[first + lane], hit);
+    }
     appended[n++] = static_cast<std::uint32_t>(first + lane);
   }
   return n;

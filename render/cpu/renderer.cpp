@@ -33,10 +33,12 @@ class CpuRenderer final : public Renderer {
     const cpu::View view = cpu::makeView(model, camera, settings);
     Frame frame(camera.width, camera.height, settings.outputs);
     times_.clear();
+    if (view.footprint && texture_means_.empty()) texture_means_ = textureMeans(model.atlas, model.size());
+    const cpu::Texels texels{model.atlas.texels.data(), texture_means_.data()};
     if (isPicture(view, settings)) {
       timed("project", [&] { cpu::projectPicture(view, model, picture_); });
       timed("tiles", [&] { cpu::listPicture(picture_); });
-      timed("blend", [&] { cpu::blendPicture(view, picture_, frame); });
+      timed("blend", [&] { cpu::blendPicture(view, picture_, texels, frame); });
       return frame;
     }
     timed("sort", [&] { cpu::findDepthOrder(view, model, depth_order_); });
@@ -46,8 +48,6 @@ class CpuRenderer final : public Renderer {
     }
     if (settings.outputs.hasAny(kBlendedOutputs |
                                 OutputSet{Output::depthMedian, Output::overdraw, Output::texelDensity})) {
-      if (view.footprint && texture_means_.empty()) texture_means_ = textureMeans(model.atlas, model.size());
-      const cpu::Texels texels{model.atlas.texels.data(), texture_means_.data()};
       timed("tiles", [&] { cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_); });
       timed("blend", [&] { cpu::blendFrame(view, screen_, lists_, texels, frame); });
     }
@@ -65,7 +65,7 @@ class CpuRenderer final : public Renderer {
  private:
   static bool isPicture(const cpu::View& view, const RenderSettings& settings) {
     return OutputSet{Output::final, Output::alpha}.hasAll(settings.outputs) && view.order == SplatOrder::global &&
-           !view.textured() && std::max(view.width, view.height) <= cpu::kMaxPictureSide;
+           std::max(view.width, view.height) <= cpu::kMaxPictureSide;
   }
 
   void drawEllipsoids(cpu::View view, std::vector<glm::vec3>& pixels) {

@@ -26,7 +26,9 @@ struct Texture {
   float last_u, last_v;  // last cell
 };
 
-HWY_INLINE Texture makeTexture(const Splat& s, const glm::vec4* texels) {
+// s: a Splat or a PictureHit.
+template <class S>
+HWY_INLINE Texture makeTexture(const S& s, const glm::vec4* texels) {
   Texture t;
   t.texels = &texels[s.texel_offset].x;
   t.width = s.texture_width;
@@ -51,7 +53,8 @@ struct TexturePoint {
 struct LocalRay {
   V w_a, w_b, w_c, d_a, d_b, d_c;
 };
-HWY_INLINE LocalRay localRay(const Splat& s, float y, V x) {
+template <class S>
+HWY_INLINE LocalRay localRay(const S& s, float y, V x) {
   LocalRay ray;
   ray.w_a = hn::MulAdd(set(s.wx.x), x, set(s.wy.x * y));
   ray.w_b = hn::MulAdd(set(s.wx.y), x, set(s.wy.y * y));
@@ -59,6 +62,18 @@ HWY_INLINE LocalRay localRay(const Splat& s, float y, V x) {
   ray.d_a = hn::MulAdd(set(s.dx.x), x, set(s.dy.x * y + s.d0.x));
   ray.d_b = hn::MulAdd(set(s.dx.y), x, set(s.dy.y * y + s.d0.y));
   ray.d_c = hn::MulAdd(set(s.dx.z), x, set(s.dy.z * y + s.d0.z));
+  return ray;
+}
+// For loops that keep a splat's numbers in vectors.
+template <class S>
+HWY_INLINE LocalRay localRay(const S& s, V y, V x) {
+  LocalRay ray;
+  ray.w_a = hn::MulAdd(set(s.wx.x), x, hn::Mul(set(s.wy.x), y));
+  ray.w_b = hn::MulAdd(set(s.wx.y), x, hn::Mul(set(s.wy.y), y));
+  ray.w_c = hn::MulAdd(set(s.wx.z), x, hn::Mul(set(s.wy.z), y));
+  ray.d_a = hn::MulAdd(set(s.dx.x), x, hn::MulAdd(set(s.dy.x), y, set(s.d0.x)));
+  ray.d_b = hn::MulAdd(set(s.dx.y), x, hn::MulAdd(set(s.dy.y), y, set(s.d0.y)));
+  ray.d_c = hn::MulAdd(set(s.dx.z), x, hn::MulAdd(set(s.dy.z), y, set(s.d0.z)));
   return ray;
 }
 

@@ -13,6 +13,20 @@
 HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
 
+// What the footprint filter leaves of a texture's taps is 1 - share; value: share times the texture's mean, alpha as a
+// deviation from 1.
+struct TextureMean {
+  float share = 0.0f;
+  glm::vec4 value{0.0f};
+};
+// s: a Splat or a PictureHit.
+template <class S>
+HWY_INLINE TextureMean textureMean(const S& s, const Texels& texels, const View& view) {
+  const float share = view.footprint ? footprintShare(s.texel_density) : 0.0f;
+  if (!(share > 0.0f)) return {};
+  return {share, share * (texels.means[s.gaussian] - glm::vec4(0, 0, 0, 1))};
+}
+
 struct TextureSamples {
   alignas(64) float color[kBlocks][3][kLanes];  // 0 where it does not apply
 };
@@ -21,9 +35,7 @@ struct TextureSamples {
 HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
                              Samples& samples, TextureSamples& colors) {
   const Texture texture = makeTexture(s, texels.texels);
-  const float mean_share = view.footprint ? footprintShare(s.texel_density) : 0.0f;
-  const glm::vec4 mean =
-      mean_share > 0.0f ? mean_share * (texels.means[s.gaussian] - glm::vec4(0, 0, 0, 1)) : glm::vec4(0);
+  const TextureMean mean = textureMean(s, texels, view);
   for (int i = 0; i < samples.count; ++i) {
     Sample& sample = samples.at[i];
     const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
@@ -32,7 +44,7 @@ HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& v
                                    hn::Gt(value, hn::Zero(df)));
     V color[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
     V alpha = hn::Zero(df);
-    if (mean_share < 1.0f) {
+    if (mean.share < 1.0f) {
       const Corners corners = cornerWeights(at);
       forEachCell(at, [&](std::size_t cell, M lanes) HWY_ATTR {
         for (int k = 0; k < 4; ++k) {
@@ -45,12 +57,12 @@ HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& v
         }
       });
     }
-    if (mean_share > 0.0f) {
-      const V sharp = set(1.0f - mean_share);
+    if (mean.share > 0.0f) {
+      const V sharp = set(1.0f - mean.share);
       for (int ch = 0; ch < 3 && view.texture_rgb; ++ch) {
-        color[ch] = hn::MulAdd(sharp, color[ch], hn::IfThenElseZero(at.inside, set(mean[ch])));
+        color[ch] = hn::MulAdd(sharp, color[ch], hn::IfThenElseZero(at.inside, set(mean.value[ch])));
       }
-      alpha = hn::MulAdd(sharp, alpha, set(mean.a));
+      alpha = hn::MulAdd(sharp, alpha, set(mean.value.a));
     }
     for (int ch = 0; ch < 3; ++ch) hn::Store(color[ch], df, colors.color[i][ch]);
     if (view.texture_alpha) hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, alpha))), df, sample.value);
