@@ -7,11 +7,14 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <span>
 #include <string_view>
 #include <type_traits>
 
 namespace tg {
 namespace {
+
+constexpr std::size_t kBlock = 4096;  // splats whose bytes are read at once
 
 struct StorageName {
   Storage storage;
@@ -90,11 +93,6 @@ void decodeAs(int component_type, const unsigned char* from, std::size_t stride,
   }
 }
 
-const unsigned char* viewData(const tinygltf::Model& model, int view, std::size_t offset) {
-  const tinygltf::BufferView& v = model.bufferViews[view];
-  return model.buffers[v.buffer].data.data() + v.byteOffset + offset;
-}
-
 std::size_t sparseIndex(int component_type, const unsigned char* from, std::size_t i) {
   switch (component_type) {
     case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
@@ -113,27 +111,32 @@ std::size_t sparseIndex(int component_type, const unsigned char* from, std::size
 }
 
 void putSparse(const GltfDocument& document, const tinygltf::Accessor& accessor, const std::string& pointer,
-               int components, std::vector<float>& values) {
+               int components, SplatRange range, std::vector<float>& values) {
   const auto& sparse = accessor.sparse;
   const std::size_t element =
       static_cast<std::size_t>(components) * tinygltf::GetComponentSizeInBytes(accessor.componentType);
-  const unsigned char* indices = viewData(document.model, sparse.indices.bufferView, sparse.indices.byteOffset);
-  const unsigned char* from = viewData(document.model, sparse.values.bufferView, sparse.values.byteOffset);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(sparse.count); ++i) {
-    const std::size_t target = sparseIndex(sparse.indices.componentType, indices, i);
+  const std::size_t count = static_cast<std::size_t>(sparse.count);
+  std::vector<std::uint8_t> indices(count * static_cast<std::size_t>(tinygltf::GetComponentSizeInBytes(
+                                                static_cast<std::uint32_t>(sparse.indices.componentType))));
+  document.read(sparse.indices.bufferView, sparse.indices.byteOffset, indices);
+  std::vector<std::uint8_t> from(count * element);
+  document.read(sparse.values.bufferView, sparse.values.byteOffset, from);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t target = sparseIndex(sparse.indices.componentType, indices.data(), i);
     if (target >= accessor.count) {
       throw document.bad(pointer, "sparse index " + std::to_string(i) + " is out of range (expected below " +
                                       std::to_string(accessor.count) + ", found " + std::to_string(target) + ")");
     }
-    decodeAs(accessor.componentType, from + i * element, element, 1, components, accessor.normalized,
-             values.data() + target * components);
+    if (target < range.first || target - range.first >= range.count) continue;
+    decodeAs(accessor.componentType, from.data() + i * element, element, 1, components, accessor.normalized,
+             values.data() + (target - range.first) * components);
   }
 }
 
 }  // namespace
 
-std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimitive& splats,
-                                 const AttributeRule& rule) {
+std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimitive& splats, const AttributeRule& rule,
+                                 SplatRange range) {
   const auto found = splats.primitive->attributes.find(rule.semantic);
   if (found == splats.primitive->attributes.end()) {
     throw document.bad(splats.pointer + "/attributes", "the attribute " + rule.semantic + " is missing");
@@ -155,15 +158,26 @@ std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimit
   // An accessor without a view means zeros: a few bytes of JSON that ask for gigabytes.
   if (accessor.bufferView < 0) throw document.bad(pointer, "the accessor has no bufferView");
 
-  std::vector<float> values(splats.count * components);
+  std::vector<float> values(range.count * components);
   const tinygltf::BufferView& view = document.model.bufferViews[accessor.bufferView];
   const std::size_t element =
       static_cast<std::size_t>(components) * tinygltf::GetComponentSizeInBytes(accessor.componentType);
-  decodeAs(accessor.componentType, viewData(document.model, accessor.bufferView, accessor.byteOffset),
-           view.byteStride != 0 ? view.byteStride : element, splats.count, components, accessor.normalized,
-           values.data());
-  if (accessor.sparse.isSparse) putSparse(document, accessor, pointer, components, values);
+  const std::size_t stride = view.byteStride != 0 ? view.byteStride : element;
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t i = 0; i < range.count; i += kBlock) {
+    const std::size_t count = std::min(kBlock, range.count - i);
+    bytes.resize((count - 1) * stride + element);  // the last one may end with the view
+    document.read(accessor.bufferView, accessor.byteOffset + (range.first + i) * stride, bytes);
+    decodeAs(accessor.componentType, bytes.data(), stride, count, components, accessor.normalized,
+             values.data() + i * components);
+  }
+  if (accessor.sparse.isSparse) putSparse(document, accessor, pointer, components, range, values);
   return values;
+}
+
+std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimitive& splats,
+                                 const AttributeRule& rule) {
+  return readAttribute(document, splats, rule, {0, splats.count});
 }
 
 }  // namespace tg

@@ -37,8 +37,17 @@ struct SplatPrimitive {
   bool has(const std::string& semantic) const { return primitive->attributes.count(semantic) != 0; }
 };
 
-// [count * components], normalised integers mapped to [0, 1] or [-1, 1], sparse values put in place. Throws
-// Error(badData): missing semantic, wrong type, another count, no data.
+// A run of a primitive's splats.
+struct SplatRange {
+  std::size_t first = 0;
+  std::size_t count = 0;
+};
+
+// Of the splats of `range`: [range.count * components], normalised integers mapped to [0, 1] or [-1, 1], sparse values
+// put in place. Throws Error(badData): missing semantic, wrong type, another count, no data.
+std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimitive& splats, const AttributeRule& rule,
+                                 SplatRange range);
+// Of all splats.
 std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimitive& splats, const AttributeRule& rule);
 
 }  // namespace tg

@@ -122,7 +122,7 @@ json readStructure(const std::filesystem::path& path, const CheckReport& report)
     GltfParts parts;
     parts.json = bytes;
     return report.format == "glb" || (bytes.size() > 4 && std::memcmp(bytes.data(), "glTF", 4) == 0)
-               ? splitGlb(bytes, report.file)
+               ? splitGlb(bytes, bytes.size(), report.file)
                : parts;
   };
   GltfParts parts = split();

@@ -16,10 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kMaxJsonBytes = std::size_t{256} << 20;
 constexpr int kMaxJsonDepth = 64;
-constexpr std::size_t kGlbHeaderBytes = 12;
-constexpr std::size_t kChunkHeaderBytes = 8;
 constexpr std::uint32_t kChunkJson = 0x4E4F534A;
 constexpr std::uint32_t kChunkBin = 0x004E4942;
 constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 32;  // of accessor elements: keeps every product below 2^64
@@ -364,7 +361,7 @@ void checkVersion(const Node& root) {
 
 }  // namespace
 
-GltfParts splitGlb(std::span<const std::uint8_t> bytes, const std::string& path) {
+GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes, const std::string& path) {
   const auto fail = [&](const std::string& what) { throw Error(ErrorKind::badData, path, "GLB: " + what); };
   if (bytes.size() < kGlbHeaderBytes + kChunkHeaderBytes) {
     fail("the file ends inside the header" +
@@ -374,23 +371,23 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, const std::string& path)
   if (const std::uint32_t version = readU32(bytes, 4); version != 2) {
     fail("another container version" + expectedFound("2", std::to_string(version)));
   }
-  if (const std::uint32_t length = readU32(bytes, 8); length != bytes.size()) {
+  if (const std::uint32_t length = readU32(bytes, 8); length != file_bytes) {
     fail("the length in the header is not the file's" +
-         expectedFound(std::to_string(length) + " bytes", std::to_string(bytes.size())));
+         expectedFound(std::to_string(length) + " bytes", std::to_string(file_bytes)));
   }
   GltfParts parts;
   parts.binary = true;
   std::size_t at = kGlbHeaderBytes;
-  for (int chunk = 0; at < bytes.size(); ++chunk) {
+  for (int chunk = 0; at < file_bytes; ++chunk) {
     const std::string which = "chunk " + std::to_string(chunk);
-    if (bytes.size() - at < kChunkHeaderBytes) fail(which + " ends inside its header");
+    if (file_bytes - at < kChunkHeaderBytes) fail(which + " ends inside its header");
     const std::uint32_t length = readU32(bytes, at);
     const std::uint32_t type = readU32(bytes, at + 4);
     at += kChunkHeaderBytes;
     if (length % 4 != 0) fail(which + " has a bad length" + expectedFound("a multiple of 4", std::to_string(length)));
-    if (length > bytes.size() - at) {
+    if (length > file_bytes - at) {
       fail(which + " leaves the file" +
-           expectedFound("at most " + std::to_string(bytes.size() - at) + " bytes", std::to_string(length)));
+           expectedFound("at most " + std::to_string(file_bytes - at) + " bytes", std::to_string(length)));
     }
     if (chunk == 0 && type != kChunkJson) fail("the first chunk is not JSON");
     if (chunk == 1 && type != kChunkBin) fail("the second chunk is not BIN");

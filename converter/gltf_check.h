@@ -17,8 +17,12 @@ struct GltfParts {
   bool binary = false;
 };
 
-// Throws Error(badData): magic, version, length, chunk lengths and types.
-GltfParts splitGlb(std::span<const std::uint8_t> bytes, const std::string& path);
+inline constexpr std::size_t kGlbHeaderBytes = 12, kChunkHeaderBytes = 8;
+inline constexpr std::size_t kMaxJsonBytes = std::size_t{256} << 20;
+
+// Of a file of `file_bytes`, of which `bytes` reach to the content of the last chunk or further. Throws Error(badData):
+// magic, version, length, chunk lengths and types.
+GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes, const std::string& path);
 
 // Throws Error(badData) on syntax, on nesting deeper than 64 and on text that is too long.
 nlohmann::json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path);

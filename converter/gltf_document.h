@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,15 +14,22 @@
 #include <tiny_gltf.h>
 
 #include "core/error.h"
+#include "core/file.h"
 
 namespace tg {
 
 inline constexpr std::string_view kSplatExtension = "KHR_gaussian_splatting";
 inline constexpr std::string_view kTextureExtension = "TG_gaussian_splatting_texture";
 
+inline constexpr std::uint64_t kMaxGltfBytes = 0xFFFFFFFF;  // what a GLB header can say
+
 struct GltfDocument {
   std::string path;       // starts every error message
   tinygltf::Model model;  // image.image holds the encoded file's bytes; nothing is decoded
+  // The file, where the model's one buffer is its BIN chunk and has been left there; null: the model's buffers are
+  // full.
+  std::shared_ptr<const FileReader> file;
+  std::uint64_t bin_offset = 0;  // of that chunk's content in the file
   std::vector<std::string> warnings;
   // tgconvert check: errors go here and reading goes on where it can. Null: the first one ends it.
   std::vector<std::string>* errors = nullptr;
@@ -42,6 +50,8 @@ struct GltfDocument {
       return false;
     }
   }
+  // Bytes of a buffer view, from `offset` in it. Throws Error(cannotRead) when the file has changed.
+  void read(int view, std::uint64_t offset, std::span<std::uint8_t> out) const;
   // The error for something wrong at a JSON pointer.
   Error bad(const std::string& pointer, const std::string& what) const {
     return Error(ErrorKind::badData, path, pointer + ": " + what);
@@ -57,5 +67,9 @@ struct GltfDocument {
 // unpacked. Throws Error(badData) with a JSON pointer, what was expected and found.
 GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path,
                       const std::optional<std::filesystem::path>& folder = std::nullopt);
+
+// The same for a file. The buffer of a GLB stays there, where nothing has to be unpacked, and is read when it is
+// needed. Throws Error(cannotRead), too.
+GltfDocument openGltf(const std::filesystem::path& path);
 
 }  // namespace tg

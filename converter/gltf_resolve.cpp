@@ -46,18 +46,6 @@ const char* codecOf(const json& object) {
   return nullptr;
 }
 
-bool needsWork(const json& root) {
-  for (const char* list : {"buffers", "images"}) {
-    for (const json& object : child(root, list)) {
-      if (isExternal(object)) return true;
-    }
-  }
-  for (const json& view : child(root, "bufferViews")) {
-    if (codecOf(view) != nullptr) return true;
-  }
-  return false;
-}
-
 class Resolver {
  public:
   Resolver(std::span<const std::uint8_t> bytes, const GltfParts& parts,
@@ -67,7 +55,7 @@ class Resolver {
   }
 
   std::optional<std::vector<std::uint8_t>> run() {
-    if (!root_.is_object() || !needsWork(root_)) return std::nullopt;
+    if (!root_.is_object() || !needsResolving(root_)) return std::nullopt;
     for (const char* list : {"buffers", "bufferViews", "images", "extensionsRequired"}) {
       if (root_.contains(list) && !root_[list].is_array())
         fail(std::string("/").append(list), "wrong type (expected an array)");
@@ -299,6 +287,18 @@ class Resolver {
 };
 
 }  // namespace
+
+bool needsResolving(const json& root) {
+  for (const char* list : {"buffers", "images"}) {
+    for (const json& object : child(root, list)) {
+      if (isExternal(object)) return true;
+    }
+  }
+  for (const json& view : child(root, "bufferViews")) {
+    if (codecOf(view) != nullptr) return true;
+  }
+  return false;
+}
 
 std::optional<std::vector<std::uint8_t>> resolveGltf(std::span<const std::uint8_t> bytes, const GltfParts& parts,
                                                      const std::optional<std::filesystem::path>& folder,

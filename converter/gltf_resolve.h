@@ -12,6 +12,9 @@
 
 namespace tg {
 
+// Whether a document has external files or packed views.
+bool needsResolving(const nlohmann::json& root);
+
 // The same document as a GLB without external files and packed views; nothing when it has neither. `folder`: of the
 // file; without one, external files are refused. Names of files are relative, without "..", scheme and leading slash.
 // Nothing is allocated that the sizes of files and streams do not justify. Throws Error(badData) with a JSON pointer.

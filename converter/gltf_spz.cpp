@@ -3,8 +3,8 @@
 #include "converter/gltf_spz.h"
 
 #include <array>
-#include <span>
 #include <string>
+#include <vector>
 
 #include "converter/read_spz.h"
 
@@ -44,9 +44,8 @@ GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& spl
         pointer, "\"bufferView\" names no buffer view (expected an index below " + std::to_string(views.size()) + ")");
   }
   const tinygltf::BufferView& view = views[static_cast<std::size_t>(index)];
-  const std::span<const std::uint8_t> bytes =
-      std::span(document.model.buffers[static_cast<std::size_t>(view.buffer)].data)
-          .subspan(view.byteOffset, view.byteLength);
+  std::vector<std::uint8_t> bytes(view.byteLength);
+  document.read(index, 0, bytes);
   LoadedModel loaded = parseSpz(bytes, document.path + ": " + pointer);
   if (loaded.model.size() != splats.count) {
     throw document.bad(pointer, "the count differs from POSITION's (expected " + std::to_string(splats.count) +

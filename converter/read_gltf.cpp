@@ -26,7 +26,7 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxFileBytes = 0xFFFFFFFF;           // what a GLB header can say
+constexpr std::size_t kBlock = 16384;                         // splats whose numbers are held beside the model
 constexpr float kNormTolerance = 1e-3f;                       // of |q|^2 from 1
 constexpr float kByteNormTolerance = 2e-2f;                   // 8-bit quaternions are off by their rounding alone
 constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;  // of all primitives; offsets have 32 bits
@@ -39,8 +39,9 @@ struct SplatInstance {
   std::optional<GaussianModel> packed;  // an SPZ's splats, which stand for the attributes
 };
 
-// One primitive's numbers as stored, lengths count x components.
+// Numbers of a primitive's splats as stored, lengths range.count x components.
 struct BaseArrays {
+  SplatRange range;
   std::vector<float> position, rotation, scale, opacity;
   std::vector<std::vector<float>> sh;                                  // [coefficient][count * 3]
   bool byte_rotation = false;                                          // stored in 8 bit
@@ -206,6 +207,7 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
 // An SPZ's splats as the numbers of attributes.
 BaseArrays unpackedBase(const GaussianModel& model) {
   BaseArrays base;
+  base.range = {0, model.size()};
   const std::size_t count = static_cast<std::size_t>(model.shCount());
   base.sh.resize(count);
   for (std::size_t i = 0; i < model.size(); ++i) {
@@ -225,16 +227,26 @@ BaseArrays unpackedBase(const GaussianModel& model) {
   return base;
 }
 
-BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance) {
+// How many splats are read at once: all where errors are to be told once, and where values lie sparse.
+std::size_t blockOf(const GltfDocument& document, const SplatInstance& instance) {
+  if (document.errors != nullptr || instance.packed) return instance.splats.count;
+  for (const auto& [semantic, accessor] : instance.splats.primitive->attributes) {
+    if (document.model.accessors[static_cast<std::size_t>(accessor)].sparse.isSparse) return instance.splats.count;
+  }
+  return std::min(kBlock, instance.splats.count);
+}
+
+BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance, SplatRange range) {
   if (instance.packed) return unpackedBase(*instance.packed);
   constexpr unsigned integers = kByte | kUnsignedByte | kShort | kUnsignedShort | kByteNormalized |
                                 kUnsignedByteNormalized | kShortNormalized | kUnsignedShortNormalized;
   const bool quantized = std::count(document.model.extensionsUsed.begin(), document.model.extensionsUsed.end(),
                                     "KHR_mesh_quantization") != 0;
   BaseArrays base;
+  base.range = range;
   const SplatPrimitive& splats = instance.splats;
   const auto read = [&](std::vector<float>& to, const AttributeRule& rule) {
-    document.attempt([&] { to = readAttribute(document, splats, rule); });
+    document.attempt([&] { to = readAttribute(document, splats, rule, range); });
   };
   read(base.position, {"POSITION", 3, quantized ? kFloat | integers : unsigned{kFloat}});
   read(base.rotation, {splatName("ROTATION"), 4, kFloat | kByteNormalized | kShortNormalized});
@@ -260,8 +272,9 @@ BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance)
 
 bool isFinite(const BaseArrays& base, const TextureLayer* layer, std::size_t i) {
   bool ok = std::isfinite(base.opacity[i]);
-  if (layer && layer->opacity) ok = ok && std::isfinite((*layer->opacity)[i]);
-  for (int k = 0; k < 3 && layer && layer->dc; ++k) ok = ok && std::isfinite((*layer->dc)[i * 3 + k]);
+  const std::size_t splat = base.range.first + i;
+  if (layer && layer->opacity) ok = ok && std::isfinite((*layer->opacity)[splat]);
+  for (int k = 0; k < 3 && layer && layer->dc; ++k) ok = ok && std::isfinite((*layer->dc)[splat * 3 + k]);
   for (int k = 0; k < 4; ++k) ok = ok && std::isfinite(base.rotation[i * 4 + k]);
   for (int k = 0; k < 3; ++k)
     ok = ok && std::isfinite(base.position[i * 3 + k]) && std::isfinite(base.scale[i * 3 + k]);
@@ -309,7 +322,7 @@ void restoreSource(const BaseArrays& base, std::size_t i, bool ordered, float op
   rotation = source_rotation;
 }
 
-// Appends a primitive in the model's world. `layer` may be null.
+// Appends splats of a primitive in the model's world. `layer` may be null.
 void append(const SplatInstance& instance, const BaseArrays& base, const TextureLayer* layer, GaussianModel& model,
             Repairs& repairs) {
   const float norm_tolerance = base.byte_rotation ? kByteNormTolerance : kNormTolerance;
@@ -318,7 +331,8 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
   const int coefficients = model.shCount();
   std::vector<glm::vec3> sh(static_cast<std::size_t>(coefficients));
   const bool ordered = findTextureExtension(*instance.splats.primitive) != nullptr;
-  for (std::size_t i = 0; i < instance.splats.count; ++i) {
+  for (std::size_t i = 0; i < base.range.count; ++i) {
+    const std::size_t splat = base.range.first + i;
     glm::vec4 q(base.rotation[i * 4 + 3], base.rotation[i * 4], base.rotation[i * 4 + 1], base.rotation[i * 4 + 2]);
     const float norm = glm::dot(q, q);
     if (!isFinite(base, layer, i) || !(norm > 1e-12f)) {
@@ -329,7 +343,7 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
       ++repairs.rotation;
       q = glm::vec4(glm::normalize(glm::dvec4(q)));
     }
-    float opacity = layer && layer->opacity ? (*layer->opacity)[i] : base.opacity[i];
+    float opacity = layer && layer->opacity ? (*layer->opacity)[splat] : base.opacity[i];
     if (!(opacity >= 0.0f && opacity <= 1.0f)) {
       ++repairs.opacity;
       opacity = opacity > 1.0f ? 1.0f : 0.0f;
@@ -340,8 +354,9 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
     glm::vec3 mean(base.position[i * 3], base.position[i * 3 + 1], base.position[i * 3 + 2]);
     std::fill(sh.begin(), sh.end(), glm::vec3(0.0f));
     for (std::size_t k = 0; k < base.sh.size(); ++k) {
-      const std::vector<float>& from = k == 0 && layer && layer->dc ? *layer->dc : base.sh[k];
-      sh[k] = {from[i * 3], from[i * 3 + 1], from[i * 3 + 2]};
+      const bool layered = k == 0 && layer && layer->dc;
+      const float* from = layered ? &(*layer->dc)[splat * 3] : &base.sh[k][i * 3];
+      sh[k] = {from[0], from[1], from[2]};
     }
     if (!instance.place.identity) {
       mean =
@@ -353,7 +368,7 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
     turnShAxes(sh);
     q = modelFromGltfRotation(q);
     glm::vec3 log_scale = logFromScale(scale);
-    const TextureRect rect = layer ? layer->atlas.rects[i] : TextureRect{};
+    const TextureRect rect = layer ? layer->atlas.rects[splat] : TextureRect{};
     if (rect.texelCount() != 0 && !orderAxesForModel(log_scale, q)) ++repairs.plane;
     float logit = logitFromOpacity(opacity);
     if (instance.place.identity) restoreSource(base, i, ordered, opacity, log_scale, q, logit);
@@ -439,12 +454,15 @@ LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
       model.texture_mode =
           static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(layer->mode));
     }
-    const BaseArrays base = readBase(document, instance);
-    if (&instance == &instances.back()) document.model.buffers = {};        // read; a large file's are better gone
-    if (document.errors != nullptr && !document.errors->empty()) continue;  // its arrays may be empty
-    if (model.size() == 0) reserve(model, instance.splats.count);  // whose numbers are there: no more than they ask for
     Repairs repairs;
-    append(instance, base, layer ? &*layer : nullptr, model, repairs);
+    const std::size_t block = blockOf(document, instance);
+    for (std::size_t first = 0; first < instance.splats.count; first += block) {
+      const SplatRange range{first, std::min(block, instance.splats.count - first)};
+      const BaseArrays base = readBase(document, instance, range);
+      if (document.errors != nullptr && !document.errors->empty()) continue;  // its arrays may be empty
+      if (model.size() == 0) reserve(model, instance.splats.count);  // whose numbers are there: as much as they ask for
+      append(instance, base, layer ? &*layer : nullptr, model, repairs);
+    }
     warnRepairs(document, instance, repairs);
   }
   if (document.errors != nullptr && !document.errors->empty()) {
@@ -463,8 +481,7 @@ LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
 }  // namespace
 
 LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options, std::vector<std::string>* errors) {
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
-  GltfDocument document = loadGltf(readFile(path, kMaxFileBytes), path.string(), folder);
+  GltfDocument document = openGltf(path);
   document.errors = errors;
   return assemble(std::move(document), options);
 }

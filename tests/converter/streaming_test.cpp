@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files that are converted block by block, and what the summary says of the pictures.
 #include "converter/convert.h"
+#include "converter/read_gltf.h"
 #include "converter/write_gltf.h"
 #include "core/bundle.h"
+#include "core/file.h"
 #include "core/ply.h"
 #include "edits.h"
 #include "glb.h"
@@ -47,6 +49,39 @@ double shownPsnr(const FrameT<double>& a, const FrameT<double>& b) {
 }
 
 }  // namespace
+
+TEST_CASE("A GLB is the same model read from the file in blocks, all at once, and from memory") {
+  const Scratch scratch;
+  const auto file = scratch.folder() / "a.glb";
+  GaussianModel model = manyGaussians(1);
+  model.texture_mode = TextureMode::rgba;
+  model.atlas.rects.resize(kMany);
+  Random random(3);
+  for (std::size_t i = 5; i < kMany; i += 1000) {
+    model.atlas.rects[i] = {static_cast<std::uint32_t>(model.atlas.texels.size()), 2, 2};
+    for (int t = 0; t < 4; ++t) model.atlas.texels.emplace_back(random.uniform(0, 1), random.uniform(0, 1), 0.5, 0.25);
+  }
+  for (const AtlasFormat atlas : {AtlasFormat::png8, AtlasFormat::exr}) {
+    GltfContent content{.model = model, .cameras = {}};
+    content.atlas = atlas;
+    writeGlb(file, content);
+    std::vector<std::string> errors;
+    const GaussianModel in_blocks = readGltf(file).model, at_once = readGltf(file, {}, &errors).model,
+                        from_memory = parseGltf(readFile(file, 1 << 28), "a.glb").model;
+    CHECK(errors.empty());
+    REQUIRE(in_blocks.size() == kMany);
+    CHECK(in_blocks.mean == model.mean);
+    for (const GaussianModel& other : {at_once, from_memory}) {
+      CHECK(in_blocks.mean == other.mean);
+      CHECK(in_blocks.rotation == other.rotation);
+      CHECK(in_blocks.log_scale == other.log_scale);
+      CHECK(in_blocks.opacity_logit == other.opacity_logit);
+      CHECK(in_blocks.sh == other.sh);
+      CHECK(in_blocks.atlas.texels == other.atlas.texels);
+    }
+    CHECK(in_blocks.atlas.rects[5005].texelCount() == 4);
+  }
+}
 
 TEST_CASE("A PLY becomes the same GLB block by block as from memory, byte for byte") {
   const Scratch scratch;

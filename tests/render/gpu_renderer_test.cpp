@@ -433,7 +433,7 @@ TEST_CASE("a device that is not there is an error that lists those that are") {
   const std::string present = gpuRenderer().deviceName() + "\" has another name";
   CHECK_THROWS_WITH(openDevice(testedApi(), {{{}, "no such device", {}}, false}),
                     Catch::Contains("no usable device named \"no such device\"") && Catch::Contains(present));
-  CHECK(gpuRenderer().render(facingScene(1).camera, {}).width == 16);  // the device under test is as it was
+  CHECK(renderScene(facingScene(1)).width == 16);  // the device under test is as it was
 }
 
 // Hidden: it takes 2.4 GB of memory, which not every machine that runs the tests has. Run with `test_vulkan [large]`,
