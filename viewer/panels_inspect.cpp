@@ -3,6 +3,8 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <numeric>
+#include <vector>
 
 #include "viewer/actions.h"
 #include "viewer/inspector.h"
@@ -30,22 +32,25 @@ void chart(const ViewerState& state) {
   hint("Light that is left (line) and alpha (bars) over depth");
   ImDrawList* draw = ImGui::GetWindowDrawList();
   draw->AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, ImGui::GetColorU32(ImGuiCol_FrameBg), 4);
-  // One order for all pixels is not always that of a pixel's depths: the line goes on from the farthest so far.
-  const auto [nearest, farthest] =
-      std::minmax_element(hits.begin(), hits.end(), [](const PixelHit& a, const PixelHit& b) { return a.t < b.t; });
-  const double first = nearest->t, last = std::max(farthest->t, first + 1e-9);
+  // One order for all pixels is not always that of a pixel's depths, by which the line goes.
+  std::vector<std::size_t> by_depth(hits.size());
+  std::iota(by_depth.begin(), by_depth.end(), std::size_t{0});
+  std::stable_sort(by_depth.begin(), by_depth.end(),
+                   [&](std::size_t a, std::size_t b) { return hits[a].t < hits[b].t; });
+  const double first = hits[by_depth.front()].t, last = std::max(hits[by_depth.back()].t, first + 1e-9);
   const auto x = [&](double t) {
     return corner.x + 4 + static_cast<float>((t - first) / (last - first)) * (size.x - 8);
   };
   const auto y = [&](double value) { return corner.y + 3 + (1 - static_cast<float>(value)) * (size.y - 6); };
   ImVec2 pen(corner.x + 4, y(1));
-  for (std::size_t i = 0; i < hits.size(); ++i) {
+  double left = 1;
+  for (const std::size_t i : by_depth) {
     const PixelHit& hit = hits[i];
     const bool picked = static_cast<int>(i) == state.inspect.picked;
     const ImU32 bar = picked ? ImGui::GetColorU32(kHighlightText) : ImGui::GetColorU32(ImGuiCol_PlotHistogram, 0.6f);
     draw->AddLine({x(hit.t), y(0)}, {x(hit.t), y(hit.alpha)}, bar, picked ? 3.0f : 2.0f);
-    const float after = y(hit.transmittance * (1 - hit.alpha));
-    const float next = std::max(pen.x, x(hit.t));
+    left *= 1 - hit.alpha;
+    const float after = y(left), next = x(hit.t);
     draw->AddLine(pen, {next, pen.y}, ImGui::GetColorU32(kWarningText), 1.5f);
     draw->AddLine({next, pen.y}, {next, after}, ImGui::GetColorU32(kWarningText), 1.5f);
     pen = {next, after};
@@ -165,7 +170,7 @@ void inspectSection(ViewerState& state) {
   }
   double left = 1;
   if (!inspection.hits.empty()) left = inspection.hits.back().transmittance * (1 - inspection.hits.back().alpha);
-  ImGui::Text("%d, %d: %zu splats, %.1f %% of the light left", inspection.pixel.x, inspection.pixel.y,
+  ImGui::Text("%d, %d: %zu splats, %.1f %% of light left", inspection.pixel.x, inspection.pixel.y,
               inspection.hits.size(), 100 * left);
   if (inspection.hits.empty()) return;
   chart(state);
