@@ -78,6 +78,38 @@ void checkAgainstReference(const ModelGradient& gradient, const GaussianModel& m
   CHECK(e.screen_abs < allowed);
 }
 
+namespace {
+
+void checkRenderer(DifferentiableRenderer& renderer, const TestScene& scene, const RenderSettings& settings) {
+  const auto weights = randomWeights(scene.camera, 2);
+  checkAgainstReference(gradientOf(renderer, scene.model, scene.camera, settings, weights), scene.model, scene.camera,
+                        settings, weights);
+}
+
+}  // namespace
+
+void checkEveryScene(MakeRenderer make) {
+  for (const SceneKind kind : kSceneKinds) {
+    for (const auto intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
+      RenderSettings settings;
+      settings.intersection = intersection;
+      settings.background = {0.3f, 0.1f, 0.8f};
+      INFO(name(kind) << ", " << name(intersection));
+      checkRenderer(*make(), makeScene(kind, 1), settings);
+    }
+  }
+}
+
+void checkEveryTextureMode(MakeRenderer make) {
+  const TestScene scene = makeScene(SceneKind::mixed, 2);
+  for (const auto mode : {TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba}) {
+    RenderSettings settings;
+    settings.textures = mode;
+    INFO(name(mode));
+    checkRenderer(*make(), scene, settings);
+  }
+}
+
 bool sameBytes(const ModelGradient& a, const ModelGradient& b) {
   return same(a.v_mean, b.v_mean) && same(a.v_rotation, b.v_rotation) && same(a.v_log_scale, b.v_log_scale) &&
          same(a.v_opacity_logit, b.v_opacity_logit) && same(a.v_sh, b.v_sh) && same(a.v_texels, b.v_texels) &&

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A DifferentiableRenderer's gradients against the float64 reference.
 #pragma once
+#include <memory>
 #include <vector>
 
 #include "render/reference/reference.h"
@@ -25,6 +26,12 @@ BlockErrors compare(const ModelGradient& gradient, const ReferenceGradient& refe
 void checkAgainstReference(const ModelGradient& gradient, const GaussianModel& model, const Camera& camera,
                            const RenderSettings& settings, const std::vector<glm::dvec3>& weights,
                            const ReferenceOptions& options = {}, double allowed = 1e-4);
+
+// The same with random weights, of a renderer that `make` makes anew each time: on every kind of scene in both
+// intersection models, and in every texture mode.
+using MakeRenderer = std::unique_ptr<DifferentiableRenderer> (*)();
+void checkEveryScene(MakeRenderer make);
+void checkEveryTextureMode(MakeRenderer make);
 
 bool sameBytes(const ModelGradient& a, const ModelGradient& b);
 

@@ -48,30 +48,11 @@ TEST_CASE("CUDA pictures are the CPU's on every kind of scene, in both models") 
 }
 
 TEST_CASE("CUDA gradients equal the reference's on every kind of scene, in both models") {
-  for (const SceneKind kind : kSceneKinds) {
-    for (const auto intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
-      const TestScene scene = makeScene(kind, 1);
-      RenderSettings settings;
-      settings.intersection = intersection;
-      settings.background = {0.3f, 0.1f, 0.8f};
-      INFO(name(kind) << ", " << name(intersection));
-      const auto weights = randomWeights(scene.camera, 2);
-      checkAgainstReference(gradientCuda(scene.model, scene.camera, settings, weights), scene.model, scene.camera,
-                            settings, weights);
-    }
-  }
+  checkEveryScene([] { return makeCudaDifferentiableRenderer(); });
 }
 
 TEST_CASE("CUDA gradients equal the reference's in every texture mode") {
-  const TestScene scene = makeScene(SceneKind::mixed, 2);
-  for (const auto mode : {TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba}) {
-    RenderSettings settings;
-    settings.textures = mode;
-    INFO(name(mode));
-    const auto weights = randomWeights(scene.camera, 2);
-    checkAgainstReference(gradientCuda(scene.model, scene.camera, settings, weights), scene.model, scene.camera,
-                          settings, weights);
-  }
+  checkEveryTextureMode([] { return makeCudaDifferentiableRenderer(); });
 }
 
 TEST_CASE("CUDA gradients have the same bytes whatever the order of threads and blocks") {

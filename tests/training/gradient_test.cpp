@@ -32,26 +32,11 @@ void checkCpu(const GaussianModel& model, const Camera& camera, const RenderSett
 
 // The bound is the project's for ordinary scenes; the hardest kind (edge-on, plane model) reaches 7e-5.
 TEST_CASE("gradients equal the reference's on every kind of scene, in both models") {
-  for (const SceneKind kind : kSceneKinds) {
-    for (const auto intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
-      const TestScene scene = makeScene(kind, 1);
-      RenderSettings settings;
-      settings.intersection = intersection;
-      settings.background = {0.3f, 0.1f, 0.8f};
-      INFO(name(kind) << ", " << name(intersection));
-      checkCpu(scene.model, scene.camera, settings);
-    }
-  }
+  checkEveryScene([] { return makeCpuDifferentiableRenderer(); });
 }
 
 TEST_CASE("gradients equal the reference's in every texture mode") {
-  const TestScene scene = makeScene(SceneKind::mixed, 2);
-  for (const auto mode : {TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba}) {
-    RenderSettings settings;
-    settings.textures = mode;
-    INFO(name(mode));
-    checkCpu(scene.model, scene.camera, settings);
-  }
+  checkEveryTextureMode([] { return makeCpuDifferentiableRenderer(); });
 }
 
 TEST_CASE("gradients equal the reference's for every SIMD target of this machine") {
