@@ -28,7 +28,7 @@ if [ -n "$packages" ]; then
   [ -x "$packages/cuda-13.0/bin/nvcc" ] && options+=("-DCMAKE_CUDA_COMPILER=$packages/cuda-13.0/bin/nvcc")
 fi
 cmake -S . -B "$build" "${options[@]}" >"$out/configure.log"
-cmake --build "$build" -j "$(nproc)" --target tgtrain tgeval training_cuda_test >"$out/build.log"
+cmake --build "$build" -j "$(nproc)" --target tgtrain tgeval training_cuda_test training_gpu_test >"$out/build.log"
 bin=$build/bin
 
 table="$out/table.md"
@@ -56,6 +56,12 @@ if [ "$status" -ne 0 ]; then
   echo "| device | $(tail -1 "$out/probe.log") |" >>"$table"
   cat "$table"
   exit "$status"
+fi
+
+if "$bin/training_gpu_test" >"$out/gpu_test.log" 2>&1; then
+  echo "| the same cases on the device | $(tail -2 "$out/gpu_test.log" | head -1) |" >>"$table"
+else
+  echo "| the same cases on the device | FAILED, see gpu_test.log |" >>"$table"
 fi
 
 # Both devices from one seed; then the tools that look into kernels, where they are installed; then times.

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA kernels, executed on the host, against the float64 reference and the CPU's; in every order of threads.
+// The CUDA kernels against the float64 reference and the CPU's; in every order of threads.
 #include <cmath>
 #include <cstring>
 
 #include "core/error.h"
-#include "cuda_host.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
+#include "support/cuda_orders.h"
 #include "support/gradients.h"
 #include "support/scenes.h"
 #include "training/cuda/renderer.h"
@@ -60,13 +60,7 @@ TEST_CASE("CUDA gradients have the same bytes whatever the order of threads and 
     const TestScene scene = makeScene(kind, 4, 100, 50, 40);
     const auto weights = randomWeights(scene.camera, 2);
     const ModelGradient expected = gradientCuda(scene.model, scene.camera, {}, weights);
-    cuda::setSchedule(cuda::Schedule::backward);
-    CHECK(sameBytes(gradientCuda(scene.model, scene.camera, {}, weights), expected));
-    for (const std::uint64_t seed : {1u, 2u, 3u}) {
-      cuda::setSchedule(cuda::Schedule::scrambled, seed);
-      CHECK(sameBytes(gradientCuda(scene.model, scene.camera, {}, weights), expected));
-    }
-    cuda::setSchedule(cuda::Schedule::forward);
+    inOtherOrders([&] { CHECK(sameBytes(gradientCuda(scene.model, scene.camera, {}, weights), expected)); });
   }
 }
 
@@ -129,6 +123,7 @@ TEST_CASE("CUDA draws nothing, and has no gradient, where no Gaussian is") {
   CHECK_THROWS_AS(renderer->backward(std::vector<glm::vec3>(7), gradient), Error);
 }
 
+#ifndef TG_CUDA_ON_DEVICE
 TEST_CASE("the host's stand-in finds threads that miss a barrier") {
   CHECK_THROWS_AS(cuda::runBlocks("half", 1,
                                   [] {
@@ -136,3 +131,4 @@ TEST_CASE("the host's stand-in finds threads that miss a barrier") {
                                   }),
                   std::logic_error);
 }
+#endif

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole runs with the CUDA engine, executed on the host, beside the CPU's.
+// Whole runs with the CUDA engine beside the CPU's.
 #include <cmath>
 
 #include "core/error.h"
-#include "cuda_host.h"
 #include "sample_dataset.h"
 #include "support/catch.h"
 #include "training/cuda/renderer.h"
