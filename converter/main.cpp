@@ -19,6 +19,7 @@
 #include "converter/convert.h"
 #include "converter/read_model.h"
 #include "core/error.h"
+#include "core/signals.h"
 
 namespace {
 
@@ -220,6 +221,7 @@ int checkMain(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  tg::handleStopSignals(tg::endAtOnce);
   if (argc > 1 && std::string_view(argv[1]) == "check") return checkMain(argc - 1, argv + 1);
   Arguments arguments;
   CLI::App app(

@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <numeric>
 #include <optional>
@@ -17,6 +16,7 @@
 #include "core/file.h"
 #include "core/parallel.h"
 #include "core/ply.h"
+#include "core/signals.h"
 #include "render/renderer.h"
 #include "training/cli.h"
 #include "training/eval_report.h"
@@ -31,8 +31,7 @@ std::atomic<bool> stop_requested{false};
 
 // The first Ctrl-C ends after the current view and reports what was scored; the second ends the program at once.
 void requestStop(int signal) {
-  stop_requested = true;
-  std::signal(signal, SIG_DFL);
+  if (stop_requested.exchange(true)) tg::endAtOnce(signal);
 }
 
 struct Options {
@@ -142,8 +141,7 @@ tg::EvalReport::Views score(const Options& options, const Scene& scene, const st
   tg::RenderSettings settings;
   settings.background = dataset.background;
   settings.outputs = {tg::Output::final};
-  std::signal(SIGINT, requestStop);
-  std::signal(SIGTERM, requestStop);
+  tg::handleStopSignals(requestStop);
   Progress progress(views.asked);
   for (std::size_t i = 0; i < views.asked && !stop_requested; i++) {
     if (i + 1 < views.asked) dataset.prefetch(i + 1);

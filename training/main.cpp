@@ -3,7 +3,6 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -17,6 +16,7 @@
 #include "core/file.h"
 #include "core/parallel.h"
 #include "core/ply.h"
+#include "core/signals.h"
 #include "training/cli.h"
 #include "training/report.h"
 #include "training/run_folder.h"
@@ -37,11 +37,7 @@ std::atomic<bool> stop_requested{false};
 // The first Ctrl-C ends training after the current step and writes the model; the second ends the program at once, with
 // no file half written.
 void requestStop(int signal) {
-  if (stop_requested.exchange(true)) {
-    tg::removeTemporaryFiles();
-    std::signal(signal, SIG_DFL);
-    std::raise(signal);
-  }
+  if (stop_requested.exchange(true)) tg::endAtOnce(signal);
 }
 
 struct Options {
@@ -164,8 +160,7 @@ int runTraining(const Options& options) {
 
   const auto start = std::chrono::steady_clock::now();
   const tg::Dataset dataset = loadData(options);
-  std::signal(SIGINT, requestStop);
-  std::signal(SIGTERM, requestStop);
+  tg::handleStopSignals(requestStop);
   tg::TrainingJsonOptions json_options;
   json_options.downscale = options.data.downscale;
   json_options.threads = tg::threadCount();

@@ -2,12 +2,11 @@
 // tgview: look at a model in a window, or render it to a file.
 #include <CLI/CLI.hpp>
 
-#include <csignal>
 #include <cstdio>
 #include <new>
 
 #include "core/error.h"
-#include "core/file.h"
+#include "core/signals.h"
 #include "viewer/benchmark.h"
 #include "viewer/camera_path.h"
 #include "viewer/follow.h"
@@ -193,13 +192,6 @@ void parseValues(Flags& flags) {
   }
 }
 
-// Ctrl-C leaves no temporary file of a video behind.
-void endAtOnce(int signal) {
-  tg::removeTemporaryFiles();
-  std::signal(signal, SIG_DFL);
-  std::raise(signal);
-}
-
 void listCameras(const std::filesystem::path& path) {
   const tg::LoadedModel loaded = tg::readModel(path);
   for (std::size_t i = 0; i < loaded.cameras.size(); ++i) {
@@ -221,8 +213,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
   }
-  std::signal(SIGINT, endAtOnce);
-  std::signal(SIGTERM, endAtOnce);
+  tg::handleStopSignals(tg::endAtOnce);  // no temporary file of a video stays behind
   flags.view.show_given = app.count("--show") > 0;
   flags.view.textures_given = app.count("--textures") > 0;
   try {

@@ -64,6 +64,33 @@ TEST_CASE("tgconvert looks without writing: null, --stats and --dry-run") {
   CHECK(readModel(scratch.folder() / "a.spz").model.size() == 50);
 }
 
+TEST_CASE("a signal ends tgconvert with nothing half written, and one that it was started to ignore does not") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(test::SceneKind::ordinary, 43, 100'000).model;
+  model.texture_mode = TextureMode::none;
+  model.atlas = {};
+  writeSplatPly(scratch.folder() / "in.ply", model);
+  const auto interrupted = [&](const std::string& before, const std::string& signal) {
+    const std::string script = "cd '" + scratch.folder().string() + "'; " + before +
+                               " '" TG_CONVERT_PROGRAM
+                               "' in.ply out.tgz --quiet & "
+                               "until ls -A | grep -q '^[.]tg-'; do kill -0 $! || exit 1; done; "
+                               "kill -" +
+                               signal + " $!; wait $!";
+    const int status = std::system(script.c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  };
+  const auto files = [&] {
+    return std::distance(std::filesystem::directory_iterator(scratch.folder()), std::filesystem::directory_iterator());
+  };
+  CHECK(interrupted("", "TERM") == 128 + 15);
+  CHECK(interrupted("", "HUP") == 128 + 1);
+  CHECK(files() == 1);
+  CHECK(interrupted("nohup", "HUP") == 0);
+  CHECK(readModel(scratch.folder() / "out.tgz").model.size() == 100'000);
+  CHECK(files() == 2);
+}
+
 TEST_CASE("tgconvert edits in the order of its options, merges inputs and refuses what splats cannot follow") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(test::SceneKind::mixed, 44, 50);

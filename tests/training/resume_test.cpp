@@ -285,7 +285,7 @@ TEST_CASE("training outlives a checkpoint that cannot be written, but does not e
   }
   child.until([&] { return child.output().find("(training goes on)") != std::string::npos; });
   CHECK(child.running());
-  child.send(SIGTERM);
+  child.send(SIGHUP);
   CHECK(child.end() == 4);
   CHECK_THAT(child.output(), Contains("run/checkpoint: exists and is not a regular file"));
 }

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a program does when it is asked to stop: by Ctrl-C, by kill, or because its terminal closes.
+#pragma once
+
+namespace tg {
+
+// SIGINT, SIGTERM and SIGHUP call `handler` from now on, except those that were ignored when the program started, as
+// nohup asks. `handler` may only do what is async-signal-safe.
+void handleStopSignals(void (*handler)(int signal));
+
+// A handler: removes the temporary files of writes that are under way, then ends the program by the signal itself.
+void endAtOnce(int signal) noexcept;
+
+}  // namespace tg
