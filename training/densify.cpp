@@ -6,20 +6,8 @@
 #include <cmath>
 #include <functional>
 
-#include "shaders/shared/splat.h"
-
 namespace tg {
 namespace {
-
-float opacity(float logit) { return 1 / (1 + std::exp(-logit)); }
-float largest(glm::vec3 v) { return std::max({v.x, v.y, v.z}); }
-
-bool prunable(const GaussianModel& model, const DensityStatistics& statistics, const DensifySettings& settings,
-              std::size_t i) {
-  if (opacity(model.opacity_logit[i]) < settings.prune_opacity) return true;
-  return settings.prune_large && (std::exp(largest(model.log_scale[i])) > settings.prune_scale * settings.extent ||
-                                  statistics.max_radius[i] > settings.prune_radius);
-}
 
 // Scores above 1 densify: the mean gradient over its threshold, and the mean magnitude over the quantile that as many
 // Gaussians reach.
@@ -28,16 +16,13 @@ std::vector<float> densificationScores(const DensityStatistics& statistics, cons
   std::vector<float> scores(count, 0.0f);
   std::size_t passing = 0;
   for (std::size_t i = 0; i < count; i++) {
-    if (statistics.view_count[i] == 0) continue;
-    scores[i] = statistics.score_sum[i] / static_cast<float>(statistics.view_count[i]) / settings.score_threshold;
+    scores[i] = meanOverViews(statistics.score_sum[i], statistics.view_count[i]) / settings.score_threshold;
     passing += scores[i] >= 1;
   }
   if (!settings.magnitudes || passing == 0) return scores;
   std::vector<float> magnitudes(count, 0.0f);
   for (std::size_t i = 0; i < count; i++) {
-    if (statistics.view_count[i] > 0) {
-      magnitudes[i] = statistics.magnitude_sum[i] / static_cast<float>(statistics.view_count[i]);
-    }
+    magnitudes[i] = meanOverViews(statistics.magnitude_sum[i], statistics.view_count[i]);
   }
   std::vector<float> sorted = magnitudes;
   const auto quantile = sorted.begin() + static_cast<std::ptrdiff_t>(passing - 1);
@@ -45,15 +30,6 @@ std::vector<float> densificationScores(const DensityStatistics& statistics, cons
   if (*quantile <= 0) return scores;
   for (std::size_t i = 0; i < count; i++) scores[i] = std::max(scores[i], magnitudes[i] / *quantile);
   return scores;
-}
-
-// A point drawn from the Gaussian itself.
-glm::vec3 sample(const GaussianModel& model, std::size_t i, Random& random) {
-  glm::vec3 local;
-  for (int axis = 0; axis < 3; axis++) {
-    local[axis] = std::exp(model.log_scale[i][axis]) * static_cast<float>(random.normal());
-  }
-  return model.mean[i] + rotationFromQuaternion(model.rotation[i]) * local;
 }
 
 }  // namespace
@@ -86,7 +62,7 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
   std::vector<std::uint32_t> source;
   std::vector<Candidate> candidates;
   for (std::uint32_t i = 0; i < model.size(); i++) {
-    if (prunable(model, statistics, settings, i)) continue;
+    if (prunable(model.opacity_logit[i], model.log_scale[i], statistics.max_radius[i], settings)) continue;
     source.push_back(i);
     if (scores[i] >= 1) candidates.push_back({i, scores[i]});
   }
@@ -116,7 +92,7 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
   for (const Candidate& candidate : candidates) {
     const std::size_t added = source.size();
     source.push_back(candidate.gaussian);
-    if (std::exp(largest(model.log_scale[candidate.gaussian])) <= settings.clone_max_scale * settings.extent) {
+    if (clonable(model.log_scale[candidate.gaussian], settings)) {
       result.cloned++;
       continue;
     }
@@ -126,7 +102,9 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
         source.begin());
     const glm::vec3 log_scale = model.log_scale[candidate.gaussian] - std::log(settings.split_shrink);
     for (std::size_t index : {place, added}) {
-      children.push_back({index, sample(model, candidate.gaussian, random), log_scale});
+      const glm::vec3 mean = sampleGaussian(model.mean[candidate.gaussian], model.rotation[candidate.gaussian],
+                                            model.log_scale[candidate.gaussian], random);
+      children.push_back({index, mean, log_scale});
     }
     fresh.push_back(place);
   }
@@ -142,7 +120,6 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
 }
 
 void resetOpacity(TrainingState& state) {
-  constexpr float kResetOpacity = 0.01f;  // 3DGS
   const float limit = std::log(kResetOpacity / (1 - kResetOpacity));
   for (float& logit : state.model.opacity_logit) logit = std::min(logit, limit);
   std::fill(state.opacity_logit.first.begin(), state.opacity_logit.first.end(), 0.0f);

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "training/density_math.h"
 #include "training/optimizer.h"
 #include "training/random.h"
 
@@ -18,27 +19,6 @@ struct DensityStatistics {
 
   void reset(std::size_t count);
   void add(const ModelGradient& gradient);
-};
-
-struct DensifySettings {
-  double extent = 1;              // [world units] cameraExtent()
-  float score_threshold = 2e-4f;  // NDC gradient, mean over the views
-  // Also densify by the mean of magnitude_sum: as many Gaussians as pass the threshold, those with the largest
-  // (the quantile rule of Gaussian Opacity Fields, Yu et al. 2024).
-  bool magnitudes = false;
-  float clone_max_scale = 0.01f;  // of the extent: smaller Gaussians are cloned, larger ones split
-  float split_shrink = 1.6f;      // children of a split are this much smaller
-  float prune_opacity = 0.005f;
-  bool prune_large = false;       // also those wider than the next two allow
-  float prune_scale = 0.1f;       // of the extent
-  float prune_radius = 20;        // [px] on screen
-  std::size_t max_gaussians = 0;  // 0: no limit. Under one, the highest scores grow first
-};
-
-struct DensifyResult {
-  std::size_t pruned = 0;
-  std::size_t cloned = 0;
-  std::size_t split = 0;
 };
 
 // One round. Survivors come first and keep their moments; clones and the second child of each split follow, with zero

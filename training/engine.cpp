@@ -7,8 +7,6 @@
 #include <utility>
 
 #include "core/parallel.h"
-#include "training/filter_3d.h"
-#include "training/mcmc.h"
 
 namespace tg {
 namespace {
@@ -73,6 +71,20 @@ class HostTrainingEngine final : public TrainingEngine {
     if (input.gather_statistics) state.statistics.add(gradient_);
     return loss;
   }
+  DensifyResult densify(RunState& state, const DensifySettings& settings) override {
+    return tg::densify(state.training, state.statistics, settings, state.densify_random);
+  }
+  McmcResult relocateAndGrow(RunState& state, const McmcSettings& settings) override {
+    const McmcResult result = tg::relocateAndGrow(state.training, settings, state.densify_random);
+    state.statistics.reset(state.training.model.size());
+    return result;
+  }
+  void resetOpacity(RunState& state) override { tg::resetOpacity(state.training); }
+  void growShDegree(RunState& state, int degree) override { tg::growShDegree(state.training, degree); }
+  void updateFilter(RunState& state, std::span<const FilterCamera> cameras) override {
+    state.min_sigma = minSigmas(cameras, state.training.model);
+  }
+  std::size_t gaussians(const RunState& state) const override { return state.training.model.size(); }
   void pull(RunState&) override {}
   void stateChanged() override {}
 

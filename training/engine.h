@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the arithmetic of training runs: an iteration from forward pass to the moved parameters. The host's engine
-// works on the state in place; one with a device of its own keeps the state there.
+// Where the arithmetic of training runs: an iteration from forward pass to the moved parameters, and what changes the
+// set of Gaussians between iterations. The host's engine works on the state in place; one with a device of its own
+// keeps the state there.
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "core/camera.h"
+#include "training/densify.h"
+#include "training/filter_3d.h"
 #include "training/gradient.h"
 #include "training/loss.h"
+#include "training/mcmc.h"
 #include "training/optimizer.h"
 #include "training/photographs.h"
 #include "training/run_state.h"
@@ -39,7 +44,20 @@ class TrainingEngine {
   // One iteration. A state with min_sigma is drawn through the 3D filter. After a loss that is not finite the state is
   // not to be used. Throws Error(device).
   virtual LossValue step(RunState& state, const StepInput& input) = 0;
-  // Brings training and statistics of `state` up to date with the steps done.
+
+  // Between steps: the functions of the same name, on training, statistics, min_sigma and densify_random of `state`.
+  // relocateAndGrow() also starts the statistics anew.
+  virtual DensifyResult densify(RunState& state, const DensifySettings& settings) = 0;
+  virtual McmcResult relocateAndGrow(RunState& state, const McmcSettings& settings) = 0;
+  virtual void resetOpacity(RunState& state) = 0;
+  virtual void growShDegree(RunState& state, int degree) = 0;
+  // minSigmas(). cameras: the same in every call.
+  virtual void updateFilter(RunState& state, std::span<const FilterCamera> cameras) = 0;
+
+  // How many Gaussians there are, whether or not `state` is up to date.
+  virtual std::size_t gaussians(const RunState& state) const = 0;
+  // Brings training, statistics and min_sigma of `state` up to date with what was done. Before, the arrays there are
+  // old, their sizes included; the SH degree and densify_random are always right.
   virtual void pull(RunState& state) = 0;
   // `state` was changed by others after a pull.
   virtual void stateChanged() = 0;

@@ -6,44 +6,36 @@
 #include <cmath>
 
 #include "core/parallel.h"
-#include "shared/limits.h"
 #include "training/step_math.h"
 
 namespace tg {
 namespace {
 
-constexpr float kFilterVariance = 0.2f;  // [px^2]
-constexpr double kMargin = 0.15;         // of the image, a side
 constexpr std::int64_t kGrain = 1024;
+
 }  // namespace
 
-std::vector<float> pixelSizes(const Dataset& dataset, const GaussianModel& model) {
-  const std::vector<std::size_t> train = dataset.indices(false);
+std::vector<FilterCamera> filterCameras(const Dataset& dataset) {
+  std::vector<FilterCamera> cameras;
+  for (const std::size_t view : dataset.indices(false)) {
+    const Camera& camera = dataset.views[view].camera;
+    cameras.push_back({camera.camera_from_world_rotation, camera.camera_from_world_translation, camera.fx, camera.fy,
+                       camera.cx, camera.cy, static_cast<double>(camera.width), static_cast<double>(camera.height)});
+  }
+  return cameras;
+}
+
+std::vector<float> pixelSizes(std::span<const FilterCamera> cameras, const GaussianModel& model) {
   std::vector<float> sizes(model.size(), 0.0f);
-  parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
-    double smallest = 0;
-    for (const std::size_t view : train) {
-      const Camera& camera = dataset.views[view].camera;
-      const glm::dvec3 mean =
-          camera.camera_from_world_rotation * glm::dvec3(model.mean[i]) + camera.camera_from_world_translation;
-      if (!(mean.z > kNear)) continue;
-      const double x = mean.x / mean.z * camera.fx + camera.cx;
-      const double y = mean.y / mean.z * camera.fy + camera.cy;
-      if (std::abs(x / camera.width - 0.5) > 0.5 + kMargin || std::abs(y / camera.height - 0.5) > 0.5 + kMargin) {
-        continue;
-      }
-      const double size = mean.z / std::max(camera.fx, camera.fy);
-      if (smallest == 0 || size < smallest) smallest = size;
-    }
-    sizes[i] = static_cast<float>(smallest);
-  });
+  parallelFor(static_cast<std::int64_t>(model.size()), kGrain,
+              [&](std::int64_t i) { sizes[i] = pixelSizeAt(model.mean[i], cameras.data(), cameras.size()); });
   const float largest = sizes.empty() ? 0.0f : *std::max_element(sizes.begin(), sizes.end());
   std::replace(sizes.begin(), sizes.end(), 0.0f, largest);
   return sizes;
 }
 
-std::vector<float> minSigmas(const Dataset& dataset, const GaussianModel& model) {
-  std::vector<float> sizes = pixelSizes(dataset, model);
+std::vector<float> minSigmas(std::span<const FilterCamera> cameras, const GaussianModel& model) {
+  std::vector<float> sizes = pixelSizes(cameras, model);
   for (float& size : sizes) size *= std::sqrt(kFilterVariance);
   return sizes;
 }

@@ -3,7 +3,6 @@
 #include "training/mcmc.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
 #include <vector>
@@ -14,7 +13,6 @@
 namespace tg {
 namespace {
 
-constexpr int kMostShared = 51;  // the paper's implementation; binomials stay exact in double
 constexpr std::int64_t kGrain = 1024;
 
 // Index drawn with probability proportional to the steps of `cumulative`.
@@ -26,25 +24,6 @@ std::uint32_t draw(const std::vector<double>& cumulative, Random& random) {
 }
 
 }  // namespace
-
-SharedGaussian shareGaussian(float opacity, int count) {
-  count = std::clamp(count, 1, kMostShared);
-  const double o = std::clamp(static_cast<double>(opacity), 1e-6, 1 - 1e-6);
-  const double shared = 1 - std::pow(1 - o, 1.0 / count);
-  // The integral along a line through the centre of the sum of the blended shares, over one share's own.
-  double denominator = 0;
-  std::array<double, kMostShared> binomial{};  // row i - 1 of Pascal's triangle
-  for (int i = 1; i <= count; i++) {
-    for (int k = i - 1; k > 0; k--) binomial[k] = k == i - 1 ? 1 : binomial[k] + binomial[k - 1];
-    binomial[0] = 1;
-    double power = shared;
-    for (int k = 0; k < i; k++) {
-      denominator += binomial[k] * (k % 2 == 0 ? 1 : -1) * power / std::sqrt(k + 1.0);
-      power *= shared;
-    }
-  }
-  return {static_cast<float>(shared), static_cast<float>(o / denominator)};
-}
 
 McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, Random& random) {
   const GaussianModel& model = state.model;
@@ -84,10 +63,7 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
   for (std::size_t i = 0; i < source.size(); i++) {
     const int shared = copies[source[i]];
     if (shared == 1) continue;
-    const SharedGaussian share = shareGaussian(static_cast<float>(sigmoid(state.model.opacity_logit[i])), shared);
-    const float opacity = std::clamp(share.opacity, settings.dead_opacity, 1 - 1e-6f);
-    state.model.opacity_logit[i] = std::log(opacity / (1 - opacity));
-    state.model.log_scale[i] += std::log(share.scale);
+    shareParameters(shared, settings.dead_opacity, state.model.opacity_logit[i], state.model.log_scale[i]);
     clearMoments(state, i);
   }
   return result;

@@ -4,21 +4,11 @@
 #pragma once
 #include <cstdint>
 
+#include "training/density_math.h"
 #include "training/optimizer.h"
 #include "training/random.h"
 
 namespace tg {
-
-struct McmcSettings {
-  std::size_t max_gaussians = 0;  // the cap
-  float dead_opacity = 0.005f;    // at or below it a Gaussian is relocated
-  float growth = 0.05f;           // of the count, a round
-};
-
-struct McmcResult {
-  std::size_t relocated = 0;
-  std::size_t added = 0;
-};
 
 // One round: every dead Gaussian goes where a live one is, drawn with probability proportional to opacity; then the
 // count grows by `growth`, up to the cap, by the same draw. n Gaussians that end up at one place share its opacity and
@@ -26,16 +16,8 @@ struct McmcResult {
 // their order; new ones follow.
 McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, Random& random);
 
-// Opacity and scale factor of each of `count` equal Gaussians at one place that look like one of opacity `opacity`
-// (docs/math.md 9a, 9b). count is capped at 51.
-struct SharedGaussian {
-  float opacity;
-  float scale;
-};
-SharedGaussian shareGaussian(float opacity, int count);
-
-// docs/math.md (9c) after a step, n drawn
-// from (seed, iteration, index). strength: noise factor times the position rate. Same bytes for any thread count.
+// docs/math.md (9c) after a step, n drawn from (seed, iteration, index). strength: noise factor times the position
+// rate. Same bytes for any thread count.
 void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration);
 
 // Adds the gradients of weight * mean opacity and weight * mean sigma to `gradient`.

@@ -15,6 +15,8 @@ class Random {
   TG_FN explicit Random(std::uint64_t seed) : state_(seed) {}
   // Random(state()) goes on with the same sequence.
   std::uint64_t state() const { return state_; }
+  // As `count` calls of bits(), or of uniform(); a normal() is two.
+  TG_FN void skip(std::uint64_t count) { state_ += count * 0x9e3779b97f4a7c15u; }
   TG_FN std::uint64_t bits() {
     state_ += 0x9e3779b97f4a7c15u;
     std::uint64_t z = state_;

@@ -194,17 +194,16 @@ void RunFolder::writeStepMetrics(const Trainer& trainer, const TrainProgress& pr
 
 // Test scores of the stages that have ended since the last step.
 void RunFolder::writeStageMetrics(const Trainer& trainer) {
-  const RunState& state = trainer.state();
   for (const Stage stage : {Stage::count, Stage::plain, Stage::textured, Stage::untextured}) {
-    const StageReport* report = reportOf(state.report, stage);
-    const bool ended = stage < state.stage || (stage == state.stage && state.finished);
+    const StageReport* report = reportOf(trainer.report(), stage);
+    const bool ended = stage < trainer.stage() || (stage == trainer.stage() && trainer.finished());
     if (stage < stage_ || !ended || !report || !report->test) continue;
     Json line = {{"stage", name(stage)}, {"iteration", report->iterations}, {"gaussians", report->gaussians}};
     addScore(line, *report->test);
     line["seconds"] = rounded(seconds(), 3);
     writeMetrics(line.dump() + "\n");
   }
-  stage_ = state.stage;
+  stage_ = trainer.stage();
 }
 
 void RunFolder::writePreview(const Trainer& trainer) const {
@@ -224,7 +223,7 @@ void RunFolder::writePreview(const Trainer& trainer) const {
   const fs::path folder = options_.folder / "previews";
   std::error_code ignored;
   fs::create_directory(folder, ignored);
-  writeImage(folder / previewName(trainer.state().stage, trainer.state().iteration), both);
+  writeImage(folder / previewName(trainer.stage(), trainer.progress().iteration), both);
 }
 
 std::string RunFolder::save(const Trainer& trainer) {

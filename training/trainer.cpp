@@ -10,9 +10,7 @@
 #include <utility>
 
 #include "core/error.h"
-#include "training/filter_3d.h"
 #include "training/init.h"
-#include "training/mcmc.h"
 #include "training/textures.h"
 
 namespace tg {
@@ -62,6 +60,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       renderer_(renderer),
       schedule_(makeSchedule(settings)),
       extent_(cameraExtent(dataset)),
+      filter_cameras_(filterCameras(dataset)),
       engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
       state_(std::move(state)) {}
 
@@ -131,7 +130,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                                    : model.size() * static_cast<std::size_t>(size) * static_cast<std::size_t>(size);
     addTextures(state_.training,
                 settings_.texture_sizes == TextureSizes::footprint
-                    ? footprintRects(model, pixelSizes(dataset_, model), budget)
+                    ? footprintRects(model, pixelSizes(filter_cameras_, model), budget)
                     : uniformRects(model.size(), size, settings_.texel_budget),
                 settings_.texture_mode, settings_.texture_init);
   } else {
@@ -153,10 +152,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
 }
 
 void Trainer::updateFilter() {
-  if (!settings_.filter_3d) return;
-  pull();
-  engine_->stateChanged();
-  state_.min_sigma = minSigmas(dataset_, state_.training.model);
+  if (settings_.filter_3d) engine_->updateFilter(state_, filter_cameras_);
 }
 
 bool Trainer::step(const std::atomic<bool>* stop) {
@@ -185,7 +181,7 @@ TrainProgress Trainer::progress() const {
           iterations,
           state_.loss.value(),
           decibels(state_.squared_error.value()),
-          state_.training.model.size(),
+          engine_->gaussians(state_),
           rate,
           left / rate};
 }
@@ -238,18 +234,15 @@ void Trainer::iterate() {
   }
   if (first_stage) densifyAndSchedule(iteration);
   const int left = iterationsOf(state_.stage) - iteration;
-  if (!state_.min_sigma.empty() && iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
+  if (iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
 
   state_.loss.add(loss.total);
   state_.squared_error.add(loss.mean_squared_error);
 }
 
 void Trainer::densifyAndSchedule(int iteration) {
-  TrainingState& training = state_.training;
   const bool adc = settings_.densification == Densification::adc;
   if (schedule_.densifies(iteration)) {
-    pull();
-    engine_->stateChanged();
     if (adc) {
       DensifySettings densify_settings;
       densify_settings.extent = extent_;
@@ -258,16 +251,15 @@ void Trainer::densifyAndSchedule(int iteration) {
       densify_settings.prune_opacity = settings_.prune_opacity;
       densify_settings.prune_large = schedule_.prunesLarge(iteration);
       densify_settings.max_gaussians = limit();
-      densify(training, state_.statistics, densify_settings, state_.densify_random);
+      engine_->densify(state_, densify_settings);
     } else {
       McmcSettings mcmc_settings;
       mcmc_settings.max_gaussians = limit();
       mcmc_settings.dead_opacity = settings_.prune_opacity;
       mcmc_settings.growth = mcmcGrowth();
-      relocateAndGrow(training, mcmc_settings, state_.densify_random);
-      state_.statistics.reset(training.model.size());
+      engine_->relocateAndGrow(state_, mcmc_settings);
     }
-    if (training.model.size() == 0) {
+    if (engine_->gaussians(state_) == 0) {
       throw Error(ErrorKind::badData, "no Gaussian is left after densification at iteration " +
                                           std::to_string(iteration) + ": do the cameras see the initial points?");
     }
@@ -277,15 +269,10 @@ void Trainer::densifyAndSchedule(int iteration) {
   const bool white = dataset_.background == glm::vec3(1.0f);
   if (schedule_.resetsOpacity(iteration) ||
       (schedule_.reset_every > 0 && white && iteration == schedule_.densify_from)) {
-    pull();
-    engine_->stateChanged();
-    resetOpacity(training);
+    engine_->resetOpacity(state_);
   }
-  if (schedule_.raisesShDegree(iteration) && training.model.sh_degree < settings_.sh_degree) {
-    pull();
-    engine_->stateChanged();
-    growShDegree(training, std::min(training.model.sh_degree + 1, settings_.sh_degree));
-  }
+  const int degree = state_.training.model.sh_degree;
+  if (schedule_.raisesShDegree(iteration) && degree < settings_.sh_degree) engine_->growShDegree(state_, degree + 1);
 }
 
 float Trainer::mcmcGrowth() const {
@@ -302,7 +289,7 @@ StageReport Trainer::stageReport() const {
   report.seconds = state_.seconds;
   report.loss = state_.loss.value();
   report.train_psnr = state_.iteration > 0 ? decibels(state_.squared_error.value()) : 0;
-  report.gaussians = state_.training.model.size();
+  report.gaussians = engine_->gaussians(state_);
   return report;
 }
 

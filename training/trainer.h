@@ -7,6 +7,7 @@
 
 #include "core/model.h"
 #include "training/dataset.h"
+#include "training/density_math.h"
 #include "training/engine.h"
 #include "training/gradient.h"
 #include "training/run_state.h"
@@ -51,6 +52,9 @@ class Trainer {
   bool step(const std::atomic<bool>* stop = nullptr);
 
   const RunState& state() const;
+  // What costs nothing where the state lies on a device.
+  Stage stage() const { return state_.stage; }
+  const TrainReport& report() const { return state_.report; }
   const Dataset& dataset() const { return dataset_; }
   const TrainSettings& settings() const { return settings_; }
   TrainProgress progress() const;
@@ -82,6 +86,7 @@ class Trainer {
   DifferentiableRenderer& renderer_;
   const Schedule schedule_;
   const double extent_;
+  const std::vector<FilterCamera> filter_cameras_;
   const std::unique_ptr<TrainingEngine> engine_;
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
   mutable RunState state_;

@@ -262,5 +262,8 @@ void Primitives::sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys
 void Primitives::exclusiveSum(const std::uint32_t* from, std::uint32_t* to, std::size_t count) {
   std::exclusive_scan(from, from + count, to, 0u);
 }
+void Primitives::exclusiveSum(const std::uint64_t* from, std::uint64_t* to, std::size_t count) {
+  std::exclusive_scan(from, from + count, to, std::uint64_t{0});
+}
 
 }  // namespace tg::cuda

@@ -45,12 +45,12 @@ double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 TEST_CASE("the pixel size is that of the training view that sees the Gaussian largest", "[filter3d]") {
   tg::GaussianModel model;
   model.mean = {{0, 0, 0}, {0, 0, -5}, {2.1f, 0, 0}, {0, 0, -100}};
-  const std::vector<float> sizes = tg::pixelSizes(twoViews(), model);
+  const std::vector<float> sizes = tg::pixelSizes(tg::filterCameras(twoViews()), model);
   CHECK(sizes[0] == Approx(6.0 / 300));
   CHECK(sizes[1] == Approx(1.0 / 300));  // behind the first
   CHECK(sizes[2] == Approx(4.0 / 100));  // 2.1 / 6 * 300 px leaves the second by more than 15 %
   CHECK(sizes[3] == Approx(4.0 / 100));  // nobody sees it: the largest of the others
-  CHECK(tg::minSigmas(twoViews(), model)[0] == Approx(std::sqrt(0.2) * 6.0 / 300));
+  CHECK(tg::minSigmas(tg::filterCameras(twoViews()), model)[0] == Approx(std::sqrt(0.2) * 6.0 / 300));
 }
 
 TEST_CASE("effective sigmas add variances, opacity pays on the texture axes only", "[filter3d]") {

@@ -23,9 +23,18 @@ std::string megabytes(std::size_t bytes) { return std::to_string((bytes >> 20) +
 int itemCount(std::size_t count) {
   if (count > static_cast<std::size_t>(std::numeric_limits<int>::max())) {
     throw Error(ErrorKind::device, "CUDA",
-                "too many (tile, splat) pairs (expected below 2^31, found " + std::to_string(count) + ")");
+                "too many Gaussians or (tile, splat) pairs (expected below 2^31, found " + std::to_string(count) + ")");
   }
   return static_cast<int>(count);
+}
+
+template <typename T>
+void scan(const T* from, T* to, std::size_t count, Buffer<std::byte>& scratch) {
+  if (count == 0) return;
+  std::size_t bytes = 0;
+  check(cub::DeviceScan::ExclusiveSum(nullptr, bytes, from, to, itemCount(count)), "CUDA, scan");
+  scratch.resize(bytes);
+  check(cub::DeviceScan::ExclusiveSum(scratch.data(), bytes, from, to, itemCount(count)), "CUDA, scan");
 }
 
 __global__ void probe() {}
@@ -98,11 +107,10 @@ void Primitives::sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys
 }
 
 void Primitives::exclusiveSum(const std::uint32_t* from, std::uint32_t* to, std::size_t count) {
-  if (count == 0) return;
-  std::size_t bytes = 0;
-  check(cub::DeviceScan::ExclusiveSum(nullptr, bytes, from, to, itemCount(count)), "CUDA, scan");
-  scratch_.resize(bytes);
-  check(cub::DeviceScan::ExclusiveSum(scratch_.data(), bytes, from, to, itemCount(count)), "CUDA, scan");
+  scan(from, to, count, scratch_);
+}
+void Primitives::exclusiveSum(const std::uint64_t* from, std::uint64_t* to, std::size_t count) {
+  scan(from, to, count, scratch_);
 }
 
 }  // namespace tg::cuda

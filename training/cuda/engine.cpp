@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// An iteration copies 28 bytes back: the number of pairs and the loss. Whole states travel when the trainer changes
-// them.
+// An iteration copies 28 bytes back: the number of pairs and the loss. A whole state travels where the trainer starts a
+// stage, or looks at it.
 #include "training/cuda/engine.h"
 
 #include <algorithm>
 #include <unordered_map>
 
+#include "training/cuda/density.h"
 #include "training/cuda/frame.h"
+#include "training/cuda/state.h"
 #include "training/cuda/step.h"
 
 namespace tg::cuda {
@@ -26,33 +28,21 @@ DevicePhotograph upload(const ViewPixels& photograph) {
   return result;
 }
 
-struct StateMoments {
-  DeviceMoments mean, rotation, log_scale, opacity_logit, sh, texels;
-};
-// Calls visit(a.member, b.member) for each parameter.
-template <typename A, typename B, typename Visit>
-void forEachMoments(A& a, B& b, const Visit& visit) {
-  visit(a.mean, b.mean);
-  visit(a.rotation, b.rotation);
-  visit(a.log_scale, b.log_scale);
-  visit(a.opacity_logit, b.opacity_logit);
-  visit(a.sh, b.sh);
-  visit(a.texels, b.texels);
-}
-
 class CudaTrainingEngine final : public TrainingEngine {
  public:
   explicit CudaTrainingEngine(float ssim_weight) : ssim_weight_(ssim_weight) {}
 
   LossValue step(RunState& state, const StepInput& input) override {
-    if (!holds_) uploadState(state);
-    const bool filtered = !state.min_sigma.empty();
-    const Parameters stored = model_.parameters();
+    DeviceState& device = changing(state);
+    const bool filtered = device.min_sigma.size() > 0;
+    const Parameters stored = device.model.parameters();
     Parameters drawn = stored;
     if (filtered) {
+      effective_log_scale_.resize(3 * stored.count);
+      effective_opacity_logit_.resize(stored.count);
       drawn.log_scale = effective_log_scale_.data();
       drawn.opacity_logit = effective_opacity_logit_.data();
-      applyFilter(stored, min_sigma_.data(), drawn.log_scale, drawn.opacity_logit);
+      applyFilter(stored, device.min_sigma.data(), drawn.log_scale, drawn.opacity_logit);
     }
     RenderSettings render;
     render.background = input.background;
@@ -64,57 +54,51 @@ class CudaTrainingEngine final : public TrainingEngine {
                   photograph.rgb.data(), photograph.mask.data()},
                  loss_, v_picture_.data());
 
-    gradient_.resizeLike(model_);
-    const Parameters gradient = gradient_.parameters();
+    device.gradient.resizeLike(device.model);
+    const Parameters gradient = device.gradient.parameters();
     frame_.backward(v_picture_.data(), input.gradient, drawn, gradient);
     const auto count = static_cast<double>(stored.count);
-    chainGradients({stored, filtered ? min_sigma_.data() : nullptr, input.mcmc, input.opacity_weight / count,
+    chainGradients({stored, filtered ? device.min_sigma.data() : nullptr, input.mcmc, input.opacity_weight / count,
                     input.scale_weight / count},
                    gradient);
     if (input.gather_statistics) {
       addStatistics(frame_.screenGradient().data(), frame_.screenGradientAbs().data(), frame_.screenRadius().data(),
-                    stored.count, statistics_);
+                    stored.count, device.statistics);
     }
     update(state.training.model, stored, gradient, input);
-    ahead_ = true;
     return readLoss(photograph.counted);
   }
 
-  void pull(RunState& state) override {
-    if (!ahead_) return;
-    TrainingState& training = state.training;
-    model_.download(training.model);
-    forEachMoments(moments_, training, [](const DeviceMoments& from, Moments& to) {
-      from.first.download(to.first);
-      from.second.download(to.second);
-    });
-    training.step = step_;
-    statistics_.score_sum.download(state.statistics.score_sum);
-    statistics_.magnitude_sum.download(state.statistics.magnitude_sum);
-    statistics_.max_radius.download(state.statistics.max_radius);
-    statistics_.view_count.download(state.statistics.view_count);
-    ahead_ = false;
+  DensifyResult densify(RunState& state, const DensifySettings& settings) override {
+    return cuda::densify(changing(state), settings, state.densify_random, density_);
+  }
+  McmcResult relocateAndGrow(RunState& state, const McmcSettings& settings) override {
+    return cuda::relocateAndGrow(changing(state), settings, state.densify_random, density_);
+  }
+  void resetOpacity(RunState& state) override { cuda::resetOpacity(changing(state)); }
+  void growShDegree(RunState& state, int degree) override {
+    cuda::growShDegree(changing(state), degree);
+    state.training.model.sh_degree = degree;
+  }
+  void updateFilter(RunState& state, std::span<const FilterCamera> cameras) override {
+    if (cameras_.size() == 0) cameras_.upload(cameras);
+    cuda::updateFilter(changing(state), cameras_, density_);
   }
 
+  std::size_t gaussians(const RunState& state) const override {
+    return holds_ ? device_.model.count : state.training.model.size();
+  }
+  void pull(RunState& state) override {
+    if (ahead_) download(device_, state);
+    ahead_ = false;
+  }
   void stateChanged() override { holds_ = false; }
 
  private:
-  void uploadState(const RunState& state) {
-    const TrainingState& training = state.training;
-    model_.upload(training.model);
-    forEachMoments(moments_, training, [](DeviceMoments& to, const Moments& from) {
-      to.first.upload(from.first);
-      to.second.upload(from.second);
-    });
-    step_ = training.step;
-    min_sigma_.upload(state.min_sigma);
-    effective_log_scale_.resize(3 * state.min_sigma.size());
-    effective_opacity_logit_.resize(state.min_sigma.size());
-    statistics_.score_sum.upload(state.statistics.score_sum);
-    statistics_.magnitude_sum.upload(state.statistics.magnitude_sum);
-    statistics_.max_radius.upload(state.statistics.max_radius);
-    statistics_.view_count.upload(state.statistics.view_count);
-    holds_ = true;
+  DeviceState& changing(const RunState& state) {
+    if (!holds_) upload(state, device_);
+    holds_ = ahead_ = true;
+    return device_;
   }
 
   // Photographs stay on the device while a quarter of its memory is free.
@@ -132,18 +116,19 @@ class CudaTrainingEngine final : public TrainingEngine {
   void update(const GaussianModel& model, const Parameters& stored, const Parameters& gradient,
               const StepInput& input) {
     const LearningRates& rates = input.rates;
-    const AdamScales scales = adamScales(++step_);
-    const auto uniform = [&](float* value, const float* v_value, const DeviceMoments& moments, float rate) {
-      cuda::adamStep({value, v_value, moments, moments.first.size(), 1, 0, 0, rate, scales});
+    const AdamScales scales = adamScales(++device_.step);
+    const StateMoments& moments = device_.moments;
+    const auto uniform = [&](float* value, const float* v_value, const DeviceMoments& of, float rate) {
+      cuda::adamStep({value, v_value, of, of.first.size(), 1, 0, 0, rate, scales});
     };
-    uniform(stored.mean, gradient.mean, moments_.mean, rates.mean);
-    uniform(stored.rotation, gradient.rotation, moments_.rotation, rates.rotation);
-    uniform(stored.log_scale, gradient.log_scale, moments_.log_scale, rates.log_scale);
-    uniform(stored.opacity_logit, gradient.opacity_logit, moments_.opacity_logit, rates.opacity_logit);
-    cuda::adamStep({stored.sh, gradient.sh, moments_.sh, moments_.sh.first.size(),
+    uniform(stored.mean, gradient.mean, moments.mean, rates.mean);
+    uniform(stored.rotation, gradient.rotation, moments.rotation, rates.rotation);
+    uniform(stored.log_scale, gradient.log_scale, moments.log_scale, rates.log_scale);
+    uniform(stored.opacity_logit, gradient.opacity_logit, moments.opacity_logit, rates.opacity_logit);
+    cuda::adamStep({stored.sh, gradient.sh, moments.sh, moments.sh.first.size(),
                     3 * static_cast<unsigned>(stored.sh_count), 3, rates.sh_dc, rates.sh_rest, scales});
     if (model.texture_mode != TextureMode::none) {
-      uniform(stored.texels, gradient.texels, moments_.texels, rates.texels);
+      uniform(stored.texels, gradient.texels, moments.texels, rates.texels);
       clampTexels(stored.texels, stored.texel_count, input.clamp_colors);
     }
     if (input.mcmc) addNoise(stored, input.noise, input.noise_seed, input.iteration);
@@ -163,11 +148,10 @@ class CudaTrainingEngine final : public TrainingEngine {
   const float ssim_weight_;
   bool holds_ = false;  // the device has the state
   bool ahead_ = false;  // and has moved on from it
-  std::int64_t step_ = 0;
-  DeviceModel model_, gradient_;
-  StateMoments moments_;
-  DeviceStatistics statistics_;
-  Buffer<float> min_sigma_, effective_log_scale_, effective_opacity_logit_;
+  DeviceState device_;
+  DensityScratch density_;
+  Buffer<FilterCamera> cameras_;
+  Buffer<float> effective_log_scale_, effective_opacity_logit_;
   Frame frame_;
   LossBuffers loss_;
   Buffer<float> v_picture_;

@@ -37,53 +37,49 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
 }
 
 void DeviceModel::upload(const GaussianModel& model) {
-  count_ = model.size();
-  sh_count_ = model.shCount();
-  mean_.upload(model.mean);
-  rotation_.upload(model.rotation);
-  log_scale_.upload(model.log_scale);
-  opacity_logit_.upload(model.opacity_logit);
-  sh_.upload(model.sh);
-  texels_.upload(model.atlas.texels);
-  rects_.upload(model.atlas.rects);
+  count = model.size();
+  sh_count = model.shCount();
+  mean.upload(model.mean);
+  rotation.upload(model.rotation);
+  log_scale.upload(model.log_scale);
+  opacity_logit.upload(model.opacity_logit);
+  sh.upload(model.sh);
+  texels.upload(model.atlas.texels);
+  rects.upload(model.atlas.rects);
 }
 
 void DeviceModel::resizeLike(const DeviceModel& other) {
-  count_ = other.count_;
-  sh_count_ = other.sh_count_;
-  mean_.resize(other.mean_.size());
-  rotation_.resize(other.rotation_.size());
-  log_scale_.resize(other.log_scale_.size());
-  opacity_logit_.resize(other.opacity_logit_.size());
-  sh_.resize(other.sh_.size());
-  texels_.resize(other.texels_.size());
+  count = other.count;
+  sh_count = other.sh_count;
+  mean.resize(other.mean.size());
+  rotation.resize(other.rotation.size());
+  log_scale.resize(other.log_scale.size());
+  opacity_logit.resize(other.opacity_logit.size());
+  sh.resize(other.sh.size());
+  texels.resize(other.texels.size());
 }
 
 void DeviceModel::download(ModelGradient& gradient) const {
-  const auto get = [](const Buffer<float>& from, auto& to, std::size_t floats) {
-    to.resize(from.size() / floats);
-    from.download(to);
-  };
-  get(mean_, gradient.v_mean, 3);
-  get(rotation_, gradient.v_rotation, 4);
-  get(log_scale_, gradient.v_log_scale, 3);
-  get(opacity_logit_, gradient.v_opacity_logit, 1);
-  get(sh_, gradient.v_sh, 3);
-  get(texels_, gradient.v_texels, 4);
+  mean.downloadAll(gradient.v_mean);
+  rotation.downloadAll(gradient.v_rotation);
+  log_scale.downloadAll(gradient.v_log_scale);
+  opacity_logit.downloadAll(gradient.v_opacity_logit);
+  sh.downloadAll(gradient.v_sh);
+  texels.downloadAll(gradient.v_texels);
 }
 
 void DeviceModel::download(GaussianModel& model) const {
-  mean_.download(model.mean);
-  rotation_.download(model.rotation);
-  log_scale_.download(model.log_scale);
-  opacity_logit_.download(model.opacity_logit);
-  sh_.download(model.sh);
-  texels_.download(model.atlas.texels);
+  mean.downloadAll(model.mean);
+  rotation.downloadAll(model.rotation);
+  log_scale.downloadAll(model.log_scale);
+  opacity_logit.downloadAll(model.opacity_logit);
+  sh.downloadAll(model.sh);
+  texels.downloadAll(model.atlas.texels);
 }
 
 Parameters DeviceModel::parameters() const {
-  return {count_,     sh_count_,      mean_.data(),  rotation_.data(),  log_scale_.data(), opacity_logit_.data(),
-          sh_.data(), texels_.data(), rects_.data(), texels_.size() / 4};
+  return {count,     sh_count,      mean.data(),  rotation.data(),  log_scale.data(), opacity_logit.data(),
+          sh.data(), texels.data(), rects.data(), texels.size() / 4};
 }
 
 BlendInput Frame::blendInput(const Parameters& model) const {

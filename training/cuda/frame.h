@@ -16,20 +16,18 @@ namespace tg::cuda {
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings);
 
 // Parameters, or gradients in their shapes.
-class DeviceModel {
- public:
+struct DeviceModel {
+  std::size_t count = 0;
+  int sh_count = 1;  // coefficients of each
+  Buffer<float> mean, rotation, log_scale, opacity_logit, sh, texels;
+  Buffer<TextureRect> rects;
+
   void upload(const GaussianModel& model);
   void resizeLike(const DeviceModel& other);  // contents undefined
   void download(ModelGradient& gradient) const;
-  // The sizes must be the same as at the upload; rectangles do not change.
+  // sh_degree must be the device's; rectangles do not change.
   void download(GaussianModel& model) const;
   Parameters parameters() const;
-
- private:
-  std::size_t count_ = 0;
-  int sh_count_ = 1;
-  Buffer<float> mean_, rotation_, log_scale_, opacity_logit_, sh_, texels_;
-  Buffer<TextureRect> rects_;
 };
 
 class Frame {

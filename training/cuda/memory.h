@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace tg::cuda {
 
@@ -71,6 +72,19 @@ class Buffer {
     const std::span all(to);
     copyToHost(all.data(), data_, all.size_bytes());
   }
+  // Resizes the vector, whose entries may hold several T.
+  template <typename Entry>
+  void downloadAll(std::vector<Entry>& to) const {
+    static_assert(sizeof(Entry) % sizeof(T) == 0);
+    to.resize(size_ / (sizeof(Entry) / sizeof(T)));
+    download(to);
+  }
+  // The entry at `index`. Waits for all kernels before.
+  T read(std::size_t index) const {
+    T value;
+    copyToHost(&value, data_ + index, sizeof(T));
+    return value;
+  }
   T* data() const { return data_; }
   std::size_t size() const { return size_; }
   std::size_t bytes() const { return capacity_ * sizeof(T); }
@@ -81,13 +95,14 @@ class Buffer {
   std::size_t capacity_ = 0;
 };
 
-// A stable sort of (key, value) pairs by the lowest `bits` bits of the keys, and an exclusive sum. They keep scratch
+// A stable sort of (key, value) pairs by the lowest `bits` bits of the keys, and exclusive sums. They keep scratch
 // space between calls.
 class Primitives {
  public:
   void sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys, const std::uint32_t* values,
                  std::uint32_t* sorted_values, std::size_t count, int bits);
   void exclusiveSum(const std::uint32_t* from, std::uint32_t* to, std::size_t count);
+  void exclusiveSum(const std::uint64_t* from, std::uint64_t* to, std::size_t count);
 
  private:
   Buffer<std::byte> scratch_;
