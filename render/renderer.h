@@ -181,5 +181,7 @@ class Renderer {
 void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend);
 
 std::unique_ptr<Renderer> makeCpuRenderer();  // render/cpu
+// The deviceName() of everything that computes on the CPU: "CPU, AVX2, 2 threads".
+std::string cpuName();
 
 }  // namespace tg

@@ -7,6 +7,9 @@
 #include <new>
 
 #include "core/error.h"
+#ifdef TG_HAVE_CUDA
+#include "training/cuda/renderer.h"
+#endif
 
 namespace tg {
 
@@ -50,6 +53,28 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
   }
   return options;
 }
+
+void addDeviceFlag(CLI::App& app, std::string& device, const std::string& help) {
+  app.add_option("--device", device, help)->check(CLI::IsMember({"auto", "cpu", "cuda"}))->capture_default_str();
+}
+
+#ifdef TG_HAVE_CUDA
+std::unique_ptr<DifferentiableRenderer> openCuda(const std::string& device, std::string& why_cpu) {
+  if (device == "cpu") return nullptr;
+  try {
+    return makeCudaDifferentiableRenderer();
+  } catch (const Error& error) {
+    if (device == "cuda") throw;
+    why_cpu = error.what();
+    return nullptr;
+  }
+}
+#else
+std::unique_ptr<DifferentiableRenderer> openCuda(const std::string& device, std::string&) {
+  if (device != "cuda") return nullptr;
+  throw Error(ErrorKind::device, "CUDA", "this program was built without it (no nvcc when it was configured)");
+}
+#endif
 
 void printNotes(const std::string& folder, const Dataset& dataset) {
   for (const std::string& note : dataset.notes) {

@@ -3,9 +3,11 @@
 #pragma once
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <string>
 
 #include "training/dataset.h"
+#include "training/gradient.h"
 
 namespace tg {
 
@@ -21,6 +23,11 @@ struct DatasetFlags {
 void addDatasetFlags(CLI::App& app, DatasetFlags& flags);
 // Throws Error(usage) for a background that is no colour.
 DatasetOptions datasetOptions(const DatasetFlags& flags);
+
+void addDeviceFlag(CLI::App& app, std::string& device, const std::string& help);
+// For "cuda", or where "auto" finds one, a CUDA device's renderer; null: the CPU's turn, with the reason in `why_cpu`
+// where auto found none that works. Throws Error(device) where "cuda" does not work.
+std::unique_ptr<DifferentiableRenderer> openCuda(const std::string& device, std::string& why_cpu);
 
 // What loading a data set found worth saying, one line each on stderr.
 void printNotes(const std::string& folder, const Dataset& dataset);

@@ -85,6 +85,14 @@ class HostTrainingEngine final : public TrainingEngine {
     state.min_sigma = minSigmas(cameras, state.training.model);
   }
   std::size_t gaussians(const RunState& state) const override { return state.training.model.size(); }
+  const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) override {
+    const bool filtered = !state.min_sigma.empty();
+    if (filtered) applyFilter(state.training.model, state.min_sigma, effective_);
+    const DrawnModel drawn(state.training.model, effective_, filtered);
+    RenderSettings render;
+    render.background = background;
+    return renderer_.forward(state.training.model, camera, render);
+  }
   void pull(RunState&) override {}
   void stateChanged() override {}
 

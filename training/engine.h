@@ -54,6 +54,8 @@ class TrainingEngine {
   // minSigmas(). cameras: the same in every call.
   virtual void updateFilter(RunState& state, std::span<const FilterCamera> cameras) = 0;
 
+  // What step() would draw of `state` from `camera`: [height * width], not clamped. Changes nothing.
+  virtual const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) = 0;
   // How many Gaussians there are, whether or not `state` is up to date.
   virtual std::size_t gaussians(const RunState& state) const = 0;
   // Brings training, statistics and min_sigma of `state` up to date with what was done. Before, the arrays there are

@@ -43,6 +43,7 @@ struct Options {
   std::string lpips;
   std::string lpips_range = "symmetric";
   std::string split = "test";
+  std::string device = "cpu";
   double pixels_per_degree = tg::kFlipPixelsPerDegree;
   int threads = 0;
   bool effective_rank = false;
@@ -122,6 +123,35 @@ class Progress {
   Clock::time_point next_ = start_ + std::chrono::seconds(1);
 };
 
+// A model's pictures, drawn by the renderer that --device names. The model goes to it once.
+class Pictures {
+ public:
+  Pictures(const std::string& device, const tg::GaussianModel& model, const glm::vec3& background) {
+    std::string ignored;
+    cuda_ = tg::openCuda(device, ignored);
+    if (cuda_) {
+      cuda_->setModel(model);
+    } else {
+      cpu_ = tg::makeCpuRenderer();
+      cpu_->setModel(model);
+    }
+    settings_.background = background;
+    settings_.outputs = {tg::Output::final};
+  }
+  std::string device() const { return cuda_ ? cuda_->deviceName() : cpu_->deviceName(); }
+  tg::Image draw(const tg::Camera& camera) {
+    tg::Image picture = cuda_ ? tg::imageOf(cuda_->forward(camera, settings_), camera)
+                              : tg::extract(cpu_->render(camera, settings_), tg::Output::final);
+    tg::clampToUnit(picture);
+    return picture;
+  }
+
+ private:
+  std::unique_ptr<tg::DifferentiableRenderer> cuda_;
+  std::unique_ptr<tg::Renderer> cpu_;
+  tg::RenderSettings settings_;
+};
+
 tg::EvalReport::Views score(const Options& options, const Scene& scene, const std::optional<tg::Lpips>& lpips) {
   const tg::Dataset dataset = readViews(options, scene);
   const std::vector<fs::path> pictures = pictureFiles(options.images, dataset, options.overwrite);
@@ -136,18 +166,14 @@ tg::EvalReport::Views score(const Options& options, const Scene& scene, const st
   views.options.lpips = lpips ? &*lpips : nullptr;
   views.options.lpips_range = options.lpips_range == "unit" ? tg::LpipsRange::unit : tg::LpipsRange::symmetric;
 
-  const auto renderer = tg::makeCpuRenderer();
-  renderer->setModel(scene.model);
-  tg::RenderSettings settings;
-  settings.background = dataset.background;
-  settings.outputs = {tg::Output::final};
+  Pictures renderer(options.device, scene.model, dataset.background);
+  views.device = renderer.device();
   tg::handleStopSignals(requestStop);
   Progress progress(views.asked);
   for (std::size_t i = 0; i < views.asked && !stop_requested; i++) {
     if (i + 1 < views.asked) dataset.prefetch(i + 1);
     const tg::Camera& camera = dataset.views[i].camera;
-    tg::Image picture = tg::extract(renderer->render(camera, settings), tg::Output::final);
-    tg::clampToUnit(picture);
+    const tg::Image picture = renderer.draw(camera);
     const std::shared_ptr<const tg::ViewPixels> photograph = dataset.pixels(i);
     tg::Image flip_map;
     views.scores.push_back(tg::scoreView(camera.name, *photograph, picture, views.options, &flip_map));
@@ -225,6 +251,8 @@ int main(int argc, char** argv) {
     app.add_flag("--effective-rank", options.effective_rank,
                  "Histogram of the shapes of the Gaussians, needle to disc to ball; needs no data set");
     tg::addDatasetFlags(app, options.data);
+    tg::addDeviceFlag(app, options.device,
+                      "Where to draw; auto: a CUDA device if there is one; metrics are the CPU's work");
     app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(CLI::Range(0, 4096));
     app.add_flag("--overwrite", options.overwrite, "Replace existing files");
     try {

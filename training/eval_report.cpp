@@ -121,6 +121,7 @@ std::string formatEvalJson(const EvalReport& report) {
   if (report.views) {
     json["dataset"] = report.views->dataset;
     json["split"] = report.views->split;
+    json["device"] = report.views->device;
     const glm::vec3& background = report.views->background;
     json["background"] = {background.x, background.y, background.z};
   }

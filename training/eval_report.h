@@ -6,8 +6,8 @@
 #include <span>
 #include <string>
 
-#include "core/model.h"
 #include "core/effective_rank.h"
+#include "core/model.h"
 #include "training/evaluate.h"
 
 namespace tg {
@@ -16,6 +16,7 @@ struct EvalReport {
   struct Views {
     std::string dataset;
     std::string split;
+    std::string device;  // that drew the pictures
     glm::vec3 background{0.0f};
     std::vector<ViewScore> scores;
     ScoreOptions options;

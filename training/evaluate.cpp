@@ -68,6 +68,14 @@ std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::s
   return scores;
 }
 
+Image imageOf(std::span<const glm::vec3> picture, const Camera& camera) {
+  Image image(camera.width, camera.height, 3);
+  for (std::size_t i = 0; i < picture.size(); i++) {
+    for (int c = 0; c < 3; c++) image.data[i * 3 + static_cast<std::size_t>(c)] = picture[i][c];
+  }
+  return image;
+}
+
 void clampToUnit(Image& picture) {
   for (float& value : picture.data) value = std::clamp(value, 0.0f, 1.0f);
 }

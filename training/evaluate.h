@@ -53,5 +53,7 @@ std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::s
                                   const RenderFunction& render);
 
 void clampToUnit(Image& picture);
+// A picture of the camera's size as an image of 3 channels.
+Image imageOf(std::span<const glm::vec3> picture, const Camera& camera);
 
 }  // namespace tg

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "core/camera.h"
@@ -48,9 +49,17 @@ class TrainingEngine;  // training/engine.h
 class DifferentiableRenderer {
  public:
   virtual ~DifferentiableRenderer() = default;
-  // The picture [height * width], not clamped. `model` and `camera` must stay unchanged until backward() returned.
-  virtual const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
-                                                const RenderSettings& settings) = 0;
+  // What is drawn from now on. It must stay where it is, unchanged, until the last forward() or backward() with it
+  // returned; a renderer with memory of its own takes it there once.
+  virtual void setModel(const GaussianModel& model) = 0;
+  // The picture [height * width], not clamped, of the model that was set. `camera` must stay unchanged until backward()
+  // returned.
+  virtual const std::vector<glm::vec3>& forward(const Camera& camera, const RenderSettings& settings) = 0;
+  const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
+                                        const RenderSettings& settings) {
+    setModel(model);
+    return forward(camera, settings);
+  }
   // Gradient of a loss whose derivative with respect to the picture of the last forward() is v_color. Overwrites
   // `gradient` (resized as needed). Texel gradients pass only where the stored alpha texel lies in [0, 1].
   // Same bytes for any thread count.
@@ -58,6 +67,8 @@ class DifferentiableRenderer {
                         const GradientOptions& options = {}) = 0;
   // Of the last forward() and backward(), in order of execution.
   virtual std::span<const PhaseTime> phaseTimes() const = 0;
+  // What it runs on, as training.json names it.
+  virtual std::string deviceName() const = 0;
   // What a trainer steps with, by default on the host through forward() and backward(). The renderer must outlive it.
   virtual std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight);
 };

@@ -24,9 +24,6 @@
 #include "training/trained_bundle.h"
 #include "training/trainer.h"
 #include "training/watch.h"
-#ifdef TG_HAVE_CUDA
-#include "training/cuda/renderer.h"
-#endif
 
 namespace {
 
@@ -110,26 +107,6 @@ std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
   return std::make_unique<tg::RunFolder>(folder);
 }
 
-// What --device names; auto: CUDA where it works, else the CPU.
-std::unique_ptr<tg::DifferentiableRenderer> openDevice(const Options& options) {
-#ifdef TG_HAVE_CUDA
-  if (options.device != "cpu") {
-    try {
-      return tg::makeCudaDifferentiableRenderer();
-    } catch (const tg::Error& error) {
-      if (options.device == "cuda") throw;
-      if (!options.quiet) std::printf("training on the CPU (%s)\n", error.what());
-    }
-  }
-#else
-  if (options.device == "cuda") {
-    throw tg::Error(tg::ErrorKind::device, "CUDA",
-                    "this program was built without it (no nvcc when it was configured)");
-  }
-#endif
-  return tg::makeCpuDifferentiableRenderer();
-}
-
 tg::Dataset loadData(const Options& options) {
   tg::Dataset dataset = tg::loadDataset(options.dataset, tg::datasetOptions(options.data));
   const tg::Camera& camera = dataset.views.front().camera;
@@ -156,7 +133,10 @@ int runTraining(const Options& options) {
   // What a run wrote when it was stopped, it replaces when it goes on.
   checkOutputs(options, options.overwrite || (run && run->hasCheckpoint()));
   if (options.threads > 0) tg::setThreadCount(options.threads);
-  const std::unique_ptr<tg::DifferentiableRenderer> renderer = openDevice(options);
+  std::string why_cpu;
+  std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::openCuda(options.device, why_cpu);
+  if (!renderer) renderer = tg::makeCpuDifferentiableRenderer();
+  if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
 
   const auto start = std::chrono::steady_clock::now();
   const tg::Dataset dataset = loadData(options);
@@ -164,6 +144,7 @@ int runTraining(const Options& options) {
   tg::TrainingJsonOptions json_options;
   json_options.downscale = options.data.downscale;
   json_options.threads = tg::threadCount();
+  json_options.device = renderer->deviceName();
   json_options.measurements = !options.reproducible;
   std::optional<tg::GaussianModel> start_model = startModel(options);
   std::optional<tg::RunState> state;
@@ -257,9 +238,7 @@ void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("--untextured-output", options.untextured_output,
                  "Write the untextured model too (implies --compare-untextured)");
   app.add_option("--json", options.json, "Also write training.json here");
-  app.add_option("--device", options.device, "Where to train; auto: a CUDA device if there is one")
-      ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
-      ->capture_default_str();
+  tg::addDeviceFlag(app, options.device, "Where to train; auto: a CUDA device if there is one");
   app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
       ->check(CLI::Range(0, 4096));
   app.add_flag("--reproducible", options.reproducible,

@@ -160,7 +160,8 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
   if (report.textured) json["stages"]["textured"] = stageJson(*report.textured, options.measurements);
   if (report.untextured) json["stages"]["untextured"] = stageJson(*report.untextured, options.measurements);
   if (options.measurements) {
-    json["machine"] = {{"threads", options.threads},
+    json["machine"] = {{"device", options.device},
+                       {"threads", options.threads},
                        {"seconds", rounded(options.total_seconds, 2)},
                        {"peak_memory_bytes", peakMemory()}};
   }

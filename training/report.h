@@ -31,6 +31,7 @@ std::string formatSummary(const TrainReport& report, double total_seconds);
 struct TrainingJsonOptions {
   int downscale = 1;
   int threads = 1;
+  std::string device;  // DifferentiableRenderer::deviceName()
   double total_seconds = 0;
   // Times, threads and memory differ between runs that give the same model; without them the bytes are the same too.
   bool measurements = true;

@@ -210,7 +210,7 @@ void RunFolder::writePreview(const Trainer& trainer) const {
   const std::size_t view = previewView(*dataset_);
   const Camera& camera = dataset_->views[view].camera;
   const Image truth = dataset_->pixels(view)->image();
-  const Image picture = renderPicture(*renderer_, trainer.model(), camera, dataset_->background);
+  const Image picture = trainer.picture(camera);
   Image both(2 * camera.width, camera.height, 3);
   for (int y = 0; y < camera.height; y++) {
     for (int x = 0; x < camera.width; x++) {

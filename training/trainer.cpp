@@ -57,7 +57,6 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
                  RunState state)
     : dataset_(dataset),
       settings_((checkSettings(settings), settings)),
-      renderer_(renderer),
       schedule_(makeSchedule(settings)),
       extent_(cameraExtent(dataset)),
       filter_cameras_(filterCameras(dataset)),
@@ -337,16 +336,17 @@ GaussianModel Trainer::model() const {
   return drawn;
 }
 
+Image Trainer::picture(const Camera& camera) const {
+  return imageOf(engine_->picture(state_, camera, dataset_.background), camera);
+}
+
 std::optional<Score> Trainer::testScore(const std::atomic<bool>* stop) const {
   std::vector<ViewScore> scores;
   const std::vector<std::size_t> views = dataset_.indices(true);
   if (views.empty()) return std::nullopt;
-  const GaussianModel drawn = model();
   for (const std::size_t view : views) {
     if (stop && stop->load(std::memory_order_relaxed)) return std::nullopt;
-    scores.push_back(scoreViews(dataset_, {&view, 1}, [&](const Camera& camera) {
-                       return renderPicture(renderer_, drawn, camera, dataset_.background);
-                     }).front());
+    scores.push_back(scoreViews(dataset_, {&view, 1}, [&](const Camera& camera) { return picture(camera); }).front());
   }
   return meanScore(scores);
 }
@@ -395,12 +395,7 @@ Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model
                     const glm::vec3& background) {
   RenderSettings settings;
   settings.background = background;
-  const std::vector<glm::vec3>& picture = renderer.forward(model, camera, settings);
-  Image image(camera.width, camera.height, 3);
-  for (std::size_t i = 0; i < picture.size(); i++) {
-    for (int c = 0; c < 3; c++) image.data[i * 3 + static_cast<std::size_t>(c)] = picture[i][c];
-  }
-  return image;
+  return imageOf(renderer.forward(model, camera, settings), camera);
 }
 
 }  // namespace tg

@@ -60,6 +60,8 @@ class Trainer {
   TrainProgress progress() const;
   // The model as a file would hold it: 3D filter baked, SH of the full degree.
   GaussianModel model() const;
+  // The picture of model(), drawn where the training runs.
+  Image picture(const Camera& camera) const;
   // On the held-out views; none without test views, or when `stop` is set meanwhile.
   std::optional<Score> testScore(const std::atomic<bool>* stop = nullptr) const;
   // What stands, finished or not.
@@ -83,7 +85,6 @@ class Trainer {
 
   const Dataset& dataset_;
   const TrainSettings settings_;
-  DifferentiableRenderer& renderer_;
   const Schedule schedule_;
   const double extent_;
   const std::vector<FilterCamera> filter_cameras_;

@@ -57,10 +57,7 @@ class CpuRenderer final : public Renderer {
 
   std::vector<PassTime> passTimes() const override { return times_; }
 
-  std::string deviceName() const override {
-    const std::int64_t best = hwy::SupportedTargets() & -hwy::SupportedTargets();  // lower bits are better targets
-    return std::string("CPU, ") + hwy::TargetName(best) + ", " + std::to_string(threadCount()) + " threads";
-  }
+  std::string deviceName() const override { return cpuName(); }
 
  private:
   static bool isPicture(const cpu::View& view, const RenderSettings& settings) {
@@ -94,6 +91,11 @@ class CpuRenderer final : public Renderer {
 };
 
 }  // namespace
+
+std::string cpuName() {
+  const std::int64_t best = hwy::SupportedTargets() & -hwy::SupportedTargets();  // lower bits are better targets
+  return std::string("CPU, ") + hwy::TargetName(best) + ", " + std::to_string(threadCount()) + " threads";
+}
 
 std::unique_ptr<Renderer> makeCpuRenderer() { return std::make_unique<CpuRenderer>(); }
 

@@ -64,6 +64,7 @@ unsigned running = 0;
 const std::function<void()>* body = nullptr;
 std::vector<char> shared;
 std::string failure;
+std::size_t bytes_to_device = 0;
 
 void pause() {
   if (_setjmp(fibers[running].resume) == 0) _longjmp(scheduler, 1);
@@ -234,8 +235,10 @@ void release(void* memory) noexcept {
 }
 
 void copyToDevice(void* to, const void* from, std::size_t bytes) {
+  bytes_to_device += bytes;
   if (bytes > 0) std::memcpy(to, from, bytes);
 }
+std::size_t bytesToDevice() { return bytes_to_device; }
 void copyToHost(void* to, const void* from, std::size_t bytes) {
   if (bytes > 0) std::memcpy(to, from, bytes);
 }

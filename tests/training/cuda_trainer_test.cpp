@@ -5,10 +5,13 @@
 #include "core/error.h"
 #include "sample_dataset.h"
 #include "support/catch.h"
+#include "support/cuda_orders.h"
+#include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
 #include "training/trainer.h"
 
 using namespace tg;
+using test::sameNumbers;
 
 namespace {
 
@@ -65,6 +68,37 @@ TEST_CASE("100 iterations with CUDA end where the CPU's do") {
   CHECK(found.report.textured->loss == Approx(expected.report.textured->loss).epsilon(1e-3));
   REQUIRE(found.report.textured->test);
   CHECK(std::abs(found.report.textured->test->psnr - expected.report.textured->test->psnr) < 0.05);
+}
+
+TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer draws the model") {
+  const Dataset dataset = smallDataset();
+  TrainSettings settings = run(6, 6);
+  settings.filter_3d = true;
+  settings.sh_every = 1000;  // degree 0, and model() has all of them
+  const auto renderer = makeCudaDifferentiableRenderer();
+  Trainer trainer(dataset, settings, *renderer);
+  for (int i = 0; i < 9; i++) REQUIRE(trainer.step());
+  const GaussianModel model = trainer.model();
+  REQUIRE(model.texture_mode == TextureMode::rgba);
+  const std::size_t sent = cuda::bytesToDevice();
+  std::vector<Image> pictures;
+  for (const View& view : dataset.views) pictures.push_back(trainer.picture(view.camera));
+  CHECK(cuda::bytesToDevice() == sent);
+  for (std::size_t i = 0; i < pictures.size(); i++) {
+    const Image expected = renderPicture(*renderer, model, dataset.views[i].camera, dataset.background);
+    CHECK(sameNumbers(pictures[i].data, expected.data));
+  }
+  CHECK(cuda::bytesToDevice() > sent);
+
+  renderer->setModel(model);
+  const std::size_t once = cuda::bytesToDevice();
+  RenderSettings render;
+  render.background = dataset.background;
+  for (std::size_t i = 0; i < pictures.size(); i++) {
+    const Camera& camera = dataset.views[i].camera;
+    CHECK(sameNumbers(imageOf(renderer->forward(camera, render), camera).data, pictures[i].data));
+  }
+  CHECK(cuda::bytesToDevice() == once);
 }
 
 TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run, and it resumes to the same bytes") {

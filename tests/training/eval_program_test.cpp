@@ -50,6 +50,7 @@ TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
   const nlohmann::json json = readJson(folder / "s.json");
   CHECK(json["interrupted"] == false);
   CHECK(json["views"].size() == 2);
+  CHECK_THAT(json["device"].get<std::string>(), Contains("CPU, "));
   const std::size_t gaussians = tg::readSplatPly(folder / "model.ply").size();
   CHECK(json["gaussians"] == gaussians);
   CHECK(json["parameters"] == gaussians * 14);  // degree 0

@@ -52,6 +52,8 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   const nlohmann::json json = nlohmann::json::parse(bundle.training_json);
   CHECK(json["stages"]["untextured"]["iterations"] == 4);
   CHECK(json["machine"]["seconds"].get<double>() > 0);
+  CHECK_THAT(json["machine"]["device"].get<std::string>(),
+             Contains("CPU, ") && Contains(" threads") || Contains("CUDA, "));
   CHECK(bundle.training_json.find(folder.path.filename().string()) == std::string::npos);
   CHECK(tg::readBundle(folder / "plain.tgz").model.texture_mode == tg::TextureMode::none);
 
@@ -97,6 +99,9 @@ TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on 
   CHECK(trained.code == 0);
   CHECK(std::filesystem::exists(folder / "model.tgz"));
   CHECK(tgtrain(folder, "scene -o other.tgz --device gpu").code == 1);
+  const std::string scored = "CUDA_VISIBLE_DEVICES= '" TG_TGEVAL "' model.tgz scene --device ";
+  CHECK(run(folder, scored + "cuda").code == 5);
+  CHECK(run(folder, scored + "auto").code == 0);
 }
 
 TEST_CASE("an existing model is kept unless --overwrite, and when writing fails", "[programs]") {

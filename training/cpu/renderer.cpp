@@ -25,9 +25,14 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
  public:
   explicit CpuDifferentiableRenderer(std::size_t texels_in_flight) : texels_in_flight_(texels_in_flight) {}
 
-  const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
-                                        const RenderSettings& settings) override {
+  void setModel(const GaussianModel& model) override {
     model_ = &model;
+    picture_.clear();
+  }
+
+  const std::vector<glm::vec3>& forward(const Camera& camera, const RenderSettings& settings) override {
+    if (model_ == nullptr) throw Error(ErrorKind::usage, "forward", "no model (expected setModel first)");
+    const GaussianModel& model = *model_;
     requireBlendingDefaults(settings, settings.outputs, "training");
     view_ = cpu::makeView(model, camera, settings);
     times_.clear();
@@ -40,7 +45,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   }
 
   void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient, const GradientOptions& options) override {
-    if (model_ == nullptr) throw Error(ErrorKind::usage, "backward", "no forward pass (expected forward first)");
+    if (picture_.empty()) throw Error(ErrorKind::usage, "backward", "no forward pass (expected forward first)");
     if (v_color.size() != picture_.size()) {
       throw Error(ErrorKind::usage, "backward",
                   "wrong number of pixels (expected " + std::to_string(picture_.size()) + ", found " +
@@ -66,6 +71,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   }
 
   std::span<const PhaseTime> phaseTimes() const override { return times_; }
+  std::string deviceName() const override { return cpuName(); }
 
  private:
   static constexpr const char* kBackward = "blend backward";  // backward()'s first phase

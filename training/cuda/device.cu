@@ -39,6 +39,8 @@ void scan(const T* from, T* to, std::size_t count, Buffer<std::byte>& scratch) {
 
 __global__ void probe() {}
 
+std::size_t bytes_to_device = 0;
+
 }  // namespace
 
 std::string openDevice() {
@@ -48,8 +50,12 @@ std::string openDevice() {
   check(cudaSetDevice(0), "CUDA");
   cudaDeviceProp properties;
   check(cudaGetDeviceProperties(&properties, 0), "CUDA");
-  const std::string name = std::string(properties.name) + " (compute capability " + std::to_string(properties.major) +
-                           "." + std::to_string(properties.minor) + ")";
+  int driver = 0;
+  check(cudaDriverGetVersion(&driver), "CUDA");
+  const std::string name = std::string("CUDA, ") + properties.name + ", compute capability " +
+                           std::to_string(properties.major) + "." + std::to_string(properties.minor) +
+                           ", driver for CUDA " + std::to_string(driver / 1000) + "." +
+                           std::to_string(driver % 1000 / 10);
   probe<<<1, 1>>>();  // "no kernel image" is only known from a launch
   checkLaunch(name.c_str());
   return name;
@@ -81,8 +87,10 @@ void* allocate(std::size_t bytes) {
 void release(void* memory) noexcept { cudaFree(memory); }
 
 void copyToDevice(void* to, const void* from, std::size_t bytes) {
+  bytes_to_device += bytes;
   if (bytes > 0) check(cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice), "CUDA, copy to the device");
 }
+std::size_t bytesToDevice() { return bytes_to_device; }
 void copyToHost(void* to, const void* from, std::size_t bytes) {
   if (bytes > 0) check(cudaMemcpy(to, from, bytes, cudaMemcpyDeviceToHost), "CUDA, copy to the host");
 }

@@ -36,17 +36,7 @@ class CudaTrainingEngine final : public TrainingEngine {
     DeviceState& device = changing(state);
     const bool filtered = device.min_sigma.size() > 0;
     const Parameters stored = device.model.parameters();
-    Parameters drawn = stored;
-    if (filtered) {
-      effective_log_scale_.resize(3 * stored.count);
-      effective_opacity_logit_.resize(stored.count);
-      drawn.log_scale = effective_log_scale_.data();
-      drawn.opacity_logit = effective_opacity_logit_.data();
-      applyFilter(stored, device.min_sigma.data(), drawn.log_scale, drawn.opacity_logit);
-    }
-    RenderSettings render;
-    render.background = input.background;
-    frame_.forward(makeView(state.training.model, input.camera, render), drawn);
+    const Parameters drawn = forward(state, input.camera, input.background);
 
     const DevicePhotograph& photograph = photographOf(input);
     v_picture_.resize(frame_.picture().size());
@@ -85,6 +75,15 @@ class CudaTrainingEngine final : public TrainingEngine {
     cuda::updateFilter(changing(state), cameras_, density_);
   }
 
+  const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) override {
+    if (!holds_) upload(state, device_);
+    holds_ = true;
+    forward(state, camera, background);
+    host_picture_.resize(frame_.picture().size() / 3);
+    frame_.picture().download(host_picture_);
+    return host_picture_;
+  }
+
   std::size_t gaussians(const RunState& state) const override {
     return holds_ ? device_.model.count : state.training.model.size();
   }
@@ -99,6 +98,23 @@ class CudaTrainingEngine final : public TrainingEngine {
     if (!holds_) upload(state, device_);
     holds_ = ahead_ = true;
     return device_;
+  }
+
+  // Leaves the picture in frame_; returns what it was drawn of, the 3D filter applied.
+  Parameters forward(const RunState& state, const Camera& camera, glm::vec3 background) {
+    const Parameters stored = device_.model.parameters();
+    Parameters drawn = stored;
+    if (device_.min_sigma.size() > 0) {
+      effective_log_scale_.resize(3 * stored.count);
+      effective_opacity_logit_.resize(stored.count);
+      drawn.log_scale = effective_log_scale_.data();
+      drawn.opacity_logit = effective_opacity_logit_.data();
+      applyFilter(stored, device_.min_sigma.data(), drawn.log_scale, drawn.opacity_logit);
+    }
+    RenderSettings render;
+    render.background = background;
+    frame_.forward(makeView(state.training.model, camera, render), drawn);
+    return drawn;
   }
 
   // Photographs stay on the device while a quarter of its memory is free.
@@ -153,6 +169,7 @@ class CudaTrainingEngine final : public TrainingEngine {
   Buffer<FilterCamera> cameras_;
   Buffer<float> effective_log_scale_, effective_opacity_logit_;
   Frame frame_;
+  std::vector<glm::vec3> host_picture_;
   LossBuffers loss_;
   Buffer<float> v_picture_;
   std::unordered_map<std::size_t, DevicePhotograph> photographs_;  // by view

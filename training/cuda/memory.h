@@ -27,6 +27,7 @@ void release(void* memory) noexcept;
 void copyToDevice(void* to, const void* from, std::size_t bytes);
 void copyToHost(void* to, const void* from, std::size_t bytes);  // waits for all kernels before it
 void copyOnDevice(void* to, const void* from, std::size_t bytes);
+std::size_t bytesToDevice();  // copied by copyToDevice() so far
 void fillZero(void* memory, std::size_t bytes);
 
 // Memory of the device, or of nothing.

@@ -15,11 +15,16 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
  public:
   CudaDifferentiableRenderer() : device_(cuda::openDevice()) {}
 
-  const std::vector<glm::vec3>& forward(const GaussianModel& model, const Camera& camera,
-                                        const RenderSettings& settings) override {
-    requireBlendingDefaults(settings, settings.outputs, "training");
-    const cuda::View view = cuda::makeView(model, camera, settings);
+  void setModel(const GaussianModel& model) override {
     model_.upload(model);
+    host_model_ = &model;
+    picture_.clear();
+  }
+
+  const std::vector<glm::vec3>& forward(const Camera& camera, const RenderSettings& settings) override {
+    if (host_model_ == nullptr) throw Error(ErrorKind::usage, "forward", "no model (expected setModel first)");
+    requireBlendingDefaults(settings, settings.outputs, "training");
+    const cuda::View view = cuda::makeView(*host_model_, camera, settings);
     frame_.forward(view, model_.parameters());
     picture_.resize(static_cast<std::size_t>(view.width) * view.height);
     frame_.picture().download(picture_);
@@ -47,12 +52,14 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
   }
 
   std::span<const PhaseTime> phaseTimes() const override { return {}; }
+  std::string deviceName() const override { return device_; }
   std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight) override {
     return cuda::makeTrainingEngine(ssim_weight);
   }
 
  private:
   std::string device_;
+  const GaussianModel* host_model_ = nullptr;
   cuda::DeviceModel model_;
   cuda::DeviceModel gradient_;
   cuda::Frame frame_;
