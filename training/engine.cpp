@@ -47,20 +47,19 @@ class HostTrainingEngine final : public TrainingEngine {
  public:
   HostTrainingEngine(DifferentiableRenderer& renderer, float ssim_weight) : renderer_(renderer), loss_(ssim_weight) {}
 
-  LossValue step(RunState& state, const StepInput& input) override {
+  void step(RunState& state, const StepInput& input) override {
     TrainingState& training = state.training;
     const bool filtered = !state.min_sigma.empty();
     if (filtered) applyFilter(training.model, state.min_sigma, effective_);
-    LossValue loss;
     {
       const DrawnModel drawn(training.model, effective_, filtered);
       RenderSettings render;
       render.background = input.background;
       const std::vector<glm::vec3>& picture = renderer_.forward(training.model, input.camera, render);
       v_picture_.resize(picture.size());
-      loss = loss_.evaluate(input.camera.width, input.camera.height, picture, input.photograph.rgb, v_picture_,
-                            input.photograph.mask);
-      if (!std::isfinite(loss.total)) return loss;
+      losses_.push_back(loss_.evaluate(input.camera.width, input.camera.height, picture, input.photograph->rgb,
+                                       v_picture_, input.photograph->mask));
+      if (!std::isfinite(losses_.back().total)) return;
       renderer_.backward(v_picture_, gradient_, input.gradient);
     }
     if (filtered) filterGradient(training.model, state.min_sigma, gradient_);
@@ -69,8 +68,8 @@ class HostTrainingEngine final : public TrainingEngine {
     if (input.clamp_colors) clampColors(training.model.atlas.texels);
     if (input.mcmc) addExplorationNoise(training.model, input.noise, input.noise_seed, input.iteration);
     if (input.gather_statistics) state.statistics.add(gradient_);
-    return loss;
   }
+  std::vector<LossValue> losses(RunState&, bool) override { return std::exchange(losses_, {}); }
   DensifyResult densify(RunState& state, const DensifySettings& settings) override {
     return tg::densify(state.training, state.statistics, settings, state.densify_random);
   }
@@ -102,6 +101,7 @@ class HostTrainingEngine final : public TrainingEngine {
   EffectiveParameters effective_;
   ModelGradient gradient_;
   std::vector<glm::vec3> v_picture_;
+  std::vector<LossValue> losses_;
 };
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "core/camera.h"
 #include "training/densify.h"
@@ -20,10 +21,10 @@
 namespace tg {
 
 struct StepInput {
-  const Camera& camera;
-  std::size_t view;  // of the data set
+  const Camera& camera;  // stays where it is until the step's loss is known
+  std::size_t view;      // of the data set
   // What the picture is compared with; the same for every step with this view unless background_varies.
-  const ViewPixels& photograph;
+  std::shared_ptr<const ViewPixels> photograph;
   glm::vec3 background;
   bool background_varies;
   int iteration;  // of the stage, from 1
@@ -41,9 +42,12 @@ struct StepInput {
 class TrainingEngine {
  public:
   virtual ~TrainingEngine() = default;
-  // One iteration. A state with min_sigma is drawn through the 3D filter. After a loss that is not finite the state is
-  // not to be used. Throws Error(device).
-  virtual LossValue step(RunState& state, const StepInput& input) = 0;
+  // One iteration, which may still be under way at return. A state with min_sigma is drawn through the 3D filter. After
+  // a loss that is not finite the state is not to be used. Throws Error(device).
+  virtual void step(RunState& state, const StepInput& input) = 0;
+  // The losses, in order, of the steps that it did not yet return: those that are known, or, waiting, all. Nothing
+  // follows one that is not finite.
+  virtual std::vector<LossValue> losses(RunState& state, bool wait) = 0;
 
   // Between steps: the functions of the same name, on training, statistics, min_sigma and densify_random of `state`.
   // relocateAndGrow() also starts the statistics anew.

@@ -178,10 +178,12 @@ void RunFolder::writeMetrics(const std::string& line) {
   }
 }
 
-void RunFolder::writeStepMetrics(const Trainer& trainer, const TrainProgress& progress, bool last) {
-  const bool evaluate = options_.eval_every > 0 && progress.iteration % options_.eval_every == 0 && !last;
-  const bool due = options_.metrics_every > 0 && progress.iteration % options_.metrics_every == 0;
+void RunFolder::writeStepMetrics(const Trainer& trainer, int iteration, bool last) {
+  const bool evaluate = options_.eval_every > 0 && iteration % options_.eval_every == 0 && !last;
+  const bool due = options_.metrics_every > 0 && iteration % options_.metrics_every == 0;
   if (!due && !evaluate && !last) return;
+  trainer.settle();
+  const TrainProgress progress = trainer.progress();
   Json line = {{"stage", name(progress.stage)},     {"iteration", progress.iteration},
                {"loss", rounded(progress.loss, 6)}, {"train_psnr", rounded(progress.psnr, 4)},
                {"gaussians", progress.gaussians},   {"per_second", rounded(progress.per_second, 3)},
@@ -249,7 +251,7 @@ void RunFolder::afterStep(const Trainer& trainer) {
   writeStageMetrics(trainer);
   const TrainProgress progress = trainer.progress();
   const bool last = progress.iteration == progress.iterations;
-  writeStepMetrics(trainer, progress, last);
+  writeStepMetrics(trainer, progress.iteration, last);
   try {
     if (options_.preview_every > 0 && progress.iteration % options_.preview_every == 0) writePreview(trainer);
     if (!saved_ || last || Clock::now() >= next_save_) save(trainer);

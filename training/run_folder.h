@@ -67,7 +67,7 @@ class RunFolder {
   std::string save(const Trainer& trainer);  // returns training.json
   void openMetrics(std::uint64_t keep_bytes);
   void writeMetrics(const std::string& line);
-  void writeStepMetrics(const Trainer& trainer, const TrainProgress& progress, bool last);
+  void writeStepMetrics(const Trainer& trainer, int iteration, bool last);
   void writeStageMetrics(const Trainer& trainer);
   void writePreview(const Trainer& trainer) const;
 

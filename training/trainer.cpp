@@ -61,7 +61,26 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       extent_(cameraExtent(dataset)),
       filter_cameras_(filterCameras(dataset)),
       engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
-      state_(std::move(state)) {}
+      state_(std::move(state)),
+      known_losses_(state_.iteration) {}
+
+void Trainer::takeLosses(bool wait) const {
+  for (const LossValue& loss : engine_->losses(state_, wait)) {
+    known_losses_++;
+    if (!std::isfinite(loss.total)) {
+      throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
+                                          std::to_string(known_losses_) + " of stage '" +
+                                          std::string(name(state_.stage)) + "'");
+    }
+    state_.loss.add(loss.total);
+    state_.squared_error.add(loss.mean_squared_error);
+  }
+}
+
+void Trainer::pull() const {
+  takeLosses(true);
+  engine_->pull(state_);
+}
 
 const RunState& Trainer::state() const {
   pull();
@@ -105,7 +124,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   pull();
   engine_->stateChanged();
   state_.stage = stage;
-  state_.iteration = 0;
+  state_.iteration = known_losses_ = 0;
   state_.seconds = 0;
   state_.loss = {};
   state_.squared_error = {};
@@ -209,7 +228,7 @@ void Trainer::iterate() {
   rates.texels = settings_.rate_texels;
   StepInput input{.camera = dataset_.views[view].camera,
                   .view = view,
-                  .photograph = *photograph,
+                  .photograph = photograph,
                   .background = background,
                   .background_varies = dataset_.random_background,
                   .iteration = iteration,
@@ -225,23 +244,18 @@ void Trainer::iterate() {
   input.gradient.statistics = input.gather_statistics;
   input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
   input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;
-  const LossValue loss = engine_->step(state_, input);
-  if (!std::isfinite(loss.total)) {
-    throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
-                                        std::to_string(iteration) + " of stage '" + std::string(name(state_.stage)) +
-                                        "'");
-  }
+  engine_->step(state_, input);
   if (first_stage) densifyAndSchedule(iteration);
   const int left = iterationsOf(state_.stage) - iteration;
   if (iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
-
-  state_.loss.add(loss.total);
-  state_.squared_error.add(loss.mean_squared_error);
+  // The stage's time counts to the end of its last step.
+  takeLosses(left == 0);
 }
 
 void Trainer::densifyAndSchedule(int iteration) {
   const bool adc = settings_.densification == Densification::adc;
   if (schedule_.densifies(iteration)) {
+    takeLosses(true);
     if (adc) {
       DensifySettings densify_settings;
       densify_settings.extent = extent_;
@@ -283,6 +297,7 @@ float Trainer::mcmcGrowth() const {
 }
 
 StageReport Trainer::stageReport() const {
+  takeLosses(true);
   StageReport report;
   report.iterations = state_.iteration;
   report.seconds = state_.seconds;

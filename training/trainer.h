@@ -48,7 +48,8 @@ class Trainer {
   bool finished() const { return state_.finished; }
   // Ends the stage when it is complete - its test score, the next stage's start - then does one iteration. False: there
   // was none left to do, or `stop` was set during the test score, which leaves the stage to be ended by another call.
-  // Throws Error(badData) when the loss is no longer finite or no Gaussian is left.
+  // Throws Error(badData) when no Gaussian is left, or the loss of a step is not finite, as whatever waits for losses
+  // does: where training runs on a device, losses are known some steps later.
   bool step(const std::atomic<bool>* stop = nullptr);
 
   const RunState& state() const;
@@ -57,7 +58,9 @@ class Trainer {
   const TrainReport& report() const { return state_.report; }
   const Dataset& dataset() const { return dataset_; }
   const TrainSettings& settings() const { return settings_; }
+  // Losses as far as they are known; of all steps after settle(), which waits.
   TrainProgress progress() const;
+  void settle() const { takeLosses(true); }
   // The model as a file would hold it: 3D filter baked, SH of the full degree.
   GaussianModel model() const;
   // The picture of model(), drawn where the training runs.
@@ -73,8 +76,10 @@ class Trainer {
   bool end(const std::atomic<bool>* stop);
   void iterate();
   void densifyAndSchedule(int iteration);
+  // Adds the losses that are known, or waits for all.
+  void takeLosses(bool wait) const;
   // What the engine did, in state_.
-  void pull() const { engine_->pull(state_); }
+  void pull() const;
   void updateFilter();
   int iterationsOf(Stage stage) const;
   std::size_t limit() const;  // of the count; 0: none
@@ -91,6 +96,7 @@ class Trainer {
   const std::unique_ptr<TrainingEngine> engine_;
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
   mutable RunState state_;
+  mutable int known_losses_ = 0;  // of the stage's iterations
 };
 
 struct TrainHooks {

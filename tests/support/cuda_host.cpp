@@ -65,6 +65,7 @@ const std::function<void()>* body = nullptr;
 std::vector<char> shared;
 std::string failure;
 std::size_t bytes_to_device = 0;
+std::size_t bytes_to_host = 0;
 
 void pause() {
   if (_setjmp(fibers[running].resume) == 0) _longjmp(scheduler, 1);
@@ -239,7 +240,9 @@ void copyToDevice(void* to, const void* from, std::size_t bytes) {
   if (bytes > 0) std::memcpy(to, from, bytes);
 }
 std::size_t bytesToDevice() { return bytes_to_device; }
+std::size_t bytesToHost() { return bytes_to_host; }
 void copyToHost(void* to, const void* from, std::size_t bytes) {
+  bytes_to_host += bytes;
   if (bytes > 0) std::memcpy(to, from, bytes);
 }
 void copyOnDevice(void* to, const void* from, std::size_t bytes) {

@@ -40,6 +40,7 @@ void scan(const T* from, T* to, std::size_t count, Buffer<std::byte>& scratch) {
 __global__ void probe() {}
 
 std::size_t bytes_to_device = 0;
+std::size_t bytes_to_host = 0;
 
 }  // namespace
 
@@ -91,7 +92,9 @@ void copyToDevice(void* to, const void* from, std::size_t bytes) {
   if (bytes > 0) check(cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice), "CUDA, copy to the device");
 }
 std::size_t bytesToDevice() { return bytes_to_device; }
+std::size_t bytesToHost() { return bytes_to_host; }
 void copyToHost(void* to, const void* from, std::size_t bytes) {
+  bytes_to_host += bytes;
   if (bytes > 0) check(cudaMemcpy(to, from, bytes, cudaMemcpyDeviceToHost), "CUDA, copy to the host");
 }
 void copyOnDevice(void* to, const void* from, std::size_t bytes) {

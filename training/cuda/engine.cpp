@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// An iteration copies 28 bytes back: the number of pairs and the loss. A whole state travels where the trainer starts a
-// stage, or looks at it.
+// Steps are launched without waiting for any; every kStepsAhead of them, their losses and numbers of pairs come back. A
+// whole state travels where the trainer starts a stage, or looks at it.
 #include "training/cuda/engine.h"
 
 #include <algorithm>
+#include <deque>
+#include <limits>
 #include <unordered_map>
 
 #include "training/cuda/density.h"
@@ -28,35 +30,25 @@ DevicePhotograph upload(const ViewPixels& photograph) {
   return result;
 }
 
+// Steps that the device may be behind. A launch queue holds about a thousand kernels, some 30 steps.
+constexpr std::size_t kStepsAhead = 32;
+
 class CudaTrainingEngine final : public TrainingEngine {
  public:
   explicit CudaTrainingEngine(float ssim_weight) : ssim_weight_(ssim_weight) {}
 
-  LossValue step(RunState& state, const StepInput& input) override {
-    DeviceState& device = changing(state);
-    const bool filtered = device.min_sigma.size() > 0;
-    const Parameters stored = device.model.parameters();
-    const Parameters drawn = forward(state, input.camera, input.background);
-
-    const DevicePhotograph& photograph = photographOf(input);
-    v_picture_.resize(frame_.picture().size());
-    evaluateLoss({input.camera.width, input.camera.height, ssim_weight_, photograph.counted, frame_.picture().data(),
-                  photograph.rgb.data(), photograph.mask.data()},
-                 loss_, v_picture_.data());
-
-    device.gradient.resizeLike(device.model);
-    const Parameters gradient = device.gradient.parameters();
-    frame_.backward(v_picture_.data(), input.gradient, drawn, gradient);
-    const auto count = static_cast<double>(stored.count);
-    chainGradients({stored, filtered ? device.min_sigma.data() : nullptr, input.mcmc, input.opacity_weight / count,
-                    input.scale_weight / count},
-                   gradient);
-    if (input.gather_statistics) {
-      addStatistics(frame_.screenGradient().data(), frame_.screenGradientAbs().data(), frame_.screenRadius().data(),
-                    stored.count, device.statistics);
-    }
-    update(state.training.model, stored, gradient, input);
-    return readLoss(photograph.counted);
+  void step(RunState& state, const StepInput& input) override {
+    hold(state);
+    ahead_ = true;
+    steps_.push_back({input});
+    records_.resize(kStepsAhead);
+    begin(state, steps_.size() - 1);
+    // The first one says how much room others need, and what progress starts from.
+    if (steps_.size() == kStepsAhead || input.iteration == 1 || peak_ == 0) settle(state);
+  }
+  std::vector<LossValue> losses(RunState& state, bool wait) override {
+    if (wait) settle(state);
+    return std::exchange(losses_, {});
   }
 
   DensifyResult densify(RunState& state, const DensifySettings& settings) override {
@@ -76,9 +68,9 @@ class CudaTrainingEngine final : public TrainingEngine {
   }
 
   const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) override {
-    if (!holds_) upload(state, device_);
-    holds_ = true;
-    forward(state, camera, background);
+    hold(state);
+    settle(state);
+    frame_.forward(viewOf(state, camera, background), drawn());
     host_picture_.resize(frame_.picture().size() / 3);
     frame_.picture().download(host_picture_);
     return host_picture_;
@@ -88,33 +80,110 @@ class CudaTrainingEngine final : public TrainingEngine {
     return holds_ ? device_.model.count : state.training.model.size();
   }
   void pull(RunState& state) override {
+    settle(state);
     if (ahead_) download(device_, state);
     ahead_ = false;
   }
   void stateChanged() override { holds_ = false; }
 
  private:
-  DeviceState& changing(const RunState& state) {
+  struct Step {
+    StepInput input;
+    double counted = 0;  // values that count in its photograph
+  };
+
+  void hold(const RunState& state) {
     if (!holds_) upload(state, device_);
-    holds_ = ahead_ = true;
+    holds_ = true;
+  }
+  DeviceState& changing(const RunState& state) {
+    hold(state);
+    settle(state);
+    ahead_ = true;
     return device_;
   }
 
-  // Leaves the picture in frame_; returns what it was drawn of, the 3D filter applied.
-  Parameters forward(const RunState& state, const Camera& camera, glm::vec3 background) {
-    const Parameters stored = device_.model.parameters();
-    Parameters drawn = stored;
-    if (device_.min_sigma.size() > 0) {
-      effective_log_scale_.resize(3 * stored.count);
-      effective_opacity_logit_.resize(stored.count);
-      drawn.log_scale = effective_log_scale_.data();
-      drawn.opacity_logit = effective_opacity_logit_.data();
-      applyFilter(stored, device_.min_sigma.data(), drawn.log_scale, drawn.opacity_logit);
-    }
+  View viewOf(const RunState& state, const Camera& camera, glm::vec3 background) const {
     RenderSettings render;
     render.background = background;
-    frame_.forward(makeView(state.training.model, camera, render), drawn);
+    return makeView(state.training.model, camera, render);
+  }
+  // The model through the 3D filter.
+  Parameters drawn() {
+    Parameters drawn = device_.model.parameters();
+    if (device_.min_sigma.size() == 0) return drawn;
+    effective_log_scale_.resize(3 * drawn.count);
+    effective_opacity_logit_.resize(drawn.count);
+    applyFilter(drawn, device_.min_sigma.data(), effective_log_scale_.data(), effective_opacity_logit_.data());
+    drawn.log_scale = effective_log_scale_.data();
+    drawn.opacity_logit = effective_opacity_logit_.data();
     return drawn;
+  }
+
+  // Launches steps_[index], the one after device_.step + index others, and its verdict.
+  void begin(const RunState& state, std::size_t index) {
+    Step& step = steps_[index];
+    const StepInput& input = step.input;
+    const Parameters stored = device_.model.parameters();
+    const Parameters drawn = this->drawn();
+    frame_.forwardAhead(viewOf(state, input.camera, input.background), drawn);
+
+    const DevicePhotograph& photograph = photographOf(input);
+    step.counted = photograph.counted;
+    v_picture_.resize(frame_.picture().size());
+    evaluateLoss({input.camera.width, input.camera.height, ssim_weight_, photograph.counted, frame_.picture().data(),
+                  photograph.rgb.data(), photograph.mask.data()},
+                 loss_, v_picture_.data());
+    if (stop_.size() == 0) clearStop();
+    judgeStep({loss_.sums.data(), frame_.pairs(), frame_.room(), stop_.data(), records_.data() + index});
+
+    device_.gradient.resizeLike(device_.model);
+    const Parameters gradient = device_.gradient.parameters();
+    frame_.backward(v_picture_.data(), input.gradient, drawn, gradient);
+    const auto count = static_cast<double>(stored.count);
+    const float* min_sigma = device_.min_sigma.size() > 0 ? device_.min_sigma.data() : nullptr;
+    chainGradients({stored, min_sigma, input.mcmc, input.opacity_weight / count, input.scale_weight / count}, gradient);
+    if (input.gather_statistics) {
+      addStatistics(frame_.screenGradient().data(), frame_.screenGradientAbs().data(), frame_.screenRadius().data(),
+                    stored.count, device_.statistics, stop_.data());
+    }
+    const std::int64_t number = device_.step + static_cast<std::int64_t>(index) + 1;
+    update(state.training.model, stored, gradient, input, number);
+  }
+
+  // Waits for the steps that were begun. Those whose pairs had no room, and with them all later ones, changed nothing:
+  // they are done again with more.
+  void settle(const RunState& state) {
+    while (!steps_.empty()) {
+      std::vector<StepRecord> records(steps_.size());
+      copyToHost(records.data(), records_.data(), records.size() * sizeof(StepRecord));
+      PairCount most = 0;
+      for (const StepRecord& record : records) most = std::max(most, record.pairs);
+      std::size_t done = 0;
+      for (; done < records.size() && records[done].applied != 0; ++done) {
+        losses_.push_back(lossOf(records[done], steps_.front().counted));
+        steps_.pop_front();
+      }
+      device_.step += static_cast<std::int64_t>(done);
+      if (done < records.size() && records[done].pairs <= frame_.room()) {
+        losses_.push_back(lossOf(records[done], steps_.front().counted));
+        losses_.back().total = std::numeric_limits<double>::quiet_NaN();
+        steps_.clear();
+      }
+      fitRoom(most);
+      if (done < records.size()) clearStop();
+      for (std::size_t index = 0; index < steps_.size(); ++index) begin(state, index);
+    }
+  }
+  // Sorting takes time for the whole room: it follows what the last thousand steps or so needed.
+  void fitRoom(PairCount most) {
+    peak_ = std::max({most, peak_ - peak_ / 32, PairCount{1}});
+    const std::size_t room = roomFor(peak_);
+    if (most + most / 16 > frame_.room() || 2 * room < frame_.room()) frame_.makeRoom(room);
+  }
+  void clearStop() {
+    stop_.resize(1);
+    stop_.zero();
   }
 
   // Photographs stay on the device while a quarter of its memory is free.
@@ -122,37 +191,37 @@ class CudaTrainingEngine final : public TrainingEngine {
     const auto found = photographs_.find(input.view);
     if (found != photographs_.end()) return found->second;
     const DeviceMemory memory = deviceMemory();
-    if (!input.background_varies && memory.free > memory.total / 4 + input.photograph.rgb.size() * 2) {
-      return photographs_.emplace(input.view, upload(input.photograph)).first->second;
+    if (!input.background_varies && memory.free > memory.total / 4 + input.photograph->rgb.size() * 2) {
+      return photographs_.emplace(input.view, upload(*input.photograph)).first->second;
     }
-    passing_ = upload(input.photograph);
+    passing_ = upload(*input.photograph);
     return passing_;
   }
 
-  void update(const GaussianModel& model, const Parameters& stored, const Parameters& gradient,
-              const StepInput& input) {
+  void update(const GaussianModel& model, const Parameters& stored, const Parameters& gradient, const StepInput& input,
+              std::int64_t number) {
     const LearningRates& rates = input.rates;
-    const AdamScales scales = adamScales(++device_.step);
+    const AdamScales scales = adamScales(number);
+    const std::uint32_t* stop = stop_.data();
     const StateMoments& moments = device_.moments;
     const auto uniform = [&](float* value, const float* v_value, const DeviceMoments& of, float rate) {
-      cuda::adamStep({value, v_value, of, of.first.size(), 1, 0, 0, rate, scales});
+      cuda::adamStep({value, v_value, of, of.first.size(), 1, 0, 0, rate, scales, stop});
     };
     uniform(stored.mean, gradient.mean, moments.mean, rates.mean);
     uniform(stored.rotation, gradient.rotation, moments.rotation, rates.rotation);
     uniform(stored.log_scale, gradient.log_scale, moments.log_scale, rates.log_scale);
     uniform(stored.opacity_logit, gradient.opacity_logit, moments.opacity_logit, rates.opacity_logit);
     cuda::adamStep({stored.sh, gradient.sh, moments.sh, moments.sh.first.size(),
-                    3 * static_cast<unsigned>(stored.sh_count), 3, rates.sh_dc, rates.sh_rest, scales});
+                    3 * static_cast<unsigned>(stored.sh_count), 3, rates.sh_dc, rates.sh_rest, scales, stop});
     if (model.texture_mode != TextureMode::none) {
       uniform(stored.texels, gradient.texels, moments.texels, rates.texels);
-      clampTexels(stored.texels, stored.texel_count, input.clamp_colors);
+      clampTexels(stored.texels, stored.texel_count, input.clamp_colors, stop);
     }
-    if (input.mcmc) addNoise(stored, input.noise, input.noise_seed, input.iteration);
+    if (input.mcmc) addNoise(stored, input.noise, input.noise_seed, input.iteration, stop);
   }
 
-  LossValue readLoss(double counted) const {
-    double sums[3];
-    copyToHost(sums, loss_.sums.data(), sizeof(sums));
+  LossValue lossOf(const StepRecord& record, double counted) const {
+    const double* sums = record.sums;
     LossValue loss;
     loss.l1 = sums[0] / counted;
     loss.ssim = sums[1] / counted;
@@ -169,6 +238,11 @@ class CudaTrainingEngine final : public TrainingEngine {
   Buffer<FilterCamera> cameras_;
   Buffer<float> effective_log_scale_, effective_opacity_logit_;
   Frame frame_;
+  std::deque<Step> steps_;  // begun, and not known to be done
+  Buffer<StepRecord> records_;
+  Buffer<std::uint32_t> stop_;  // [1] judgeStep()
+  std::vector<LossValue> losses_;
+  PairCount peak_ = 0;  // that steps needed, fading
   std::vector<glm::vec3> host_picture_;
   LossBuffers loss_;
   Buffer<float> v_picture_;

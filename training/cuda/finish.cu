@@ -115,7 +115,7 @@ TG_DEVICE void clear(const FinishArguments& a, std::size_t i) {
 
 TG_KERNEL finishKernel(FinishArguments a) {
   const std::size_t i = itemIndex();
-  if (i >= a.in.model.count) return;
+  if (i >= a.in.model.count || *a.in.pairs > a.in.room) return;
   const View& view = a.in.view;
   const unsigned stride = pairSums(view.texture_rgb || view.texture_alpha, a.in.statistics);
   float sums[kSums + kTextureSums + 1] = {};

@@ -13,6 +13,8 @@ struct FinishInput {
   const std::uint32_t* pair_begin;   // [N]
   const float* sums;                 // [pairs, pairSums(...)]
   const std::uint8_t* shows;         // [pairs]
+  const PairCount* pairs;            // [1]; above the room nothing is written
+  std::size_t room;
   bool statistics;
 };
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Buffers are made once and grow; a frame launches six kernels, two sorts and a scan, its gradient three kernels.
+// Buffers are made once and grow; a frame launches seven kernels, two sorts and a scan, its gradient three kernels.
 #include "training/cuda/frame.h"
 
+#include <algorithm>
 #include <string>
 
 #include "core/error.h"
@@ -9,6 +10,15 @@
 #include "training/cuda/finish.h"
 
 namespace tg::cuda {
+namespace {
+
+constexpr std::size_t kFirstRoom = 1 << 8;  // [pairs]: the first picture says how many there are
+
+}  // namespace
+
+std::size_t roomFor(PairCount pairs) {
+  return static_cast<std::size_t>(std::max<PairCount>(kFirstRoom, pairs + pairs / 4));
+}
 
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
   const cpu::View from = cpu::makeView(model, camera, settings);
@@ -87,7 +97,16 @@ BlendInput Frame::blendInput(const Parameters& model) const {
 }
 
 void Frame::forward(const View& view, const Parameters& model) {
+  forwardAhead(view, model);
+  const PairCount pairs = lists_.pairs.read(0);
+  if (pairs <= room()) return;
+  makeRoom(roomFor(pairs));
+  forwardAhead(view, model);
+}
+
+void Frame::forwardAhead(const View& view, const Parameters& model) {
   view_ = view;
+  if (room() == 0) makeRoom(kFirstRoom);
   const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
   projectGaussians(view, model, screen_);
   buildLists(view, screen_, primitives_, lists_);
@@ -100,8 +119,8 @@ void Frame::forward(const View& view, const Parameters& model) {
 void Frame::backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
                      const Parameters& gradient) {
   const bool textured = view_.texture_rgb || view_.texture_alpha;
-  sums_.resize(lists_.pairs * pairSums(textured, options.statistics));
-  shows_.resize(lists_.pairs);
+  sums_.resize(room() * pairSums(textured, options.statistics));
+  shows_.resize(room());
   shows_.zero();
   texel_sums_.resize(4 * model.texel_count);
   texel_sums_.zero();
@@ -109,7 +128,7 @@ void Frame::backward(const float* v_picture, const GradientOptions& options, con
   screen_gradient_abs_.resize(model.count);
   blendBackward(blendInput(model), record(), v_picture, options, {sums_.data(), shows_.data(), texel_sums_.data()});
   finishGradients({view_, model, screen_.splats.data(), screen_.tile_counts.data(), lists_.pair_begin.data(),
-                   sums_.data(), shows_.data(), options.statistics},
+                   sums_.data(), shows_.data(), lists_.pairs.data(), room(), options.statistics},
                   gradient, screen_gradient_.data(), screen_gradient_abs_.data());
   finishTexels(texel_sums_.data(), model.texels, gradient.texels, model.texel_count);
 }

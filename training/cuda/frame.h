@@ -30,10 +30,18 @@ struct DeviceModel {
   Parameters parameters() const;
 };
 
+// A quarter more than a picture's pairs: what other views may need.
+std::size_t roomFor(PairCount pairs);
+
 class Frame {
  public:
-  // The picture, not clamped, stays on the device: [height, width, 3].
+  // The picture, not clamped, stays on the device: [height, width, 3]. Waits for the number of (tile, splat) pairs.
   void forward(const View& view, const Parameters& model);
+  // The same, without waiting: where there are more pairs than room, picture and gradient are wrong.
+  void forwardAhead(const View& view, const Parameters& model);
+  const PairCount* pairs() const { return lists_.pairs.data(); }  // [1] on the device, of the last picture
+  std::size_t room() const { return lists_.room; }
+  void makeRoom(std::size_t pairs) { cuda::makeRoom(pairs, lists_); }
   // Of the last forward(), for the same parameters. v_picture: as the picture, on the device.
   void backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
                 const Parameters& gradient);

@@ -28,6 +28,7 @@ void copyToDevice(void* to, const void* from, std::size_t bytes);
 void copyToHost(void* to, const void* from, std::size_t bytes);  // waits for all kernels before it
 void copyOnDevice(void* to, const void* from, std::size_t bytes);
 std::size_t bytesToDevice();  // copied by copyToDevice() so far
+std::size_t bytesToHost();    // copied by copyToHost() so far
 void fillZero(void* memory, std::size_t bytes);
 
 // Memory of the device, or of nothing.

@@ -165,15 +165,20 @@ TG_KERNEL numberKernel(std::uint32_t* indices, std::size_t count) {
   if (i < count) indices[i] = static_cast<std::uint32_t>(i);
 }
 
-// counts has one entry more than there are Gaussians, whose exclusive sum is then the total.
+// In depth order; their sum, in 64 bits, to `pairs`.
 TG_KERNEL countKernel(const std::uint32_t* order, const std::uint32_t* tile_counts, std::uint32_t* counts,
-                      std::size_t count) {
+                      std::size_t count, PairCount* pairs) {
   const std::size_t place = itemIndex();
-  if (place <= count) counts[place] = place < count ? tile_counts[order[place]] : 0;
+  PairCount sum = 0;
+  if (place < count) sum = counts[place] = tile_counts[order[place]];
+  for (unsigned offset = kWarp / 2; offset > 0; offset /= 2) {
+    sum += __shfl_xor_sync(kAllLanes, sum, static_cast<int>(offset));
+  }
+  if (threadIdx.x % kWarp == 0 && sum > 0) atomicAdd(pairs, sum);
 }
 
 struct EmitArguments {
-  std::size_t count;
+  std::size_t count, room;
   int tiles_x;
   const BlendSplat* splats;
   const glm::vec4* outlines;
@@ -184,7 +189,6 @@ struct EmitArguments {
   std::uint32_t* pair_begin;
   std::uint32_t* pair_gaussian;
   std::uint32_t* pair_tiles;
-  std::uint32_t* pair_indices;
 };
 
 TG_KERNEL emitKernel(EmitArguments a) {
@@ -199,18 +203,24 @@ TG_KERNEL emitKernel(EmitArguments a) {
   for (uint tile_y = rect.y / kTileSize; tile_y <= rect.w / kTileSize; ++tile_y) {
     uint first;
     const uint tiles = splatTiles(record, rect, tile_y, first);
-    for (uint k = 0; k < tiles; ++k, ++pair) {
+    for (uint k = 0; k < tiles && pair < a.room; ++k, ++pair) {
       a.pair_gaussian[pair] = i;
       a.pair_tiles[pair] = tile_y * static_cast<uint>(a.tiles_x) + first + k;
-      a.pair_indices[pair] = pair;
     }
   }
 }
 
-// One thread more than pairs: each writes the starts of the tiles between its pair's and the one before.
-TG_KERNEL rangesKernel(const std::uint32_t* sorted_tiles, std::size_t pairs, std::uint32_t tiles,
+// What is left of the room lies in a tile behind the last.
+TG_KERNEL padKernel(const PairCount* pairs, std::size_t room, std::uint32_t tiles, std::uint32_t* pair_tiles) {
+  const std::size_t pair = itemIndex();
+  if (pair < room && pair >= *pairs) pair_tiles[pair] = tiles;
+}
+
+// One thread more than there is room: each writes the starts of the tiles between its pair's and the one before.
+TG_KERNEL rangesKernel(const std::uint32_t* sorted_tiles, const PairCount* count, std::size_t room, std::uint32_t tiles,
                        std::uint32_t* tile_begin) {
   const std::size_t at = itemIndex();
+  const std::size_t pairs = *count < room ? *count : room;
   if (at > pairs) return;
   const std::uint32_t before = at == 0 ? 0 : sorted_tiles[at - 1] + 1;
   const std::uint32_t here = at == pairs ? tiles : sorted_tiles[at];
@@ -240,32 +250,36 @@ void projectGaussians(const View& view, const Parameters& model, ScreenSplats& o
   launch("project", projectKernel, blocksFor(model.count), arguments);
 }
 
+void makeRoom(std::size_t pairs, TileLists& out) {
+  out.room = pairs;
+  out.pair_gaussian.resize(pairs);
+  out.pair_tiles.resize(pairs);
+  out.pair_indices.resize(pairs);
+  out.sorted_tiles.resize(pairs);
+  out.sorted_pairs.resize(pairs);
+  launch("number", numberKernel, blocksFor(pairs), out.pair_indices.data(), pairs);
+}
+
 void buildLists(const View& view, const ScreenSplats& screen, Primitives& primitives, TileLists& out) {
   const std::size_t count = screen.tile_counts.size();
   const auto tiles = static_cast<std::uint32_t>(view.tiles_x * view.tiles_y);
   out.indices.resize(count);
   out.order.resize(count);
   out.sorted_keys.resize(count);
-  out.counts.resize(count + 1);
-  out.offsets.resize(count + 1);
+  out.counts.resize(count);
+  out.offsets.resize(count);
   out.pair_begin.resize(count);
+  out.tile_begin.resize(tiles + 1);
+  out.pairs.resize(1);
+  out.pairs.zero();
   launch("number", numberKernel, blocksFor(count), out.indices.data(), count);
   primitives.sortPairs(screen.depth_keys.data(), out.sorted_keys.data(), out.indices.data(), out.order.data(), count,
                        32);
-  launch("count", countKernel, blocksFor(count + 1), out.order.data(), screen.tile_counts.data(), out.counts.data(),
-         count);
-  primitives.exclusiveSum(out.counts.data(), out.offsets.data(), count + 1);
-  std::uint32_t pairs = 0;
-  copyToHost(&pairs, out.offsets.data() + count, sizeof(pairs));
-  out.pairs = pairs;
-
-  out.pair_gaussian.resize(pairs);
-  out.pair_tiles.resize(pairs);
-  out.pair_indices.resize(pairs);
-  out.sorted_tiles.resize(pairs);
-  out.sorted_pairs.resize(pairs);
-  out.tile_begin.resize(tiles + 1);
+  launch("count", countKernel, blocksFor(count), out.order.data(), screen.tile_counts.data(), out.counts.data(), count,
+         out.pairs.data());
+  primitives.exclusiveSum(out.counts.data(), out.offsets.data(), count);
   const EmitArguments arguments{count,
+                                out.room,
                                 view.tiles_x,
                                 screen.splats.data(),
                                 screen.outlines.data(),
@@ -275,12 +289,12 @@ void buildLists(const View& view, const ScreenSplats& screen, Primitives& primit
                                 out.offsets.data(),
                                 out.pair_begin.data(),
                                 out.pair_gaussian.data(),
-                                out.pair_tiles.data(),
-                                out.pair_indices.data()};
+                                out.pair_tiles.data()};
   launch("emit", emitKernel, blocksFor(count), arguments);
+  launch("pad", padKernel, blocksFor(out.room), out.pairs.data(), out.room, tiles, out.pair_tiles.data());
   primitives.sortPairs(out.pair_tiles.data(), out.sorted_tiles.data(), out.pair_indices.data(), out.sorted_pairs.data(),
-                       pairs, std::bit_width(tiles));
-  launch("ranges", rangesKernel, blocksFor(std::size_t{pairs} + 1), out.sorted_tiles.data(), std::size_t{pairs}, tiles,
+                       out.room, std::bit_width(tiles));
+  launch("ranges", rangesKernel, blocksFor(out.room + 1), out.sorted_tiles.data(), out.pairs.data(), out.room, tiles,
          out.tile_begin.data());
 }
 

@@ -21,17 +21,20 @@ void projectGaussians(const View& view, const Parameters& model, ScreenSplats& o
 struct TileLists {
   Buffer<std::uint32_t> order;          // [N] Gaussians by depth, ties by index
   Buffer<std::uint32_t> pair_begin;     // [N] by Gaussian: its first pair
-  Buffer<std::uint32_t> pair_gaussian;  // [pairs]
-  Buffer<std::uint32_t> sorted_pairs;   // [pairs]
+  Buffer<std::uint32_t> pair_gaussian;  // [room]
+  Buffer<std::uint32_t> sorted_pairs;   // [room] those there are, then the rest of the room
   Buffer<std::uint32_t> tile_begin;     // [tiles + 1]
-  std::size_t pairs = 0;
+  Buffer<PairCount> pairs;              // [1] how many there are; above the room, the farthest splats' are missing
+  std::size_t room = 0;
 
   Lists lists() const { return {sorted_pairs.data(), tile_begin.data(), pair_gaussian.data()}; }
 
   // Scratch.
   Buffer<std::uint32_t> sorted_keys, indices, counts, offsets, pair_tiles, pair_indices, sorted_tiles;
 };
-// Reads one number back from the device: how many pairs there are.
+// For that many pairs.
+void makeRoom(std::size_t pairs, TileLists& out);
+// Waits for nothing: the device alone knows how many pairs there are. Sorts the whole room.
 void buildLists(const View& view, const ScreenSplats& screen, Primitives& primitives, TileLists& out);
 
 }  // namespace tg::cuda

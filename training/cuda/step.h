@@ -24,6 +24,23 @@ struct LossBuffers {
 // v_picture: [height, width, 3], dL/d(picture). The sums stay on the device.
 void evaluateLoss(const LossInput& input, LossBuffers& buffers, float* v_picture);
 
+// What an iteration leaves for the host to read later.
+struct StepRecord {
+  double sums[3];         // LossBuffers::sums
+  PairCount pairs;        // (tile, splat) pairs of its picture
+  std::uint32_t applied;  // 1: parameters, moments and statistics have moved
+};
+struct VerdictInput {
+  const double* sums;
+  const PairCount* pairs;
+  std::size_t room;  // of the frame
+  std::uint32_t* stop;
+  StepRecord* record;
+};
+// Sets `stop` where the pairs had no room or the loss is not finite. From then on what has `stop` below changes
+// nothing, in this step and all that follow, until the host clears it. A null `stop` never stops.
+void judgeStep(const VerdictInput& input);
+
 // What the 3D filter draws: log_scale [N, 3], opacity_logit [N].
 void applyFilter(const Parameters& model, const float* min_sigma, float* log_scale, float* opacity_logit);
 
@@ -49,12 +66,14 @@ struct AdamInput {
   unsigned leading;
   float first_rate, rate;
   AdamScales scales;
+  const std::uint32_t* stop = nullptr;
 };
 void adamStep(const AdamInput& input);
 // Alpha to [0, 1]; colours too where clamp_colors.
-void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors);
+void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors, const std::uint32_t* stop = nullptr);
 
-void addNoise(const Parameters& model, float strength, std::uint64_t seed, int iteration);
+void addNoise(const Parameters& model, float strength, std::uint64_t seed, int iteration,
+              const std::uint32_t* stop = nullptr);
 
 struct DeviceStatistics {
   Buffer<float> score_sum, magnitude_sum, max_radius;
@@ -62,6 +81,6 @@ struct DeviceStatistics {
 };
 // DensityStatistics::add. All [N].
 void addStatistics(const float* screen_gradient, const float* screen_gradient_abs, const float* screen_radius,
-                   std::size_t count, const DeviceStatistics& statistics);
+                   std::size_t count, const DeviceStatistics& statistics, const std::uint32_t* stop = nullptr);
 
 }  // namespace tg::cuda

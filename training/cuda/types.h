@@ -57,12 +57,14 @@ struct LocalFrame {
   float wx[3], wy[3], dx[3], dy[3], d0[3], kappa[3];
 };
 
+using PairCount = unsigned long long;  // as CUDA's atomics want it
+
 // Lists of a frame. A pair is a (tile, splat); pairs are numbered in depth order of their splats, those of one splat in
 // a row.
 struct Lists {
   const std::uint32_t* sorted_pairs;  // by tile, front to back in each
   const std::uint32_t* tile_begin;    // [tiles + 1]
-  const std::uint32_t* gaussian;      // [pairs]
+  const std::uint32_t* gaussian;      // [pairs]; of those that have room
 };
 
 // Order of a pair's sums: PairSums of training/cpu/backward.h; of textured models then PairTextureSums; with statistics

@@ -13,6 +13,8 @@ TG_DEVICE void writeVector(float* to, std::size_t i, glm::vec3 v) {
   for (int k = 0; k < 3; ++k) to[3 * i + k] = v[k];
 }
 
+TG_DEVICE bool stopped(const std::uint32_t* stop) { return stop != nullptr && *stop != 0; }
+
 TG_KERNEL filterKernel(Parameters model, const float* min_sigma, float* log_scale, float* opacity_logit) {
   const std::size_t i = itemIndex();
   if (i >= model.count) return;
@@ -43,22 +45,23 @@ struct AdamArguments {
   unsigned row, leading;
   float first_rate, rate;
   AdamScales scales;
+  const std::uint32_t* stop;
 };
 TG_KERNEL adamKernel(AdamArguments a) {
   const std::size_t i = itemIndex();
-  if (i >= a.count) return;
+  if (i >= a.count || stopped(a.stop)) return;
   const float rate = i % a.row < a.leading ? a.first_rate : a.rate;
   adamUpdate(a.value[i], a.gradient[i], a.first[i], a.second[i], rate, a.scales);
 }
 
-TG_KERNEL clampKernel(float* texels, std::size_t count, bool colors) {
+TG_KERNEL clampKernel(float* texels, std::size_t count, bool colors, const std::uint32_t* stop) {
   const std::size_t i = itemIndex();
-  if (i < count && (colors || i % 4 == 3)) texels[i] = clamp(texels[i], 0.0f, 1.0f);
+  if (i < count && !stopped(stop) && (colors || i % 4 == 3)) texels[i] = clamp(texels[i], 0.0f, 1.0f);
 }
 
-TG_KERNEL noiseKernel(Parameters model, float strength, std::uint64_t seed, int iteration) {
+TG_KERNEL noiseKernel(Parameters model, float strength, std::uint64_t seed, int iteration, const std::uint32_t* stop) {
   const std::size_t i = itemIndex();
-  if (i >= model.count) return;
+  if (i >= model.count || stopped(stop)) return;
   const glm::vec3 noise = explorationNoise(glm::vec4(readRotation(model, i)), readLogScale(model, i),
                                            model.opacity_logit[i], strength, seed, iteration, i);
   for (int k = 0; k < 3; ++k) model.mean[3 * i + k] += noise[k];
@@ -73,17 +76,33 @@ struct StatisticsArguments {
   float* magnitude_sum;
   float* max_radius;
   std::uint32_t* view_count;
+  const std::uint32_t* stop;
 };
 TG_KERNEL statisticsKernel(StatisticsArguments a) {
   const std::size_t i = itemIndex();
-  if (i >= a.count || !(a.screen_radius[i] > 0.0f)) return;
+  if (i >= a.count || stopped(a.stop) || !(a.screen_radius[i] > 0.0f)) return;
   a.score_sum[i] += a.screen_gradient[i];
   a.magnitude_sum[i] += a.screen_gradient_abs[i];
   a.max_radius[i] = max(a.max_radius[i], a.screen_radius[i]);
   a.view_count[i]++;
 }
 
+// One thread.
+TG_KERNEL verdictKernel(VerdictInput in) {
+  if (itemIndex() != 0) return;
+  StepRecord record;
+  double sum = 0;
+  for (int k = 0; k < 3; ++k) sum += record.sums[k] = in.sums[k];
+  record.pairs = *in.pairs;
+  // An infinity or what is no number, however it came about, is not below.
+  if (record.pairs > in.room || !(::fabs(sum) < 1e300)) *in.stop = 1;
+  record.applied = *in.stop == 0;
+  *in.record = record;
+}
+
 }  // namespace
+
+void judgeStep(const VerdictInput& input) { launch("verdict", verdictKernel, 1, input); }
 
 void applyFilter(const Parameters& model, const float* min_sigma, float* log_scale, float* opacity_logit) {
   launch("3D filter", filterKernel, blocksFor(model.count), model, min_sigma, log_scale, opacity_logit);
@@ -97,23 +116,23 @@ void chainGradients(const ChainInput& input, const Parameters& gradient) {
 void adamStep(const AdamInput& input) {
   launch("Adam", adamKernel, blocksFor(input.count),
          AdamArguments{input.value, input.gradient, input.moments.first.data(), input.moments.second.data(),
-                       input.count, input.row, input.leading, input.first_rate, input.rate, input.scales});
+                       input.count, input.row, input.leading, input.first_rate, input.rate, input.scales, input.stop});
 }
 
-void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors) {
-  launch("clamp texels", clampKernel, blocksFor(4 * texel_count), texels, 4 * texel_count, clamp_colors);
+void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors, const std::uint32_t* stop) {
+  launch("clamp texels", clampKernel, blocksFor(4 * texel_count), texels, 4 * texel_count, clamp_colors, stop);
 }
 
-void addNoise(const Parameters& model, float strength, std::uint64_t seed, int iteration) {
-  launch("noise", noiseKernel, blocksFor(model.count), model, strength, seed, iteration);
+void addNoise(const Parameters& model, float strength, std::uint64_t seed, int iteration, const std::uint32_t* stop) {
+  launch("noise", noiseKernel, blocksFor(model.count), model, strength, seed, iteration, stop);
 }
 
 void addStatistics(const float* screen_gradient, const float* screen_gradient_abs, const float* screen_radius,
-                   std::size_t count, const DeviceStatistics& statistics) {
-  launch(
-      "statistics", statisticsKernel, blocksFor(count),
-      StatisticsArguments{screen_gradient, screen_gradient_abs, screen_radius, count, statistics.score_sum.data(),
-                          statistics.magnitude_sum.data(), statistics.max_radius.data(), statistics.view_count.data()});
+                   std::size_t count, const DeviceStatistics& statistics, const std::uint32_t* stop) {
+  launch("statistics", statisticsKernel, blocksFor(count),
+         StatisticsArguments{screen_gradient, screen_gradient_abs, screen_radius, count, statistics.score_sum.data(),
+                             statistics.magnitude_sum.data(), statistics.max_radius.data(),
+                             statistics.view_count.data(), stop});
 }
 
 }  // namespace tg::cuda
