@@ -7,6 +7,7 @@
 #include <backends/imgui_impl_opengl3.h>
 #include <imgui.h>
 
+#include <deque>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,9 @@
 
 namespace tg {
 namespace {
+
+constexpr std::size_t kMostFrames = 2;              // of the window, under way
+constexpr GLuint64 kLongestWait = 300'000'000'000;  // [ns] software devices compile shaders in the first frame
 
 class GlPictureImage final : public PictureImage {
  public:
@@ -102,11 +106,13 @@ class GlScreen final : public Screen {
   GlScreen(const GlScreen&) = delete;
   GlScreen& operator=(const GlScreen&) = delete;
   ~GlScreen() override {
+    for (const Frame& frame : frames_) glDeleteSync(frame.ended);
     glDeleteFramebuffers(1, &source_);
     if (device_->debug) glDebugMessageCallback(nullptr, nullptr);
   }
 
   bool software() const override { return device_->software; }
+  int framesInFlight() const override { return 1; }
   std::size_t messages() const override { return countMessages(*device_) + countMessages(*picture_device_); }
   std::unique_ptr<PictureDevice> makePictureDevice() override {
     return std::make_unique<GlPictureDevice>(shared_.get(), *picture_device_);
@@ -114,6 +120,7 @@ class GlScreen final : public Screen {
 
   glm::ivec2 size() const override { return size_; }
   bool acquire(glm::ivec2 framebuffer_size) override {
+    releaseEnded();
     size_ = framebuffer_size;
     return size_.x > 0 && size_.y > 0;
   }
@@ -136,6 +143,9 @@ class GlScreen final : public Screen {
     glNamedFramebufferTexture(source_, GL_COLOR_ATTACHMENT0, 0, 0);
     if (panels) ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
     checkGl(*device_, "drawing the window");
+    Frame& frame = frames_.emplace_back();
+    for (const PictureBlit& blit : pictures) frame.pictures.push_back(blit.image);
+    frame.ended = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
   }
 
   Image read(const PictureImage& image) override { return readTexture(*device_, textureOf(image), image.size); }
@@ -170,6 +180,24 @@ class GlScreen final : public Screen {
   }
 
  private:
+  // Its pictures are not the picture thread's again before it has ended.
+  struct Frame {
+    GLsync ended = nullptr;
+    std::vector<std::shared_ptr<const PictureImage>> pictures;
+  };
+
+  // Waits for no more than leaves kMostFrames under way.
+  void releaseEnded() {
+    while (!frames_.empty()) {
+      const GLuint64 wait = frames_.size() > kMostFrames ? kLongestWait : 0;
+      const GLenum result = glClientWaitSync(frames_.front().ended, GL_SYNC_FLUSH_COMMANDS_BIT, wait);
+      if (result == GL_TIMEOUT_EXPIRED && wait == 0) return;
+      if (result == GL_TIMEOUT_EXPIRED) throw Error(ErrorKind::device, "OpenGL: a frame of the window does not end");
+      glDeleteSync(frames_.front().ended);
+      frames_.pop_front();
+    }
+  }
+
   static std::size_t countMessages(const GlDevice& device) {
     const std::lock_guard lock(device.messages_mutex);
     return device.debug_messages.size();
@@ -187,6 +215,7 @@ class GlScreen final : public Screen {
   std::unique_ptr<GlDevice> picture_device_, device_;
   GLuint source_ = 0;  // framebuffer that pictures are read from
   glm::ivec2 size_{0};
+  std::deque<Frame> frames_;
 };
 
 }  // namespace

@@ -89,6 +89,8 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_option("--compare", flags.view.compare, "another model, to compare the first with");
   app.add_option("--photos", flags.view.photographs, "a folder of the data set's photographs, to compare with");
   app.add_option("--compare-mode", flags.compare_mode, "side, wipe, difference or (in a window) flicker");
+  app.add_option("--frames-in-flight", flags.view.frames_in_flight, "frames that a Vulkan window has under way: 1 or 2")
+      ->check(CLI::Range(1, 2));
   app.add_flag("--timings", flags.view.timings, "print how long the window took to its first pictures");
   app.add_option("--inspect", flags.inspect, "x,y: print the splats under that pixel as JSON and exit");
   app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
+#include <limits>
 #include <utility>
 
 #include "core/error.h"
@@ -27,6 +27,16 @@ bool sameOther(const OtherPicture& a, const OtherPicture& b) {
   return !a.difference || (a.with_sign == b.with_sign && a.gain == b.gain);
 }
 
+glm::ivec2 sizeOf(const PictureRequest& request) { return {request.camera.width, request.camera.height}; }
+
+FrameRequest frameOf(const PictureRequest& request) {
+  return {request.camera, request.settings, request.output, request.exposure};
+}
+
+double milliseconds(std::chrono::steady_clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
 }  // namespace
 
 bool same(const PictureRequest& a, const PictureRequest& b) {
@@ -43,7 +53,7 @@ struct PictureMaker::Loaded {
 
 PictureMaker::PictureMaker(PictureDevice& device, std::string backend)
     : device_(device), backend_(std::move(backend)) {}
-PictureMaker::~PictureMaker() = default;
+PictureMaker::~PictureMaker() { device_.drain(); }
 
 PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianModel>& model) {
   const auto found = std::find_if(loaded_.begin(), loaded_.end(), [&](const Loaded& l) { return l.model == model; });
@@ -77,29 +87,83 @@ std::shared_ptr<PictureImage> PictureMaker::freeImage(glm::ivec2 size) {
   return found != images_.end() ? *found : images_.emplace_back(device_.makeImage(size));
 }
 
-Picture PictureMaker::draw(const PictureRequest& request) {
-  const auto start = std::chrono::steady_clock::now();
-  Picture picture;
-  picture.request = request;
-  const auto pair = request.other ? std::make_shared<PicturePair>() : nullptr;
-  Loaded& model = loaded(request.model);
-  const std::shared_ptr<PictureImage> image = freeImage({request.camera.width, request.camera.height});
-  drawModel(model, request, *image, pair ? &pair->first : nullptr);
-  picture.image = image;
+bool PictureMaker::begin(const PictureRequest& request) {
+  Begun begun{{}, nullptr, nullptr, Clock::now()};
+  begun.picture.request = request;
+  const bool beside = !request.other && backend_ != "cpu";
+  if (!begun_.empty()) {
+    const auto known = [&](const Loaded& l) { return l.model == request.model; };
+    if (!beside || !begun_.back().model || std::none_of(loaded_.begin(), loaded_.end(), known)) return false;
+  }
+  if (beside) {
+    Loaded& model = loaded(request.model);
+    const std::shared_ptr<PictureImage> image = freeImage(sizeOf(request));
+    if (device_.begin(*model.gpu, frameOf(request), image)) {
+      begun.model = &model;
+      begun.target = image;
+      begun.picture.image = image;
+      begun_.push_back(std::move(begun));
+      return true;
+    }
+    if (!begun_.empty()) return false;
+  }
+  draw(begun.picture);
+  begun_.push_back(std::move(begun));
+  return true;
+}
+
+double PictureMaker::expectedRest() const {
+  if (begun_.empty()) return 0;
+  if (!last_ms_ || !begun_.front().model) return std::numeric_limits<double>::infinity();
+  const Clock::time_point start = std::max(begun_.front().start, device_free_);
+  return *last_ms_ * static_cast<double>(begun_.size()) - milliseconds(Clock::now() - start);
+}
+
+std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
+  Begun& oldest = begun_.front();
+  if (oldest.model) {
+    const std::optional<bool> whole = device_.finish(milliseconds_at_most);
+    if (!whole) return std::nullopt;
+    if (!*whole) {
+      // Those begun after it wait for their turn in the same way: a frame that overflows leaves none under way.
+      oldest.start = Clock::now();
+      drawOnDevice(*oldest.model, oldest.picture.request, *oldest.target);
+    }
+    describe(oldest.picture, *oldest.model);
+  }
+  Picture picture = std::move(oldest.picture);
+  const Clock::time_point now = Clock::now();
+  picture.milliseconds = milliseconds(now - std::max(oldest.start, device_free_));
+  last_ms_ = oldest.model ? std::optional(picture.milliseconds) : std::nullopt;
+  device_free_ = now;
+  begun_.pop_front();
+  return picture;
+}
+
+void PictureMaker::describe(Picture& picture, const Loaded& model) const {
   picture.passes = model.renderer->passTimes();
   picture.device = model.renderer->deviceName();
   picture.backend = backend_;
+}
+
+// Whole, with nothing under way.
+void PictureMaker::draw(Picture& picture) {
+  const PictureRequest& request = picture.request;
+  const auto pair = request.other ? std::make_shared<PicturePair>() : nullptr;
+  Loaded& model = loaded(request.model);
+  const std::shared_ptr<PictureImage> image = freeImage(sizeOf(request));
+  drawModel(model, request, *image, pair ? &pair->first : nullptr);
+  picture.image = image;
+  describe(picture, model);
   if (pair) {
     drawOther(request, picture, *pair);
     if (picture.other) picture.pair = pair;
   }
-  picture.milliseconds = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  return picture;
 }
 
 void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair) {
   const OtherPicture& other = *request.other;
-  const glm::ivec2 size(request.camera.width, request.camera.height);
+  const glm::ivec2 size = sizeOf(request);
   const std::shared_ptr<PictureImage> image = freeImage(size);
   if (other.model) {
     drawModel(loaded(other.model), request, *image, &pair.other);
@@ -141,7 +205,7 @@ void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, Pict
 }
 
 void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
-  const FrameRequest frame{request.camera, request.settings, request.output, request.exposure};
+  const FrameRequest frame = frameOf(request);
   for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
     if (device_.draw(*loaded.gpu, frame, target)) return;
   }

@@ -3,6 +3,7 @@
 #include "viewer/picture_thread.h"
 
 #include <chrono>
+#include <limits>
 #include <new>
 #include <utility>
 
@@ -10,6 +11,12 @@
 #include "viewer/picture_maker.h"
 
 namespace tg {
+namespace {
+
+constexpr double kRecordAhead = 2;  // [ms] before the device is expected to be free
+constexpr double kLook = 0.5;       // [ms] between looks at what is asked for, while the device draws
+
+}  // namespace
 
 PictureThread::PictureThread(Screen& screen, std::string backend, std::function<void()> wake)
     : screen_(screen), backend_(std::move(backend)), wake_(std::move(wake)), thread_([this] { run(); }) {}
@@ -42,9 +49,9 @@ void PictureThread::delay(double seconds) {
   delay_ = seconds;
 }
 
-bool PictureThread::idle() const {
+bool PictureThread::waiting() const {
   const std::lock_guard lock(mutex_);
-  return !asked_ && !working_;
+  return asked_.has_value();
 }
 
 PictureThread::News PictureThread::take() {
@@ -55,27 +62,39 @@ PictureThread::News PictureThread::take() {
 void PictureThread::run() {
   std::unique_ptr<PictureDevice> device;
   std::unique_ptr<PictureMaker> maker;
+  std::optional<PictureRequest> newest;  // of those begun
+  const auto most = static_cast<std::size_t>(screen_.framesInFlight());
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait(lock, [this] { return stop_ || asked_; });
+    const std::size_t under_way = maker ? maker->underWay() : 0;
+    if (under_way == 0) changed_.wait(lock, [this] { return stop_ || asked_; });
     if (stop_) return;
-    const PictureRequest request = std::move(*std::exchange(asked_, std::nullopt));
-    working_ = true;
-    const bool lose = std::exchange(lose_, false);
-    const std::chrono::duration<double> delay(std::exchange(delay_, 0));
+    std::optional<PictureRequest> request;
+    if (asked_ && under_way < most && (under_way == 0 || maker->expectedRest() < kRecordAhead)) {
+      request = std::exchange(asked_, std::nullopt);
+    }
+    const bool lose = request && std::exchange(lose_, false);
+    const std::chrono::duration<double> delay(request ? std::exchange(delay_, 0) : 0);
     lock.unlock();
     std::this_thread::sleep_for(delay);
 
     std::shared_ptr<const Picture> picture;
+    std::optional<PictureRequest> refused;
     std::string problem;
-    while (!picture) {
+    bool given_up = false;
+    while (!given_up) {
       std::string reason;
       bool device_failed = true;
       try {
         if (lose && backend_ != "cpu") throw Error(ErrorKind::device, "device lost, as a script wants it");
         if (!device) device = screen_.makePictureDevice();
         if (!maker) maker = std::make_unique<PictureMaker>(*device, backend_);
-        picture = std::make_shared<const Picture>(maker->draw(request));
+        if (request) newest = request;
+        if (request && !maker->begin(*request)) refused = request;
+        // With room for another one, it looks up now and then for a request.
+        const bool alone = most == 1 || maker->underWay() == most || refused;
+        if (auto done = maker->finish(alone ? std::numeric_limits<double>::infinity() : kLook))
+          picture = std::make_shared<const Picture>(std::move(*done));
         break;
       } catch (const std::bad_alloc&) {
         reason = "not enough memory";
@@ -88,19 +107,23 @@ void PictureThread::run() {
       maker.reset();  // whatever it held makes room
       if (backend_ == "cpu" || !device_failed) {
         problem = "The picture cannot be drawn: " + reason;
-        break;
+        given_up = true;
+      } else {
+        backend_ = "cpu";
+        problem = "The device failed, the CPU renders from here on: " + reason;
+        request = newest;
       }
-      backend_ = "cpu";
-      problem = "The device failed, the CPU renders from here on: " + reason;
     }
 
     lock.lock();
-    working_ = false;
+    if (refused && !asked_) asked_ = std::move(refused);
+    const bool news = picture || given_up || !problem.empty();
     if (picture)
       news_.picture = std::move(picture);
-    else if (!asked_)
+    else if (given_up && !asked_)
       news_.given_up = true;
     if (!problem.empty()) news_.problem = std::move(problem);
+    if (!news) continue;
     lock.unlock();
     wake_();
     lock.lock();

@@ -13,8 +13,10 @@
 
 namespace tg {
 
-// Draws the newest request; one that has not begun when the next comes is dropped. When the device fails, it goes on
-// with the CPU renderer and says so. All members may be called from one other thread, none of them waits for a picture.
+// Draws the newest request; one that has not begun when the next comes is dropped. Where the screen lets two pictures
+// be in flight, the second is recorded shortly before the device is expected to be done with the first: so late,
+// because a request that has begun no longer gives way to a newer one. When the device fails, it goes on with the CPU
+// renderer and says so. All members may be called from one other thread, none of them waits for a picture.
 class PictureThread {
  public:
   // `screen` must outlive this and every picture. backend: as --backend has it. `wake` is called in this thread when
@@ -30,8 +32,8 @@ class PictureThread {
   void loseDevice();
   // For tests: the next picture takes that much longer [s].
   void delay(double seconds);
-  // Neither asked for nor at work.
-  bool idle() const;
+  // Whether what was asked for last has not begun.
+  bool waiting() const;
 
   struct News {
     std::shared_ptr<const Picture> picture;  // the last one finished since; may be null
@@ -49,7 +51,6 @@ class PictureThread {
   mutable std::mutex mutex_;  // guards all below but the thread
   std::condition_variable changed_;
   std::optional<PictureRequest> asked_;
-  bool working_ = false;
   bool lose_ = false;
   double delay_ = 0;  // [s]
   bool stop_ = false;

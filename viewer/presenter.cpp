@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 
 #include "core/error.h"
 #include "render/vulkan/buffer.h"
@@ -58,40 +59,98 @@ void barrier(VkCommandBuffer commands, VkImage image, Use before, Use after) {
 constexpr VkPipelineStageFlags kTransfer = VK_PIPELINE_STAGE_TRANSFER_BIT;
 constexpr VkPipelineStageFlags kColorStage = VK_PIPELINE_STAGE_COLOR_ATTACHMENT_OUTPUT_BIT;
 
+VkSemaphore makeSemaphore(VkDevice device) {
+  const VkSemaphoreCreateInfo info{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO};
+  VkSemaphore semaphore = VK_NULL_HANDLE;
+  TG_VK(vkCreateSemaphore(device, &info, nullptr, &semaphore));
+  return semaphore;
+}
+
 }  // namespace
 
-Presenter::Presenter(VulkanDevice& device) : device_(device) {
+Presenter::Presenter(VulkanDevice& device, int frames_in_flight) : device_(device) {
   format_ = chooseFormat(device_.physical, device_.surface);
   createRenderPass();
   VkCommandPoolCreateInfo pool{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
   pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
   pool.queueFamilyIndex = device_.queue_family;
   TG_VK(vkCreateCommandPool(device_.device, &pool, nullptr, &pool_));
-  VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
-  allocate.commandPool = pool_;
-  allocate.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
-  allocate.commandBufferCount = 1;
-  TG_VK(vkAllocateCommandBuffers(device_.device, &allocate, &commands_));
-  VkFenceCreateInfo fence{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
-  TG_VK(vkCreateFence(device_.device, &fence, nullptr, &fence_));
-  VkSemaphoreCreateInfo semaphore{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO};
-  TG_VK(vkCreateSemaphore(device_.device, &semaphore, nullptr, &acquired_));
+  once_ = makeSubmission();
+  for (int i = 0; i < frames_in_flight; ++i) {
+    Submission frame = makeSubmission();
+    frame.acquired = makeSemaphore(device_.device);
+    frames_.push_back(std::move(frame));
+  }
 }
 
 Presenter::~Presenter() {
   waitIdle();
-  destroyImages();
+  destroyTargets();
   vkDestroySwapchainKHR(device_.device, swapchain_, nullptr);
   vkDestroyRenderPass(device_.device, render_pass_, nullptr);
-  vkDestroySemaphore(device_.device, acquired_, nullptr);
-  vkDestroyFence(device_.device, fence_, nullptr);
+  frames_.push_back(std::move(once_));
+  for (const Submission& submission : frames_) {
+    vkDestroySemaphore(device_.device, submission.acquired, nullptr);
+    vkDestroyFence(device_.device, submission.fence, nullptr);
+  }
   vkDestroyCommandPool(device_.device, pool_, nullptr);
 }
 
-// Every submission is waited for by its fence: what may still run is what the window system does with an image.
 void Presenter::waitIdle() {
   const std::lock_guard lock(device_.mutexOf(device_.window_queue));
   vkQueueWaitIdle(device_.window_queue);
+}
+
+Presenter::Submission Presenter::makeSubmission() {
+  Submission submission;
+  VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
+  allocate.commandPool = pool_;
+  allocate.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
+  allocate.commandBufferCount = 1;
+  TG_VK(vkAllocateCommandBuffers(device_.device, &allocate, &submission.commands));
+  VkFenceCreateInfo fence{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
+  TG_VK(vkCreateFence(device_.device, &fence, nullptr, &submission.fence));
+  return submission;
+}
+
+void Presenter::begin(Submission& submission) {
+  VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+  begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
+  TG_VK(vkBeginCommandBuffer(submission.commands, &begin));
+}
+
+// `wait` and `signal` may be null.
+void Presenter::submit(Submission& submission, VkSemaphore wait, VkSemaphore signal) {
+  TG_VK(vkEndCommandBuffer(submission.commands));
+  const VkPipelineStageFlags stage = kTransfer;
+  VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+  submit.waitSemaphoreCount = wait ? 1 : 0;
+  submit.pWaitSemaphores = &wait;
+  submit.pWaitDstStageMask = &stage;
+  submit.commandBufferCount = 1;
+  submit.pCommandBuffers = &submission.commands;
+  submit.signalSemaphoreCount = signal ? 1 : 0;
+  submit.pSignalSemaphores = &signal;
+  const std::lock_guard lock(device_.mutexOf(device_.window_queue));
+  TG_VK(vkQueueSubmit(device_.window_queue, 1, &submit, submission.fence));
+  submission.under_way = true;
+}
+
+void Presenter::await(Submission& submission) {
+  if (!submission.under_way) return;
+  const VkResult waited = vkWaitForFences(device_.device, 1, &submission.fence, VK_TRUE, kDeviceTimeout);
+  if (waited == VK_TIMEOUT) refuseTimeout("a frame");
+  TG_VK(waited);
+  TG_VK(vkResetFences(device_.device, 1, &submission.fence));
+  submission.under_way = false;
+  submission.owners.clear();
+}
+
+// Pictures that no frame reads any more are the picture thread's again.
+void Presenter::releaseEnded() {
+  for (Submission& frame : frames_) {
+    if (frame.under_way && vkGetFenceStatus(device_.device, frame.fence) == VK_SUCCESS) await(frame);
+  }
 }
 
 void Presenter::createRenderPass() {
@@ -117,16 +176,18 @@ void Presenter::createRenderPass() {
   TG_VK(vkCreateRenderPass(device_.device, &info, nullptr, &render_pass_));
 }
 
-void Presenter::destroyImages() {
-  for (VkFramebuffer framebuffer : framebuffers_) vkDestroyFramebuffer(device_.device, framebuffer, nullptr);
-  for (VkImageView view : views_) vkDestroyImageView(device_.device, view, nullptr);
-  framebuffers_.clear();
-  views_.clear();
-  images_.clear();
+void Presenter::destroyTargets() {
+  for (const Target& target : targets_) {
+    vkDestroyFramebuffer(device_.device, target.framebuffer, nullptr);
+    vkDestroyImageView(device_.device, target.view, nullptr);
+    vkDestroySemaphore(device_.device, target.drawn, nullptr);
+  }
+  targets_.clear();
 }
 
 void Presenter::createSwapchain(glm::ivec2 framebuffer_size) {
-  waitIdle();
+  for (Submission& frame : frames_) await(frame);
+  waitIdle();  // for what the window system does with an image
   VkSurfaceCapabilitiesKHR capabilities;
   TG_VK(vkGetPhysicalDeviceSurfaceCapabilitiesKHR(device_.physical, device_.surface, &capabilities));
   extent_ = capabilities.currentExtent;
@@ -135,13 +196,13 @@ void Presenter::createSwapchain(glm::ivec2 framebuffer_size) {
     extent_.width = std::clamp(static_cast<std::uint32_t>(framebuffer_size.x), low.width, high.width);
     extent_.height = std::clamp(static_cast<std::uint32_t>(framebuffer_size.y), low.height, high.height);
   }
-  destroyImages();
+  destroyTargets();
   if (extent_.width == 0 || extent_.height == 0) return;
 
   readable_ = (capabilities.supportedUsageFlags & VK_IMAGE_USAGE_TRANSFER_SRC_BIT) != 0;
   VkSwapchainCreateInfoKHR info{VK_STRUCTURE_TYPE_SWAPCHAIN_CREATE_INFO_KHR};
   info.surface = device_.surface;
-  info.minImageCount = std::max(2u, capabilities.minImageCount);
+  info.minImageCount = std::max(static_cast<std::uint32_t>(frames_.size()) + 1, capabilities.minImageCount);
   if (capabilities.maxImageCount > 0) info.minImageCount = std::min(info.minImageCount, capabilities.maxImageCount);
   info.imageFormat = format_.format;
   info.imageColorSpace = format_.colorSpace;
@@ -167,34 +228,40 @@ void Presenter::createSwapchain(glm::ivec2 framebuffer_size) {
 
   std::uint32_t count = 0;
   TG_VK(vkGetSwapchainImagesKHR(device_.device, swapchain_, &count, nullptr));
-  images_.resize(count);
-  TG_VK(vkGetSwapchainImagesKHR(device_.device, swapchain_, &count, images_.data()));
-  for (VkImage image : images_) {
+  std::vector<VkImage> images(count);
+  TG_VK(vkGetSwapchainImagesKHR(device_.device, swapchain_, &count, images.data()));
+  for (VkImage image : images) {
+    Target& target = targets_.emplace_back();
+    target.image = image;
+    target.drawn = makeSemaphore(device_.device);
     VkImageViewCreateInfo view{VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO};
     view.image = image;
     view.viewType = VK_IMAGE_VIEW_TYPE_2D;
     view.format = format_.format;
     view.subresourceRange = kColor;
-    TG_VK(vkCreateImageView(device_.device, &view, nullptr, &views_.emplace_back()));
+    TG_VK(vkCreateImageView(device_.device, &view, nullptr, &target.view));
     VkFramebufferCreateInfo framebuffer{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO};
     framebuffer.renderPass = render_pass_;
     framebuffer.attachmentCount = 1;
-    framebuffer.pAttachments = &views_.back();
+    framebuffer.pAttachments = &target.view;
     framebuffer.width = extent_.width;
     framebuffer.height = extent_.height;
     framebuffer.layers = 1;
-    TG_VK(vkCreateFramebuffer(device_.device, &framebuffer, nullptr, &framebuffers_.emplace_back()));
+    TG_VK(vkCreateFramebuffer(device_.device, &framebuffer, nullptr, &target.framebuffer));
   }
 }
 
 bool Presenter::acquire(glm::ivec2 framebuffer_size) {
+  releaseEnded();
   if (framebuffer_size.x <= 0 || framebuffer_size.y <= 0) return false;
+  frame_ = (frame_ + 1) % frames_.size();
+  await(frames_[frame_]);
   // While a window is being dragged, sizes can go out of date as fast as they are asked for.
   for (int attempt = 0; attempt < 8; ++attempt) {
-    if (images_.empty() || stale_ || size() != framebuffer_size) createSwapchain(framebuffer_size);
-    if (images_.empty()) return false;
-    const VkResult result =
-        vkAcquireNextImageKHR(device_.device, swapchain_, kDeviceTimeout, acquired_, VK_NULL_HANDLE, &index_);
+    if (targets_.empty() || stale_ || size() != framebuffer_size) createSwapchain(framebuffer_size);
+    if (targets_.empty()) return false;
+    const VkResult result = vkAcquireNextImageKHR(device_.device, swapchain_, kDeviceTimeout, frames_[frame_].acquired,
+                                                  VK_NULL_HANDLE, &index_);
     if (result == VK_ERROR_OUT_OF_DATE_KHR) {
       stale_ = true;
       continue;
@@ -202,32 +269,32 @@ bool Presenter::acquire(glm::ivec2 framebuffer_size) {
     stale_ = result == VK_SUBOPTIMAL_KHR;
     if (result == VK_TIMEOUT || result == VK_NOT_READY) refuseTimeout("the window to hand out an image");
     TG_VK(result);
-    wait_for_acquire_ = true;
     return true;
   }
   return false;
 }
 
-VkCommandBuffer Presenter::beginCommands() {
-  VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
-  begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
-  TG_VK(vkBeginCommandBuffer(commands_, &begin));
-  return commands_;
+VkCommandBuffer Presenter::beginFrame() {
+  begin(frames_[frame_]);
+  return frames_[frame_].commands;
 }
 
 void Presenter::recordPictures(std::span<const ImageBlit> pictures, glm::vec3 clear) {
-  const VkImage target = images_[index_];
+  Submission& frame = frames_[frame_];
+  const VkCommandBuffer commands = frame.commands;
+  const VkImage target = targets_[index_].image;
   // The stage is the one that the acquire semaphore holds back.
-  barrier(commands_, target, {kTransfer, 0, VK_IMAGE_LAYOUT_UNDEFINED},
+  barrier(commands, target, {kTransfer, 0, VK_IMAGE_LAYOUT_UNDEFINED},
           {kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL});
   const VkClearColorValue color{{clear.r, clear.g, clear.b, 1.0f}};
-  vkCmdClearColorImage(commands_, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &color, 1, &kColor);
+  vkCmdClearColorImage(commands, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &color, 1, &kColor);
   const Use cleared{kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL};
   for (const ImageBlit& picture : pictures) {
-    barrier(commands_, target, cleared, cleared);
+    barrier(commands, target, cleared, cleared);
     // Written by another submission, perhaps of another queue, that a fence has told the end of.
-    barrier(commands_, picture.image, {kTransfer, VK_ACCESS_MEMORY_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL},
+    barrier(commands, picture.image, {kTransfer, VK_ACCESS_MEMORY_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL},
             {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_GENERAL});
+    frame.owners.push_back(picture.owner);
     const auto corner = [](glm::ivec2 at, std::int32_t z) { return VkOffset3D{at.x, at.y, z}; };
     VkImageBlit blit{};
     blit.srcSubresource = kColorLayer;
@@ -236,10 +303,10 @@ void Presenter::recordPictures(std::span<const ImageBlit> pictures, glm::vec3 cl
     blit.dstSubresource = kColorLayer;
     blit.dstOffsets[0] = corner(picture.to.origin, 0);
     blit.dstOffsets[1] = corner(picture.to.origin + picture.to.size, 1);
-    vkCmdBlitImage(commands_, picture.image, VK_IMAGE_LAYOUT_GENERAL, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1,
+    vkCmdBlitImage(commands, picture.image, VK_IMAGE_LAYOUT_GENERAL, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1,
                    &blit, picture.from.size == picture.to.size ? VK_FILTER_NEAREST : VK_FILTER_LINEAR);
   }
-  barrier(commands_, target, cleared,
+  barrier(commands, target, cleared,
           {kColorStage, VK_ACCESS_COLOR_ATTACHMENT_READ_BIT | VK_ACCESS_COLOR_ATTACHMENT_WRITE_BIT,
            VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL});
 }
@@ -247,36 +314,26 @@ void Presenter::recordPictures(std::span<const ImageBlit> pictures, glm::vec3 cl
 void Presenter::beginPanels() {
   VkRenderPassBeginInfo begin{VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO};
   begin.renderPass = render_pass_;
-  begin.framebuffer = framebuffers_[index_];
+  begin.framebuffer = targets_[index_].framebuffer;
   begin.renderArea.extent = extent_;
-  vkCmdBeginRenderPass(commands_, &begin, VK_SUBPASS_CONTENTS_INLINE);
+  vkCmdBeginRenderPass(frames_[frame_].commands, &begin, VK_SUBPASS_CONTENTS_INLINE);
 }
 
-void Presenter::endPanels() { vkCmdEndRenderPass(commands_); }
+void Presenter::endPanels() { vkCmdEndRenderPass(frames_[frame_].commands); }
 
-void Presenter::submitAndWait() {
-  TG_VK(vkEndCommandBuffer(commands_));
-  const VkPipelineStageFlags stage = kTransfer;
-  VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
-  submit.waitSemaphoreCount = wait_for_acquire_ ? 1 : 0;
-  submit.pWaitSemaphores = &acquired_;
-  submit.pWaitDstStageMask = &stage;
-  submit.commandBufferCount = 1;
-  submit.pCommandBuffers = &commands_;
-  {
-    const std::lock_guard lock(device_.mutexOf(device_.window_queue));
-    TG_VK(vkQueueSubmit(device_.window_queue, 1, &submit, fence_));
-  }
-  wait_for_acquire_ = false;
-  const VkResult waited = vkWaitForFences(device_.device, 1, &fence_, VK_TRUE, kDeviceTimeout);
-  if (waited == VK_TIMEOUT) refuseTimeout("a frame");
-  TG_VK(waited);
-  TG_VK(vkResetFences(device_.device, 1, &fence_));
+void Presenter::submit() { submit(frames_[frame_], frames_[frame_].acquired, targets_[index_].drawn); }
+
+void Presenter::runOnce(const std::function<void(VkCommandBuffer)>& record) {
+  begin(once_);
+  record(once_.commands);
+  submit(once_, VK_NULL_HANDLE, VK_NULL_HANDLE);
+  await(once_);
 }
 
 void Presenter::present() {
-  // No semaphore: the fence has made the image's contents available already.
   VkPresentInfoKHR info{VK_STRUCTURE_TYPE_PRESENT_INFO_KHR};
+  info.waitSemaphoreCount = 1;
+  info.pWaitSemaphores = &targets_[index_].drawn;
   info.swapchainCount = 1;
   info.pSwapchains = &swapchain_;
   info.pImageIndices = &index_;
@@ -294,20 +351,20 @@ void Presenter::present() {
 Image Presenter::copyOut(VkImage image, VkImageLayout layout, VkImageLayout layout_after, glm::ivec2 size, bool bgr) {
   const std::size_t pixels = static_cast<std::size_t>(size.x) * size.y;
   const Buffer buffer(device_, "a screenshot", pixels * 4, Memory::host);
-  beginCommands();
-  barrier(commands_, image, {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_WRITE_BIT, layout},
-          {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL});
-  VkBufferImageCopy copy{};
-  copy.imageSubresource = kColorLayer;
-  copy.imageExtent = {static_cast<std::uint32_t>(size.x), static_cast<std::uint32_t>(size.y), 1};
-  vkCmdCopyImageToBuffer(commands_, image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, buffer.handle(), 1, &copy);
-  barrier(commands_, image, {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
-          {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_READ_BIT, layout_after});
-  VkMemoryBarrier to_host{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
-  to_host.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
-  to_host.dstAccessMask = VK_ACCESS_HOST_READ_BIT;
-  vkCmdPipelineBarrier(commands_, kTransfer, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &to_host, 0, nullptr, 0, nullptr);
-  submitAndWait();
+  runOnce([&](VkCommandBuffer commands) {
+    barrier(commands, image, {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_WRITE_BIT, layout},
+            {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL});
+    VkBufferImageCopy copy{};
+    copy.imageSubresource = kColorLayer;
+    copy.imageExtent = {static_cast<std::uint32_t>(size.x), static_cast<std::uint32_t>(size.y), 1};
+    vkCmdCopyImageToBuffer(commands, image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, buffer.handle(), 1, &copy);
+    barrier(commands, image, {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
+            {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_READ_BIT, layout_after});
+    VkMemoryBarrier to_host{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
+    to_host.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
+    to_host.dstAccessMask = VK_ACCESS_HOST_READ_BIT;
+    vkCmdPipelineBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &to_host, 0, nullptr, 0, nullptr);
+  });
 
   const auto* bytes = reinterpret_cast<const std::uint8_t*>(buffer.data());
   Image result(size.x, size.y, 3);
@@ -325,7 +382,7 @@ Image Presenter::read(VkImage image, glm::ivec2 size) {
 
 Image Presenter::readWindow() {
   if (!readable_) throw Error(ErrorKind::device, "this window system does not let its pixels be read back");
-  return copyOut(images_[index_], VK_IMAGE_LAYOUT_PRESENT_SRC_KHR, VK_IMAGE_LAYOUT_PRESENT_SRC_KHR, size(),
+  return copyOut(targets_[index_].image, VK_IMAGE_LAYOUT_PRESENT_SRC_KHR, VK_IMAGE_LAYOUT_PRESENT_SRC_KHR, size(),
                  format_.format == VK_FORMAT_B8G8R8A8_UNORM);
 }
 

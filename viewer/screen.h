@@ -3,6 +3,7 @@
 #pragma once
 #include <glm/glm.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "core/image.h"
@@ -26,7 +27,7 @@ class PictureImage {
 
 // A part of an image and where in the window it goes.
 struct PictureBlit {
-  const PictureImage* image;
+  std::shared_ptr<const PictureImage> image;
   PixelRect from;
   PixelRect to;
 };
@@ -40,16 +41,25 @@ class PictureDevice {
   virtual std::unique_ptr<GpuRenderer> makeRenderer() = 0;
   // One of its renderers into an image of the request's size; returns as GpuRenderer::draw().
   virtual bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target) = 0;
+  // The same in two steps, so that the next picture is recorded while the device draws this one. begin(): false when
+  // this one must be drawn alone; nothing has happened then. finish() waits at most so long [ms] for the oldest that
+  // was begun, none: it has not ended; else as draw(). Nothing else may be called while one is under way.
+  virtual bool begin(GpuRenderer&, const FrameRequest&, const std::shared_ptr<PictureImage>&) { return false; }
+  virtual std::optional<bool> finish(double) { return std::nullopt; }
+  // Waits for all that were begun, and forgets them.
+  virtual void drain() noexcept {}
   virtual void upload(const Image& picture, PictureImage& target) = 0;  // 3 channels in [0, 1]
   virtual Image download(const PictureImage& source) = 0;               // 3 channels
 };
 
-// One frame in flight: pictures come from another thread, so that a frame is a few copies and the panels. Use: acquire,
-// draw, read, present. All but the first three members belong to the window's thread.
+// Pictures come from another thread, so that a frame is a few copies and the panels. Use: acquire, draw, read, present.
+// None waits for the frame that it draws, but acquire for an earlier one: at most options.frames_in_flight are under
+// way. All but the first four members belong to the window's thread.
 class Screen {
  public:
   virtual ~Screen() = default;
   virtual bool software() const = 0;
+  virtual int framesInFlight() const = 0;    // of the window and of the pictures
   virtual std::size_t messages() const = 0;  // of validation, so far
   virtual std::unique_ptr<PictureDevice> makePictureDevice() = 0;
 

@@ -74,6 +74,8 @@ constexpr std::array kVerbs = {
     Verb{"isolate", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) { s.inspect.isolated = parseSwitch(w[0], at); }},
     Verb{"clear-inspection", 0, 0, [](ViewerState& s, const Words&, const std::string&) { clearInspection(s); }},
+    Verb{"continuous", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.continuous = parseSwitch(w[0], at); }},
     Verb{"resolution", 1, 0,
          [](ViewerState& s, const Words& w,
             const std::string& at) { s.display.resolution = parseNumber(w[0], kMinResolution, kMaxResolution, at); }},

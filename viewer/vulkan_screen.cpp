@@ -7,7 +7,9 @@
 #include <backends/imgui_impl_vulkan.h>
 #include <imgui.h>
 
+#include <algorithm>
 #include <cstdint>
+#include <deque>
 
 #include "core/error.h"
 #include "render/vulkan/buffer.h"
@@ -19,7 +21,7 @@
 namespace tg {
 namespace {
 
-constexpr std::uint32_t kVertexBuffers = 2;  // the least that ImGui's back end accepts; one frame is in flight
+constexpr std::uint32_t kVertexBuffers = 2;  // of ImGui's back end, one to a frame in flight; it accepts no fewer
 constexpr VkPipelineStageFlags kTransfer = VK_PIPELINE_STAGE_TRANSFER_BIT;
 
 using DevicePtr = std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)>;
@@ -86,7 +88,12 @@ VkBufferImageCopy wholeCopy(glm::ivec2 size) {
 
 class VulkanPictureDevice final : public PictureDevice {
  public:
-  explicit VulkanPictureDevice(VulkanDevice& device) : device_(device), commands_(device) {}
+  VulkanPictureDevice(VulkanDevice& device, int frames_in_flight) : device_(device) {
+    for (int i = 0; i < frames_in_flight; ++i) frames_.push_back(std::make_unique<Commands>(device));
+  }
+  VulkanPictureDevice(const VulkanPictureDevice&) = delete;
+  VulkanPictureDevice& operator=(const VulkanPictureDevice&) = delete;
+  ~VulkanPictureDevice() override { drain(); }
 
   std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
     return std::make_shared<VulkanPictureImage>(device_, size);
@@ -95,24 +102,52 @@ class VulkanPictureDevice final : public PictureDevice {
 
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target) override {
     auto& vulkan = static_cast<VulkanRenderer&>(renderer);
-    commands_.run([&](VkCommandBuffer commands) {
-      vulkan.record(commands, request);
-      barrier(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-              VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
-      beginWrite(commands, imageOf(target));
-      VkImageCopy copy{};
-      copy.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
-      copy.dstSubresource = copy.srcSubresource;
-      copy.extent = wholeCopy(target.size).imageExtent;
-      vkCmdCopyImage(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, imageOf(target), VK_IMAGE_LAYOUT_GENERAL, 1,
-                     &copy);
-    });
+    frames_[0]->run([&](VkCommandBuffer commands) { record(commands, vulkan, request, target); });
     return vulkan.finishFrame();
+  }
+
+  bool begin(GpuRenderer& renderer, const FrameRequest& request, const std::shared_ptr<PictureImage>& target) override {
+    auto& vulkan = static_cast<VulkanRenderer&>(renderer);
+    if (under_way_.size() == frames_.size()) return false;
+    if (!under_way_.empty() && (under_way_.front().renderer != &vulkan || !vulkan.sharesProgram(request))) return false;
+    Commands& commands = *frames_[begun_ % frames_.size()];
+    commands.start([&](VkCommandBuffer buffer) { record(buffer, vulkan, request, *target); });
+    ++begun_;
+    under_way_.push_back({&vulkan, &commands, target});
+    return true;
+  }
+
+  std::optional<bool> finish(double milliseconds) override {
+    const UnderWay oldest = under_way_.front();
+    if (oldest.renderer) {
+      const double most = 1e-6 * static_cast<double>(UINT64_MAX / 2);  // of the fence's clock
+      if (!oldest.commands->finish(static_cast<std::uint64_t>(std::min(milliseconds, most) * 1e6))) return std::nullopt;
+      under_way_.pop_front();
+      if (oldest.renderer->frameFits()) return oldest.renderer->finishFrame();
+      // Its buffers grow, so that nothing may use them; what was drawn with them counts for nothing.
+      for (UnderWay& later : under_way_) {
+        later.commands->finish();
+        later.renderer = nullptr;
+      }
+      return oldest.renderer->finishFrame();
+    }
+    under_way_.pop_front();
+    return false;
+  }
+
+  void drain() noexcept override {
+    for (const UnderWay& frame : under_way_) {
+      try {
+        if (frame.renderer) frame.commands->finish();
+      } catch (const Error&) {  // a lost device has nothing under way
+      }
+    }
+    under_way_.clear();
   }
 
   void upload(const Image& picture, PictureImage& target) override {
     toRgba8(picture, staging(target.size));
-    commands_.run([&](VkCommandBuffer commands) {
+    frames_[0]->run([&](VkCommandBuffer commands) {
       beginWrite(commands, imageOf(target));
       const VkBufferImageCopy copy = wholeCopy(target.size);
       vkCmdCopyBufferToImage(commands, staging_.handle(), imageOf(target), VK_IMAGE_LAYOUT_GENERAL, 1, &copy);
@@ -121,7 +156,7 @@ class VulkanPictureDevice final : public PictureDevice {
 
   Image download(const PictureImage& source) override {
     const std::span<std::byte> bytes = staging(source.size);
-    commands_.run([&](VkCommandBuffer commands) {
+    frames_[0]->run([&](VkCommandBuffer commands) {
       barrier(commands, imageOf(source), VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT,
               VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
       const VkBufferImageCopy copy = wholeCopy(source.size);
@@ -132,6 +167,26 @@ class VulkanPictureDevice final : public PictureDevice {
   }
 
  private:
+  struct UnderWay {
+    VulkanRenderer* renderer;  // null: it has ended, and must be drawn again
+    Commands* commands;
+    std::shared_ptr<PictureImage> target;
+  };
+
+  static void record(VkCommandBuffer commands, VulkanRenderer& vulkan, const FrameRequest& request,
+                     const PictureImage& target) {
+    vulkan.record(commands, request);
+    barrier(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
+            VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
+    beginWrite(commands, imageOf(target));
+    VkImageCopy copy{};
+    copy.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
+    copy.dstSubresource = copy.srcSubresource;
+    copy.extent = wholeCopy(target.size).imageExtent;
+    vkCmdCopyImage(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, imageOf(target), VK_IMAGE_LAYOUT_GENERAL, 1,
+                   &copy);
+  }
+
   std::span<std::byte> staging(glm::ivec2 size) {
     const std::size_t bytes = std::size_t{4} * size.x * size.y;
     if (staging_.size() < bytes) {
@@ -142,7 +197,9 @@ class VulkanPictureDevice final : public PictureDevice {
   }
 
   VulkanDevice& device_;
-  Commands commands_;
+  std::vector<std::unique_ptr<Commands>> frames_;  // as many as may be under way
+  std::size_t begun_ = 0;
+  std::deque<UnderWay> under_way_;
   Buffer staging_;
 };
 
@@ -151,28 +208,34 @@ void checkResult(VkResult result) { TG_VK(result); }
 class VulkanScreen final : public Screen {
  public:
   VulkanScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick)
-      : window_(window), device_(createWindowDevice(window, options, pick)), presenter_(*device_) {}
+      : window_(window),
+        device_(createWindowDevice(window, options, pick)),
+        frames_in_flight_(tg::framesInFlight(options, software())),
+        presenter_(*device_, frames_in_flight_) {}
 
   bool software() const override { return device_->properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU; }
+  int framesInFlight() const override { return frames_in_flight_; }
   std::size_t messages() const override {
     const std::lock_guard lock(device_->messages_mutex);
     return device_->validation_messages.size();
   }
   std::unique_ptr<PictureDevice> makePictureDevice() override {
-    return std::make_unique<VulkanPictureDevice>(*device_);
+    return std::make_unique<VulkanPictureDevice>(*device_, frames_in_flight_);
   }
 
   glm::ivec2 size() const override { return presenter_.size(); }
   bool acquire(glm::ivec2 framebuffer_size) override { return presenter_.acquire(framebuffer_size); }
   void draw(std::span<const PictureBlit> pictures, glm::vec3 clear, bool panels) override {
-    const VkCommandBuffer commands = presenter_.beginCommands();
+    const VkCommandBuffer commands = presenter_.beginFrame();
     std::vector<ImageBlit> blits;
-    for (const PictureBlit& blit : pictures) blits.push_back({imageOf(*blit.image), blit.from, blit.to});
+    for (const PictureBlit& blit : pictures) {
+      blits.push_back({imageOf(*blit.image), blit.image, blit.from, blit.to});
+    }
     presenter_.recordPictures(blits, clear);
     presenter_.beginPanels();
     if (panels) ImGui_ImplVulkan_RenderDrawData(ImGui::GetDrawData(), commands);
     presenter_.endPanels();
-    presenter_.submitAndWait();
+    presenter_.submit();
   }
   Image read(const PictureImage& image) override { return presenter_.read(imageOf(image), image.size); }
   Image readWindow() override { return presenter_.readWindow(); }
@@ -184,6 +247,7 @@ class VulkanScreen final : public Screen {
     ImGui_ImplGlfw_NewFrame();
   }
   void stopPanels() override {
+    presenter_.waitIdle();
     ImGui_ImplVulkan_Shutdown();
     ImGui_ImplGlfw_Shutdown();
     vkDestroyDescriptorPool(device_->device, pool_, nullptr);
@@ -192,6 +256,7 @@ class VulkanScreen final : public Screen {
  private:
   GLFWwindow* window_;
   DevicePtr device_;
+  const int frames_in_flight_;
   Presenter presenter_;
   VkDescriptorPool pool_ = VK_NULL_HANDLE;
 };
@@ -225,8 +290,7 @@ void VulkanScreen::startPanels() {
   ImGui_ImplVulkan_Init(&info);
 #endif
 #if IMGUI_VERSION_NUM < 19000  // later back ends upload the font by themselves
-  ImGui_ImplVulkan_CreateFontsTexture(presenter_.beginCommands());
-  presenter_.submitAndWait();
+  presenter_.runOnce([](VkCommandBuffer commands) { ImGui_ImplVulkan_CreateFontsTexture(commands); });
   ImGui_ImplVulkan_DestroyFontUploadObjects();
 #endif
 }

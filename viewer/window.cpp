@@ -19,6 +19,7 @@
 #include "viewer/captures.h"
 #include "viewer/comparison_control.h"
 #include "viewer/document_keeper.h"
+#include "viewer/frame_timings.h"
 #include "viewer/graphics.h"
 #include "viewer/input.h"
 #include "viewer/inspector.h"
@@ -70,6 +71,7 @@ class Viewer {
   void inspectClick();
   bool scriptMayGoOn() const;
   bool onDevice(const std::function<void()>& draw);
+  bool timedOnDevice(const std::function<void()>& draw);
 
   void setTitle();
   void openJson(const std::filesystem::path& path);
@@ -108,6 +110,7 @@ class Viewer {
   bool given_up_ = false;                   // what was asked for cannot be drawn
   double last_full_ms_ = 0;                 // of the last picture at full size
   LoadTimings timings_{started_};
+  FrameTimings frame_timings_;
   bool recovered_ = false;               // the device has failed once
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
@@ -150,7 +153,7 @@ void Viewer::run() {
     glm::ivec2 pixels;
     glfwGetFramebufferSize(graphics_->window(), &pixels.x, &pixels.y);
     bool visible = false;
-    if (!onDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
+    if (!timedOnDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
     if (!visible) {
       glfwWaitEventsTimeout(0.1);
       continue;
@@ -185,14 +188,16 @@ void Viewer::run() {
     followAspect();
     askForPicture(moving);
     comparison_.measure(state_.compare, picture_.get(), complete());
-    onDevice([&] {
+    timedOnDevice([&] {
       if (std::exchange(state_.test.lose_window, false))
         throw Error(ErrorKind::device, "device lost, as a script wants it");
       drawFrame();
       if ((complete() && !measuring()) || !capturing()) capture();
       graphics_->screen().present();
     });
+    frame_timings_.frameShown();
   }
+  if (options_.timings) frame_timings_.print();
   glm::ivec2 window;
   glfwGetWindowSize(graphics_->window(), &window.x, &window.y);
   session_.keep(state_, window);
@@ -229,6 +234,13 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
   setTitle();
   frames_since_event_ = 0;
   return false;
+}
+
+bool Viewer::timedOnDevice(const std::function<void()>& draw) {
+  const auto start = FrameTimings::Clock::now();
+  const bool done = onDevice(draw);
+  frame_timings_.held(FrameTimings::Clock::now() - start);
+  return done;
 }
 
 bool Viewer::scriptMayGoOn() const {
@@ -421,7 +433,7 @@ void Viewer::askForPicture(bool moving) {
     frames_since_event_ = 0;  // the full picture is still owed
   }
   const PictureRequest wanted = request(size);
-  const bool again = state_.ui.continuous && graphics_->pictures.idle();
+  const bool again = state_.ui.continuous && !graphics_->pictures.waiting();
   if (asked_ && same(*asked_, wanted) && !again) return;
   ask(wanted);
 }
@@ -439,6 +451,7 @@ void Viewer::takePicture() {
   }
   if (!news.picture) return;
   picture_ = std::move(news.picture);
+  frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
   const bool for_run = run_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
   if (for_run && !run_.active()) runEnded();
@@ -463,7 +476,7 @@ void Viewer::drawFrame() {
   std::vector<PictureBlit> blits;
   if (picture_ && run_.active()) {
     const glm::ivec2 size = picture_->image->size;
-    blits.push_back({picture_->image.get(), {{0, 0}, size}, fittedInto(pictureArea(), size)});
+    blits.push_back({picture_->image, {{0, 0}, size}, fittedInto(pictureArea(), size)});
   } else if (picture_) {
     blits = layOut(*picture_, state_.compare.how, pictureArea());
   }

@@ -88,6 +88,7 @@ class GlProgram final : public PassProgram {
   void run(const ViewUniforms& view);
   Counters counters() const override { return last_; }
   std::vector<PassTime> times() const override { return timer_.read(); }
+  void next() override {}
 
  private:
   struct Dispatch {

@@ -53,9 +53,11 @@ struct DeviceInfo {
 class PassProgram {
  public:
   virtual ~PassProgram() = default;
-  // Both of the last run, which has ended. Times are empty on devices that cannot tell.
+  // Both of the oldest run that next() has not passed, which has ended. Times are empty on devices that cannot tell.
   virtual Counters counters() const = 0;
   virtual std::vector<PassTime> times() const = 0;
+  // That run's results are no longer wanted.
+  virtual void next() = 0;
 };
 
 // Every function throws Error(device) when the device fails or has no memory left.

@@ -15,6 +15,10 @@ namespace {
 constexpr std::uint32_t kFirstPairCapacity = 1u << 16;
 constexpr std::uint32_t kFirstPairsPerGaussian = 4;
 
+std::uint32_t textureModeOf(const ModelBuffers& model, const RenderSettings& settings) {
+  return static_cast<std::uint32_t>(model.texture_mode) & static_cast<std::uint32_t>(settings.textures);
+}
+
 ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const ModelBuffers& model,
                     const ImageBuffers& image, float exposure_stops) {
   ViewUniforms view{};
@@ -30,7 +34,7 @@ ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const 
   view.tiles_y = image.tilesY();
   view.gaussian_count = model.gaussian_count;
   view.sh_degree = model.sh_degree;
-  view.texture_mode = static_cast<std::uint32_t>(model.texture_mode) & static_cast<std::uint32_t>(settings.textures);
+  view.texture_mode = textureModeOf(model, settings);
   view.intersection = static_cast<std::uint32_t>(settings.intersection.value_or(model.intersection));
   const CropBox crop = settings.crop.value_or(CropBox{});
   view.crop_min = glm::vec4(crop.min, settings.crop ? 1.0f : 0.0f);
@@ -132,9 +136,21 @@ GpuRenderer::Recording GpuRenderer::prepareFrame(const FrameRequest& request) {
   return prepare(request.camera, request.settings, variantFor(request.output), request.exposure_stops);
 }
 
+bool GpuRenderer::sharesProgram(const FrameRequest& request) const {
+  const auto side = [](int pixels) { return static_cast<std::uint32_t>(pixels); };
+  return program_ && image_->width == side(request.camera.width) && image_->height == side(request.camera.height) &&
+         variantOf(request.settings, variantFor(request.output)) == variant_;
+}
+
+bool GpuRenderer::frameFits() const {
+  const Counters counters = program_->counters();
+  return counters.work[kWorkPairs].total <= pairs_->capacity && roundsFor(counters.longest_list) <= blend_rounds_;
+}
+
 bool GpuRenderer::finishFrame() {
   times_ = program_->times();
   const Counters counters = program_->counters();
+  program_->next();
   const std::uint32_t pairs = counters.work[kWorkPairs].total;
   counts_ = {counters.work[kWorkVisible].total, pairs};
   if (pairs <= pairs_->capacity) return blendedAll(counters.longest_list);
@@ -154,9 +170,13 @@ void GpuRenderer::makePairs(std::uint32_t capacity) {
   pairs_.emplace(*device_, capacity);
 }
 
+std::uint32_t GpuRenderer::roundsFor(std::uint32_t longest_list) const {
+  return std::max(longest_list, 1u) / listEntriesPerRound(tuning_) + 1;
+}
+
 // False: a tile's list went on after the last dispatch of blend. The next frame has enough of them.
 bool GpuRenderer::blendedAll(std::uint32_t longest_list) {
-  const std::uint32_t rounds = std::max(longest_list, 1u) / listEntriesPerRound(tuning_) + 1;
+  const std::uint32_t rounds = roundsFor(longest_list);
   if (rounds <= blend_rounds_) return true;
   blend_rounds_ = rounds;
   program_.reset();
@@ -189,15 +209,21 @@ void GpuRenderer::fitImage(const Camera& camera) {
   }
 }
 
+// With what the settings and the model add to an output's variant.
+FrameVariant GpuRenderer::variantOf(const RenderSettings& settings, FrameVariant variant) const {
+  if (model_->textured && textureModeOf(*model_, settings) != kModeNone) {
+    variant.sample = settings.texture_filter == TextureFilter::footprint ? kSampleFootprint : kSampleBilinear;
+  }
+  variant.per_pixel = settings.order == SplatOrder::perPixel;
+  return variant;
+}
+
 // Buffers, passes and uniforms of the next frame.
 GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
                                             float exposure_stops) {
   fitImage(camera);
   const ViewUniforms view = viewOf(camera, settings, *model_, *image_, exposure_stops);
-  if (model_->textured && view.texture_mode != kModeNone) {
-    variant.sample = settings.texture_filter == TextureFilter::footprint ? kSampleFootprint : kSampleBilinear;
-  }
-  variant.per_pixel = settings.order == SplatOrder::perPixel;
+  variant = variantOf(settings, variant);
   if (variant != variant_) program_.reset();
   variant_ = variant;
   if (!program_) {

@@ -55,10 +55,16 @@ class GpuRenderer : public Renderer {
   // What draw() is made of: the first says what to run, the second comes after it has run and returns as draw() does.
   Recording prepareFrame(const FrameRequest& request);
   bool finishFrame();
+  // Where frames overlap: whether the next one may be prepared while earlier ones run, and whether finishFrame() will
+  // return true for the oldest that has run. When not, no other may still run.
+  bool sharesProgram(const FrameRequest& request) const;
+  bool frameFits() const;
 
  private:
   void makePairs(std::uint32_t capacity);
+  std::uint32_t roundsFor(std::uint32_t longest_list) const;
   bool blendedAll(std::uint32_t longest_list);
+  FrameVariant variantOf(const RenderSettings& settings, FrameVariant variant) const;
   Frame renderBands(const Camera& camera, const RenderSettings& settings, int rows);
   void checkFrame(const Camera& camera, const RenderSettings& settings) const;
   void drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant);

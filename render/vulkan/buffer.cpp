@@ -190,6 +190,11 @@ Commands::~Commands() {
 }
 
 void Commands::run(const std::function<void(VkCommandBuffer)>& record) {
+  start(record);
+  finish();
+}
+
+void Commands::start(const std::function<void(VkCommandBuffer)>& record) {
   TG_VK(vkResetCommandPool(device_.device, pool_, 0));
   VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
   begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
@@ -199,12 +204,16 @@ void Commands::run(const std::function<void(VkCommandBuffer)>& record) {
   VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
   submit.commandBufferCount = 1;
   submit.pCommandBuffers = &commands_;
-  {
-    const std::lock_guard lock(device_.mutexOf(device_.queue));
-    TG_VK(vkQueueSubmit(device_.queue, 1, &submit, fence_));
-  }
-  TG_VK(vkWaitForFences(device_.device, 1, &fence_, VK_TRUE, UINT64_MAX));
+  const std::lock_guard lock(device_.mutexOf(device_.queue));
+  TG_VK(vkQueueSubmit(device_.queue, 1, &submit, fence_));
+}
+
+bool Commands::finish(std::uint64_t nanoseconds) {
+  const VkResult waited = vkWaitForFences(device_.device, 1, &fence_, VK_TRUE, nanoseconds);
+  if (waited == VK_TIMEOUT) return false;
+  TG_VK(waited);
   TG_VK(vkResetFences(device_.device, 1, &fence_));
+  return true;
 }
 
 void stageBarrier(VkCommandBuffer commands, VkPipelineStageFlags before, VkPipelineStageFlags after) {

@@ -78,6 +78,9 @@ class Commands {
 
   // Records, submits and waits.
   void run(const std::function<void(VkCommandBuffer)>& record);
+  // The same in two steps. finish() waits at most so long [ns]; false: it has not ended.
+  void start(const std::function<void(VkCommandBuffer)>& record);
+  bool finish(std::uint64_t nanoseconds = UINT64_MAX);
 
  private:
   const VulkanDevice& device_;

@@ -64,12 +64,11 @@ std::vector<PassTime> Timer::read() const {
 }
 
 VulkanProgram::VulkanProgram(const VulkanDevice& device, Pipelines& pipelines, const PassList& list)
-    : timer_(device),
+    : results_{std::make_unique<Results>(device), std::make_unique<Results>(device)},
       first_(list.firstCounters()),
       counters_(vulkanBuffer(*list.counters()).handle()),
       slot_stride_(roundUp(sizeof(PassUniforms), device.properties.limits.minUniformBufferOffsetAlignment)),
       view_(device, "view uniforms", sizeof(ViewUniforms), Memory::host),
-      counters_read_(device, "counters read-back", sizeof(Counters), Memory::host),
       slots_(device, "pass uniforms", VkDeviceSize{list.passes().size()} * slot_stride_, Memory::host),
       sets_(device, view_, slots_) {
   for (const GpuBuffer* buffer : list.cleared()) cleared_.push_back(vulkanBuffer(*buffer).handle());
@@ -84,7 +83,7 @@ VulkanProgram::VulkanProgram(const VulkanDevice& device, Pipelines& pipelines, c
 
 Counters VulkanProgram::counters() const {
   Counters counters;
-  std::memcpy(&counters, counters_read_.data(), sizeof counters);
+  std::memcpy(&counters, oldest().counters.data(), sizeof counters);
   return counters;
 }
 
@@ -101,19 +100,21 @@ void VulkanProgram::recordImageStart(VkCommandBuffer commands) {
   vkCmdPipelineBarrier(commands, kTransfer, kCompute, 0, 0, nullptr, 0, nullptr, 1, &barrier);
 }
 
-void VulkanProgram::recordStart(VkCommandBuffer commands) {
+// The view travels in the command buffer: the recording before may still be reading its own.
+void VulkanProgram::recordStart(VkCommandBuffer commands, const ViewUniforms& view) {
   if (image_) recordImageStart(commands);
   stageBarrier(commands, kTransfer | kCompute, kTransfer | kCompute);
   vkCmdUpdateBuffer(commands, counters_, 0, sizeof first_, &first_);
+  vkCmdUpdateBuffer(commands, view_.handle(), 0, sizeof view, &view);
   for (VkBuffer buffer : cleared_) vkCmdFillBuffer(commands, buffer, 0, VK_WHOLE_SIZE, 0);
 }
 
 void VulkanProgram::record(VkCommandBuffer commands, const ViewUniforms& view) {
   constexpr VkPipelineStageFlags kWriters = kCompute | kTransfer;
   constexpr VkPipelineStageFlags kReaders = kCompute | VK_PIPELINE_STAGE_DRAW_INDIRECT_BIT;
-  std::memcpy(view_.data(), &view, sizeof view);
-  timer_.begin(commands);
-  recordStart(commands);
+  Results& results = *results_[recorded_++ % kMostUnderWay];
+  results.timer.begin(commands);
+  recordStart(commands, view);
   for (std::size_t i = 0; i < dispatches_.size(); ++i) {
     const Dispatch& pass = dispatches_[i];
     stageBarrier(commands, kWriters, kReaders);
@@ -128,12 +129,12 @@ void VulkanProgram::record(VkCommandBuffer commands, const ViewUniforms& view) {
     const bool last_of_name = i + 1 == dispatches_.size() || std::strcmp(dispatches_[i + 1].name, pass.name) != 0;
     if (last_of_name) {
       stageBarrier(commands, kWriters, kReaders);
-      timer_.mark(commands, pass.name);
+      results.timer.mark(commands, pass.name);
     }
   }
   const VkBufferCopy copy{0, 0, sizeof(Counters)};
   stageBarrier(commands, kWriters, kTransfer);
-  vkCmdCopyBuffer(commands, counters_, counters_read_.handle(), 1, &copy);
+  vkCmdCopyBuffer(commands, counters_, results.counters.handle(), 1, &copy);
   stageBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT);
 }
 

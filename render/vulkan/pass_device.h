@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lists of passes on Vulkan: command buffers with barriers and time stamps.
 #pragma once
+#include <array>
 #include <map>
 #include <memory>
 #include <vector>
@@ -35,11 +36,14 @@ class VulkanProgram final : public PassProgram {
  public:
   VulkanProgram(const VulkanDevice& device, Pipelines& pipelines, const PassList& list);
 
-  // Leaves the list's image in layout GENERAL, written by compute. Must not be called again before the previous
-  // recording has finished executing.
+  static constexpr std::size_t kMostUnderWay = 2;
+
+  // Leaves the list's image in layout GENERAL, written by compute. kMostUnderWay recordings may execute on one queue,
+  // one after the other: what the host reads of them lies apart, the rest is ordered by barriers.
   void record(VkCommandBuffer commands, const ViewUniforms& view);
   Counters counters() const override;
-  std::vector<PassTime> times() const override { return timer_.read(); }
+  std::vector<PassTime> times() const override { return oldest().timer.read(); }
+  void next() override { ++taken_; }
 
  private:
   struct Dispatch {
@@ -49,17 +53,25 @@ class VulkanProgram final : public PassProgram {
     std::uint32_t slot_offset;  // [bytes] of its PassUniforms
     Groups groups;
   };
-  void recordStart(VkCommandBuffer commands);
+  // What the host reads of a recording.
+  struct Results {
+    explicit Results(const VulkanDevice& device)
+        : timer(device), counters(device, "counters read-back", sizeof(Counters), Memory::host) {}
+    Timer timer;
+    Buffer counters;
+  };
+  Results& oldest() const { return *results_[taken_ % kMostUnderWay]; }
+  void recordStart(VkCommandBuffer commands, const ViewUniforms& view);
   void recordImageStart(VkCommandBuffer commands);
 
-  Timer timer_;
+  std::array<std::unique_ptr<Results>, kMostUnderWay> results_;
+  std::size_t recorded_ = 0, taken_ = 0;
   Counters first_;
   VkBuffer counters_;
   std::vector<VkBuffer> cleared_;
   VkImage image_ = VK_NULL_HANDLE;
   std::uint32_t slot_stride_;  // [bytes]
   Buffer view_;
-  Buffer counters_read_;
   Buffer slots_;
   DescriptorSets sets_;
   std::vector<Dispatch> dispatches_;

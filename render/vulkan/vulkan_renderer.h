@@ -14,12 +14,15 @@ class VulkanRenderer : public GpuRenderer {
  public:
   using GpuRenderer::GpuRenderer;
   // Records all passes of a frame; afterwards the visualised output lies in image() in layout GENERAL, written by
-  // compute. No read-back, no wait. Must not be called again before the previous recording has finished executing.
+  // compute. No read-back, no wait. While the previous recording executes it may be called once more if
+  // sharesProgram(request).
   void record(VkCommandBuffer commands, const FrameRequest& request);
   // RGBA8, width x height of the last request; usage TRANSFER_SRC | STORAGE. Changes when the size changes.
   VkImage image() const;
-  // Call after the fence of the last recording; returns as draw() does.
+  // Call after the fence of the oldest recording; returns as draw() does.
   using GpuRenderer::finishFrame;
+  using GpuRenderer::frameFits;
+  using GpuRenderer::sharesProgram;
 };
 
 // `device` must outlive the renderer.

@@ -25,10 +25,12 @@ namespace {
 
 // Runs a script in a window, under validation.
 void play(const Workshop& shop, const std::string& script, const std::string& size,
-          const std::string& backend = backendOr("vulkan")) {
+          const std::string& backend = backendOr("vulkan"), const std::vector<std::string>& more = {}) {
   shop.write("script.txt", script);
-  const ProcessResult result = shop.tgview(
-      {"model.tgz", "--script", "script.txt", "--size", size, "--backend", backend, "--validation"}, kXServer);
+  std::vector<std::string> words = {"model.tgz", "--script",  "script.txt", "--size",
+                                    size,        "--backend", backend,      "--validation"};
+  words.insert(words.end(), more.begin(), more.end());
+  const ProcessResult result = shop.tgview(words, kXServer);
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
   CHECK(result.err.find(backendOr("vulkan") + ":") == std::string::npos);
@@ -237,6 +239,30 @@ TEST_CASE("every way of drawing is the same in the window and by its flags", "[w
       INFO(backend << ": " << command);
       CHECK(psnr(shop.read(name), rendered(flags, backend)) > 40);
     }
+  }
+}
+
+TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and a lost device leave the right picture",
+          "[window]") {
+  if (!haveWindow()) return;
+  for (const char* frames : {"1", "2"}) {
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    std::string script = "panel off\nwait 2\ncontinuous on\n";
+    for (int i = 0; i < 12; ++i) script += "orbit 7 1\nwait 1\n";
+    script += "save-camera turned.json\npicture turned.png\n";
+    for (const char* size : {"300x200", "64x64", "240x180"}) {
+      script += "size " + std::string(size) + "\noutput count\norbit 30 5\nwait 1\noutput final\n";
+    }
+    script += "compare side\nwait 2\ncompare off\nsave-camera stormed.json\npicture stormed.png\nwindow window.png\n";
+    script += "orbit 5 5\nlose-device\nwait 5\norbit 5 5\nsave-camera lost.json\npicture lost.png\n";
+    play(shop, script, "240x180", backendOr("vulkan"), {"--frames-in-flight", frames});
+    INFO(frames << " in flight");
+    CHECK(psnr(shop.read("turned.png"), render(shop, {"--camera", "turned.json"})) > 45);
+    const Image stormed = render(shop, {"--camera", "stormed.json"});
+    CHECK(psnr(shop.read("stormed.png"), stormed) > 45);
+    CHECK(psnr(shop.read("window.png"), stormed) > 45);
+    CHECK(psnr(shop.read("lost.png"), render(shop, {"--camera", "lost.json"})) > 45);
   }
 }
 
