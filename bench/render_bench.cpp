@@ -36,7 +36,7 @@ using namespace tg;
 struct Options {
   std::string model, backend = "vulkan", size, output = "final", textures, cameras, device, json, picture;
   std::string mode = "rgba", intersection, order = "global";
-  bool exact = false;
+  bool exact = false, frames_only = false;
   int frames = 9, threads = 0, reference_pixels = 1000, camera = 0;
 };
 
@@ -261,13 +261,13 @@ void run(const Options& options) {
   for (const auto& [name, milliseconds] : times.passes) {
     result["passes"].push_back({{"name", name}, {"wall_ms", median(milliseconds)}});
   }
-  if (options.backend == "cpu" && output == Output::final) {
+  if (options.backend == "cpu" && output == Output::final && !options.frames_only) {
     const PictureRate rate = pictureRate(loaded.model, camera, settings, options.frames);
     result["pixel_splats"] = rate.pixel_splats;
     result["pixel_splats_per_second"] = rate.pixel_splats / rate.seconds;
     result["peak"] = picturePeak(result["textures"] != "off");
   }
-  if (output == Output::final && options.reference_pixels > 0) {
+  if (output == Output::final && options.reference_pixels > 0 && !options.frames_only) {
     result["psnr_db"] = psnrAtPixels(picture, loaded.model, camera, settings, options.reference_pixels);
     result["psnr_pixels"] = options.reference_pixels;
   }
@@ -300,6 +300,7 @@ int main(int argc, char** argv) {
   app.add_option("--intersection", options.intersection, "plane or maxResponse (default: the model's)");
   app.add_option("--reference-pixels", options.reference_pixels, "pixels to compare with the reference, 0 = none")
       ->check(CLI::Range(0, 10000000));
+  app.add_flag("--frames-only", options.frames_only, "neither the reference nor the rate of the CPU renderer's loop");
   app.add_option("--threads", options.threads, "of the CPU renderer, 0 = all")->check(CLI::Range(0, 1024));
   app.add_option("--json", options.json, "write the numbers to this file");
   app.add_option("--picture", options.picture, "write the picture to this file");
