@@ -118,23 +118,63 @@ void keepFragment(uint j, Fragment f) {
   kept[j * kKept + kKept - 1u] = far;
 }
 
-// Bytes of a texel keep the place that they have in its word: kByteScale brings their mean back.
-const vec3 kByteScale = vec3(1.0, 1.0 / 256.0, 1.0 / 65536.0);
-vec4 bytesOf(uint texel) { return vec4(texel & 0xFFu, texel & 0xFF00u, texel & 0xFF0000u, texel >> 24u); }
+// Where a pixel falls on a texture.
+struct Tap {
+  bool inside;
+  int cell;       // 0, which changes nothing, when not inside
+  vec2 fraction;  // of halfs: between the cell's texels, in [0, 1)
+  uvec2 steps;    // of bytes: the same in steps, whole ones
+};
+
+const int kStepBits = 8;
+const uint kSteps = 1u << kStepBits;  // between two texels of bytes
+const float kTexelSteps = kHalfTexels ? 1.0 : float(kSteps);
+
+// texel: from the first one on, in units of 1 / kTexelSteps; of bytes half a step more, which rounds.
+Tap tapAt(vec2 texel, uvec2 cells, int first_cell) {
+  Tap tap = Tap(false, 0, vec2(0.0), uvec2(0u));
+  ivec2 cell;
+  if (kHalfTexels) {
+    vec2 corner = floor(texel);
+    cell = ivec2(corner);
+    tap.fraction = texel - corner;
+  } else {
+    ivec2 steps = ivec2(texel);
+    cell = steps >> kStepBits;
+    tap.steps = uvec2(steps) & (kSteps - 1u);
+  }
+  tap.inside = uint(cell.x) < cells.x && uint(cell.y) < cells.y;
+  if (tap.inside) tap.cell = first_cell + cell.y * int(cells.x) + cell.x;
+  return tap;
+}
+
 vec4 halvesOf(uvec2 texel) { return vec4(unpackHalf2x16(texel.x), unpackHalf2x16(texel.y)); }
 vec4 between(vec4 from, vec4 to, float share) { return fma(to - from, vec4(share), from); }
 
-// The bilinear sample in a cell of texels, before unit and start of TexelRange.
-vec4 sampleCell(int cell, vec2 fraction) {
+// Red and blue of a texel of bytes, or, of the texel shifted down by 8 bits, green and alpha: each in 16 bits.
+uint twoBytes(uint texel) { return texel & 0x00FF00FFu; }
+
+// The bilinear sample, before unit and start of TexelRange. Weights of bytes are multiples of 1 / kSteps, as those of
+// most hardware: two channels are weighted at once.
+vec4 sampleCell(Tap tap) {
   if (kHalfTexels) {
-    uvec4 above = texelFetch(texels, cell * 2);
-    uvec4 below = texelFetch(texels, cell * 2 + 1);
-    return between(between(halvesOf(above.xy), halvesOf(above.zw), fraction.x),
-                   between(halvesOf(below.xy), halvesOf(below.zw), fraction.x), fraction.y);
+    uvec4 above = texelFetch(texels, tap.cell * 2);
+    uvec4 below = texelFetch(texels, tap.cell * 2 + 1);
+    return between(between(halvesOf(above.xy), halvesOf(above.zw), tap.fraction.x),
+                   between(halvesOf(below.xy), halvesOf(below.zw), tap.fraction.x), tap.fraction.y);
   }
-  uvec4 corners = texelFetch(texels, cell);
-  return between(between(bytesOf(corners.x), bytesOf(corners.y), fraction.x),
-                 between(bytesOf(corners.z), bytesOf(corners.w), fraction.x), fraction.y);
+  uvec4 corners = texelFetch(texels, tap.cell);
+  uvec4 weights;  // their sum is kSteps
+  weights.w = tap.steps.x * tap.steps.y + kSteps / 2u >> kStepBits;
+  weights.yz = tap.steps - weights.w;
+  weights.x = kSteps - tap.steps.x - weights.z;
+  uint red_blue = 0u;
+  uint green_alpha = 0u;
+  [[unroll]] for (uint k = 0u; k < 4u; ++k) {
+    red_blue += twoBytes(corners[k]) * weights[k];
+    green_alpha += twoBytes(corners[k] >> 8) * weights[k];
+  }
+  return vec4(ivec4(red_blue & 0xFFFFu, green_alpha & 0xFFFFu, red_blue >> 16, green_alpha >> 16));
 }
 
 // What turns a sample into the texture's share of the colour and the factor on alpha.
@@ -153,7 +193,7 @@ TexelRange texelRange(uint place) {
   TexelRange range = TexelRange(vec4(1.0), vec4(0.0));  // of halfs
   if (!kHalfTexels) {
     float unit = uintBitsToFloat((place >> kCellBits) + uint(127 + kTexelExponentMin) << 23u) / 127.0;
-    range.unit = vec4(unit * kByteScale, -1.0 / 255.0);
+    range.unit = vec4(vec3(unit), -1.0 / 255.0) / float(kSteps);
     range.start = vec4(vec3(-128.0 * unit), 1.0);
   }
   range.unit = inMode(range.unit, 0.0);
@@ -173,8 +213,8 @@ void blendSplat(uint splat, vec2 first_center) {
   uint place = floatBitsToUint(u_offset.w);
   uvec2 cells = max(uvec2(size & 0xFFFFu, size >> 16u), 2u) - 1u;
   // Texel coordinates: those of the mean, and how they change with shift, x and y. Without a texture: far outside.
-  vec2 texels_per_sigma = vec2(cells) / (2.0 * kTextureExtent);
-  vec2 texel_mean = size != 0u ? 0.5 * vec2(cells) : vec2(-1e9);
+  vec2 texels_per_sigma = kTexelSteps / (2.0 * kTextureExtent) * vec2(cells);
+  vec2 texel_mean = size != 0u ? 0.5 * kTexelSteps * vec2(cells) + (kHalfTexels ? 0.0 : 0.5) : vec2(-1e9);
   vec2 texel_shift = vec2(u_offset.x, v_size.x) * texels_per_sigma - texel_mean;
   vec2 texel_x = vec2(u_offset.y, v_size.y) * texels_per_sigma;
   vec2 texel_y = vec2(u_offset.z, v_size.z) * texels_per_sigma;
@@ -182,6 +222,11 @@ void blendSplat(uint splat, vec2 first_center) {
   int first_cell = int(kHalfTexels ? place : place & (1u << kCellBits) - 1u);
   vec4 mean = kSample == kSampleFootprint ? inMode(texelFetch(texture_means, int(splat)), 1.0) : vec4(0.0);
   float mean_share = kSample == kSampleFootprint ? footprintShare(normal.w) : 0.0;
+  vec3 base = vec3(w_r.w, d_g.w, e_b.w);
+  if (!kAll && kSample == kSampleBilinear) {  // what all samples have in common, once
+    base += range.start.xyz;
+    range.start.xyz = vec3(0.0);
+  }
   vec2 offset = first_center - center_depth_opacity.xy;
   [[unroll]] for (uint row = 0u; row < kSide; ++row) {
     float y = offset.y + float(row);
@@ -205,19 +250,14 @@ void blendSplat(uint splat, vec2 first_center) {
       f.depth = t * center_depth_opacity.z;
       bool hit = power < kPowerMax && f.depth > near_plane;
       f.alpha = hit ? center_depth_opacity.w * exp2(-kHalfLog2E * power) : 0.0;
-      f.base = vec3(w_r.w, d_g.w, e_b.w);
+      f.base = base;
       f.tint = vec3(0.0);
       if (kTextured) {
         float shift = -fma(d_moved, d, shift_rest) * inverse;  // t - 1
         vec2 straight = texel_row + texel_x * float(column);
-        vec2 texel = fma(vec2(shift), straight + texel_shift, straight);
-        vec2 corner = floor(texel);
-        ivec2 cell = ivec2(corner);
-        bool sampled = uint(cell.x) < cells.x && uint(cell.y) < cells.y;
-        // Cell 0 changes nothing.
-        vec4 sum = sampleCell(sampled ? first_cell + cell.y * int(cells.x) + cell.x : 0, texel - corner);
-        vec4 value = fma(sum, range.unit, range.start);
-        if (kSample == kSampleFootprint) value = sampled ? mix(value, mean, mean_share) : value;
+        Tap tap = tapAt(fma(vec2(shift), straight + texel_shift, straight), cells, first_cell);
+        vec4 value = fma(sampleCell(tap), range.unit, range.start);
+        if (kSample == kSampleFootprint) value = tap.inside ? mix(value, mean, mean_share) : value;
         f.tint = value.xyz;
         f.alpha *= value.w;
         if (!kAll) f.base += f.tint;

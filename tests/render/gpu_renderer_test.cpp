@@ -121,6 +121,7 @@ TEST_CASE("every texture mode agrees with the reference, as the model's and as t
 
 TEST_CASE("a model that compact storage holds agrees with the reference from it, too") {
   const SceneKind kind = GENERATE(SceneKind::mixed, SceneKind::flat, SceneKind::aroundCamera);
+  const bool constant = GENERATE(true, false);  // textures of one colour: no weights, which have 8 bits
   TestScene scene = makeScene(kind, 21);
   for (glm::vec3& c : scene.model.sh) c = glm::vec3(glm::unpackHalf4x16(glm::packHalf4x16(glm::vec4(c, 0.0f))));
   for (const TextureRect& rect : scene.model.atlas.rects) {
@@ -132,13 +133,18 @@ TEST_CASE("a model that compact storage holds agrees with the reference from it,
       const glm::vec3 color = glm::clamp(glm::round(glm::vec3(t) / unit), -126.0f, 126.0f);
       t = glm::vec4(unit * color, std::round(t.w * 255.0f) / 255.0f);
     }
+    if (constant) std::fill(texels.begin(), texels.end(), texels[0]);
   }
   gpuRenderer().setPrecision(ModelPrecision::compact);
   RenderSettings settings;
   settings.textures = GENERATE(TextureMode::alpha, TextureMode::rgb, TextureMode::rgba);
   settings.texture_filter = GENERATE(TextureFilter::bilinear, TextureFilter::footprint);
-  INFO(name(kind) << ", " << name(settings.textures));
-  checkAgainstReference(scene, settings, allowed(kind, scene.model.intersection));
+  Tolerance limits = allowed(kind, scene.model.intersection);
+  // At the border of a texture, half a step of 1 / 256 texel off: e^-4.5 of a splat comes or goes.
+  limits.loose = 1.2e-2;
+  if (!constant) limits.tight = 2e-3;
+  INFO(name(kind) << ", " << name(settings.textures) << (constant ? ", constant" : ""));
+  checkAgainstReference(scene, settings, limits);
   gpuRenderer().setPrecision(ModelPrecision::exact);
 }
 
