@@ -115,61 +115,91 @@ HWY_INLINE RowRange rowRange(const Splat& s, int tile_y) {
   return {std::max(s.y0 - tile_y, 0), std::min(s.y1 - tile_y, kTileHeight)};
 }
 
-// Fills rows [r, r + kLanes).
-HWY_INLINE void fillRows(const Splat& s, int tile_y, int r, Rows& rows) {
-  const V pixel_y = hn::Add(hn::Iota(df, static_cast<float>(r) + 0.5f), set(static_cast<float>(tile_y)));
-  const V y = hn::Sub(pixel_y, set(s.center_y));
+// The same of kLanes rows at `y`. s: a Splat or a PictureSplat.
+struct RowTerms {
+  V w, w2, d, d2;
+};
+template <class S>
+HWY_INLINE RowTerms rowTerms(const S& s, V y) {
   const V wy = hn::Mul(set(s.w_yy), y);
   const V dy = hn::MulAdd(set(s.d_yy), y, set(s.d_y1));
+  return {hn::Mul(set(s.w_xy), y), hn::Mul(wy, wy), hn::MulAdd(set(s.d_xy), y, set(s.d_x1)),
+          hn::MulAdd(dy, dy, set(s.d_11 * s.d_11))};
+}
+
+// Fills rows [r, r + kLanes).
+HWY_INLINE RowTerms fillRows(const Splat& s, int tile_y, int r, Rows& rows) {
+  const V pixel_y = hn::Add(hn::Iota(df, static_cast<float>(r) + 0.5f), set(static_cast<float>(tile_y)));
+  const V y = hn::Sub(pixel_y, set(s.center_y));
+  const RowTerms terms = rowTerms(s, y);
   hn::Store(y, df, rows.y + r);
-  hn::Store(hn::Mul(set(s.w_xy), y), df, rows.w + r);
-  hn::Store(hn::Mul(wy, wy), df, rows.w2 + r);
-  hn::Store(hn::MulAdd(set(s.d_xy), y, set(s.d_x1)), df, rows.d + r);
-  hn::Store(hn::MulAdd(dy, dy, set(s.d_11 * s.d_11)), df, rows.d2 + r);
+  hn::Store(terms.w, df, rows.w + r);
+  hn::Store(terms.w2, df, rows.w2 + r);
+  hn::Store(terms.d, df, rows.d + r);
+  hn::Store(terms.d2, df, rows.d2 + r);
+  return terms;
 }
 HWY_INLINE void fillRows(const Splat& s, int tile_y, Rows& rows) {
   const RowRange range = rowRange(s, tile_y);
   for (int r = range.begin / kLanes * kLanes; r < range.end; r += kLanes) fillRows(s, tile_y, r, rows);
 }
 
-// Fills `rows` and returns the blocks of a range of rows that may show the splat. A row's span solves exponent >=
-// log2(kAlphaMin), a quadratic in x; it may be wider than the truth, never narrower.
+// The outline of a splat: where exponent >= log2(kAlphaMin), a quadratic in x for every row.
+struct Outline {
+  float w_xx, d_xx;
+  float radius2;  // Splat::radius2
+  float leading, inverse;
+  bool bounded;  // or else the conic is no ellipse, or too near to one that isn't
+};
+template <class S>
+HWY_INLINE Outline makeOutline(const S& s, float radius2) {
+  const float leading = s.w_xx * s.w_xx - radius2 * s.d_xx * s.d_xx;
+  const bool bounded = leading > 1e-3f * s.w_xx * s.w_xx;
+  return {s.w_xx, s.d_xx, radius2, leading, bounded ? 1.0f / leading : 0.0f, bounded};
+}
+
+// What of rows lies in a bounded outline whose centre is at `origin` [px]: may be wider than the truth by `margin`,
+// never narrower; turned inside out where a row does not meet it.
+struct Span {
+  V low, high;  // [px]
+};
+HWY_INLINE Span rowSpan(const Outline& outline, const RowTerms& row, float origin, float margin) {
+  const V radius2 = set(outline.radius2);
+  // radius2 (w_xx d - d_xx w)^2 - leading (w2 - radius2 d2): the discriminant without its cancelling terms.
+  const V cross = hn::Sub(hn::Mul(set(outline.w_xx), row.d), hn::Mul(set(outline.d_xx), row.w));
+  const V rest = hn::NegMulAdd(radius2, row.d2, row.w2);
+  const V discriminant = hn::NegMulAdd(set(outline.leading), rest, hn::Mul(radius2, hn::Mul(cross, cross)));
+  const V half_b = hn::NegMulAdd(set(outline.radius2 * outline.d_xx), row.d, hn::Mul(set(outline.w_xx), row.w));
+  const V middle = hn::NegMulAdd(half_b, set(outline.inverse), set(origin));
+  const V half = hn::MulAdd(hn::Sqrt(hn::Max(discriminant, hn::Zero(df))), set(outline.inverse), set(margin));
+  const V low = hn::IfThenElse(hn::Ge(discriminant, hn::Zero(df)), hn::Sub(middle, half), set(2.0f * kTileWidth));
+  return {low, hn::Add(middle, half)};
+}
+
+// Rows whose span meets a vector of a tile.
+HWY_INLINE M meetsColumn(const Span& span, int column) {
+  const float left = static_cast<float>(column * kLanes) + 0.5f;
+  return hn::And(hn::Ge(span.high, set(left)), hn::Le(span.low, set(left + static_cast<float>(kLanes - 1))));
+}
+
+// Fills `rows` and returns the blocks of a range of rows that may show the splat.
 HWY_INLINE BlockSet findBlocks(const Splat& s, int tile_x, int tile_y, RowRange range, Rows& rows) {
   BlockSet blocks{};
-  const float leading = s.w_xx * s.w_xx - s.radius2 * s.d_xx * s.d_xx;
-  // Else the conic is no ellipse, or too near to one that isn't.
-  const bool bounded = leading > 1e-3f * s.w_xx * s.w_xx;
-  const V inverse = set(bounded ? 1.0f / leading : 0.0f);
-  const V origin = set(s.center_x - static_cast<float>(tile_x));
-  const V radius2 = set(s.radius2);
-  const V radius2_d_xx = set(s.radius2 * s.d_xx);
+  const Outline outline = makeOutline(s, s.radius2);
   for (int r = range.begin / kLanes * kLanes; r < range.end; r += kLanes) {
-    fillRows(s, tile_y, r, rows);
-    const V w = hn::Load(df, rows.w + r);
-    const V d = hn::Load(df, rows.d + r);
-    // radius2 (w_xx d - d_xx w)^2 - leading (w2 - radius2 d2): the discriminant without its cancelling terms.
-    const V cross = hn::Sub(hn::Mul(set(s.w_xx), d), hn::Mul(set(s.d_xx), w));
-    const V rest = hn::NegMulAdd(radius2, hn::Load(df, rows.d2 + r), hn::Load(df, rows.w2 + r));
-    const V discriminant = hn::NegMulAdd(set(leading), rest, hn::Mul(radius2, hn::Mul(cross, cross)));
-    const V half_b = hn::NegMulAdd(radius2_d_xx, d, hn::Mul(set(s.w_xx), w));
-    const V middle = hn::NegMulAdd(half_b, inverse, origin);
-    const V half = hn::MulAdd(hn::Sqrt(hn::Max(discriminant, hn::Zero(df))), inverse, set(s.margin));
-    // No row meets: the span is turned inside out.
-    const V low = hn::IfThenElse(hn::Ge(discriminant, hn::Zero(df)), hn::Sub(middle, half), set(2.0f * kTileWidth));
-    const V high = hn::Add(middle, half);
+    const RowTerms terms = fillRows(s, tile_y, r, rows);
+    const Span span = rowSpan(outline, terms, s.center_x - static_cast<float>(tile_x), s.margin);
     const int first = std::max(range.begin - r, 0);
     const int end = std::min(range.end - r, kLanes);
     const std::uint32_t row_bits = ((1u << end) - 1u) & ~((1u << first) - 1u);
     for (int c = 0; c < kColumns; ++c) {
-      const float left = static_cast<float>(c * kLanes) + 0.5f;
-      const M inside = hn::And(hn::Ge(high, set(left)), hn::Le(low, set(left + static_cast<float>(kLanes - 1))));
-      const std::uint64_t bits = (bounded ? bitsOf(inside) : ~0u) & row_bits;
+      const std::uint64_t bits = (outline.bounded ? bitsOf(meetsColumn(span, c)) : ~0u) & row_bits;
       const int block = c * kTileHeight + r;
       blocks.words[block / 64] |= bits << (block % 64);
     }
   }
   // An unbounded span still ends at the screen box.
-  if (HWY_UNLIKELY(!bounded)) {
+  if (HWY_UNLIKELY(!outline.bounded)) {
     for (int c = 0; c < kColumns; ++c) {
       const int left = tile_x + c * kLanes;
       if (left < s.x1 && left + kLanes > s.x0) continue;

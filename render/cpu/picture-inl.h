@@ -27,10 +27,11 @@ constexpr float kLog2AlphaMin = -7.99435344f;
 
 // Splats of a tile, ready for its pixels. Blocks are row by row here: row * kColumns + column.
 struct Batch {
-  alignas(64) float row_w[kBatch * kTileHeight];  // Rows of kernel-inl.h
-  alignas(64) float row_w2[kBatch * kTileHeight];
-  alignas(64) float row_d[kBatch * kTileHeight];
-  alignas(64) float row_d2[kBatch * kTileHeight];
+  // Rows of kernel-inl.h, with room for a vector that hangs over.
+  alignas(64) float row_w[kBatch * kTileHeight + kLanes];
+  alignas(64) float row_w2[kBatch * kTileHeight + kLanes];
+  alignas(64) float row_d[kBatch * kTileHeight + kLanes];
+  alignas(64) float row_d2[kBatch * kTileHeight + kLanes];
   alignas(64) float column_w[kBatch * kTileWidth];  // w_xx x
   alignas(64) float column_d[kBatch * kTileWidth];
   float log2_opacity[kBatch];
@@ -72,14 +73,12 @@ HWY_INLINE std::uint16_t* appendPlaces(std::size_t bits, hn::Vec<Items> first, s
   return out + std::popcount(bits);
 }
 
-// Puts a splat into a slot and appends the live blocks that it may show in: findBlocks() of kernel-inl.h.
+// Puts a splat into a slot and appends the live blocks that it may show in: findBlocks() of kernel-inl.h, from the
+// splat's first row on.
 HWY_INLINE void addSplat(const PictureSplat& s, int slot, int tile_x, int tile_y, const TileState& state,
                          Batch& batch) {
-  const float radius2 = 1.0004f * (s.log2_opacity + 7.99435344f);  // log2(255): as Splat::radius2
-  const float leading = s.w_xx * s.w_xx - radius2 * s.d_xx * s.d_xx;
-  const bool bounded = leading > 1e-3f * s.w_xx * s.w_xx;
-  const float inverse = bounded ? 1.0f / leading : 0.0f;
-  const float margin = 0.05f + 2e-3f * std::sqrt(radius2 * inverse);  // [px] of half the longest row
+  const Outline outline = makeOutline(s, 1.0004f * (s.log2_opacity + 7.99435344f));   // log2(255): as Splat::radius2
+  const float margin = 0.05f + 2e-3f * std::sqrt(outline.radius2 * outline.inverse);  // [px] of half the longest row
   const float x = s.center_x - static_cast<float>(tile_x), y = s.center_y - static_cast<float>(tile_y);
   for (int c = 0; c < kColumns; ++c) {
     const V column_x = hn::Sub(hn::Iota(df, static_cast<float>(c * kLanes) + 0.5f), set(x));
@@ -92,39 +91,21 @@ HWY_INLINE void addSplat(const PictureSplat& s, int slot, int tile_x, int tile_y
   const int row_end = std::min(static_cast<int>(s.y1) - tile_y, kTileHeight);
   const std::uint32_t rows = (~0u >> (kTileHeight - row_end)) & (~0u << row_begin);
   std::uint32_t meets[kColumns] = {};  // a bit per row
-  for (int r = row_begin / kLanes * kLanes; r < row_end; r += kLanes) {
-    const V row_y = hn::Sub(hn::Iota(df, static_cast<float>(r) + 0.5f), set(y));
-    const V w = hn::Mul(set(s.w_xy), row_y);
-    const V wy = hn::Mul(set(s.w_yy), row_y);
-    const V w2 = hn::Mul(wy, wy);
-    const V d = hn::MulAdd(set(s.d_xy), row_y, set(s.d_x1));
-    const V dy = hn::MulAdd(set(s.d_yy), row_y, set(s.d_y1));
-    const V d2 = hn::MulAdd(dy, dy, set(s.d_11 * s.d_11));
-    hn::Store(w, df, batch.row_w + slot * kTileHeight + r);
-    hn::Store(w2, df, batch.row_w2 + slot * kTileHeight + r);
-    hn::Store(d, df, batch.row_d + slot * kTileHeight + r);
-    hn::Store(d2, df, batch.row_d2 + slot * kTileHeight + r);
-    const V cross = hn::Sub(hn::Mul(set(s.w_xx), d), hn::Mul(set(s.d_xx), w));
-    const V rest = hn::NegMulAdd(set(radius2), d2, w2);
-    const V discriminant = hn::NegMulAdd(set(leading), rest, hn::Mul(set(radius2), hn::Mul(cross, cross)));
-    const V half_b = hn::NegMulAdd(set(radius2 * s.d_xx), d, hn::Mul(set(s.w_xx), w));
-    const V middle = hn::NegMulAdd(half_b, set(inverse), set(x));
-    const V half = hn::MulAdd(hn::Sqrt(hn::Max(discriminant, hn::Zero(df))), set(inverse), set(margin));
-    // No row meets: the span is turned inside out.
-    const V low = hn::IfThenElse(hn::Ge(discriminant, hn::Zero(df)), hn::Sub(middle, half), set(2.0f * kTileWidth));
-    const V high = hn::Add(middle, half);
-    for (int c = 0; c < kColumns; ++c) {
-      const float left = static_cast<float>(c * kLanes) + 0.5f;
-      const M inside = hn::And(hn::Ge(high, set(left)), hn::Le(low, set(left + static_cast<float>(kLanes - 1))));
-      meets[c] |= bitsOf(inside) << r;
-    }
+  for (int r = row_begin; r < row_end; r += kLanes) {
+    const RowTerms row = rowTerms(s, hn::Sub(hn::Iota(df, static_cast<float>(r) + 0.5f), set(y)));
+    hn::StoreU(row.w, df, batch.row_w + slot * kTileHeight + r);
+    hn::StoreU(row.w2, df, batch.row_w2 + slot * kTileHeight + r);
+    hn::StoreU(row.d, df, batch.row_d + slot * kTileHeight + r);
+    hn::StoreU(row.d2, df, batch.row_d2 + slot * kTileHeight + r);
+    const Span span = rowSpan(outline, row, x, margin);
+    for (int c = 0; c < kColumns; ++c) meets[c] |= bitsOf(meetsColumn(span, c)) << r;
   }
   constexpr Items d16;
   std::uint16_t* out = batch.items + batch.count;
   // How often this loop goes round does not depend on the bits, which are known late.
-  for (int c = 0; c < kColumns; ++c) meets[c] = (bounded ? meets[c] : ~0u) & rows & state.live[c];
-  auto first = hn::Set(d16, static_cast<std::uint16_t>(slot * kBlocks + row_begin / kLanes * kLanes * kColumns));
-  for (int r = row_begin / kLanes * kLanes; r < row_end; r += kRowsAtOnce) {
+  for (int c = 0; c < kColumns; ++c) meets[c] = (outline.bounded ? meets[c] : ~0u) & rows & state.live[c];
+  auto first = hn::Set(d16, static_cast<std::uint16_t>(slot * kBlocks + row_begin * kColumns));
+  for (int r = row_begin; r < row_end; r += kRowsAtOnce) {
     for (int c = 0; c < kColumns; ++c) {
       out = appendPlaces<kColumnBits>(meets[c] >> r & ((1u << kRowsAtOnce) - 1),
                                       hn::Add(first, hn::Set(d16, static_cast<std::uint16_t>(c))), out);

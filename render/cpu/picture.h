@@ -5,10 +5,11 @@
 #pragma once
 #include <cstdint>
 #include <glm/glm.hpp>
-#include <memory>
+#include <type_traits>
 #include <vector>
 
 #include "render/cpu/blend.h"
+#include "render/cpu/pages.h"
 #include "render/cpu/project.h"
 
 namespace tg::cpu {
@@ -16,19 +17,27 @@ namespace tg::cpu {
 // Memory that is kept from frame to frame, uninitialised: pages that nobody writes cost nothing.
 template <typename T>
 class Room {
+  static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);
+
  public:
+  Room() = default;
+  Room(const Room&) = delete;
+  Room& operator=(const Room&) = delete;
+  ~Room() { freePages(data_, size_ * sizeof(T)); }
   T* reserve(std::size_t count) {
     if (count > size_) {
-      data_.reset();
-      data_ = std::make_unique_for_overwrite<T[]>(count);
+      freePages(data_, size_ * sizeof(T));
+      data_ = nullptr;
+      size_ = 0;
+      data_ = static_cast<T*>(allocatePages(count * sizeof(T)));
       size_ = count;
     }
-    return data_.get();
+    return data_;
   }
-  T* data() const { return data_.get(); }
+  T* data() const { return data_; }
 
  private:
-  std::unique_ptr<T[]> data_;
+  T* data_ = nullptr;
   std::size_t size_ = 0;
 };
 

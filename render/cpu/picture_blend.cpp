@@ -33,9 +33,10 @@ class DepthQueue {
   std::uint32_t operator[](std::size_t at) const { return static_cast<std::uint32_t>(sorted_[at]); }
 
  private:
+  static constexpr std::size_t kAtOnce = 64, kFar = 32;
   std::vector<std::uint64_t> sorted_;
   std::vector<std::uint32_t> ends_;  // of the buckets, which are in order among themselves
-  std::size_t next_bucket_ = 0, done_ = 0;
+  std::size_t done_ = 0;
 };
 
 struct PictureArgs {
@@ -166,14 +167,14 @@ HWY_EXPORT(blendPictureTile);
 
 void DepthQueue::start(const std::uint64_t* pairs, std::size_t count) {
   sorted_.resize(count);
-  next_bucket_ = done_ = 0;
+  done_ = 0;
   ends_.clear();
   if (count == 0) return;
   const auto [least, most] = std::minmax_element(pairs, pairs + count);
   const std::uint64_t first = *least >> 32;
   const std::uint64_t span = (*most >> 32) - first;
-  // About two pairs a bucket were depths spread evenly.
-  const int shift = std::max(0, static_cast<int>(std::bit_width(span)) - static_cast<int>(std::bit_width(count / 2)));
+  // About two buckets a pair were depths spread evenly: most hold one or none, and need no sorting.
+  const int shift = std::max(0, static_cast<int>(std::bit_width(span)) - static_cast<int>(std::bit_width(count)) - 1);
   ends_.assign((span >> shift) + 2, 0);
   const auto bucket = [&](std::uint64_t pair) { return ((pair >> 32) - first) >> shift; };
   for (std::size_t i = 0; i < count; ++i) ++ends_[bucket(pairs[i]) + 1];
@@ -182,13 +183,22 @@ void DepthQueue::start(const std::uint64_t* pairs, std::size_t count) {
 }
 
 void DepthQueue::sortTo(std::size_t end) {
-  end = std::min(end, sorted_.size());
-  for (; done_ < end; ++next_bucket_) {
-    const std::size_t bucket_end = ends_[next_bucket_];
-    std::sort(sorted_.begin() + static_cast<std::ptrdiff_t>(done_),
-              sorted_.begin() + static_cast<std::ptrdiff_t>(bucket_end));
-    done_ = bucket_end;
+  if (end <= done_ || done_ == sorted_.size()) return;
+  // Whole buckets, a few at once: what lies in front of them is in order already.
+  end = std::min(sorted_.size(), std::max(end, done_ + kAtOnce));
+  const std::size_t to = *std::lower_bound(ends_.begin(), ends_.end(), end);
+  std::uint64_t* pairs = sorted_.data();
+  for (std::size_t i = done_ + 1; i < to; ++i) {
+    const std::uint64_t pair = pairs[i];
+    std::size_t at = i;
+    for (; at > done_ && pairs[at - 1] > pair; --at) pairs[at] = pairs[at - 1];
+    pairs[at] = pair;
+    if (HWY_UNLIKELY(i - at > kFar)) {  // a bucket of many
+      std::sort(pairs + done_, pairs + to);
+      break;
+    }
   }
+  done_ = to;
 }
 
 void blendPicture(const View& view, PictureScene& scene, Texels texels, Frame& frame) {
