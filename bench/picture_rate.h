@@ -11,6 +11,9 @@ namespace tg {
 // [1 / s, one core] The loop over a batch of splats that all cover the tile, its data in the first-level cache. Best of
 // many short runs. textured: with 4 x 4 texels each.
 double picturePeak(bool textured);
+// The same while all threads run it, as they do in a frame: what virtual cores that share a core leave each other.
+// Median of the runs of all.
+double picturePeakTogether(bool textured);
 
 struct PictureRate {
   double pixel_splats = 0;  // evaluated in a frame

@@ -107,11 +107,12 @@ struct Rows {
   alignas(64) float d[kTileHeight];   // d_xy y + d_x1
   alignas(64) float d2[kTileHeight];  // (d_yy y + d_y1)^2 + d_11^2
 };
-// Rows of a tile that a splat's screen box meets.
+// Rows of a tile that a splat's screen box meets. s: a Splat or a PictureSplat.
 struct RowRange {
   int begin, end;
 };
-HWY_INLINE RowRange rowRange(const Splat& s, int tile_y) {
+template <class S>
+HWY_INLINE RowRange rowRange(const S& s, int tile_y) {
   return {std::max(s.y0 - tile_y, 0), std::min(s.y1 - tile_y, kTileHeight)};
 }
 

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/cpu/pages.h"
 
+#include <cstdint>
 #include <new>
 
 #ifdef __linux__
+#include <linux/mman.h>
 #include <sys/mman.h>
 #endif
 
@@ -21,7 +23,7 @@ std::align_val_t alignment(std::size_t bytes) {
 
 void* allocatePages(std::size_t bytes) {
   void* memory = ::operator new(bytes, alignment(bytes));
-#ifdef MADV_HUGEPAGE
+#if defined(MADV_HUGEPAGE)
   // A wish: what comes of it changes times alone.
   if (bytes >= 4 * kLargePage) static_cast<void>(madvise(memory, bytes / kLargePage * kLargePage, MADV_HUGEPAGE));
 #endif
@@ -29,5 +31,20 @@ void* allocatePages(std::size_t bytes) {
 }
 
 void freePages(void* memory, std::size_t bytes) noexcept { ::operator delete(memory, alignment(bytes)); }
+
+void enlargePages(const void* memory, std::size_t bytes) noexcept {
+#if defined(MADV_HUGEPAGE)
+  const std::size_t skipped = (kLargePage - reinterpret_cast<std::uintptr_t>(memory) % kLargePage) % kLargePage;
+  if (bytes < skipped + 4 * kLargePage) return;
+  char* whole = const_cast<char*>(static_cast<const char*>(memory)) + skipped;
+  const std::size_t length = (bytes - skipped) / kLargePage * kLargePage;
+  static_cast<void>(madvise(whole, length, MADV_HUGEPAGE));
+#ifdef MADV_COLLAPSE  // Linux 6.1: at once instead of in the background
+  static_cast<void>(madvise(whole, length, MADV_COLLAPSE));
+#endif
+#else
+  static_cast<void>(memory), static_cast<void>(bytes);
+#endif
+}
 
 }  // namespace tg::cpu

@@ -10,4 +10,8 @@ namespace tg::cpu {
 void* allocatePages(std::size_t bytes);
 void freePages(void* memory, std::size_t bytes) noexcept;
 
+// Asks for large pages under memory that is in use already, and is worth it if it is large: takes as long as copying it
+// once. Its contents stay as they are.
+void enlargePages(const void* memory, std::size_t bytes) noexcept;
+
 }  // namespace tg::cpu

@@ -6,6 +6,7 @@
 #include "render/cpu/bit_places.h"
 #include "render/cpu/kernel-inl.h"
 #include "render/cpu/picture.h"
+#include "render/cpu/small_texture-inl.h"
 #include "render/cpu/texture_samples-inl.h"
 
 // Compiled once per target: not `#pragma once`.
@@ -87,8 +88,7 @@ HWY_INLINE void addSplat(const PictureSplat& s, int slot, int tile_x, int tile_y
   }
   batch.log2_opacity[slot] = s.log2_opacity;
   for (int ch = 0; ch < 3; ++ch) batch.base[ch][slot] = s.base[ch];
-  const int row_begin = std::max(static_cast<int>(s.y0) - tile_y, 0);
-  const int row_end = std::min(static_cast<int>(s.y1) - tile_y, kTileHeight);
+  const auto [row_begin, row_end] = rowRange(s, tile_y);
   const std::uint32_t rows = (~0u >> (kTileHeight - row_end)) & (~0u << row_begin);
   std::uint32_t meets[kColumns] = {};  // a bit per row
   for (int r = row_begin; r < row_end; r += kLanes) {
@@ -245,15 +245,103 @@ HWY_INLINE void fadeToMean(const TextureMean& mean, int count, TextureItems& ite
   }
 }
 
+// LocalRay's parts that the rows and the columns of a tile fix, of one splat.
+struct TileRays {
+  alignas(64) float rows[6][kTileHeight + kLanes];
+  alignas(64) float columns[6][kTileWidth];
+};
+// Rows [begin, end), and up to a vector more.
+HWY_INLINE void fillRays(const PictureSplat& s, const PictureHit& hit, const TileView& tile, int begin, int end,
+                         TileRays& rays) {
+  const V x = hn::Iota(df, static_cast<float>(tile.x) + 0.5f), y = hn::Iota(df, static_cast<float>(tile.y) + 0.5f);
+  for (int k = 0; k < 3; ++k) {
+    for (int c = 0; c < kColumns; ++c) {
+      const V left = hn::Sub(hn::Add(x, set(static_cast<float>(c * kLanes))), set(s.center_x));
+      hn::Store(hn::Mul(set(hit.wx[k]), left), df, rays.columns[k] + c * kLanes);
+      hn::Store(hn::Mul(set(hit.dx[k]), left), df, rays.columns[3 + k] + c * kLanes);
+    }
+    for (int r = begin; r < end; r += kLanes) {
+      const V top = hn::Sub(hn::Add(y, set(static_cast<float>(r))), set(s.center_y));
+      hn::StoreU(hn::Mul(set(hit.wy[k]), top), df, rays.rows[k] + r);
+      hn::StoreU(hn::MulAdd(set(hit.dy[k]), top, set(hit.d0[k])), df, rays.rows[3 + k] + r);
+    }
+  }
+}
+
+// Items of one splat on their way through a small texture.
+struct SmallItems {
+  alignas(64) float value[kHitsAtOnce][kLanes];  // opacity * G, 0 where the splat does not show
+  alignas(64) float u[kHitsAtOnce][kLanes];      // SmallPoint
+  alignas(64) float v[kHitsAtOnce][kLanes];
+};
+
+// Items [begin, end), all of the splat in `slot`, which has a small texture.
+template <bool kCrossesNear>
+HWY_INLINE void blendSmallHits(const Batch& batch, int slot, int begin, int end, const TileView& tile,
+                               PixelBlock* blocks) {
+  const PictureSplat& s = *batch.splats[slot];
+  const PictureHit& hit = *batch.hits[slot];
+  const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
+  const Texture texture = makeTexture(hit, tile.texels.texels);
+  SmallTexture small;
+  fillSmall(texture, hit.texture_width, hit.texture_height, tile.view.texture_rgb, tile.view.texture_alpha, small);
+  TileRays rays;
+  const RowRange range = rowRange(s, tile.y);
+  fillRays(s, hit, tile, range.begin, range.end, rays);
+  SmallItems items;
+  while (begin < end) {
+    const int count = std::min(end - begin, kHitsAtOnce);
+    for (int i = 0; i < count; ++i) {
+      const unsigned item = batch.items[begin + i];
+      const unsigned row = item % kBlocks / kColumns, column = item % kColumns * kLanes;
+      const ItemHit at = hitItem(batch, item);
+      M visible = at.visible;
+      if constexpr (kCrossesNear) {
+        const float y = static_cast<float>(tile.y) + static_cast<float>(row) + 0.5f - s.center_y;
+        const float left = static_cast<float>(tile.x) + static_cast<float>(column) + 0.5f;
+        const V x = hn::Sub(hn::Iota(df, left), set(s.center_x));
+        const V t = hn::Mul(hn::MulAdd(set(hit.t_x), x, set(hit.t_y * y + hit.t_1)), at.inverse_d2);
+        visible = hn::And(visible, hn::Gt(t, set(hit.near)));
+      }
+      hn::Store(hn::IfThenElseZero(visible, exp2InRange(at.exponent)), df, items.value[i]);
+      const auto part = [&](int k) HWY_ATTR {
+        return hn::Add(hn::Load(df, rays.columns[k] + column), set(rays.rows[k][row]));
+      };
+      const SmallPoint point =
+          locateSmall(texture, {part(0), part(1), part(2), part(3), part(4), part(5)}, at.inverse_d2);
+      hn::Store(point.u, df, items.u[i]);
+      hn::Store(point.v, df, items.v[i]);
+    }
+    for (int i = 0; i < count; ++i) {
+      const SmallTaps taps = smallTaps({hn::Load(df, items.u[i]), hn::Load(df, items.v[i])});
+      const V factor = addSmall(small, 3, taps, set(1.0f));
+      const V value = cutAlpha(hn::Mul(hn::Load(df, items.value[i]), factor));
+      const auto color = [&](int ch) HWY_ATTR { return addSmall(small, ch, taps, base[ch]); };
+      blendItem(hn::Min(value, set(kAlphaMax)), color, blocks[batch.items[begin + i] % kBlocks]);
+    }
+    begin += count;
+  }
+}
+
 // Items [begin, end), all of the splat in `slot`, which has a PictureHit.
 HWY_INLINE void blendHits(const Batch& batch, int slot, int begin, int end, const TileView& tile, PixelBlock* blocks) {
   const PictureSplat& s = *batch.splats[slot];
   const PictureHit& hit = *batch.hits[slot];
   const bool textured = hit.texture_width > 0;
   const bool crosses_near = hit.near > 0.0f && meetsNear(s, hit, tile.x, tile.y);
+  const TextureMean mean = textured ? textureMean(hit, tile.texels, tile.view) : TextureMean{};
+  if constexpr (kSmallTextures) {
+    if (textured && std::max(hit.texture_width, hit.texture_height) <= kSmallSide && !(mean.share > 0.0f)) {
+      if (crosses_near) {
+        blendSmallHits<true>(batch, slot, begin, end, tile, blocks);
+      } else {
+        blendSmallHits<false>(batch, slot, begin, end, tile, blocks);
+      }
+      return;
+    }
+  }
   const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
   const Texture texture = makeTexture(hit, tile.texels.texels);
-  const TextureMean mean = textured ? textureMean(hit, tile.texels, tile.view) : TextureMean{};
   TextureItems items;
   while (begin < end) {
     const int count = std::min(end - begin, kHitsAtOnce);

@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/cpu/blend.h"
+#include "render/cpu/pages.h"
 #include "render/cpu/picture.h"
 #include "render/cpu/project.h"
 #include "render/cpu/solid.h"
@@ -25,6 +26,8 @@ class CpuRenderer final : public Renderer {
   void setModel(std::shared_ptr<const GaussianModel> model) override {
     shared_ = std::move(model);
     texture_means_.clear();
+    // A tile's splats have their texels all over the atlas.
+    if (shared_) cpu::enlargePages(shared_->atlas.texels.data(), shared_->atlas.texels.size() * sizeof(glm::vec4));
   }
 
   Frame render(const Camera& camera, const RenderSettings& settings) override {

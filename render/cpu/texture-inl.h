@@ -2,8 +2,8 @@
 // Bilinear texture look-ups for a vector of pixels. Neighbouring pixels mostly fall into one texel cell, so cells are
 // visited one by one with their four texels broadcast, instead of sixteen gathers. Tried and lost: loads and a
 // transpose per lane (forward the same, backward a tenth slower); tables of 4 x 4 texels looked up by byte shuffles,
-// without a loop over cells (both the same: eight shuffles a channel cost what the wrong guesses do); the numerators of
-// u and v as polynomials in x (edge-on splats of the plane model lose a digit).
+// eight a channel, without a loop over cells (both the same; small_texture-inl.h needs four permutations); the
+// numerators of u and v as polynomials in x (edge-on splats of the plane model lose a digit).
 #include "render/cpu/kernel-inl.h"
 #include "shared/texture.h"
 
