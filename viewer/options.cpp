@@ -220,10 +220,6 @@ RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
   return settings;
 }
 
-int framesInFlight(const ViewOptions& options, bool software) {
-  return options.frames_in_flight.value_or(software ? 1 : 2);
-}
-
 Scene describe(LoadedModel loaded, const std::filesystem::path& path) {
   const GaussianModel& model = loaded.model;
   Scene scene;

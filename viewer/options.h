@@ -41,7 +41,7 @@ struct ViewOptions {
   Backend backend = Backend::automatic;
   std::string device;  // a number of --list-devices, or part of a device's name
   bool validation = false;
-  std::optional<int> frames_in_flight;              // 1 or 2; default: framesInFlight()
+  std::optional<int> frames_in_flight;              // 1 or 2; default: 2 where a Vulkan device has two queues
   bool timings = false;                             // say how long it took from the start to the first pictures
   std::filesystem::path session;                    // keeps the window's state between runs; empty: nothing is kept
   bool show_given = false, textures_given = false;  // else the session's, where there is one
@@ -90,9 +90,6 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene);
 
 // What frames are drawn with; `background` is the model's.
 RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background);
-
-// That a window may have under way at once, on a device that is or is not software.
-int framesInFlight(const ViewOptions& options, bool software);
 
 Scene describe(LoadedModel loaded, const std::filesystem::path& path);
 Scene sceneFor(const ViewOptions& options, LoadedModel loaded);  // with --up

@@ -210,7 +210,7 @@ class VulkanScreen final : public Screen {
   VulkanScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick)
       : window_(window),
         device_(createWindowDevice(window, options, pick)),
-        frames_in_flight_(tg::framesInFlight(options, software())),
+        frames_in_flight_(options.frames_in_flight.value_or(device_->queue == device_->window_queue ? 1 : 2)),
         presenter_(*device_, frames_in_flight_) {}
 
   bool software() const override { return device_->properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU; }
