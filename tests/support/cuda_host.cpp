@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdlib>
 #include <limits>
 #include <memory>
@@ -66,6 +67,7 @@ std::vector<char> shared;
 std::string failure;
 std::size_t bytes_to_device = 0;
 std::size_t bytes_to_host = 0;
+std::size_t free_memory = std::size_t{1} << 30;
 
 void pause() {
   if (_setjmp(fibers[running].resume) == 0) _longjmp(scheduler, 1);
@@ -206,7 +208,8 @@ const int* exchangeInBlock(int value) {
 
 std::string openDevice() { return "host"; }
 
-DeviceMemory deviceMemory() { return {std::size_t{1} << 30, std::size_t{1} << 30}; }
+void setFreeMemory(std::size_t bytes) { free_memory = bytes; }
+DeviceMemory deviceMemory() { return {free_memory, std::size_t{1} << 30}; }
 
 void* allocate(std::size_t bytes) {
   if (bytes == 0) return nullptr;
@@ -271,5 +274,37 @@ void Primitives::exclusiveSum(const std::uint32_t* from, std::uint32_t* to, std:
 void Primitives::exclusiveSum(const std::uint64_t* from, std::uint64_t* to, std::size_t count) {
   std::exclusive_scan(from, from + count, to, std::uint64_t{0});
 }
+
+// ---- timing.h
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+bool timing = false;
+Clock::time_point launch_start;
+std::vector<KernelTime> times;
+std::size_t launched = 0;  // of `times`
+
+}  // namespace
+
+LaunchTimer::LaunchTimer(const char* name) {
+  if (!timing) return;
+  auto at = std::find_if(times.begin(), times.end(), [&](const KernelTime& t) { return t.name == name; });
+  if (at == times.end()) at = times.insert(times.end(), {name, 0, 0.0});
+  launched = static_cast<std::size_t>(at - times.begin());
+  launch_start = Clock::now();
+}
+LaunchTimer::~LaunchTimer() {
+  if (!timing) return;
+  times[launched].launches++;
+  times[launched].milliseconds += std::chrono::duration<double, std::milli>(Clock::now() - launch_start).count();
+}
+
+void timeKernels(bool on) {
+  timing = on;
+  if (on) times.clear();
+}
+
+std::vector<KernelTime> kernelTimes() { return times; }
 
 }  // namespace tg::cuda

@@ -11,6 +11,8 @@
 #include <functional>
 #include <type_traits>
 
+#include "training/cuda/timing.h"
+
 struct dim3 {
   unsigned x = 0, y = 0, z = 0;
 };
@@ -22,6 +24,9 @@ namespace tg::cuda {
 enum class Schedule { forward, backward, scrambled };
 void setSchedule(Schedule schedule, std::uint64_t seed = 0);
 
+// What deviceMemory() says is free, of 1 GiB: 1 GiB until told otherwise.
+void setFreeMemory(std::size_t bytes);
+
 // Kernels run since the program's start.
 std::size_t launchCount();
 
@@ -30,6 +35,7 @@ void runBlocks(const char* name, std::size_t blocks, const std::function<void()>
 
 template <typename... Parameters, typename... Arguments>
 void launch(const char* name, void (*kernel)(Parameters...), std::size_t blocks, Arguments... arguments) {
+  const LaunchTimer timer(name);
   runBlocks(name, blocks, [&] { kernel(arguments...); });
 }
 

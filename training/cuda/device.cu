@@ -31,6 +31,7 @@ int itemCount(std::size_t count) {
 template <typename T>
 void scan(const T* from, T* to, std::size_t count, Buffer<std::byte>& scratch) {
   if (count == 0) return;
+  const LaunchTimer timer("scan");
   std::size_t bytes = 0;
   check(cub::DeviceScan::ExclusiveSum(nullptr, bytes, from, to, itemCount(count)), "CUDA, scan");
   scratch.resize(bytes);
@@ -107,6 +108,7 @@ void fillZero(void* memory, std::size_t bytes) {
 void Primitives::sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys, const std::uint32_t* values,
                            std::uint32_t* sorted_values, std::size_t count, int bits) {
   if (count == 0) return;
+  const LaunchTimer timer("sort");
   std::size_t bytes = 0;
   check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, keys, sorted_keys, values, sorted_values, itemCount(count), 0,
                                         bits),

@@ -5,6 +5,8 @@
 #pragma once
 #include <cstdint>
 
+#include "training/cuda/timing.h"
+
 #ifdef __CUDACC__
 #include <cuda_runtime.h>
 #define TG_KERNEL __global__ void
@@ -31,6 +33,7 @@ void checkLaunch(const char* what);
 template <typename... Parameters, typename... Arguments>
 void launch(const char* name, void (*kernel)(Parameters...), std::size_t blocks, Arguments... arguments) {
   if (blocks == 0) return;
+  const LaunchTimer timer(name);
   kernel<<<static_cast<unsigned>(blocks), kThreads>>>(arguments...);
   checkLaunch(name);
 }

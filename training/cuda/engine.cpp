@@ -6,29 +6,15 @@
 #include <algorithm>
 #include <deque>
 #include <limits>
-#include <unordered_map>
 
 #include "training/cuda/density.h"
 #include "training/cuda/frame.h"
+#include "training/cuda/photographs.h"
 #include "training/cuda/state.h"
 #include "training/cuda/step.h"
 
 namespace tg::cuda {
 namespace {
-
-struct DevicePhotograph {
-  Buffer<std::uint8_t> rgb, mask;
-  double counted = 0;
-};
-DevicePhotograph upload(const ViewPixels& photograph) {
-  DevicePhotograph result;
-  const auto ignored = std::count(photograph.mask.begin(), photograph.mask.end(), 0);
-  const std::size_t pixels = photograph.rgb.size() / 3 - static_cast<std::size_t>(ignored);
-  result.counted = static_cast<double>(3 * std::max<std::size_t>(pixels, 1));
-  result.rgb.upload(photograph.rgb);
-  if (ignored > 0) result.mask.upload(photograph.mask);
-  return result;
-}
 
 // Steps that the device may be behind. A launch queue holds about a thousand kernels, some 30 steps.
 constexpr std::size_t kStepsAhead = 32;
@@ -128,12 +114,14 @@ class CudaTrainingEngine final : public TrainingEngine {
     const Parameters drawn = this->drawn();
     frame_.forwardAhead(viewOf(state, input.camera, input.background), drawn);
 
-    const DevicePhotograph& photograph = photographOf(input);
+    const DevicePhotographs::OnDevice photograph =
+        photographs_.get(input.view, input.photograph, input.background_varies);
     step.counted = photograph.counted;
     v_picture_.resize(frame_.picture().size());
     evaluateLoss({input.camera.width, input.camera.height, ssim_weight_, photograph.counted, frame_.picture().data(),
-                  photograph.rgb.data(), photograph.mask.data()},
+                  photograph.rgb, photograph.mask},
                  loss_, v_picture_.data());
+    photographs_.release();
     if (stop_.size() == 0) clearStop();
     judgeStep({loss_.sums.data(), frame_.pairs(), frame_.room(), stop_.data(), records_.data() + index});
 
@@ -186,18 +174,6 @@ class CudaTrainingEngine final : public TrainingEngine {
     stop_.zero();
   }
 
-  // Photographs stay on the device while a quarter of its memory is free.
-  const DevicePhotograph& photographOf(const StepInput& input) {
-    const auto found = photographs_.find(input.view);
-    if (found != photographs_.end()) return found->second;
-    const DeviceMemory memory = deviceMemory();
-    if (!input.background_varies && memory.free > memory.total / 4 + input.photograph->rgb.size() * 2) {
-      return photographs_.emplace(input.view, upload(*input.photograph)).first->second;
-    }
-    passing_ = upload(*input.photograph);
-    return passing_;
-  }
-
   void update(const GaussianModel& model, const Parameters& stored, const Parameters& gradient, const StepInput& input,
               std::int64_t number) {
     const LearningRates& rates = input.rates;
@@ -246,8 +222,7 @@ class CudaTrainingEngine final : public TrainingEngine {
   std::vector<glm::vec3> host_picture_;
   LossBuffers loss_;
   Buffer<float> v_picture_;
-  std::unordered_map<std::size_t, DevicePhotograph> photographs_;  // by view
-  DevicePhotograph passing_;
+  DevicePhotographs photographs_;
 };
 
 }  // namespace
