@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What does a training step on the CPU cost, phase by phase, and how near do its kernels come to the machine's peak?
+// What does a training step cost, phase by phase, and how near do its kernels come to the machine's peak?
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -22,6 +22,10 @@
 #include "training/init.h"
 #include "training/loss.h"
 #include "training/optimizer.h"
+#ifdef TG_HAVE_CUDA
+#include "train_cuda.h"
+#include "training/cuda/renderer.h"
+#endif
 
 namespace {
 
@@ -34,9 +38,10 @@ constexpr double kBackwardFlops = 69;
 
 struct Options {
   std::string data;
+  std::string device = "cpu";
   int width = 640, height = 360, gaussians = 16000, iterations = 40, threads = 0, texels = 0, sh_degree = 3;
   double splats = 60.0;
-  bool statistics = true;
+  bool statistics = true, peak = true;
 };
 
 // Semi-transparent ellipsoids of 1 : 3 : 10 in random directions before a camera, sized so that about sixty of them
@@ -169,12 +174,31 @@ std::size_t viewOf(int iteration, const Scene& scene) {
   return static_cast<std::size_t>(iteration) * 7 % scene.cameras.size();
 }
 
+// On the device that --device names: before the scene is made, which takes a while.
+std::unique_ptr<DifferentiableRenderer> openRenderer(const Options& options) {
+  if (options.device == "cpu") return makeCpuDifferentiableRenderer();
+#ifdef TG_HAVE_CUDA
+  return makeCudaDifferentiableRenderer();
+#else
+  throw Error(ErrorKind::device, "CUDA", "this program was built without it (no nvcc when it was configured)");
+#endif
+}
+
 void run(const Options& options) {
+  const auto renderer = openRenderer(options);
   Scene scene = options.data.empty() ? seededScene(options) : loadScene(options);
+#ifdef TG_HAVE_CUDA
+  if (options.device == "cuda") {
+    const double blended = blendedPairs(scene.model, {scene.cameras[0]})[0];
+    bench::benchCuda(*renderer, std::move(scene.model),
+                     {scene.cameras, scene.photographs, scene.extent, blended, options.iterations, options.statistics,
+                      options.peak});
+    return;
+  }
+#endif
   TrainingState state;
   state.model = std::move(scene.model);
   resetMoments(state);
-  const auto renderer = makeCpuDifferentiableRenderer();
   PhotometricLoss loss;
   ModelGradient gradient;
   GradientOptions gradient_options;
@@ -256,9 +280,10 @@ void run(const Options& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Times training steps on the CPU, phase by phase, with a fixed number of Gaussians");
+  CLI::App app("Times training steps, phase by phase, with a fixed number of Gaussians");
   Options options;
   app.add_option("--data", options.data, "data set with a point cloud (default: a seeded scene)");
+  app.add_option("--device", options.device)->check(CLI::IsMember({"cpu", "cuda"}))->capture_default_str();
   app.add_option("--width", options.width, "[px]")->check(CLI::Range(1, 8192));
   app.add_option("--height", options.height, "[px]")->check(CLI::Range(1, 8192));
   app.add_option("--gaussians", options.gaussians)->check(CLI::Range(1, 10000000));
@@ -268,13 +293,14 @@ int main(int argc, char** argv) {
   app.add_option("--iterations", options.iterations)->check(CLI::Range(1, 100000));
   app.add_option("--threads", options.threads, "0 = all")->check(CLI::Range(0, 1024));
   app.add_flag("!--no-statistics", options.statistics, "as after densification");
+  app.add_flag("!--no-peak", options.peak, "cuda: times without shares of the measured peak");
   CLI11_PARSE(app, argc, argv);
   setThreadCount(options.threads);
   try {
     run(options);
   } catch (const Error& error) {
     std::fprintf(stderr, "train_bench: %s\n", error.what());
-    return 1;
+    return static_cast<int>(error.kind);
   }
   return 0;
 }

@@ -1,26 +1,33 @@
 #!/usr/bin/env bash
 # The CUDA trainer's tests and times on a machine with an NVIDIA GPU: `gpu-bench.sh [--packages FOLDER]
-# [--build FOLDER] [--out FOLDER]`. --packages: Debian packages unpacked with `dpkg -x` (usr/ below it), where the
-# machine has no apt; with a cuda-13.0/ in it, as scripts/install_cuda.sh makes it, where it has no nvcc. Builds in
-# --build (build-gpu); writes table.md and the logs into --out (gpu-bench). Ends with 5 where no device answers: then
-# the table holds the tests alone.
+# [--build FOLDER] [--out FOLDER] [--iterations N]`. --packages: Debian packages unpacked with `dpkg -x` (usr/ below it),
+# where the machine has no apt; with a cuda-13.0/ in it, as scripts/install_cuda.sh makes it, where it has no nvcc.
+# Builds in --build (build-gpu); writes table.md, kernels.txt and the logs into --out (gpu-bench). --iterations: of each
+# timing (200). Ends with 5 where no device answers: then the table holds the tests on the host alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 packages=
-build=build-gpu
+build="build-gpu"
 out=gpu-bench
+iterations=200
 while [ $# -gt 0 ]; do
+  if [ $# -lt 2 ]; then
+    echo "gpu-bench.sh: $1 lacks its value" >&2
+    exit 1
+  fi
   case $1 in
-    --packages) packages=$(realpath "$2"); shift 2 ;;
-    --build) build=$2; shift 2 ;;
-    --out) out=$2; shift 2 ;;
-    *) echo "gpu-bench.sh: unknown option $1 (expected --packages, --build or --out FOLDER)" >&2; exit 1 ;;
+    --packages) packages=$(realpath "$2") ;;
+    --build) build=$2 ;;
+    --out) out=$2 ;;
+    --iterations) iterations=$2 ;;
+    *) echo "gpu-bench.sh: unknown option $1 (expected --packages, --build, --out or --iterations)" >&2; exit 1 ;;
   esac
+  shift 2
 done
 mkdir -p "$out"
 
-options=(-DCMAKE_BUILD_TYPE=Release -DTG_CUDA=ON -DTG_VIEWER=OFF -DTG_VULKAN=OFF -DTG_BENCH=OFF -DTG_TESTS=ON)
+options=(-DCMAKE_BUILD_TYPE=Release -DTG_CUDA=ON -DTG_VIEWER=OFF -DTG_VULKAN=OFF -DTG_BENCH=ON -DTG_TESTS=ON)
 if [ -n "$packages" ]; then
   options+=("-DCMAKE_PREFIX_PATH=$packages/usr")
   export LD_LIBRARY_PATH="$packages/usr/lib/x86_64-linux-gnu${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
@@ -28,10 +35,20 @@ if [ -n "$packages" ]; then
   [ -x "$packages/cuda-13.0/bin/nvcc" ] && options+=("-DCMAKE_CUDA_COMPILER=$packages/cuda-13.0/bin/nvcc")
 fi
 cmake -S . -B "$build" "${options[@]}" >"$out/configure.log"
-cmake --build "$build" -j "$(nproc)" --target tgtrain tgeval training_cuda_test training_gpu_test >"$out/build.log"
+cmake --build "$build" -j "$(nproc)" --target tgtrain tgeval training_cuda_test training_gpu_test train_bench \
+  >"$out/build.log"
 bin=$build/bin
 
 table="$out/table.md"
+row() { echo "| $1 | $2 |" >>"$table"; }
+# tests NAME PROGRAM LOG: a row with what a Catch2 program says at its end.
+tests() {
+  if "$2" >"$out/$3" 2>&1; then
+    row "$1" "$(grep -E 'All tests passed|skipped' "$out/$3" | tail -1)"
+  else
+    row "$1" "FAILED, see $3"
+  fi
+}
 device=$(nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,noheader 2>/dev/null | head -1 || true)
 {
   echo "Device: ${device:-none}. $(date -u +%F). $(uname -m), $(nproc) cores."
@@ -39,12 +56,7 @@ device=$(nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,no
   echo "| what | result |"
   echo "|---|---|"
 } >"$table"
-
-if "$bin/training_cuda_test" >"$out/test.log" 2>&1; then
-  echo "| kernels on the host | $(tail -2 "$out/test.log" | head -1) |" >>"$table"
-else
-  echo "| kernels on the host | FAILED, see test.log |" >>"$table"
-fi
+tests "kernels on the host" "$bin/training_cuda_test" test.log
 
 scene="$out/scene"
 rm -rf "$scene"
@@ -53,46 +65,72 @@ status=0
 "$bin/tgtrain" "$scene" -o "$out/probe.tgz" --overwrite --device cuda --iterations 1 --texture-iterations 0 \
   >"$out/probe.log" 2>&1 || status=$?
 if [ "$status" -ne 0 ]; then
-  echo "| device | $(tail -1 "$out/probe.log") |" >>"$table"
+  row "device" "$(tail -1 "$out/probe.log")"
   cat "$table"
   exit "$status"
 fi
+tests "the same cases on the device" "$bin/training_gpu_test" gpu_test.log
 
-if "$bin/training_gpu_test" >"$out/gpu_test.log" 2>&1; then
-  echo "| the same cases on the device | $(tail -2 "$out/gpu_test.log" | head -1) |" >>"$table"
-else
-  echo "| the same cases on the device | FAILED, see gpu_test.log |" >>"$table"
-fi
-
-# Both devices from one seed; then the tools that look into kernels, where they are installed; then times.
-for device_name in cpu cuda; do
-  "$bin/tgtrain" "$scene" -o "$out/$device_name.tgz" --overwrite --device $device_name --downscale 4 --gaussians 5000 \
-    --densification none --iterations 100 --texture-iterations 100 --json "$out/$device_name.json" \
-    >"$out/$device_name.log" 2>&1
-  echo "| 100 + 100 iterations, $device_name | $(grep -m1 -i textured "$out/$device_name.log" || true) |" >>"$table"
+# Both devices from one seed.
+for name in cpu cuda; do
+  "$bin/tgtrain" "$scene" -o "$out/$name.tgz" --overwrite --device $name --downscale 4 --gaussians 5000 \
+    --densification none --iterations 100 --texture-iterations 100 --json "$out/$name.json" >"$out/$name.log" 2>&1
+  row "100 + 100 iterations, $name" "$(grep -m1 '^textured .* iterations' "$out/$name.log" || true)"
 done
+
+# The tools that look into kernels, where they are installed; with densification, so that its kernels run, too.
 if command -v compute-sanitizer >/dev/null; then
-  for tool in memcheck racecheck initcheck; do
+  for tool in memcheck racecheck initcheck synccheck; do
     if compute-sanitizer --tool $tool --error-exitcode 9 "$bin/tgtrain" "$scene" -o "$out/probe.tgz" --overwrite \
-      --device cuda --downscale 4 --iterations 12 --texture-iterations 6 >"$out/$tool.log" 2>&1; then
-      echo "| compute-sanitizer $tool | clean |" >>"$table"
+      --device cuda --downscale 8 --iterations 24 --densify-from 4 --densify-every 5 --densify-until 20 \
+      --texture-iterations 6 >"$out/$tool.log" 2>&1; then
+      row "compute-sanitizer $tool" clean
     else
-      echo "| compute-sanitizer $tool | FAILED, see $tool.log |" >>"$table"
+      row "compute-sanitizer $tool" "FAILED, see $tool.log"
     fi
   done
 else
-  echo "| compute-sanitizer | not installed |" >>"$table"
+  row "compute-sanitizer" "not installed"
 fi
-for gaussians in 100000 500000 2000000; do
-  for mode in none rgba; do
-    name=speed_${gaussians}_$mode
-    if "$bin/tgtrain" "$scene" -o "$out/$name.tgz" --overwrite --device cuda --start random --init-count $gaussians \
-      --densification none --iterations 500 --texture-iterations 500 --texture-mode $mode --json "$out/$name.json" \
-      >"$out/$name.log" 2>&1; then
-      echo "| 800 x 800, $gaussians Gaussians, textures $mode | $(tail -3 "$out/$name.log" | tr '\n' ' ') |" >>"$table"
-    else
-      echo "| 800 x 800, $gaussians Gaussians, textures $mode | $(tail -1 "$out/$name.log") |" >>"$table"
+
+# Times: a seeded scene with 60 blended splats a pixel. kernels.txt has the table of each setting's kernels.
+rate() { sed -nE 's/^([0-9.]+) it\/s over.*/\1/p' "$1"; }
+gsplat=
+python3 -c 'import gsplat, torch; torch.zeros(1).cuda()' 2>/dev/null && gsplat=yes
+: >"$out/kernels.txt"
+for size in 800x800 1600x1064; do
+  for gaussians in 100000 500000 2000000; do
+    setting="$size, $gaussians Gaussians"
+    plain="" textured=""
+    for texels in 0 4; do
+      log="$out/speed_${size}_${gaussians}_$texels.log"
+      statistics=()
+      [ $texels = 4 ] && statistics=(--no-statistics)  # nothing densifies in stage 2
+      if "$bin/train_bench" --device cuda --width "${size%x*}" --height "${size#*x}" --gaussians $gaussians \
+        --texels $texels --iterations "$iterations" "${statistics[@]}" >"$log" 2>&1; then
+        speed=$(rate "$log")
+        if [ $texels = 0 ]; then plain=$speed; else textured=$speed; fi
+        row "$setting, textures ${texels}x$texels" "$speed it/s; $(grep '^device memory' "$log")"
+        { echo "== $setting, textures ${texels}x$texels"; cat "$log"; echo; } >>"$out/kernels.txt"
+      else
+        row "$setting, textures ${texels}x$texels" "$(tail -1 "$log")"
+      fi
+    done
+    if [ -n "$plain" ] && [ -n "$textured" ]; then
+      row "$setting, 30k + 30k iterations, stage 2 over stage 1" "$(awk -v a="$plain" -v b="$textured" \
+        'BEGIN { printf "%.1f min, %.2f x", (30000 / a + 30000 / b) / 60, a / b }')"
+    fi
+    if [ -n "$gsplat" ]; then
+      log="$out/gsplat_${size}_$gaussians.log"
+      if python3 bench/gsplat_bench.py --width "${size%x*}" --height "${size#*x}" --gaussians $gaussians \
+        --iterations "$iterations" >"$log" 2>&1; then
+        row "$setting, gsplat" "$(rate "$log") it/s; ours over it $(awk -v a="${plain:-0}" -v b="$(rate "$log")" \
+          'BEGIN { printf "%.2f x", a / b }')"
+      else
+        row "$setting, gsplat" "$(tail -1 "$log")"
+      fi
     fi
   done
 done
+[ -n "$gsplat" ] || row "gsplat" "not importable"
 cat "$table"
