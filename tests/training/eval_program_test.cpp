@@ -102,7 +102,7 @@ TEST_CASE("an interrupt ends tgeval after the current view, with what was scored
   writeScene(folder, 400);
   const Outcome outcome = run(folder, "'" TG_TGEVAL
                                       "' model.ply scene --images out --json s.json & "
-                                      "until [ -e out/r_0.png ]; do sleep 0.01; done; kill -INT $!; wait $!");
+                                      "until [ -e out/r_0.png ]; do sleep 0.01; done; kill -TERM $!; wait $!");
   INFO(outcome.output);
   CHECK(outcome.code == 0);
   CHECK_THAT(outcome.output, Contains("interrupted: ") && Contains("of 400 views were scored"));

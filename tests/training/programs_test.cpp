@@ -168,7 +168,7 @@ TEST_CASE("an interrupt ends training early and writes the model", "[programs]")
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const Outcome outcome = run(folder, "'" TG_TGTRAIN
                                       "' scene -o model.tgz --run run --iterations 1000000 & "
-                                      "until [ -e run/model.tgz ]; do sleep 0.01; done; kill -INT $!; wait $!");
+                                      "until [ -e run/model.tgz ]; do sleep 0.01; done; kill -TERM $!; wait $!");
   INFO(outcome.output);
   CHECK(outcome.code == 0);
   CHECK_THAT(outcome.output, Contains("interrupted; wrote model.tgz"));
