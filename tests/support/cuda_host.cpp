@@ -67,6 +67,7 @@ std::vector<char> shared;
 std::string failure;
 std::size_t bytes_to_device = 0;
 std::size_t bytes_to_host = 0;
+std::size_t allocated_bytes = 0;
 std::size_t free_memory = std::size_t{1} << 30;
 
 void pause() {
@@ -209,12 +210,14 @@ const int* exchangeInBlock(int value) {
 std::string openDevice() { return "host"; }
 
 void setFreeMemory(std::size_t bytes) { free_memory = bytes; }
+std::size_t allocatedBytes() { return allocated_bytes; }
 DeviceMemory deviceMemory() { return {free_memory, std::size_t{1} << 30}; }
 
 void* allocate(std::size_t bytes) {
   if (bytes == 0) return nullptr;
   auto* memory = static_cast<unsigned char*>(std::malloc(bytes + 2 * kCanary));
   if (!memory) throw Error(ErrorKind::device, "host", "out of memory");
+  allocated_bytes += bytes;
   std::memset(memory, kCanaryByte, kCanary);
   std::memcpy(memory, &bytes, sizeof(bytes));
   std::memset(memory + kCanary, 0xff, bytes);  // no float holds a number
@@ -227,6 +230,7 @@ void release(void* memory) noexcept {
   auto* first = static_cast<unsigned char*>(memory) - kCanary;
   std::size_t bytes = 0;
   std::memcpy(&bytes, first, sizeof(bytes));
+  allocated_bytes -= bytes;
   const auto intact = [](const unsigned char* from, const unsigned char* to) {
     return std::all_of(from, to, [](unsigned char c) { return c == kCanaryByte; });
   };

@@ -27,6 +27,9 @@ void setSchedule(Schedule schedule, std::uint64_t seed = 0);
 // What deviceMemory() says is free, of 1 GiB: 1 GiB until told otherwise.
 void setFreeMemory(std::size_t bytes);
 
+// By allocate(), less what was released.
+std::size_t allocatedBytes();
+
 // Kernels run since the program's start.
 std::size_t launchCount();
 
