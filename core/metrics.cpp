@@ -174,7 +174,7 @@ double psnr(const Image& a, const Image& b, Mask mask) {
 }
 
 double psnr8Bit(const Image& a, const Image& b, Mask mask) {
-  return psnrOf(a, b, mask, [](float v) { return std::floor(v * 255.0 + 0.5) / 255.0; });
+  return psnrOf(a, b, mask, [](float v) { return std::floor(v * 255.0f + 0.5f) / 255.0; });
 }
 
 double ssim(const Image& a, const Image& b, Mask mask) {
