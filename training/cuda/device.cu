@@ -113,7 +113,7 @@ void Primitives::sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys
   check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, keys, sorted_keys, values, sorted_values, itemCount(count), 0,
                                         bits),
         "CUDA, sort");
-  scratch_.resize(bytes);
+  scratch_.resizeExactly(bytes);
   check(cub::DeviceRadixSort::SortPairs(scratch_.data(), bytes, keys, sorted_keys, values, sorted_values,
                                         itemCount(count), 0, bits),
         "CUDA, sort");

@@ -119,16 +119,17 @@ void Frame::forwardAhead(const View& view, const Parameters& model) {
 void Frame::backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
                      const Parameters& gradient) {
   const bool textured = view_.texture_rgb || view_.texture_alpha;
-  sums_.resize(room() * pairSums(textured, options.statistics));
-  shows_.resize(room());
+  lists_.sums.resizeExactly(room() * pairSums(textured, options.statistics));
+  shows_.resizeExactly(room());
   shows_.zero();
   texel_sums_.resize(4 * model.texel_count);
   texel_sums_.zero();
   screen_gradient_.resize(model.count);
   screen_gradient_abs_.resize(model.count);
-  blendBackward(blendInput(model), record(), v_picture, options, {sums_.data(), shows_.data(), texel_sums_.data()});
+  blendBackward(blendInput(model), record(), v_picture, options,
+                {lists_.sums.data(), shows_.data(), texel_sums_.data()});
   finishGradients({view_, model, screen_.splats.data(), screen_.tile_counts.data(), lists_.pair_begin.data(),
-                   sums_.data(), shows_.data(), lists_.pairs.data(), room(), options.statistics},
+                   lists_.sums.data(), shows_.data(), lists_.pairs.data(), room(), options.statistics},
                   gradient, screen_gradient_.data(), screen_gradient_abs_.data());
   finishTexels(texel_sums_.data(), model.texels, gradient.texels, model.texel_count);
 }

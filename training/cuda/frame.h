@@ -62,7 +62,6 @@ class Frame {
   TileLists lists_;
   Buffer<float> picture_, transmittance_;
   Buffer<std::uint32_t> end_;
-  Buffer<float> sums_;
   Buffer<std::uint8_t> shows_;
   Buffer<long long> texel_sums_;
   Buffer<float> screen_gradient_, screen_gradient_abs_;

@@ -50,13 +50,12 @@ class Buffer {
 
   // Room for `size` entries; what it held is lost when it grows, from the second time on by a quarter more than needed.
   void resize(std::size_t size) {
-    if (size > capacity_) {
-      const std::size_t room = data_ == nullptr ? size : size + size / 4;
-      release(std::exchange(data_, nullptr));
-      size_ = capacity_ = 0;
-      data_ = static_cast<T*>(allocate(room * sizeof(T)));
-      capacity_ = room;
-    }
+    if (size > capacity_ && data_ != nullptr) reserve(size + size / 4);
+    resizeExactly(size);
+  }
+  // The same, with room for no more than needed.
+  void resizeExactly(std::size_t size) {
+    reserve(size);
     size_ = size;
   }
   void zero() { fillZero(data_, size_ * sizeof(T)); }
@@ -92,6 +91,14 @@ class Buffer {
   std::size_t bytes() const { return capacity_ * sizeof(T); }
 
  private:
+  void reserve(std::size_t room) {
+    if (room <= capacity_) return;
+    release(std::exchange(data_, nullptr));
+    size_ = capacity_ = 0;
+    data_ = static_cast<T*>(allocate(room * sizeof(T)));
+    capacity_ = room;
+  }
+
   T* data_ = nullptr;
   std::size_t size_ = 0;
   std::size_t capacity_ = 0;

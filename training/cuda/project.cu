@@ -189,6 +189,7 @@ struct EmitArguments {
   std::uint32_t* pair_begin;
   std::uint32_t* pair_gaussian;
   std::uint32_t* pair_tiles;
+  std::uint32_t* pair_indices;
 };
 
 TG_KERNEL emitKernel(EmitArguments a) {
@@ -206,14 +207,18 @@ TG_KERNEL emitKernel(EmitArguments a) {
     for (uint k = 0; k < tiles && pair < a.room; ++k, ++pair) {
       a.pair_gaussian[pair] = i;
       a.pair_tiles[pair] = tile_y * static_cast<uint>(a.tiles_x) + first + k;
+      a.pair_indices[pair] = pair;
     }
   }
 }
 
 // What is left of the room lies in a tile behind the last.
-TG_KERNEL padKernel(const PairCount* pairs, std::size_t room, std::uint32_t tiles, std::uint32_t* pair_tiles) {
+TG_KERNEL padKernel(const PairCount* pairs, std::size_t room, std::uint32_t tiles, std::uint32_t* pair_tiles,
+                    std::uint32_t* pair_indices) {
   const std::size_t pair = itemIndex();
-  if (pair < room && pair >= *pairs) pair_tiles[pair] = tiles;
+  if (pair >= room || pair < *pairs) return;
+  pair_tiles[pair] = tiles;
+  pair_indices[pair] = static_cast<std::uint32_t>(pair);
 }
 
 // One thread more than there is room: each writes the starts of the tiles between its pair's and the one before.
@@ -252,12 +257,9 @@ void projectGaussians(const View& view, const Parameters& model, ScreenSplats& o
 
 void makeRoom(std::size_t pairs, TileLists& out) {
   out.room = pairs;
-  out.pair_gaussian.resize(pairs);
-  out.pair_tiles.resize(pairs);
-  out.pair_indices.resize(pairs);
-  out.sorted_tiles.resize(pairs);
-  out.sorted_pairs.resize(pairs);
-  launch("number", numberKernel, blocksFor(pairs), out.pair_indices.data(), pairs);
+  out.pair_gaussian.resizeExactly(pairs);
+  out.sorted_pairs.resizeExactly(pairs);
+  out.sums.resizeExactly(3 * pairs);
 }
 
 void buildLists(const View& view, const ScreenSplats& screen, Primitives& primitives, TileLists& out) {
@@ -278,6 +280,9 @@ void buildLists(const View& view, const ScreenSplats& screen, Primitives& primit
   launch("count", countKernel, blocksFor(count), out.order.data(), screen.tile_counts.data(), out.counts.data(), count,
          out.pairs.data());
   primitives.exclusiveSum(out.counts.data(), out.offsets.data(), count);
+  auto* pair_tiles = reinterpret_cast<std::uint32_t*>(out.sums.data());
+  std::uint32_t* pair_indices = pair_tiles + out.room;
+  std::uint32_t* sorted_tiles = pair_indices + out.room;
   const EmitArguments arguments{count,
                                 out.room,
                                 view.tiles_x,
@@ -289,12 +294,13 @@ void buildLists(const View& view, const ScreenSplats& screen, Primitives& primit
                                 out.offsets.data(),
                                 out.pair_begin.data(),
                                 out.pair_gaussian.data(),
-                                out.pair_tiles.data()};
+                                pair_tiles,
+                                pair_indices};
   launch("emit", emitKernel, blocksFor(count), arguments);
-  launch("pad", padKernel, blocksFor(out.room), out.pairs.data(), out.room, tiles, out.pair_tiles.data());
-  primitives.sortPairs(out.pair_tiles.data(), out.sorted_tiles.data(), out.pair_indices.data(), out.sorted_pairs.data(),
-                       out.room, std::bit_width(tiles));
-  launch("ranges", rangesKernel, blocksFor(out.room + 1), out.sorted_tiles.data(), out.pairs.data(), out.room, tiles,
+  launch("pad", padKernel, blocksFor(out.room), out.pairs.data(), out.room, tiles, pair_tiles, pair_indices);
+  primitives.sortPairs(pair_tiles, sorted_tiles, pair_indices, out.sorted_pairs.data(), out.room,
+                       std::bit_width(tiles));
+  launch("ranges", rangesKernel, blocksFor(out.room + 1), sorted_tiles, out.pairs.data(), out.room, tiles,
          out.tile_begin.data());
 }
 

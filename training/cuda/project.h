@@ -29,10 +29,14 @@ struct TileLists {
 
   Lists lists() const { return {sorted_pairs.data(), tile_begin.data(), pair_gaussian.data()}; }
 
+  // [room, pairSums(...)] for the backward pass, which makes it as large as that; lists are built in it before, with
+  // three numbers a pair.
+  Buffer<float> sums;
+
   // Scratch.
-  Buffer<std::uint32_t> sorted_keys, indices, counts, offsets, pair_tiles, pair_indices, sorted_tiles;
+  Buffer<std::uint32_t> sorted_keys, indices, counts, offsets;
 };
-// For that many pairs.
+// For that many pairs, not more.
 void makeRoom(std::size_t pairs, TileLists& out);
 // Waits for nothing: the device alone knows how many pairs there are. Sorts the whole room.
 void buildLists(const View& view, const ScreenSplats& screen, Primitives& primitives, TileLists& out);
