@@ -9,8 +9,8 @@
 #include "cuda_host.h"
 #include "support/catch.h"
 #include "support/scenes.h"
+#include "training/cuda/engine.h"
 #include "training/cuda/frame.h"
-#include "training/cuda/renderer.h"
 #include "training/cuda/step.h"
 #include "training/engine.h"
 
@@ -23,6 +23,7 @@ using Bytes = std::uint64_t;
 struct Sizes {
   Bytes gaussians, sh_count, texels, pairs, width, height, images;
   bool statistics, filtered;
+  Bytes gradient_rows = cuda::kGradientRows;  // Gaussians a part, in the textured stages
 
   Bytes floats() const { return gaussians * (11 + 3 * sh_count); }
   Bytes pixels() const { return width * height; }
@@ -49,7 +50,8 @@ Footprint footprint(const Sizes& s) {
   f.model = 4 * s.floats() + 16 * s.texels + (textured ? sizeof(TextureRect) * s.gaussians : 0);
   f.moments = 8 * s.floats() + 32 * s.texels;
   f.images = s.images * 3 * s.pixels();
-  f.gradient = 4 * s.floats() + 16 * s.texels;
+  const Bytes rows = textured ? std::min(s.gaussians, s.gradient_rows) : s.gaussians;
+  f.gradient = 4 * rows * (11 + 3 * s.sh_count) + 16 * std::min(s.texels, 16 * s.gradient_rows);
   f.texel_sums = 32 * s.texels;
   // Statistics, 3D filter; splats with what places them; depth order; screen gradients.
   f.splats = s.gaussians * (16 + (s.filtered ? 20 : 0) + sizeof(cuda::BlendSplat) +
@@ -81,37 +83,38 @@ Bytes pairsOf(const GaussianModel& model, const Camera& camera) {
   return pairs;
 }
 
-}  // namespace
-
-TEST_CASE("a CUDA step allocates what the arithmetic says") {
-  const int texels = GENERATE(0, 3);
-  const bool filtered = GENERATE(false, true);
-  const bool statistics = texels == 0;
-  const Camera camera = test::trainedLikeCamera(72, 40);
-  const GaussianModel model = cloud(400, texels, 2);
-  const Sizes sizes{400, 16, 400u * texels * texels, pairsOf(model, camera), 72, 40, 1, statistics, filtered};
-  REQUIRE(sizes.pairs > 256);  // else the first picture's room is enough
-  const std::unique_ptr<DifferentiableRenderer> renderer = makeCudaDifferentiableRenderer();
-  const std::size_t before = cuda::allocatedBytes();
-  const auto engine = renderer->makeTrainingEngine(0.2f);
+struct Steps {
+  std::size_t first_bytes, second_bytes;  // on the device
   RunState state;
+};
+Steps twoSteps(const GaussianModel& model, const Camera& camera, const Sizes& sizes) {
+  const std::size_t before = cuda::allocatedBytes();
+  const auto engine = cuda::makeTrainingEngine(0.2f, sizes.gradient_rows);
+  Steps steps{};
+  RunState& state = steps.state;
   state.training.model = model;
   resetMoments(state.training);
   state.statistics.reset(model.size());
-  if (filtered) state.min_sigma.assign(model.size(), 1e-3f);
+  if (sizes.filtered) state.min_sigma.assign(model.size(), 1e-3f);
   auto photograph = std::make_shared<ViewPixels>();
-  photograph->width = 72;
-  photograph->height = 40;
-  photograph->rgb.assign(3 * 72 * 40, 100);
+  photograph->width = camera.width;
+  photograph->height = camera.height;
+  photograph->rgb.assign(3 * sizes.pixels(), 100);
   StepInput input{.camera = camera,
                   .view = 0,
                   .photograph = photograph,
                   .background = glm::vec3(0.0f),
                   .background_varies = false,
                   .iteration = 1,
-                  .gradient = {.statistics = statistics},
-                  .gather_statistics = statistics,
-                  .rates = {},
+                  .gradient = {.statistics = sizes.statistics},
+                  .gather_statistics = sizes.statistics,
+                  .rates = {.mean = 1e-3f,
+                            .rotation = 1e-3f,
+                            .log_scale = 5e-3f,
+                            .opacity_logit = 0.05f,
+                            .sh_dc = 2e-3f,
+                            .sh_rest = 1e-4f,
+                            .texels = 2e-3f},
                   .mcmc = false,
                   .opacity_weight = 0,
                   .scale_weight = 0,
@@ -119,13 +122,53 @@ TEST_CASE("a CUDA step allocates what the arithmetic says") {
                   .noise_seed = 0,
                   .clamp_colors = false};
   engine->step(state, input);
-  const std::size_t found = cuda::allocatedBytes() - before;
-  INFO(texels << " texels a side, 3D filter " << filtered);
-  CHECK(found == footprint(sizes).sum());
+  steps.first_bytes = cuda::allocatedBytes() - before;
   input.iteration = 2;
   engine->step(state, input);
-  engine->losses(state, true);
-  CHECK(cuda::allocatedBytes() - before == found);  // nothing more, the second time
+  engine->pull(state);
+  steps.second_bytes = cuda::allocatedBytes() - before;
+  return steps;
+}
+
+}  // namespace
+
+TEST_CASE("a CUDA step allocates what the arithmetic says") {
+  const int texels = GENERATE(0, 3);
+  const bool filtered = GENERATE(false, true);
+  const Camera camera = test::trainedLikeCamera(72, 40);
+  const GaussianModel model = cloud(400, texels, 2);
+  const Sizes sizes{400, 16, 400u * texels * texels, pairsOf(model, camera), 72, 40, 1, texels == 0, filtered};
+  REQUIRE(sizes.pairs > 256);  // else the first picture's room is enough
+  INFO(texels << " texels a side, 3D filter " << filtered);
+  const Steps steps = twoSteps(model, camera, sizes);
+  CHECK(steps.first_bytes == footprint(sizes).sum());
+  CHECK(steps.second_bytes == steps.first_bytes);
+}
+
+TEST_CASE("CUDA's textured steps move Gaussians and texels in parts to the same bytes") {
+  const bool filtered = GENERATE(false, true);
+  const Camera camera = test::trainedLikeCamera(72, 40);
+  const GaussianModel model = cloud(400, 3, 2);
+  Sizes sizes{400, 16, 3600, pairsOf(model, camera), 72, 40, 1, false, filtered};
+  const Steps whole = twoSteps(model, camera, sizes);
+  sizes.gradient_rows = 150;  // 16 * 150 texels: two parts of them, three of the Gaussians
+  const Steps parts = twoSteps(model, camera, sizes);
+  CHECK(parts.first_bytes == footprint(sizes).sum());
+  CHECK(parts.first_bytes < whole.first_bytes);
+  const TrainingState &a = whole.state.training, &b = parts.state.training;
+  CHECK(a.model.mean != model.mean);
+  CHECK(a.model.atlas.texels != model.atlas.texels);
+  CHECK(a.model.mean == b.model.mean);
+  CHECK(a.model.rotation == b.model.rotation);
+  CHECK(a.model.log_scale == b.model.log_scale);
+  CHECK(a.model.opacity_logit == b.model.opacity_logit);
+  CHECK(a.model.sh == b.model.sh);
+  CHECK(a.model.atlas.texels == b.model.atlas.texels);
+  for (const auto moments : {&TrainingState::mean, &TrainingState::rotation, &TrainingState::log_scale,
+                             &TrainingState::opacity_logit, &TrainingState::sh, &TrainingState::texels}) {
+    CHECK((a.*moments).first == (b.*moments).first);
+    CHECK((a.*moments).second == (b.*moments).second);
+  }
 }
 
 namespace {
@@ -144,7 +187,8 @@ struct Setting {
   // After rounds of densification: every array of Gaussians a quarter larger than it must be, and the rounds' scratch.
   Bytes densified() const {
     const Bytes row = 4 * (11 + 3 * 16);
-    return fixed() + gaussians * (4 * row + 16 + sizeof(cuda::BlendSplat) + 36 + 24 + 8) / 4 + grown(52 * gaussians);
+    const Bytes rows = texels_a_side > 0 ? 3 : 4;  // a textured stage's gradient is made anew
+    return fixed() + gaussians * (rows * row + 16 + sizeof(cuda::BlendSplat) + 36 + 24 + 8) / 4 + grown(52 * gaussians);
   }
 };
 constexpr Setting kSettings[] = {

@@ -16,12 +16,14 @@
 namespace tg::cuda {
 namespace {
 
-// Steps that the device may be behind. A launch queue holds about a thousand kernels, some 30 steps.
+// Steps that the device may be behind. A launch queue holds about a thousand kernels, some 30 steps; fewer where
+// gradients are finished in parts, and then launches wait.
 constexpr std::size_t kStepsAhead = 32;
 
 class CudaTrainingEngine final : public TrainingEngine {
  public:
-  explicit CudaTrainingEngine(float ssim_weight) : ssim_weight_(ssim_weight) {}
+  CudaTrainingEngine(float ssim_weight, std::size_t gradient_rows)
+      : ssim_weight_(ssim_weight), gradient_rows_(gradient_rows) {}
 
   void step(RunState& state, const StepInput& input) override {
     hold(state);
@@ -125,18 +127,14 @@ class CudaTrainingEngine final : public TrainingEngine {
     if (stop_.size() == 0) clearStop();
     judgeStep({loss_.sums.data(), frame_.pairs(), frame_.room(), stop_.data(), records_.data() + index});
 
-    device_.gradient.resizeLike(device_.model);
-    const Parameters gradient = device_.gradient.parameters();
-    frame_.backward(v_picture_.data(), input.gradient, drawn, gradient);
-    const auto count = static_cast<double>(stored.count);
-    const float* min_sigma = device_.min_sigma.size() > 0 ? device_.min_sigma.data() : nullptr;
-    chainGradients({stored, min_sigma, input.mcmc, input.opacity_weight / count, input.scale_weight / count}, gradient);
+    frame_.backward(v_picture_.data(), input.gradient, drawn);
+    const std::int64_t number = device_.step + static_cast<std::int64_t>(index) + 1;
+    moveParameters(state.training.model, stored, drawn, input, adamScales(number));
     if (input.gather_statistics) {
       addStatistics(frame_.screenGradient().data(), frame_.screenGradientAbs().data(), frame_.screenRadius().data(),
                     stored.count, device_.statistics, stop_.data());
     }
-    const std::int64_t number = device_.step + static_cast<std::int64_t>(index) + 1;
-    update(state.training.model, stored, gradient, input, number);
+    if (input.mcmc) addNoise(stored, input.noise, input.noise_seed, input.iteration, stop_.data());
   }
 
   // Waits for the steps that were begun. Those whose pairs had no room, and with them all later ones, changed nothing:
@@ -174,26 +172,49 @@ class CudaTrainingEngine final : public TrainingEngine {
     stop_.zero();
   }
 
-  void update(const GaussianModel& model, const Parameters& stored, const Parameters& gradient, const StepInput& input,
-              std::int64_t number) {
-    const LearningRates& rates = input.rates;
-    const AdamScales scales = adamScales(number);
-    const std::uint32_t* stop = stop_.data();
-    const StateMoments& moments = device_.moments;
-    const auto uniform = [&](float* value, const float* v_value, const DeviceMoments& of, float rate) {
-      cuda::adamStep({value, v_value, of, of.first.size(), 1, 0, 0, rate, scales, stop});
-    };
-    uniform(stored.mean, gradient.mean, moments.mean, rates.mean);
-    uniform(stored.rotation, gradient.rotation, moments.rotation, rates.rotation);
-    uniform(stored.log_scale, gradient.log_scale, moments.log_scale, rates.log_scale);
-    uniform(stored.opacity_logit, gradient.opacity_logit, moments.opacity_logit, rates.opacity_logit);
-    cuda::adamStep({stored.sh, gradient.sh, moments.sh, moments.sh.first.size(),
-                    3 * static_cast<unsigned>(stored.sh_count), 3, rates.sh_dc, rates.sh_rest, scales, stop});
-    if (model.texture_mode != TextureMode::none) {
-      uniform(stored.texels, gradient.texels, moments.texels, rates.texels);
-      clampTexels(stored.texels, stored.texel_count, input.clamp_colors, stop);
+  // From the sums of the backward pass to Adam's step.
+  void moveParameters(const GaussianModel& model, const Parameters& stored, const Parameters& drawn,
+                      const StepInput& input, AdamScales scales) {
+    const bool textured = model.texture_mode != TextureMode::none;
+    const std::size_t rows = textured ? std::min(stored.count, gradient_rows_) : stored.count;
+    const std::size_t texel_rows = textured ? std::min(stored.texel_count, 16 * gradient_rows_) : 0;
+    for (std::size_t first = 0; first < stored.count; first += rows) {
+      const std::size_t count = std::min(rows, stored.count - first);
+      device_.gradient.resizeLike(device_.model, count, texel_rows);
+      const Parameters gradient = device_.gradient.parameters();
+      frame_.finish(drawn, first, gradient);
+      moveGaussians(stored, first, gradient, input, scales);
     }
-    if (input.mcmc) addNoise(stored, input.noise, input.noise_seed, input.iteration, stop);
+    if (!textured) return;
+    for (std::size_t first = 0; first < stored.texel_count; first += texel_rows) {
+      const std::size_t count = std::min(texel_rows, stored.texel_count - first);
+      float* v_texels = device_.gradient.texels.data();
+      frame_.finishTexels(stored, first, count, v_texels);
+      cuda::adamStep({stored.texels + 4 * first, v_texels, device_.moments.texels, 4 * count, 1, 0, 0,
+                      input.rates.texels, scales, stop_.data(), 4 * first});
+    }
+    clampTexels(stored.texels, stored.texel_count, input.clamp_colors, stop_.data());
+  }
+
+  void moveGaussians(const Parameters& stored, std::size_t first, const Parameters& gradient, const StepInput& input,
+                     AdamScales scales) {
+    const Parameters moved = slice(stored, first, gradient.count);
+    const auto all = static_cast<double>(stored.count);
+    const float* min_sigma = device_.min_sigma.size() > 0 ? device_.min_sigma.data() + first : nullptr;
+    chainGradients({moved, min_sigma, input.mcmc, input.opacity_weight / all, input.scale_weight / all}, gradient);
+    const LearningRates& rates = input.rates;
+    const StateMoments& moments = device_.moments;
+    const auto uniform = [&](float* value, const float* v_value, const DeviceMoments& of, std::size_t floats,
+                             float rate) {
+      cuda::adamStep({value, v_value, of, floats * moved.count, 1, 0, 0, rate, scales, stop_.data(), floats * first});
+    };
+    uniform(moved.mean, gradient.mean, moments.mean, 3, rates.mean);
+    uniform(moved.rotation, gradient.rotation, moments.rotation, 4, rates.rotation);
+    uniform(moved.log_scale, gradient.log_scale, moments.log_scale, 3, rates.log_scale);
+    uniform(moved.opacity_logit, gradient.opacity_logit, moments.opacity_logit, 1, rates.opacity_logit);
+    const unsigned row = 3 * static_cast<unsigned>(stored.sh_count);
+    cuda::adamStep({moved.sh, gradient.sh, moments.sh, row * moved.count, row, 3, rates.sh_dc, rates.sh_rest, scales,
+                    stop_.data(), row * first});
   }
 
   LossValue lossOf(const StepRecord& record, double counted) const {
@@ -207,6 +228,7 @@ class CudaTrainingEngine final : public TrainingEngine {
   }
 
   const float ssim_weight_;
+  const std::size_t gradient_rows_;
   bool holds_ = false;  // the device has the state
   bool ahead_ = false;  // and has moved on from it
   DeviceState device_;
@@ -227,8 +249,8 @@ class CudaTrainingEngine final : public TrainingEngine {
 
 }  // namespace
 
-std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight) {
-  return std::make_unique<CudaTrainingEngine>(ssim_weight);
+std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight, std::size_t gradient_rows) {
+  return std::make_unique<CudaTrainingEngine>(ssim_weight, gradient_rows);
 }
 
 }  // namespace tg::cuda

@@ -58,15 +58,17 @@ void DeviceModel::upload(const GaussianModel& model) {
   rects.upload(model.atlas.rects);
 }
 
-void DeviceModel::resizeLike(const DeviceModel& other) {
-  count = other.count;
+void DeviceModel::resizeLike(const DeviceModel& other) { resizeLike(other, other.count, other.texels.size() / 4); }
+
+void DeviceModel::resizeLike(const DeviceModel& other, std::size_t gaussians, std::size_t texel_count) {
+  count = gaussians;
   sh_count = other.sh_count;
-  mean.resize(other.mean.size());
-  rotation.resize(other.rotation.size());
-  log_scale.resize(other.log_scale.size());
-  opacity_logit.resize(other.opacity_logit.size());
-  sh.resize(other.sh.size());
-  texels.resize(other.texels.size());
+  mean.resize(3 * gaussians);
+  rotation.resize(4 * gaussians);
+  log_scale.resize(3 * gaussians);
+  opacity_logit.resize(gaussians);
+  sh.resize(3 * static_cast<std::size_t>(sh_count) * gaussians);
+  texels.resize(4 * texel_count);
 }
 
 void DeviceModel::download(ModelGradient& gradient) const {
@@ -118,8 +120,15 @@ void Frame::forwardAhead(const View& view, const Parameters& model) {
 
 void Frame::backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
                      const Parameters& gradient) {
+  backward(v_picture, options, model);
+  finish(model, 0, gradient);
+  finishTexels(model, 0, model.texel_count, gradient.texels);
+}
+
+void Frame::backward(const float* v_picture, const GradientOptions& options, const Parameters& model) {
   const bool textured = view_.texture_rgb || view_.texture_alpha;
-  lists_.sums.resizeExactly(room() * pairSums(textured, options.statistics));
+  statistics_ = options.statistics;
+  lists_.sums.resizeExactly(room() * pairSums(textured, statistics_));
   shows_.resizeExactly(room());
   shows_.zero();
   texel_sums_.resize(4 * model.texel_count);
@@ -128,10 +137,17 @@ void Frame::backward(const float* v_picture, const GradientOptions& options, con
   screen_gradient_abs_.resize(model.count);
   blendBackward(blendInput(model), record(), v_picture, options,
                 {lists_.sums.data(), shows_.data(), texel_sums_.data()});
-  finishGradients({view_, model, screen_.splats.data(), screen_.tile_counts.data(), lists_.pair_begin.data(),
-                   lists_.sums.data(), shows_.data(), lists_.pairs.data(), room(), options.statistics},
-                  gradient, screen_gradient_.data(), screen_gradient_abs_.data());
-  finishTexels(texel_sums_.data(), model.texels, gradient.texels, model.texel_count);
+}
+
+void Frame::finish(const Parameters& model, std::size_t first, const Parameters& gradient) {
+  finishGradients(
+      {view_, slice(model, first, gradient.count), screen_.splats.data() + first, screen_.tile_counts.data() + first,
+       lists_.pair_begin.data() + first, lists_.sums.data(), shows_.data(), lists_.pairs.data(), room(), statistics_},
+      gradient, screen_gradient_.data() + first, screen_gradient_abs_.data() + first);
+}
+
+void Frame::finishTexels(const Parameters& model, std::size_t first, std::size_t count, float* v_texels) {
+  cuda::finishTexels(texel_sums_.data() + 4 * first, model.texels + 4 * first, v_texels, count);
 }
 
 }  // namespace tg::cuda

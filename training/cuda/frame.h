@@ -24,6 +24,8 @@ struct DeviceModel {
 
   void upload(const GaussianModel& model);
   void resizeLike(const DeviceModel& other);  // contents undefined
+  // Room for so many Gaussians and texels of the other's kind; contents undefined.
+  void resizeLike(const DeviceModel& other, std::size_t gaussians, std::size_t texel_count);
   void download(ModelGradient& gradient) const;
   // sh_degree must be the device's; rectangles do not change.
   void download(GaussianModel& model) const;
@@ -45,9 +47,14 @@ class Frame {
   // Of the last forward(), for the same parameters. v_picture: as the picture, on the device.
   void backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
                 const Parameters& gradient);
+  // The same in parts: the sums that the others need, then the gradients of gradient.count Gaussians from `first` on
+  // and of so many texels. Each begins with that of the first.
+  void backward(const float* v_picture, const GradientOptions& options, const Parameters& model);
+  void finish(const Parameters& model, std::size_t first, const Parameters& gradient);
+  void finishTexels(const Parameters& model, std::size_t first, std::size_t count, float* v_texels);
 
   const Buffer<float>& picture() const { return picture_; }
-  // As in ModelGradient, of the last backward().
+  // As in ModelGradient, of the last backward(), where finish() was.
   const Buffer<float>& screenGradient() const { return screen_gradient_; }
   const Buffer<float>& screenGradientAbs() const { return screen_gradient_abs_; }
   const Buffer<float>& screenRadius() const { return screen_.screen_radius; }
@@ -62,6 +69,7 @@ class Frame {
   TileLists lists_;
   Buffer<float> picture_, transmittance_;
   Buffer<std::uint32_t> end_;
+  bool statistics_ = false;  // in the sums
   Buffer<std::uint8_t> shows_;
   Buffer<long long> texel_sums_;
   Buffer<float> screen_gradient_, screen_gradient_abs_;

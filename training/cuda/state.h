@@ -13,7 +13,7 @@ struct StateMoments {
 
 struct DeviceState {
   DeviceModel model;
-  DeviceModel gradient;  // of the last step. Between steps its memory is free: rows move through it
+  DeviceModel gradient;  // of a step, or of some Gaussians. Between steps its memory is free: rows move through it
   StateMoments moments;
   DeviceStatistics statistics;
   Buffer<float> min_sigma;  // [N]; empty: no 3D filter

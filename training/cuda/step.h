@@ -67,6 +67,7 @@ struct AdamInput {
   float first_rate, rate;
   AdamScales scales;
   const std::uint32_t* stop = nullptr;
+  std::size_t first = 0;  // of the moments: where value's and gradient's are
 };
 void adamStep(const AdamInput& input);
 // Alpha to [0, 1]; colours too where clamp_colors.

@@ -37,6 +37,18 @@ struct Parameters {
   std::size_t texel_count;
 };
 
+// Gaussians [first, first + count) as a model of their own; the texels stay those of all.
+inline Parameters slice(Parameters of, std::size_t first, std::size_t count) {
+  of.count = count;
+  of.mean += 3 * first;
+  of.rotation += 4 * first;
+  of.log_scale += 3 * first;
+  of.opacity_logit += first;
+  of.sh += 3 * static_cast<std::size_t>(of.sh_count) * first;
+  if (of.rects != nullptr) of.rects += first;
+  return of;
+}
+
 // What blending evaluates of a splat; names and units as in render/cpu/project.h. (x, y) = pixel - centre [px].
 struct BlendSplat {
   float center_x, center_y;

@@ -115,8 +115,9 @@ void chainGradients(const ChainInput& input, const Parameters& gradient) {
 
 void adamStep(const AdamInput& input) {
   launch("Adam", adamKernel, blocksFor(input.count),
-         AdamArguments{input.value, input.gradient, input.moments.first.data(), input.moments.second.data(),
-                       input.count, input.row, input.leading, input.first_rate, input.rate, input.scales, input.stop});
+         AdamArguments{input.value, input.gradient, input.moments.first.data() + input.first,
+                       input.moments.second.data() + input.first, input.count, input.row, input.leading,
+                       input.first_rate, input.rate, input.scales, input.stop});
 }
 
 void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors, const std::uint32_t* stop) {
