@@ -13,12 +13,6 @@
 namespace tg::cuda {
 namespace {
 
-TG_DEVICE glm::vec3 readVector(const float* from, std::size_t i) {
-  return {from[3 * i], from[3 * i + 1], from[3 * i + 2]};
-}
-TG_DEVICE void writeVector(float* to, std::size_t i, glm::vec3 v) {
-  for (int k = 0; k < 3; ++k) to[3 * i + k] = v[k];
-}
 // Of numbers from 0 on, in their order.
 TG_DEVICE std::uint32_t orderedBits(float value) {
   std::uint32_t bits;

@@ -38,15 +38,21 @@ TG_DEVICE void rotationColumns(glm::dvec4 raw, glm::dvec3* columns) {
   columns[2] = {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)};
 }
 
+// Row i of an [N, 3] array.
+TG_DEVICE glm::vec3 readVector(const float* from, std::size_t i) {
+  return {from[3 * i], from[3 * i + 1], from[3 * i + 2]};
+}
+TG_DEVICE void writeVector(float* to, std::size_t i, glm::vec3 v) {
+  for (int k = 0; k < 3; ++k) to[3 * i + k] = v[k];
+}
+
 TG_DEVICE glm::dvec3 readMean(const Parameters& model, std::size_t i) {
   return {model.mean[3 * i], model.mean[3 * i + 1], model.mean[3 * i + 2]};
 }
 TG_DEVICE glm::dvec4 readRotation(const Parameters& model, std::size_t i) {
   return {model.rotation[4 * i], model.rotation[4 * i + 1], model.rotation[4 * i + 2], model.rotation[4 * i + 3]};
 }
-TG_DEVICE glm::vec3 readLogScale(const Parameters& model, std::size_t i) {
-  return {model.log_scale[3 * i], model.log_scale[3 * i + 1], model.log_scale[3 * i + 2]};
-}
+TG_DEVICE glm::vec3 readLogScale(const Parameters& model, std::size_t i) { return readVector(model.log_scale, i); }
 TG_DEVICE glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
   return view.camera_from_world_rotation * x + view.camera_from_world_translation;
 }

@@ -6,13 +6,6 @@
 namespace tg::cuda {
 namespace {
 
-TG_DEVICE glm::vec3 readVector(const float* from, std::size_t i) {
-  return {from[3 * i], from[3 * i + 1], from[3 * i + 2]};
-}
-TG_DEVICE void writeVector(float* to, std::size_t i, glm::vec3 v) {
-  for (int k = 0; k < 3; ++k) to[3 * i + k] = v[k];
-}
-
 TG_DEVICE bool stopped(const std::uint32_t* stop) { return stop != nullptr && *stop != 0; }
 
 TG_KERNEL filterKernel(Parameters model, const float* min_sigma, float* log_scale, float* opacity_logit) {
