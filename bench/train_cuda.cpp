@@ -29,17 +29,6 @@ struct Counts {
   bool textured, statistics;
 };
 
-// The (tile, splat) pairs of the first camera.
-double countPairs(const GaussianModel& model, const Camera& camera) {
-  cuda::DeviceModel device;
-  device.upload(model);
-  cuda::Frame frame;
-  frame.forward(cuda::makeView(model, camera, {}), device.parameters());
-  cuda::PairCount pairs = 0;
-  cuda::copyToHost(&pairs, frame.pairs(), sizeof(pairs));
-  return static_cast<double>(pairs);
-}
-
 // Bytes that all launches of a kernel in one iteration read and write; none: not counted.
 std::optional<double> bytesOf(std::string_view kernel, const Counts& c) {
   const double splat = sizeof(cuda::BlendSplat) + (c.textured ? sizeof(cuda::LocalFrame) : 0.0);
@@ -152,7 +141,7 @@ void benchCuda(DifferentiableRenderer& renderer, GaussianModel model, const Cuda
   counts.blended = bench.blended;
   counts.textured = counts.texels > 0;
   counts.statistics = bench.statistics;
-  counts.pairs = countPairs(model, camera);
+  counts.pairs = static_cast<double>(cuda::countPairs(model, camera));
   std::printf("%s\n", renderer.deviceName().c_str());
   std::printf("%d x %d px, %.0f Gaussians, %.0f texels, %.2f M (tile, splat) pairs, %.2f M blended\n", camera.width,
               camera.height, counts.gaussians, counts.texels, counts.pairs * 1e-6, counts.blended * 1e-6);

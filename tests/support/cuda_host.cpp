@@ -68,6 +68,7 @@ std::string failure;
 std::size_t bytes_to_device = 0;
 std::size_t bytes_to_host = 0;
 std::size_t allocated_bytes = 0;
+std::size_t peak_bytes = 0;
 std::size_t free_memory = std::size_t{1} << 30;
 
 void pause() {
@@ -211,6 +212,7 @@ std::string openDevice() { return "host"; }
 
 void setFreeMemory(std::size_t bytes) { free_memory = bytes; }
 std::size_t allocatedBytes() { return allocated_bytes; }
+std::size_t takePeakBytes() { return std::exchange(peak_bytes, allocated_bytes); }
 DeviceMemory deviceMemory() { return {free_memory, std::size_t{1} << 30}; }
 
 void* allocate(std::size_t bytes) {
@@ -218,6 +220,7 @@ void* allocate(std::size_t bytes) {
   auto* memory = static_cast<unsigned char*>(std::malloc(bytes + 2 * kCanary));
   if (!memory) throw Error(ErrorKind::device, "host", "out of memory");
   allocated_bytes += bytes;
+  peak_bytes = std::max(peak_bytes, allocated_bytes);
   std::memset(memory, kCanaryByte, kCanary);
   std::memcpy(memory, &bytes, sizeof(bytes));
   std::memset(memory + kCanary, 0xff, bytes);  // no float holds a number

@@ -29,6 +29,8 @@ void setFreeMemory(std::size_t bytes);
 
 // By allocate(), less what was released.
 std::size_t allocatedBytes();
+// The most that were allocated at once since the last call.
+std::size_t takePeakBytes();
 
 // Kernels run since the program's start.
 std::size_t launchCount();

@@ -70,7 +70,6 @@ template <typename Change>
 void onDevice(RunState& state, const Change& change) {
   cuda::DeviceState device;
   cuda::upload(state, device);
-  device.gradient.resizeLike(device.model);
   change(device);
   cuda::download(device, state);
 }
@@ -203,8 +202,8 @@ TEST_CASE("CUDA's 3D filter has the CPU's sizes") {
   const std::vector<float> expected = minSigmas(cameras, state.training.model);
   cuda::Buffer<FilterCamera> device_cameras;
   device_cameras.upload(cameras);
-  cuda::DensityScratch scratch;
-  onDevice(state, [&](cuda::DeviceState& device) { cuda::updateFilter(device, device_cameras, scratch); });
+  cuda::Buffer<std::uint32_t> largest;
+  onDevice(state, [&](cuda::DeviceState& device) { cuda::updateFilter(device, device_cameras, largest); });
   CHECK(sameNumbers(state.min_sigma, expected));
   CHECK(*std::min_element(expected.begin(), expected.end()) > 0);
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One thread a Gaussian decides; exclusive sums of the flags are the new places; then rows move. The order of
+// One thread a Gaussian decides; exclusive sums of the flags are the new places; then rows move. Each array is
+// made anew, one after the other: it is as large as it must be, and a round holds one of them twice. The order of
 // Gaussians, and which number of the random sequence is whose, are the CPU's.
 #include "training/cuda/density.h"
 
@@ -49,26 +50,28 @@ TG_KERNEL rowsKernel(RowsArguments a) {
   a.to[i] = j < a.kept && k < a.from_row ? a.from[row * a.from_row + k] : 0.0f;
 }
 
-// `rows` become `count` rows of others or of zeros, by way of `spare`, with which they change places.
+// `rows` become `count` rows of others or of zeros.
 struct RowChange {
   const std::uint32_t* source;
   std::size_t kept, count;
   unsigned from_row, to_row;
 };
-void changeRows(Buffer<float>& rows, Buffer<float>& spare, const RowChange& change) {
+void changeRows(Buffer<float>& rows, const RowChange& change) {
   const std::size_t floats = change.count * change.to_row;
-  spare.resize(floats);
-  launch("rows", rowsKernel, blocksFor(floats),
-         RowsArguments{rows.data(), spare.data(), change.source, floats, change.kept, change.from_row, change.to_row});
-  std::swap(rows, spare);
+  Buffer<float> changed;
+  changed.resize(floats);
+  launch(
+      "rows", rowsKernel, blocksFor(floats),
+      RowsArguments{rows.data(), changed.data(), change.source, floats, change.kept, change.from_row, change.to_row});
+  std::swap(rows, changed);
 }
 
 // The twin of optimizer.h's.
 void selectGaussians(DeviceState& state, const std::uint32_t* source, std::size_t kept, std::size_t count) {
-  forEachParameter(state, [&](Buffer<float>& value, Buffer<float>& spare, DeviceMoments& moments, unsigned row) {
-    changeRows(value, spare, {source, count, count, row, row});
-    changeRows(moments.first, spare, {source, kept, count, row, row});
-    changeRows(moments.second, spare, {source, kept, count, row, row});
+  forEachParameter(state, [&](Buffer<float>& value, DeviceMoments& moments, unsigned row) {
+    changeRows(value, {source, count, count, row, row});
+    changeRows(moments.first, {source, kept, count, row, row});
+    changeRows(moments.second, {source, kept, count, row, row});
   });
   state.model.count = count;
 }
@@ -418,20 +421,20 @@ void growShDegree(DeviceState& state, int degree) {
   if (coefficients <= state.model.sh_count) return;
   const RowChange change{nullptr, state.model.count, state.model.count,
                          3u * static_cast<unsigned>(state.model.sh_count), 3u * static_cast<unsigned>(coefficients)};
-  changeRows(state.model.sh, state.gradient.sh, change);
-  changeRows(state.moments.sh.first, state.gradient.sh, change);
-  changeRows(state.moments.sh.second, state.gradient.sh, change);
+  changeRows(state.model.sh, change);
+  changeRows(state.moments.sh.first, change);
+  changeRows(state.moments.sh.second, change);
   state.model.sh_count = coefficients;
 }
 
-void updateFilter(DeviceState& state, const Buffer<FilterCamera>& cameras, DensityScratch& scratch) {
+void updateFilter(DeviceState& state, const Buffer<FilterCamera>& cameras, Buffer<std::uint32_t>& largest) {
   const std::size_t count = state.model.count;
   state.min_sigma.resize(count);
-  scratch.counter.resize(1);
-  scratch.counter.zero();
+  largest.resize(1);
+  largest.zero();
   launch("pixel sizes", pixelSizeKernel, blocksFor(count), state.model.parameters(), cameras.data(), cameras.size(),
-         state.min_sigma.data(), scratch.counter.data());
-  launch("3D filter sizes", minSigmaKernel, blocksFor(count), state.min_sigma.data(), count, scratch.counter.data());
+         state.min_sigma.data(), largest.data());
+  launch("3D filter sizes", minSigmaKernel, blocksFor(count), state.min_sigma.data(), count, largest.data());
 }
 
 }  // namespace tg::cuda

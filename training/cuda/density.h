@@ -18,7 +18,7 @@ struct DensityScratch {
   Buffer<std::uint32_t> source;                             // [new N] the old Gaussian that each is a copy of
   Buffer<std::uint64_t> weights, cumulative;                // [N + 1]
   Buffer<std::uint32_t> copies;                             // [N] how many more than one come from a Gaussian
-  Buffer<std::uint32_t> counter;                            // [1]
+  Buffer<std::uint32_t> counter;                            // [1] how many scores reach 1
 };
 
 // The statistics are zero afterwards, of the new size.
@@ -28,7 +28,7 @@ DensifyResult densify(DeviceState& state, const DensifySettings& settings, Rando
 McmcResult relocateAndGrow(DeviceState& state, const McmcSettings& settings, Random& random, DensityScratch& scratch);
 void resetOpacity(DeviceState& state);
 void growShDegree(DeviceState& state, int degree);
-// minSigmas(). cameras: on the device.
-void updateFilter(DeviceState& state, const Buffer<FilterCamera>& cameras, DensityScratch& scratch);
+// minSigmas(). cameras: on the device. largest: scratch.
+void updateFilter(DeviceState& state, const Buffer<FilterCamera>& cameras, Buffer<std::uint32_t>& largest);
 
 }  // namespace tg::cuda

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <deque>
 #include <limits>
+#include <type_traits>
+#include <utility>
 
 #include "training/cuda/density.h"
 #include "training/cuda/frame.h"
@@ -40,10 +42,14 @@ class CudaTrainingEngine final : public TrainingEngine {
   }
 
   DensifyResult densify(RunState& state, const DensifySettings& settings) override {
-    return cuda::densify(changing(state), settings, state.densify_random, density_);
+    return inRound(state, [&](DensityScratch& scratch) {
+      return cuda::densify(device_, settings, state.densify_random, scratch);
+    });
   }
   McmcResult relocateAndGrow(RunState& state, const McmcSettings& settings) override {
-    return cuda::relocateAndGrow(changing(state), settings, state.densify_random, density_);
+    return inRound(state, [&](DensityScratch& scratch) {
+      return cuda::relocateAndGrow(device_, settings, state.densify_random, scratch);
+    });
   }
   void resetOpacity(RunState& state) override { cuda::resetOpacity(changing(state)); }
   void growShDegree(RunState& state, int degree) override {
@@ -52,7 +58,7 @@ class CudaTrainingEngine final : public TrainingEngine {
   }
   void updateFilter(RunState& state, std::span<const FilterCamera> cameras) override {
     if (cameras_.size() == 0) cameras_.upload(cameras);
-    cuda::updateFilter(changing(state), cameras_, density_);
+    cuda::updateFilter(changing(state), cameras_, largest_pixel_);
   }
 
   const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) override {
@@ -81,7 +87,12 @@ class CudaTrainingEngine final : public TrainingEngine {
   };
 
   void hold(const RunState& state) {
-    if (!holds_) upload(state, device_);
+    if (holds_) return;
+    // Another stage may need less.
+    const std::size_t room = std::exchange(frame_, Frame()).room();
+    gradient_ = {};
+    upload(state, device_);
+    frame_.makeRoom(room);
     holds_ = true;
   }
   DeviceState& changing(const RunState& state) {
@@ -89,6 +100,18 @@ class CudaTrainingEngine final : public TrainingEngine {
     settle(state);
     ahead_ = true;
     return device_;
+  }
+
+  // A round of densification has the memory in which frames and gradients are made.
+  template <typename Change>
+  std::invoke_result_t<Change, DensityScratch&> inRound(const RunState& state, const Change& change) {
+    changing(state);
+    const std::size_t room = std::exchange(frame_, Frame()).room();
+    gradient_ = {};
+    DensityScratch scratch;
+    const auto result = change(scratch);
+    frame_.makeRoom(room);
+    return result;
   }
 
   View viewOf(const RunState& state, const Camera& camera, glm::vec3 background) const {
@@ -176,19 +199,19 @@ class CudaTrainingEngine final : public TrainingEngine {
   void moveParameters(const GaussianModel& model, const Parameters& stored, const Parameters& drawn,
                       const StepInput& input, AdamScales scales) {
     const bool textured = model.texture_mode != TextureMode::none;
-    const std::size_t rows = textured ? std::min(stored.count, gradient_rows_) : stored.count;
+    const std::size_t rows = std::min(stored.count, gradient_rows_);
     const std::size_t texel_rows = textured ? std::min(stored.texel_count, 16 * gradient_rows_) : 0;
     for (std::size_t first = 0; first < stored.count; first += rows) {
       const std::size_t count = std::min(rows, stored.count - first);
-      device_.gradient.resizeLike(device_.model, count, texel_rows);
-      const Parameters gradient = device_.gradient.parameters();
+      gradient_.resizeLike(device_.model, count, texel_rows);
+      const Parameters gradient = gradient_.parameters();
       frame_.finish(drawn, first, gradient);
       moveGaussians(stored, first, gradient, input, scales);
     }
     if (!textured) return;
     for (std::size_t first = 0; first < stored.texel_count; first += texel_rows) {
       const std::size_t count = std::min(texel_rows, stored.texel_count - first);
-      float* v_texels = device_.gradient.texels.data();
+      float* v_texels = gradient_.texels.data();
       frame_.finishTexels(stored, first, count, v_texels);
       cuda::adamStep({stored.texels + 4 * first, v_texels, device_.moments.texels, 4 * count, 1, 0, 0,
                       input.rates.texels, scales, stop_.data(), 4 * first});
@@ -232,8 +255,9 @@ class CudaTrainingEngine final : public TrainingEngine {
   bool holds_ = false;  // the device has the state
   bool ahead_ = false;  // and has moved on from it
   DeviceState device_;
-  DensityScratch density_;
+  DeviceModel gradient_;  // of some Gaussians
   Buffer<FilterCamera> cameras_;
+  Buffer<std::uint32_t> largest_pixel_;  // updateFilter()
   Buffer<float> effective_log_scale_, effective_opacity_logit_;
   Frame frame_;
   std::deque<Step> steps_;  // begun, and not known to be done

@@ -9,9 +9,8 @@ namespace tg::cuda {
 
 constexpr std::size_t kGradientRows = std::size_t{1} << 18;
 
-// Opens no device: makeCudaDifferentiableRenderer() did. gradient_rows: in the textured stages, where nothing else
-// needs the memory of a whole gradient, so many Gaussians, and 16 times as many texels, are finished and moved at a
-// time. It does not change the result.
+// Opens no device: makeCudaDifferentiableRenderer() did. gradient_rows: so many Gaussians, and 16 times as many texels,
+// are finished and moved at a time. It does not change the result.
 std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight, std::size_t gradient_rows = kGradientRows);
 
 }  // namespace tg::cuda

@@ -20,6 +20,16 @@ std::size_t roomFor(PairCount pairs) {
   return static_cast<std::size_t>(std::max<PairCount>(kFirstRoom, pairs + pairs / 4));
 }
 
+PairCount countPairs(const GaussianModel& model, const Camera& camera) {
+  DeviceModel device;
+  device.upload(model);
+  Frame frame;
+  frame.forward(makeView(model, camera, {}), device.parameters());
+  PairCount pairs = 0;
+  copyToHost(&pairs, frame.pairs(), sizeof(pairs));
+  return pairs;
+}
+
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
   const cpu::View from = cpu::makeView(model, camera, settings);
   const auto tiles = [](int pixels) {

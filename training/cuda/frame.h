@@ -34,6 +34,8 @@ struct DeviceModel {
 
 // A quarter more than a picture's pairs: what other views may need.
 std::size_t roomFor(PairCount pairs);
+// The (tile, splat) pairs of a model's picture; uploads the model for it.
+PairCount countPairs(const GaussianModel& model, const Camera& camera);
 
 class Frame {
  public:

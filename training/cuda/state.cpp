@@ -19,7 +19,7 @@ void forEachMoments(A& a, B& b, const Visit& visit) {
 }  // namespace
 
 void upload(const RunState& from, DeviceState& to) {
-  to.gradient = {};  // another stage needs less
+  to = {};  // another stage may need less
   to.model.upload(from.training.model);
   forEachMoments(to.moments, from.training, [](DeviceMoments& device, const Moments& host) {
     device.first.upload(host.first);

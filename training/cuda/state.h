@@ -13,7 +13,6 @@ struct StateMoments {
 
 struct DeviceState {
   DeviceModel model;
-  DeviceModel gradient;  // of a step, or of some Gaussians. Between steps its memory is free: rows move through it
   StateMoments moments;
   DeviceStatistics statistics;
   Buffer<float> min_sigma;  // [N]; empty: no 3D filter
@@ -24,14 +23,14 @@ void upload(const RunState& from, DeviceState& to);
 // Everything but the rectangles, which do not change on the device. Arrays get the device's sizes.
 void download(const DeviceState& from, RunState& to);
 
-// Calls visit(parameter, gradient, moments, floats a Gaussian) for all parameters but texels.
+// Calls visit(parameter, moments, floats a Gaussian) for all parameters but texels.
 template <typename Visit>
 void forEachParameter(DeviceState& state, const Visit& visit) {
-  visit(state.model.mean, state.gradient.mean, state.moments.mean, 3u);
-  visit(state.model.rotation, state.gradient.rotation, state.moments.rotation, 4u);
-  visit(state.model.log_scale, state.gradient.log_scale, state.moments.log_scale, 3u);
-  visit(state.model.opacity_logit, state.gradient.opacity_logit, state.moments.opacity_logit, 1u);
-  visit(state.model.sh, state.gradient.sh, state.moments.sh, 3u * static_cast<unsigned>(state.model.sh_count));
+  visit(state.model.mean, state.moments.mean, 3u);
+  visit(state.model.rotation, state.moments.rotation, 4u);
+  visit(state.model.log_scale, state.moments.log_scale, 3u);
+  visit(state.model.opacity_logit, state.moments.opacity_logit, 1u);
+  visit(state.model.sh, state.moments.sh, 3u * static_cast<unsigned>(state.model.sh_count));
 }
 
 }  // namespace tg::cuda
