@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "cuda_check.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/upload.h"
 
@@ -31,12 +32,18 @@ void StreamedBuffer::begin(std::span<const std::uint8_t> first, std::span<const 
   state_->staging.insert(state_->staging.end(), second.begin(), second.end());
   state_->buffer.resize(state_->staging.size());
   std::fill_n(state_->buffer.data(), state_->staging.size(), std::uint8_t{0xff});
+  check::forget(state_->buffer.data(), state_->staging.size());
 }
 void StreamedBuffer::acquire() {
   state_->take(State::Turn::acquire, State::Turn::release);
+  check::wrote(state_->buffer.data(), state_->staging.size());
   std::copy(state_->staging.begin(), state_->staging.end(), state_->buffer.data());
 }
-void StreamedBuffer::release() { state_->take(State::Turn::release, State::Turn::begin); }
+// What a kernel reads from here on may be the next copy.
+void StreamedBuffer::release() {
+  state_->take(State::Turn::release, State::Turn::begin);
+  check::forget(state_->buffer.data(), state_->staging.size());
+}
 const std::uint8_t* StreamedBuffer::data() const { return state_->buffer.data(); }
 
 }  // namespace tg::cuda

@@ -76,7 +76,7 @@ void onDevice(RunState& state, const Change& change) {
 
 }  // namespace
 
-TEST_CASE("CUDA's ADC makes the CPU's Gaussians") {
+TEST_CASE("CUDA's ADC makes the CPU's Gaussians", "[checked]") {
   struct Case {
     const char* what;
     bool magnitudes, prune_large;
@@ -143,7 +143,7 @@ TEST_CASE("CUDA's ADC leaves alone what no gradient pulls, and prunes all that i
   CHECK(state.statistics.view_count.empty());
 }
 
-TEST_CASE("CUDA's MCMC draws the CPU's Gaussians") {
+TEST_CASE("CUDA's MCMC draws the CPU's Gaussians", "[checked]") {
   test::inOtherOrders([] {
     RunState expected = randomState(600, 21);
     RunState found = expected;
@@ -180,7 +180,7 @@ TEST_CASE("when all are dead nothing moves with CUDA either") {
   checkSame(found, expected);
 }
 
-TEST_CASE("CUDA's opacity reset and SH growth are the CPU's") {
+TEST_CASE("CUDA's opacity reset and SH growth are the CPU's", "[checked]") {
   RunState expected = randomState(300, 4);
   RunState found = expected;
   resetOpacity(expected.training);
@@ -193,7 +193,7 @@ TEST_CASE("CUDA's opacity reset and SH growth are the CPU's") {
   checkSame(found, expected);
 }
 
-TEST_CASE("CUDA's 3D filter has the CPU's sizes") {
+TEST_CASE("CUDA's 3D filter has the CPU's sizes", "[checked]") {
   RunState state = randomState(500, 5);
   std::vector<FilterCamera> cameras;
   for (const double focal : {100.0, 300.0}) {

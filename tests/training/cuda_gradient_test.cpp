@@ -51,7 +51,7 @@ TEST_CASE("CUDA gradients equal the reference's on every kind of scene, in both 
   checkEveryScene([] { return makeCudaDifferentiableRenderer(); });
 }
 
-TEST_CASE("CUDA gradients equal the reference's in every texture mode") {
+TEST_CASE("CUDA gradients equal the reference's in every texture mode", "[checked]") {
   checkEveryTextureMode([] { return makeCudaDifferentiableRenderer(); });
 }
 
@@ -78,7 +78,7 @@ TEST_CASE("each ablation of CUDA's exact gradients is the CPU's") {
   }
 }
 
-TEST_CASE("CUDA without statistics leaves out the sum of magnitudes alone") {
+TEST_CASE("CUDA without statistics leaves out the sum of magnitudes alone", "[checked]") {
   const TestScene scene = makeScene(SceneKind::mixed, 8);
   const auto weights = randomWeights(scene.camera, 2);
   for (const auto mode : {TextureMode::none, TextureMode::rgba}) {
@@ -109,7 +109,7 @@ TEST_CASE("CUDA's screen radii and alpha mask are the CPU's") {
   for (std::size_t i = 0; i < cuda.v_texels.size(); i += 2) REQUIRE(cuda.v_texels[i].a == 0.0f);
 }
 
-TEST_CASE("CUDA draws nothing, and has no gradient, where no Gaussian is") {
+TEST_CASE("CUDA draws nothing, and has no gradient, where no Gaussian is", "[checked]") {
   const TestScene scene = makeScene(SceneKind::ordinary, 1, 5);
   const auto renderer = makeCudaDifferentiableRenderer();
   ModelGradient gradient;
@@ -125,10 +125,9 @@ TEST_CASE("CUDA draws nothing, and has no gradient, where no Gaussian is") {
 
 #ifndef TG_CUDA_ON_DEVICE
 TEST_CASE("the host's stand-in finds threads that miss a barrier") {
-  CHECK_THROWS_AS(cuda::runBlocks("half", 1,
-                                  [] {
-                                    if (threadIdx.x < 128) __syncthreads();
-                                  }),
-                  std::logic_error);
+  const auto half = [](const void*) {
+    if (threadIdx.x < 128) __syncthreads();
+  };
+  CHECK_THROWS_AS(cuda::runBlocks("half", 1, half, nullptr), std::logic_error);
 }
 #endif

@@ -178,7 +178,7 @@ TEST_CASE("CUDA's rounds of densification hold what the arithmetic says, and lea
   CHECK(steps.third_bytes == footprint(sizes).sum() + spare(steps.gaussians));
 }
 
-TEST_CASE("CUDA's steps move Gaussians and texels in parts to the same bytes") {
+TEST_CASE("CUDA's steps move Gaussians and texels in parts to the same bytes", "[checked]") {
   const int texels = GENERATE(0, 3);
   const bool filtered = GENERATE(false, true);
   const Camera camera = test::trainedLikeCamera(72, 40);

@@ -84,7 +84,7 @@ std::vector<float> download(const cuda::Buffer<float>& from) {
 
 }  // namespace
 
-TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every border") {
+TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every border", "[checked]") {
   for (const auto& [width, height] : {std::pair{64, 48}, std::pair{37, 5}, std::pair{1, 1}, std::pair{16, 33}}) {
     for (const bool masked : {false, true}) {
       const Pictures p = randomPictures(width, height, masked, 3);
@@ -112,7 +112,7 @@ TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every b
   }
 }
 
-TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does") {
+TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does", "[checked]") {
   TrainingState state = randomState(50, 1);
   Random random(2);
   ModelGradient gradient;
@@ -140,7 +140,7 @@ TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does") {
   CHECK(sameNumbers(download(moments.second), numbers(state.sh.second)));
 }
 
-TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's") {
+TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", "[checked]") {
   TrainingState state = randomState(300, 4);
   GaussianModel& model = state.model;
   std::vector<float> min_sigma(model.size());

@@ -101,7 +101,8 @@ TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer d
   CHECK(cuda::bytesToDevice() == once);
 }
 
-TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run, and it resumes to the same bytes") {
+TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run, and it resumes to the same bytes",
+          "[checked]") {
   const Dataset dataset = smallDataset();
   for (const Densification how : {Densification::adc, Densification::mcmc}) {
     TrainSettings settings = run(26, 3);

@@ -224,7 +224,8 @@ class CudaTrainingEngine final : public TrainingEngine {
     const Parameters moved = slice(stored, first, gradient.count);
     const auto all = static_cast<double>(stored.count);
     const float* min_sigma = device_.min_sigma.size() > 0 ? device_.min_sigma.data() + first : nullptr;
-    chainGradients({moved, min_sigma, input.mcmc, input.opacity_weight / all, input.scale_weight / all}, gradient);
+    chainGradients({moved, min_sigma, input.mcmc, input.opacity_weight / all, input.scale_weight / all, stop_.data()},
+                   gradient);
     const LearningRates& rates = input.rates;
     const StateMoments& moments = device_.moments;
     const auto uniform = [&](float* value, const float* v_value, const DeviceMoments& of, std::size_t floats,

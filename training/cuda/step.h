@@ -49,6 +49,7 @@ struct ChainInput {
   const float* min_sigma;  // null: no 3D filter
   bool mcmc;
   double opacity_weight, scale_weight;  // over the number of Gaussians
+  const std::uint32_t* stop = nullptr;  // set: the gradient may hold nothing
 };
 // From gradients with respect to what was drawn to those of what is stored, with the regularisers', in place.
 void chainGradients(const ChainInput& input, const Parameters& gradient);

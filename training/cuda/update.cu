@@ -18,7 +18,7 @@ TG_KERNEL filterKernel(Parameters model, const float* min_sigma, float* log_scal
 
 TG_KERNEL chainKernel(ChainInput in, Parameters gradient) {
   const std::size_t i = itemIndex();
-  if (i >= in.model.count) return;
+  if (i >= in.model.count || stopped(in.stop)) return;
   const glm::vec3 log_scale = readLogScale(in.model, i);
   const float logit = in.model.opacity_logit[i];
   glm::vec3 v_log_scale = readVector(gradient.log_scale, i);
