@@ -193,6 +193,21 @@ Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
   return camera;
 }
 
+void noteLenses(const DatasetIndex& index, Dataset& dataset) {
+  const auto bent = [](const DatasetIndex::Entry& entry) { return !entry.lens.isPinhole(); };
+  const auto count = std::ranges::count_if(index.entries, bent);
+  if (count == 0) return;
+  const auto first = std::ranges::find_if(index.entries, bent);
+  const Camera& camera = dataset.views[static_cast<std::size_t>(first - index.entries.begin())].camera;
+  dataset.notes.push_back(std::to_string(count) + " of " + std::to_string(index.entries.size()) +
+                          " photographs are undistorted as they are read (the first: " + first->lens.model + ", to " +
+                          std::to_string(camera.width) + " x " + std::to_string(camera.height) + ")");
+}
+
+Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int height) {
+  return {entry.lens, cameraOf(entry, width, height), entry.image.string()};
+}
+
 // Decodes every photograph once: a broken file shows before hours of training, not after.
 void loadPhotographs(const DatasetIndex& index, int downscale, std::uint64_t image_memory, Dataset& dataset) {
   std::vector<PhotographSource> sources;
@@ -202,6 +217,7 @@ void loadPhotographs(const DatasetIndex& index, int downscale, std::uint64_t ima
     source.mask = entry.mask;
     source.downscale = downscale;
     if (!dataset.random_background) source.background = dataset.background;
+    if (!entry.lens.isPinhole()) source.undistortion = [entry](int w, int h) { return undistortionOf(entry, w, h); };
   }
   const std::int64_t count = static_cast<std::int64_t>(sources.size());
   dataset.views.resize(sources.size());
@@ -210,11 +226,15 @@ void loadPhotographs(const DatasetIndex& index, int downscale, std::uint64_t ima
   parallelFor(count, 1, [&](std::int64_t item) {
     const auto i = static_cast<std::size_t>(item);
     Photograph photograph = decodePhotograph(sources[i]);
-    dataset.views[i].camera = cameraOf(index.entries[i], photograph.file_width, photograph.file_height);
+    const DatasetIndex::Entry& entry = index.entries[i];
+    dataset.views[i].camera = entry.lens.isPinhole()
+                                  ? cameraOf(entry, photograph.file_width, photograph.file_height)
+                                  : undistortionOf(entry, photograph.file_width, photograph.file_height).pinhole;
     if (downscale > 1) dataset.views[i].camera = downscaled(dataset.views[i].camera, downscale);
     dataset.photographs->offer(i, std::move(photograph));
   });
   dataset.photographs->finishOffers();
+  noteLenses(index, dataset);
   const std::size_t kept = dataset.photographs->keptViews();
   if (kept < dataset.views.size()) {
     dataset.notes.push_back("the decoded photographs exceed " + std::to_string(image_memory >> 20) +

@@ -73,6 +73,7 @@ double cameraExtent(const Dataset& dataset);
 struct DatasetIndex {
   struct Entry {
     Camera camera;  // width = height = 0: taken from the image, focal length from field_of_view
+    Lens lens;
     std::filesystem::path image;
     std::string below_images;               // the image's path below the folder `images`; empty: it is in another one
     std::filesystem::path mask;             // named by the data set; empty: found by its name, or none

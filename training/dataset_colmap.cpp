@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP sparse models, binary and text: cameras, images, points3D. Undistorted pinhole cameras only.
+// COLMAP sparse models, binary and text: cameras, images, points3D.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -22,23 +22,32 @@ constexpr std::uint64_t kMaxModelBytes = std::uint64_t{4} << 30;
 constexpr std::uint64_t kMaxImageSide = 1 << 20;
 constexpr std::size_t kMaxNameBytes = 4096;
 
-// COLMAP's camera models by id, for reading and for refusing by name.
+// COLMAP's camera models by id. `parameters` are, in the file's order: f one focal length, x and y two, c the principal
+// point, then Lens's k, d, p, t in their order, o the FOV model's angle.
 struct CameraModel {
   const char* name;
-  int parameters;
+  const char* parameters;  // null: not supported
+  std::size_t count;
+  bool fisheye = false;
 };
-constexpr std::array<CameraModel, 12> kCameraModels = {{{"SIMPLE_PINHOLE", 3},
-                                                        {"PINHOLE", 4},
-                                                        {"SIMPLE_RADIAL", 4},
-                                                        {"RADIAL", 5},
-                                                        {"OPENCV", 8},
-                                                        {"OPENCV_FISHEYE", 8},
-                                                        {"FULL_OPENCV", 12},
-                                                        {"FOV", 5},
-                                                        {"SIMPLE_RADIAL_FISHEYE", 4},
-                                                        {"RADIAL_FISHEYE", 5},
-                                                        {"THIN_PRISM_FISHEYE", 12},
-                                                        {"RAD_TAN_THIN_PRISM_FISHEYE", 16}}};
+constexpr std::array<CameraModel, 12> kCameraModels = {{{"SIMPLE_PINHOLE", "fcc", 3},
+                                                        {"PINHOLE", "xycc", 4},
+                                                        {"SIMPLE_RADIAL", "fcck", 4},
+                                                        {"RADIAL", "fcckk", 5},
+                                                        {"OPENCV", "xycckkpp", 8},
+                                                        {"OPENCV_FISHEYE", "xycckkkk", 8, true},
+                                                        {"FULL_OPENCV", "xycckkppkddd", 12},
+                                                        {"FOV", "xycco", 5},
+                                                        {"SIMPLE_RADIAL_FISHEYE", "fcck", 4, true},
+                                                        {"RADIAL_FISHEYE", "fcckk", 5, true},
+                                                        {"THIN_PRISM_FISHEYE", "xycckkppkktt", 12, true},
+                                                        {"RAD_TAN_THIN_PRISM_FISHEYE", nullptr, 16, true}}};
+
+// A camera with its lens.
+struct ColmapCamera {
+  Camera camera;
+  Lens lens;
+};
 
 struct ColmapImage {
   std::string name;
@@ -51,32 +60,77 @@ struct ColmapImage {
   throw Error(ErrorKind::badData, path.string(), what);
 }
 
-Camera makeCamera(const fs::path& path, const std::string& label, const std::string& model, std::uint64_t width,
-                  std::uint64_t height, std::span<const double> parameters) {
-  const bool simple = model == "SIMPLE_PINHOLE";
-  if (!simple && model != "PINHOLE") {
-    fail(path, label + ": camera model " + model +
-                   " is not supported (expected PINHOLE or SIMPLE_PINHOLE): run `colmap image_undistorter` first");
+void setParameters(const CameraModel& model, std::span<const double> values, ColmapCamera& result) {
+  Camera& camera = result.camera;
+  Lens& lens = result.lens;
+  lens.model = model.name;
+  lens.fisheye = model.fisheye;
+  std::size_t centers = 0, k = 0, d = 0, p = 0, t = 0;
+  for (std::size_t i = 0; i < values.size(); i++) {
+    const double value = values[i];
+    switch (model.parameters[i]) {
+      case 'f':
+        camera.fx = camera.fy = value;
+        break;
+      case 'x':
+        camera.fx = value;
+        break;
+      case 'y':
+        camera.fy = value;
+        break;
+      case 'c':
+        (centers++ == 0 ? camera.cx : camera.cy) = value;
+        break;
+      case 'k':
+        lens.radial[k++] = value;
+        break;
+      case 'd':
+        lens.radial_divisor[d++] = value;
+        break;
+      case 'p':
+        lens.tangential[p++] = value;
+        break;
+      case 't':
+        lens.thin_prism[t++] = value;
+        break;
+      case 'o':
+        lens.fov = value;
+        break;
+    }
   }
-  if (parameters.size() != (simple ? 3u : 4u)) {
-    fail(path, label + ": wrong number of parameters (expected " + (simple ? "3" : "4") + ", found " +
+}
+
+std::string supportedModels() {
+  std::string names;
+  for (const CameraModel& model : kCameraModels) {
+    if (model.parameters) names += (names.empty() ? "" : ", ") + std::string(model.name);
+  }
+  return names;
+}
+
+ColmapCamera makeCamera(const fs::path& path, const std::string& label, const CameraModel& model, std::uint64_t width,
+                        std::uint64_t height, std::span<const double> parameters) {
+  if (!model.parameters) {
+    fail(path, label + ": camera model " + model.name + " is not supported (expected one of " + supportedModels() +
+                   "): run `colmap image_undistorter` first");
+  }
+  if (parameters.size() != model.count) {
+    fail(path, label + ": wrong number of parameters (expected " + std::to_string(model.count) + ", found " +
                    std::to_string(parameters.size()) + ")");
   }
   if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide) {
     fail(path,
          label + ": image size out of range (found " + std::to_string(width) + " x " + std::to_string(height) + ")");
   }
-  Camera camera;
-  camera.width = static_cast<int>(width);
-  camera.height = static_cast<int>(height);
-  camera.fx = parameters[0];
-  camera.fy = parameters[simple ? 0 : 1];
-  camera.cx = parameters[simple ? 1 : 2];
-  camera.cy = parameters[simple ? 2 : 3];
-  if (!(camera.fx > 0 && camera.fy > 0 && std::isfinite(camera.fx + camera.fy + camera.cx + camera.cy))) {
-    fail(path, label + ": focal length or principal point is not usable");
+  for (const double value : parameters) {
+    if (!std::isfinite(value)) fail(path, label + ": a parameter is not finite");
   }
-  return camera;
+  ColmapCamera result;
+  result.camera.width = static_cast<int>(width);
+  result.camera.height = static_cast<int>(height);
+  setParameters(model, parameters, result);
+  if (!(result.camera.fx > 0 && result.camera.fy > 0)) fail(path, label + ": focal length is not positive");
+  return result;
 }
 
 // Little-endian fields of a file in memory; every read is checked against what is left.
@@ -172,7 +226,7 @@ class Lines {
   std::size_t number_ = 0;
 };
 
-using Cameras = std::map<std::uint32_t, Camera>;
+using Cameras = std::map<std::uint32_t, ColmapCamera>;
 
 Cameras readCamerasBinary(const fs::path& path) {
   Reader reader(path);
@@ -187,9 +241,9 @@ Cameras readCamerasBinary(const fs::path& path) {
     if (model < 0 || model >= static_cast<int>(kCameraModels.size())) {
       fail(path, label + ": unknown camera model " + std::to_string(model));
     }
-    std::vector<double> parameters(static_cast<std::size_t>(kCameraModels[model].parameters));
+    std::vector<double> parameters(kCameraModels[model].count);
     for (double& value : parameters) value = reader.read<double>("a camera's parameters");
-    cameras[id] = makeCamera(path, label, kCameraModels[model].name, width, height, parameters);
+    cameras[id] = makeCamera(path, label, kCameraModels[model], width, height, parameters);
   }
   return cameras;
 }
@@ -203,7 +257,10 @@ Cameras readCamerasText(const fs::path& path) {
     const auto model = lines.read<std::string>("a camera model");
     const auto width = lines.read<std::uint64_t>("a width");
     const auto height = lines.read<std::uint64_t>("a height");
-    cameras[id] = makeCamera(path, "camera " + std::to_string(id), model, width, height, lines.readRest());
+    const std::string label = "camera " + std::to_string(id);
+    const auto known = std::ranges::find(kCameraModels, model, &CameraModel::name);
+    if (known == kCameraModels.end()) fail(path, label + ": unknown camera model " + model);
+    cameras[id] = makeCamera(path, label, *known, width, height, lines.readRest());
   }
   return cameras;
 }
@@ -327,7 +384,8 @@ DatasetIndex readColmap(const fs::path& folder) {
                             ", which cameras" + extension + " lacks");
     }
     DatasetIndex::Entry entry;
-    entry.camera = camera->second;
+    entry.camera = camera->second.camera;
+    entry.lens = camera->second.lens;
     entry.camera.name = image.name;
     entry.camera.camera_from_world_rotation = rotationMatrix(images_path, image);
     entry.camera.camera_from_world_translation = image.translation;

@@ -50,25 +50,43 @@ std::optional<double> number(const Source& source, const Json& frame, const char
   return std::nullopt;
 }
 
-void refuseDistortion(const Source& source, const Json& frame) {
+std::string cameraModel(const Source& source, const Json& frame) {
   for (const Json* object : {&frame, &source.json}) {
     const auto model = object->find("camera_model");
-    if (model == object->end()) continue;
-    const std::string text = model->is_string() ? model->get<std::string>() : "?";
-    if (text != "PINHOLE" && text != "SIMPLE_PINHOLE" && text != "OPENCV" && text != "SIMPLE_RADIAL" &&
-        text != "RADIAL") {
-      source.fail("camera model '" + text +
-                  "' is not supported (expected a pinhole model: undistort the images first)");
-    }
-    break;
+    if (model != object->end()) return model->is_string() ? model->get<std::string>() : "?";
+  }
+  for (const Json* object : {&frame, &source.json}) {
+    const auto fisheye = object->find("is_fisheye");  // instant-ngp's
+    if (fisheye != object->end() && fisheye->is_boolean()) return fisheye->get<bool>() ? "OPENCV_FISHEYE" : "OPENCV";
+  }
+  return "OPENCV";
+}
+
+// nerfstudio's keys: k1 to k4 of a fisheye; otherwise OpenCV's k1, k2, k3, p1, p2, whatever the model is called.
+Lens readLens(const Source& source, const Json& frame) {
+  Lens lens;
+  lens.model = cameraModel(source, frame);
+  lens.fisheye = lens.model == "OPENCV_FISHEYE";
+  constexpr std::array<const char*, 6> kModels = {"PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL",
+                                                  "RADIAL",  "OPENCV",         "OPENCV_FISHEYE"};
+  if (std::ranges::find(kModels, lens.model) == kModels.end()) {
+    source.fail("camera model '" + lens.model +
+                "' is not supported (expected PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or "
+                "OPENCV_FISHEYE): undistort the images first");
   }
   for (const char* key : kDistortion) {
-    const std::optional<double> value = number(source, frame, key);
-    if (value && *value != 0.0) {
-      source.fail(std::string("lens distortion is not supported (expected ") + key + " = 0, found " +
-                  Json(*value).dump() + "): undistort the images first");
+    const double value = number(source, frame, key).value_or(0.0);
+    if (value == 0) continue;
+    const std::string_view name = key;
+    const bool tangential = name[0] == 'p';
+    const auto index = static_cast<std::size_t>(name[1] - '1');
+    if (name[0] == 's' || index > 3 || (lens.fisheye ? tangential : index > 2)) {
+      source.fail("lens distortion '" + std::string(name) + "' is not supported with camera model " + lens.model +
+                  " (expected 0, found " + Json(value).dump() + "): undistort the images first");
     }
+    (tangential ? lens.tangential[index] : lens.radial[index]) = value;
   }
+  return lens;
 }
 
 // World-to-camera in OpenCV axes from camera-to-world in OpenGL axes (x right, y up, looks down -z).
@@ -180,8 +198,8 @@ void readFrames(const Source& source, const fs::path& folder, bool test, Dataset
     if (file_path == frame.end() || !file_path->is_string() || file_path->get<std::string>().empty()) {
       source.fail(label + ": expected a string 'file_path'");
     }
-    refuseDistortion(source, frame);
     DatasetIndex::Entry entry;
+    entry.lens = readLens(source, frame);
     const std::string file = file_path->get<std::string>();
     entry.image = imagePath(folder, file);
     entry.below_images = belowImages(file, entry.image);

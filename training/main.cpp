@@ -24,6 +24,7 @@
 #include "training/trained_bundle.h"
 #include "training/trainer.h"
 #include "training/watch.h"
+#include "training/write_dataset.h"
 
 namespace {
 
@@ -281,6 +282,29 @@ void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& opt
   app.add_flag("--overwrite", overwrite, "Replace an existing data set");
 }
 
+// The same flags as training, so that the same photographs come out; transparency is kept.
+struct UndistortOptions {
+  std::string data;
+  std::string folder;
+  tg::DatasetFlags dataset;
+  bool overwrite = false;
+};
+void addUndistortOptions(CLI::App& app, UndistortOptions& options) {
+  app.add_option("dataset", options.data, "Data set to read")->required();
+  app.add_option("folder", options.folder, "Folder to write")->required();
+  tg::addDatasetFlags(app, options.dataset);
+  app.add_flag("--overwrite", options.overwrite, "Replace an existing data set");
+}
+int undistort(const UndistortOptions& options) {
+  tg::DatasetOptions dataset_options = tg::datasetOptions(options.dataset);
+  if (!dataset_options.background) dataset_options.random_background = true;
+  const tg::Dataset dataset = tg::loadDataset(options.data, dataset_options);
+  tg::printNotes(options.data, dataset);
+  tg::writeDataset(options.folder, dataset, options.overwrite);
+  std::printf("wrote %zu photographs to %s\n", dataset.views.size(), options.folder.c_str());
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -296,6 +320,10 @@ int main(int argc, char** argv) {
     bool sample_overwrite = false;
     CLI::App* sample = app.add_subcommand("make-sample", "Writes the built-in scene as a NeRF-synthetic data set");
     addSampleOptions(*sample, sample_folder, sample_options, sample_overwrite);
+    UndistortOptions undistort_options;
+    CLI::App* undistorted = app.add_subcommand(
+        "undistort", "Writes a data set as training sees it: photographs of pinhole cameras, in nerfstudio's layout");
+    addUndistortOptions(*undistorted, undistort_options);
     try {
       app.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
@@ -305,6 +333,7 @@ int main(int argc, char** argv) {
       tg::writeSample(sample_folder, sample_options, sample_overwrite);
       return 0;
     }
+    if (*undistorted) return undistort(undistort_options);
     return runTraining(options);
   });
 }

@@ -35,10 +35,10 @@ std::pair<int, int> footprint(int box, int downscale, int mask_side, int side) {
 }
 
 // Zero is masked, as COLMAP and nerfstudio have it: a mask of 0 and 1 works as well as one of 0 and 255.
-std::vector<std::uint8_t> readMask(const PhotographSource& source, int width, int height) {
-  const Image image = readImage(source.mask);
+std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width, int height, int downscale) {
+  const Image image = readImage(file);
   if (!maskFits(image, width, height)) {
-    throw Error(ErrorKind::badData, source.mask.string(),
+    throw Error(ErrorKind::badData, file.string(),
                 "mask and image differ in size (expected " + sizeText(width, height) + " or an enlargement, found " +
                     sizeText(image.width, image.height) + ")");
   }
@@ -49,24 +49,35 @@ std::vector<std::uint8_t> readMask(const PhotographSource& source, int width, in
     }
     return false;
   };
-  const int columns = width / source.downscale;
-  const int rows = height / source.downscale;
+  const int columns = width / downscale;
+  const int rows = height / downscale;
   std::vector<std::uint8_t> mask(static_cast<std::size_t>(columns) * rows, 255);
-  bool any = false;
   for (int y = 0; y < rows; y++) {
-    const auto [top, bottom] = footprint(y, source.downscale, image.height, height);
+    const auto [top, bottom] = footprint(y, downscale, image.height, height);
     for (int x = 0; x < columns; x++) {
-      const auto [left, right] = footprint(x, source.downscale, image.width, width);
+      const auto [left, right] = footprint(x, downscale, image.width, width);
       bool all = true;
       for (int v = top; all && v < bottom; v++) {
         for (int u = left; all && u < right; u++) all = counts(u, v);
       }
-      any |= all;
       if (!all) mask[static_cast<std::size_t>(y) * columns + x] = 0;
     }
   }
-  if (!any) throw Error(ErrorKind::badData, source.mask.string(), "the mask hides every pixel (0 hides)");
   return mask;
+}
+
+// A pixel counts where its whole box does. Borders that do not fill a box are cut.
+std::vector<std::uint8_t> reduceMask(const std::vector<std::uint8_t>& mask, int width, int height, int downscale) {
+  const int columns = width / downscale;
+  const int rows = height / downscale;
+  std::vector<std::uint8_t> reduced(static_cast<std::size_t>(columns) * rows, 255);
+  for (int y = 0; y < rows * downscale; y++) {
+    for (int x = 0; x < columns * downscale; x++) {
+      if (mask[static_cast<std::size_t>(y) * width + x] != 0) continue;
+      reduced[static_cast<std::size_t>(y / downscale) * columns + x / downscale] = 0;
+    }
+  }
+  return reduced;
 }
 
 float over(float color, float alpha, float background) { return color * alpha + background * (1.0f - alpha); }
@@ -84,12 +95,33 @@ Photograph decodePhotograph(const PhotographSource& source) {
   Photograph photograph;
   photograph.file_width = image.width;
   photograph.file_height = image.height;
+  std::vector<std::uint8_t>& mask = photograph.pixels.mask;
+  if (source.undistortion) {
+    const Undistortion undistortion = source.undistortion(image.width, image.height);
+    if (!source.mask.empty()) mask = readMask(source.mask, image.width, image.height, 1);
+    Undistortion::Result result = undistortion.apply(image, mask);
+    image = std::move(result.image);
+    mask = std::move(result.mask);
+  }
   if (image.width < source.downscale || image.height < source.downscale) {
     throw Error(ErrorKind::usage, source.image.string(),
                 "too small for the downscale factor (expected at least " + std::to_string(source.downscale) +
                     " pixels a side, found " + sizeText(image.width, image.height) + ")");
   }
-  if (!source.mask.empty()) photograph.pixels.mask = readMask(source, image.width, image.height);
+  if (source.undistortion) {
+    mask = reduceMask(mask, image.width, image.height, source.downscale);
+  } else if (!source.mask.empty()) {
+    mask = readMask(source.mask, image.width, image.height, source.downscale);
+  }
+  if (!mask.empty()) {
+    const bool all = std::ranges::find(mask, 0) == mask.end();
+    const bool none = std::ranges::find(mask, 255) == mask.end();
+    if (none) {
+      throw Error(ErrorKind::badData, (source.mask.empty() ? source.image : source.mask).string(),
+                  "the mask hides every pixel (0 hides)");
+    }
+    if (all && source.mask.empty()) mask = {};
+  }
   if (source.downscale > 1) image = downsample(image, source.downscale);
 
   ViewPixels& pixels = photograph.pixels;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/image.h"
+#include "training/lens.h"
 
 namespace tg {
 
@@ -43,9 +44,11 @@ struct PhotographSource {
   std::filesystem::path mask;           // empty: none
   int downscale = 1;                    // integer box filter; a pixel counts where the mask has no 0 in its box
   std::optional<glm::vec3> background;  // composited over it, in 8 bit; none: alpha is kept
+  // What takes the lens out of a file of width x height pixels, before it is downscaled; none: nothing to take out.
+  std::function<Undistortion(int width, int height)> undistortion = nullptr;
 };
 // Throws Error(cannotRead / badData / usage): a mask of another size or that hides every pixel, an image smaller than
-// one box of the filter. A mask may be larger than the image.
+// one box of the filter, and what Undistortion throws. A mask may be larger than the image.
 Photograph decodePhotograph(const PhotographSource& source);
 
 // The pixels over a colour. Opaque ones are returned as they are, without a copy.

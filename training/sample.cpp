@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "core/file.h"
 #include "core/parallel.h"
+#include "training/write_dataset.h"
 
 namespace tg {
 namespace fs = std::filesystem;
@@ -308,36 +309,6 @@ void checkOptions(const SampleOptions& options) {
   check("supersampling", options.supersampling, 1, 16);
 }
 
-nlohmann::json frameJson(const Camera& camera, const std::string& file_path) {
-  const glm::dmat3 world_from_camera = glm::transpose(camera.camera_from_world_rotation);
-  const dvec3 position = camera.position();
-  nlohmann::json matrix = nlohmann::json::array();
-  for (int row = 0; row < 3; row++) {
-    matrix.push_back(
-        {world_from_camera[0][row], -world_from_camera[1][row], -world_from_camera[2][row], position[row]});
-  }
-  matrix.push_back({0.0, 0.0, 0.0, 1.0});
-  return {{"file_path", file_path}, {"transform_matrix", matrix}};
-}
-
-void writeText(const fs::path& path, const std::string& text) {
-  writeFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-}
-
-void writePoints(const fs::path& path, const PointCloud& points) {
-  std::string text =
-      "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(points.position.size()) +
-      "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
-      "property uchar blue\nend_header\n";
-  for (std::size_t i = 0; i < points.position.size(); i++) {
-    text.append(reinterpret_cast<const char*>(&points.position[i]), sizeof(glm::vec3));
-    for (int c = 0; c < 3; c++) {
-      text.push_back(static_cast<char>(std::lround(std::clamp(points.color[i][c], 0.0f, 1.0f) * 255.0f)));
-    }
-  }
-  writeText(path, text);
-}
-
 }  // namespace
 
 Camera sampleCamera(const SampleOptions& options, bool test, int index) {
@@ -443,10 +414,10 @@ void writeSample(const fs::path& folder, const SampleOptions& options, bool over
     for (int i = 0; i < count; i++) {
       const Camera camera = sampleCamera(options, test, i);
       writeImage(folder / split / camera.name, renderSample(options, camera));
-      frames.push_back(frameJson(camera, "./" + split + "/r_" + std::to_string(i)));
+      frames.push_back(transformsFrame(camera, "./" + split + "/r_" + std::to_string(i)));
     }
     const nlohmann::json json = {{"camera_angle_x", kFieldOfView}, {"frames", frames}};
-    writeText(folder / ("transforms_" + split + ".json"), json.dump(1) + "\n");
+    writeTextAtomically(folder / ("transforms_" + split + ".json"), json.dump(1) + "\n");
   }
   writePoints(folder / "points3d.ply", samplePoints(options));
 }

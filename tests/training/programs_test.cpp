@@ -2,6 +2,7 @@
 // tgtrain and tgeval as users meet them: exit codes, messages, files that are never half written.
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <tuple>
 
@@ -175,4 +176,34 @@ TEST_CASE("an interrupt ends training early and writes the model", "[programs]")
   const tg::Bundle bundle = tg::readBundle(folder / "model.tgz");
   CHECK(nlohmann::json::parse(bundle.training_json)["interrupted"] == true);
   CHECK(bundle.model.size() > 0);
+}
+
+TEST_CASE("a distorted data set is trained, and written without its lens", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  for (const std::string split : {"train", "test"}) {
+    const auto file = folder / ("scene/transforms_" + split + ".json");
+    std::string text;
+    std::getline(std::ifstream(file), text, '\0');
+    std::ofstream(file) << "{ \"k1\": -0.3, " << text.substr(text.find('{') + 1);
+  }
+  const Outcome trained = tgtrain(folder, "scene -o model.tgz" + kShort);
+  CHECK(trained.code == 0);
+  CHECK_THAT(trained.output, Contains("6 of 6 photographs are undistorted as they are read (the first: OPENCV, to "));
+  const Outcome written = tgtrain(folder, "undistort scene flat");
+  CHECK(written.code == 0);
+  CHECK_THAT(written.output, Contains("wrote 6 photographs to flat"));
+  CHECK(tgtrain(folder, "undistort scene flat").code == 4);
+  CHECK(tgtrain(folder, "undistort absent other").code == 2);
+  // The same cameras, split and pixels, which were composited before they were rounded, and after: the same score.
+  const Outcome before = tgeval(folder, "model.tgz scene");
+  const Outcome after = tgeval(folder, "model.tgz flat --background white");
+  REQUIRE(before.code == 0);
+  REQUIRE(after.code == 0);
+  const auto psnr = [](const std::string& output) {
+    const std::size_t line = output.rfind("mean ");
+    return line == std::string::npos ? 0.0 : std::stod(output.substr(line + 5));
+  };
+  CHECK(psnr(before.output) > 5.0);
+  CHECK(psnr(after.output) == Approx(psnr(before.output)).margin(0.01));
 }

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any bytes are a file of a data set or an Error: transforms.json, and each file of a COLMAP model beside sound ones,
+// in both encodings. What was read has cameras whose lenses can be taken out, or not. The first byte chooses the file.
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <span>
+#include <string>
+
+#include "core/error.h"
+#include "training/dataset.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+void write(const fs::path& path, std::span<const std::uint8_t> bytes) {
+  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::ssize(bytes));
+}
+void write(const fs::path& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+
+struct Folders {
+  const fs::path root = fs::temp_directory_path() / ("fuzz_read_dataset_" + std::to_string(::getpid()));
+  const fs::path text = root / "text", binary = root / "binary", json = root / "json";
+  Folders() {
+    for (const fs::path& folder : {text / "sparse", binary / "sparse", json}) fs::create_directories(folder);
+    restore();
+  }
+  ~Folders() {
+    std::error_code ignored;
+    fs::remove_all(root, ignored);
+  }
+  // Sound files around the one that is fuzzed. Binary ones are empty: no cameras, images and points.
+  void restore() const {
+    write(text / "sparse/cameras.txt", std::string("1 OPENCV 64 48 60 60 32 24 0.1 0.01 0.001 0.001\n"));
+    write(text / "sparse/images.txt", std::string("1 1 0 0 0 0 0 0 1 a.png\n\n"));
+    write(text / "sparse/points3D.txt", std::string("1 0 0 1 255 0 0 0\n"));
+    for (const char* file : {"cameras.bin", "images.bin", "points3D.bin"}) {
+      write(binary / "sparse" / file, std::string(8, '\0'));
+    }
+  }
+};
+
+void undistort(const tg::DatasetIndex& index) {
+  for (const tg::DatasetIndex::Entry& entry : index.entries) {
+    tg::Camera camera = entry.camera;
+    camera.width = 64;
+    camera.height = 48;
+    if (!(camera.fx > 1e-3 && camera.fx < 1e9 && camera.fy > 1e-3 && camera.fy < 1e9)) continue;
+    try {
+      const tg::Undistortion undistortion(entry.lens, camera, "a.png");
+      const auto result = undistortion.apply(tg::Image(64, 48, 3, 0.5f), {});
+      for (const float value : result.image.data) {
+        if (!(value >= 0 && value <= 1)) std::abort();
+      }
+    } catch (const tg::Error&) {
+    }
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const Folders folders;
+  if (size == 0) return 0;
+  constexpr const char* kColmap[] = {"cameras", "images", "points3D"};
+  const unsigned choice = data[0] % 7;
+  const std::span bytes(data + 1, size - 1);
+  try {
+    if (choice == 6) {
+      write(folders.json / "transforms.json", bytes);
+      undistort(tg::readTransforms(folders.json));
+    } else {
+      const bool binary = choice >= 3;
+      const fs::path& folder = binary ? folders.binary : folders.text;
+      write(folder / "sparse" / (std::string(kColmap[choice % 3]) + (binary ? ".bin" : ".txt")), bytes);
+      undistort(tg::readColmap(folder));
+    }
+  } catch (const tg::Error&) {
+  }
+  folders.restore();
+  return 0;
+}

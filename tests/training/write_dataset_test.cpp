@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// A data set that is written is the one that was loaded.
+#include "training/write_dataset.h"
+
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+
+namespace {
+
+// Three views of 6 x 4, one of them held out, transparent and masked; names that collide, and that lead elsewhere.
+tg::Dataset dataset() {
+  tg::Dataset result;
+  std::vector<tg::Photograph> photographs;
+  const char* names[] = {"a/x.jpg", "a/x.png", "../../y.png"};
+  for (int i = 0; i < 3; i++) {
+    tg::Camera camera;
+    camera.name = names[i];
+    camera.width = 6;
+    camera.height = 4;
+    camera.fx = 7 + i;
+    camera.fy = 8;
+    camera.cx = 2.5;
+    camera.cy = 1.75;
+    camera.test = i == 2;
+    camera.camera_from_world_translation = {0.1 * i, 0.2, 3};
+    result.views.push_back({camera});
+    tg::Photograph& photograph = photographs.emplace_back();
+    photograph.pixels.width = 6;
+    photograph.pixels.height = 4;
+    for (int k = 0; k < 72; k++) photograph.pixels.rgb.push_back(static_cast<std::uint8_t>(50 * i + k));
+  }
+  for (int k = 0; k < 24; k++) photographs[1].alpha.push_back(static_cast<std::uint8_t>(100 + k));
+  photographs[2].pixels.mask.assign(24, 255);
+  photographs[2].pixels.mask[5] = 0;
+  result.photographs = tg::storeInMemory(std::move(photographs));
+  result.points.position = {{1, 2, 3}, {-1, 0.5f, 4}};
+  result.points.color = {{1, 0, 0}, {0, 1, 0.2f}};
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("a written data set loads as it was", "[dataset]") {
+  tg::TemporaryFolder folder;
+  const tg::Dataset before = dataset();
+  tg::writeDataset(folder / "out", before, false);
+  CHECK(fs::exists(folder / "out/images/y.png"));  // not outside the folder
+  CHECK(fs::exists(folder / "out/images/a/x_2.png"));
+  tg::DatasetOptions options;
+  options.random_background = true;  // keeps alpha
+  const tg::Dataset after = tg::loadDataset(folder / "out", options);
+  REQUIRE(after.views.size() == 3);
+  CHECK(after.points.position == before.points.position);
+  for (std::size_t i = 0; i < 3; i++) {
+    const tg::Camera& camera = after.views[i].camera;
+    const tg::Camera& original = before.views[i].camera;
+    CHECK(camera.test == original.test);
+    CHECK(camera.fx == original.fx);
+    CHECK(camera.fy == original.fy);
+    CHECK(camera.cx == original.cx);
+    CHECK(camera.cy == original.cy);
+    CHECK(glm::length(camera.position() - original.position()) < 1e-12);
+    const auto loaded = after.photographs->get(i);
+    const auto stored = before.photographs->get(i);
+    CHECK(loaded->pixels.rgb == stored->pixels.rgb);
+    CHECK(loaded->alpha == stored->alpha);
+    CHECK(loaded->pixels.mask == stored->pixels.mask);
+  }
+}
+
+TEST_CASE("a folder that holds a data set is not written over without being asked", "[dataset]") {
+  tg::TemporaryFolder folder;
+  tg::writeDataset(folder.path, dataset(), false);
+  const auto write = [&](bool overwrite) {
+    try {
+      tg::writeDataset(folder.path, dataset(), overwrite);
+    } catch (const tg::Error& error) {
+      return std::to_string(tg::exitCode(error)) + " " + error.what();
+    }
+    return std::string("written");
+  };
+  CHECK_THAT(write(false), Contains("4 ") && Contains("holds transforms.json already (add --overwrite"));
+  CHECK(write(true) == "written");
+}
