@@ -31,14 +31,14 @@ bool loadGaussian(uint i, out Gaussian g) {
   mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(texelFetch(rotation, int(i)));
   g.axes_c = mat3(axes[a], axes[b], axes[c]);
   g.scale = view.splat_scale * vec3(scale[a], scale[b], scale[c]);
-  if (view.antialiasing != 0u) {
+  if (decider(view.antialiasing) != 0u) {
     vec3 narrow = g.scale;
     g.scale = antialiasedScale(narrow, g.mean_c.z, max(view.focal_center.x, view.focal_center.y));
     vec3 direction = transpose(g.axes_c) * (g.mean_c / g.mean_c.z);
     g.opacity *= antialiasedOpacity(narrow, g.scale, length(direction / narrow), length(direction / g.scale),
-                                    view.intersection == kIntersectPlane);
+                                    decider(view.intersection) == kIntersectPlane);
   }
-  bool in_crop = view.crop_min.w == 0.0 || (all(greaterThanEqual(g.mean, view.crop_min.xyz)) &&
+  bool in_crop = decider(floatBitsToUint(view.crop_min.w)) == 0u || (all(greaterThanEqual(g.mean, view.crop_min.xyz)) &&
                                             all(lessThanEqual(g.mean, view.crop_max.xyz)));
   float least = min(g.scale.x, min(g.scale.y, g.scale.z));
   float most = max(g.scale.x, max(g.scale.y, g.scale.z));

@@ -14,7 +14,7 @@ shared uint smallest;
 shared uint largest;
 
 float shown(uint pixel) {
-  switch (pass.output_kind) {
+  switch (decider(pass.output_kind)) {
     case kOutputDepth: return texture_depth[pixel].w;
     case kOutputDepthMedian: return extras[pixel].x;
     case kOutputOverdraw: return extras[pixel].y;

@@ -38,7 +38,7 @@ vec3 densityHeat(float density) {
 // What lies in the buffers follows from the output: where final alone was asked for, or a solid output, it takes the
 // place of the base colour.
 vec3 shown(uint i) {
-  switch (pass.output_kind) {
+  switch (decider(pass.output_kind)) {
     case kOutputTexture: return 0.5 + 0.5 * texture_depth[i].xyz;
     case kOutputAlpha: return vec3(1.0 - base_transmittance[i].w);
     case kOutputDepth: return depthGrey(texture_depth[i].w);

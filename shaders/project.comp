@@ -19,8 +19,9 @@ layout(std430, binding = 7) writeonly buffer TileCounts { uint tile_counts[]; };
 const float kBoxMargin = 1.0 / 64.0;  // [px] more than rounding moves a box that matters
 
 vec3 baseColour(uint i, vec3 dir) {
-  uint rows = view.sh_degree <= 1u ? 1u : view.sh_degree == 2u ? 3u : 4u;  // of the model
-  uint used = shCoefficientCount(view.sh_used);
+  uint degree = decider(view.sh_degree);  // of the model
+  uint rows = degree <= 1u ? 1u : degree == 2u ? 3u : 4u;
+  uint used = shCoefficientCount(decider(view.sh_used));
   vec4 basis[4];
   shBasis(dir, basis[0], basis[1], basis[2], basis[3]);
   vec3 colour = vec3(0.5);
@@ -67,7 +68,7 @@ void main() {
   float radius = visibleRadius(g.opacity);
   if (!(radius > 0.0)) return;
   if (kShape == kShapeEllipsoids) radius = 1.0;
-  uint intersection = kShape == kShapeEllipsoids ? kIntersectMaxResponse : view.intersection;
+  uint intersection = kShape == kShapeEllipsoids ? kIntersectMaxResponse : decider(view.intersection);
 
   vec4 box;
   vec4 outline;
@@ -90,7 +91,7 @@ void main() {
     record.normal.w = g.mean_c.z * splat.d0_size.z;  // what u_offset and v_size have of the other axes
   } else if (size != 0u) {
     record.normal.w = texelDensity(splat.wx_r.xyz, splat.wy_g.xyz, splat.d0_size.xyz, size & 0xFFFFu, size >> 16u,
-                                   view.intersection);
+                                   decider(view.intersection));
   }
   uint tiles = 0u;
   for (uint tile_y = pixels.y / kTileSize; tile_y <= pixels.w / kTileSize; ++tile_y) {

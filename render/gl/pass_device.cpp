@@ -14,7 +14,6 @@ namespace tg {
 namespace {
 
 constexpr std::uint64_t kStagingBytes = std::uint64_t{16} << 20;
-constexpr std::uint64_t kSizeStep = 16;  // [bytes] see GpuBuffer
 
 std::uint64_t roundUp(std::uint64_t value, std::uint64_t step) { return (value + step - 1) / step * step; }
 
@@ -81,9 +80,9 @@ constexpr GLbitfield kWritten = GL_SHADER_STORAGE_BARRIER_BIT | GL_TEXTURE_FETCH
 }  // namespace
 
 GlBuffer::GlBuffer(const GlDevice& device, const char* name, std::uint64_t bytes)
-    : device_(device), label_(name), size_(std::max(roundUp(bytes, kSizeStep), kSizeStep)) {
+    : device_(device), label_(name), size_(bufferBytes(bytes)) {
   glCreateBuffers(1, &buffer_);
-  glNamedBufferStorage(buffer_, static_cast<GLsizeiptr>(size_), nullptr, GL_DYNAMIC_STORAGE_BIT);
+  glNamedBufferStorage(buffer_, static_cast<GLsizeiptr>(allocatedBytes(size_)), nullptr, GL_DYNAMIC_STORAGE_BIT);
   if (device_.debug) glObjectLabel(GL_BUFFER, buffer_, -1, name);
   const GLenum error = glGetError();
   if (error == GL_NO_ERROR) return;
@@ -267,7 +266,8 @@ BufferPtr GlPassDevice::makeBuffer(const char* name, std::uint64_t bytes) {
 }
 
 ImagePtr GlPassDevice::makeImage(std::uint32_t width, std::uint32_t height) {
-  return std::make_unique<GlImage>(device_, width, height);
+  const std::uint32_t most = device_.limits.image_side;
+  return std::make_unique<GlImage>(device_, allocatedSide(width, most), allocatedSide(height, most));
 }
 
 void GlPassDevice::upload(const BufferPtr& target, std::uint64_t bytes, std::uint64_t granularity,
@@ -291,8 +291,9 @@ void GlPassDevice::download(const BufferPtr& source, std::span<std::byte> out) {
 
 Image GlPassDevice::download(const ImagePtr& source, std::uint32_t width, std::uint32_t height) {
   std::vector<std::byte> pixels(std::size_t{4} * width * height);
-  glGetTextureImage(static_cast<const GlImage&>(*source).name(), 0, GL_RGBA, GL_UNSIGNED_BYTE,
-                    static_cast<GLsizei>(pixels.size()), pixels.data());
+  glGetTextureSubImage(static_cast<const GlImage&>(*source).name(), 0, 0, 0, 0, static_cast<GLsizei>(width),
+                       static_cast<GLsizei>(height), 1, GL_RGBA, GL_UNSIGNED_BYTE, static_cast<GLsizei>(pixels.size()),
+                       pixels.data());
   checkGl(device_, "the picture's read-back");
   return imageFromRgba8(pixels, static_cast<int>(width), static_cast<int>(height));
 }

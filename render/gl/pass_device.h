@@ -19,8 +19,8 @@ class GlBuffer final : public GpuBuffer {
   ~GlBuffer() override;
 
   GLuint name() const { return buffer_; }
-  std::uint64_t size() const { return size_; }  // [bytes]
-  // All of it as a buffer texture; made at the first call for a format. Throws Error(device) when it has more elements
+  std::uint64_t size() const { return size_; }  // [bytes] of it that passes are shown; more may be allocated
+  // As a buffer texture; made at the first call for a format. Throws Error(device) when it has more elements
   // than the device can bind.
   GLuint texture(Texels format) const;
 

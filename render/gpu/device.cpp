@@ -1,9 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/gpu/device.h"
 
+#include <algorithm>
+#include <bit>
+
 #include "core/parallel.h"
 
 namespace tg {
+
+std::uint64_t bufferBytes(std::uint64_t bytes) { return std::max<std::uint64_t>((bytes + 15) / 16, 1) * 16; }
+
+std::uint64_t allocatedBytes(std::uint64_t bytes) {
+  std::uint64_t room = bufferBytes(bytes);
+  if ((room & 0xFF00u) == 0) room += 0x100;
+  return std::has_single_bit(room) ? room + 16 : room;
+}
+
+std::uint32_t allocatedSide(std::uint32_t side, std::uint32_t most) {
+  return std::has_single_bit(side) && side < most ? side + 1 : side;
+}
 
 Image imageFromRgba8(std::span<const std::byte> pixels, int width, int height) {
   Image image(width, height, 3);

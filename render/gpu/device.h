@@ -18,8 +18,8 @@ namespace tg {
 
 class PassList;
 
-// A buffer on the device. The size is rounded up to 16 bytes, 16 at least: an empty model binds like any other, and
-// buffers of smaller elements can be read four at a time.
+// A buffer on the device. Its size is rounded up by bufferBytes(): an empty model binds like any other, and buffers of
+// smaller elements can be read four at a time.
 class GpuBuffer {
  public:
   virtual ~GpuBuffer() = default;
@@ -81,6 +81,15 @@ class GpuDevice {
   // Waits for the end.
   virtual void run(PassProgram& program, const ViewUniforms& view) = 0;
 };
+
+// A multiple of 16, 16 at least.
+std::uint64_t bufferBytes(std::uint64_t bytes);
+// How much to allocate for a buffer of that many bytes, and for an image of that side [px] on a device of at most
+// `most`. llvmpipe compiles a shader anew when the size of a texel buffer or of an image that is bound to it becomes or
+// ceases to be a power of two, and when bits 8 to 15 of a texel buffer's bytes become or cease to be 0: no allocation
+// is like that, so that a window may have any size and a model any length.
+std::uint64_t allocatedBytes(std::uint64_t bytes);
+std::uint32_t allocatedSide(std::uint32_t side, std::uint32_t most);
 
 // The 3 colour channels.
 Image imageFromRgba8(std::span<const std::byte> pixels, int width, int height);

@@ -14,7 +14,6 @@ namespace tg {
 namespace {
 
 constexpr VkDeviceSize kStagingBytes = VkDeviceSize{16} << 20;
-constexpr VkDeviceSize kSizeStep = 16;
 
 std::uint32_t findMemoryType(const VulkanDevice& device, std::uint32_t allowed, VkMemoryPropertyFlags wanted) {
   VkPhysicalDeviceMemoryProperties memory;
@@ -56,9 +55,9 @@ VkAccessFlags accessOf(VkPipelineStageFlags stages, bool writes) {
 }  // namespace
 
 Buffer::Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes, Memory memory)
-    : device_(&device), name_(name), size_(std::max((bytes + kSizeStep - 1) / kSizeStep, VkDeviceSize{1}) * kSizeStep) {
+    : device_(&device), name_(name), size_(bufferBytes(bytes)) {
   VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
-  info.size = size_;
+  info.size = allocatedBytes(size_);
   info.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
   info.usage |= memory == Memory::host ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT
                                        : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
@@ -105,7 +104,7 @@ VkBufferView Buffer::view(VkFormat format) const {
   VkBufferViewCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO};
   info.buffer = buffer_;
   info.format = format;
-  info.range = size_ / element * element;
+  info.range = std::min<VkDeviceSize>(allocatedBytes(size_) / element, most) * element;
   VkBufferView view = VK_NULL_HANDLE;
   TG_VK(vkCreateBufferView(device_->device, &info, nullptr, &view));
   views_.emplace_back(format, view);

@@ -26,9 +26,9 @@ class Buffer final : public GpuBuffer {
   ~Buffer() override;
 
   VkBuffer handle() const { return buffer_; }
-  VkDeviceSize size() const { return size_; }  // [bytes]
+  VkDeviceSize size() const { return size_; }  // [bytes] of it that passes are shown; more may be allocated
   std::byte* data() const { return data_; }    // Memory::host only
-  // All of it as a uniform texel buffer; made at the first call for a format. Throws Error(device) when it has more
+  // As a uniform texel buffer; made at the first call for a format. Throws Error(device) when it has more
   // elements than the device can bind.
   VkBufferView view(VkFormat format) const;
 

@@ -145,7 +145,8 @@ BufferPtr VulkanPassDevice::makeBuffer(const char* name, std::uint64_t bytes) {
 }
 
 ImagePtr VulkanPassDevice::makeImage(std::uint32_t width, std::uint32_t height) {
-  return std::make_unique<StorageImage>(device_, width, height);
+  const std::uint32_t most = limits().image_side;
+  return std::make_unique<StorageImage>(device_, allocatedSide(width, most), allocatedSide(height, most));
 }
 
 void VulkanPassDevice::upload(const BufferPtr& target, std::uint64_t bytes, std::uint64_t granularity,

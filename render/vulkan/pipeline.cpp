@@ -141,7 +141,7 @@ VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, const Pass& pass)
   for (std::size_t i = 0; i < pass.buffers.size(); ++i) {
     const Binding& binding = pass.buffers[i];
     const auto& buffer = static_cast<const Buffer&>(*binding.buffer);
-    infos[i] = {buffer.handle(), binding.offset, binding.bytes ? binding.bytes : VK_WHOLE_SIZE};
+    infos[i] = {buffer.handle(), binding.offset, binding.bytes ? binding.bytes : buffer.size()};
     if (binding.texels != Texels::none) views[i] = buffer.view(formatOf(binding.texels));
   }
   const VkDescriptorBufferInfo view{view_.handle(), 0, sizeof(ViewUniforms)};

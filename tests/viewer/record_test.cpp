@@ -210,3 +210,36 @@ TEST_CASE("every wrong use of --output is one line and its exit code") {
     CHECK_FALSE(std::filesystem::exists(shop / "f"));
   }
 }
+
+// Mesa keeps every program that it has compiled in a folder: what is new there was compiled.
+TEST_CASE("software drivers compile nothing for another camera, nor for sizes that are powers of two") {
+  for (const std::string& backend : test::deviceBackends()) {
+    CAPTURE(backend);
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    const std::filesystem::path cache = shop / "cache";
+    // How many there are after a turn of so many pictures; those behind the first give it time to write them.
+    const auto compiled = [&](const std::string& size, const std::string& frames, const std::string& show) {
+      const ProcessResult result = shop.tgview(
+          {"model.tgz", "--turntable", frames, "-o", "turn", "--backend", backend, "--size", size, "--show", show},
+          {"env", "MESA_SHADER_CACHE_DIR=" + cache.string()});
+      INFO(result.err);
+      REQUIRE(result.exit_code == 0);
+      std::size_t programs = 0;
+      if (std::filesystem::exists(cache))
+        for (const auto& entry : std::filesystem::recursive_directory_iterator(cache))
+          programs += entry.path().filename() != "index" && entry.is_regular_file();
+      return programs;
+    };
+    for (const char* show : {"final", "ellipsoids"}) {
+      CAPTURE(show);
+      const std::size_t programs = compiled("90x70", "6", show);
+      if (programs == 0) {
+        std::cout << "skipped: " << backend << " keeps no compiled programs\n";
+        break;
+      }
+      CHECK(compiled("90x70", "11", show) == programs);
+      CHECK(compiled("128x64", "6", show) == programs);
+    }
+  }
+}
