@@ -2,6 +2,7 @@
 // Over the picture: the help, errors, and lines that fade.
 #include <imgui.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <vector>
@@ -27,20 +28,44 @@ void helpRow(const char* keys, const char* text) {
   ImGui::TextUnformatted(text);
 }
 
+const ImVec2 kHelpPadding(6, 1);  // [ImGui units] beside and above a cell
+
+// Two columns of lines of that size, in letters of full size, with the window around them.
+ImVec2 helpSize(const std::vector<HelpLine>& lines, std::size_t rows) {
+  float width = 0;
+  for (std::size_t begin = 0; begin < lines.size(); begin += rows) {
+    float keys = 0, text = 0;
+    for (std::size_t i = begin; i < std::min(begin + rows, lines.size()); ++i) {
+      keys = std::max(keys, ImGui::CalcTextSize(lines[i].keys).x);
+      text = std::max(text, ImGui::CalcTextSize(lines[i].text).x);
+    }
+    width += keys + text + 4 * kHelpPadding.x;
+  }
+  const ImVec2 around = ImGui::GetStyle().WindowPadding;
+  const float height = (ImGui::GetFontSize() + 2 * kHelpPadding.y) * static_cast<float>(rows + 1);
+  return {width + 2 * around.x, height + 2 * around.y + ImGui::GetStyle().ItemSpacing.y};
+}
+
 void help(ViewerState& state) {
-  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
-  ImGui::SetNextWindowBgAlpha(0.94f);
-  ImGui::Begin("help", nullptr, kOverlay);
-  ImGui::TextDisabled("KEYS AND MOUSE");
   std::vector<HelpLine> lines(mouseHelp().begin(), mouseHelp().end());
   for (const KeyBinding& binding : keyBindings()) {
     if (*binding.keys) lines.push_back({binding.keys, binding.text});
   }
-  lines.push_back({"Drop a file", "Open a model, a cameras.json or a path"});
-  // Two columns of them, each read downwards.
-  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {6, 1});
+  lines.push_back({"Drop a file", "Open a model, cameras or a path"});
+  const std::size_t rows = (lines.size() + 1) / 2;
+  // Beside the panel where there is room, else over it; in smaller letters where even the window is too small.
+  const ImVec2 window = ImGui::GetIO().DisplaySize, size = helpSize(lines, rows);
+  const bool beside = panelWidth(state, window.x) + size.x <= window.x;
+  const ImVec2 center = beside ? pictureCenter(state) : ImVec2(window.x / 2, window.y / 2);
+  const float scale = std::min({1.0f, window.x / size.x, window.y / size.y});
+  ImGui::SetNextWindowPos(center, ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowBgAlpha(0.94f);
+  ImGui::Begin("help", nullptr, kOverlay);
+  ImGui::SetWindowFontScale(scale);
+  ImGui::TextDisabled("KEYS AND MOUSE");
+  // Each column is read downwards.
+  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {kHelpPadding.x * scale, kHelpPadding.y * scale});
   if (ImGui::BeginTable("keys", 4, ImGuiTableFlags_SizingFixedFit)) {
-    const std::size_t rows = (lines.size() + 1) / 2;
     for (std::size_t row = 0; row < rows; ++row) {
       ImGui::TableNextRow();
       helpRow(lines[row].keys, lines[row].text);
