@@ -11,14 +11,14 @@
 namespace tg {
 namespace {
 
-// Mesa 22.3's llvmpipe ends all loops of a thread after 65535 rounds in total, without a word; its threads run 4 to 16
-// in step. blend.comp takes two rounds per entry, and one per four entries for each of 16 threads that go their own
-// ways.
+// Mesa 22.3's llvmpipe ends all loops of a thread after so many rounds in total, without a word.
+constexpr std::uint32_t kLoopRounds = 65535;
+// Its threads run 4 to 16 in step. blend.comp takes two rounds per entry, and one per four entries for each of 16
+// threads that go their own ways.
 constexpr std::uint32_t kListEntriesOnCpu = 8192;
 constexpr std::uint32_t kListEntries = 1u << 31;  // no limit
 constexpr std::uint32_t kPresentSide = 16;        // shaders/present.comp
 constexpr std::uint32_t kDepthBits = 32;
-constexpr std::uint32_t kKeptPerPixel = 8;  // splats that a pixel keeps back to sort them
 
 PingPong makePingPong(GpuDevice& device, const char* name, std::uint64_t bytes) {
   return {device.makeBuffer(name, bytes), device.makeBuffer(name, bytes)};
@@ -187,8 +187,12 @@ std::uint32_t listEntriesPerRound(const PassTuning& tuning) {
   return tuning.bounded_loops ? kListEntriesOnCpu : kListEntries;
 }
 
-std::uint32_t maxPairCapacity(const GpuLimits& limits) {
-  return std::min<std::uint32_t>(limits.storage_bytes / sizeof(std::uint32_t), limits.texel_elements);
+std::uint32_t maxPairCapacity(const GpuLimits& limits, const PassTuning& tuning) {
+  const auto most = std::min<std::uint32_t>(limits.storage_bytes / sizeof(std::uint32_t), limits.texel_elements);
+  if (!tuning.runs || !tuning.bounded_loops) return most;
+  // A sort's thread walks over the digits and over its partition, whose size is a multiple of kPartitionStep.
+  const std::uint32_t partition = (kLoopRounds - kDigitCount) / kPartitionStep * kPartitionStep;
+  return std::min(most, kMaxPartitions * (partition - 1));
 }
 
 PassList buildFrame(const FrameInputs& in, const BufferPtr& counters) {

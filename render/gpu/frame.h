@@ -45,6 +45,9 @@ struct ImageBuffers {
   std::uint32_t tilesY() const { return (height + kTileSize - 1) / kTileSize; }
 };
 
+// SplatOrder::perPixel: hits that a pixel keeps back to sort them (docs/frame.md).
+constexpr std::uint32_t kKeptPerPixel = 8;
+
 // What is compiled into the passes of a frame.
 struct FrameVariant {
   std::uint32_t shape = kShapeSplats;
@@ -62,7 +65,7 @@ FrameVariant variantFor(Output shown);
 // How the passes are cut, by kind of device. Pictures do not depend on it.
 struct PassTuning {
   bool runs = false;             // sorts walk runs of items, one per thread, instead of groups working together
-  bool bounded_loops = false;    // a thread's loops must stay below 65535 rounds in all
+  bool bounded_loops = false;    // a thread's loops must not exceed 65535 rounds in all
   std::uint32_t blend_side = 4;  // [px] of the square that a thread of blend draws: 1, 2 or 4
 };
 
@@ -88,7 +91,7 @@ std::uint32_t listEntriesPerRound(const PassTuning& tuning);
 // than the device's images.
 std::uint32_t rowsAtOnce(const GpuLimits& limits, std::uint32_t width, std::uint32_t height);
 
-// As many pairs as the device can bind.
-std::uint32_t maxPairCapacity(const GpuLimits& limits);
+// As many pairs as the device can bind, and as the loops of the passes can walk over.
+std::uint32_t maxPairCapacity(const GpuLimits& limits, const PassTuning& tuning);
 
 }  // namespace tg

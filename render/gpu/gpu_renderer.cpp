@@ -63,7 +63,7 @@ void GpuRenderer::setModel(const GaussianModel& model) {
   model_ = uploadModel(*device_, model, precision_);
   splats_.emplace(*device_, model_->gaussian_count);
   const std::uint64_t wish = std::max<std::uint64_t>(kFirstPairCapacity, kFirstPairsPerGaussian * model.size());
-  makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits()))));
+  makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits(), tuning_))));
 }
 
 Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) {
@@ -154,7 +154,7 @@ bool GpuRenderer::finishFrame() {
   const std::uint32_t pairs = counters.work[kWorkPairs].total;
   counts_ = {counters.work[kWorkVisible].total, pairs};
   if (pairs <= pairs_->capacity) return blendedAll(counters.longest_list);
-  const std::uint32_t most = maxPairCapacity(device_->limits());
+  const std::uint32_t most = maxPairCapacity(device_->limits(), tuning_);
   if (pairs > most) {
     throw Error(ErrorKind::device, device_->limits().device,
                 "the view needs " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "gpu_device.h"
+#include "render/gpu/frame.h"
 #include "render/gpu/passes.h"
 #include "shared/layout.h"
 #include "shared/limits.h"
@@ -85,6 +86,16 @@ TEST_CASE("work is cut into at most 512 partitions that cover it", "[scan]") {
     CHECK(std::uint64_t{work.item_groups.x} * work.item_groups.y * kGroupSize >= count);
     CHECK(std::max(work.item_groups.x, work.item_groups.y) <= 65535u);
   }
+}
+
+TEST_CASE("where loops are bounded, no more pairs are allowed than a thread of a sort can walk over", "[sort]") {
+  const GpuLimits limits{"", ~0u, ~0u, 16384};
+  const std::uint32_t most = maxPairCapacity(limits, {true, true, 4});
+  const Work work = makeWork(most, most);
+  CHECK(work.partition_items + kDigitCount <= 65535);
+  CHECK(makeWork(most + kMaxPartitions, most + kMaxPartitions).partition_items + kDigitCount > 65535);
+  CHECK(maxPairCapacity(limits, {true, false, 4}) == (~0u) / 4);
+  CHECK(maxPairCapacity({"", 4000, 600, 16384}, {true, true, 4}) == 600);
 }
 
 TEST_CASE("a prefix sum equals std::exclusive_scan at every size around a boundary", "[scan]") {
