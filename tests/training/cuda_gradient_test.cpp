@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA kernels against the float64 reference and the CPU's; in every order of threads.
+#include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <cstdint>
+#include <vector>
 
 #include "core/error.h"
 #include "render/reference/reference.h"
@@ -9,6 +11,8 @@
 #include "support/cuda_orders.h"
 #include "support/gradients.h"
 #include "support/scenes.h"
+#include "training/cuda/finish.h"
+#include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
 
 using namespace tg;
@@ -21,7 +25,119 @@ ModelGradient gradientCuda(const GaussianModel& model, const Camera& camera, con
   return gradientOf(*makeCudaDifferentiableRenderer(), model, camera, settings, weights, options);
 }
 
+// |found - expected| / |expected| over all numbers.
+template <typename Vector>
+double relativeDifference(const std::vector<Vector>& found, const std::vector<Vector>& expected) {
+  const auto a = numbers(found), b = numbers(expected);
+  REQUIRE(a.size() == b.size());
+  double difference = 0, size = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    difference += (double{a[i]} - b[i]) * (double{a[i]} - b[i]);
+    size += double{b[i]} * b[i];
+  }
+  return std::sqrt(difference / size);
+}
+
+// Splats that cover more tiles than cuda::kRun beside small ones; faint, so that light reaches most of them.
+TestScene sceneOfLargeSplats(unsigned seed) {
+  TestScene scene = makeScene(SceneKind::mixed, seed, 24, 176, 160);
+  for (std::size_t i = 0; i < scene.model.size(); ++i) {
+    if (i % 3 != 0) continue;
+    scene.model.log_scale[i] += 3.0f;
+    scene.model.opacity_logit[i] = -2.0f;
+  }
+  return scene;
+}
+
 }  // namespace
+
+TEST_CASE("CUDA adds up a splat's pairs in runs, and leaves alone those of small ones", "[checked]") {
+  const std::vector<std::uint32_t> counts = {3, 64, 0, 65, 128, 1, 1000, 129, 70};
+  const std::vector<std::uint32_t> order = {6, 2, 0, 3, 5, 8, 1, 7, 4};  // of depth
+  constexpr unsigned stride = cuda::pairSums(true, true);
+  constexpr std::size_t room = 2000;
+  std::vector<std::uint32_t> begins(counts.size()), gaussians;
+  for (const std::uint32_t i : order) {
+    begins[i] = static_cast<std::uint32_t>(gaussians.size());
+    gaussians.insert(gaussians.end(), counts[i], i);
+  }
+  const std::vector<cuda::PairCount> pairs = {gaussians.size()};
+  test::Random random(3);
+  std::vector<float> values(room * stride);
+  std::vector<std::uint8_t> shows(room);
+  for (float& value : values) value = static_cast<float>(random.normal());
+  for (std::size_t pair = 0; pair < pairs[0]; ++pair) shows[pair] = gaussians[pair] != 8 && random.uniform() < 0.6;
+
+  cuda::Buffer<std::uint32_t> gaussian, tile_counts, pair_begin;
+  cuda::Buffer<cuda::PairCount> pair_count;
+  cuda::Buffer<float> sums;
+  cuda::Buffer<std::uint8_t> shown;
+  gaussian.upload(gaussians);
+  tile_counts.upload(counts);
+  pair_begin.upload(begins);
+  pair_count.upload(pairs);
+  const auto run = [&](std::size_t with_room, std::vector<float>& to, std::vector<std::uint8_t>& to_shows) {
+    sums.upload(values);
+    shown.upload(shows);
+    cuda::addRuns({gaussian.data(), tile_counts.data(), pair_begin.data(), pair_count.data(), with_room, stride,
+                   sums.data(), shown.data()});
+    sums.downloadAll(to);
+    shown.downloadAll(to_shows);
+  };
+  std::vector<float> found, again;
+  std::vector<std::uint8_t> found_shows, again_shows;
+  run(room, found, found_shows);
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    const bool large = counts[i] > cuda::kRun;
+    for (std::uint32_t place = 0; place < counts[i]; ++place) {
+      const std::size_t pair = begins[i] + place;
+      const bool first = large && place % cuda::kRun == 0;
+      bool any = false;
+      double expected[stride] = {};
+      const std::uint32_t end = first ? std::min(place + cuda::kRun, counts[i]) : place + 1;
+      for (std::size_t other = pair; other < begins[i] + end; ++other) {
+        if (shows[other] == 0) continue;
+        any = true;
+        for (unsigned k = 0; k < stride; ++k) expected[k] += double{values[other * stride + k]};
+      }
+      INFO("Gaussian " << i << ", pair " << place);
+      REQUIRE((found_shows[pair] != 0) == any);
+      if (!any) continue;
+      for (unsigned k = 0; k < stride; ++k) {
+        REQUIRE(found[pair * stride + k] == Approx(expected[k]).margin(1e-4));
+      }
+    }
+  }
+  inOtherOrders([&] {
+    run(room, again, again_shows);
+    CHECK(again == found);
+    CHECK(again_shows == found_shows);
+  });
+  run(pairs[0] - 1, again, again_shows);  // no room
+  CHECK(again == values);
+  CHECK(again_shows == shows);
+}
+
+TEST_CASE("CUDA gradients of splats that fill the picture are the CPU's, in every order of threads") {
+  for (const unsigned seed : {1u, 2u}) {
+    const TestScene scene = sceneOfLargeSplats(seed);
+    const auto weights = randomWeights(scene.camera, 2);
+    const ModelGradient cpu = gradientOf(*makeCpuDifferentiableRenderer(), scene.model, scene.camera, {}, weights);
+    const ModelGradient cuda = gradientCuda(scene.model, scene.camera, {}, weights);
+    CHECK(*std::max_element(cuda.screen_radius.begin(), cuda.screen_radius.end()) > 176);
+    CHECK(relativeDifference(cuda.v_mean, cpu.v_mean) < 1e-4);
+    CHECK(relativeDifference(cuda.v_rotation, cpu.v_rotation) < 1e-4);
+    CHECK(relativeDifference(cuda.v_log_scale, cpu.v_log_scale) < 1e-4);
+    CHECK(relativeDifference(cuda.v_opacity_logit, cpu.v_opacity_logit) < 1e-4);
+    CHECK(relativeDifference(cuda.v_sh, cpu.v_sh) < 1e-4);
+    CHECK(relativeDifference(cuda.v_texels, cpu.v_texels) < 1e-4);
+    CHECK(relativeDifference(cuda.screen_gradient, cpu.screen_gradient) < 1e-4);
+    CHECK(relativeDifference(cuda.screen_gradient_abs, cpu.screen_gradient_abs) < 1e-4);
+    if (seed == 1) {
+      inOtherOrders([&] { CHECK(sameBytes(gradientCuda(scene.model, scene.camera, {}, weights), cuda)); });
+    }
+  }
+}
 
 TEST_CASE("CUDA pictures are the CPU's on every kind of scene, in both models") {
   for (const SceneKind kind : kSceneKinds) {

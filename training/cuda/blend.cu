@@ -327,7 +327,8 @@ TG_DEVICE void backwardSplat(const BackwardArguments& a, const BlendSplat& s, bo
 }
 
 template <bool kTexture, bool kStatistics>
-TG_KERNEL backwardKernel(BackwardArguments a) {
+TG_KERNEL_BLOCKS(3)
+backwardKernel(BackwardArguments a) {
   using Layout = Backward<kTexture, kStatistics>;
   TG_BLOCK_SHARED(typename Layout::Shared, shared);
   constexpr unsigned kBatch = Layout::kBatch;

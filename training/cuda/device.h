@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The language of the kernels. nvcc compiles them for GPUs; a C++ compiler that finds cuda_host.h (tests/support) makes
 // the same text run on the host. Kernels keep to these rules: every thread of a block reaches every barrier, every lane
-// of a warp every warp operation; a block's shared memory is one TG_BLOCK_SHARED struct without constructors.
+// of a warp every warp operation; a block's shared memory is one TG_BLOCK_SHARED struct without constructors. Of a
+// TG_KERNEL_BLOCKS at least that many blocks have registers on a multiprocessor.
 #pragma once
 #include <cstdint>
 
@@ -10,11 +11,13 @@
 #ifdef __CUDACC__
 #include <cuda_runtime.h>
 #define TG_KERNEL __global__ void
-#define TG_DEVICE __device__ inline
+#define TG_KERNEL_BLOCKS(blocks) __global__ void __launch_bounds__(tg::cuda::kThreads, blocks)
+#define TG_DEVICE __device__ __forceinline__
 #define TG_BLOCK_SHARED(Type, name) __shared__ Type name
 #else
 #include "cuda_host.h"
 #define TG_KERNEL void
+#define TG_KERNEL_BLOCKS(blocks) void
 #define TG_DEVICE inline
 #define TG_BLOCK_SHARED(Type, name) Type& name = tg::cuda::sharedMemory<Type>()
 #endif
@@ -49,19 +52,25 @@ TG_DEVICE float warpSum(float value) {
   return value;
 }
 
-// Sixteen sums over a warp for the price of 16 shuffles instead of 80: lanes that differ in a bit exchange halves of
-// what they hold. Lane l returns the sum of values[l / 2]; the values are used up.
-TG_DEVICE float warpSums16(float (&values)[16], unsigned lane) {
+// Lanes that differ in bit 2 * kCount exchange halves of 2 * kCount values. A loop over kCount would not be unrolled
+// everywhere, and arrays with an index that is not known beforehand lie in memory.
+template <unsigned kCount>
+TG_DEVICE void exchangeHalves(float (&values)[16], unsigned lane) {
+  const bool upper = (lane & (2 * kCount)) != 0;
 #pragma unroll
-  for (unsigned count = 8; count >= 1; count /= 2) {
-    const bool upper = (lane & (2 * count)) != 0;
-#pragma unroll
-    for (unsigned k = 0; k < count; ++k) {
-      const float keep = upper ? values[k + count] : values[k];
-      const float give = upper ? values[k] : values[k + count];
-      values[k] = keep + __shfl_xor_sync(kAllLanes, give, 2 * count);
-    }
+  for (unsigned k = 0; k < kCount; ++k) {
+    const float keep = upper ? values[k + kCount] : values[k];
+    const float give = upper ? values[k] : values[k + kCount];
+    values[k] = keep + __shfl_xor_sync(kAllLanes, give, 2 * kCount);
   }
+}
+// Sixteen sums over a warp for the price of 16 shuffles instead of 80. Lane l returns the sum of values[l / 2]; the
+// values are used up.
+TG_DEVICE float warpSums16(float (&values)[16], unsigned lane) {
+  exchangeHalves<8>(values, lane);
+  exchangeHalves<4>(values, lane);
+  exchangeHalves<2>(values, lane);
+  exchangeHalves<1>(values, lane);
   return values[0] + __shfl_xor_sync(kAllLanes, values[0], 1);
 }
 

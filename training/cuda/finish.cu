@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One thread a Gaussian, in double precision: the twin of training/cpu/finish.cpp (docs/math.md 6.5 to 6.9).
+// One thread a Gaussian, in double precision: the twin of training/cpu/finish.cpp (docs/math.md 6.5 to 6.9). What large
+// splats have more is added up before, a warp a run of pairs: the device does not wait for one thread.
 #include "training/cuda/finish.h"
 
 #include "shared/sh.h"
@@ -9,6 +10,44 @@ namespace tg::cuda {
 namespace {
 
 constexpr double kLn2 = 0.69314718055994530942;
+
+static_assert(kSums + kTextureSums + 1 <= kWarp && kRun == 2 * kWarp);
+
+// A warp takes the runs that begin at its kRun pairs. A lane takes one of the sums, so that a pair is read at once.
+TG_KERNEL runKernel(RunInput in) {
+  const std::size_t begin = itemIndex() / kWarp * kRun;
+  const unsigned lane = threadIdx.x % kWarp;
+  const PairCount pairs = *in.pairs;
+  if (pairs > in.room) return;
+  for (unsigned half = 0; half < kRun; half += kWarp) {
+    const std::size_t pair = begin + half + lane;
+    std::uint32_t length = 0;  // of the run that begins at the lane's pair
+    if (pair < pairs) {
+      const std::uint32_t i = in.gaussian[pair];
+      const std::uint32_t count = in.tile_counts[i];
+      const std::uint32_t place = count > kRun ? static_cast<std::uint32_t>(pair) - in.pair_begin[i] : 1;
+      if (place % kRun == 0) length = count - place < kRun ? count - place : kRun;
+    }
+    for (unsigned left = __ballot_sync(kAllLanes, length > 0); left != 0; left &= left - 1) {
+      const int leader = __ffs(left) - 1;
+      const std::size_t first = begin + half + static_cast<unsigned>(leader);
+      const std::uint32_t count = __shfl_sync(kAllLanes, length, leader);
+      const unsigned shows[2] = {__ballot_sync(kAllLanes, lane < count && in.shows[first + lane] != 0),
+                                 __ballot_sync(kAllLanes, lane + kWarp < count && in.shows[first + kWarp + lane] != 0)};
+      if ((shows[0] | shows[1]) == 0) continue;
+      float sum = 0.0f;
+      for (int word = 0; word < 2; ++word) {
+#pragma unroll 8
+        for (unsigned k = 0; k < kWarp; ++k) {
+          if ((shows[word] >> k & 1u) == 0 || lane >= in.stride) continue;
+          sum += in.sums[(first + word * kWarp + k) * in.stride + lane];
+        }
+      }
+      if (lane < in.stride) in.sums[first * in.stride + lane] = sum;
+      if (lane == 0) in.shows[first] = 1;
+    }
+  }
+}
 
 struct FinishArguments {
   FinishInput in;
@@ -117,14 +156,20 @@ TG_KERNEL finishKernel(FinishArguments a) {
   const std::size_t i = itemIndex();
   if (i >= a.in.model.count || *a.in.pairs > a.in.room) return;
   const View& view = a.in.view;
-  const unsigned stride = pairSums(view.texture_rgb || view.texture_alpha, a.in.statistics);
-  float sums[kSums + kTextureSums + 1] = {};
+  const bool textured = view.texture_rgb || view.texture_alpha;
+  const unsigned stride = pairSums(textured, a.in.statistics);
+  constexpr unsigned kMost = pairSums(true, true);
+  float sums[kMost] = {};
   bool shows = false;
-  const std::size_t first = a.in.pair_begin[i];
-  for (std::size_t pair = first; pair < first + a.in.tile_counts[i]; ++pair) {
+  const std::uint32_t count = a.in.tile_counts[i];
+  const std::size_t first = count > 0 ? a.in.pair_begin[i] : 0;
+  for (std::size_t pair = first; pair<first + count; pair += count> kRun ? kRun : 1) {
     if (a.in.shows[pair] == 0) continue;
     shows = true;
-    for (unsigned k = 0; k < stride; ++k) sums[k] += a.in.sums[pair * stride + k];
+#pragma unroll
+    for (unsigned k = 0; k < kMost; ++k) {
+      if (k < stride) sums[k] += a.in.sums[pair * stride + k];
+    }
   }
   if (!shows) {
     clear(a, i);
@@ -148,13 +193,15 @@ TG_KERNEL finishKernel(FinishArguments a) {
   // M = diag(1 / scale) axes_c^T.
   const int order[3] = {axisU(g.shortest), axisV(g.shortest), g.shortest};
   const glm::dmat3 world_from_camera = glm::transpose(view.camera_from_world_rotation);
-  glm::dvec3 v_columns[3];
+  glm::dvec3 v_axes[3];  // of a, b, c
   for (int k = 0; k < 3; ++k) {
     const glm::dvec3 v_row(v_m[0][k], v_m[1][k], v_m[2][k]);
     const glm::dvec3 row(g.m[0][k], g.m[1][k], g.m[2][k]);
     a.gradient.log_scale[3 * i + order[k]] = static_cast<float>(-glm::dot(v_row, row));
-    v_columns[order[k]] = world_from_camera * (v_row / g.scale[k]);
+    v_axes[k] = world_from_camera * (v_row / g.scale[k]);
   }
+  glm::dvec3 v_columns[3];
+  for (int k = 0; k < 3; ++k) v_columns[k] = pick(v_axes, k == order[0] ? 0 : k == order[1] ? 1 : 2);
   const glm::dvec4 v_rotation = quaternionGradient(readRotation(a.in.model, i), v_columns);
   for (int k = 0; k < 4; ++k) a.gradient.rotation[4 * i + k] = static_cast<float>(v_rotation[k]);
 
@@ -167,7 +214,8 @@ TG_KERNEL finishKernel(FinishArguments a) {
   const double e_x = v_mean_c.x * z * (0.5 * view.width / f.x);
   const double e_y = v_mean_c.y * z * (0.5 * view.height / f.y);
   a.screen_gradient[i] = static_cast<float>(sqrt(e_x * e_x + e_y * e_y));
-  a.screen_gradient_abs[i] = a.in.statistics ? static_cast<float>(kLn2) * sums[stride - 1] : 0.0f;
+  a.screen_gradient_abs[i] =
+      a.in.statistics ? static_cast<float>(kLn2) * (textured ? sums[kMost - 1] : sums[kSums]) : 0.0f;
 }
 
 TG_KERNEL finishTexelsKernel(const long long* sums, const float* texels, float* v_texels, std::size_t count) {
@@ -178,6 +226,11 @@ TG_KERNEL finishTexelsKernel(const long long* sums, const float* texels, float* 
 }
 
 }  // namespace
+
+void addRuns(const RunInput& input) {
+  const std::size_t warps = (input.room + kRun - 1) / kRun;
+  launch("runs", runKernel, blocksFor(warps * kWarp), input);
+}
 
 void finishGradients(const FinishInput& input, const Parameters& gradient, float* screen_gradient,
                      float* screen_gradient_abs) {

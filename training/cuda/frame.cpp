@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Buffers are made once and grow; a frame launches seven kernels, two sorts and a scan, its gradient three kernels.
+// Buffers are made once and grow; a frame launches seven kernels, two sorts and a scan, its gradient four kernels.
 #include "training/cuda/frame.h"
 
 #include <algorithm>
@@ -147,6 +147,8 @@ void Frame::backward(const float* v_picture, const GradientOptions& options, con
   screen_gradient_abs_.resize(model.count);
   blendBackward(blendInput(model), record(), v_picture, options,
                 {lists_.sums.data(), shows_.data(), texel_sums_.data()});
+  addRuns({lists_.pair_gaussian.data(), screen_.tile_counts.data(), lists_.pair_begin.data(), lists_.pairs.data(),
+           room(), pairSums(textured, statistics_), lists_.sums.data(), shows_.data()});
 }
 
 void Frame::finish(const Parameters& model, std::size_t first, const Parameters& gradient) {

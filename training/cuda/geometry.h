@@ -29,6 +29,9 @@ TG_DEVICE glm::dvec3 unitOrZero(glm::dvec3 v) {
   return length > 0 ? v / length : glm::dvec3(0.0);
 }
 
+// of[k], for arrays that stay in registers: an index that is not known beforehand would put them into memory.
+TG_DEVICE glm::dvec3 pick(const glm::dvec3* of, int k) { return k == 0 ? of[0] : k == 1 ? of[1] : of[2]; }
+
 // Columns: the local axes in world space.
 TG_DEVICE void rotationColumns(glm::dvec4 raw, glm::dvec3* columns) {
   const glm::dvec4 q = raw / sqrt(glm::dot(raw, raw));
@@ -67,7 +70,7 @@ TG_DEVICE Geometry makeGeometry(const View& view, const Parameters& model, std::
   rotationColumns(readRotation(model, i), columns);
   g.mean_c = cameraFromWorld(view, readMean(model, i));
   for (int k = 0; k < 3; ++k) {
-    g.axes_c[k] = view.camera_from_world_rotation * columns[order[k]];
+    g.axes_c[k] = view.camera_from_world_rotation * pick(columns, order[k]);
     g.scale[k] = ::exp(static_cast<double>(log_scale[order[k]]));
   }
   for (int j = 0; j < 3; ++j) {

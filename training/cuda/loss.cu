@@ -125,7 +125,8 @@ TG_KERNEL lossForwardKernel(LossArguments a) {
   }
   const double sums[3] = {blockSum(l1, shared.scratch), blockSum(ssim, shared.scratch),
                           blockSum(squared, shared.scratch)};
-  if (threadIdx.x < 3) a.block_sums[3 * static_cast<std::size_t>(blockIdx.x) + threadIdx.x] = sums[threadIdx.x];
+  if (threadIdx.x != 0) return;
+  for (int k = 0; k < 3; ++k) a.block_sums[3 * static_cast<std::size_t>(blockIdx.x) + k] = sums[k];
 }
 
 struct SumShared {

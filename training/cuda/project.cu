@@ -39,7 +39,9 @@ TG_DEVICE glm::vec3 baseColor(const Parameters& model, std::size_t i, glm::dvec3
   shBasis(direction, basis[0], basis[1], basis[2], basis[3]);
   const float* sh = model.sh + i * 3 * model.sh_count;
   glm::vec3 color(0.5f);
-  for (int k = 0; k < model.sh_count; ++k) {
+#pragma unroll
+  for (int k = 0; k < 16; ++k) {  // as many as there may be: an unrolled loop leaves `basis` in registers
+    if (k >= model.sh_count) break;
     color += basis[k / 4][k % 4] * glm::vec3(sh[3 * k], sh[3 * k + 1], sh[3 * k + 2]);
   }
   return glm::max(color, glm::vec3(0.0f));
