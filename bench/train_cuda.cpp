@@ -43,8 +43,8 @@ std::optional<double> bytesOf(std::string_view kernel, const Counts& c) {
   if (kernel == "loss backward") return 3 * c.pixels * (12 + 4 + 1 + 4);
   if (kernel == "blend backward") return c.pairs * (8 + splat + sums) + c.texels * (16 + 64) + 32 * c.pixels;
   if (kernel == "finish") return c.pairs * sums + 8 * base_floats + c.gaussians * (sizeof(cuda::BlendSplat) + 16);
-  if (kernel == "finish texels") return c.texels * (32 + 16 + 16);
-  if (kernel == "Adam") return 28 * c.floats;  // value and two moments read and written, gradient read
+  if (kernel == "Adam") return 28 * base_floats;  // value and two moments read and written, gradient read
+  if (kernel == "move texels") return c.texels * (64 + 96);
   return std::nullopt;
 }
 std::optional<double> flopsOf(std::string_view kernel, const Counts& c) {

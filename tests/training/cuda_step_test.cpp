@@ -8,6 +8,7 @@
 #include "support/scenes.h"
 #include "training/cuda/frame.h"
 #include "training/cuda/step.h"
+#include "training/cuda/texels.h"
 #include "training/filter_3d.h"
 #include "training/loss.h"
 #include "training/mcmc.h"
@@ -138,6 +139,72 @@ TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does", "[checke
   CHECK(sameNumbers(download(value), numbers(state.model.sh)));
   CHECK(sameNumbers(download(moments.first), numbers(state.sh.first)));
   CHECK(sameNumbers(download(moments.second), numbers(state.sh.second)));
+}
+
+TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterwards, and stay when they must",
+          "[checked]") {
+  const bool clamp_colors = GENERATE(false, true);
+  TrainingState state = randomState(200, 6);
+  state.model.texture_mode = TextureMode::rgba;
+  Random random(7);
+  TextureAtlas& atlas = state.model.atlas;
+  for (std::size_t i = 0; i < state.model.size(); i++) {
+    const auto side = [&] { return static_cast<std::uint16_t>(random.below(7)); };
+    atlas.rects.push_back({static_cast<std::uint32_t>(atlas.texels.size()), side(), side()});
+    atlas.texels.resize(atlas.texels.size() + atlas.rects.back().texelCount());
+  }
+  ModelGradient gradient;
+  gradient.v_mean.resize(state.model.size());
+  gradient.v_rotation.resize(state.model.size());
+  gradient.v_log_scale.resize(state.model.size());
+  gradient.v_opacity_logit.resize(state.model.size());
+  gradient.v_sh.resize(state.model.sh.size());
+  std::vector<std::uint32_t> tile_counts;
+  std::vector<std::int64_t> sums;
+  for (const TextureRect& rect : atlas.rects) {
+    const bool drawn = random.below(3) > 0;
+    tile_counts.push_back(drawn);
+    for (std::uint32_t k = rect.offset; k < rect.offset + rect.texelCount(); k++) {
+      gradient.v_texels.emplace_back(0.0f);
+      for (int c = 0; c < 4; c++) {
+        atlas.texels[k][c] = static_cast<float>(3 * random.uniform() - 1);
+        sums.push_back(drawn ? static_cast<std::int64_t>(random.below(1u << 30)) - (1 << 29) : 0);
+        const bool clamped = c == 3 && (atlas.texels[k].a < 0.0f || atlas.texels[k].a > 1.0f);
+        if (!clamped) gradient.v_texels.back()[c] = static_cast<float>(sums.back()) / cuda::kTexelUnits;
+      }
+    }
+  }
+  resetMoments(state);
+  for (float& first : state.texels.first) first = static_cast<float>(1e-6 * random.normal());
+  for (float& second : state.texels.second) second = static_cast<float>(1e-12 * random.uniform());
+  cuda::DeviceModel device;
+  device.upload(state.model);
+  cuda::DeviceMoments moments;
+  moments.first.upload(state.texels.first);
+  moments.second.upload(state.texels.second);
+  cuda::Buffer<std::uint32_t> counts, stop;
+  counts.upload(tile_counts);
+  stop.upload(std::vector<std::uint32_t>{1});
+  cuda::Buffer<long long> device_sums;
+  const auto move = [&](const std::uint32_t* stopped) {
+    device_sums.upload(sums);
+    cuda::moveTexels({device_sums.data(), counts.data(), nullptr, nullptr, nullptr},
+                     {device.parameters(), moments, LearningRates().texels, adamScales(1), clamp_colors, stopped});
+    std::vector<std::int64_t> left;
+    device_sums.downloadAll(left);
+    CHECK(left == std::vector<std::int64_t>(sums.size()));
+  };
+  move(stop.data());
+  CHECK(sameNumbers(download(device.texels), numbers(atlas.texels)));
+  CHECK(download(moments.first) == state.texels.first);
+  move(nullptr);
+  adamStep(state, gradient, LearningRates());
+  if (clamp_colors) {
+    for (glm::vec4& texel : atlas.texels) texel = glm::clamp(texel, glm::vec4(0.0f), glm::vec4(1.0f));
+  }
+  CHECK(sameNumbers(download(device.texels), numbers(atlas.texels)));
+  CHECK(sameNumbers(download(moments.first), numbers(state.texels.first)));
+  CHECK(sameNumbers(download(moments.second), numbers(state.texels.second)));
 }
 
 TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", "[checked]") {

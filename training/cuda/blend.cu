@@ -227,6 +227,7 @@ struct Backward {
   struct Shared {
     BlendSplat splats[kBatch];
     std::uint32_t pairs[kBatch];
+    std::uint32_t texel_places[kBatch];
     std::uint32_t touched[kWarps];  // a bit a splat: the warp's sums hold
     std::uint32_t last;             // of all pixels
     float sums[kBatch][kWarps][kStride];
@@ -238,12 +239,14 @@ struct BackwardArguments {
   PixelRecord record;
   const float* v_picture;
   GradientOptions options;
+  ListPart part;
   PairGradients out;
 };
 
 template <bool kTexture, bool kStatistics>
-TG_DEVICE void backwardSplat(const BackwardArguments& a, const BlendSplat& s, bool shows, const Sample& sample,
-                             const TexturePoint& at, const LocalRay& ray, Behind& behind, float* warp_sums) {
+TG_DEVICE void backwardSplat(const BackwardArguments& a, const BlendSplat& s, std::uint32_t texel_place, bool shows,
+                             const Sample& sample, const TexturePoint& at, const LocalRay& ray, Behind& behind,
+                             float* warp_sums) {
   const View& view = a.in.view;
   const unsigned lane = threadIdx.x % kWarp;
   TextureSlopes texture = {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f};
@@ -290,7 +293,7 @@ TG_DEVICE void backwardSplat(const BackwardArguments& a, const BlendSplat& s, bo
     float v_color[3];
     for (int c = 0; c < 3; ++c) v_color[c] = view.texture_rgb ? share.weight * behind.v_color[c] : 0.0f;
     const float v_alpha = view.texture_alpha ? share.v_alpha * sample.value : 0.0f;
-    addTexels(a.out.v_texels + 4 * static_cast<std::size_t>(s.texel_offset), at, shows && at.inside, v_color, v_alpha);
+    addTexels(a.out.v_texels + 4 * static_cast<std::size_t>(texel_place), at, shows && at.inside, v_color, v_alpha);
   }
 
   const float aw = share.a * sample.w;
@@ -338,6 +341,7 @@ backwardKernel(BackwardArguments a) {
   const float pixel_y = static_cast<float>(pixel.y) + 0.5f;
   const unsigned warp = threadIdx.x / kWarp;
   const std::uint32_t begin = a.in.lists.tile_begin[blockIdx.x];
+  const std::uint32_t part_begin = a.part.begin != nullptr ? a.part.begin[blockIdx.x] : 0;
   Behind behind = {0.0f, 0.0f, {0.0f, 0.0f, 0.0f}};
   std::uint32_t end = 0;
   if (pixel.inside) {
@@ -347,19 +351,27 @@ backwardKernel(BackwardArguments a) {
       behind.v_color[c] = a.v_picture[3 * pixel.index + c];
       behind.along += behind.transmittance * behind.v_color[c] * view.background[c];
     }
+    if (!a.part.farthest) behind.along = a.part.along[pixel.index];
   }
   if (threadIdx.x == 0) shared.last = 0;
   __syncthreads();
   atomicMax(&shared.last, end);
   __syncthreads();
+  std::uint32_t high = shared.last;
+  if (a.part.end != nullptr) high = min(high, a.part.end[blockIdx.x]);
 
-  for (std::uint32_t high = shared.last; high > 0;) {
-    const std::uint32_t low = high > kBatch ? high - kBatch : 0;
+  while (high > part_begin) {
+    const std::uint32_t low = high - part_begin > kBatch ? high - kBatch : part_begin;
     const std::uint32_t count = high - low;
     if (threadIdx.x < count) {
       const std::uint32_t pair = a.in.lists.sorted_pairs[begin + low + threadIdx.x];
       shared.pairs[threadIdx.x] = pair;
-      shared.splats[threadIdx.x] = a.in.splats[a.in.lists.gaussian[pair]];
+      const std::uint32_t gaussian = a.in.lists.gaussian[pair];
+      shared.splats[threadIdx.x] = a.in.splats[gaussian];
+      if (kTexture) {
+        shared.texel_places[threadIdx.x] =
+            a.out.texel_places != nullptr ? a.out.texel_places[gaussian] : shared.splats[threadIdx.x].texel_offset;
+      }
     }
     if (threadIdx.x % kWarp == 0) shared.touched[warp] = 0;
     __syncthreads();
@@ -375,7 +387,8 @@ backwardKernel(BackwardArguments a) {
         ray = localRay(a.in.frames[s.gaussian], sample.x, sample.y);
         at = locate(s, ray, sample.inverse_d2);
       }
-      backwardSplat<kTexture, kStatistics>(a, s, shows, sample, at, ray, behind, shared.sums[j][warp]);
+      backwardSplat<kTexture, kStatistics>(a, s, shared.texel_places[j], shows, sample, at, ray, behind,
+                                           shared.sums[j][warp]);
       if (threadIdx.x % kWarp == 0) shared.touched[warp] |= 1u << j;
     }
     __syncthreads();
@@ -396,6 +409,9 @@ backwardKernel(BackwardArguments a) {
     __syncthreads();
     high = low;
   }
+  if (a.part.along == nullptr || !pixel.inside) return;
+  a.record.transmittance[pixel.index] = behind.transmittance;
+  a.part.along[pixel.index] = behind.along;
 }
 
 std::size_t tileCount(const View& view) { return static_cast<std::size_t>(view.tiles_x) * view.tiles_y; }
@@ -409,11 +425,12 @@ void blendForward(const BlendInput& input, const PixelRecord& record, float* pic
 }
 
 void blendBackward(const BlendInput& input, const PixelRecord& record, const float* v_picture,
-                   const GradientOptions& options, const PairGradients& out) {
+                   const GradientOptions& options, const ListPart& part, const PairGradients& out) {
   const bool texture = textured(input.view);
   const auto kernel = texture ? (options.statistics ? backwardKernel<true, true> : backwardKernel<true, false>)
                               : (options.statistics ? backwardKernel<false, true> : backwardKernel<false, false>);
-  launch("blend backward", kernel, tileCount(input.view), BackwardArguments{input, record, v_picture, options, out});
+  launch("blend backward", kernel, tileCount(input.view),
+         BackwardArguments{input, record, v_picture, options, part, out});
 }
 
 }  // namespace tg::cuda

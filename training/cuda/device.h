@@ -47,6 +47,9 @@ inline std::size_t blocksFor(std::size_t items) { return (items + kThreads - 1) 
 // The item of a one-dimensional kernel's thread.
 TG_DEVICE std::size_t itemIndex() { return static_cast<std::size_t>(blockIdx.x) * kThreads + threadIdx.x; }
 
+// judgeStep()
+TG_DEVICE bool stopped(const std::uint32_t* stop) { return stop != nullptr && *stop != 0; }
+
 TG_DEVICE float warpSum(float value) {
   for (unsigned offset = kWarp / 2; offset > 0; offset /= 2) value += __shfl_xor_sync(kAllLanes, value, offset);
   return value;

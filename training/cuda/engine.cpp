@@ -24,8 +24,7 @@ constexpr std::size_t kStepsAhead = 32;
 
 class CudaTrainingEngine final : public TrainingEngine {
  public:
-  CudaTrainingEngine(float ssim_weight, std::size_t gradient_rows)
-      : ssim_weight_(ssim_weight), gradient_rows_(gradient_rows) {}
+  CudaTrainingEngine(float ssim_weight, StepParts parts) : ssim_weight_(ssim_weight), parts_(parts) {}
 
   void step(RunState& state, const StepInput& input) override {
     hold(state);
@@ -150,9 +149,14 @@ class CudaTrainingEngine final : public TrainingEngine {
     if (stop_.size() == 0) clearStop();
     judgeStep({loss_.sums.data(), frame_.pairs(), frame_.room(), stop_.data(), records_.data() + index});
 
-    frame_.backward(v_picture_.data(), input.gradient, drawn);
-    const std::int64_t number = device_.step + static_cast<std::int64_t>(index) + 1;
-    moveParameters(state.training.model, stored, drawn, input, adamScales(number));
+    const AdamScales scales = adamScales(device_.step + static_cast<std::int64_t>(index) + 1);
+    const bool textured = state.training.model.texture_mode != TextureMode::none;
+    // What a range of depths has moved no nearer one reads.
+    frame_.backward(v_picture_.data(), input.gradient, drawn, parts_.texels, [&](const TexelSums& sums) {
+      if (!textured) return;
+      moveTexels(sums, {stored, device_.moments.texels, input.rates.texels, scales, input.clamp_colors, stop_.data()});
+    });
+    moveParameters(stored, drawn, input, scales);
     if (input.gather_statistics) {
       addStatistics(frame_.screenGradient().data(), frame_.screenGradientAbs().data(), frame_.screenRadius().data(),
                     stored.count, device_.statistics, stop_.data());
@@ -195,28 +199,15 @@ class CudaTrainingEngine final : public TrainingEngine {
     stop_.zero();
   }
 
-  // From the sums of the backward pass to Adam's step.
-  void moveParameters(const GaussianModel& model, const Parameters& stored, const Parameters& drawn,
-                      const StepInput& input, AdamScales scales) {
-    const bool textured = model.texture_mode != TextureMode::none;
-    const std::size_t rows = std::min(stored.count, gradient_rows_);
-    const std::size_t texel_rows = textured ? std::min(stored.texel_count, 16 * gradient_rows_) : 0;
+  // From the sums of pairs to Adam's step.
+  void moveParameters(const Parameters& stored, const Parameters& drawn, const StepInput& input, AdamScales scales) {
+    const std::size_t rows = std::min(stored.count, parts_.gaussians);
     for (std::size_t first = 0; first < stored.count; first += rows) {
-      const std::size_t count = std::min(rows, stored.count - first);
-      gradient_.resizeLike(device_.model, count, texel_rows);
+      gradient_.resizeLike(device_.model, std::min(rows, stored.count - first), 0);
       const Parameters gradient = gradient_.parameters();
       frame_.finish(drawn, first, gradient);
       moveGaussians(stored, first, gradient, input, scales);
     }
-    if (!textured) return;
-    for (std::size_t first = 0; first < stored.texel_count; first += texel_rows) {
-      const std::size_t count = std::min(texel_rows, stored.texel_count - first);
-      float* v_texels = gradient_.texels.data();
-      frame_.finishTexels(stored, first, count, v_texels);
-      cuda::adamStep({stored.texels + 4 * first, v_texels, device_.moments.texels, 4 * count, 1, 0, 0,
-                      input.rates.texels, scales, stop_.data(), 4 * first});
-    }
-    clampTexels(stored.texels, stored.texel_count, input.clamp_colors, stop_.data());
   }
 
   void moveGaussians(const Parameters& stored, std::size_t first, const Parameters& gradient, const StepInput& input,
@@ -252,7 +243,7 @@ class CudaTrainingEngine final : public TrainingEngine {
   }
 
   const float ssim_weight_;
-  const std::size_t gradient_rows_;
+  const StepParts parts_;
   bool holds_ = false;  // the device has the state
   bool ahead_ = false;  // and has moved on from it
   DeviceState device_;
@@ -274,8 +265,8 @@ class CudaTrainingEngine final : public TrainingEngine {
 
 }  // namespace
 
-std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight, std::size_t gradient_rows) {
-  return std::make_unique<CudaTrainingEngine>(ssim_weight, gradient_rows);
+std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight, StepParts parts) {
+  return std::make_unique<CudaTrainingEngine>(ssim_weight, parts);
 }
 
 }  // namespace tg::cuda

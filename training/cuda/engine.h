@@ -7,10 +7,13 @@
 
 namespace tg::cuda {
 
-constexpr std::size_t kGradientRows = std::size_t{1} << 18;
+// How much of a step's work exists at a time. It does not change the result.
+struct StepParts {
+  std::size_t gaussians = std::size_t{1} << 18;  // whose gradients are finished and moved: 62 MB with SH degree 3
+  std::size_t texels = std::size_t{1} << 23;     // whose gradients are summed up: 268 MB (cutRanges())
+};
 
-// Opens no device: makeCudaDifferentiableRenderer() did. gradient_rows: so many Gaussians, and 16 times as many texels,
-// are finished and moved at a time. It does not change the result.
-std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight, std::size_t gradient_rows = kGradientRows);
+// Opens no device: makeCudaDifferentiableRenderer() did.
+std::unique_ptr<TrainingEngine> makeTrainingEngine(float ssim_weight, StepParts parts = {});
 
 }  // namespace tg::cuda

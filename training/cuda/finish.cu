@@ -218,13 +218,6 @@ TG_KERNEL finishKernel(FinishArguments a) {
       a.in.statistics ? static_cast<float>(kLn2) * (textured ? sums[kMost - 1] : sums[kSums]) : 0.0f;
 }
 
-TG_KERNEL finishTexelsKernel(const long long* sums, const float* texels, float* v_texels, std::size_t count) {
-  const std::size_t i = itemIndex();
-  if (i >= count) return;
-  const bool clamped = i % 4 == 3 && !(texels[i] >= 0.0f && texels[i] <= 1.0f);
-  v_texels[i] = clamped ? 0.0f : static_cast<float>(sums[i]) / kTexelUnits;
-}
-
 }  // namespace
 
 void addRuns(const RunInput& input) {
@@ -236,10 +229,6 @@ void finishGradients(const FinishInput& input, const Parameters& gradient, float
                      float* screen_gradient_abs) {
   launch("finish", finishKernel, blocksFor(input.model.count),
          FinishArguments{input, gradient, screen_gradient, screen_gradient_abs});
-}
-
-void finishTexels(const long long* sums, const float* texels, float* v_texels, std::size_t texel_count) {
-  launch("finish texels", finishTexelsKernel, blocksFor(4 * texel_count), sums, texels, v_texels, 4 * texel_count);
 }
 
 }  // namespace tg::cuda

@@ -39,7 +39,4 @@ struct FinishInput {
 void finishGradients(const FinishInput& input, const Parameters& gradient, float* screen_gradient,
                      float* screen_gradient_abs);
 
-// Texel sums to floats; where the stored alpha lies outside [0, 1], its gradient is 0. sums: [texels, 4]
-void finishTexels(const long long* sums, const float* texels, float* v_texels, std::size_t texel_count);
-
 }  // namespace tg::cuda

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Buffers are made once and grow; a frame launches seven kernels, two sorts and a scan, its gradient four kernels.
+// Buffers are made once and grow; a frame launches seven kernels, two sorts and a scan, its gradient four kernels and
+// more for each range of depths.
 #include "training/cuda/frame.h"
 
 #include <algorithm>
@@ -66,6 +67,10 @@ void DeviceModel::upload(const GaussianModel& model) {
   sh.upload(model.sh);
   texels.upload(model.atlas.texels);
   rects.upload(model.atlas.rects);
+  largest_rect = 0;
+  for (const TextureRect& rect : model.atlas.rects) {
+    largest_rect = std::max<std::size_t>(largest_rect, rect.texelCount());
+  }
 }
 
 void DeviceModel::resizeLike(const DeviceModel& other) { resizeLike(other, other.count, other.texels.size() / 4); }
@@ -100,8 +105,8 @@ void DeviceModel::download(GaussianModel& model) const {
 }
 
 Parameters DeviceModel::parameters() const {
-  return {count,     sh_count,      mean.data(),  rotation.data(),  log_scale.data(), opacity_logit.data(),
-          sh.data(), texels.data(), rects.data(), texels.size() / 4};
+  return {count,     sh_count,      mean.data(),  rotation.data(),   log_scale.data(), opacity_logit.data(),
+          sh.data(), texels.data(), rects.data(), texels.size() / 4, largest_rect};
 }
 
 BlendInput Frame::blendInput(const Parameters& model) const {
@@ -130,23 +135,39 @@ void Frame::forwardAhead(const View& view, const Parameters& model) {
 
 void Frame::backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
                      const Parameters& gradient) {
-  backward(v_picture, options, model);
+  backward(v_picture, options, model, model.texel_count,
+           [&](const TexelSums& sums) { finishTexels(sums, model, gradient.texels); });
   finish(model, 0, gradient);
-  finishTexels(model, 0, model.texel_count, gradient.texels);
 }
 
-void Frame::backward(const float* v_picture, const GradientOptions& options, const Parameters& model) {
+void Frame::backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
+                     std::size_t texels_at_a_time, const TakeTexels& take) {
   const bool textured = view_.texture_rgb || view_.texture_alpha;
+  const std::size_t tiles = lists_.tile_begin.size() - 1;
   statistics_ = options.statistics;
   lists_.sums.resizeExactly(room() * pairSums(textured, statistics_));
   shows_.resizeExactly(room());
   shows_.zero();
-  texel_sums_.resize(4 * model.texel_count);
-  texel_sums_.zero();
   screen_gradient_.resize(model.count);
   screen_gradient_abs_.resize(model.count);
-  blendBackward(blendInput(model), record(), v_picture, options,
-                {lists_.sums.data(), shows_.data(), texel_sums_.data()});
+  cutRanges(model, texels_at_a_time, tiles, primitives_, lists_, ranges_);
+  if (texel_sums_.size() != 4 * ranges_.texels) {
+    texel_sums_.resizeExactly(4 * ranges_.texels);
+    texel_sums_.zero();
+  }
+  const bool cut = ranges_.count > 1;
+  if (cut) along_.resize(transmittance_.size());
+  for (std::size_t range = ranges_.count; range-- > 0;) {
+    const std::uint32_t* places = ranges_.list_places.data() + range * tiles;
+    const ListPart part =
+        cut ? ListPart{places, places + tiles, along_.data(), range + 1 == ranges_.count} : ListPart{};
+    const std::uint32_t* texel_places = cut ? ranges_.texel_places : nullptr;
+    blendBackward(blendInput(model), record(), v_picture, options, part,
+                  {lists_.sums.data(), shows_.data(), texel_sums_.data(), texel_places});
+    if (model.texel_count == 0) continue;
+    take({texel_sums_.data(), screen_.tile_counts.data(), cut ? lists_.order.data() : nullptr,
+          cut ? ranges_.ranks.data() + range : nullptr, texel_places});
+  }
   addRuns({lists_.pair_gaussian.data(), screen_.tile_counts.data(), lists_.pair_begin.data(), lists_.pairs.data(),
            room(), pairSums(textured, statistics_), lists_.sums.data(), shows_.data()});
 }
@@ -156,10 +177,6 @@ void Frame::finish(const Parameters& model, std::size_t first, const Parameters&
       {view_, slice(model, first, gradient.count), screen_.splats.data() + first, screen_.tile_counts.data() + first,
        lists_.pair_begin.data() + first, lists_.sums.data(), shows_.data(), lists_.pairs.data(), room(), statistics_},
       gradient, screen_gradient_.data() + first, screen_gradient_abs_.data() + first);
-}
-
-void Frame::finishTexels(const Parameters& model, std::size_t first, std::size_t count, float* v_texels) {
-  cuda::finishTexels(texel_sums_.data() + 4 * first, model.texels + 4 * first, v_texels, count);
 }
 
 }  // namespace tg::cuda

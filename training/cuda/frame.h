@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // A model on the device, and one view of it: forward, then backward.
 #pragma once
+#include <functional>
+
 #include "core/camera.h"
 #include "core/model.h"
 #include "render/renderer.h"
 #include "training/cuda/blend.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/project.h"
+#include "training/cuda/texels.h"
 #include "training/cuda/types.h"
 #include "training/gradient.h"
 
@@ -18,13 +21,14 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
 // Parameters, or gradients in their shapes.
 struct DeviceModel {
   std::size_t count = 0;
-  int sh_count = 1;  // coefficients of each
+  int sh_count = 1;              // coefficients of each
+  std::size_t largest_rect = 0;  // [texels]
   Buffer<float> mean, rotation, log_scale, opacity_logit, sh, texels;
   Buffer<TextureRect> rects;
 
   void upload(const GaussianModel& model);
   void resizeLike(const DeviceModel& other);  // contents undefined
-  // Room for so many Gaussians and texels of the other's kind; contents undefined.
+  // Room for so many Gaussians of the other's kind, and texels; contents undefined.
   void resizeLike(const DeviceModel& other, std::size_t gaussians, std::size_t texel_count);
   void download(ModelGradient& gradient) const;
   // sh_degree must be the device's; rectangles do not change.
@@ -49,11 +53,13 @@ class Frame {
   // Of the last forward(), for the same parameters. v_picture: as the picture, on the device.
   void backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
                 const Parameters& gradient);
-  // The same in parts: the sums that the others need, then the gradients of gradient.count Gaussians from `first` on
-  // and of so many texels. Each begins with that of the first.
-  void backward(const float* v_picture, const GradientOptions& options, const Parameters& model);
+  // The same in parts: first the sums that the others need. Those of texels exist for one range of depths at a time
+  // (cutRanges()), when `take` gets them; it may move the range's texels. It is not called where there are no texels.
+  using TakeTexels = std::function<void(const TexelSums&)>;
+  void backward(const float* v_picture, const GradientOptions& options, const Parameters& model,
+                std::size_t texels_at_a_time, const TakeTexels& take);
+  // Then the gradients of gradient.count Gaussians from `first` on; they begin with that of the first.
   void finish(const Parameters& model, std::size_t first, const Parameters& gradient);
-  void finishTexels(const Parameters& model, std::size_t first, std::size_t count, float* v_texels);
 
   const Buffer<float>& picture() const { return picture_; }
   // As in ModelGradient, of the last backward(), where finish() was.
@@ -73,7 +79,9 @@ class Frame {
   Buffer<std::uint32_t> end_;
   bool statistics_ = false;  // in the sums
   Buffer<std::uint8_t> shows_;
-  Buffer<long long> texel_sums_;
+  DepthRanges ranges_;
+  Buffer<long long> texel_sums_;  // zeros between uses
+  Buffer<float> along_;           // ListPart::along
   Buffer<float> screen_gradient_, screen_gradient_abs_;
 };
 

@@ -33,7 +33,7 @@ struct TileLists {
   // three numbers a pair.
   Buffer<float> sums;
 
-  // Scratch.
+  // [N] Scratch, free again when the lists are built.
   Buffer<std::uint32_t> sorted_keys, indices, counts, offsets;
 };
 // For that many pairs, not more.

@@ -71,8 +71,6 @@ struct AdamInput {
   std::size_t first = 0;  // of the moments: where value's and gradient's are
 };
 void adamStep(const AdamInput& input);
-// Alpha to [0, 1]; colours too where clamp_colors.
-void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors, const std::uint32_t* stop = nullptr);
 
 void addNoise(const Parameters& model, float strength, std::uint64_t seed, int iteration,
               const std::uint32_t* stop = nullptr);

@@ -35,6 +35,7 @@ struct Parameters {
   float* texels;       // [texels, 4]
   TextureRect* rects;  // [N]; null: no textures
   std::size_t texel_count;
+  std::size_t largest_rect;  // [texels]
 };
 
 // Gaussians [first, first + count) as a model of their own; the texels stay those of all.

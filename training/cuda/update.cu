@@ -6,8 +6,6 @@
 namespace tg::cuda {
 namespace {
 
-TG_DEVICE bool stopped(const std::uint32_t* stop) { return stop != nullptr && *stop != 0; }
-
 TG_KERNEL filterKernel(Parameters model, const float* min_sigma, float* log_scale, float* opacity_logit) {
   const std::size_t i = itemIndex();
   if (i >= model.count) return;
@@ -45,11 +43,6 @@ TG_KERNEL adamKernel(AdamArguments a) {
   if (i >= a.count || stopped(a.stop)) return;
   const float rate = i % a.row < a.leading ? a.first_rate : a.rate;
   adamUpdate(a.value[i], a.gradient[i], a.first[i], a.second[i], rate, a.scales);
-}
-
-TG_KERNEL clampKernel(float* texels, std::size_t count, bool colors, const std::uint32_t* stop) {
-  const std::size_t i = itemIndex();
-  if (i < count && !stopped(stop) && (colors || i % 4 == 3)) texels[i] = clamp(texels[i], 0.0f, 1.0f);
 }
 
 TG_KERNEL noiseKernel(Parameters model, float strength, std::uint64_t seed, int iteration, const std::uint32_t* stop) {
@@ -111,10 +104,6 @@ void adamStep(const AdamInput& input) {
          AdamArguments{input.value, input.gradient, input.moments.first.data() + input.first,
                        input.moments.second.data() + input.first, input.count, input.row, input.leading,
                        input.first_rate, input.rate, input.scales, input.stop});
-}
-
-void clampTexels(float* texels, std::size_t texel_count, bool clamp_colors, const std::uint32_t* stop) {
-  launch("clamp texels", clampKernel, blocksFor(4 * texel_count), texels, 4 * texel_count, clamp_colors, stop);
 }
 
 void addNoise(const Parameters& model, float strength, std::uint64_t seed, int iteration, const std::uint32_t* stop) {
