@@ -103,7 +103,8 @@ class Encoder {
   static std::vector<std::string> arguments(const std::filesystem::path& out, glm::ivec2 size, double fps) {
     char rate[32];
     std::snprintf(rate, sizeof rate, "%.6f", fps);
-    std::vector<std::string> words = {"ffmpeg", "-hide_banner", "-loglevel", "error", "-nostdin", "-y",
+    // -xerror: without it a video whose end does not fit on the disk is a success.
+    std::vector<std::string> words = {"ffmpeg", "-hide_banner", "-loglevel", "error", "-nostdin", "-xerror", "-y",
                                       // What comes in.
                                       "-f", "rawvideo", "-pixel_format", "rgb24", "-video_size",
                                       std::to_string(size.x) + "x" + std::to_string(size.y), "-framerate", rate, "-i",

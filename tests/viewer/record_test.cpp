@@ -122,6 +122,22 @@ TEST_CASE("videos by ffmpeg show the frames, at even sizes") {
   }
 }
 
+TEST_CASE("a video whose end does not fit on the disk is no video") {
+  if (findProgram("ffmpeg").empty()) {
+    std::cout << "skipped: no ffmpeg\n";
+    return;
+  }
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  // Writes beyond 4 KiB fail as on a full disk; so short a video is written at its end only.
+  const ProcessResult result = shop.tgview({"model.tgz", "--turntable", "3", "--size", "320x240", "-o", "a.mp4"},
+                                           {"sh", "-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\""});
+  INFO(result.err);
+  CHECK(result.exit_code == 4);
+  CHECK_THAT(result.err, Catch::Contains("a.mp4: ffmpeg failed"));
+  CHECK_FALSE(std::filesystem::exists(shop / "a.mp4"));
+}
+
 TEST_CASE("without ffmpeg a video ends with exit code 4 before any rendering") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
