@@ -5,10 +5,8 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <map>
-#include <new>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,6 +17,7 @@
 #include "converter/convert.h"
 #include "converter/read_model.h"
 #include "core/error.h"
+#include "core/program.h"
 #include "core/signals.h"
 
 namespace {
@@ -141,36 +140,6 @@ void takeFiles(Arguments& arguments) {
   }
 }
 
-// Runs `work` and maps what it throws to a line and an exit code.
-template <typename Work>
-int guarded(const std::string& input, Work work) {
-  try {
-    return work();
-  } catch (const tg::Error& error) {
-    std::fprintf(stderr, "tgconvert: %s\n", error.what());
-    return tg::exitCode(error);
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "tgconvert: %s: the model does not fit into memory\n", input.c_str());
-    return static_cast<int>(tg::ErrorKind::badData);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "tgconvert: %s: %s\n", input.c_str(), error.what());
-    return static_cast<int>(tg::ErrorKind::badData);
-  }
-}
-
-// Nothing when the program is to go on, else its exit code.
-std::optional<int> parse(CLI::App& app, int argc, char** argv) {
-  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    return failed->get_name() + ": " + error.what() + " (see --help)\n";
-  });
-  try {
-    app.parse(argc, argv);
-    return std::nullopt;
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
-  }
-}
-
 // Options of one name may be given often; their order among all edits is what counts.
 class EditParser {
  public:
@@ -210,28 +179,22 @@ int checkMain(int argc, char** argv) {
                "tgconvert check");
   app.add_option("FILE", file, "any format that tgconvert reads")->required();
   app.add_flag("--json", json, "print the findings as JSON");
-  if (const std::optional<int> code = parse(app, argc, argv)) return *code;
-  return guarded(file, [&] {
-    const tg::CheckReport report = tg::checkFile(file);
-    std::fputs((json ? tg::describeJson(report) : tg::describe(report)).c_str(), stdout);
-    return report.errors.empty() ? 0 : static_cast<int>(tg::ErrorKind::badData);
-  });
+  if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
+  const tg::CheckReport report = tg::checkFile(file);
+  std::fputs((json ? tg::describeJson(report) : tg::describe(report)).c_str(), stdout);
+  return report.errors.empty() ? 0 : static_cast<int>(tg::ErrorKind::badData);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  tg::handleStopSignals(tg::endAtOnce);
-  if (argc > 1 && std::string_view(argv[1]) == "check") return checkMain(argc - 1, argv + 1);
+int convertMain(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(
-      "Converts splat models to tgz, ply, spz, glb or a page that shows them. The input's format is its content, the "
+      "Converts splat models to tgz, ply, splat, spz, glb or a page that shows them. The input's format is its content, the "
       "output's its extension.",
       "tgconvert");
   app.add_option(
          "FILES", arguments.files,
          "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb, gltf or our html; several "
-         "are merged. OUT: file to write, .glb, .gltf, .html, .ply, .spz, .tgz or .png; null writes nothing and "
+         "are merged. OUT: file to write, .glb, .gltf, .html, .ply, .splat, .spz, .tgz or .png; null writes nothing and "
          "prints what IN holds")
       ->required()
       ->type_name("");
@@ -256,7 +219,7 @@ int main(int argc, char** argv) {
          "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")
       ->type_name("FORMAT");
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
-      ->check(CLI::IsMember({"glb", "gltf", "html", "ply", "spz", "tgz"}));
+      ->check(CLI::IsMember({"glb", "gltf", "html", "ply", "splat", "spz", "tgz"}));
   app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
   CLI::Option* psnr = app.add_flag("--psnr", arguments.psnr,
                                    "render source and result for the summary also where no number is rounded, and "
@@ -265,8 +228,18 @@ int main(int argc, char** argv) {
       ->excludes(psnr);
   const EditParser edit_parser(app);
   app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
-  if (const std::optional<int> code = parse(app, argc, argv)) return *code;
+  if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
   arguments.edits = edit_parser.edits();
   takeFiles(arguments);
-  return guarded(arguments.input, [&] { return run(arguments); });
+  return run(arguments);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  tg::handleStopSignals(tg::endAtOnce);
+  return tg::runProgram("tgconvert", [&] {
+    const bool check = argc > 1 && std::string_view(argv[1]) == "check";
+    return check ? checkMain(argc - 1, argv + 1) : convertMain(argc, argv);
+  });
 }

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Data set flags and the outermost catch.
+// Data set flags, the device, notes.
 #include "training/cli.h"
 
 #include <cstdio>
-#include <exception>
-#include <new>
 
 #include "core/error.h"
 #ifdef TG_HAVE_CUDA
@@ -82,29 +80,10 @@ void printNotes(const std::string& folder, const Dataset& dataset) {
   }
 }
 
-std::string usageMessage(const CLI::App* app, const CLI::Error& error) {
-  return app->get_name() + ": " + error.what() + " (see --help)\n";
-}
-
 void refuseExisting(const std::string& path, bool overwrite) {
   std::error_code ignored;
   if (!overwrite && std::filesystem::exists(path, ignored)) {
     throw Error(ErrorKind::cannotWrite, path, "exists already (add --overwrite to replace it)");
-  }
-}
-
-int runProgram(const char* name, const std::function<int()>& body) {
-  try {
-    return body();
-  } catch (const Error& error) {
-    std::fprintf(stderr, "%s: %s\n", name, error.what());
-    return exitCode(error);
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "%s: out of memory\n", name);
-    return static_cast<int>(ErrorKind::device);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s: %s\n", name, error.what());
-    return static_cast<int>(ErrorKind::badData);
   }
 }
 

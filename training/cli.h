@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tgtrain and tgeval share: flags that describe a data set, what may be overwritten, and errors to exit codes.
+// What tgtrain and tgeval share: flags that describe a data set, the device, and what may be overwritten.
 #pragma once
 #include <CLI/CLI.hpp>
-#include <functional>
 #include <memory>
 #include <string>
 
@@ -32,13 +31,7 @@ std::unique_ptr<DifferentiableRenderer> openCuda(const std::string& device, std:
 // What loading a data set found worth saying, one line each on stderr.
 void printNotes(const std::string& folder, const Dataset& dataset);
 
-// One line for a wrong command line, for App::failure_message.
-std::string usageMessage(const CLI::App* app, const CLI::Error& error);
-
 // Throws Error(cannotWrite) when there is something at `path`, unless it may be replaced.
 void refuseExisting(const std::string& path, bool overwrite);
-
-// Runs a program's body; errors become one line on stderr and the exit code of core/error.h.
-int runProgram(const char* name, const std::function<int()>& body);
 
 }  // namespace tg

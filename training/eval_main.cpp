@@ -16,6 +16,7 @@
 #include "core/file.h"
 #include "core/parallel.h"
 #include "core/ply.h"
+#include "core/program.h"
 #include "core/signals.h"
 #include "render/renderer.h"
 #include "training/cli.h"
@@ -230,7 +231,6 @@ int run(const Options& options) {
 int main(int argc, char** argv) {
   return tg::runProgram("tgeval", [&] {
     CLI::App app("Compares renderings of a model with the photographs of a data set.", "tgeval");
-    app.failure_message(tg::usageMessage);
     Options options;
     app.add_option("model", options.model, "model.tgz or splats.ply")->required();
     app.add_option("dataset", options.dataset, "Folder, as for tgtrain");
@@ -255,11 +255,7 @@ int main(int argc, char** argv) {
                       "Where to draw; auto: a CUDA device if there is one; metrics are the CPU's work");
     app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(CLI::Range(0, 4096));
     app.add_flag("--overwrite", options.overwrite, "Replace existing files");
-    try {
-      app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-      return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
-    }
+    if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
     return run(options);
   });
 }

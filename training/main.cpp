@@ -16,6 +16,7 @@
 #include "core/file.h"
 #include "core/parallel.h"
 #include "core/ply.h"
+#include "core/program.h"
 #include "core/signals.h"
 #include "training/cli.h"
 #include "training/report.h"
@@ -310,7 +311,6 @@ int undistort(const UndistortOptions& options) {
 int main(int argc, char** argv) {
   return tg::runProgram("tgtrain", [&] {
     CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
-    app.failure_message(tg::usageMessage);
     app.require_subcommand(0, 1);
     Options options;
     addTrainingOptions(app, options);
@@ -324,11 +324,7 @@ int main(int argc, char** argv) {
     CLI::App* undistorted = app.add_subcommand(
         "undistort", "Writes a data set as training sees it: photographs of pinhole cameras, in nerfstudio's layout");
     addUndistortOptions(*undistorted, undistort_options);
-    try {
-      app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-      return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
-    }
+    if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
     if (*sample) {
       tg::writeSample(sample_folder, sample_options, sample_overwrite);
       return 0;

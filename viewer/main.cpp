@@ -3,9 +3,10 @@
 #include <CLI/CLI.hpp>
 
 #include <cstdio>
-#include <new>
+#include <optional>
 
 #include "core/error.h"
+#include "core/program.h"
 #include "core/signals.h"
 #include "viewer/benchmark.h"
 #include "viewer/camera_path.h"
@@ -98,9 +99,6 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_flag("--no-session", flags.no_session, "keep nothing of this run, and begin with nothing of the last one");
   app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
   app.footer(kFooter);
-  app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    return failed->get_name() + ": " + error.what() + " (see --help)\n";
-  });
 }
 
 tg::Backend parseBackend(const std::string& text) {
@@ -204,49 +202,38 @@ void listCameras(const std::filesystem::path& path) {
   if (loaded.cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", path.c_str());
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app("Shows models of textured Gaussians, in a window or to a file.", "tgview");
   Flags flags;
   declare(app, flags);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(tg::ErrorKind::usage);
-  }
+  if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
   tg::handleStopSignals(tg::endAtOnce);  // no temporary file of a video stays behind
   flags.view.show_given = app.count("--show") > 0;
   flags.view.textures_given = app.count("--textures") > 0;
-  try {
-    parseValues(flags);
-    // A script's run must not depend on what someone did before.
-    if (flags.view.session.empty() && flags.view.script.empty() && flags.benchmark.empty())
-      flags.view.session = tg::sessionFile();
-    if (flags.no_session) flags.view.session.clear();
-    if (flags.list_cameras)
-      listCameras(flags.view.model);
-    else if (flags.view.inspect)
-      tg::inspectHeadless(flags.view);
-    else if (!flags.view.out.empty() && (!flags.view.compare.empty() || !flags.view.photographs.empty()))
-      tg::compareToFile(flags.view);
-    else if (!flags.view.out.empty())
-      tg::renderToFile(flags.view);
-    else if (flags.view.benchmark && !flags.window)
-      tg::benchmarkHeadless(flags.view);
-    else if (!flags.view.record.empty())
-      tg::recordToFile(flags.view);
-    else
-      tg::runWindow(flags.view);
-    return 0;
-  } catch (const tg::Error& error) {
-    std::fprintf(stderr, "tgview: %s\n", error.what());
-    return tg::exitCode(error);
-  } catch (const std::bad_alloc&) {
-    std::fprintf(stderr, "tgview: %s: not enough memory\n", flags.view.model.c_str());
-    return static_cast<int>(tg::ErrorKind::badData);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "tgview: %s: %s\n", flags.view.model.c_str(), error.what());
-    return static_cast<int>(tg::ErrorKind::badData);
-  }
+  parseValues(flags);
+  // A script's run must not depend on what someone did before.
+  if (flags.view.session.empty() && flags.view.script.empty() && flags.benchmark.empty())
+    flags.view.session = tg::sessionFile();
+  if (flags.no_session) flags.view.session.clear();
+  if (flags.list_cameras)
+    listCameras(flags.view.model);
+  else if (flags.view.inspect)
+    tg::inspectHeadless(flags.view);
+  else if (!flags.view.out.empty() && (!flags.view.compare.empty() || !flags.view.photographs.empty()))
+    tg::compareToFile(flags.view);
+  else if (!flags.view.out.empty())
+    tg::renderToFile(flags.view);
+  else if (flags.view.benchmark && !flags.window)
+    tg::benchmarkHeadless(flags.view);
+  else if (!flags.view.record.empty())
+    tg::recordToFile(flags.view);
+  else
+    tg::runWindow(flags.view);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return tg::runProgram("tgview", [&] { return run(argc, argv); });
 }

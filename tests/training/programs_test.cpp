@@ -164,6 +164,28 @@ TEST_CASE("a wrong command line is one line that names the program", "[programs]
   }
 }
 
+TEST_CASE("programs have a version, and fail where what they print is lost", "[programs]") {
+  const tg::TemporaryFolder folder;
+  for (const std::string program : {TG_TGTRAIN, TG_TGEVAL}) {
+    const Outcome version = run(folder, "'" + program + "' --version");
+    CHECK(version.code == 0);
+    CHECK_THAT(version.output, Contains(fs::path(program).filename().string() + " "));
+    const Outcome lost = run(folder, "'" + program + "' --help >/dev/full");
+    CHECK(lost.code == 4);
+    CHECK_THAT(lost.output, Contains("standard output: cannot write"));
+  }
+}
+
+TEST_CASE("a file of settings is refused by the name of what is wrong in it", "[programs]") {
+  const tg::TemporaryFolder folder;
+  const Outcome absent = tgtrain(folder, "scene -o m.tgz --config none.toml");
+  CHECK(absent.code == 2);
+  CHECK_THAT(absent.output, Contains("none.toml was not readable"));
+  const Outcome unknown = run(folder, "echo 'iteratons = 5' >a.toml; '" TG_TGTRAIN "' scene -o m.tgz --config a.toml");
+  CHECK(unknown.code == 1);
+  CHECK_THAT(unknown.output, Contains("tgtrain: --config: no such setting: iteratons"));
+}
+
 TEST_CASE("an interrupt ends training early and writes the model", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

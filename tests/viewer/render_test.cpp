@@ -150,6 +150,17 @@ TEST_CASE("the flag --list-cameras names them all") {
   CHECK(contains(result.out, "view2.png"));
 }
 
+TEST_CASE("what is printed and lost is a failure") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  for (const char* flag : {"--list-cameras", "--inspect=10,10", "--version"}) {
+    CAPTURE(flag);
+    const ProcessResult result = shop.tgview({"model.tgz", flag}, {"sh", "-c", "exec \"$0\" \"$@\" >/dev/full"});
+    CHECK(result.exit_code == 4);
+    CHECK(contains(result.err, "tgview: standard output: cannot write"));
+  }
+}
+
 TEST_CASE("a model without cameras is shown whole") {
   const Workshop shop;
   writeSplatPly(shop / "splats.ply", test::sampleModel());
