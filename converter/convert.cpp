@@ -18,6 +18,7 @@
 #include "converter/write_atlas.h"
 #include "converter/write_gltf.h"
 #include "converter/write_html.h"
+#include "converter/write_splat.h"
 #include "converter/write_spz.h"
 #include "core/bundle.h"
 #include "core/error.h"
@@ -26,7 +27,7 @@
 namespace tg {
 namespace {
 
-enum class OutputFormat { bundle, ply, spz, glb, gltf, html, png };
+enum class OutputFormat { bundle, ply, splat, spz, glb, gltf, html, png };
 
 // Rendering holds both models, and what both renderers make of them.
 constexpr std::uint64_t kMeasuredBytes = std::uint64_t{1} << 29;
@@ -38,11 +39,12 @@ OutputFormat outputFormat(const std::filesystem::path& path) {
   if (extension == ".gltf") return OutputFormat::gltf;
   if (extension == ".png") return OutputFormat::png;
   if (extension == ".ply") return OutputFormat::ply;
+  if (extension == ".splat") return OutputFormat::splat;
   if (extension == ".spz") return OutputFormat::spz;
   if (extension == ".tgz") return OutputFormat::bundle;
-  throw Error(
-      ErrorKind::usage, path.string(),
-      "unknown output format (expected .glb, .gltf, .html, .ply, .png, .spz or .tgz, found \"" + extension + "\")");
+  throw Error(ErrorKind::usage, path.string(),
+              "unknown output format (expected .glb, .gltf, .html, .ply, .png, .splat, .spz or .tgz, found \"" +
+                  extension + "\")");
 }
 
 bool isTextured(const GaussianModel& model) {
@@ -104,7 +106,7 @@ void writeAs(OutputFormat format, const std::filesystem::path& output, LoadedMod
     case OutputFormat::html:
       writeScene(format, output,
                  {source.model, source.cameras, source.background, options.lean, options.atlas, options.quantize,
-                  options.meshopt},
+                  options.meshopt, options.overwrite || options.dry_run},
                  report);
       break;
     case OutputFormat::ply:
@@ -113,6 +115,16 @@ void writeAs(OutputFormat format, const std::filesystem::path& output, LoadedMod
       report.texture_mode = name(TextureMode::none);
       if (!source.cameras.empty()) report.warnings.push_back("PLY holds no cameras: they are left out");
       break;
+    case OutputFormat::splat: {
+      const SplatReport splat =
+          writeBase(source.model, [&](const GaussianModel& base) { return writeSplat(output, base); });
+      report.output_format = "splat";
+      report.texture_mode = name(TextureMode::none);
+      if (!source.cameras.empty()) report.warnings.push_back(".splat holds no cameras: they are left out");
+      if (splat.dropped_sh) report.warnings.push_back(".splat holds no SH: colours are those of degree 0");
+      warnRepair(report.warnings, splat.clipped_colors, "with a colour outside 0 to 255: clipped");
+      break;
+    }
     case OutputFormat::spz: {
       const SpzReport spz = writeBase(source.model, [&](const GaussianModel& base) { return writeSpz(output, base); });
       report.output_format = "spz";
@@ -172,7 +184,7 @@ void measure(const std::filesystem::path& output, const LoadedModel& source, Con
     report.textured_psnr = psnr;
     return;
   }
-  if (report.output_format == "ply" || report.output_format == "spz") {
+  if (report.output_format == "ply" || report.output_format == "splat" || report.output_format == "spz") {
     report.base_psnr = psnr;
     return;
   }
@@ -193,7 +205,7 @@ std::uint64_t bytesOf(const GaussianModel& model) {
 
 // Whether what is written may look otherwise than the model: not by the last bits of its numbers.
 bool changesPictures(const GaussianModel& model, OutputFormat format, const ConvertOptions& options) {
-  return isTextured(model) || format == OutputFormat::spz || options.quantize;
+  return isTextured(model) || format == OutputFormat::splat || format == OutputFormat::spz || options.quantize;
 }
 
 // The input, where it can be converted without being a model in between.
@@ -237,6 +249,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     GltfContent content = {none, {}};
     content.lean = options.lean;
     content.quantize = options.quantize;
+    content.replace = options.overwrite || options.dry_run;
     content.gaussians = &blocks;
     writeTo([&](const std::filesystem::path& to) { writeScene(format, to, content, report); });
     return report;
@@ -252,7 +265,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.input_format = source.format;
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
-  const bool keeps_cameras = format != OutputFormat::ply && format != OutputFormat::spz && format != OutputFormat::png;
+  const bool keeps_cameras = format != OutputFormat::ply && format != OutputFormat::splat &&
+                             format != OutputFormat::spz && format != OutputFormat::png;
   report.cameras = keeps_cameras ? source.cameras.size() : 0;
   report.warnings = source.warnings;
   const bool changes = changesPictures(source.model, format, options);

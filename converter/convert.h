@@ -56,9 +56,9 @@ struct ConvertReport {
   std::vector<std::string> warnings;
 };
 
-// The output's format is its extension: .glb, .gltf, .html, .ply, .spz, .tgz or .png (an atlas with its JSON). Throws
-// Error(usage / cannotRead / badData / cannotWrite); nothing is written then. A binary PLY becomes a .glb or .gltf
-// block by block where nothing is edited, rendered or packed; other ways hold the model in memory once.
+// The output's format is its extension: .glb, .gltf, .html, .ply, .splat, .spz, .tgz or .png (an atlas with its JSON).
+// Throws Error(usage / cannotRead / badData / cannotWrite); nothing is written then. A binary PLY becomes a .glb or
+// .gltf block by block where nothing is edited, rendered or packed; other ways hold the model in memory once.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 

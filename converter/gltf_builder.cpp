@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "converter/meshopt.h"
+#include "core/atomic_files.h"
 #include "core/error.h"
 #include "core/parallel.h"
 
@@ -251,10 +252,11 @@ std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
   return total;
 }
 
-std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path) {
+std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path, bool replace) {
   const std::string stem = path.stem().string();
   const std::filesystem::path folder = path.parent_path();
   std::uint64_t total = 0;
+  AtomicFiles files(replace);
   // Images leave the buffer: it ends before the first of them, as they are added last.
   std::uint64_t bytes = binary_bytes_;
   std::vector<std::size_t> dropped;
@@ -262,7 +264,7 @@ std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path) {
     if (blob.file_name.empty()) continue;
     bytes = std::min(bytes, blob.offset);
     const std::string name = stem + blob.file_name;
-    writeFileAtomically(folder / name, blob.bytes);
+    files.add(folder / name, blob.bytes);
     total += blob.bytes.size();
     Json& image = document["images"][blob.image];
     image.erase("bufferView");
@@ -273,14 +275,15 @@ std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path) {
     document["bufferViews"].erase(document["bufferViews"].begin() + static_cast<std::ptrdiff_t>(*view));
   }
   const std::filesystem::path binary = folder / (stem + ".bin");
-  writeFileAtomically(binary, [&](const std::filesystem::path& temporary) {
+  files.add(binary, [&](const std::filesystem::path& temporary) {
     const FileWriter file(temporary, binary);
     file.resize(bytes);
     writeBinary(file, 0, false);
   });
   document["buffers"] = buffers({{"uri", uriOf(stem + ".bin")}, {"byteLength", bytes}});
   const std::string text = document.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-  writeFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  files.add(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  files.commit();
   return total + bytes + text.size();
 }
 

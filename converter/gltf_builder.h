@@ -48,9 +48,9 @@ class GltfBuilder {
 
   // Atomic; bytes written. `path` starts messages. Throws Error(badData) beyond the 4 GiB of a GLB, Error(cannotWrite).
   std::uint64_t writeGlb(const std::filesystem::path& path);
-  // A .gltf with NAME.bin and the images as files beside it, all of them atomic, the .gltf last. The sum of their
-  // sizes.
-  std::uint64_t writeGltf(const std::filesystem::path& path);
+  // A .gltf with NAME.bin and the images as files beside it, all of them or none, the .gltf last. `replace`: those that
+  // are there already; otherwise they are an error. The sum of their sizes.
+  std::uint64_t writeGltf(const std::filesystem::path& path, bool replace);
   // What either would write, but for the JSON [bytes].
   std::uint64_t binaryBytes() const { return binary_bytes_; }
 

@@ -27,10 +27,6 @@ void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation) {
   rotation = permuted(rotation, order, 2);
 }
 
-void orderAxesForGltf(std::vector<glm::vec3>& log_scale, std::vector<glm::vec4>& rotation) {
-  for (std::size_t i = 0; i < log_scale.size(); ++i) orderAxesForGltf(log_scale[i], rotation[i]);
-}
-
 bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation) {
   const float shorter = glm::min(log_scale.x, log_scale.y);
   if (log_scale.z < shorter - kTieMargin) return true;

@@ -14,15 +14,7 @@
 namespace tg {
 namespace {
 
-struct Record {  // as stored, little endian
-  float position[3];
-  float scale[3];  // linear
-  std::uint8_t color[4];
-  std::uint8_t rotation[4];  // w, x, y, z; 128 is 0
-};
-static_assert(sizeof(Record) == kSplatBytes);
-
-bool isFinite(const Record& record) {
+bool isFinite(const SplatFileRow& record) {
   for (int k = 0; k < 3; ++k) {
     if (!std::isfinite(record.position[k]) || !std::isfinite(record.scale[k])) return false;
   }
@@ -47,7 +39,7 @@ LoadedModel parseSplat(std::span<const std::uint8_t> bytes, const std::string& p
   GaussianModel& model = loaded.model;
   std::size_t dropped = 0, negative = 0, directionless = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    Record record;
+    SplatFileRow record;
     std::memcpy(&record, bytes.data() + i * kSplatBytes, sizeof(record));
     if (!isFinite(record)) {
       ++dropped;

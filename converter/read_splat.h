@@ -10,8 +10,14 @@
 
 namespace tg {
 
-constexpr std::size_t kSplatBytes =
-    32;  // position and scale as float32 x 3 each, colour and alpha, quaternion in bytes
+struct SplatFileRow {  // as stored, little endian
+  float position[3];
+  float scale[3];  // linear
+  std::uint8_t color[4];
+  std::uint8_t rotation[4];  // w, x, y, z; 128 is 0
+};
+constexpr std::size_t kSplatBytes = 32;
+static_assert(sizeof(SplatFileRow) == kSplatBytes);
 
 // Splats without finite numbers are dropped with a warning. Throws Error(cannotRead / badData).
 LoadedModel readSplat(const std::filesystem::path& path);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "converter/quantize.h"
+#include "core/atomic_files.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/png16.h"
@@ -31,10 +32,11 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
   const int bits = content.atlas == AtlasFormat::png16 ? 16 : 8;
   const std::string stem = path.stem().string();
   GltfReport report;
+  AtomicFiles files(content.replace);
   Json atlases = Json::array();
   const auto put = [&](const Image& image, const std::string& name) {
     const std::vector<std::uint8_t> png = bits == 16 ? encodePng16(image) : encodePng(image);
-    writeFileAtomically(path.parent_path() / name, png);
+    files.add(path.parent_path() / name, png);
     report.bytes += png.size();
     return name;
   };
@@ -68,8 +70,9 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
       {"atlases", std::move(atlases)},
       {"rectangles", {{"columns", {"x", "y", "width", "height", "atlas"}}, {"rows", std::move(rectangles)}}}};
   const std::string text = root.dump() + "\n";
-  writeFileAtomically(path.parent_path() / (stem + ".json"),
-                      std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  files.add(path.parent_path() / (stem + ".json"),
+            std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  files.commit();
   report.bytes += text.size();
   return report;
 }

@@ -408,7 +408,7 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
     writer.addSource(false, report);
   }
   writer.addScene(std::move(nested));
-  report.bytes = binary ? writer.builder.writeGlb(path) : writer.builder.writeGltf(path);
+  report.bytes = binary ? writer.builder.writeGlb(path) : writer.builder.writeGltf(path, content.replace);
   return report;
 }
 

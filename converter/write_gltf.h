@@ -31,6 +31,7 @@ struct GltfContent {
   bool quantize =
       false;  // integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean
   bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
+  bool replace = true;                        // gltf, png: the files beside it where they are there already
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };
 

@@ -98,7 +98,12 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
     // What the page's script does not read.
     if (lean.atlas == AtlasFormat::exr) lean.atlas = AtlasFormat::png16;
     lean.meshopt = false;
-    report = writeGlb(glb_path, lean);
+    try {
+      report = writeGlb(glb_path, lean);
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::cannotWrite) throw;
+      throw Error(error.kind, path.string(), "cannot write the GLB that it holds: the disk may be full");
+    }
     std::ifstream glb(glb_path, std::ios::binary);
     std::filesystem::remove(glb_path);
 

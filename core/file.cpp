@@ -13,6 +13,7 @@
 #include <system_error>
 #include <utility>
 
+#include "core/atomic_files.h"
 #include "core/error.h"
 
 namespace tg {
@@ -37,10 +38,10 @@ struct TemporarySlot {
   std::atomic<bool> named{false};
   char path[PATH_MAX] = {};
 };
-constinit TemporarySlot temporary_slots[8];
+constinit TemporarySlot temporary_slots[32];
 static_assert(std::atomic<bool>::is_always_lock_free);
 
-// Removes the file unless released. Of more than eight at a time, the others are left behind by a signal.
+// Removes the file unless released. Of more than 32 at a time, the others are left behind by a signal.
 class TemporaryFile {
  public:
   explicit TemporaryFile(std::filesystem::path file) : path(std::move(file)) {
@@ -203,23 +204,53 @@ void requireWritable(const std::filesystem::path& path) {
   const TemporaryFile removed(createTemporary(path));
 }
 
+struct AtomicFiles::Entry {
+  explicit Entry(const std::filesystem::path& file) : path(file), temporary(createTemporary(file)) {}
+  const std::filesystem::path path;
+  TemporaryFile temporary;
+};
+
+AtomicFiles::AtomicFiles(bool replace) : replace_(replace) {}
+AtomicFiles::~AtomicFiles() = default;
+
+void AtomicFiles::add(const std::filesystem::path& path,
+                      const std::function<void(const std::filesystem::path& temporary)>& write) {
+  requireFileName(path);
+  std::error_code ignored;
+  if (!replace_ && std::filesystem::exists(path, ignored))
+    throw Error(ErrorKind::cannotWrite, path.string(), "exists already (--overwrite replaces it)");
+  const Entry& entry = *entries_.emplace_back(std::make_unique<Entry>(path));
+  write(entry.temporary.path);
+  syncFile(entry.temporary.path, path);
+}
+
+void AtomicFiles::add(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {
+  add(path, [&](const std::filesystem::path& temporary) { FileWriter(temporary, path).write(0, bytes); });
+}
+
+void AtomicFiles::commit() {
+  for (const std::unique_ptr<Entry>& entry : entries_) {
+    if (::rename(entry->temporary.path.c_str(), entry->path.c_str()) != 0)
+      throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + reason());
+    entry->temporary.released = true;
+    // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.
+    const Descriptor folder(::open(folderOf(entry->path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (folder.fd >= 0) (void)::fsync(folder.fd);
+  }
+  entries_.clear();
+}
+
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path& temporary)>& write) {
-  requireFileName(path);
-  TemporaryFile temporary(createTemporary(path));
-  write(temporary.path);
-  syncFile(temporary.path, path);
-  if (::rename(temporary.path.c_str(), path.c_str()) != 0)
-    throw Error(ErrorKind::cannotWrite, path.string(), "cannot rename the finished file: " + reason());
-  temporary.released = true;
-  // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.
-  const Descriptor folder(::open(folderOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (folder.fd >= 0) (void)::fsync(folder.fd);
+  AtomicFiles files;
+  files.add(path, write);
+  files.commit();
 }
 
 void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {
-  writeFileAtomically(path,
-                      [&](const std::filesystem::path& temporary) { FileWriter(temporary, path).write(0, bytes); });
+  AtomicFiles files;
+  files.add(path, bytes);
+  files.commit();
 }
 
 void writeTextAtomically(const std::filesystem::path& path, const std::string& text) {

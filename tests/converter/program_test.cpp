@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "converter/read_model.h"
@@ -25,10 +26,11 @@ struct Result {
   std::string err;
 };
 
-Result tgconvert(const Scratch& scratch, const std::string& arguments) {
+// `before`: shell commands that set limits.
+Result tgconvert(const Scratch& scratch, const std::string& arguments, const std::string& before = "") {
   const auto out = scratch.folder() / "out.txt", err = scratch.folder() / "err.txt";
-  const std::string command = "cd '" + scratch.folder().string() + "' && '" TG_CONVERT_PROGRAM "' " + arguments +
-                              " >'" + out.string() + "' 2>'" + err.string() + "'";
+  const std::string command = before + "cd '" + scratch.folder().string() + "' && '" TG_CONVERT_PROGRAM "' " +
+                              arguments + " >'" + out.string() + "' 2>'" + err.string() + "'";
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Glb::slurp(out), Glb::slurp(err)};
 }
@@ -210,6 +212,78 @@ TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit c
   CHECK(tgconvert(scratch, "check cut.spz").code == 3);
   CHECK(tgconvert(scratch, "check missing.glb").code == 2);
   CHECK(tgconvert(scratch, "check").code == 1);
+}
+
+TEST_CASE("a disk that is full keeps the files of a .gltf and of pictures as they were") {
+  const Scratch scratch;
+  const auto saved = [&](const char* name, std::uint32_t seed) {
+    Bundle bundle;
+    bundle.model = test::makeScene(test::SceneKind::ordinary, seed, 2000).model;
+    REQUIRE(bundle.model.texture_mode == TextureMode::rgba);
+    writeBundle(scratch.folder() / name, bundle);
+  };
+  saved("old.tgz", 44);
+  saved("new.tgz", 45);
+  const auto contents = [&] {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(scratch.folder() / "out")) {
+      files[entry.path().filename().string()] = Glb::slurp(entry.path());
+    }
+    return files;
+  };
+  // Writes beyond 24 KiB fail: the pictures of the textures fit, the numbers of the Gaussians do not.
+  const std::string full = "trap '' XFSZ; ulimit -f 48; ";
+  for (const std::string out : {"out/a.gltf", "out/a.png", "out/a.html"}) {
+    CAPTURE(out);
+    std::filesystem::remove_all(scratch.folder() / "out");
+    std::filesystem::create_directory(scratch.folder() / "out");
+    const Result first = tgconvert(scratch, "new.tgz --texture-size 1x1 " + out, full);
+    CHECK(first.code == 4);
+    CHECK(first.err.find("out/a.") != std::string::npos);  // no temporary name
+    CHECK(contents().empty());
+    REQUIRE(tgconvert(scratch, "old.tgz --texture-size 1x1 " + out).code == 0);
+    const auto before = contents();
+    CHECK(tgconvert(scratch, "new.tgz --texture-size 1x1 --overwrite " + out, full).code == 4);
+    CHECK(contents() == before);
+  }
+}
+
+TEST_CASE("files beside a .gltf or a picture are replaced by --overwrite only") {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = test::makeScene(test::SceneKind::ordinary, 47, 20).model;
+  writeBundle(scratch.folder() / "in.tgz", bundle);
+  for (const auto& [out, beside] : std::map<std::string, std::string>{
+           {"a.gltf", "a.bin"}, {"b.gltf", "b_atlas_0_color.png"}, {"c.png", "c.json"}, {"d.png", "d_alpha.png"}}) {
+    CAPTURE(out);
+    scratch.write(beside, "mine");
+    const Result refused = tgconvert(scratch, "in.tgz " + out);
+    CHECK(refused.code == 4);
+    CHECK(refused.err == "tgconvert: " + beside + ": exists already (--overwrite replaces it)\n");
+    CHECK(Glb::slurp(scratch.folder() / beside) == "mine");
+    CHECK(!std::filesystem::exists(scratch.folder() / out));
+    CHECK(tgconvert(scratch, "in.tgz --dry-run " + out).code == 0);
+    CHECK(tgconvert(scratch, "in.tgz --overwrite " + out).code == 0);
+    CHECK(Glb::slurp(scratch.folder() / beside) != "mine");
+  }
+}
+
+TEST_CASE("output that is lost on a full disk is a failure, and --version is one line") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", test::makeScene(test::SceneKind::ordinary, 46, 5).model);
+  for (const char* arguments : {"in.ply --info", "check in.ply", "--help", "in.ply out.glb"}) {
+    CAPTURE(arguments);
+    const std::string command =
+        "cd '" + scratch.folder().string() + "' && '" TG_CONVERT_PROGRAM "' " + arguments + " >/dev/full 2>err.txt";
+    CHECK(WEXITSTATUS(std::system(command.c_str())) == 4);
+    CHECK(Glb::slurp(scratch.folder() / "err.txt").starts_with("tgconvert: standard output: cannot write"));
+  }
+  const Result version = tgconvert(scratch, "--version");
+  CHECK(version.code == 0);
+  CHECK(version.out.starts_with("tgconvert "));
+  const Result twice = tgconvert(scratch, "in.ply --info --to glb --to ply");
+  CHECK(twice.code == 1);
+  CHECK(twice.err == "tgconvert: --to is given more than once (see --help)\n");
 }
 
 TEST_CASE("tgconvert writes what it says and refuses with one line and the right code") {

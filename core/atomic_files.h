@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Several files at once: all of them or none.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace tg {
+
+// Files that belong together, as a .gltf and what it refers to: add() writes each to a temporary name beside its own,
+// commit() gives them their names in that order. Without it nothing is left behind, and what was there before stays.
+class AtomicFiles {
+ public:
+  // `replace`: files that are there already; otherwise add() refuses them.
+  explicit AtomicFiles(bool replace = true);
+  ~AtomicFiles();
+  AtomicFiles(const AtomicFiles&) = delete;
+  AtomicFiles& operator=(const AtomicFiles&) = delete;
+
+  // Both forms as writeFileAtomically. Throws Error(cannotWrite).
+  void add(const std::filesystem::path& path, const std::function<void(const std::filesystem::path& temporary)>& write);
+  void add(const std::filesystem::path& path, std::span<const std::uint8_t> bytes);
+  // Throws Error(cannotWrite); files before the one that cannot be renamed keep their new content.
+  void commit();
+
+ private:
+  struct Entry;
+  const bool replace_;
+  std::vector<std::unique_ptr<Entry>> entries_;
+};
+
+}  // namespace tg
