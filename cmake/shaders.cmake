@@ -7,21 +7,21 @@ function(tg_add_shaders target)
   if(NOT TG_GLSLANG)
     message(FATAL_ERROR "glslangValidator not found (package glslang-tools)")
   endif()
-  file(GLOB shared_headers CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/shaders/shared/*.h ${CMAKE_SOURCE_DIR}/shaders/*.glsl)
+  file(GLOB shared_headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/shaders/shared/*.h ${PROJECT_SOURCE_DIR}/shaders/*.glsl)
   foreach(source ${ARGN})
     get_filename_component(name ${source} NAME)
     string(MAKE_C_IDENTIFIER ${name} variable)
     set(out ${CMAKE_CURRENT_BINARY_DIR}/gen/${variable}.h)
     add_custom_command(OUTPUT ${out}
       COMMAND ${CMAKE_COMMAND} -E make_directory ${CMAKE_CURRENT_BINARY_DIR}/gen
-      COMMAND ${TG_GLSLANG} -V --target-env vulkan1.0 --quiet --vn ${variable} -I${CMAKE_SOURCE_DIR}/shaders -o ${out} ${source}
+      COMMAND ${TG_GLSLANG} -V --target-env vulkan1.0 --quiet --vn ${variable} -I${PROJECT_SOURCE_DIR}/shaders -o ${out} ${source}
       DEPENDS ${source} ${shared_headers} VERBATIM)
     get_filename_component(stem ${source} NAME_WE)
     set(text ${CMAKE_CURRENT_BINARY_DIR}/gen/${stem}_text.h)
     add_custom_command(OUTPUT ${text}
-      COMMAND ${CMAKE_COMMAND} -DGLSLANG=${TG_GLSLANG} -DINCLUDE=${CMAKE_SOURCE_DIR}/shaders -DSOURCE=${source}
-              -DNAME=${stem}_text -DOUT=${text} -P ${CMAKE_SOURCE_DIR}/cmake/shader_text.cmake
-      DEPENDS ${source} ${shared_headers} ${CMAKE_SOURCE_DIR}/cmake/shader_text.cmake VERBATIM)
+      COMMAND ${CMAKE_COMMAND} -DGLSLANG=${TG_GLSLANG} -DINCLUDE=${PROJECT_SOURCE_DIR}/shaders -DSOURCE=${source}
+              -DNAME=${stem}_text -DOUT=${text} -P ${PROJECT_SOURCE_DIR}/cmake/shader_text.cmake
+      DEPENDS ${source} ${shared_headers} ${PROJECT_SOURCE_DIR}/cmake/shader_text.cmake VERBATIM)
     target_sources(${target} PRIVATE ${out} ${text})
   endforeach()
   target_include_directories(${target} PRIVATE ${CMAKE_CURRENT_BINARY_DIR}/gen)

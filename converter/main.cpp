@@ -189,14 +189,12 @@ int convertMain(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(
       "Converts splat models to tgz, ply, splat, spz, glb or a page that shows them. The input's format is its "
-      "content, the "
-      "output's its extension.",
+      "content, the output's its extension.",
       "tgconvert");
   app.add_option("FILES", arguments.files,
                  "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb, gltf or our html; several "
                  "are merged. OUT: file to write, .glb, .gltf, .html, .ply, .splat, .spz, .tgz or .png; null writes "
-                 "nothing and "
-                 "prints what IN holds")
+                 "nothing and prints what IN holds")
       ->required()
       ->type_name("");
   app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");

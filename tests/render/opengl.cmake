@@ -3,4 +3,4 @@ target_sources(test_opengl PRIVATE opengl_test.cpp)
 
 add_test(NAME "test_opengl: passes as GLSL text" COMMAND test_opengl)
 set_tests_properties("test_opengl: passes as GLSL text" PROPERTIES ENVIRONMENT TG_TEST_GLSL=1 TIMEOUT 600
-  WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
+  WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})

@@ -4,10 +4,10 @@ set(layout_reflection "")
 if(TG_GLSLANG AND TG_SPIRV_CROSS)
   set(layout_reflection ${CMAKE_CURRENT_BINARY_DIR}/layout.json)
   add_custom_command(OUTPUT ${layout_reflection}
-    COMMAND ${TG_GLSLANG} -V --target-env vulkan1.0 --quiet -I${CMAKE_SOURCE_DIR}/shaders
+    COMMAND ${TG_GLSLANG} -V --target-env vulkan1.0 --quiet -I${PROJECT_SOURCE_DIR}/shaders
             -o ${CMAKE_CURRENT_BINARY_DIR}/layout.spv ${CMAKE_CURRENT_SOURCE_DIR}/layout.comp
     COMMAND ${TG_SPIRV_CROSS} ${CMAKE_CURRENT_BINARY_DIR}/layout.spv --reflect --output ${layout_reflection}
-    DEPENDS layout.comp ${CMAKE_SOURCE_DIR}/shaders/shared/layout.h ${CMAKE_SOURCE_DIR}/shaders/shared/lang.h VERBATIM)
+    DEPENDS layout.comp ${PROJECT_SOURCE_DIR}/shaders/shared/layout.h ${PROJECT_SOURCE_DIR}/shaders/shared/lang.h VERBATIM)
 endif()
 
 tg_add_test(test_reference LIBRARIES tg_render tg_goldens nlohmann_json::nlohmann_json SOURCES
