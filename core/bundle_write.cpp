@@ -8,6 +8,7 @@
 #include <cmath>
 #include <memory>
 #include <span>
+#include <system_error>
 
 #include "core/bundle.h"
 #include "core/bundle_manifest.h"
@@ -172,8 +173,9 @@ class TarWriter {
 
  private:
   std::string message() const {
+    const int number = archive_errno(archive_.get());  // errno's, or below 0
     const char* text = archive_error_string(archive_.get());
-    return text ? text : "cannot write the archive";
+    return "cannot write: " + (number > 0 ? std::generic_category().message(number) : std::string(text ? text : "tar"));
   }
   void check(int result) const {
     if (result != ARCHIVE_OK) throw std::runtime_error(message());

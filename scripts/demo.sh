@@ -11,8 +11,7 @@ cmake --build build
 bin=build/bin
 
 mkdir -p "$out"
-rm -rf "$out/scene"
-"$bin/tgtrain" make-sample "$out/scene"
+"$bin/tgtrain" make-sample "$out/scene" --overwrite
 "$bin/tgtrain" "$out/scene" -o "$out/model.tgz" --overwrite --gaussians 5000 \
   --iterations 1500 --texture-iterations 1500
 "$bin/tgconvert" "$out/model.tgz" "$out/model.glb" --overwrite

@@ -59,8 +59,7 @@ device=$(nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,no
 tests "kernels on the host" "$bin/training_cuda_test" test.log
 
 scene="$out/scene"
-rm -rf "$scene"
-"$bin/tgtrain" make-sample "$scene" --size 800 --views 24 --test-views 2 --points 20000 --supersampling 1
+"$bin/tgtrain" make-sample "$scene" --overwrite --size 800 --views 24 --test-views 2 --points 20000 --supersampling 1
 status=0
 "$bin/tgtrain" "$scene" -o "$out/probe.tgz" --overwrite --device cuda --iterations 1 --texture-iterations 0 \
   >"$out/probe.log" 2>&1 || status=$?

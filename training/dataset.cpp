@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <locale>
+#include <mutex>
 #include <sstream>
 
 #include "core/error.h"
@@ -208,8 +209,15 @@ Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int hei
   return {entry.lens, cameraOf(entry, width, height), entry.image.string()};
 }
 
+// Whether a photograph and its camera have sides in the same proportion, but for a reduced one's rounding.
+bool sameShape(const Camera& camera, int width, int height) {
+  if (camera.width == 0) return true;
+  const double proportion = static_cast<double>(camera.height) / camera.width;
+  return std::abs(width * proportion - height) <= 1 + proportion;
+}
+
 // Decodes every photograph once: a broken file shows before hours of training, not after.
-void loadPhotographs(const DatasetIndex& index, int downscale, std::uint64_t image_memory, Dataset& dataset) {
+void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOptions& options, Dataset& dataset) {
   std::vector<PhotographSource> sources;
   for (const DatasetIndex::Entry& entry : index.entries) {
     PhotographSource& source = sources.emplace_back();
@@ -222,7 +230,10 @@ void loadPhotographs(const DatasetIndex& index, int downscale, std::uint64_t ima
   const std::int64_t count = static_cast<std::int64_t>(sources.size());
   dataset.views.resize(sources.size());
   dataset.photographs = std::make_shared<PhotographStore>(
-      sources.size(), image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
+      sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
+  std::mutex counting;
+  std::size_t decoded = 0;
+  std::vector<std::string> stretched(sources.size());
   parallelFor(count, 1, [&](std::int64_t item) {
     const auto i = static_cast<std::size_t>(item);
     Photograph photograph = decodePhotograph(sources[i]);
@@ -231,13 +242,28 @@ void loadPhotographs(const DatasetIndex& index, int downscale, std::uint64_t ima
                                   ? cameraOf(entry, photograph.file_width, photograph.file_height)
                                   : undistortionOf(entry, photograph.file_width, photograph.file_height).pinhole;
     if (downscale > 1) dataset.views[i].camera = downscaled(dataset.views[i].camera, downscale);
+    const Camera& camera = entry.camera;
+    if (!sameShape(camera, photograph.file_width, photograph.file_height)) {
+      stretched[i] = sources[i].image.filename().string() + ": expected the shape of " + std::to_string(camera.width) +
+                     " x " + std::to_string(camera.height) + ", found " + std::to_string(photograph.file_width) +
+                     " x " + std::to_string(photograph.file_height);
+    }
     dataset.photographs->offer(i, std::move(photograph));
+    const std::lock_guard lock(counting);
+    if (options.decoded) options.decoded(++decoded, sources.size());
   });
+  std::erase(stretched, "");
+  if (!stretched.empty()) {
+    dataset.notes.push_back(std::to_string(stretched.size()) + " of " + std::to_string(sources.size()) +
+                            " photographs do not have the shape of their camera's picture and are taken as stretched; "
+                            "were they turned or cropped since? (" +
+                            stretched.front() + ")");
+  }
   dataset.photographs->finishOffers();
   noteLenses(index, dataset);
   const std::size_t kept = dataset.photographs->keptViews();
   if (kept < dataset.views.size()) {
-    dataset.notes.push_back("the decoded photographs exceed " + std::to_string(image_memory >> 20) +
+    dataset.notes.push_back("the decoded photographs exceed " + std::to_string(options.image_memory >> 20) +
                             " MiB: " + std::to_string(dataset.views.size() - kept) + " of " +
                             std::to_string(dataset.views.size()) + " are decoded whenever they are needed");
   }
@@ -334,16 +360,21 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
     downscale = 1;
   }
   const std::size_t listed = index.entries.size();
+  const auto missing = std::find_if(index.entries.begin(), index.entries.end(),
+                                    [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });
+  const std::string first_missing =
+      missing == index.entries.end() ? "" : missing->image.lexically_proximate(folder).string();
   std::erase_if(index.entries, [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });
   dataset.missing_images = static_cast<int>(listed - index.entries.size());
   if (dataset.missing_images > 0) {
     dataset.notes.push_back(std::to_string(dataset.missing_images) + " of " + std::to_string(listed) +
-                            " listed images are missing and were skipped");
+                            " listed images are missing and were skipped (the first: " + first_missing + ")");
   }
   if (index.entries.empty()) {
     throw Error(ErrorKind::badData, folder.string(),
                 listed == 0 ? "the data set lists no images"
-                            : "none of the " + std::to_string(listed) + " listed images exists");
+                            : "none of the " + std::to_string(listed) + " listed images exists (expected " +
+                                  first_missing + " and others; --image-folder names another folder)");
   }
 
   std::stable_sort(index.entries.begin(), index.entries.end(),
@@ -363,7 +394,7 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
     std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
   }
   findMasks(folder, images, index, dataset.notes);
-  loadPhotographs(index, downscale, options.image_memory, dataset);
+  loadPhotographs(index, downscale, options, dataset);
   return dataset;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <glm/glm.hpp>
 #include <memory>
 #include <optional>
@@ -35,7 +36,7 @@ struct Dataset {
   PointCloud points;               // empty when the data set has none
   glm::vec3 background{0.0f};      // what scores are taken against, and training without random_background
   bool random_background = false;  // transparency is kept: training composites over a new colour every time
-  std::vector<std::string> notes;  // what a user should know: one line each, no path in front
+  std::vector<std::string> notes;  // what a user should know: one line each, without the data set's path
   int missing_images = 0;          // listed by the data set, not on disk: skipped
   std::shared_ptr<PhotographStore> photographs;  // one a view
 
@@ -60,6 +61,8 @@ struct DatasetOptions {
   std::optional<std::filesystem::path> points;        // point cloud PLY instead of the data set's own
   std::optional<bool> only_test;                      // keep the views of one side of the split only
   std::uint64_t image_memory = defaultImageMemory();  // decoded photographs beyond it are decoded when needed [bytes]
+  // Told while photographs are decoded for the first time, from any thread, one call at a time.
+  std::function<void(std::size_t done, std::size_t count)> decoded;
 };
 
 // Throws Error(cannotRead / badData / usage).

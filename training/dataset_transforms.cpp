@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "core/json.h"
 #include "training/dataset.h"
 
 namespace tg {
@@ -20,7 +21,7 @@ using Json = nlohmann::json;
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
 constexpr double kMaxImageSide = 1 << 20;
 constexpr std::array<const char*, 10> kDistortion = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2"};
-constexpr std::array<const char*, 6> kExtensions = {"", ".png", ".jpg", ".jpeg", ".JPG", ".exr"};
+constexpr std::array<const char*, 8> kExtensions = {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG"};
 
 // A JSON file together with its name, for messages.
 struct Source {
@@ -31,8 +32,7 @@ struct Source {
 
 Source parse(const fs::path& path) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxJsonBytes);
-  Source source{Json::parse(bytes.begin(), bytes.end(), nullptr, false), path.string()};
-  if (source.json.is_discarded()) source.fail("not valid JSON");
+  Source source{parseJson(std::string(bytes.begin(), bytes.end()), path.string()), path.string()};
   if (!source.json.is_object()) source.fail("expected a JSON object at the top");
   return source;
 }
@@ -153,6 +153,13 @@ void setIntrinsics(const Source& source, const Json& frame, const std::string& l
   }
 }
 
+// As a path of this system. Tools on Windows write backslashes; here they may also be part of a name that exists.
+std::string portable(const fs::path& folder, std::string file_path) {
+  std::error_code ignored;
+  if (!fs::exists(folder / file_path, ignored)) std::replace(file_path.begin(), file_path.end(), '\\', '/');
+  return file_path;
+}
+
 fs::path imagePath(const fs::path& folder, const std::string& file_path) {
   for (const char* extension : kExtensions) {
     fs::path candidate = folder / (file_path + extension);
@@ -170,7 +177,7 @@ std::string belowImages(const std::string& file_path, const fs::path& image) {
 }
 
 // nerfstudio's optional lists of file paths: what `test_filenames` or, without it, `val_filenames` lists is held out.
-std::optional<std::set<std::string>> testFiles(const Source& source) {
+std::optional<std::set<std::string>> testFiles(const Source& source, const fs::path& folder) {
   for (const char* key : {"test_filenames", "val_filenames"}) {
     const auto list = source.json.find(key);
     if (list == source.json.end()) continue;
@@ -178,7 +185,7 @@ std::optional<std::set<std::string>> testFiles(const Source& source) {
     std::set<std::string> files;
     for (const Json& file : *list) {
       if (!file.is_string()) source.fail(std::string("'") + key + "' holds something that is not a string");
-      files.insert(fs::path(file.get<std::string>()).lexically_normal().string());
+      files.insert(fs::path(portable(folder, file.get<std::string>())).lexically_normal().string());
     }
     if (!files.empty()) return files;
   }
@@ -188,7 +195,7 @@ std::optional<std::set<std::string>> testFiles(const Source& source) {
 void readFrames(const Source& source, const fs::path& folder, bool test, DatasetIndex& index) {
   const auto frames = source.json.find("frames");
   if (frames == source.json.end() || !frames->is_array()) source.fail("expected an array 'frames'");
-  const std::optional<std::set<std::string>> test_files = testFiles(source);
+  const std::optional<std::set<std::string>> test_files = testFiles(source, folder);
   index.has_split |= test_files.has_value();
   for (std::size_t i = 0; i < frames->size(); i++) {
     const Json& frame = (*frames)[i];
@@ -200,14 +207,14 @@ void readFrames(const Source& source, const fs::path& folder, bool test, Dataset
     }
     DatasetIndex::Entry entry;
     entry.lens = readLens(source, frame);
-    const std::string file = file_path->get<std::string>();
+    const std::string file = portable(folder, file_path->get<std::string>());
     entry.image = imagePath(folder, file);
     entry.below_images = belowImages(file, entry.image);
     entry.camera.name = entry.image.filename().string();
     entry.camera.test = test || (test_files && test_files->contains(fs::path(file).lexically_normal().string()));
     if (const auto mask = frame.find("mask_path"); mask != frame.end() && !mask->is_null()) {
       if (!mask->is_string() || mask->get<std::string>().empty()) source.fail(label + ": 'mask_path' is not a path");
-      entry.mask = folder / mask->get<std::string>();
+      entry.mask = folder / portable(folder, mask->get<std::string>());
     }
     setIntrinsics(source, frame, label, entry);
     setPose(source, frame, label, entry.camera);

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgeval: a model against the photographs of a data set, per view and in the mean; the shapes of its Gaussians.
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <atomic>
-#include <chrono>
 #include <cstdio>
 #include <numeric>
 #include <optional>
@@ -26,7 +23,6 @@
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 std::atomic<bool> stop_requested{false};
 
@@ -72,6 +68,8 @@ tg::Dataset readViews(const Options& options, const Scene& scene) {
   }
   if (!data.background) data.background = scene.background;
   if (options.split != "all") data.only_test = options.split == "test";
+  tg::ProgressLine line;
+  data.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
   tg::Dataset dataset = tg::loadDataset(options.dataset, data);
   tg::printNotes(options.dataset, dataset);
   if (dataset.views.empty()) {
@@ -87,7 +85,7 @@ std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset&
   if (folder.empty()) return files;
   std::error_code code;
   fs::create_directories(folder, code);
-  if (code) throw tg::Error(tg::ErrorKind::cannotWrite, folder, code.message());
+  if (code) throw tg::Error(tg::ErrorKind::cannotWrite, folder, "cannot make this folder: " + code.message());
   std::set<std::string> taken;
   for (std::size_t view = 0; view < files.size(); view++) {
     const std::string stem = fs::path(dataset.views[view].camera.name).stem().string();
@@ -98,31 +96,6 @@ std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset&
   }
   return files;
 }
-
-// A line on stderr: rewritten in place on a terminal, now and then elsewhere.
-class Progress {
- public:
-  explicit Progress(std::size_t views) : views_(views), terminal_(isatty(STDERR_FILENO) != 0) {}
-  void show(std::size_t done) {
-    const Clock::time_point now = Clock::now();
-    if (now < next_ || done == views_) return;
-    next_ = now + (terminal_ ? std::chrono::milliseconds(100) : std::chrono::seconds(5));
-    const double seconds = std::chrono::duration<double>(now - start_).count();
-    const std::string left =
-        tg::formatSeconds(seconds / static_cast<double>(done) * static_cast<double>(views_ - done));
-    std::fprintf(stderr, terminal_ ? "\r\033[K%zu of %zu views, %s left" : "%zu of %zu views, %s left\n", done, views_,
-                 left.c_str());
-  }
-  void finish() const {
-    if (terminal_) std::fputs("\r\033[K", stderr);
-  }
-
- private:
-  const std::size_t views_;
-  const bool terminal_;
-  const Clock::time_point start_ = Clock::now();
-  Clock::time_point next_ = start_ + std::chrono::seconds(1);
-};
 
 // A model's pictures, drawn by the renderer that --device names. The model goes to it once.
 class Pictures {
@@ -170,7 +143,8 @@ tg::EvalReport::Views score(const Options& options, const Scene& scene, const st
   Pictures renderer(options.device, scene.model, dataset.background);
   views.device = renderer.device();
   tg::handleStopSignals(requestStop);
-  Progress progress(views.asked);
+  tg::ProgressLine progress;
+  progress.show("scoring views", 0, views.asked);
   for (std::size_t i = 0; i < views.asked && !stop_requested; i++) {
     if (i + 1 < views.asked) dataset.prefetch(i + 1);
     const tg::Camera& camera = dataset.views[i].camera;
@@ -180,7 +154,7 @@ tg::EvalReport::Views score(const Options& options, const Scene& scene, const st
     views.scores.push_back(tg::scoreView(camera.name, *photograph, picture, views.options, &flip_map));
     if (!pictures[i].empty()) tg::writeImage(pictures[i], picture);
     if (!comparisons[i].empty()) tg::writeImage(comparisons[i], tg::sideBySide(*photograph, picture, flip_map));
-    progress.show(i + 1);
+    progress.show("scoring views", i + 1, views.asked);
   }
   progress.finish();
   return views;

@@ -110,13 +110,22 @@ std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
 }
 
 tg::Dataset loadData(const Options& options) {
-  tg::Dataset dataset = tg::loadDataset(options.dataset, tg::datasetOptions(options.data));
+  tg::DatasetOptions data_options = tg::datasetOptions(options.data);
+  tg::ProgressLine line;
+  if (!options.quiet) {
+    data_options.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
+  }
+  tg::Dataset dataset = tg::loadDataset(options.dataset, data_options);
   const tg::Camera& camera = dataset.views.front().camera;
   tg::printNotes(options.dataset, dataset);
   if (!options.quiet) {
-    std::printf("%s: %zu train and %zu test views of %d x %d (%s), %zu points\n", dataset.name.c_str(),
+    const std::size_t count = dataset.points.position.size();
+    const std::string points = count > 0                     ? std::to_string(count) + " points"
+                               : options.start_model.empty() ? "no points: random ones are the start"
+                                                             : "no points";
+    std::printf("%s: %zu train and %zu test views of %d x %d (%s), %s\n", dataset.name.c_str(),
                 dataset.indices(false).size(), dataset.indices(true).size(), camera.width, camera.height,
-                std::string(tg::name(dataset.layout)).c_str(), dataset.points.position.size());
+                std::string(tg::name(dataset.layout)).c_str(), points.c_str());
     std::fflush(stdout);
   }
   return dataset;
@@ -138,10 +147,10 @@ int runTraining(const Options& options) {
   std::string why_cpu;
   std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::openCuda(options.device, why_cpu);
   if (!renderer) renderer = tg::makeCpuDifferentiableRenderer();
-  if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
 
   const auto start = std::chrono::steady_clock::now();
   const tg::Dataset dataset = loadData(options);
+  if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
   tg::handleStopSignals(requestStop);
   tg::TrainingJsonOptions json_options;
   json_options.downscale = options.data.downscale;
@@ -165,6 +174,9 @@ int runTraining(const Options& options) {
   state.reset();
   start_model.reset();
   tg::ProgressLine line;
+  if (!options.quiet) {
+    trainer.onScoring([&](std::size_t done, std::size_t views) { line.show("scoring test views", done, views); });
+  }
   while (!trainer.finished() && !stop_requested) {
     if (!trainer.step(&stop_requested)) continue;
     if (!options.quiet) line.show(trainer.progress());

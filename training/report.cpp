@@ -75,6 +75,29 @@ void ProgressLine::show(const TrainProgress& progress) {
   if (last) finish();
 }
 
+void ProgressLine::show(const std::string& what, std::size_t done, std::size_t count) {
+  const auto now = std::chrono::steady_clock::now();
+  if (what != counted_) {
+    counted_ = what;
+    counted_since_ = now;
+    next_ = now + std::chrono::seconds(1);
+  }
+  if (done == count) {
+    counted_.clear();
+    if (open_) std::fputs("\r\033[K", stderr);
+    open_ = false;
+    next_ = {};
+    return;
+  }
+  if (now < next_ || done == 0) return;
+  next_ = now + (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(5000));
+  const double seconds = std::chrono::duration<double>(now - counted_since_).count();
+  const double left = seconds / static_cast<double>(done) * static_cast<double>(count - done);
+  std::fprintf(stderr, terminal_ ? "\r\033[K%s: %zu of %zu, %s left" : "%s: %zu of %zu, %s left\n", what.c_str(), done,
+               count, formatSeconds(left).c_str());
+  open_ = terminal_;
+}
+
 void ProgressLine::finish() {
   if (open_) std::fputc('\n', stderr);
   open_ = false;

@@ -14,11 +14,15 @@ class ProgressLine {
   ProgressLine();
   ~ProgressLine();  // ends an open line
   void show(const TrainProgress& progress);
+  // "scoring views: 12 of 200, 3 s left", from a second after the first call with this `what` on; gone when it is done.
+  void show(const std::string& what, std::size_t done, std::size_t count);
   void finish();
 
  private:
   bool terminal_;
   bool open_ = false;
+  std::string counted_;  // what show() counts
+  std::chrono::steady_clock::time_point counted_since_{};
   std::chrono::steady_clock::time_point next_{};
 };
 

@@ -409,7 +409,8 @@ void writeSample(const fs::path& folder, const SampleOptions& options, bool over
     const int count = test ? options.test_views : options.train_views;
     std::error_code code;
     fs::create_directories(folder / split, code);
-    if (code) throw Error(ErrorKind::cannotWrite, (folder / split).string(), code.message());
+    if (code)
+      throw Error(ErrorKind::cannotWrite, (folder / split).string(), "cannot make this folder: " + code.message());
     nlohmann::json frames = nlohmann::json::array();
     for (int i = 0; i < count; i++) {
       const Camera camera = sampleCamera(options, test, i);

@@ -359,9 +359,11 @@ std::optional<Score> Trainer::testScore(const std::atomic<bool>* stop) const {
   std::vector<ViewScore> scores;
   const std::vector<std::size_t> views = dataset_.indices(true);
   if (views.empty()) return std::nullopt;
+  if (scoring_) scoring_(0, views.size());
   for (const std::size_t view : views) {
     if (stop && stop->load(std::memory_order_relaxed)) return std::nullopt;
     scores.push_back(scoreViews(dataset_, {&view, 1}, [&](const Camera& camera) { return picture(camera); }).front());
+    if (scoring_) scoring_(scores.size(), views.size());
   }
   return meanScore(scores);
 }

@@ -65,6 +65,8 @@ class Trainer {
   GaussianModel model() const;
   // The picture of model(), drawn where the training runs.
   Image picture(const Camera& camera) const;
+  // `told` from now on how many views of how many a test score has done.
+  void onScoring(std::function<void(std::size_t done, std::size_t views)> told) { scoring_ = std::move(told); }
   // On the held-out views; none without test views, or when `stop` is set meanwhile.
   std::optional<Score> testScore(const std::atomic<bool>* stop = nullptr) const;
   // What stands, finished or not.
@@ -97,6 +99,7 @@ class Trainer {
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
   mutable RunState state_;
   mutable int known_losses_ = 0;  // of the stage's iterations
+  std::function<void(std::size_t, std::size_t)> scoring_;
 };
 
 struct TrainHooks {

@@ -218,6 +218,8 @@ TEST_CASE("reads instant-ngp's transforms.json and skips missing images, countin
             "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n1 2 3 255 0 0\n");
   const tg::Dataset dataset = loadDataset(folder.path);
   CHECK(dataset.missing_images == 1);
+  REQUIRE(dataset.notes.size() == 1);
+  CHECK(dataset.notes[0] == "1 of 10 listed images are missing and were skipped (the first: images/3.png)");
   REQUIRE(dataset.views.size() == 9);
   CHECK(dataset.indices(true).size() == 2);  // 0 and, of the nine that exist, the ninth
   CHECK(dataset.views[7].camera.name == "0.png");
@@ -431,6 +433,38 @@ TEST_CASE("masks go through the lens with their photographs", "[dataset]") {
   CHECK_THAT(refusal(folder.path), Contains("masks/a.png: the mask hides every pixel"));
 }
 
+TEST_CASE("photographs that do not have their camera's shape are named, reduced ones are fine", "[dataset]") {
+  tg::TemporaryFolder folder;
+  Json json = pinhole({frame("images/a.png"), frame("images/b.png"), frame("images/c.png")});
+  json["w"] = 1000;
+  json["h"] = 667;
+  writeText(folder / "transforms.json", json.dump());
+  writePicture(folder / "images/a.png", 63, 42);  // 1000 / 16 and 667 / 16, rounded
+  writePicture(folder / "images/b.png", 62, 42);
+  writePicture(folder / "images/c.png", 62, 41);
+  CHECK(loadDataset(folder.path).notes.empty());
+  writePicture(folder / "images/b.png", 42, 62);  // turned
+  const std::vector<std::string> notes = loadDataset(folder.path).notes;
+  REQUIRE(notes.size() == 1);
+  CHECK_THAT(notes[0],
+             Contains("1 of 3 photographs") && Contains("b.png: expected the shape of 1000 x 667, found 42 x 62"));
+}
+
+TEST_CASE("finds photographs by paths with backslashes and by extensions in capitals", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "images/a.png", 16, 12);
+  writePicture(folder / "images/b.png", 16, 12);
+  fs::rename(folder / "images/b.png", folder / "images/b.PNG");
+  Json json = pinhole({frame("images\\a.png"), frame("images/b")});
+  json["test_filenames"] = {"images\\a.png"};
+  writeText(folder / "transforms.json", json.dump());
+  const tg::Dataset dataset = loadDataset(folder.path);
+  REQUIRE(dataset.views.size() == 2);
+  CHECK(dataset.views[0].camera.name == "b.PNG");
+  CHECK(dataset.views[1].camera.name == "a.png");
+  CHECK(dataset.views[1].camera.test);
+}
+
 TEST_CASE("refuses a COLMAP file that ends anywhere, without crash or huge allocation", "[dataset]") {
   tg::TemporaryFolder folder;
   const ColmapBinary whole;
@@ -485,13 +519,14 @@ TEST_CASE("refuses broken transforms.json with the frame it is about", "[dataset
     return refusal(folder.path);
   };
   writeText(folder / "transforms.json", "{\"frames\": [");
-  CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("transforms.json: not valid JSON"));
+  CHECK_THAT(refusal(folder.path),
+             Contains("3 ") && Contains("transforms.json: not valid JSON") && Contains("line 1, column 13"));
   writeText(folder / "transforms.json", "");
   CHECK_THAT(refusal(folder.path), Contains("not valid JSON"));
   CHECK_THAT(refused(Json::array()), Contains("expected a JSON object"));
   CHECK_THAT(refused(Json::object()), Contains("expected an array 'frames'"));
   CHECK_THAT(refused(pinhole(Json::array())), Contains("lists no images"));
-  CHECK_THAT(refused(pinhole({frame("b.png")})), Contains("none of the 1 listed images exists"));
+  CHECK_THAT(refused(pinhole({frame("b.png")})), Contains("none of the 1 listed images exists (expected b.png"));
   CHECK_THAT(refused({{"frames", {frame("a.png")}}}), Contains("frame 0: no intrinsics"));
   CHECK_THAT(refused(pinhole({frame("a.png"), {{"file_path", "a.png"}}})), Contains("frame 1: expected a 4 x 4"));
   CHECK_THAT(refused(pinhole({frame("a.png", {{2, 0, 0, 0}, {0, 2, 0, 0}, {0, 0, 2, 0}, {0, 0, 0, 1}})})),

@@ -46,14 +46,15 @@ std::size_t bytes_to_host = 0;
 }  // namespace
 
 std::string openDevice() {
+  int driver = 0;  // stays 0 where none is installed, which cudaGetDeviceCount would call too old
+  check(cudaDriverGetVersion(&driver), "CUDA");
+  if (driver == 0) throw Error(ErrorKind::device, "CUDA", "no driver");
   int count = 0;
   check(cudaGetDeviceCount(&count), "CUDA");
   if (count == 0) throw Error(ErrorKind::device, "CUDA", "no device");
   check(cudaSetDevice(0), "CUDA");
   cudaDeviceProp properties;
   check(cudaGetDeviceProperties(&properties, 0), "CUDA");
-  int driver = 0;
-  check(cudaDriverGetVersion(&driver), "CUDA");
   const std::string name = std::string("CUDA, ") + properties.name + ", compute capability " +
                            std::to_string(properties.major) + "." + std::to_string(properties.minor) +
                            ", driver for CUDA " + std::to_string(driver / 1000) + "." +
