@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <climits>
 #include <cstring>
+#include <optional>
 #include <system_error>
 #include <utility>
 
@@ -41,10 +42,10 @@ struct TemporarySlot {
 constinit TemporarySlot temporary_slots[32];
 static_assert(std::atomic<bool>::is_always_lock_free);
 
-// Removes the file unless released. Of more than 32 at a time, the others are left behind by a signal.
-class TemporaryFile {
+// A name that a signal handler removes while this lives. Of more than 32 at a time, the others are left behind.
+class RemovedBySignal {
  public:
-  explicit TemporaryFile(std::filesystem::path file) : path(std::move(file)) {
+  explicit RemovedBySignal(const std::filesystem::path& path) {
     if (path.native().size() >= PATH_MAX) return;
     for (TemporarySlot& slot : temporary_slots) {
       if (slot.taken.exchange(true)) continue;
@@ -54,17 +55,13 @@ class TemporaryFile {
       return;
     }
   }
-  ~TemporaryFile() {
-    if (!released) ::unlink(path.c_str());
+  ~RemovedBySignal() {
     if (!slot_) return;
     slot_->named = false;
     slot_->taken = false;
   }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-
-  const std::filesystem::path path;
-  bool released = false;
+  RemovedBySignal(const RemovedBySignal&) = delete;
+  RemovedBySignal& operator=(const RemovedBySignal&) = delete;
 
  private:
   TemporarySlot* slot_ = nullptr;
@@ -85,18 +82,34 @@ void requireFileName(const std::filesystem::path& path) {
   if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
 }
 
-// A fresh empty file in the folder of `path`, with the same extension, readable as the umask says.
-std::filesystem::path createTemporary(const std::filesystem::path& path) {
-  static std::atomic<unsigned> counter{0};
-  for (int attempt = 0; attempt < 100; ++attempt) {
-    const std::string stem = ".tg-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
-    const std::filesystem::path temporary = folderOf(path) / (stem + path.extension().string());
-    const Descriptor file(::open(temporary.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666));
-    if (file.fd >= 0) return temporary;
-    if (errno != EEXIST) throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
+// A fresh empty file in the folder of `reported`, with the same extension, readable as the umask says. Removed unless
+// released.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::filesystem::path& reported) {
+    static std::atomic<unsigned> counter{0};
+    for (int attempt = 0; attempt < 100; ++attempt) {
+      const std::string stem = ".tg-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
+      path = folderOf(reported) / (stem + reported.extension().string());
+      name_.emplace(path);  // before the file is there: a signal may come at once
+      const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666));
+      if (file.fd >= 0) return;
+      if (errno != EEXIST) throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: " + reason());
+    }
+    throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: no free temporary name");
   }
-  throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: no free temporary name");
-}
+  ~TemporaryFile() {
+    if (!released) ::unlink(path.c_str());
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  std::filesystem::path path;
+  bool released = false;
+
+ private:
+  std::optional<RemovedBySignal> name_;
+};
 
 void syncFile(const std::filesystem::path& file, const std::filesystem::path& reported) {
   const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
@@ -201,11 +214,11 @@ void requireWritable(const std::filesystem::path& path) {
   struct stat status{};
   if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT)
     throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
-  const TemporaryFile removed(createTemporary(path));
+  const TemporaryFile removed(path);
 }
 
 struct AtomicFiles::Entry {
-  explicit Entry(const std::filesystem::path& file) : path(file), temporary(createTemporary(file)) {}
+  explicit Entry(const std::filesystem::path& file) : path(file), temporary(file) {}
   const std::filesystem::path path;
   TemporaryFile temporary;
 };
