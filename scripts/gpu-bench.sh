@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
 # The CUDA trainer's tests and times on a machine with an NVIDIA GPU: `gpu-bench.sh [--packages FOLDER]
-# [--build FOLDER] [--out FOLDER] [--iterations N]`. --packages: Debian packages unpacked with `dpkg -x` (usr/ below it),
-# where the machine has no apt; with a cuda-13.0/ in it, as scripts/install_cuda.sh makes it, where it has no nvcc.
-# Builds in --build (build-gpu); writes table.md, kernels.txt and the logs into --out (gpu-bench). --iterations: of each
-# timing (200). Ends with 5 where no device answers: then the table holds the tests on the host alone.
+# [--build FOLDER] [--out FOLDER] [--iterations N] [--only PART] [--sizes LIST]`. --packages: Debian packages unpacked
+# with `dpkg -x` (usr/ below it), where the machine has no apt; with a cuda-13.0/ in it, as scripts/install_cuda.sh
+# makes it, where it has no nvcc. Builds in --build (build-gpu), for the machine's device alone where nvidia-smi names
+# it; writes table.md, kernels.txt and the logs into --out (gpu-bench). --iterations: of each timing (200). --only: build,
+# tests, sanitizer or times, where one command may not take as long as all of them; each writes a table of its own.
+# --sizes: of the timed pictures ("800x800 1600x1064"). Ends with 5 where no device answers: then the table holds the
+# tests on the host alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -11,6 +14,8 @@ packages=
 build="build-gpu"
 out=gpu-bench
 iterations=200
+only=
+sizes="800x800 1600x1064"
 while [ $# -gt 0 ]; do
   if [ $# -lt 2 ]; then
     echo "gpu-bench.sh: $1 lacks its value" >&2
@@ -21,10 +26,20 @@ while [ $# -gt 0 ]; do
     --build) build=$2 ;;
     --out) out=$2 ;;
     --iterations) iterations=$2 ;;
-    *) echo "gpu-bench.sh: unknown option $1 (expected --packages, --build, --out or --iterations)" >&2; exit 1 ;;
+    --only) only=$2 ;;
+    --sizes) sizes=$2 ;;
+    *)
+      echo "gpu-bench.sh: unknown option $1 (expected --packages, --build, --out, --iterations, --only or --sizes)" >&2
+      exit 1
+      ;;
   esac
   shift 2
 done
+case $only in
+  "" | build | tests | sanitizer | times) ;;
+  *) echo "gpu-bench.sh: --only $only (expected build, tests, sanitizer or times)" >&2; exit 1 ;;
+esac
+part() { [ -z "$only" ] || [ "$only" = "$1" ]; }
 mkdir -p "$out"
 
 options=(-DCMAKE_BUILD_TYPE=Release -DTG_CUDA=ON -DTG_VIEWER=OFF -DTG_VULKAN=OFF -DTG_BENCH=ON -DTG_TESTS=ON)
@@ -34,9 +49,16 @@ if [ -n "$packages" ]; then
   export PKG_CONFIG_PATH="$packages/usr/lib/x86_64-linux-gnu/pkgconfig:$packages/usr/share/pkgconfig"
   [ -x "$packages/cuda-13.0/bin/nvcc" ] && options+=("-DCMAKE_CUDA_COMPILER=$packages/cuda-13.0/bin/nvcc")
 fi
-cmake -S . -B "$build" "${options[@]}" >"$out/configure.log"
-cmake --build "$build" -j "$(nproc)" --target tgtrain tgeval training_cuda_test training_gpu_test train_bench \
-  >"$out/build.log"
+architecture=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2>/dev/null | head -1 | tr -d . || true)
+case $architecture in
+  [0-9]*) options+=("-DCMAKE_CUDA_ARCHITECTURES=$architecture") ;;
+esac
+if part build; then
+  cmake -S . -B "$build" "${options[@]}" 2>&1 | tee "$out/configure.log" | tail -3
+  cmake --build "$build" -j "$(nproc)" --target tgtrain tgeval training_cuda_test training_gpu_test train_bench 2>&1 |
+    tee "$out/build.log" | tail -15
+fi
+[ "$only" != build ] || exit 0
 bin=$build/bin
 
 table="$out/table.md"
@@ -56,7 +78,7 @@ device=$(nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,no
   echo "| what | result |"
   echo "|---|---|"
 } >"$table"
-tests "kernels on the host" "$bin/training_cuda_test" test.log
+! part tests || tests "kernels on the host" "$bin/training_cuda_test" test.log
 
 scene="$out/scene"
 "$bin/tgtrain" make-sample "$scene" --overwrite --size 800 --views 24 --test-views 2 --points 20000 --supersampling 1
@@ -68,20 +90,28 @@ if [ "$status" -ne 0 ]; then
   cat "$table"
   exit "$status"
 fi
-tests "the same cases on the device" "$bin/training_gpu_test" gpu_test.log
+if part tests; then
+  tests "the same cases on the device" "$bin/training_gpu_test" gpu_test.log
 
-# Both devices from one seed.
-for name in cpu cuda; do
-  "$bin/tgtrain" "$scene" -o "$out/$name.tgz" --overwrite --device $name --downscale 4 --gaussians 5000 \
-    --densification none --iterations 100 --texture-iterations 100 --json "$out/$name.json" >"$out/$name.log" 2>&1
-  row "100 + 100 iterations, $name" "$(grep -m1 '^textured .* iterations' "$out/$name.log" || true)"
-done
+  # Both devices from one seed.
+  for name in cpu cuda; do
+    if "$bin/tgtrain" "$scene" -o "$out/$name.tgz" --overwrite --device $name --downscale 4 --gaussians 5000 \
+      --densification none --iterations 100 --texture-iterations 100 --json "$out/$name.json" \
+      >"$out/$name.log" 2>&1; then
+      row "100 + 100 iterations, $name" "$(grep -m1 '^textured .* iterations' "$out/$name.log" || true)"
+    else
+      row "100 + 100 iterations, $name" "FAILED: $(tail -1 "$out/$name.log")"
+    fi
+  done
+fi
 
 # The tools that look into kernels, where they are installed; with densification, so that its kernels run, too.
-if command -v compute-sanitizer >/dev/null; then
+if ! part sanitizer; then
+  :
+elif command -v compute-sanitizer >/dev/null; then
   for tool in memcheck racecheck initcheck synccheck; do
-    if compute-sanitizer --tool $tool --error-exitcode 9 "$bin/tgtrain" "$scene" -o "$out/probe.tgz" --overwrite \
-      --device cuda --downscale 8 --iterations 24 --densify-from 4 --densify-every 5 --densify-until 20 \
+    if timeout 300 compute-sanitizer --tool $tool --error-exitcode 9 "$bin/tgtrain" "$scene" -o "$out/probe.tgz" \
+      --overwrite --device cuda --downscale 8 --iterations 24 --densify-from 4 --densify-every 5 --densify-until 20 \
       --texture-iterations 6 >"$out/$tool.log" 2>&1; then
       row "compute-sanitizer $tool" clean
     else
@@ -93,11 +123,15 @@ else
 fi
 
 # Times: a seeded scene with 60 blended splats a pixel. kernels.txt has the table of each setting's kernels.
+if ! part times; then
+  cat "$table"
+  exit 0
+fi
 rate() { sed -nE 's/^([0-9.]+) it\/s over.*/\1/p' "$1"; }
 gsplat=
 python3 -c 'import gsplat, torch; torch.zeros(1).cuda()' 2>/dev/null && gsplat=yes
 : >"$out/kernels.txt"
-for size in 800x800 1600x1064; do
+for size in $sizes; do
   for gaussians in 100000 500000 2000000; do
     setting="$size, $gaussians Gaussians"
     plain="" textured=""

@@ -51,7 +51,7 @@ inline Parameters slice(Parameters of, std::size_t first, std::size_t count) {
 }
 
 // What blending evaluates of a splat; names and units as in render/cpu/project.h. (x, y) = pixel - centre [px].
-struct BlendSplat {
+struct alignas(16) BlendSplat {
   float center_x, center_y;
   float log2_opacity;
   float w_xx, w_xy, w_yy;
@@ -66,7 +66,7 @@ struct BlendSplat {
 static_assert(sizeof(BlendSplat) == 96);
 
 // What a texture look-up needs beside it.
-struct LocalFrame {
+struct alignas(8) LocalFrame {
   float wx[3], wy[3], dx[3], dy[3], d0[3], kappa[3];
 };
 
