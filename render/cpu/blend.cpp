@@ -186,7 +186,7 @@ void blendTile(const BlendArgs& args, int tile) {
     for (int word = 0; word < kWords; ++word) candidates.words[word] &= state.live.words[word];
     if (s.texture_width > 0) {
       evaluate<Keep::hit>(s, rows, tile_x, candidates, any_lane, samples);
-      applyTexture(s, args.texels, view, rows, tile_x, samples, texture);
+      applyTexture(s, args.texels, view, rows, tile_x, tile_y, samples, texture);
       blendSplat<kMode, true>(s, position, tile_x, rows, samples, texture, state, outputs);
     } else {
       evaluate<kKeepUntextured>(s, rows, tile_x, candidates, any_lane, samples);
@@ -244,7 +244,7 @@ void countTile(const BlendArgs& args, int tile) {
     const Splat& s = args.splats[k];
     const BlockSet candidates = findBlocks(s, tile_x, tile_y, rows);
     evaluate<Keep::hit>(s, rows, tile_x, candidates, any_lane, samples);
-    if (s.texture_width > 0) applyTexture(s, args.texels, args.view, rows, tile_x, samples, texture);
+    if (s.texture_width > 0) applyTexture(s, args.texels, args.view, rows, tile_x, tile_y, samples, texture);
     for (int i = 0; i < samples.count; ++i) {
       const V value = hn::Load(df, samples.at[i].value);
       addTo(count[samples.block[i]], hn::IfThenElseZero(hn::Gt(value, hn::Zero(df)), set(1.0f)), set(1.0f));

@@ -237,7 +237,7 @@ void orderBand(const OrderArgs& args, int tile, int band, std::vector<Candidate>
     for (int word = 0; word < kWords; ++word) candidates.words[word] &= state.live.words[word];
     evaluate<Keep::hit>(s, rows, tile_x, candidates, any_lane, samples);
     const bool textured = s.texture_width > 0;
-    if (textured) applyTexture(s, args.texels, view, rows, tile_x, samples, texture);
+    if (textured) applyTexture(s, args.texels, view, rows, tile_x, tile_y, samples, texture);
     for (int i = 0; i < samples.count; ++i) {
       const int block = samples.block[i];
       const Sample& sample = samples.at[i];

@@ -245,29 +245,6 @@ HWY_INLINE void fadeToMean(const TextureMean& mean, int count, TextureItems& ite
   }
 }
 
-// LocalRay's parts that the rows and the columns of a tile fix, of one splat.
-struct TileRays {
-  alignas(64) float rows[6][kTileHeight + kLanes];
-  alignas(64) float columns[6][kTileWidth];
-};
-// Rows [begin, end), and up to a vector more.
-HWY_INLINE void fillRays(const PictureSplat& s, const PictureHit& hit, const TileView& tile, int begin, int end,
-                         TileRays& rays) {
-  const V x = hn::Iota(df, static_cast<float>(tile.x) + 0.5f), y = hn::Iota(df, static_cast<float>(tile.y) + 0.5f);
-  for (int k = 0; k < 3; ++k) {
-    for (int c = 0; c < kColumns; ++c) {
-      const V left = hn::Sub(hn::Add(x, set(static_cast<float>(c * kLanes))), set(s.center_x));
-      hn::Store(hn::Mul(set(hit.wx[k]), left), df, rays.columns[k] + c * kLanes);
-      hn::Store(hn::Mul(set(hit.dx[k]), left), df, rays.columns[3 + k] + c * kLanes);
-    }
-    for (int r = begin; r < end; r += kLanes) {
-      const V top = hn::Sub(hn::Add(y, set(static_cast<float>(r))), set(s.center_y));
-      hn::StoreU(hn::Mul(set(hit.wy[k]), top), df, rays.rows[k] + r);
-      hn::StoreU(hn::MulAdd(set(hit.dy[k]), top, set(hit.d0[k])), df, rays.rows[3 + k] + r);
-    }
-  }
-}
-
 // Items of one splat on their way through a small texture.
 struct SmallItems {
   alignas(64) float value[kHitsAtOnce][kLanes];  // opacity * G, 0 where the splat does not show
@@ -286,8 +263,7 @@ HWY_INLINE void blendSmallHits(const Batch& batch, int slot, int begin, int end,
   SmallTexture small;
   fillSmall(texture, hit.texture_width, hit.texture_height, tile.view.texture_rgb, tile.view.texture_alpha, small);
   TileRays rays;
-  const RowRange range = rowRange(s, tile.y);
-  fillRays(s, hit, tile, range.begin, range.end, rays);
+  fillRays(s, hit, tile.x, tile.y, rowRange(s, tile.y), rays);
   SmallItems items;
   while (begin < end) {
     const int count = std::min(end - begin, kHitsAtOnce);
@@ -304,11 +280,8 @@ HWY_INLINE void blendSmallHits(const Batch& batch, int slot, int begin, int end,
         visible = hn::And(visible, hn::Gt(t, set(hit.near)));
       }
       hn::Store(hn::IfThenElseZero(visible, exp2InRange(at.exponent)), df, items.value[i]);
-      const auto part = [&](int k) HWY_ATTR {
-        return hn::Add(hn::Load(df, rays.columns[k] + column), set(rays.rows[k][row]));
-      };
       const SmallPoint point =
-          locateSmall(texture, {part(0), part(1), part(2), part(3), part(4), part(5)}, at.inverse_d2);
+          locateSmall(texture, rays.at(static_cast<int>(row), static_cast<int>(column)), at.inverse_d2);
       hn::Store(point.u, df, items.u[i]);
       hn::Store(point.v, df, items.v[i]);
     }
@@ -331,7 +304,7 @@ HWY_INLINE void blendHits(const Batch& batch, int slot, int begin, int end, cons
   const bool crosses_near = hit.near > 0.0f && meetsNear(s, hit, tile.x, tile.y);
   const TextureMean mean = textured ? textureMean(hit, tile.texels, tile.view) : TextureMean{};
   if constexpr (kSmallTextures) {
-    if (textured && std::max(hit.texture_width, hit.texture_height) <= kSmallSide && !(mean.share > 0.0f)) {
+    if (textured && isSmall(hit) && !(mean.share > 0.0f)) {
       if (crosses_near) {
         blendSmallHits<true>(batch, slot, begin, end, tile, blocks);
       } else {

@@ -16,7 +16,6 @@ namespace tg::cpu::HWY_NAMESPACE {
 
 // Vectors of four floats would need twice the permutations, and a choice.
 constexpr bool kSmallTextures = kLanes >= 8;
-constexpr int kSmallSide = 4;
 
 // Colours, and alpha's deviation from 1. Texels beyond the texture's sides have no weight.
 struct SmallTexture {

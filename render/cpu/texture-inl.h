@@ -41,6 +41,12 @@ HWY_INLINE Texture makeTexture(const S& s, const glm::vec4* texels) {
   return t;
 }
 
+constexpr int kSmallSide = 4;  // [texels] of textures with look-ups of their own
+template <class S>
+HWY_INLINE bool isSmall(const S& s) {
+  return std::max(s.texture_width, s.texture_height) <= kSmallSide;
+}
+
 // Where a vector of pixels falls on a texture.
 struct TexturePoint {
   V u, v;                    // [sigma]
@@ -75,6 +81,35 @@ HWY_INLINE LocalRay localRay(const S& s, V y, V x) {
   ray.d_b = hn::MulAdd(set(s.dx.y), x, hn::MulAdd(set(s.dy.y), y, set(s.d0.y)));
   ray.d_c = hn::MulAdd(set(s.dx.z), x, hn::MulAdd(set(s.dy.z), y, set(s.d0.z)));
   return ray;
+}
+
+// LocalRay's parts that the rows and the columns of a tile fix, of one splat.
+struct TileRays {
+  alignas(64) float rows[6][kTileHeight + kLanes];
+  alignas(64) float columns[6][kTileWidth];
+
+  // column: [px] of the first lane
+  HWY_INLINE LocalRay at(int row, int column) const {
+    const auto part = [&](int k) HWY_ATTR { return hn::Add(hn::Load(df, columns[k] + column), set(rows[k][row])); };
+    return {part(0), part(1), part(2), part(3), part(4), part(5)};
+  }
+};
+// Rows [range.begin, range.end), and up to a vector more, of a splat (S) or of the PictureHit of one.
+template <class S, class Hit>
+HWY_INLINE void fillRays(const S& s, const Hit& hit, int tile_x, int tile_y, RowRange range, TileRays& rays) {
+  const V x = hn::Iota(df, static_cast<float>(tile_x) + 0.5f), y = hn::Iota(df, static_cast<float>(tile_y) + 0.5f);
+  for (int k = 0; k < 3; ++k) {
+    for (int c = 0; c < kColumns; ++c) {
+      const V left = hn::Sub(hn::Add(x, set(static_cast<float>(c * kLanes))), set(s.center_x));
+      hn::Store(hn::Mul(set(hit.wx[k]), left), df, rays.columns[k] + c * kLanes);
+      hn::Store(hn::Mul(set(hit.dx[k]), left), df, rays.columns[3 + k] + c * kLanes);
+    }
+    for (int r = range.begin; r < range.end; r += kLanes) {
+      const V top = hn::Sub(hn::Add(y, set(static_cast<float>(r))), set(s.center_y));
+      hn::StoreU(hn::Mul(set(hit.wy[k]), top), df, rays.rows[k] + r);
+      hn::StoreU(hn::MulAdd(set(hit.dy[k]), top, set(hit.d0[k])), df, rays.rows[3 + k] + r);
+    }
+  }
 }
 
 HWY_INLINE TexturePoint locate(const Texture& texture, const LocalRay& ray, V inverse_d2, M candidates) {

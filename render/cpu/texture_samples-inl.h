@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A texture at all samples of a splat in a tile: what the forward pixel loops blend.
-#include "render/cpu/texture-inl.h"
+#include "render/cpu/texture_cells-inl.h"
 #include "shared/splat.h"
 
 #if defined(TG_RENDER_CPU_TEXTURE_SAMPLES_INL_H) == defined(HWY_TARGET_TOGGLE)
@@ -29,13 +29,57 @@ HWY_INLINE TextureMean textureMean(const S& s, const Texels& texels, const View&
 
 struct TextureSamples {
   alignas(64) float color[kBlocks][3][kLanes];  // 0 where it does not apply
+  CellSamples cells;                            // of small textures
+  CellCoefficients coefficients;
+
+  TextureSamples() { clear(coefficients); }
 };
+
+// applyTexture() for a small texture, unfiltered.
+HWY_INLINE void applySmall(const Splat& s, const Texels& texels, const View& view, int tile_x, int tile_y,
+                           Samples& samples, TextureSamples& colors) {
+  const Texture texture = makeTexture(s, texels.texels);
+  TileRays rays;
+  fillRays(s, s, tile_x, tile_y, rowRange(s, tile_y), rays);
+  locateCells<false>(texture, rays, samples, colors.cells);
+  CellCoefficients& coefficients = colors.coefficients;
+  fillCells(texture, colors.cells.touched, view.texture_rgb, view.texture_alpha, coefficients);
+  const auto put = [&](int i, const V* look) HWY_ATTR {
+    float* value = samples.at[i].value;
+    for (int ch = 0; ch < 3; ++ch) hn::Store(look[ch], df, colors.color[i][ch]);
+    hn::Store(cutAlpha(hn::Mul(hn::Load(df, value), hn::Add(look[3], set(1.0f)))), df, value);
+  };
+  for (int k = 0; k < colors.cells.uniform_count; ++k) {
+    const int i = colors.cells.uniform[k], cell = colors.cells.uniform_cell[k];
+    const CellSample& at = colors.cells.at[i];
+    const V u = hn::Load(df, at.fraction_u), v = hn::Load(df, at.fraction_v);
+    V look[4];
+    for (int ch = 0; ch < 4; ++ch) look[ch] = cellValue(coefficients, cell, ch, u, v);
+    put(i, look);
+  }
+  for (int k = 0; k < colors.cells.mixed_count; ++k) {
+    const int i = colors.cells.mixed[k];
+    const CellSample& at = colors.cells.at[i];
+    const V u = hn::Load(df, at.fraction_u), v = hn::Load(df, at.fraction_v);
+    V look[4] = {hn::Zero(df), hn::Zero(df), hn::Zero(df), hn::Zero(df)};
+    forEachCell(at, colors.cells.lanes[i], [&](int cell, M lanes) HWY_ATTR {
+      for (int ch = 0; ch < 4; ++ch) {
+        look[ch] = hn::IfThenElse(lanes, cellValue(coefficients, cell, ch, u, v), look[ch]);
+      }
+    });
+    put(i, look);
+  }
+}
 
 // Fills `colors`, multiplies the values of `samples` by the alpha factor and drops what falls below the cut.
 HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
-                             Samples& samples, TextureSamples& colors) {
+                             int tile_y, Samples& samples, TextureSamples& colors) {
   const Texture texture = makeTexture(s, texels.texels);
   const TextureMean mean = textureMean(s, texels, view);
+  if (isSmall(s) && !(mean.share > 0.0f)) {
+    applySmall(s, texels, view, tile_x, tile_y, samples, colors);
+    return;
+  }
   for (int i = 0; i < samples.count; ++i) {
     Sample& sample = samples.at[i];
     const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
