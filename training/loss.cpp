@@ -127,25 +127,26 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
   const double counted = static_cast<double>(3 * std::max<std::size_t>(pixels - ignored, 1));
   if (ignored == 0) mask = {};
   const SsimWindow window = makeSsimWindow();
-  planes_.resize(6 * pixels);
-  v_moments_.resize(9 * pixels);
+  planes_.resize(2 * pixels);
+  v_moments_.resize(3 * pixels);
   row_sums_.assign(3 * static_cast<std::size_t>(height), {});
   scratch_.resize(static_cast<std::size_t>(threadCount()));
   const std::size_t scratch_size = BlurBand::size(kForward, width) + static_cast<std::size_t>(kForward + 1) * width;
-  const auto plane = [&](int set, int channel, int y) {
-    return planes_.data() + (static_cast<std::size_t>(set) * 3 + channel) * pixels +
-           static_cast<std::size_t>(y) * width;
+  const auto plane = [&](int set, int y) {
+    return planes_.data() + static_cast<std::size_t>(set) * pixels + static_cast<std::size_t>(y) * width;
   };
-  const auto moment = [&](int kind, int channel, int y) {
-    return v_moments_.data() + (static_cast<std::size_t>(kind) * 3 + channel) * pixels +
-           static_cast<std::size_t>(y) * width;
+  const auto moment = [&](int kind, int y) {
+    return v_moments_.data() + static_cast<std::size_t>(kind) * pixels + static_cast<std::size_t>(y) * width;
   };
+  const float count = static_cast<float>(counted);
+  const int bands = (height + kBand - 1) / kBand;
 
-  parallelFor(height, 8, [&](std::int64_t row) {
-    const int y = static_cast<int>(row);
-    for (int c = 0; c < 3; c++) {
-      float* a = plane(0, c, y);
-      float* b = plane(1, c, y);
+  // A channel at a time: a third of the memory, which is 20 bytes a pixel.
+  for (int c = 0; c < 3; c++) {
+    parallelFor(height, 8, [&](std::int64_t row) {
+      const int y = static_cast<int>(row);
+      float* a = plane(0, y);
+      float* b = plane(1, y);
       RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + y];
       for (int x = 0; x < width; x++) {
         const std::size_t i = static_cast<std::size_t>(y) * width + x;
@@ -156,22 +157,19 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         sums.l1 += std::abs(a[x] - b[x]);
         sums.squared += clamped * clamped;
       }
-    }
-  });
+    });
 
-  const int bands = (height + kBand - 1) / kBand;
-  parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
-    std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
-    scratch.resize(scratch_size);
-    float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kForward + 1, width]
-    const int first = static_cast<int>(band) * kBand;
-    const int last = std::min(first + kBand, height);
-    for (int c = 0; c < 3; c++) {
+    parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
+      std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
+      scratch.resize(scratch_size);
+      float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kForward + 1, width]
+      const int first = static_cast<int>(band) * kBand;
+      const int last = std::min(first + kBand, height);
       BlurBand blur(scratch.data(), kForward, width, window);
       for (int y = std::max(first - kRadius, 0); y < last + kRadius; y++) {
         if (y < height) {
-          const float* a = plane(0, c, y);
-          const float* b = plane(1, c, y);
+          const float* a = plane(0, y);
+          const float* b = plane(1, y);
           std::copy(a, a + width, blur.input());
           blur.push(0, y);
           std::copy(b, b + width, blur.input());
@@ -188,31 +186,28 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         for (int q = 0; q < kForward; q++) blur.pull(q, done, height, blurred + static_cast<std::size_t>(q) * width);
         const auto value = [&](int q) { return blurred + static_cast<std::size_t>(q) * width; };
         float* ssim = value(kForward);
-        ssimRow(value(0), value(1), value(2), value(3), value(4), width, ssim, moment(0, c, done), moment(1, c, done),
-                moment(2, c, done));
+        ssimRow(value(0), value(1), value(2), value(3), value(4), width, ssim, moment(0, done), moment(1, done),
+                moment(2, done));
         for (int x = 0; x < width && !mask.empty(); x++) {
           if (mask[static_cast<std::size_t>(done) * width + x] != 0) continue;
-          ssim[x] = moment(0, c, done)[x] = moment(1, c, done)[x] = moment(2, c, done)[x] = 0;
+          ssim[x] = moment(0, done)[x] = moment(1, done)[x] = moment(2, done)[x] = 0;
         }
         RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + done];
         for (int x = 0; x < width; x++) sums.ssim += ssim[x];
       }
-    }
-  });
+    });
 
-  const float count = static_cast<float>(counted);
-  parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
-    std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
-    scratch.resize(scratch_size);
-    float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kBackward + 1, width]
-    const int first = static_cast<int>(band) * kBand;
-    const int last = std::min(first + kBand, height);
-    for (int c = 0; c < 3; c++) {
+    parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
+      std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
+      scratch.resize(scratch_size);
+      float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kBackward + 1, width]
+      const int first = static_cast<int>(band) * kBand;
+      const int last = std::min(first + kBand, height);
       BlurBand blur(scratch.data(), kBackward, width, window);
       for (int y = std::max(first - kRadius, 0); y < last + kRadius; y++) {
         if (y < height) {
           for (int q = 0; q < kBackward; q++) {
-            const float* source = moment(q, c, y);
+            const float* source = moment(q, y);
             std::copy(source, source + width, blur.input());
             blur.push(q, y);
           }
@@ -221,15 +216,15 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         if (done < first) continue;
         const auto value = [&](int q) { return blurred + static_cast<std::size_t>(q) * width; };
         for (int q = 0; q < kBackward; q++) blur.pull(q, done, height, value(q));
-        gradientRow(plane(0, c, done), plane(1, c, done), value(0), value(1), value(2), width,
-                    (1 - ssim_weight_) / count, ssim_weight_ / count, value(kBackward));
+        gradientRow(plane(0, done), plane(1, done), value(0), value(1), value(2), width, (1 - ssim_weight_) / count,
+                    ssim_weight_ / count, value(kBackward));
         for (int x = 0; x < width; x++) {
           const std::size_t i = static_cast<std::size_t>(done) * width + x;
           v_picture[i][c] = mask.empty() || mask[i] != 0 ? value(kBackward)[x] : 0.0f;
         }
       }
-    }
-  });
+    });
+  }
 
   RowSums sums;
   for (const RowSums& row : row_sums_) {

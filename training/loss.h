@@ -30,8 +30,8 @@ class PhotometricLoss {
     double l1 = 0, ssim = 0, squared = 0;
   };
   float ssim_weight_;
-  std::vector<float> planes_;                // [2, 3, height, width] picture and target, one plane a channel
-  std::vector<float> v_moments_;             // [3, 3, height, width] dSSIM/d mean, variance, covariance of each window
+  std::vector<float> planes_;                // [2, height, width] a channel of picture and target
+  std::vector<float> v_moments_;             // [3, height, width] dSSIM/d mean, variance, covariance of its windows
   std::vector<RowSums> row_sums_;            // [3, height]
   std::vector<std::vector<float>> scratch_;  // one a worker
 };
