@@ -17,17 +17,21 @@ const float kFarthestGrey = 0.15;  // so that the farthest hit still differs fro
 const float kLowestDensity = -6.0;
 const float kHighestDensity = 2.0;
 
+// Of the whole picture: smallest and largest number above 0.
+float rangeLeast() { return uintBitsToFloat(min(counters.output_range.x, view.range_least)); }
+float rangeMost() { return uintBitsToFloat(max(counters.output_range.y, view.range_most)); }
+
 vec3 depthGrey(float z) {
   if (z <= 0.0) return vec3(0.0);
-  float nearest = uintBitsToFloat(counters.output_range.x);
-  float span = uintBitsToFloat(counters.output_range.y) - nearest;
+  float nearest = rangeLeast();
+  float span = rangeMost() - nearest;
   return vec3(1.0 - (1.0 - kFarthestGrey) * (span > 0.0 ? (z - nearest) / span : 0.0));
 }
 
 vec3 heat(float x) { return vec3(3.0 * x, 3.0 * x - 1.0, 3.0 * x - 2.0); }
 
 vec3 countHeat(float count) {
-  float most = uintBitsToFloat(counters.output_range.y);
+  float most = rangeMost();
   return heat(most > 0.0 ? count / most : 0.0);
 }
 

@@ -60,10 +60,10 @@ class GlPictureDevice final : public PictureDevice {
   }
   std::unique_ptr<GpuRenderer> makeRenderer() override { return makeGlRenderer(device_); }
 
-  bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target) override {
+  bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     const bool complete = renderer.draw(request);
     glCopyImageSubData(static_cast<GlRenderer&>(renderer).texture(), GL_TEXTURE_2D, 0, 0, 0, 0, textureOf(target),
-                       GL_TEXTURE_2D, 0, 0, 0, 0, target.size.x, target.size.y, 1);
+                       GL_TEXTURE_2D, 0, 0, top, 0, target.size.x, request.camera.height, 1);
     finish("a picture");
     return complete;
   }

@@ -205,9 +205,30 @@ void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, Pict
 }
 
 void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
-  const FrameRequest frame = frameOf(request);
+  FrameRequest frame = frameOf(request);
+  const int height = request.camera.height, most = loaded.gpu->rowsAtOnce(request.camera);
+  if (most >= height) return drawPart(*loaded.gpu, frame, target, 0);
+  // Parts of one height, for which the buffers stay: the last one begins before the end of the one before it.
+  const int parts = (height + most - 1) / most;
+  frame.camera.height = (height + parts - 1) / parts;
+  const auto drawAll = [&] {
+    OutputRange range = frame.beside;
+    for (int part = 0; part < parts; ++part) {
+      const int top = std::min(part * frame.camera.height, height - frame.camera.height);
+      frame.camera.cy = request.camera.cy - top;
+      drawPart(*loaded.gpu, frame, target, top);
+      const OutputRange seen = loaded.gpu->counts().range;
+      range = {std::min(range.least, seen.least), std::max(range.most, seen.most)};
+    }
+    return range;
+  };
+  frame.beside = drawAll();
+  if (frame.beside.most > 0) drawAll();  // scaled by the range of all parts, which is only now known
+}
+
+void PictureMaker::drawPart(GpuRenderer& renderer, const FrameRequest& frame, PictureImage& target, int top) {
   for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
-    if (device_.draw(*loaded.gpu, frame, target)) return;
+    if (device_.draw(renderer, frame, target, top)) return;
   }
   throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
 }

@@ -39,11 +39,12 @@ class PictureDevice {
   virtual ~PictureDevice() = default;
   virtual std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) = 0;
   virtual std::unique_ptr<GpuRenderer> makeRenderer() = 0;
-  // One of its renderers into an image of the request's size; returns as GpuRenderer::draw().
-  virtual bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target) = 0;
-  // The same in two steps, so that the next picture is recorded while the device draws this one. begin(): false when
-  // this one must be drawn alone; nothing has happened then. finish() waits at most so long [ms] for the oldest that
-  // was begun, none: it has not ended; else as draw(). Nothing else may be called while one is under way.
+  // One of its renderers into the rows of an image from `top` on, as many as the request's camera has; those above them
+  // stay. Returns as GpuRenderer::draw().
+  virtual bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) = 0;
+  // A whole picture in two steps, so that the next picture is recorded while the device draws this one. begin(): false
+  // when this one must be drawn alone; nothing has happened then. finish() waits at most so long [ms] for the oldest
+  // that was begun, none: it has not ended; else as draw(). Nothing else may be called while one is under way.
   virtual bool begin(GpuRenderer&, const FrameRequest&, const std::shared_ptr<PictureImage>&) { return false; }
   virtual std::optional<bool> finish(double) { return std::nullopt; }
   // Waits for all that were begun, and forgets them.

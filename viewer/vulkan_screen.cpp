@@ -100,18 +100,19 @@ class VulkanPictureDevice final : public PictureDevice {
   }
   std::unique_ptr<GpuRenderer> makeRenderer() override { return makeVulkanRenderer(device_); }
 
-  bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target) override {
+  bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     auto& vulkan = static_cast<VulkanRenderer&>(renderer);
-    frames_[0]->run([&](VkCommandBuffer commands) { record(commands, vulkan, request, target); });
+    frames_[0]->run([&](VkCommandBuffer commands) { record(commands, vulkan, request, target, top); });
     return vulkan.finishFrame();
   }
 
   bool begin(GpuRenderer& renderer, const FrameRequest& request, const std::shared_ptr<PictureImage>& target) override {
     auto& vulkan = static_cast<VulkanRenderer&>(renderer);
     if (under_way_.size() == frames_.size()) return false;
+    if (vulkan.rowsAtOnce(request.camera) < request.camera.height) return false;
     if (!under_way_.empty() && (under_way_.front().renderer != &vulkan || !vulkan.sharesProgram(request))) return false;
     Commands& commands = *frames_[begun_ % frames_.size()];
-    commands.start([&](VkCommandBuffer buffer) { record(buffer, vulkan, request, *target); });
+    commands.start([&](VkCommandBuffer buffer) { record(buffer, vulkan, request, *target, 0); });
     ++begun_;
     under_way_.push_back({&vulkan, &commands, target});
     return true;
@@ -174,15 +175,21 @@ class VulkanPictureDevice final : public PictureDevice {
   };
 
   static void record(VkCommandBuffer commands, VulkanRenderer& vulkan, const FrameRequest& request,
-                     const PictureImage& target) {
+                     const PictureImage& target, int top) {
     vulkan.record(commands, request);
     barrier(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
             VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
-    beginWrite(commands, imageOf(target));
+    if (top == 0) {
+      beginWrite(commands, imageOf(target));
+    } else {
+      barrier(commands, imageOf(target), VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT,
+              VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT);
+    }
     VkImageCopy copy{};
     copy.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
     copy.dstSubresource = copy.srcSubresource;
-    copy.extent = wholeCopy(target.size).imageExtent;
+    copy.dstOffset = {0, top, 0};
+    copy.extent = wholeCopy({target.size.x, request.camera.height}).imageExtent;
     vkCmdCopyImage(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, imageOf(target), VK_IMAGE_LAYOUT_GENERAL, 1,
                    &copy);
   }

@@ -20,7 +20,7 @@ std::uint32_t textureModeOf(const ModelBuffers& model, const RenderSettings& set
 }
 
 ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const ModelBuffers& model,
-                    const ImageBuffers& image, float exposure_stops) {
+                    const ImageBuffers& image, float exposure_stops, const OutputRange& beside) {
   ViewUniforms view{};
   glm::dmat4 camera_from_world(camera.camera_from_world_rotation);
   camera_from_world[3] = glm::dvec4(camera.camera_from_world_translation, 1.0);
@@ -45,6 +45,8 @@ ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const 
   view.exposure = std::exp2(exposure_stops);
   view.sh_used = std::min(model.sh_degree, static_cast<std::uint32_t>(settings.max_sh_degree));
   view.antialiasing = settings.antialiasing == Antialiasing::screen;
+  view.range_least = beside.least;
+  view.range_most = beside.most;
   return view;
 }
 
@@ -73,8 +75,7 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   if (variant.all) outputs = outputs | kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
   if (outputs.has(Output::final)) outputs = outputs | OutputSet{Output::alpha};
   checkFrame(camera, settings);
-  const auto rows = static_cast<int>(rowsAtOnce(device_->limits(), static_cast<std::uint32_t>(camera.width),
-                                                static_cast<std::uint32_t>(camera.height)));
+  const int rows = rowsAtOnce(camera);
   if (rows < camera.height) return renderBands(camera, settings, rows);
   fitImage(camera);
   Frame frame(camera.width, camera.height, outputs);
@@ -125,6 +126,11 @@ Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& setti
   return frame;
 }
 
+int GpuRenderer::rowsAtOnce(const Camera& camera) const {
+  return static_cast<int>(tg::rowsAtOnce(device_->limits(), static_cast<std::uint32_t>(camera.width),
+                                         static_cast<std::uint32_t>(camera.height)));
+}
+
 bool GpuRenderer::draw(const FrameRequest& request) {
   const Recording recording = prepareFrame(request);
   device_->run(recording.program, recording.view);
@@ -133,7 +139,7 @@ bool GpuRenderer::draw(const FrameRequest& request) {
 
 GpuRenderer::Recording GpuRenderer::prepareFrame(const FrameRequest& request) {
   checkFrame(request.camera, request.settings);
-  return prepare(request.camera, request.settings, variantFor(request.output), request.exposure_stops);
+  return prepare(request.camera, request.settings, variantFor(request.output), request.exposure_stops, request.beside);
 }
 
 bool GpuRenderer::sharesProgram(const FrameRequest& request) const {
@@ -152,7 +158,7 @@ bool GpuRenderer::finishFrame() {
   const Counters counters = program_->counters();
   program_->next();
   const std::uint32_t pairs = counters.work[kWorkPairs].total;
-  counts_ = {counters.work[kWorkVisible].total, pairs};
+  counts_ = {counters.work[kWorkVisible].total, pairs, {counters.output_range.x, counters.output_range.y}};
   if (pairs <= pairs_->capacity) return blendedAll(counters.longest_list);
   const std::uint32_t most = maxPairCapacity(device_->limits(), tuning_);
   if (pairs > most) {
@@ -220,9 +226,9 @@ FrameVariant GpuRenderer::variantOf(const RenderSettings& settings, FrameVariant
 
 // Buffers, passes and uniforms of the next frame.
 GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
-                                            float exposure_stops) {
+                                            float exposure_stops, const OutputRange& beside) {
   fitImage(camera);
-  const ViewUniforms view = viewOf(camera, settings, *model_, *image_, exposure_stops);
+  const ViewUniforms view = viewOf(camera, settings, *model_, *image_, exposure_stops, beside);
   variant = variantOf(settings, variant);
   if (variant != variant_) program_.reset();
   variant_ = variant;

@@ -12,18 +12,27 @@
 
 namespace tg {
 
+// Bits of the smallest and of the largest number above 0 that an output has, where its picture is scaled by them
+// (depths, count, overdraw); no numbers otherwise.
+struct OutputRange {
+  std::uint32_t least = ~0u;
+  std::uint32_t most = 0;
+};
+
 // One frame of the live viewer.
 struct FrameRequest {
   Camera camera;
   RenderSettings settings;
   Output output = Output::final;  // settings.outputs does not count
   float exposure_stops = 0.0f;    // as of visualize()
+  OutputRange beside{};           // of the other parts, where this is a part of a picture
 };
 
 // What the device counted in the last finished frame.
 struct FrameCounts {
   std::uint32_t visible = 0;  // splats that reach the screen
   std::uint32_t pairs = 0;    // (tile, splat)
+  OutputRange range;          // of draw()'s output
 };
 
 class GpuRenderer : public Renderer {
@@ -39,6 +48,8 @@ class GpuRenderer : public Renderer {
   std::string deviceName() const override { return device_->limits().device; }
   FrameCounts counts() const { return counts_; }
 
+  // How many rows of the camera's image draw() can draw at once. Throws Error(device) when none.
+  int rowsAtOnce(const Camera& camera) const;
   // Draws the picture of the requested output and waits for it. False: the pair buffer overflowed, the picture is
   // incomplete and the buffers have been grown for the next frame.
   bool draw(const FrameRequest& request);
@@ -69,7 +80,8 @@ class GpuRenderer : public Renderer {
   void checkFrame(const Camera& camera, const RenderSettings& settings) const;
   void drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant);
   void fitImage(const Camera& camera);
-  Recording prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant, float exposure_stops);
+  Recording prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant, float exposure_stops,
+                    const OutputRange& beside = {});
   std::vector<glm::vec4> readPixels(const BufferPtr& buffer);
   void readBlended(const FrameVariant& variant, Frame& frame);
 

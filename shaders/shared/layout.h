@@ -28,8 +28,8 @@ struct ViewUniforms {
   float exposure;        // factor on the pictures of final and base
   uint sh_used;          // highest SH degree that counts
   uint antialiasing;     // 1: screen
-  uint unused0;
-  uint unused1;
+  uint range_least;      // Counters::output_range of what lies outside of this part of a picture
+  uint range_most;
 };
 TG_CHECK_SIZE(ViewUniforms, 208)
 

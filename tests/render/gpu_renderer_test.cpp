@@ -424,6 +424,39 @@ TEST_CASE("the recorded picture of every output is that of visualize()") {
   CHECK(validationMessages() == "");
 }
 
+TEST_CASE("parts of a picture that know the range of the others are the whole one") {
+  TestScene scene = makeScene(SceneKind::ordinary, 6, 150, 70, 50);
+  renderScene(scene);
+  const Camera camera = scene.camera;
+  for (const Output output : {Output::depth, Output::count, Output::normal}) {
+    INFO(name(output));
+    bool complete = false;
+    const Image whole = recordPicture(gpuRenderer(), scene, {}, output, &complete);
+    FrameRequest request{camera, {}, output};
+    request.camera.height = 10;
+    OutputRange range;
+    float apart = 0, together = 0;
+    for (const bool known : {false, true}) {
+      request.beside = range;
+      for (const int top : {0, 10, 20, 30, 40}) {
+        request.camera.cy = camera.cy - top;
+        REQUIRE(gpuRenderer().draw(request));
+        const OutputRange seen = gpuRenderer().counts().range;
+        range = {std::min(range.least, seen.least), std::max(range.most, seen.most)};
+        Image rows(70, 10, 3);
+        const auto first = whole.data.begin() + top * 70 * 3;
+        std::copy(first, first + 10 * 70 * 3, rows.data.begin());
+        float& worst = known ? together : apart;
+        worst = std::max(worst, largestDifference(gpuRenderer().picture(), rows));
+      }
+    }
+    CHECK((range.most > 0) == (output != Output::normal));
+    CHECK(together <= 1.0f / 255 + 1e-4f);
+    if (output != Output::normal) CHECK(apart > 2.0f / 255);
+  }
+  CHECK(validationMessages() == "");
+}
+
 TEST_CASE("the times name the passes in order") {
   renderScene(makeScene(SceneKind::ordinary, 1, 20));
   std::string names;
