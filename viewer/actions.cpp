@@ -6,6 +6,7 @@
 #include <array>
 
 #include "viewer/bookmarks.h"
+#include "viewer/documents.h"
 #include "viewer/inspector.h"
 #include "viewer/path_editor.h"
 
@@ -126,13 +127,22 @@ void stepSplit(ViewerState& state, int step, bool test) {
   notify(state, test ? "This model has no test cameras" : "This model has no training cameras");
 }
 
+bool canCompare(ViewerState& state) {
+  if (!state.compare.photographs.empty() || otherDocument(state) >= 0) return true;
+  state.compare.how.mode = CompareMode::off;
+  notify(state, "Nothing to compare with: open another model");
+  return false;
+}
+
 void cycleCompare(ViewerState& state) {
+  if (!canCompare(state)) return;
   CompareMode& mode = state.compare.how.mode;
   mode = static_cast<CompareMode>((static_cast<int>(mode) + 1) % 5);
   notify(state, "Compare: " + std::string(name(mode)));
 }
 
 void showOther(ViewerState& state) {
+  if (!canCompare(state)) return;
   state.compare.how.mode = CompareMode::flicker;
   state.compare.how.shows_other = !state.compare.how.shows_other;
 }
@@ -240,7 +250,7 @@ void apply(ViewerState& state, Action action) {
       break;
     case Action::toggleInspecting:
       state.inspect.active = !state.inspect.active;
-      notify(state, state.inspect.active ? "A click inspects its pixel" : "A click does nothing");
+      notify(state, state.inspect.active ? "A click inspects its pixel" : "A click no longer inspects");
       break;
     case Action::previousHit:
       stepHit(state, -1);

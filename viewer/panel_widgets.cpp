@@ -26,7 +26,7 @@ bool segment(const char* label, bool active, int index, int count) {
     ImGui::PushStyleColor(ImGuiCol_ButtonHovered, kAccentHovered);
     ImGui::PushStyleColor(ImGuiCol_ButtonActive, kAccentHovered);
   }
-  ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {2, ImGui::GetStyle().FramePadding.y});  // room for the label
+  ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {0, ImGui::GetStyle().FramePadding.y});  // room for the label
   const bool clicked = ImGui::Button(label, {width, 0});
   ImGui::PopStyleVar();
   if (active) ImGui::PopStyleColor(3);

@@ -146,6 +146,9 @@ void picked(ViewerState& state, const PixelHit& hit) {
   } else {
     ImGui::TextDisabled("no texture");
   }
+}
+
+void steps(ViewerState& state) {
   if (segment("Previous", false, 0, 3)) stepHit(state, -1);
   hint("In front of this one ([)");
   if (segment("Next", false, 1, 3)) stepHit(state, 1);
@@ -165,7 +168,7 @@ void inspectSection(ViewerState& state) {
   if (segment("Clear", false, 1, 2)) clearInspection(state);
   ImGui::EndDisabled();
   if (!inspection.inspected || !state.scene.model) {
-    ImGui::TextDisabled(inspection.busy ? "looking ..." : "Alt+click a pixel of the picture");
+    ImGui::TextDisabled(inspection.busy ? "looking ..." : "M and a click, or Alt+click, on a pixel");
     return;
   }
   double left = 1;
@@ -175,7 +178,9 @@ void inspectSection(ViewerState& state) {
   if (inspection.hits.empty()) return;
   chart(state);
   list(state);
-  if (inspection.picked >= 0) picked(state, inspection.hits[static_cast<std::size_t>(inspection.picked)]);
+  if (inspection.picked < 0) return;
+  steps(state);
+  picked(state, inspection.hits[static_cast<std::size_t>(inspection.picked)]);
 }
 
 }  // namespace tg

@@ -22,8 +22,8 @@ void modelSection(ViewerState& state) {
   ImGui::SameLine(right);
   if (ImGui::Button(keys)) apply(state, Action::toggleHelp);
   hint("Keys and mouse; H hides this panel");
-  ImGui::TextDisabled(scene.partial ? "a part: %s Gaussians, SH degree %d" : "%s Gaussians, SH degree %d",
-                      grouped(scene.gaussians).c_str(), scene.sh_degree);
+  ImGui::TextDisabled("%s%s Gaussian%s, SH degree %d", scene.partial ? "a part: " : "",
+                      grouped(scene.gaussians).c_str(), scene.gaussians == 1 ? "" : "s", scene.sh_degree);
   if (scene.textured > 0) {
     ImGui::TextDisabled("%s textured (%s), %s texels", grouped(scene.textured).c_str(),
                         std::string(name(scene.texture_mode)).c_str(), grouped(scene.texels).c_str());

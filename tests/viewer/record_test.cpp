@@ -249,7 +249,12 @@ TEST_CASE("software drivers compile nothing for another camera, nor for sizes th
     };
     for (const char* show : {"final", "ellipsoids"}) {
       CAPTURE(show);
-      const std::size_t programs = compiled("90x70", "6", show);
+      // On a loaded machine one may still be lost; then the next turn writes it.
+      std::size_t programs = compiled("90x70", "6", show);
+      for (std::size_t before = programs + 1; programs != before;) {
+        before = programs;
+        programs = compiled("90x70", "6", show);
+      }
       if (programs == 0) {
         std::cout << "skipped: " << backend << " keeps no compiled programs\n";
         break;

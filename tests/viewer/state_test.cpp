@@ -200,6 +200,12 @@ TEST_CASE("full stop and comma go round the test cameras, with Shift round the t
 
 TEST_CASE("V goes through the ways to compare, Shift+V shows the other one") {
   ViewerState state = stateWithCameras(1);
+  for (const bool shift : {false, true}) {  // nothing is there to compare with
+    press(state, 'V', shift);
+    CHECK(state.compare.how.mode == CompareMode::off);
+    CHECK_THAT(state.messages.notice, Catch::Contains("Nothing to compare with"));
+  }
+  state.compare.photographs = "images";
   std::vector<CompareMode> seen;
   for (int i = 0; i < 5; ++i) {
     press(state, 'V');
