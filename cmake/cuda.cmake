@@ -26,7 +26,7 @@ endif()
 if(TG_CUDA_FOUND)
   if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
     # Turing to Hopper; 90 without -real also carries PTX, which newer devices compile for themselves.
-    set(CMAKE_CUDA_ARCHITECTURES 75-real 86-real 89-real 90)
+    set(CMAKE_CUDA_ARCHITECTURES 75-real 80-real 86-real 89-real 90)
   endif()
   if(CCACHE AND NOT CMAKE_CUDA_COMPILER_LAUNCHER)
     set(CMAKE_CUDA_COMPILER_LAUNCHER ${CCACHE})
