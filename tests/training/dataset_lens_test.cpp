@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lenses that data sets name: every model's parameters, photographs and masks without them.
+#include <array>
+#include <cmath>
+
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+#include "training/dataset.h"
+#include "training/dataset_files.h"
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+using Json = nlohmann::json;
+using tg::DatasetOptions;
+using tg::loadDataset;
+using namespace tg::test;
+
+namespace {
+
+// A binary camera of one of COLMAP's models: focal lengths and principal point 10, 11, ..., then 0.001, 0.002, ...
+std::string colmapCamera(std::int32_t model, int lengths, int parameters) {
+  Bytes bytes;
+  bytes.add<std::uint64_t>(1).add<std::uint32_t>(1).add(model).add<std::uint64_t>(16).add<std::uint64_t>(12);
+  for (int i = 0; i < parameters; i++) bytes.add(i < lengths ? 10.0 + i : 0.001 * (i - lengths + 1));
+  return bytes.data();
+}
+
+}  // namespace
+
+TEST_CASE("reads COLMAP's lenses, every model's parameters in their order", "[dataset]") {
+  using Four = std::array<double, 4>;
+  using Three = std::array<double, 3>;
+  using Two = std::array<double, 2>;
+  struct Case {
+    std::int32_t id;
+    const char* name;
+    int lengths, parameters;
+    bool fisheye;
+    Four radial;
+    Three divisor;
+    Two tangential, prism;
+    double fov;
+  };
+  const auto cases = {
+      Case{2, "SIMPLE_RADIAL", 3, 4, false, {0.001}, {}, {}, {}, 0},
+      Case{3, "RADIAL", 3, 5, false, {0.001, 0.002}, {}, {}, {}, 0},
+      Case{4, "OPENCV", 4, 8, false, {0.001, 0.002}, {}, {0.003, 0.004}, {}, 0},
+      Case{5, "OPENCV_FISHEYE", 4, 8, true, {0.001, 0.002, 0.003, 0.004}, {}, {}, {}, 0},
+      Case{6, "FULL_OPENCV", 4, 12, false, {0.001, 0.002, 0.005}, {0.006, 0.007, 0.008}, {0.003, 0.004}, {}, 0},
+      Case{7, "FOV", 4, 5, false, {}, {}, {}, {}, 0.001},
+      Case{8, "SIMPLE_RADIAL_FISHEYE", 3, 4, true, {0.001}, {}, {}, {}, 0},
+      Case{9, "RADIAL_FISHEYE", 3, 5, true, {0.001, 0.002}, {}, {}, {}, 0},
+      Case{10, "THIN_PRISM_FISHEYE", 4, 12, true, {0.001, 0.002, 0.005, 0.006}, {}, {0.003, 0.004}, {0.007, 0.008}, 0},
+  };
+  tg::TemporaryFolder folder;
+  ColmapBinary().write(folder.path);
+  for (const Case& expected : cases) {
+    INFO(expected.name);
+    writeText(folder / "sparse/0/cameras.bin", colmapCamera(expected.id, expected.lengths, expected.parameters));
+    const tg::DatasetIndex::Entry entry = tg::readColmap(folder.path).entries.at(0);
+    CHECK(entry.lens.model == expected.name);
+    CHECK(entry.lens.fisheye == expected.fisheye);
+    CHECK(entry.lens.fov == Approx(expected.fov));
+    for (std::size_t i = 0; i < 4; i++) CHECK(entry.lens.radial[i] == Approx(expected.radial[i]));
+    for (std::size_t i = 0; i < 3; i++) CHECK(entry.lens.radial_divisor[i] == Approx(expected.divisor[i]));
+    for (std::size_t i = 0; i < 2; i++) {
+      CHECK(entry.lens.tangential[i] == Approx(expected.tangential[i]));
+      CHECK(entry.lens.thin_prism[i] == Approx(expected.prism[i]));
+    }
+    const bool one_focal = expected.lengths == 3;
+    CHECK(entry.camera.fx == 10);
+    CHECK(entry.camera.fy == (one_focal ? 10 : 11));
+    CHECK(entry.camera.cx == (one_focal ? 11 : 12));
+    CHECK(entry.camera.cy == (one_focal ? 12 : 13));
+  }
+  writeText(folder / "sparse/0/cameras.bin", colmapCamera(11, 4, 16));
+  CHECK_THAT(refusal(folder.path),
+             Contains("3 ") && Contains("camera model RAD_TAN_THIN_PRISM_FISHEYE is not supported (expected one of "
+                                        "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, "));
+  writeText(folder / "sparse/0/cameras.bin", ColmapBinary(99).cameras);
+  CHECK_THAT(refusal(folder.path), Contains("unknown camera model 99"));
+  Bytes endless;
+  endless.add<std::uint64_t>(1).add<std::uint32_t>(1).add<std::int32_t>(2).add<std::uint64_t>(16).add<std::uint64_t>(
+      12);
+  for (double value : {20.0, 8.0, 6.0, std::nan("")}) endless.add(value);
+  writeText(folder / "sparse/0/cameras.bin", endless.data());
+  CHECK_THAT(refusal(folder.path), Contains("camera 1: a parameter is not finite"));
+
+  tg::TemporaryFolder text_folder;
+  ColmapText text;
+  text.cameras = "1 OPENCV 16 12 20 21 7.5 6.5 0.1 0.2 0.3 0.4\n";
+  text.write(text_folder.path);
+  CHECK(tg::readColmap(text_folder.path).entries.at(0).lens.tangential[1] == 0.4);
+  writeText(text_folder / "sparse/0/cameras.txt", "1 WIDE 16 12 20 21 7.5 6.5\n");
+  CHECK_THAT(refusal(text_folder.path), Contains("cameras.txt: camera 1: unknown camera model WIDE"));
+}
+
+TEST_CASE("reads the lenses of transforms.json, a frame's before the file's", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 16, 12);
+  const auto lens = [&](Json json) {
+    writeText(folder / "transforms.json", json.dump());
+    return tg::readTransforms(folder.path).entries.at(0).lens;
+  };
+  Json json = pinhole({frame("a.png")});
+  CHECK(lens(json).isPinhole());
+  json.update({{"k1", -0.1}, {"k2", 0.02}, {"k3", 0.003}, {"k4", 0}, {"p1", 0.004}, {"p2", -0.005}});
+  const tg::Lens opencv = lens(json);
+  CHECK(opencv.model == "OPENCV");
+  CHECK(opencv.radial == std::array{-0.1, 0.02, 0.003, 0.0});
+  CHECK(opencv.tangential == std::array{0.004, -0.005});
+  json["frames"][0]["k1"] = 0.25;
+  CHECK(lens(json).radial[0] == 0.25);
+
+  Json fisheye = pinhole({frame("a.png")});
+  fisheye.update({{"k1", 0.1}, {"k2", 0.2}, {"k3", 0.3}, {"k4", 0.4}});
+  for (const Json& name : {Json{{"camera_model", "OPENCV_FISHEYE"}}, Json{{"is_fisheye", true}}}) {
+    fisheye.erase("camera_model");
+    fisheye.update(name);
+    CHECK(lens(fisheye).fisheye);
+    CHECK(lens(fisheye).radial == std::array{0.1, 0.2, 0.3, 0.4});
+  }
+
+  // Photograph and camera become the pinhole's, larger here; downscaling comes after.
+  json["k1"] = json["frames"][0]["k1"] = -0.8;
+  writeText(folder / "transforms.json", json.dump());
+  const tg::Dataset dataset = loadDataset(folder.path);
+  const tg::Camera& camera = dataset.views.at(0).camera;
+  CHECK(camera.width > 16);
+  CHECK(camera.fx == 20);
+  CHECK(camera.cx - 7.5 == std::floor(camera.cx - 7.5));
+  CHECK(dataset.pixels(0)->width == camera.width);
+  CHECK(dataset.pixels(0)->height == camera.height);
+  REQUIRE(dataset.notes.size() == 1);
+  CHECK_THAT(dataset.notes[0], Contains("1 of 1 photographs are undistorted as they are read (the first: OPENCV, to "));
+  DatasetOptions half;
+  half.downscale = 2;
+  const tg::Dataset reduced = loadDataset(folder.path, half);
+  CHECK(reduced.views[0].camera.width == camera.width / 2);
+  CHECK(reduced.views[0].camera.cx == camera.cx / 2);
+  CHECK(reduced.pixels(0)->width == camera.width / 2);
+}
+
+TEST_CASE("masks go through the lens with their photographs", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "images/a.png", 16, 12);
+  tg::Image mask(32, 24, 1, 1.0f);
+  for (int y = 0; y < 24; y++) {
+    for (int x = 0; x < 16; x++) mask.at(x, y, 0) = 0.0f;
+  }
+  fs::create_directories(folder / "masks");
+  tg::writeImage(folder / "masks/a.png", mask);
+  Json json = pinhole({frame("images/a.png")});
+  json["k1"] = -0.1;
+  json["cx"] = 8;
+  json["cy"] = 6;
+  writeText(folder / "transforms.json", json.dump());
+  for (const int downscale : {1, 2}) {
+    DatasetOptions options;
+    options.downscale = downscale;
+    const tg::Dataset dataset = loadDataset(folder.path, options);
+    const auto pixels = dataset.pixels(0);
+    const auto counts = [&](int x, int y) {
+      return pixels->mask.at(static_cast<std::size_t>(y) * pixels->width + x) != 0;
+    };
+    CHECK_FALSE(counts(1, pixels->height / 2));
+    CHECK(counts(pixels->width - 2, pixels->height / 2));
+  }
+  tg::writeImage(folder / "masks/a.png", tg::Image(16, 12, 1));
+  CHECK_THAT(refusal(folder.path), Contains("masks/a.png: the mask hides every pixel"));
+}
