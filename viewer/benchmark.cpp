@@ -1,34 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times frames, and makes medians of them.
+// Medians of what frames cost.
 #include "viewer/benchmark.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <ctime>
 #include <numeric>
 
-#include "core/error.h"
 #include "core/json.h"
-#include "viewer/headless_renderer.h"
+#include "viewer/parse.h"
 #include "viewer/shot.h"
 
 namespace tg {
 namespace {
 
 constexpr int kBenchmarkVersion = 1;
-constexpr int kMaxGrowth = 8;  // repeats of a frame whose buffers were too small
-
-class Stopwatch {
- public:
-  double milliseconds() const {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 double rounded(double milliseconds) { return std::round(milliseconds * 1e4) / 1e4; }
 
@@ -65,34 +51,6 @@ nlohmann::ordered_json passMedians(const std::vector<BenchmarkFrame>& frames) {
   }
   return result;
 }
-
-// Draws one picture and waits for it.
-class FrameRunner {
- public:
-  FrameRunner(const HeadlessRenderer& backend, const Benchmark& benchmark)
-      : renderer_(*backend.renderer), gpu_(dynamic_cast<GpuRenderer*>(backend.renderer.get())) {
-    request_.output = benchmark.output;
-    request_.settings = benchmark.settings;
-    request_.exposure_stops = benchmark.exposure;
-  }
-
-  void draw(const Camera& camera) {
-    if (!gpu_) {
-      (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.exposure_stops);
-      return;
-    }
-    request_.camera = camera;
-    for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
-      if (gpu_->draw(request_)) return;
-    }
-    throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
-  }
-
- private:
-  Renderer& renderer_;
-  GpuRenderer* const gpu_;
-  FrameRequest request_;
-};
 
 }  // namespace
 
@@ -159,44 +117,6 @@ std::string formatBenchmark(const Benchmark& benchmark) {
   json["cpu_ms"] = toJson(spreadOver(benchmark.frames, [](const BenchmarkFrame& f) { return f.cpu_ms; }));
   json["passes_ms"] = passMedians(benchmark.frames);
   return dumpJson(json, 2) + "\n";
-}
-
-void benchmarkHeadless(const ViewOptions& options) {
-  const HeadlessRenderer backend = makeHeadlessRenderer(options);
-  const Stopwatch reading;
-  LoadedModel loaded = readModel(options.model);
-  const double read_ms = reading.milliseconds();
-  const Scene scene = sceneFor(options, std::move(loaded));
-  printWarnings(scene, options);
-  const std::vector<Camera> cameras = shotCameras(options, scene, false);
-  Benchmark benchmark = benchmarkOf(options, scene);
-  benchmark.where = "headless";
-  benchmark.read_ms = read_ms;
-  benchmark.width = cameras.front().width;
-  benchmark.height = cameras.front().height;
-
-  const Stopwatch uploading;
-  backend.renderer->setModel(scene.model);
-  benchmark.upload_ms = uploading.milliseconds();
-  benchmark.device = backend.renderer->deviceName();
-  FrameRunner runner(backend, benchmark);
-  benchmark.backend = backend.backend;
-  const Stopwatch first;
-  runner.draw(cameras.front());
-  benchmark.first_frame_ms = first.milliseconds();
-  benchmark.load_ms = *benchmark.read_ms + *benchmark.upload_ms + *benchmark.first_frame_ms;
-  for (const Camera& camera : cameras) {
-    BenchmarkFrame frame;
-    const Stopwatch wall;
-    const double cpu = processMilliseconds();
-    runner.draw(camera);
-    frame.wall_ms = wall.milliseconds();
-    frame.cpu_ms = processMilliseconds() - cpu;
-    frame.passes = backend.renderer->passTimes();
-    benchmark.frames.push_back(std::move(frame));
-  }
-  requireNoValidationMessages(backend);
-  std::fputs(formatBenchmark(benchmark).c_str(), stdout);
 }
 
 }  // namespace tg

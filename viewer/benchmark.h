@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // --benchmark: what the frames of a camera path cost, as JSON for other programs.
 #pragma once
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "viewer/options.h"
+#include "viewer/scene.h"
 
 namespace tg {
 
@@ -46,9 +49,5 @@ struct Spread {
 Spread spreadOf(std::vector<double> values);
 
 double processMilliseconds();  // CPU time of the process so far, user and system
-
-// Renders options.path without a window and prints the JSON. On a device a frame is what the window would draw: nothing
-// is read back. Throws Error of every kind.
-void benchmarkHeadless(const ViewOptions& options);
 
 }  // namespace tg

@@ -52,6 +52,11 @@ struct PictureMetrics {
 std::optional<PictureMetrics> metricsOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask);
 std::string formatMetrics(const PictureMetrics& metrics);  // "PSNR 31.02 dB, SSIM 0.9512, FLIP 0.0671"
 
+struct PicturePair {
+  Image first, other;              // 3 channels, one size
+  std::vector<std::uint8_t> mask;  // 0: the pixel does not count; empty: all do
+};
+
 // What is compared, and what is known of it.
 struct CompareState {
   Comparison how;

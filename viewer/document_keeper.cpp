@@ -5,7 +5,8 @@
 #include <utility>
 
 #include "core/error.h"
-#include "viewer/state.h"
+#include "viewer/parse.h"
+#include "viewer/scene_of.h"
 
 namespace tg {
 
@@ -126,7 +127,7 @@ bool DocumentKeeper::takeFollowed(ViewerState& state) {
   state.follow.problem = news->problem;
   if (!news->model) return true;
   try {
-    Scene scene = describe(std::move(*news->model), follower_->file());
+    Scene scene = sceneOf(std::move(*news->model), follower_->file());
     const int document = documentOf(state, follower_->file());
     if (document >= 0)
       replace(state, document, std::move(scene));

@@ -7,6 +7,7 @@
 #include "viewer/follow.h"
 #include "viewer/model_loader.h"
 #include "viewer/options.h"
+#include "viewer/state.h"
 
 namespace tg {
 

@@ -17,17 +17,6 @@ namespace tg {
 // FOLDER/model.tgz of a run folder, which may not be there yet; a name with an extension is the file itself.
 std::filesystem::path followedFile(const std::filesystem::path& path);
 
-// What training.json says about how far the run is. Never throws: a file without it, or with another JSON, has none.
-struct TrainingProgress {
-  std::string stage;   // "plain", "textured", ...; "" = none
-  int iteration = 0;   // done in the stage
-  int iterations = 0;  // of the stage; 0: not said
-  double psnr = 0;     // [dB] of the training views, running mean
-  bool finished = true;
-};
-TrainingProgress trainingProgress(const std::string& training_json);
-std::string formatProgress(const TrainingProgress& progress);  // "plain 1200 / 7000"; "" = none
-
 // Looks at the file twice a second and reads it in a thread of its own. A file that is missing or cannot be read is a
 // problem in words until it changes; it never throws.
 class ModelFollower {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "core/error.h"
-#include "viewer/headless_renderer.h"
+#include "viewer/device_choice.h"
 
 namespace tg {
 namespace {
@@ -76,7 +76,8 @@ PictureBlit column(const std::shared_ptr<const PictureImage>& image, float begin
 Graphics::Graphics(glm::ivec2 size, Events& events, const ViewOptions& options)
     : opened(openScreen(size, events, options)),
       gui(window(), screen()),
-      pictures(screen(), opened.backend, glfwPostEmptyEvent) {}
+      pictures([this] { return screen().makePictureDevice(); }, screen().framesInFlight(), opened.backend,
+               glfwPostEmptyEvent) {}
 
 std::vector<PictureBlit> layOut(const Picture& picture, const Comparison& how, PixelRect area) {
   const std::shared_ptr<const PictureImage>& first = picture.image;

@@ -7,6 +7,10 @@
 #include "core/error.h"
 #include "viewer/follow.h"
 #include "viewer/headless_renderer.h"
+#include "viewer/parse.h"
+#include "viewer/scene_of.h"
+#include "viewer/shot.h"
+#include "viewer/training_progress.h"
 
 namespace tg {
 namespace {

@@ -7,8 +7,11 @@
 
 #include "converter/read_model.h"
 #include "core/error.h"
+#include "viewer/compare.h"
 #include "viewer/headless_renderer.h"
 #include "viewer/photographs.h"
+#include "viewer/scene_of.h"
+#include "viewer/shot.h"
 
 namespace tg {
 namespace {
@@ -61,7 +64,7 @@ void compareToFile(const ViewOptions& options) {
   std::vector<std::uint8_t> mask;
   std::string against = options.compare.string();
   if (!options.compare.empty()) {
-    const Scene second = describe(readModel(options.compare), options.compare);
+    const Scene second = sceneOf(readModel(options.compare), options.compare);
     other = pictureOf(*backend.renderer, second, camera, options, background);
   } else {
     auto [photograph, file] = photographOf(options, scene, camera, background);

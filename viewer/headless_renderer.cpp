@@ -3,13 +3,13 @@
 #include "viewer/headless_renderer.h"
 
 #include <cstdio>
+#include <vector>
 
 #include "core/error.h"
+#include "viewer/device_choice.h"
 
 namespace tg {
 namespace {
-
-const char* title(Api api) { return api == Api::vulkan ? "Vulkan" : "OpenGL"; }
 
 std::string limitsText(const GpuLimits& limits) {
   return "buffers to " + std::to_string(limits.storage_bytes >> 20) + " MiB, of texels to " +
@@ -18,17 +18,6 @@ std::string limitsText(const GpuLimits& limits) {
 }
 
 }  // namespace
-
-std::vector<Api> apisFor(const ViewOptions& options, const DevicePick& pick) {
-  if (options.backend == Backend::cpu) return {};
-  if (options.backend == Backend::automatic) return pick.api ? std::vector{*pick.api} : std::vector(kApis, kApis + 2);
-  const Api api = options.backend == Backend::vulkan ? Api::vulkan : Api::opengl;
-  if (pick.api && *pick.api != api) {
-    throw Error(ErrorKind::usage, "--device " + options.device + " is one of " + title(*pick.api) +
-                                      " (expected one of " + title(api) + " with --backend " + name(api) + ")");
-  }
-  return {api};
-}
 
 HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options) {
   const DevicePick pick = pickDevice(options.device);

@@ -3,10 +3,10 @@
 #pragma once
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "render/devices/devices.h"
 #include "viewer/options.h"
+#include "viewer/scene.h"
 
 namespace tg {
 
@@ -24,9 +24,6 @@ HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options);
 void printWarnings(const Scene& scene, const ViewOptions& options);
 // Writes the devices of every API with their limits to stdout.
 void printDevices();
-// The APIs that --backend and --device leave, the first choice first; none for the CPU. Throws Error(usage) when they
-// contradict each other.
-std::vector<Api> apisFor(const ViewOptions& options, const DevicePick& pick);
 // Throws Error(device) when validation has said anything.
 void requireNoValidationMessages(const HeadlessRenderer& backend);
 

@@ -3,30 +3,17 @@
 #include "viewer/inspector.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 #include "core/effective_rank.h"
-#include "core/error.h"
 #include "core/json.h"
 #include "shared/limits.h"
-#include "viewer/headless_renderer.h"
-#include "viewer/options.h"
 
 namespace tg {
 namespace {
 
 constexpr int kInspectVersion = 1;
-
-// What the pixel was drawn with: isolating shows one of its splats, but the list stays that of all.
-RenderSettings inspectedSettings(const ViewerState& state) {
-  RenderSettings settings = effectiveSettings(state);
-  settings.crop.reset();
-  if (state.display.crop) settings.crop = state.display.box;
-  return settings;
-}
 
 }  // namespace
 
@@ -117,47 +104,6 @@ std::string formatInspection(const GaussianModel& model, const Camera& camera, c
                              {"transmittance", left},
                              {"hits", std::move(list)}};
   return dumpJson(json, 1) + "\n";
-}
-
-bool InspectorThread::update(ViewerState& state, glm::ivec2 size) {
-  InspectState& inspection = state.inspect;
-  bool fresh = false;
-  if (answer_.valid() && answer_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
-    inspection.busy = false;
-    Answer answer = answer_.get();
-    fresh = answer.model == state.scene.model;
-    if (fresh) {
-      inspection.hits = std::move(answer.hits);
-      inspection.camera = answer.camera;
-      inspection.pixel = answer.pixel;
-      inspection.inspected = true;
-      inspection.isolated = false;
-      pickHit(state, 0);
-    }
-  }
-  if (!inspection.asked || answer_.valid()) return fresh;
-  const glm::ivec2 pixel = *std::exchange(inspection.asked, std::nullopt);
-  if (!state.scene.model) return fresh;
-  inspection.busy = true;
-  answer_ = std::async(std::launch::async, [pixel, model = state.scene.model, settings = inspectedSettings(state),
-                                            camera = toCamera(state.camera.pose, state.camera.lens, size.x, size.y)] {
-    return Answer{camera, pixel, model, inspectPixel(*model, camera, settings, pixel)};
-  });
-  return fresh;
-}
-
-void inspectHeadless(const ViewOptions& options) {
-  const Scene scene = sceneFor(options, readModel(options.model));
-  printWarnings(scene, options);
-  const Camera camera = cameraFor(options, scene);
-  const glm::ivec2 pixel = *options.inspect;
-  if (pixel.x >= camera.width || pixel.y >= camera.height)
-    throw Error(ErrorKind::usage, "--inspect: expected a pixel of the " + std::to_string(camera.width) + "x" +
-                                      std::to_string(camera.height) + " picture, found " + std::to_string(pixel.x) +
-                                      "," + std::to_string(pixel.y));
-  const RenderSettings settings = settingsFor(options, scene.background);
-  const std::vector<PixelHit> hits = inspectPixel(*scene.model, camera, settings, pixel);
-  std::fputs(formatInspection(*scene.model, camera, settings, pixel, hits).c_str(), stdout);
 }
 
 }  // namespace tg

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The inspector: what lies under a pixel, and the Gaussian picked of it.
 #pragma once
-#include <future>
-#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "viewer/state.h"
 
 namespace tg {
-
-struct ViewOptions;
 
 // The pixel of a picture of that size to be inspected next: asked for here, answered by InspectorThread.
 void inspect(ViewerState& state, glm::ivec2 pixel);
@@ -43,25 +40,5 @@ glm::dvec2 texelPosition(glm::dvec2 uv, int width, int height);
 // The inspected pixel as JSON (docs/viewer.md).
 std::string formatInspection(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
                              glm::ivec2 pixel, const std::vector<PixelHit>& hits);
-
-// Inspects in a thread of its own, one pixel at a time.
-class InspectorThread {
- public:
-  // Takes up what the state asks for, as a picture of that size, and hands over what is finished; true when that is
-  // new. Call once a frame.
-  bool update(ViewerState& state, glm::ivec2 size);
-
- private:
-  struct Answer {
-    Camera camera;
-    glm::ivec2 pixel{0};
-    std::shared_ptr<const GaussianModel> model;
-    std::vector<PixelHit> hits;
-  };
-  std::future<Answer> answer_;
-};
-
-// --inspect: prints the JSON. Throws Error of every kind.
-void inspectHeadless(const ViewOptions& options);
 
 }  // namespace tg

@@ -12,11 +12,6 @@
 
 namespace tg {
 
-struct PicturePair {
-  Image first, other;              // 3 channels, one size
-  std::vector<std::uint8_t> mask;  // 0: the pixel does not count; empty: all do
-};
-
 class MetricsThread {
  public:
   // `wake` is called in the thread when there is a result.

@@ -8,7 +8,7 @@
 
 #include "converter/read_model.h"
 #include "core/error.h"
-#include "viewer/options.h"
+#include "viewer/scene_of.h"
 
 namespace tg {
 namespace {
@@ -125,7 +125,7 @@ ModelLoader::News ModelLoader::load(const std::filesystem::path& path, ReadProgr
     News first;
     first.path = path;
     first.finished = false;
-    first.scene = describe(std::move(part), path);
+    first.scene = sceneOf(std::move(part), path);
     first.scene->partial = true;
     publish(std::move(first));
   };
@@ -143,7 +143,7 @@ ModelLoader::News ModelLoader::load(const std::filesystem::path& path, ReadProgr
       part.background = loaded.background;
       publishPart(std::move(part));
     }
-    news.scene = describe(std::move(loaded), path);
+    news.scene = sceneOf(std::move(loaded), path);
   } catch (const ReadCancelled&) {
   } catch (const Error& error) {
     news.problem = error.what();

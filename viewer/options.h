@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the command line and scripts share: values as text, and models as scenes.
+// What the command line asks for; flags.cpp reads it.
 #pragma once
 #include <filesystem>
 #include <glm/glm.hpp>
@@ -7,14 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "converter/read_model.h"
-#include "viewer/state.h"
+#include "render/renderer.h"
+#include "viewer/camera_controller.h"
+#include "viewer/compare.h"
 
 namespace tg {
-
-constexpr std::int64_t kMaxFramePixels = std::int64_t{1} << 26;  // all outputs of a frame: 3 GiB
-
-constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
 
 // automatic: Vulkan on a GPU, else OpenGL on a GPU, else the CPU renderer: where these run on the CPU themselves, they
 // are slower.
@@ -56,42 +53,5 @@ struct ViewOptions {
   std::optional<glm::ivec2> inspect;  // the pixel to list the splats of
   bool benchmark = false;             // time the path's frames
 };
-
-// Each throws Error(usage) that names `what`, the offending text and the form expected.
-glm::ivec2 parseSize(const std::string& text, const std::string& what);       // WxH
-glm::vec3 parseColor(const std::string& text, const std::string& what);       // r,g,b in [0,1], white, black
-TextureMode parseTextures(const std::string& text, const std::string& what);  // off, alpha, rgb, rgba
-IntersectionModel parseIntersection(const std::string& text, const std::string& what);
-Output parseShow(const std::string& text, const std::string& what);
-SplatOrder parseOrder(const std::string& text, const std::string& what);  // global, per-pixel
-TextureFilter parseFilter(const std::string& text, const std::string& what);
-Antialiasing parseAntialias(const std::string& text, const std::string& what);
-CropBox parseCrop(const std::string& text, const std::string& what);      // x0,y0,z0,x1,y1,z1; either corner first
-float parseScale(const std::string& text, const std::string& what);       // 0 to kMaxScale
-float parseExposure(const std::string& text, const std::string& what);    // [stops]
-float parseNear(const std::string& text, const std::string& what);        // [world units]
-float parseSplatScale(const std::string& text, const std::string& what);  // 0.01 to kMaxScale
-glm::ivec2 parsePixel(const std::string& text, const std::string& what);  // x,y
-std::string outputNames();                                          // for messages: final, base, ... or texel-density
-int parseDegree(const std::string& text, const std::string& what);  // 0 to 3
-double parseNumber(const std::string& text, const std::string& what);  // finite
-double parseNumber(const std::string& text, double low, double high, const std::string& what);
-CompareMode parseCompare(const std::string& text, const std::string& what);
-UpAxis parseUp(const std::string& text, const std::string& what);  // cameras, +x, -x, ...
-std::string texturesName(TextureMode mode);                        // as --textures has it
-bool isImageSize(int width, int height);                           // of kMaxImageSide and kMaxFramePixels
-
-// N, counted from 0, of the model's cameras, or the first camera of a cameras.json. Throws Error(usage) for a number
-// out of range, and what readCameras throws.
-Camera cameraOf(const std::string& text, const std::vector<Camera>& model_cameras, const std::string& what);
-
-// What --camera names, or the view that the window opens with; at --size.
-Camera cameraFor(const ViewOptions& options, const Scene& scene);
-
-// What frames are drawn with; `background` is the model's.
-RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background);
-
-Scene describe(LoadedModel loaded, const std::filesystem::path& path);
-Scene sceneFor(const ViewOptions& options, LoadedModel loaded);  // with --up
 
 }  // namespace tg

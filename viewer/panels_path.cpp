@@ -5,9 +5,9 @@
 #include <algorithm>
 
 #include "viewer/actions.h"
-#include "viewer/options.h"
 #include "viewer/panel_sections.h"
 #include "viewer/panel_widgets.h"
+#include "viewer/parse.h"
 #include "viewer/path_editor.h"
 
 namespace tg {

@@ -11,8 +11,8 @@
 #include "core/camera.h"
 #include "core/model.h"
 #include "render/renderer.h"
-#include "viewer/metrics_thread.h"
-#include "viewer/screen.h"
+#include "viewer/compare.h"
+#include "viewer/picture_device.h"
 
 namespace tg {
 

@@ -15,18 +15,6 @@ namespace {
 constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and one to compare with or to go back to
 constexpr int kMaxGrowth = 8;             // repeats of a frame whose buffers were too small
 
-bool sameView(const Camera& a, const Camera& b) {
-  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
-         a.camera_from_world_rotation == b.camera_from_world_rotation &&
-         a.camera_from_world_translation == b.camera_from_world_translation;
-}
-
-bool sameOther(const OtherPicture& a, const OtherPicture& b) {
-  if (a.model != b.model || a.difference != b.difference) return false;
-  if (!a.model && (a.photograph != b.photograph || !sameView(a.taken, b.taken))) return false;
-  return !a.difference || (a.with_sign == b.with_sign && a.gain == b.gain);
-}
-
 glm::ivec2 sizeOf(const PictureRequest& request) { return {request.camera.width, request.camera.height}; }
 
 FrameRequest frameOf(const PictureRequest& request) {
@@ -38,12 +26,6 @@ double milliseconds(std::chrono::steady_clock::duration duration) {
 }
 
 }  // namespace
-
-bool same(const PictureRequest& a, const PictureRequest& b) {
-  if (a.other.has_value() != b.other.has_value() || (a.other && !sameOther(*a.other, *b.other))) return false;
-  return a.model == b.model && sameView(a.camera, b.camera) && a.settings == b.settings && a.output == b.output &&
-         a.exposure == b.exposure;
-}
 
 struct PictureMaker::Loaded {
   std::shared_ptr<const GaussianModel> model;

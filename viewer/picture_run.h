@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures that the window draws one after the other by themselves: a recording, or a benchmark.
 #pragma once
-#include <chrono>
+#include <cstddef>
 #include <functional>
-#include <memory>
 #include <string>
 
-#include "viewer/benchmark.h"
 #include "viewer/picture.h"
-#include "viewer/recording.h"
 
 namespace tg {
 
@@ -24,13 +21,5 @@ class PictureRun {
   // Once all are done: waits for what is still under way, and says what came of it. Throws Error.
   virtual std::string finish() = 0;
 };
-
-// Of what the state asks for. Throws Error: usage, cannotWrite.
-std::unique_ptr<PictureRun> makeRecordingRun(const ViewerState& state);
-
-// Of options.path at that picture size. finish() prints the JSON to stdout. `started`: when the program was. Throws
-// what shotCameras throws.
-std::unique_ptr<PictureRun> makeBenchmarkRun(const ViewOptions& options, const Scene& scene, glm::ivec2 size,
-                                             std::chrono::steady_clock::time_point started);
 
 }  // namespace tg

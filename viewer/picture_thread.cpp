@@ -18,8 +18,13 @@ constexpr double kLook = 0.5;       // [ms] between looks at what is asked for, 
 
 }  // namespace
 
-PictureThread::PictureThread(Screen& screen, std::string backend, std::function<void()> wake)
-    : screen_(screen), backend_(std::move(backend)), wake_(std::move(wake)), thread_([this] { run(); }) {}
+PictureThread::PictureThread(std::function<std::unique_ptr<PictureDevice>()> make_device, int frames_in_flight,
+                             std::string backend, std::function<void()> wake)
+    : make_device_(std::move(make_device)),
+      frames_in_flight_(static_cast<std::size_t>(frames_in_flight)),
+      backend_(std::move(backend)),
+      wake_(std::move(wake)),
+      thread_([this] { run(); }) {}
 
 PictureThread::~PictureThread() {
   {
@@ -63,7 +68,7 @@ void PictureThread::run() {
   std::unique_ptr<PictureDevice> device;
   std::unique_ptr<PictureMaker> maker;
   std::optional<PictureRequest> newest;  // of those begun
-  const auto most = static_cast<std::size_t>(screen_.framesInFlight());
+  const std::size_t most = frames_in_flight_;
   std::unique_lock lock(mutex_);
   for (;;) {
     const std::size_t under_way = maker ? maker->underWay() : 0;
@@ -87,7 +92,7 @@ void PictureThread::run() {
       bool device_failed = true;
       try {
         if (lose && backend_ != "cpu") throw Error(ErrorKind::device, "device lost, as a script wants it");
-        if (!device) device = screen_.makePictureDevice();
+        if (!device) device = make_device_();
         if (!maker) maker = std::make_unique<PictureMaker>(*device, backend_);
         if (request) newest = request;
         if (request && !maker->begin(*request)) refused = request;

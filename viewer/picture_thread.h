@@ -13,15 +13,16 @@
 
 namespace tg {
 
-// Draws the newest request; one that has not begun when the next comes is dropped. Where the screen lets two pictures
-// be in flight, the second is recorded shortly before the device is expected to be done with the first: so late,
+// Draws the newest request; one that has not begun when the next comes is dropped. Where two pictures may be in
+// flight, the second is recorded shortly before the device is expected to be done with the first: so late,
 // because a request that has begun no longer gives way to a newer one. When the device fails, it goes on with the CPU
 // renderer and says so. All members may be called from one other thread, none of them waits for a picture.
 class PictureThread {
  public:
-  // `screen` must outlive this and every picture. backend: as --backend has it. `wake` is called in this thread when
-  // there is news.
-  PictureThread(Screen& screen, std::string backend, std::function<void()> wake);
+  // `make_device` is called in this thread; what it draws on must outlive this and every picture. frames_in_flight: of
+  // pictures. backend: as --backend has it. `wake` is called in this thread when there is news.
+  PictureThread(std::function<std::unique_ptr<PictureDevice>()> make_device, int frames_in_flight, std::string backend,
+                std::function<void()> wake);
   // Waits for the picture at hand, drops the one asked for.
   ~PictureThread();
   PictureThread(const PictureThread&) = delete;
@@ -45,7 +46,8 @@ class PictureThread {
  private:
   void run();
 
-  Screen& screen_;
+  const std::function<std::unique_ptr<PictureDevice>()> make_device_;
+  const std::size_t frames_in_flight_;
   std::string backend_;  // of the thread, once it runs
   const std::function<void()> wake_;
   mutable std::mutex mutex_;  // guards all below but the thread

@@ -8,7 +8,9 @@
 #include <cstdio>
 
 #include "viewer/headless_renderer.h"
+#include "viewer/parse.h"
 #include "viewer/recorder.h"
+#include "viewer/scene_of.h"
 #include "viewer/shot.h"
 
 namespace tg {

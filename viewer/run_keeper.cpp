@@ -2,6 +2,8 @@
 #include "viewer/run_keeper.h"
 
 #include "core/error.h"
+#include "viewer/benchmark_run.h"
+#include "viewer/recording_run.h"
 
 namespace tg {
 
@@ -32,10 +34,10 @@ bool RunKeeper::update(ViewerState& state, glm::ivec2 area) {
 void RunKeeper::begin(const ViewerState& state, glm::ivec2 area) {
   if (options_.benchmark) {
     if (state.quit || !state.scene.model || state.scene.partial) return;
-    run_ = makeBenchmarkRun(options_, state.scene, area, started_);
+    run_ = std::make_unique<BenchmarkRun>(options_, state.scene, area, started_);
   } else if (state.record.wanted) {
     if (!state.scene.model) throw Error(ErrorKind::usage, "there is no model to record");
-    run_ = makeRecordingRun(state);
+    run_ = std::make_unique<RecordingRun>(state);
   }
 }
 

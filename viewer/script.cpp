@@ -4,14 +4,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <sstream>
 #include <string_view>
 
 #include "core/error.h"
 #include "core/file.h"
 #include "viewer/actions.h"
-#include "viewer/options.h"
+#include "viewer/parse.h"
 #include "viewer/script_verb.h"
 
 namespace tg {
@@ -146,22 +145,6 @@ const Verb* findVerb(std::string_view name) {
 }
 
 }  // namespace
-
-bool parseSwitch(const std::string& text, const std::string& what) {
-  if (text != "on" && text != "off") {
-    throw Error(ErrorKind::usage, what + ": expected on or off, found \"" + text + "\"");
-  }
-  return text == "on";
-}
-
-std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what) {
-  const double index = parseNumber(text, what);
-  if (!(index >= 0 && index < static_cast<double>(count) && index == std::floor(index))) {
-    throw Error(ErrorKind::usage,
-                what + ": expected a number below " + std::to_string(count) + ", found \"" + text + "\"");
-  }
-  return static_cast<std::size_t>(index);
-}
 
 Script readScript(const std::filesystem::path& path) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxScriptBytes);

@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "viewer/bookmarks.h"
-#include "viewer/options.h"
+#include "viewer/parse.h"
 #include "viewer/path_editor.h"
 #include "viewer/script_verb.h"
 

@@ -3,7 +3,7 @@
 #include <array>
 
 #include "viewer/inspector.h"
-#include "viewer/options.h"
+#include "viewer/parse.h"
 #include "viewer/script_verb.h"
 
 namespace tg {

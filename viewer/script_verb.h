@@ -25,10 +25,6 @@ struct Verb {
 
 constexpr int kFramesOfPanels = 2;  // an overlay measures itself in its first frame, unseen
 
-bool parseSwitch(const std::string& text, const std::string& what);  // on, off
-// A whole number below `count`.
-std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what);
-
 std::span<const Verb> cameraVerbs();
 std::span<const Verb> displayVerbs();
 

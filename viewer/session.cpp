@@ -9,7 +9,7 @@
 #include "core/file.h"
 #include "core/json.h"
 #include "viewer/bookmarks.h"
-#include "viewer/options.h"
+#include "viewer/parse.h"
 
 namespace tg {
 namespace {

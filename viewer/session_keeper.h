@@ -4,6 +4,7 @@
 #include <glm/glm.hpp>
 
 #include "viewer/options.h"
+#include "viewer/scene.h"
 #include "viewer/session.h"
 
 namespace tg {

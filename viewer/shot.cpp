@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Paths and turntables as lists of cameras.
+// The view of one picture; paths and turntables as lists of cameras.
 #include "viewer/shot.h"
 
 #include <cmath>
 
 #include "core/error.h"
 #include "viewer/camera_path.h"
+#include "viewer/parse.h"
+#include "viewer/state.h"
 
 namespace tg {
 namespace {
 
+constexpr glm::ivec2 kDefaultSize(1280, 720);
 constexpr int kPathRows = 720;  // [px] of a path's pictures where nothing else is said
 
 // Checked after rounding to even sides, which may be the pixel too many.
@@ -33,6 +36,33 @@ std::vector<Camera> pathShot(const ViewOptions& options, bool even) {
 }
 
 }  // namespace
+
+Camera cameraFor(const ViewOptions& options, const Scene& scene) {
+  std::string which = options.camera;
+  if (which.empty() && !scene.cameras.empty()) which = std::to_string(startCamera(scene.cameras));
+  if (which.empty()) {
+    const glm::ivec2 size = options.size.value_or(kDefaultSize);
+    const Lens lens;
+    const double aspect = static_cast<double>(size.x) / size.y;
+    return toCamera(startPose(scene.up, scene.bounds, lens, aspect), lens, size.x, size.y);
+  }
+  const Camera camera = cameraOf(which, scene.cameras, "--camera");
+  if (!isImageSize(camera.width, camera.height)) {
+    throw Error(ErrorKind::badData, "--camera " + which,
+                "image size (expected " + imageSizeLimits() + ", found " + std::to_string(camera.width) + "x" +
+                    std::to_string(camera.height) + ")");
+  }
+  return options.size ? fitted(camera, options.size->x, options.size->y) : camera;
+}
+
+RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
+  RenderSettings settings = options.settings;
+  settings.textures = options.textures;
+  settings.intersection = options.intersection;
+  settings.background = options.background.value_or(background);
+  settings.outputs = {options.show};
+  return settings;
+}
 
 ViewPose turntableStart(const ViewOptions& options, const Scene& scene, const Camera& camera) {
   ViewPose pose = poseOf(camera, scene.up, scene.bounds);

@@ -56,6 +56,7 @@ struct RecordState {
   bool wanted = false;         // set to begin, cleared to cancel; the window clears it at the end
   std::size_t done = 0, frames = 0;
 };
+constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
 
 // What lies under a pixel. Panels, keys and scripts ask; the window answers.
 struct InspectState {

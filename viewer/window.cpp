@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "converter/file_format.h"
+#include "converter/read_model.h"
 #include "core/error.h"
 #include "viewer/actions.h"
 #include "viewer/captures.h"
@@ -23,6 +24,7 @@
 #include "viewer/graphics.h"
 #include "viewer/input.h"
 #include "viewer/inspector.h"
+#include "viewer/inspector_thread.h"
 #include "viewer/load_timings.h"
 #include "viewer/panels.h"
 #include "viewer/path_editor.h"

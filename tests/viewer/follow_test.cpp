@@ -9,8 +9,9 @@
 #include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
-#include "viewer/options.h"
+#include "viewer/scene_of.h"
 #include "viewer/state.h"
+#include "viewer/training_progress.h"
 
 using namespace tg;
 using Catch::Matchers::Contains;
@@ -83,7 +84,7 @@ TEST_CASE("a followed file is waited for, read again when replaced, and missed w
   REQUIRE(news.model);
   CHECK(news.problem.empty());
   CHECK(news.model->model.size() == 3);
-  CHECK(describe(*news.model, file).training == "plain 120 / 700, 24.30 dB in training");
+  CHECK(sceneOf(*news.model, file).training == "plain 120 / 700, 24.30 dB in training");
 
   writeModel(file, 5);
   news = follower.wait();

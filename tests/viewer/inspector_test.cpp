@@ -12,6 +12,7 @@
 #include "support/catch.h"
 #include "support/scenes.h"
 #include "viewer/actions.h"
+#include "viewer/inspector_thread.h"
 #include "viewer/scene_lines.h"
 
 using namespace tg;

@@ -9,7 +9,6 @@
 #include "viewer/actions.h"
 #include "viewer/bookmarks.h"
 #include "viewer/input.h"
-#include "viewer/recording.h"
 
 using namespace tg;
 using test::press;
@@ -202,35 +201,6 @@ TEST_CASE("in fly mode the left button looks around, in orbit mode it goes round
     CHECK((state.camera.pose.position == before.position) == flying);
     CHECK((glm::length(state.camera.pose.pivot() - before.pivot()) < 1e-9) == !flying);
   }
-}
-
-TEST_CASE("a recording takes pictures of the path, or of a turn, in order") {
-  const TemporaryFolder folder;
-  ViewerState state = stateAt({0, 0, -4});
-  state.record.out = folder / "f";
-  state.record.size = {8, 6};
-  state.record.turntable_frames = 4;
-  {
-    Recording turn(state);
-    CHECK(turn.frames() == 4);
-    while (!turn.complete()) {
-      const Camera* due = turn.due();
-      if (!due) continue;
-      CHECK(due->width == 8);
-      turn.add(Image(8, 6, 3, 0.5f));
-    }
-    CHECK_FALSE(turn.due());
-    turn.finish();
-  }
-  CHECK(std::filesystem::exists(folder / "f/0003.png"));
-  press(state, 'K');
-  orbit(state.camera.pose, 0.5, 0.1);
-  press(state, 'K');
-  state.record.fps = 2;
-  Recording path(state);
-  CHECK(path.frames() == 5);
-  state.record.out = "f.gif";
-  CHECK_THROWS_AS(Recording(state), Error);
 }
 
 TEST_CASE("an action that fails shows why") {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One picture after the other.
-#include "viewer/recording.h"
-
-#include <utility>
+#include "viewer/recording_run.h"
 
 #include "viewer/path_editor.h"
 
@@ -13,17 +11,22 @@ RecordTarget targetOf(const ViewerState& state) { return parseRecordTarget(state
 
 }  // namespace
 
-Recording::Recording(const ViewerState& state)
+RecordingRun::RecordingRun(const ViewerState& state)
     : cameras_(recordCameras(state, recordSize(targetOf(state), state.record.size))),
       recorder_(targetOf(state), {cameras_.front().width, cameras_.front().height}, state.record.fps) {}
 
-const Camera* Recording::due() const { return complete() || !recorder_.ready() ? nullptr : &cameras_[done_]; }
+const Camera* RecordingRun::due() {
+  return done_ == cameras_.size() || !recorder_.ready() ? nullptr : &cameras_[done_];
+}
 
-void Recording::add(Image picture) {
-  recorder_.add(std::move(picture));
+void RecordingRun::take(const Picture&, const std::function<Image()>& read) {
+  recorder_.add(read());
   ++done_;
 }
 
-void Recording::finish() { recorder_.finish(); }
+std::string RecordingRun::finish() {
+  recorder_.finish();
+  return "Recorded " + recorder_.target().path.string();
+}
 
 }  // namespace tg

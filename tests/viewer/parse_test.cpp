@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Values of flags and script commands.
-#include "viewer/options.h"
+#include "viewer/parse.h"
 
 #include "core/error.h"
 #include "support/catch.h"
@@ -68,23 +68,4 @@ TEST_CASE("a camera's number must exist") {
   CHECK_THROWS_AS(cameraOf("99999999999999999999", cameras, "--camera"), Error);
   CHECK_THROWS_AS(cameraOf("0", {}, "--camera"), Error);
   CHECK_THROWS_AS(cameraOf("no-such-file.json", cameras, "--camera"), Error);
-}
-
-TEST_CASE("without --camera: the first test camera, else the first, else the whole model") {
-  Scene scene;
-  ViewOptions options;
-  const Camera whole = cameraFor(options, scene);
-  CHECK(whole.width == 1280);
-  CHECK(whole.height == 720);
-  for (int i = 0; i < 3; ++i) {
-    scene.cameras.push_back(lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64 + i, 48));
-  }
-  CHECK(cameraFor(options, scene).width == 64);
-  scene.cameras[2].test = true;
-  CHECK(cameraFor(options, scene).width == 66);
-  options.size = glm::ivec2(200, 100);
-  CHECK(cameraFor(options, scene).width == 200);
-  options.size.reset();
-  scene.cameras[2].width = 1 << 20;
-  CHECK_THROWS_AS(cameraFor(options, scene), Error);
 }

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Values as text, with errors that say what was expected.
-#include "viewer/options.h"
+#include "viewer/parse.h"
 
 #include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <utility>
+#include <optional>
+#include <string_view>
 
 #include "core/error.h"
-#include "viewer/follow.h"
+#include "viewer/state.h"
 
 namespace tg {
 namespace {
-
-constexpr glm::ivec2 kDefaultSize(1280, 720);
 
 [[noreturn]] void refuse(const std::string& what, const std::string& text, const std::string& expected) {
   throw Error(ErrorKind::usage, what + ": expected " + expected + ", found \"" + text + "\"");
@@ -27,15 +26,15 @@ std::optional<T> parseWhole(std::string_view text) {
   return value;
 }
 
-std::string sizeLimits() {
-  return "sides of 1 to " + std::to_string(kMaxImageSide) + ", at most " + std::to_string(kMaxFramePixels) + " pixels";
-}
-
 }  // namespace
 
 bool isImageSize(int width, int height) {
   return width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide &&
          std::int64_t{width} * height <= kMaxFramePixels;
+}
+
+std::string imageSizeLimits() {
+  return "sides of 1 to " + std::to_string(kMaxImageSide) + ", at most " + std::to_string(kMaxFramePixels) + " pixels";
 }
 
 SplatOrder parseOrder(const std::string& text, const std::string& what) {
@@ -103,7 +102,7 @@ glm::ivec2 parseSize(const std::string& text, const std::string& what) {
   const std::size_t x = text.find('x');
   const auto width = parseWhole<int>(std::string_view(text).substr(0, x));
   const auto height = x == std::string::npos ? std::nullopt : parseWhole<int>(std::string_view(text).substr(x + 1));
-  if (!width || !height || !isImageSize(*width, *height)) refuse(what, text, "WIDTHxHEIGHT, " + sizeLimits());
+  if (!width || !height || !isImageSize(*width, *height)) refuse(what, text, "WIDTHxHEIGHT, " + imageSizeLimits());
   return {*width, *height};
 }
 
@@ -167,6 +166,18 @@ double parseNumber(const std::string& text, double low, double high, const std::
   return *value;
 }
 
+bool parseSwitch(const std::string& text, const std::string& what) {
+  if (text != "on" && text != "off") refuse(what, text, "on or off");
+  return text == "on";
+}
+
+std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what) {
+  const double index = parseNumber(text, what);
+  if (!(index >= 0 && index < static_cast<double>(count) && index == std::floor(index)))
+    refuse(what, text, "a number below " + std::to_string(count));
+  return static_cast<std::size_t>(index);
+}
+
 CompareMode parseCompare(const std::string& text, const std::string& what) {
   const auto mode = parseCompareMode(text);
   if (!mode) refuse(what, text, "off, side, wipe, flicker or difference");
@@ -191,67 +202,6 @@ Camera cameraOf(const std::string& text, const std::vector<Camera>& model_camera
   const std::vector<Camera> cameras = readCameras(text);
   if (cameras.empty()) throw Error(ErrorKind::badData, text, "no camera inside (expected at least 1, found 0)");
   return cameras.front();
-}
-
-Camera cameraFor(const ViewOptions& options, const Scene& scene) {
-  std::string which = options.camera;
-  if (which.empty() && !scene.cameras.empty()) which = std::to_string(startCamera(scene.cameras));
-  if (which.empty()) {
-    const glm::ivec2 size = options.size.value_or(kDefaultSize);
-    const Lens lens;
-    const double aspect = static_cast<double>(size.x) / size.y;
-    return toCamera(startPose(scene.up, scene.bounds, lens, aspect), lens, size.x, size.y);
-  }
-  const Camera camera = cameraOf(which, scene.cameras, "--camera");
-  if (!isImageSize(camera.width, camera.height)) {
-    throw Error(ErrorKind::badData, "--camera " + which,
-                "image size (expected " + sizeLimits() + ", found " + std::to_string(camera.width) + "x" +
-                    std::to_string(camera.height) + ")");
-  }
-  return options.size ? fitted(camera, options.size->x, options.size->y) : camera;
-}
-
-RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
-  RenderSettings settings = options.settings;
-  settings.textures = options.textures;
-  settings.intersection = options.intersection;
-  settings.background = options.background.value_or(background);
-  settings.outputs = {options.show};
-  return settings;
-}
-
-Scene describe(LoadedModel loaded, const std::filesystem::path& path) {
-  const GaussianModel& model = loaded.model;
-  Scene scene;
-  scene.path = path;
-  scene.gaussians = model.size();
-  for (const TextureRect& rect : model.atlas.rects) {
-    scene.textured += rect.texelCount() > 0;
-    scene.texels += rect.texelCount();
-  }
-  scene.sh_degree = model.sh_degree;
-  scene.texture_mode = model.texture_mode;
-  scene.intersection = model.intersection;
-  scene.background = loaded.background;
-  scene.warnings = std::move(loaded.warnings);
-  scene.up = sceneUp(loaded.cameras);
-  scene.bounds = sceneBounds(model);
-  scene.cameras = std::move(loaded.cameras);
-  const TrainingProgress progress = trainingProgress(loaded.training_json);
-  scene.training = formatProgress(progress);
-  if (progress.psnr > 0) {
-    char text[32];
-    std::snprintf(text, sizeof text, ", %.2f dB in training", progress.psnr);
-    scene.training += text;
-  }
-  scene.model = std::make_shared<const GaussianModel>(std::move(loaded.model));
-  return scene;
-}
-
-Scene sceneFor(const ViewOptions& options, LoadedModel loaded) {
-  Scene scene = describe(std::move(loaded), options.model);
-  scene.up = upOf(options.up, scene.up);
-  return scene;
 }
 
 }  // namespace tg

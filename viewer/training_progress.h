@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// How far a model's training is, by its own words.
+#pragma once
+#include <string>
+
+namespace tg {
+
+// What training.json says about how far the run is. Never throws: a file without it, or with another JSON, has none.
+struct TrainingProgress {
+  std::string stage;   // "plain", "textured", ...; "" = none
+  int iteration = 0;   // done in the stage
+  int iterations = 0;  // of the stage; 0: not said
+  double psnr = 0;     // [dB] of the training views, running mean
+  bool finished = true;
+};
+TrainingProgress trainingProgress(const std::string& training_json);
+std::string formatProgress(const TrainingProgress& progress);  // "plain 1200 / 7000"; "" = none
+
+}  // namespace tg
