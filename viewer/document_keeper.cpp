@@ -10,8 +10,8 @@
 
 namespace tg {
 
-DocumentKeeper::DocumentKeeper(const ViewOptions& options, std::function<void()> wake,
-                               std::function<void(ViewerState&, Scene)> adopt)
+OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
+                       std::function<void(ViewerState&, Scene)> adopt)
     : options_(options), adopt_(std::move(adopt)), loader_(wake) {
   if (options.follow) {
     follower_ = std::make_unique<ModelFollower>(options.model, std::move(wake));
@@ -23,11 +23,11 @@ DocumentKeeper::DocumentKeeper(const ViewOptions& options, std::function<void()>
 }
 
 // A line that fades; it would come and go in a script's pictures.
-void DocumentKeeper::say(ViewerState& state, const std::string& text) const {
+void OpenModels::say(ViewerState& state, const std::string& text) const {
   if (options_.script.empty()) notify(state, text);
 }
 
-bool DocumentKeeper::update(ViewerState& state) {
+bool OpenModels::update(ViewerState& state) {
   DocumentState& documents = state.documents;
   for (const std::filesystem::path& path : std::exchange(documents.open_requests, {})) {
     loader_.open(path);
@@ -62,7 +62,7 @@ bool DocumentKeeper::update(ViewerState& state) {
   return changed;
 }
 
-bool DocumentKeeper::takeLoaded(ViewerState& state) {
+bool OpenModels::takeLoaded(ViewerState& state) {
   bool changed = false;
   // The first picture is there so much earlier that it is worth the wait.
   while (!state.loading.part_owed) {
@@ -120,7 +120,7 @@ bool DocumentKeeper::takeLoaded(ViewerState& state) {
 }
 
 // The first model opens like any other; later ones change nothing but the model.
-bool DocumentKeeper::takeFollowed(ViewerState& state) {
+bool OpenModels::takeFollowed(ViewerState& state) {
   if (!follower_) return false;
   std::optional<ModelFollower::News> news = follower_->take();
   if (!news) return false;
@@ -141,7 +141,7 @@ bool DocumentKeeper::takeFollowed(ViewerState& state) {
   return true;
 }
 
-void DocumentKeeper::open(ViewerState& state, Scene scene) {
+void OpenModels::open(ViewerState& state, Scene scene) {
   leaveDocument(state);
   state.documents.open.push_back({scene.path, {}, {}, {}, -1});
   state.documents.shown = static_cast<int>(state.documents.open.size()) - 1;
@@ -153,7 +153,7 @@ void DocumentKeeper::open(ViewerState& state, Scene scene) {
 }
 
 // What the command line says about the first view.
-void DocumentKeeper::firstView(ViewerState& state) {
+void OpenModels::firstView(ViewerState& state) {
   resetView(state);
   if (opened_any_) return;
   state.display.settings.background = options_.background.value_or(state.scene.background);
@@ -161,14 +161,14 @@ void DocumentKeeper::firstView(ViewerState& state) {
   setCamera(state, cameraOf(options_.camera, state.scene.cameras, "--camera"));
 }
 
-void DocumentKeeper::replace(ViewerState& state, int document, Scene scene) {
+void OpenModels::replace(ViewerState& state, int document, Scene scene) {
   if (document == state.documents.shown)
     replaceScene(state, std::move(scene));
   else
     state.documents.open[document].scene = std::move(scene);
 }
 
-void DocumentKeeper::show(ViewerState& state, int document) {
+void OpenModels::show(ViewerState& state, int document) {
   if (document == state.documents.shown) return;
   const CameraState view = state.camera;
   const bool own_background = state.display.settings.background == state.scene.background;
@@ -187,7 +187,7 @@ void DocumentKeeper::show(ViewerState& state, int document) {
   state.camera.index = together ? view.index : kept.camera;
 }
 
-void DocumentKeeper::close(ViewerState& state, int document) {
+void OpenModels::close(ViewerState& state, int document) {
   std::vector<Document>& open = state.documents.open;
   if (follower_ && open[document].path == follower_->file()) {
     follower_.reset();

@@ -11,12 +11,11 @@
 
 namespace tg {
 
-class DocumentKeeper {
+class OpenModels {
  public:
   // Begins to read the models of `options` (with --follow, to watch the first). `wake` is called in other threads when
   // update() has something to do; `adopt` makes a scene the one shown, with its own view and background.
-  DocumentKeeper(const ViewOptions& options, std::function<void()> wake,
-                 std::function<void(ViewerState&, Scene)> adopt);
+  OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt);
 
   // Once a frame. True when the models have changed. Throws Error when nothing could be opened at the start.
   bool update(ViewerState& state);

@@ -8,7 +8,7 @@
 
 namespace tg {
 
-void LoadTimings::take(bool whole, const Scene& scene, const DocumentKeeper& documents) {
+void LoadTimings::take(bool whole, const Scene& scene, const OpenModels& documents) {
   if (printed_) return;
   const double now = std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
   const double cpu = processMilliseconds() / 1e3;

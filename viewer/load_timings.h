@@ -13,7 +13,7 @@ class LoadTimings {
 
   // Once per picture that has come. `whole`: it shows all of the model at full size; the first such one is printed to
   // stdout, with the first of all.
-  void take(bool whole, const Scene& scene, const DocumentKeeper& documents);
+  void take(bool whole, const Scene& scene, const OpenModels& documents);
 
  private:
   const std::chrono::steady_clock::time_point started_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders frame after frame while the recorder compresses the ones before.
+// Renders frame after frame while the writer compresses the ones before.
 #include "viewer/record.h"
 
 #include <unistd.h>
@@ -55,7 +55,7 @@ void recordToFile(const ViewOptions& options) {
   printWarnings(scene, options);
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);
   const RenderSettings settings = settingsFor(options, scene.background);
-  Recorder recorder(target, {cameras.front().width, cameras.front().height}, options.fps);
+  FrameWriter writer(target, {cameras.front().width, cameras.front().height}, options.fps);
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   backend.renderer->setModel(scene.model);
 
@@ -64,11 +64,11 @@ void recordToFile(const ViewOptions& options) {
     Progress progress(cameras.size());
     for (const Camera& camera : cameras) {
       const Frame frame = backend.renderer->render(camera, settings);
-      recorder.add(numbers ? extract(frame, options.show) : visualize(frame, options.show, options.exposure));
+      writer.add(numbers ? extract(frame, options.show) : visualize(frame, options.show, options.exposure));
       progress.step();
     }
     requireNoValidationMessages(backend);
-    recorder.finish();
+    writer.finish();
     seconds = progress.seconds();
   }
   std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),

@@ -224,7 +224,7 @@ glm::ivec2 recordSize(const RecordTarget& target, glm::ivec2 size) {
   return target.video ? glm::max((size + 1) / 2 * 2, glm::ivec2(2)) : size;
 }
 
-Recorder::Recorder(RecordTarget target, glm::ivec2 size, double fps)
+FrameWriter::FrameWriter(RecordTarget target, glm::ivec2 size, double fps)
     : target_(std::move(target)), size_(size), fps_(fps) {
   makeFolder(target_.path.parent_path());
   requireWritable(target_.video ? target_.path : framePath(target_, 0));
@@ -238,7 +238,7 @@ Recorder::Recorder(RecordTarget target, glm::ivec2 size, double fps)
   thread_ = std::thread([this] { work(); });
 }
 
-Recorder::~Recorder() {
+FrameWriter::~FrameWriter() {
   {
     const std::lock_guard lock(mutex_);
     closed_ = cancelled_ = true;
@@ -247,16 +247,16 @@ Recorder::~Recorder() {
   if (thread_.joinable()) thread_.join();
 }
 
-bool Recorder::ready() const {
+bool FrameWriter::ready() const {
   const std::lock_guard lock(mutex_);
   return done_ || queue_.size() < kQueuedFrames;
 }
 
-void Recorder::rethrow() {
+void FrameWriter::rethrow() {
   if (error_) std::rethrow_exception(error_);
 }
 
-void Recorder::add(Image frame) {
+void FrameWriter::add(Image frame) {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return done_ || queue_.size() < kQueuedFrames; });
   rethrow();
@@ -264,7 +264,7 @@ void Recorder::add(Image frame) {
   changed_.notify_all();
 }
 
-void Recorder::finish() {
+void FrameWriter::finish() {
   {
     const std::lock_guard lock(mutex_);
     closed_ = true;
@@ -275,7 +275,7 @@ void Recorder::finish() {
   rethrow();
 }
 
-bool Recorder::take(Image& frame) {
+bool FrameWriter::take(Image& frame) {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return cancelled_ || closed_ || !queue_.empty(); });
   if (cancelled_) throw Cancelled{};
@@ -286,12 +286,12 @@ bool Recorder::take(Image& frame) {
   return true;
 }
 
-void Recorder::writePictures() {
+void FrameWriter::writePictures() {
   Image frame;
   for (std::size_t number = 0; take(frame); ++number) writeImage(framePath(target_, number), frame);
 }
 
-void Recorder::writeVideo() {
+void FrameWriter::writeVideo() {
   writeFileAtomically(target_.path, [this](const std::filesystem::path& temporary) {
     Encoder encoder(ffmpeg_, temporary, target_.path, size_, fps_);
     Image frame;
@@ -300,7 +300,7 @@ void Recorder::writeVideo() {
   });
 }
 
-void Recorder::work() {
+void FrameWriter::work() {
   std::exception_ptr error;
   try {
     if (target_.video)

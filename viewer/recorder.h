@@ -29,15 +29,15 @@ glm::ivec2 recordSize(const RecordTarget& target, glm::ivec2 size);
 
 // Compresses and writes in a thread of its own while the next frame is rendered. A video appears under its name when it
 // is whole; pictures appear one by one.
-class Recorder {
+class FrameWriter {
  public:
   // Throws at once for a place that cannot be written or where the ffmpeg program is missing: Error(cannotWrite).
   // `size`: recordSize. `fps` > 0, of a video.
-  Recorder(RecordTarget target, glm::ivec2 size, double fps);
+  FrameWriter(RecordTarget target, glm::ivec2 size, double fps);
   // Without finish: ends the work. A video leaves no file, written pictures stay.
-  ~Recorder();
-  Recorder(const Recorder&) = delete;
-  Recorder& operator=(const Recorder&) = delete;
+  ~FrameWriter();
+  FrameWriter(const FrameWriter&) = delete;
+  FrameWriter& operator=(const FrameWriter&) = delete;
 
   const RecordTarget& target() const { return target_; }
   bool ready() const;  // add would not wait

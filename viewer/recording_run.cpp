@@ -13,20 +13,18 @@ RecordTarget targetOf(const ViewerState& state) { return parseRecordTarget(state
 
 RecordingRun::RecordingRun(const ViewerState& state)
     : cameras_(recordCameras(state, recordSize(targetOf(state), state.record.size))),
-      recorder_(targetOf(state), {cameras_.front().width, cameras_.front().height}, state.record.fps) {}
+      writer_(targetOf(state), {cameras_.front().width, cameras_.front().height}, state.record.fps) {}
 
-const Camera* RecordingRun::due() {
-  return done_ == cameras_.size() || !recorder_.ready() ? nullptr : &cameras_[done_];
-}
+const Camera* RecordingRun::due() { return done_ == cameras_.size() || !writer_.ready() ? nullptr : &cameras_[done_]; }
 
 void RecordingRun::take(const Picture&, const std::function<Image()>& read) {
-  recorder_.add(read());
+  writer_.add(read());
   ++done_;
 }
 
 std::string RecordingRun::finish() {
-  recorder_.finish();
-  return "Recorded " + recorder_.target().path.string();
+  writer_.finish();
+  return "Recorded " + writer_.target().path.string();
 }
 
 }  // namespace tg

@@ -23,7 +23,7 @@ class RecordingRun final : public PictureRun {
 
  private:
   std::vector<Camera> cameras_;
-  Recorder recorder_;
+  FrameWriter writer_;
   std::size_t done_ = 0;
 };
 

@@ -7,7 +7,7 @@
 
 namespace tg {
 
-bool RunKeeper::update(ViewerState& state, glm::ivec2 area) {
+bool PictureRuns::update(ViewerState& state, glm::ivec2 area) {
   try {
     if (!run_) {
       begin(state, area);
@@ -31,7 +31,7 @@ bool RunKeeper::update(ViewerState& state, glm::ivec2 area) {
   return !run_;
 }
 
-void RunKeeper::begin(const ViewerState& state, glm::ivec2 area) {
+void PictureRuns::begin(const ViewerState& state, glm::ivec2 area) {
   if (options_.benchmark) {
     if (state.quit || !state.scene.model || state.scene.partial) return;
     run_ = std::make_unique<BenchmarkRun>(options_, state.scene, area, started_);
@@ -41,14 +41,14 @@ void RunKeeper::begin(const ViewerState& state, glm::ivec2 area) {
   }
 }
 
-void RunKeeper::end(ViewerState& state, const std::string& notice) {
+void PictureRuns::end(ViewerState& state, const std::string& notice) {
   run_.reset();
   awaited_.reset();
   state.record.wanted = false;
   if (!notice.empty() && !scripted_) notify(state, notice);
 }
 
-std::optional<PictureRequest> RunKeeper::due(const PictureRequest& view) {
+std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view) {
   if (awaited_) return std::nullopt;
   const Camera* camera = run_->due();
   if (!camera) return std::nullopt;
@@ -58,7 +58,7 @@ std::optional<PictureRequest> RunKeeper::due(const PictureRequest& view) {
   return awaited_;
 }
 
-bool RunKeeper::take(ViewerState& state, const Picture& picture, const std::function<Image()>& read) {
+bool PictureRuns::take(ViewerState& state, const Picture& picture, const std::function<Image()>& read) {
   if (!run_ || !awaited_ || !same(picture.request, *awaited_)) return false;
   awaited_.reset();
   try {
@@ -71,7 +71,7 @@ bool RunKeeper::take(ViewerState& state, const Picture& picture, const std::func
   return true;
 }
 
-void RunKeeper::giveUp(ViewerState& state, const std::string& problem) {
+void PictureRuns::giveUp(ViewerState& state, const std::string& problem) {
   if (!run_) return;
   if (options_.benchmark) throw Error(ErrorKind::device, problem);
   end(state, "");

@@ -14,10 +14,10 @@
 
 namespace tg {
 
-class RunKeeper {
+class PictureRuns {
  public:
   // `started`: when the program was. `scripted`: failures are thrown instead of shown, and nothing is announced.
-  RunKeeper(const ViewOptions& options, std::chrono::steady_clock::time_point started, bool scripted)
+  PictureRuns(const ViewOptions& options, std::chrono::steady_clock::time_point started, bool scripted)
       : options_(options), started_(started), scripted_(scripted) {}
 
   bool active() const { return run_ != nullptr; }

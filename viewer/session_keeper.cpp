@@ -8,9 +8,9 @@
 
 namespace tg {
 
-SessionKeeper::SessionKeeper(const ViewOptions& options) : options_(options), loaded_(loadSession(options.session)) {}
+WindowSession::WindowSession(const ViewOptions& options) : options_(options), loaded_(loadSession(options.session)) {}
 
-void SessionKeeper::start(ViewerState& state) const {
+void WindowSession::start(ViewerState& state) const {
   const Session& session = loaded_.session;
   const bool kept = !options_.session.empty();
   state.ui.panel = session.panel;
@@ -28,7 +28,7 @@ void SessionKeeper::start(ViewerState& state) const {
   state.display.exposure = options_.exposure;
 }
 
-void SessionKeeper::adopt(ViewerState& state, Scene scene) {
+void WindowSession::adopt(ViewerState& state, Scene scene) {
   Session& session = loaded_.session;
   keepBookmarks(session, state.scene.path, state.camera.bookmarks);
   setScene(state, std::move(scene));
@@ -40,7 +40,7 @@ void SessionKeeper::adopt(ViewerState& state, Scene scene) {
   state.display.crop = true;
 }
 
-void SessionKeeper::keep(const ViewerState& state, glm::ivec2 window) {
+void WindowSession::keep(const ViewerState& state, glm::ivec2 window) {
   if (options_.session.empty()) return;
   Session& session = loaded_.session;
   keepBookmarks(session, state.scene.path, state.camera.bookmarks);

@@ -9,10 +9,10 @@
 
 namespace tg {
 
-class SessionKeeper {
+class WindowSession {
  public:
   // Reads options.session where there is one.
-  explicit SessionKeeper(const ViewOptions& options);
+  explicit WindowSession(const ViewOptions& options);
 
   glm::ivec2 windowSize() const { return options_.size.value_or(loaded_.session.window); }
   // A fresh state, as options and session want it.

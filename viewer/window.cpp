@@ -99,8 +99,8 @@ class Viewer {
   std::optional<Script> script_;
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
   std::atomic<bool> awake_{false};  // GLFW may be called from other threads
-  SessionKeeper session_;
-  DocumentKeeper documents_;
+  WindowSession session_;
+  OpenModels documents_;
   ComparisonControl comparison_;
   Glfw glfw_;
   Events events_;
@@ -116,7 +116,7 @@ class Viewer {
   bool recovered_ = false;               // the device has failed once
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
-  RunKeeper run_;
+  PictureRuns runs_;
   int frames_since_event_ = 0;
   double last_time_ = 0;
 };
@@ -130,7 +130,7 @@ Viewer::Viewer(const ViewOptions& options)
           [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }),
       comparison_(options, [this] { wake(); }),
       graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options)),
-      run_(options, started_, script_.has_value()) {
+      runs_(options, started_, script_.has_value()) {
   awake_ = true;
   session_.start(state_);
   if (!options.path.empty() && !options.benchmark) readPathFile(state_, options.path);
@@ -170,7 +170,7 @@ void Viewer::run() {
       frames_since_event_ = 0;
       setTitle();
     }
-    if (run_.update(state_, pictureArea().size)) runEnded();
+    if (runs_.update(state_, pictureArea().size)) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
@@ -179,7 +179,7 @@ void Viewer::run() {
     if (std::exchange(state_.test.lose_renderer, false)) {
       graphics_->pictures.loseDevice();
       asked_.reset();
-      run_.forget();
+      runs_.forget();
       picture_.reset();
     }
     handleEvents();
@@ -224,7 +224,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
   glm::ivec2 size, place;
   glfwGetWindowSize(graphics_->window(), &size.x, &size.y);
   glfwGetWindowPos(graphics_->window(), &place.x, &place.y);
-  run_.forget();  // asked for again, of the new device
+  runs_.forget();  // asked for again, of the new device
   picture_.reset();
   asked_.reset();
   graphics_.reset();
@@ -256,7 +256,7 @@ bool Viewer::scriptMayGoOn() const {
 void Viewer::waitForEvents() {
   if (script_ && !scriptMayGoOn()) {
     glfwWaitEventsTimeout(kScriptPause);
-  } else if (run_.active() || animating() || state_.record.wanted || inspecting()) {
+  } else if (runs_.active() || animating() || state_.record.wanted || inspecting()) {
     glfwWaitEventsTimeout(kMotionPause);
   } else if (script_ || frames_since_event_ < kSettleFrames) {
     glfwPollEvents();
@@ -401,7 +401,7 @@ PictureRequest Viewer::request(glm::ivec2 size) const {
 bool Viewer::complete() const {
   if (inspecting()) return false;
   if (!state_.scene.model || given_up_) return true;
-  if (run_.active() || animating()) return picture_ != nullptr;  // no picture is the last one
+  if (runs_.active() || animating()) return picture_ != nullptr;  // no picture is the last one
   return picture_ && same(picture_->request, request(wantedSize()));
 }
 
@@ -423,8 +423,8 @@ void Viewer::askForPicture(bool moving) {
     asked_.reset();
     return;
   }
-  if (run_.active()) {
-    if (const auto due = run_.due(request(pictureArea().size))) ask(*due);
+  if (runs_.active()) {
+    if (const auto due = runs_.due(request(pictureArea().size))) ask(*due);
     return;
   }
   glm::ivec2 size = wantedSize();
@@ -447,16 +447,16 @@ void Viewer::takePicture() {
     state_.messages.error = news.problem;
   }
   given_up_ = given_up_ || news.given_up;
-  if (news.given_up && run_.active()) {
-    run_.giveUp(state_, news.problem);
+  if (news.given_up && runs_.active()) {
+    runs_.giveUp(state_, news.problem);
     runEnded();
   }
   if (!news.picture) return;
   picture_ = std::move(news.picture);
   frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
-  const bool for_run = run_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
-  if (for_run && !run_.active()) runEnded();
+  const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
+  if (for_run && !runs_.active()) runEnded();
   statistics_.reduced = !for_run && size != wantedSize();
   if (!statistics_.reduced && !for_run) last_full_ms_ = picture_->milliseconds;
   statistics_.frame_ms.push_back(static_cast<float>(picture_->milliseconds));
@@ -476,7 +476,7 @@ void Viewer::drawFrame() {
   const glm::ivec2 laid_out(std::lround(io.DisplaySize.x * io.DisplayFramebufferScale.x),
                             std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
   std::vector<PictureBlit> blits;
-  if (picture_ && run_.active()) {
+  if (picture_ && runs_.active()) {
     const glm::ivec2 size = picture_->image->size;
     blits.push_back({picture_->image, {{0, 0}, size}, fittedInto(pictureArea(), size)});
   } else if (picture_) {

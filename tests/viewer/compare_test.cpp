@@ -1,20 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two pictures of one view: put together, subtracted, measured; photographs found and brought into the view.
+// Two pictures of one view: put together, subtracted, measured; photographs brought into the view.
 #include "viewer/compare.h"
 
-#include <chrono>
 #include <cmath>
-#include <fstream>
-#include <thread>
 
-#include "core/error.h"
 #include "core/metrics.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 #include "viewer/camera_controller.h"
-#include "viewer/metrics_thread.h"
-#include "viewer/photographs.h"
 
 using namespace tg;
 
@@ -133,53 +126,4 @@ TEST_CASE("a grey photograph and one with holes are brought to three channels") 
     for (int x = 0; x < 8; ++x) holes.at(x, y, 3) = 0.0f;
   }
   CHECK(resampled(holes, taken, taken, glm::vec3(0, 1, 0)).image.at(4, 3, 1) == Approx(1.0f));
-}
-
-TEST_CASE("photographs are found by the names of cameras, in the folders of the usual data sets") {
-  const TemporaryFolder folder;
-  const auto touch = [&](const std::string& name) {
-    std::filesystem::create_directories((folder / name).parent_path());
-    std::ofstream(folder / name) << "x";
-  };
-  for (const char* name : {"images/0001.jpg", "images_4/0001.jpg", "images/frame.02.PNG", "train/r_0.png",
-                           "test/r_0.png", "sparse/0/points.bin", "notes.txt"}) {
-    touch(name);
-  }
-  const Photographs photographs(folder.path);
-  CHECK(photographs.size() == 5);
-  Camera camera;
-  const auto found = [&](const std::string& name, bool test) {
-    camera.name = name;
-    camera.test = test;
-    return photographs.find(camera).lexically_relative(folder.path);
-  };
-  CHECK(found("0001.jpg", false) == "images/0001.jpg");
-  CHECK(found("images_4/0001.jpg", false) == "images_4/0001.jpg");
-  CHECK(found("0001", false) == "images/0001.jpg");
-  CHECK(found("0001.png", true) == "images/0001.jpg");
-  CHECK(found("frame.02", false) == "images/frame.02.PNG");
-  CHECK(found("r_0", false) == "train/r_0.png");
-  CHECK(found("r_0.png", true) == "test/r_0.png");
-  camera.name = "other.png";
-  CHECK(photographs.find(camera).empty());
-  CHECK_THROWS_AS(Photographs(folder / "sparse"), Error);
-  CHECK_THROWS_AS(Photographs(folder / "no such folder"), Error);
-}
-
-TEST_CASE("the metrics' thread answers for the newest pair") {
-  MetricsThread thread([] {});
-  std::shared_ptr<PicturePair> last;
-  for (unsigned i = 0; i < 5; ++i) {
-    last = std::make_shared<PicturePair>(PicturePair{noise(32, 24, i), noise(32, 24, i + 9), {}});
-    thread.ask(last);
-  }
-  std::optional<MetricsThread::Result> result;
-  for (int i = 0; i < 5000 && !(result && result->pair == last); ++i) {
-    if (auto next = thread.take()) result = std::move(next);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  REQUIRE(result);
-  CHECK(result->pair == last);
-  REQUIRE(result->metrics);
-  CHECK(result->metrics->psnr == psnr(last->other, last->first));
 }

@@ -34,13 +34,13 @@ void writeModel(const std::filesystem::path& path, std::size_t gaussians, const 
   writeBundle(path, bundle);
 }
 
-// The window's part: a state and its keeper, turned until nothing is left to do.
+// The window's part: a state and its open models, turned until nothing is left to do.
 struct Window {
   explicit Window(const ViewOptions& options)
-      : keeper(options, [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }) {}
+      : open_models(options, [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }) {}
   void settle() {
     for (int i = 0; i < 3000; ++i) {
-      keeper.update(state);
+      open_models.update(state);
       const DocumentState& documents = state.documents;
       if (!state.loading.active && documents.open_requests.empty() && !documents.show_request &&
           !documents.close_request)
@@ -54,7 +54,7 @@ struct Window {
     settle();
   }
   ViewerState state;
-  DocumentKeeper keeper;
+  OpenModels open_models;
 };
 
 ViewOptions optionsFor(const std::filesystem::path& path) {

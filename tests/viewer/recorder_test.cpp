@@ -69,9 +69,9 @@ TEST_CASE("videos have even sides, pictures any") {
 
 TEST_CASE("pictures are numbered from 0 in a folder that is made for them") {
   const TemporaryFolder folder;
-  Recorder recorder(parseRecordTarget(folder / "new/f##.png", "-o"), {4, 3}, 30);
-  for (int i = 0; i < 5; ++i) recorder.add(Image(4, 3, 3, 0.2f * static_cast<float>(i)));
-  recorder.finish();
+  FrameWriter writer(parseRecordTarget(folder / "new/f##.png", "-o"), {4, 3}, 30);
+  for (int i = 0; i < 5; ++i) writer.add(Image(4, 3, 3, 0.2f * static_cast<float>(i)));
+  writer.finish();
   CHECK(filesIn(folder / "new") == 5);
   CHECK(readImage(folder / "new/f03.png").at(1, 1, 0) == Approx(0.6f).margin(0.005));
 }
@@ -79,12 +79,12 @@ TEST_CASE("pictures are numbered from 0 in a folder that is made for them") {
 TEST_CASE("a video gets every byte of every frame, in order, and appears whole") {
   const FakeFfmpeg ffmpeg(kCopy);
   const TemporaryFolder folder;
-  Recorder recorder(parseRecordTarget(folder / "a.mp4", "-o"), {64, 48}, 25);
+  FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {64, 48}, 25);
   for (int i = 0; i < 6; ++i) {
-    recorder.add(Image(64, 48, 3, static_cast<float>(i) / 10.0f));
+    writer.add(Image(64, 48, 3, static_cast<float>(i) / 10.0f));
     CHECK_FALSE(std::filesystem::exists(folder / "a.mp4"));
   }
-  recorder.finish();
+  writer.finish();
   std::ifstream file(folder / "a.mp4", std::ios::binary);
   const std::string bytes((std::istreambuf_iterator<char>(file)), {});
   REQUIRE(bytes.size() == 6u * 64 * 48 * 3);
@@ -98,8 +98,8 @@ TEST_CASE("a recording that is given up leaves no video, and keeps an older one"
   const TemporaryFolder folder;
   std::ofstream(folder / "a.mp4") << "old";
   {
-    Recorder recorder(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25);
-    recorder.add(Image(4, 4, 3));
+    FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25);
+    writer.add(Image(4, 4, 3));
   }
   CHECK(std::filesystem::file_size(folder / "a.mp4") == 3);
   CHECK(filesIn(folder.path) == 1);
@@ -117,9 +117,9 @@ TEST_CASE("what ffmpeg says is passed on, and nothing is left") {
     INFO(wrong.message);
     const FakeFfmpeg ffmpeg(wrong.script);
     const auto record = [&] {
-      Recorder recorder(parseRecordTarget(folder / "a.mp4", "-o"), {640, 480}, 25);
-      for (int i = 0; i < 20; ++i) recorder.add(Image(640, 480, 3));
-      recorder.finish();
+      FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {640, 480}, 25);
+      for (int i = 0; i < 20; ++i) writer.add(Image(640, 480, 3));
+      writer.finish();
     };
     CHECK_THROWS_WITH(record(), Contains(wrong.message));
     CHECK(filesIn(folder.path) == 0);
@@ -129,7 +129,7 @@ TEST_CASE("what ffmpeg says is passed on, and nothing is left") {
 TEST_CASE("without ffmpeg the way out is named before any frame is rendered") {
   const FakeFfmpeg none("");
   const TemporaryFolder folder;
-  CHECK_THROWS_WITH(Recorder(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25),
+  CHECK_THROWS_WITH(FrameWriter(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25),
                     Contains("needs the ffmpeg program") && Contains("frames/####.png"));
   CHECK(filesIn(folder.path) == 0);
 }
@@ -137,12 +137,12 @@ TEST_CASE("without ffmpeg the way out is named before any frame is rendered") {
 TEST_CASE("a place that cannot be written is refused at once, and a late failure by the next frame or the end") {
   const TemporaryFolder folder;
   std::ofstream(folder / "file") << "x";
-  CHECK_THROWS_AS(Recorder(parseRecordTarget(folder / "file/##.png", "-o"), {4, 4}, 25), Error);
-  Recorder recorder(parseRecordTarget(folder / "f/##.png", "-o"), {4, 4}, 25);
+  CHECK_THROWS_AS(FrameWriter(parseRecordTarget(folder / "file/##.png", "-o"), {4, 4}, 25), Error);
+  FrameWriter writer(parseRecordTarget(folder / "f/##.png", "-o"), {4, 4}, 25);
   std::filesystem::remove_all(folder / "f");
   const auto write = [&] {
-    for (int i = 0; i < 10; ++i) recorder.add(Image(4, 4, 3));
-    recorder.finish();
+    for (int i = 0; i < 10; ++i) writer.add(Image(4, 4, 3));
+    writer.finish();
   };
   CHECK_THROWS_AS(write(), Error);
 }
