@@ -6,9 +6,9 @@
 #include <string>
 
 #include "core/error.h"
-#include "viewer/camera_path.h"
-#include "viewer/script.h"
-#include "viewer/session.h"
+#include "viewer/script/script.h"
+#include "viewer/view/camera_path.h"
+#include "viewer/view/session.h"
 
 namespace {
 

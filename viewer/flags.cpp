@@ -10,12 +10,12 @@
 
 #include "core/error.h"
 #include "core/program.h"
-#include "viewer/camera_path.h"
-#include "viewer/follow.h"
-#include "viewer/headless_renderer.h"
-#include "viewer/parse.h"
-#include "viewer/session.h"
-#include "viewer/state.h"
+#include "viewer/headless/renderer.h"
+#include "viewer/model/follower.h"
+#include "viewer/view/camera_path.h"
+#include "viewer/view/parse.h"
+#include "viewer/view/session.h"
+#include "viewer/view/state.h"
 
 namespace tg {
 namespace {

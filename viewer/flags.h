@@ -3,7 +3,7 @@
 #pragma once
 #include <optional>
 
-#include "viewer/options.h"
+#include "viewer/view/options.h"
 
 namespace tg {
 

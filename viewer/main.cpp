@@ -8,12 +8,12 @@
 #include "core/program.h"
 #include "core/signals.h"
 #include "viewer/flags.h"
-#include "viewer/headless.h"
-#include "viewer/headless_benchmark.h"
-#include "viewer/headless_compare.h"
-#include "viewer/headless_inspect.h"
-#include "viewer/record.h"
-#include "viewer/window.h"
+#include "viewer/headless/benchmark.h"
+#include "viewer/headless/compare.h"
+#include "viewer/headless/inspect.h"
+#include "viewer/headless/record.h"
+#include "viewer/headless/render.h"
+#include "viewer/window/window.h"
 
 namespace {
 

@@ -2,8 +2,8 @@
 // A key of the keyboard, as the window hands it on.
 #pragma once
 #include "support/catch.h"
-#include "viewer/actions.h"
-#include "viewer/state.h"
+#include "viewer/view/actions.h"
+#include "viewer/view/state.h"
 
 namespace tg::test {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs tgview and collects what it says.
-#include "process.h"
+#include "viewer/process.h"
 
 #include <sys/wait.h>
 #include <unistd.h>

@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgview --render, from the command line to the file.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "core/bundle.h"
+#include "core/metrics.h"
+#include "core/ply.h"
+#include "render/renderer.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+#include "viewer/process.h"
+
+using namespace tg;
+using test::ProcessResult;
+using test::Workshop;
+
+namespace {
+
+constexpr std::array kOutputs = {Output::final, Output::base,   Output::texture, Output::alpha,
+                                 Output::depth, Output::normal, Output::count};
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+Frame cpuFrame(const Bundle& bundle, int camera, const RenderSettings& settings) {
+  const auto renderer = makeCpuRenderer();
+  renderer->setModel(bundle.model);
+  return renderer->render(bundle.cameras.at(camera), settings);
+}
+
+// Largest difference relative to the value: half floats keep 11 bits.
+double halfError(const Image& a, const Image& b) {
+  double worst = 0;
+  for (std::size_t i = 0; i < a.data.size(); ++i) {
+    worst = std::max(worst, std::abs(a.data[i] - b.data[i]) / std::max(1e-3, double{std::abs(b.data[i])}));
+  }
+  return worst;
+}
+
+}  // namespace
+
+TEST_CASE("the flag --render writes every output of the first test camera") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const Bundle bundle = readBundle(shop / "model.tgz");
+  RenderSettings settings;
+  settings.background = bundle.background;
+  for (const Output output : kOutputs) {
+    const std::string show(name(output));
+    INFO(show);
+    settings.outputs = {output};  // as --render asks: a whole frame's picture rounds differently
+    const Frame frame = cpuFrame(bundle, 1, settings);
+    const ProcessResult picture =
+        shop.tgview({"model.tgz", "--render", show + ".png", "--show", show, "--backend", "cpu"});
+    REQUIRE(picture.exit_code == 0);
+    CHECK(picture.err.empty());
+    CHECK(contains(picture.out, show + ".png: 96x72"));
+    CHECK(std::isinf(psnr8Bit(shop.read(show + ".png"), visualize(frame, output))));
+    const ProcessResult numbers =
+        shop.tgview({"model.tgz", "--render", show + ".exr", "--show", show, "--backend", "cpu"});
+    REQUIRE(numbers.exit_code == 0);
+    const Image exr = shop.read(show + ".exr");
+    const Image expected = extract(frame, output);
+    REQUIRE(exr.channels == expected.channels);
+    CHECK(halfError(exr, expected) < 1e-3);
+  }
+}
+
+TEST_CASE("Vulkan, OpenGL and CPU render the same pictures") {
+  const std::vector<std::string> devices = test::deviceBackends();
+  std::vector<std::string> backends = devices;
+  backends.emplace_back("cpu");
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  for (const Output output : kOutputs) {
+    const std::string show(name(output));
+    INFO(show);
+    for (const std::string& backend : backends) {
+      const ProcessResult result = shop.tgview(
+          {"model.tgz", "--render", backend + ".png", "--show", show, "--backend", backend, "--size", "160x120"});
+      INFO(result.err);
+      REQUIRE(result.exit_code == 0);
+    }
+    for (const std::string& device : devices) CHECK(psnr(shop.read(device + ".png"), shop.read("cpu.png")) > 45);
+  }
+}
+
+TEST_CASE("the flag --render under validation: no message") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  for (const std::string& backend : test::deviceBackends()) {
+    const ProcessResult result = shop.tgview({"model.tgz", "--render", "a.png", "--backend", backend, "--validation"});
+    CHECK(result.err == "");
+    CHECK(result.exit_code == 0);
+  }
+}
+
+TEST_CASE("texture terms, intersection, background, camera and size change the picture as they say") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const Bundle bundle = readBundle(shop / "model.tgz");
+  const auto render = [&shop](std::vector<std::string> flags) {
+    flags.insert(flags.begin(), {"model.tgz", "--render", "a.png", "--backend", "cpu"});
+    const ProcessResult result = shop.tgview(flags);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    return shop.read("a.png");
+  };
+  const auto expected = [&bundle](int camera, TextureMode textures, std::optional<IntersectionModel> intersection,
+                                  glm::vec3 background) {
+    RenderSettings settings;
+    settings.textures = textures;
+    settings.intersection = intersection;
+    settings.background = background;
+    settings.outputs = {Output::final};
+    return visualize(cpuFrame(bundle, camera, settings), Output::final);
+  };
+  const glm::vec3 white(1.0f);
+  CHECK(std::isinf(psnr8Bit(render({"--textures", "off"}), expected(1, TextureMode::none, {}, white))));
+  CHECK(std::isinf(psnr8Bit(render({"--textures", "rgb"}), expected(1, TextureMode::rgb, {}, white))));
+  CHECK(psnr8Bit(render({"--textures", "off"}), render({"--textures", "rgba"})) < 60);
+  CHECK(std::isinf(
+      psnr8Bit(render({"--intersection", "plane"}), expected(1, TextureMode::rgba, IntersectionModel::plane, white))));
+  CHECK(std::isinf(psnr8Bit(render({"--camera", "2", "--background", "0.25,0.5,0.75"}),
+                            expected(2, TextureMode::rgba, {}, {0.25f, 0.5f, 0.75f}))));
+  const std::string cameras = formatCameras({bundle.cameras[2]});
+  shop.write("camera.json", cameras);
+  CHECK(std::isinf(psnr8Bit(render({"--camera", "camera.json"}), render({"--camera", "2"}))));
+  const Image wide = render({"--size", "200x72"});
+  CHECK(wide.width == 200);
+  // The middle of a wider image is the camera's own.
+  Image middle(96, 72, 3);
+  for (int y = 0; y < 72; ++y) {
+    for (int x = 0; x < 96; ++x) {
+      for (int c = 0; c < 3; ++c) middle.at(x, y, c) = wide.at(x + 52, y, c);
+    }
+  }
+  CHECK(psnr8Bit(middle, render({})) > 45);
+}
+
+TEST_CASE("the flag --list-cameras names them all") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const ProcessResult result = shop.tgview({"model.tgz", "--list-cameras"});
+  CHECK(result.exit_code == 0);
+  CHECK(std::count(result.out.begin(), result.out.end(), '\n') == 3);
+  CHECK(contains(result.out, "view2.png"));
+}
+
+TEST_CASE("what is printed and lost is a failure") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  for (const char* flag : {"--list-cameras", "--inspect=10,10", "--version"}) {
+    CAPTURE(flag);
+    const ProcessResult result = shop.tgview({"model.tgz", flag}, {"sh", "-c", "exec \"$0\" \"$@\" >/dev/full"});
+    CHECK(result.exit_code == 4);
+    CHECK(contains(result.err, "tgview: standard output: cannot write"));
+  }
+}
+
+TEST_CASE("a model without cameras is shown whole") {
+  const Workshop shop;
+  writeSplatPly(shop / "splats.ply", test::sampleModel());
+  const ProcessResult result =
+      shop.tgview({"splats.ply", "--render", "a.png", "--show", "alpha", "--size", "80x60", "--backend", "cpu"});
+  REQUIRE(result.exit_code == 0);
+  const Image image = shop.read("a.png");
+  double sum = 0;
+  for (float value : image.data) sum += value;
+  CHECK(sum / static_cast<double>(image.data.size()) > 0.1);
+}
+
+TEST_CASE("the list of devices names each with its limits, and --device takes its number") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const ProcessResult list = shop.tgview({"--list-devices"});
+  INFO(list.out << list.err);
+  CHECK(list.exit_code == 0);
+  CHECK(contains(list.out, "--backend cpu"));
+  std::istringstream lines(list.out);
+  int numbered = 0, used = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (!contains(line, std::to_string(numbered) + "  ")) continue;
+    const std::string number = std::to_string(numbered++);
+    const bool usable = contains(line, ", on the CPU") || contains(line, ", on a GPU");
+    const ProcessResult shot = shop.tgview({"model.tgz", "--render", "a.png", "--device", number, "--validation"});
+    INFO(number << ": " << line << shot.err);
+    CHECK(shot.exit_code == (usable ? 0 : 5));
+    const std::string other = contains(line, "Vulkan") ? "opengl" : "vulkan";
+    CHECK(shop.tgview({"model.tgz", "--render", "a.png", "--device", number, "--backend", other}).exit_code == 1);
+    if (!usable) continue;
+    ++used;
+    std::getline(lines, line);
+    CHECK(contains(line, "MiB"));
+  }
+  CHECK(numbered >= 2);
+  CHECK(shop.tgview({"model.tgz", "--render", "a.png", "--device", "99"}).exit_code == 1);
+  if (used > 0) CHECK(std::filesystem::exists(shop / "a.png"));
+}
+
+TEST_CASE("without any device: auto says so once and uses the CPU, vulkan and opengl fail") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const std::vector<std::string> no_driver = {"VK_DRIVER_FILES=/nonexistent.json", "VK_ICD_FILENAMES=/nonexistent.json",
+                                              "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent.json"};
+  const ProcessResult automatic = shop.tgview({"model.tgz", "--render", "a.png"}, no_driver);
+  CHECK(automatic.exit_code == 0);
+  CHECK(std::count(automatic.err.begin(), automatic.err.end(), '\n') == 1);
+  CHECK(contains(automatic.err, "rendering on the CPU"));
+  for (const char* backend : {"vulkan", "opengl"}) {
+    const ProcessResult asked = shop.tgview({"model.tgz", "--render", "b.png", "--backend", backend}, no_driver);
+    INFO(asked.err);
+    CHECK(asked.exit_code == 5);
+  }
+  CHECK_FALSE(std::filesystem::exists(shop / "b.png"));
+  const ProcessResult device = shop.tgview({"model.tgz", "--render", "b.png", "--device", "no such device"});
+  CHECK(device.exit_code == 5);
+}
+
+TEST_CASE("without a display the window is refused with the way out") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  for (const std::vector<std::string>& display : {std::vector<std::string>{}, {"DISPLAY=:9873"}}) {
+    const ProcessResult result = shop.tgview({"model.tgz"}, display);
+    CHECK(result.exit_code == 5);
+    CHECK(contains(result.err, "--render"));
+    CHECK(std::count(result.err.begin(), result.err.end(), '\n') == 1);
+  }
+}
+
+TEST_CASE("every wrong use is one line and its exit code, and leaves no file") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const std::string whole = [&shop] {
+    std::string bytes(std::filesystem::file_size(shop / "model.tgz"), '\0');
+    std::ifstream(shop / "model.tgz", std::ios::binary).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    return bytes;
+  }();
+  shop.write("short.tgz", std::string_view(whole).substr(0, whole.size() / 2));
+  shop.write("empty.tgz", "");
+  shop.write("text.ply", "hello\n");
+  shop.write("bad.json", "[{]");
+  shop.write("none.json", "[]");
+  shop.write("no.json", R"([{"id":0,"img_name":"a","width":0,"height":-4,"position":[0,0,0],)"
+                        R"("rotation":[[1,0,0],[0,1,0],[0,0,1]],"fx":1,"fy":1}])");
+  std::filesystem::create_directory(shop / "folder");
+  struct Case {
+    std::vector<std::string> arguments;
+    int exit_code;
+  };
+  const std::vector<std::string> render = {"model.tgz", "--render", "a.png", "--backend", "cpu"};
+  const auto with = [&render](std::vector<std::string> more) {
+    more.insert(more.begin(), render.begin(), render.end());
+    return more;
+  };
+  const std::vector<Case> cases = {
+      {{}, 1},
+      {{"model.tgz", "--unknown"}, 1},
+      {with({"--show", "colour"}), 1},
+      {with({"--textures", "on"}), 1},
+      {with({"--intersection", "mesh"}), 1},
+      {with({"--size", "0x7"}), 1},
+      {with({"--background", "red"}), 1},
+      {with({"--camera", "3"}), 1},
+      {with({"--script", "s.txt"}), 1},
+      {{"model.tgz", "--render", "a.png", "--backend", "metal"}, 1},
+      {{"model.tgz", "--render", "a.bmp"}, 1},
+      {{"model.tgz", "--backend", "metal"}, 1},
+      {{"missing.tgz", "--render", "a.png"}, 2},
+      {{"folder", "--render", "a.png"}, 2},
+      {with({"--camera", "missing.json"}), 2},
+      {{"short.tgz", "--render", "a.png"}, 3},
+      {{"empty.tgz", "--render", "a.png"}, 3},
+      {{"text.ply", "--render", "a.png"}, 3},
+      {{"short.tgz"}, 3},
+      {with({"--camera", "bad.json"}), 3},
+      {with({"--camera", "none.json"}), 3},
+      {with({"--camera", "no.json"}), 3},
+      {{"model.tgz", "--render", "no/such/folder/a.png", "--backend", "cpu"}, 4},
+      {{"model.tgz", "--render", "folder/../folder/x/a.exr", "--backend", "cpu"}, 4},
+  };
+  for (const Case& wrong : cases) {
+    const ProcessResult result = shop.tgview(wrong.arguments);
+    std::string line;
+    for (const std::string& word : wrong.arguments) line += " " + word;
+    INFO("tgview" << line << "\n" << result.err);
+    CHECK(result.exit_code == wrong.exit_code);
+    if (wrong.exit_code != 1) CHECK(std::count(result.err.begin(), result.err.end(), '\n') == 1);
+    CHECK_FALSE(result.err.empty());
+    CHECK_FALSE(std::filesystem::exists(shop / "a.png"));
+  }
+}

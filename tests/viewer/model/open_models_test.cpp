@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+// Several models at once: opening, switching, closing, and what goes wrong on the way.
+#include "viewer/view/documents.h"
+
+#include <chrono>
+#include <fstream>
+#include <thread>
+
+#include "core/bundle.h"
+#include "core/error.h"
+#include "core/ply.h"
+#include "core/temporary_folder.h"
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "viewer/model/open_models.h"
+#include "viewer/view/actions.h"
+#include "viewer/view/state.h"
+
+using namespace tg;
+using Catch::Matchers::Contains;
+
+namespace {
+
+void writeModel(const std::filesystem::path& path, std::size_t gaussians, const std::vector<std::string>& cameras,
+                glm::vec3 background = glm::vec3(0.0f)) {
+  Bundle bundle;
+  bundle.model = tinyTexturedModel(gaussians);
+  bundle.background = background;
+  for (const std::string& name : cameras) {
+    bundle.cameras.push_back(
+        lookAt({static_cast<double>(bundle.cameras.size()), 0.5, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
+    bundle.cameras.back().name = name;
+  }
+  writeBundle(path, bundle);
+}
+
+// The window's part: a state and its open models, turned until nothing is left to do.
+struct Window {
+  explicit Window(const ViewOptions& options)
+      : open_models(options, [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }) {}
+  void settle() {
+    for (int i = 0; i < 3000; ++i) {
+      open_models.update(state);
+      const DocumentState& documents = state.documents;
+      if (!state.loading.active && documents.open_requests.empty() && !documents.show_request &&
+          !documents.close_request)
+        return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    FAIL("loading does not end");
+  }
+  void open(const std::filesystem::path& path) {
+    state.documents.open_requests.push_back(path);
+    settle();
+  }
+  ViewerState state;
+  OpenModels open_models;
+};
+
+ViewOptions optionsFor(const std::filesystem::path& path) {
+  ViewOptions options;
+  options.model = path;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("several models open in their order, the last one is shown, and keys go round them") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  writeModel(folder / "b.tgz", 4, {});
+  writeModel(folder / "c.tgz", 5, {});
+  ViewOptions options = optionsFor(folder / "a.tgz");
+  options.more_models = {folder / "b.tgz", folder / "c.tgz"};
+  Window window(options);
+  window.settle();
+  ViewerState& state = window.state;
+  REQUIRE(state.documents.open.size() == 3);
+  CHECK(state.scene.gaussians == 5);
+  apply(state, *actionOf(kKeyPageDown, false));
+  window.settle();
+  CHECK(state.scene.gaussians == 3);
+  CHECK(state.scene.model->size() == 3);
+  apply(state, *actionOf(kKeyPageUp, false));
+  window.settle();
+  CHECK(state.scene.gaussians == 5);
+}
+
+TEST_CASE("each model keeps its own view, models of one data set share theirs") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png", "y.png"});
+  writeModel(folder / "b.tgz", 4, {"x.png", "y.png"});
+  writeModel(folder / "c.tgz", 5, {"other.png"});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  goToCamera(state, 1);
+  const glm::dvec3 seen = state.camera.pose.position;
+  window.open(folder / "c.tgz");
+  CHECK(state.camera.index == 0);
+  window.open(folder / "b.tgz");
+  state.documents.show_request = 0;
+  window.settle();
+  // From b's first camera: b and a belong together.
+  CHECK(state.camera.index == 0);
+  goToCamera(state, 1);
+  state.documents.show_request = 1;
+  window.settle();
+  CHECK(state.scene.gaussians == 5);
+  CHECK(state.camera.index == 0);
+  state.documents.show_request = 0;
+  window.settle();
+  CHECK(state.camera.index == 1);
+  CHECK(state.camera.pose.position == seen);
+}
+
+TEST_CASE("closing shows a neighbour, closing the last one leaves nothing to draw") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  writeModel(folder / "b.tgz", 4, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  window.open(folder / "b.tgz");
+  ViewerState& state = window.state;
+  apply(state, Action::closeDocument);
+  window.settle();
+  REQUIRE(state.documents.open.size() == 1);
+  CHECK(state.documents.shown == 0);
+  CHECK(state.scene.gaussians == 3);
+  apply(state, Action::closeDocument);
+  window.settle();
+  CHECK(state.documents.open.empty());
+  CHECK_FALSE(state.scene.model);
+  window.open(folder / "b.tgz");
+  CHECK(state.scene.gaussians == 4);
+}
+
+TEST_CASE("a file that is open already is read again in its place, under the same view") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png", "y.png"});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  goToCamera(window.state, 1);
+  writeModel(folder / "a.tgz", 7, {"x.png", "y.png"});
+  window.open(folder / "a.tgz");
+  CHECK(window.state.documents.open.size() == 1);
+  CHECK(window.state.scene.gaussians == 7);
+  CHECK(window.state.camera.index == 1);
+}
+
+TEST_CASE("what cannot be read is an error at the start, and a message later") {
+  const TemporaryFolder folder;
+  std::ofstream(folder / "broken.tgz") << "no archive";
+  writeModel(folder / "a.tgz", 3, {});
+  {
+    Window window(optionsFor(folder / "broken.tgz"));
+    CHECK_THROWS_AS(window.settle(), Error);
+  }
+  ViewOptions options = optionsFor(folder / "broken.tgz");
+  options.more_models = {folder / "a.tgz"};
+  Window window(options);
+  window.settle();
+  CHECK(window.state.scene.gaussians == 3);
+  CHECK_THAT(window.state.messages.error, Contains("broken.tgz"));
+  window.open(folder / "missing.ply");
+  CHECK_THAT(window.state.messages.error, Contains("missing.ply"));
+  CHECK(window.state.scene.gaussians == 3);
+}
+
+TEST_CASE("the command line's camera and background are those of the first model only") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png", "y.png"}, glm::vec3(1.0f));
+  writeModel(folder / "b.tgz", 4, {"z.png", "w.png"}, glm::vec3(0.25f));
+  ViewOptions options = optionsFor(folder / "a.tgz");
+  options.camera = std::to_string(1);
+  options.background = glm::vec3(0.5f);
+  Window window(options);
+  window.settle();
+  CHECK(window.state.camera.pose.position.x == Approx(1));
+  CHECK(window.state.display.settings.background == glm::vec3(0.5f));
+  window.open(folder / "b.tgz");
+  CHECK(window.state.camera.index == 0);
+  CHECK(window.state.display.settings.background == glm::vec3(0.25f));
+  options.camera = std::to_string(7);
+  Window wrong(options);
+  CHECK_THROWS_AS(wrong.settle(), Error);
+}
+
+TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  writeModel(folder / "b.tgz", 4, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  state.loading.active = true;
+  apply(state, *actionOf(kKeyEscape, false));
+  CHECK(state.loading.cancel);
+  CHECK_FALSE(state.quit);
+  // A list of files is dropped as a whole.
+  for (int i = 0; i < 20; ++i) state.documents.open_requests.push_back(folder / "b.tgz");
+  state.documents.open_requests.push_back(folder / "c.tgz");
+  window.settle();
+  CHECK(state.scene.gaussians <= 4);
+  CHECK(state.messages.error.empty());
+  apply(state, *actionOf(kKeyEscape, false));
+  CHECK(state.quit);
+}

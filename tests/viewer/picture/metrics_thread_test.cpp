@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is measured last is what was asked for last.
+#include "viewer/picture/metrics_thread.h"
+
+#include <chrono>
+#include <thread>
+
+#include "core/metrics.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+
+using namespace tg;
+
+namespace {
+
+Image noise(int width, int height, unsigned seed) {
+  test::Random random(seed);
+  Image image(width, height, 3);
+  for (float& value : image.data) value = static_cast<float>(random.uniform(0, 1));
+  return image;
+}
+
+}  // namespace
+
+TEST_CASE("the metrics' thread answers for the newest pair") {
+  MetricsThread thread([] {});
+  std::shared_ptr<PicturePair> last;
+  for (unsigned i = 0; i < 5; ++i) {
+    last = std::make_shared<PicturePair>(PicturePair{noise(32, 24, i), noise(32, 24, i + 9), {}});
+    thread.ask(last);
+  }
+  std::optional<MetricsThread::Result> result;
+  for (int i = 0; i < 5000 && !(result && result->pair == last); ++i) {
+    if (auto next = thread.take()) result = std::move(next);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  REQUIRE(result);
+  CHECK(result->pair == last);
+  REQUIRE(result->metrics);
+  CHECK(result->metrics->psnr == psnr(last->other, last->first));
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scripts that drive the window.
+#include "viewer/script/script.h"
+
+#include "core/error.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+TEST_CASE("commands change the state in order and stop where a frame is due") {
+  ViewerState state;
+  Script script = parseScript("# comment\noutput depth\n\ntextures off  # why not\npicture a.png\noutput alpha\n", "s");
+  step(script, state);
+  CHECK(state.display.output == Output::depth);
+  CHECK(state.display.settings.textures == TextureMode::none);
+  CHECK(state.capture.picture == "a.png");
+  CHECK_FALSE(state.quit);
+  state.capture = {};
+  step(script, state);
+  CHECK(state.display.output == Output::alpha);
+  CHECK(state.quit);
+}
+
+TEST_CASE("wait draws that many frames") {
+  ViewerState state;
+  Script script = parseScript("wait 3\noutput base", "s");
+  for (int frame = 0; frame < 3; ++frame) {
+    step(script, state);
+    CHECK(state.display.output == Output::final);
+  }
+  step(script, state);
+  CHECK(state.display.output == Output::base);
+}
+
+TEST_CASE("await waits for the models of --follow, but not for ever") {
+  ViewerState state;
+  state.time = 5;
+  Script script = parseScript("await 2\noutput base", "s");
+  step(script, state);
+  state.follow.reloads = 1;
+  state.time = 60;
+  step(script, state);
+  CHECK(state.display.output == Output::final);
+  state.follow.reloads = 2;
+  for (int frame = 0; frame < 4; ++frame) step(script, state);
+  CHECK(state.display.output == Output::base);
+  Script late = parseScript("await 3", "s");
+  step(late, state);
+  state.time += 61;
+  CHECK_THROWS_WITH(step(late, state),
+                    "s: line 1: await: no such model came in 60 s (expected --follow and 3 models, found 2)");
+}
+
+TEST_CASE("a size request is handed to the window, and time given to follow it") {
+  ViewerState state;
+  Script script = parseScript("size 320x200\noutput base", "s");
+  CHECK(step(script, state) == glm::ivec2(320, 200));
+  CHECK_FALSE(step(script, state));
+  CHECK(state.display.output == Output::final);
+}
+
+TEST_CASE("keys do what the keyboard does") {
+  ViewerState state;
+  Script script = parseScript("key 5\nkey Shift+/\n", "s");
+  step(script, state);
+  CHECK(state.display.output == Output::depth);
+  while (!state.quit) step(script, state);
+  CHECK(state.ui.help);
+}
+
+TEST_CASE("a broken script names its line") {
+  CHECK_THROWS_WITH(parseScript("output final\nrotate 5\n", "s.txt"), "s.txt: line 2: unknown command \"rotate\"");
+  CHECK_THROWS_WITH(parseScript("orbit 5", "s.txt"), "s.txt: line 1: orbit (expected 2 words, found 1)");
+  ViewerState state;
+  for (const char* bad : {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "size 1",
+                          "key Home", "key a", "panel yes", "fov wide", "orbit 1 x"}) {
+    Script script = parseScript(bad, "s.txt");
+    CHECK_THROWS_AS(step(script, state), Error);
+  }
+  CHECK_THROWS_AS(readScript("no-such-script.txt"), Error);
+}

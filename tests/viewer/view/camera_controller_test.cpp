@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// Properties of the viewer's camera.
+#include "viewer/view/camera_controller.h"
+
+#include <cmath>
+#include <limits>
+
+#include "shared/limits.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+
+using namespace tg;
+
+namespace {
+
+double distance(const glm::dmat3& a, const glm::dmat3& b) {
+  double sum = 0;
+  for (int c = 0; c < 3; ++c) sum += glm::length(a[c] - b[c]);
+  return sum;
+}
+
+glm::dvec2 project(const Camera& camera, glm::dvec3 point) {
+  const glm::dvec3 p = camera.camera_from_world_rotation * point + camera.camera_from_world_translation;
+  return {camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy};
+}
+
+Camera randomCamera(test::Random& random) {
+  const glm::dvec3 eye = random.uniformVec3(-3, 3);
+  Camera camera = lookAt(eye, eye + random.direction(), random.direction(), random.uniform(0.4, 1.5), 640, 480);
+  camera.cx += random.uniform(-40, 40);
+  camera.cy += random.uniform(-40, 40);
+  camera.fx *= random.uniform(0.9, 1.1);
+  return camera;
+}
+
+void checkRotation(const glm::dmat3& rotation) {
+  CHECK(distance(rotation * glm::transpose(rotation), glm::dmat3(1.0)) < 1e-12);
+  CHECK(glm::determinant(rotation) == Approx(1.0));
+}
+
+}  // namespace
+
+TEST_CASE("a model's camera comes back from its pose and lens") {
+  test::Random random(1);
+  const SceneBounds bounds{{0.3, -0.2, 0.1}, 2.0};
+  for (int i = 0; i < 200; ++i) {
+    const Camera camera = randomCamera(random);
+    const glm::dvec3 up = random.direction();
+    const ViewPose pose = poseOf(camera, up, bounds);
+    const Camera back = toCamera(pose, lensOf(camera, 640.0 / 480.0), 640, 480);
+    CHECK(distance(back.camera_from_world_rotation, camera.camera_from_world_rotation) < 1e-9);
+    CHECK(glm::length(back.position() - camera.position()) < 1e-9);
+    CHECK(back.fx == Approx(camera.fx));
+    CHECK(back.fy == Approx(camera.fy));
+    CHECK(back.cx == Approx(camera.cx));
+    CHECK(back.cy == Approx(camera.cy));
+  }
+}
+
+TEST_CASE("a camera that looks straight along the up axis keeps its orientation") {
+  for (const glm::dvec3 direction : {glm::dvec3(0, 1, 0), glm::dvec3(0, -1, 0)}) {
+    for (const glm::dvec3 image_up : {glm::dvec3(1, 0, 0), glm::dvec3(0.6, 0, -0.8)}) {
+      const Camera camera = lookAt({0, 0, 0}, direction, image_up, 0.8, 100, 100);
+      const ViewPose pose = poseOf(camera, {0, -1, 0}, {});
+      CHECK(distance(pose.cameraFromWorldRotation(), camera.camera_from_world_rotation) < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("orbiting keeps the pivot, its distance and the horizon") {
+  test::Random random(2);
+  ViewPose pose = levelPose({0, 0, 1}, {3, 1, 1}, {0.5, 0.5, 0});
+  const glm::dvec3 pivot = pose.pivot();
+  const double radius = pose.distance;
+  for (int i = 0; i < 500; ++i) {
+    orbit(pose, random.uniform(-2, 2), random.uniform(-2, 2));
+    REQUIRE(glm::length(pose.pivot() - pivot) < 1e-9);
+    REQUIRE(glm::length(pose.position - pivot) == Approx(radius));
+    const glm::dmat3 rotation = pose.cameraFromWorldRotation();
+    const glm::dvec3 right = glm::transpose(rotation)[0];
+    REQUIRE(std::abs(glm::dot(right, pose.up())) < 1e-12);
+    REQUIRE(glm::dot(glm::transpose(rotation)[1], pose.up()) < 0);  // never upside down
+  }
+  checkRotation(pose.cameraFromWorldRotation());
+}
+
+TEST_CASE("orbiting left and right: the scene follows the pointer") {
+  ViewPose pose = levelPose({0, 0, 1}, {0, -5, 0}, {0, 0, 0});  // looks north
+  const Lens lens;
+  const glm::dvec3 near_point(0, -1, 0);
+  const double before = project(toCamera(pose, lens, 400, 400), near_point).x;
+  orbit(pose, -0.1, 0);  // what a drag to the right asks for
+  CHECK(project(toCamera(pose, lens, 400, 400), near_point).x > before);
+}
+
+TEST_CASE("a pitch beyond the limit, from a model's camera, is left only towards the horizon") {
+  const Camera camera = lookAt({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 0.8, 100, 100);
+  ViewPose pose = poseOf(camera, {0, 0, 1}, {});
+  const double start = pose.pitch;
+  orbit(pose, 0, -0.5);
+  CHECK(pose.pitch == start);
+  orbit(pose, 0, 0.5);
+  CHECK(pose.pitch == Approx(start + 0.5));
+}
+
+TEST_CASE("looking around keeps the position, flying keeps the orientation") {
+  ViewPose pose = levelPose({0, -1, 0}, {1, 2, 3}, {0, 0, 0});
+  const glm::dvec3 position = pose.position;
+  look(pose, 0.7, -0.3);
+  CHECK(pose.position == position);
+  const glm::dmat3 rotation = pose.cameraFromWorldRotation();
+  fly(pose, {0.5, -0.25, 2});
+  CHECK(pose.cameraFromWorldRotation() == rotation);
+  CHECK(glm::length(rotation * (pose.position - position) - glm::dvec3(0.5, -0.25, 2)) < 1e-12);
+}
+
+TEST_CASE("panning moves the pivot's plane by what it says") {
+  ViewPose pose = levelPose({0, -1, 0}, {0, 0, -4}, {0, 0, 0});
+  const Lens lens;
+  const Camera before = toCamera(pose, lens, 300, 200);
+  const glm::dvec3 pivot = pose.pivot();
+  const double units_per_pixel = 2 * pose.distance * std::tan(lens.fov_y / 2) / 200;
+  pan(pose, -30 * units_per_pixel, -10 * units_per_pixel);
+  const glm::dvec2 moved = project(toCamera(pose, lens, 300, 200), pivot) - project(before, pivot);
+  CHECK(moved.x == Approx(30));
+  CHECK(moved.y == Approx(10));
+}
+
+TEST_CASE("dolly keeps the pivot and never reaches it") {
+  ViewPose pose = levelPose({0, -1, 0}, {0, 0, -4}, {0, 0, 0});
+  const glm::dvec3 pivot = pose.pivot();
+  dolly(pose, 0.5);
+  CHECK(glm::length(pose.position - pivot) == Approx(2));
+  for (int i = 0; i < 200; ++i) dolly(pose, 0.5);
+  CHECK(pose.distance > 0);
+  CHECK(glm::length(pose.pivot() - pivot) < 1e-9);
+  for (int i = 0; i < 400; ++i) dolly(pose, 4.0);
+  CHECK(std::isfinite(pose.position.z));
+}
+
+TEST_CASE("framing puts the whole sphere into the image, in wide and tall windows") {
+  test::Random random(3);
+  for (const glm::ivec2 size : {glm::ivec2(1280, 720), glm::ivec2(360, 640), glm::ivec2(100, 100)}) {
+    const SceneBounds bounds{random.uniformVec3(-5, 5), random.uniform(0.5, 20)};
+    const Lens lens;
+    ViewPose pose = levelPose({0, 0, 1}, random.uniformVec3(-9, 9), {0, 0, 0});
+    const glm::dvec3 forward = pose.forward();
+    frame(pose, lens, static_cast<double>(size.x) / size.y, bounds);
+    CHECK(glm::length(pose.forward() - forward) < 1e-12);
+    const Camera camera = toCamera(pose, lens, size.x, size.y);
+    for (int i = 0; i < 200; ++i) {
+      const glm::dvec2 p = project(camera, bounds.center + bounds.radius * random.direction());
+      CHECK(p.x > -1e-6);
+      CHECK(p.x < size.x + 1e-6);
+      CHECK(p.y > -1e-6);
+      CHECK(p.y < size.y + 1e-6);
+    }
+  }
+}
+
+TEST_CASE("framing keeps a tiny model behind the near plane") {
+  const SceneBounds bounds{{1, 1, 1}, 1e-3};
+  ViewPose pose = levelPose({0, 0, 1}, {0, 0, 0}, {1, 0, 0});
+  frame(pose, {}, 1.0, bounds);
+  CHECK(pose.distance - bounds.radius > kNear);
+}
+
+TEST_CASE("another image size shows the whole old image, undistorted") {
+  test::Random random(4);
+  for (const glm::ivec2 size : {glm::ivec2(1000, 480), glm::ivec2(300, 700), glm::ivec2(1280, 960)}) {
+    const Camera camera = randomCamera(random);
+    const Camera other = fitted(camera, size.x, size.y);
+    CHECK(other.fx / other.fy == Approx(camera.fx / camera.fy));
+    for (const glm::dvec2 corner : {glm::dvec2(0, 0), glm::dvec2(640, 0), glm::dvec2(0, 480), glm::dvec2(640, 480)}) {
+      const glm::dvec3 ray((corner.x - camera.cx) / camera.fx, (corner.y - camera.cy) / camera.fy, 1);
+      const glm::dvec2 p(ray.x * other.fx + other.cx, ray.y * other.fy + other.cy);
+      CHECK(p.x > -1e-6);
+      CHECK(p.x < size.x + 1e-6);
+      CHECK(p.y > -1e-6);
+      CHECK(p.y < size.y + 1e-6);
+    }
+    // The window's way and the command line's way are one view.
+    const Camera window =
+        toCamera(poseOf(camera, {0, -1, 0}, {}), lensOf(camera, static_cast<double>(size.x) / size.y), size.x, size.y);
+    CHECK(window.fx == Approx(other.fx));
+    CHECK(window.fy == Approx(other.fy));
+    CHECK(window.cx == Approx(other.cx));
+    CHECK(window.cy == Approx(other.cy));
+  }
+}
+
+TEST_CASE("up is the mean of the cameras' up, and -y when that says nothing") {
+  std::vector<Camera> cameras;
+  CHECK(sceneUp(cameras) == glm::dvec3(0, -1, 0));
+  for (const glm::dvec3 eye : {glm::dvec3(3, 0, 1), glm::dvec3(-3, 0, 1), glm::dvec3(0, 3, 1), glm::dvec3(0, -3, 1)}) {
+    cameras.push_back(lookAt(eye, {0, 0, 0}, {0, 0, 1}, 0.8, 64, 64));
+  }
+  CHECK(glm::length(sceneUp(cameras) - glm::dvec3(0, 0, 1)) < 1e-12);
+  cameras = {lookAt({0, 0, 0}, {0, 0, 1}, {0, 1, 0}, 0.8, 64, 64),
+             lookAt({0, 0, 0}, {0, 0, 1}, {0, -1, 0}, 0.8, 64, 64)};
+  CHECK(sceneUp(cameras) == glm::dvec3(0, -1, 0));
+}
+
+TEST_CASE("an axis as up: by name and back, and the view keeps its pivot under it") {
+  const glm::dvec3 cameras_up = glm::normalize(glm::dvec3(1, 2, 3));
+  CHECK(upOf(UpAxis::cameras, cameras_up) == cameras_up);
+  CHECK(upOf(UpAxis::plusX, cameras_up) == glm::dvec3(1, 0, 0));
+  CHECK(upOf(UpAxis::minusY, cameras_up) == glm::dvec3(0, -1, 0));
+  CHECK(upOf(UpAxis::plusZ, cameras_up) == glm::dvec3(0, 0, 1));
+  for (int i = 0; i < kUpAxes; ++i) CHECK(parseUpAxis(name(static_cast<UpAxis>(i))) == static_cast<UpAxis>(i));
+  CHECK_FALSE(parseUpAxis("z"));
+  const ViewPose pose = levelPose({0, -1, 0}, {3, 1, 2}, {0.5, 0, 0});
+  const ViewPose other = leveled(pose, {0, 0, 1});
+  CHECK(other.position == pose.position);
+  CHECK(glm::length(other.pivot() - pose.pivot()) < 1e-9);
+  CHECK(std::abs(glm::transpose(other.cameraFromWorldRotation())[0].z) < 1e-12);  // the image's x axis is level
+}
+
+TEST_CASE("bounds ignore a few far floaters and survive absurd scales") {
+  GaussianModel model = test::trainedLikeModel(5, 400);
+  const SceneBounds clean = sceneBounds(model);
+  for (int i = 0; i < 8; ++i) model.mean[i] = glm::vec3(1e6f);
+  model.log_scale[20] = glm::vec3(80.0f);
+  const SceneBounds bounds = sceneBounds(model);
+  CHECK(bounds.radius < 2 * clean.radius);
+  CHECK(glm::length(bounds.center - clean.center) < 0.2 * clean.radius);
+  for (glm::vec3& scale : model.log_scale) scale = glm::vec3(3000.0f);
+  CHECK(std::isfinite(sceneBounds(model).radius));
+  CHECK(sceneBounds(GaussianModel{}).radius == 1);
+}

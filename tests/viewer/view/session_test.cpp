@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is kept between runs, and what a broken file does to it.
+#include "viewer/view/session.h"
+
+#include <cstdlib>
+#include <fstream>
+#include <optional>
+
+#include "core/error.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+
+using namespace tg;
+using Catch::Matchers::Contains;
+
+namespace {
+
+// An environment variable with another value, or none, while this lives.
+class Variable {
+ public:
+  Variable(const char* name, const char* value) : name_(name) {
+    if (const char* before = std::getenv(name)) before_ = before;
+    value ? ::setenv(name, value, 1) : ::unsetenv(name);
+  }
+  ~Variable() { before_ ? ::setenv(name_, before_->c_str(), 1) : ::unsetenv(name_); }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+
+ private:
+  const char* const name_;
+  std::optional<std::string> before_;
+};
+
+Session changedSession() {
+  Session session;
+  session.window = {1600, 900};
+  session.panel = false;
+  session.tab = Tab::path;
+  session.output = Output::normal;
+  session.textures = TextureMode::none;
+  session.speed = 2.5;
+  session.fly = true;
+  noteRecent(session, "/models/a b.tgz");
+  noteRecent(session, "/models/\xc3\xa9.ply");
+  Camera camera = lookAt({1, 2, 3}, {0, 0, 0}, {0, -1, 0}, 0.7, 640, 480);
+  camera.name = "view 1";
+  keepBookmarks(session, "/models/a b.tgz", {camera, camera});
+  return session;
+}
+
+}  // namespace
+
+TEST_CASE("a session comes back from its file whole") {
+  const TemporaryFolder folder;
+  const Session session = changedSession();
+  saveSession(session, folder / "new/tgview/session.json");
+  const LoadedSession loaded = loadSession(folder / "new/tgview/session.json");
+  CHECK(loaded.problem.empty());
+  CHECK(loaded.session.window == session.window);
+  CHECK(loaded.session.panel == session.panel);
+  CHECK(loaded.session.tab == session.tab);
+  CHECK(loaded.session.output == session.output);
+  CHECK(loaded.session.textures == session.textures);
+  CHECK(loaded.session.speed == session.speed);
+  CHECK(loaded.session.fly == session.fly);
+  CHECK(loaded.session.recent == session.recent);
+  const std::vector<Camera> bookmarks = bookmarksOf(loaded.session, "/models/a b.tgz");
+  REQUIRE(bookmarks.size() == 2);
+  CHECK(bookmarks[0].name == "view 1");
+  CHECK(bookmarks[0].camera_from_world_translation == session.bookmarks[0].cameras[0].camera_from_world_translation);
+  CHECK(formatSession(loaded.session) == formatSession(session));
+}
+
+TEST_CASE("without a file a session is fresh and silent, a broken file is fresh with a word, once") {
+  const TemporaryFolder folder;
+  CHECK(loadSession(folder / "none.json").problem.empty());
+  CHECK(loadSession({}).problem.empty());
+  const std::string whole = formatSession(changedSession());
+  const auto broken = [&](const std::string& text) {
+    std::ofstream(folder / "s.json", std::ios::binary) << text;
+    const LoadedSession loaded = loadSession(folder / "s.json");
+    CHECK_FALSE(loaded.problem.empty());
+    CHECK(loaded.session.recent.empty());
+    CHECK(loaded.session.window == Session{}.window);
+  };
+  for (const char* text : {"", "{", "[]", "{}", "3", "{\"format\":\"tgview-session\",\"version\":99}"}) broken(text);
+  for (std::size_t length = 1; length + 2 < whole.size(); length += 37) broken(whole.substr(0, length));
+  const auto replaced = [&whole](const std::string& part, const std::string& other) {
+    std::string text = whole;
+    REQUIRE(text.find(part) != std::string::npos);
+    return text.replace(text.find(part), part.size(), other);
+  };
+  broken(replaced("1600", "-3"));
+  broken(replaced("1600", "\"wide\""));
+  broken(replaced("\"normal\"", "\"colour\""));
+  broken(replaced("\"off\"", "\"maybe\""));
+  broken(replaced("\"view 1\"", "7"));
+  broken(replaced("\"panel\": false", "\"panel\": 0"));
+  std::filesystem::remove(folder / "s.json");
+  std::filesystem::create_directory(folder / "s.json");
+  CHECK_THAT(loadSession(folder / "s.json").problem, Contains("is a folder"));
+  std::filesystem::remove(folder / "s.json");
+  saveSession({}, folder / "s.json");
+  CHECK(loadSession(folder / "s.json").problem.empty());
+}
+
+TEST_CASE("the session lies in the XDG state folder, else under the home folder") {
+  {
+    const Variable state("XDG_STATE_HOME", "/some/state");
+    CHECK(sessionFile() == "/some/state/tgview/session.json");
+  }
+  const Variable state("XDG_STATE_HOME", nullptr);
+  {
+    const Variable home("HOME", "/home/someone");
+    CHECK(sessionFile() == "/home/someone/.local/state/tgview/session.json");
+    const Variable relative("XDG_STATE_HOME", "state");
+    CHECK(sessionFile() == "/home/someone/.local/state/tgview/session.json");
+  }
+  const Variable home("HOME", nullptr);
+  CHECK(sessionFile().empty());
+}
+
+TEST_CASE("recent files: the last one first, each once, a bounded number") {
+  Session session;
+  for (int i = 0; i < 30; ++i) noteRecent(session, "/m/" + std::to_string(i) + ".tgz");
+  CHECK(session.recent.size() == kMaxRecentFiles);
+  CHECK(session.recent[0] == "/m/29.tgz");
+  noteRecent(session, "/m/../m/27.tgz");
+  CHECK(session.recent[0] == "/m/27.tgz");
+  CHECK(session.recent.size() == kMaxRecentFiles);
+}
+
+TEST_CASE("bookmarks belong to their model, those of the models used last are kept") {
+  Session session;
+  const Camera camera = lookAt({1, 2, 3}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48);
+  for (std::size_t i = 0; i < kMaxBookmarkedModels + 5; ++i)
+    keepBookmarks(session, "/m/" + std::to_string(i), {camera});
+  CHECK(session.bookmarks.size() == kMaxBookmarkedModels);
+  CHECK(bookmarksOf(session, "/m/0").empty());
+  CHECK(bookmarksOf(session, "/m/20").size() == 1);
+  keepBookmarks(session, "/m/20", {});
+  CHECK(bookmarksOf(session, "/m/20").empty());
+}
+
+TEST_CASE("a session that cannot be written says where") {
+  const TemporaryFolder folder;
+  std::ofstream(folder / "file") << "x";
+  CHECK_THROWS_AS(saveSession({}, folder / "file/tgview/session.json"), Error);
+}

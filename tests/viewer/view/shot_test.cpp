@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the options ask of a scene.
+#include "viewer/view/shot.h"
+
+#include "core/error.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+TEST_CASE("without --camera: the first test camera, else the first, else the whole model") {
+  Scene scene;
+  ViewOptions options;
+  const Camera whole = cameraFor(options, scene);
+  CHECK(whole.width == 1280);
+  CHECK(whole.height == 720);
+  for (int i = 0; i < 3; ++i) {
+    scene.cameras.push_back(lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64 + i, 48));
+  }
+  CHECK(cameraFor(options, scene).width == 64);
+  scene.cameras[2].test = true;
+  CHECK(cameraFor(options, scene).width == 66);
+  options.size = glm::ivec2(200, 100);
+  CHECK(cameraFor(options, scene).width == 200);
+  options.size.reset();
+  scene.cameras[2].width = 1 << 20;
+  CHECK_THROWS_AS(cameraFor(options, scene), Error);
+}

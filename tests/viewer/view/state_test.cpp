@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+// What keys, mouse and new models do to the viewer's state.
+#include "viewer/view/state.h"
+
+#include <set>
+#include <utility>
+
+#include "support/catch.h"
+#include "viewer/keys.h"
+#include "viewer/view/actions.h"
+#include "viewer/view/input.h"
+
+using namespace tg;
+using test::press;
+
+namespace {
+
+ViewerState stateWithCameras(int count) {
+  Scene scene;
+  scene.path = "fox.tgz";
+  scene.background = glm::vec3(1, 0.5f, 0);
+  scene.bounds = {{0, 0, 0}, 2.0};
+  for (int i = 0; i < count; ++i) {
+    scene.cameras.push_back(lookAt({i - 1.0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
+  }
+  ViewerState state;
+  setScene(state, scene);
+  return state;
+}
+
+}  // namespace
+
+TEST_CASE("a new model brings its background and its first test camera, and keeps the switches") {
+  ViewerState state = stateWithCameras(3);
+  CHECK(state.display.settings.background == glm::vec3(1, 0.5f, 0));
+  CHECK(state.camera.index == 0);
+  state.display.output = Output::depth;
+  state.display.settings.textures = TextureMode::alpha;
+  Scene next = state.scene;
+  next.cameras[1].test = true;
+  setScene(state, next);
+  CHECK(state.camera.index == 1);
+  CHECK(state.display.output == Output::depth);
+  CHECK(state.display.settings.textures == TextureMode::alpha);
+}
+
+TEST_CASE("a model without cameras is framed") {
+  const ViewerState state = stateWithCameras(0);
+  CHECK(state.camera.index == -1);
+  CHECK(glm::length(state.camera.pose.pivot() - state.scene.bounds.center) < 1e-9);
+  CHECK(state.camera.pose.distance > state.scene.bounds.radius);
+}
+
+TEST_CASE("no key has two meanings, and every listed key has a text") {
+  std::set<std::pair<int, bool>> seen;
+  for (const KeyBinding& binding : keyBindings()) {
+    CHECK(seen.insert({binding.key, binding.shift}).second);
+    CHECK((*binding.keys == 0) == (*binding.text == 0));
+    for (char fly : std::string("WASDQEZX")) CHECK(binding.key != fly);
+  }
+  CHECK_FALSE(actionOf('W', false));
+}
+
+TEST_CASE("the number keys choose the output") {
+  ViewerState state = stateWithCameras(1);
+  for (int i = 0; i < 7; ++i) {
+    press(state, '1' + i);
+    CHECK(static_cast<int>(state.display.output) == i);
+  }
+}
+
+TEST_CASE("T steps through the texture terms and back, Tab switches them off only while held") {
+  ViewerState state = stateWithCameras(1);
+  std::vector<TextureMode> seen;
+  for (int i = 0; i < 4; ++i) {
+    press(state, 'T');
+    seen.push_back(state.display.settings.textures);
+  }
+  CHECK(seen == std::vector{TextureMode::rgb, TextureMode::alpha, TextureMode::none, TextureMode::rgba});
+  state.display.textures_held_off = true;
+  CHECK(effectiveSettings(state).textures == TextureMode::none);
+  CHECK(state.display.settings.textures == TextureMode::rgba);
+}
+
+TEST_CASE("I starts from the model's own intersection") {
+  ViewerState state = stateWithCameras(1);
+  state.scene.intersection = IntersectionModel::plane;
+  press(state, 'I');
+  CHECK(state.display.settings.intersection == IntersectionModel::maxResponse);
+  press(state, 'I');
+  CHECK(state.display.settings.intersection == IntersectionModel::plane);
+}
+
+TEST_CASE("Space goes round the cameras in both directions") {
+  ViewerState state = stateWithCameras(3);
+  press(state, ' ');
+  CHECK(state.camera.index == 1);
+  press(state, ' ', true);
+  press(state, ' ', true);
+  CHECK(state.camera.index == 2);
+  press(state, ' ');
+  CHECK(state.camera.index == 0);
+  ViewerState none = stateWithCameras(0);
+  press(none, ' ');
+  CHECK(none.camera.index == -1);
+  CHECK_FALSE(none.messages.notice.empty());
+}
+
+TEST_CASE("Esc closes an error, then the help, then the viewer") {
+  ViewerState state = stateWithCameras(1);
+  state.messages.error = "x.ply: broken";
+  state.ui.help = true;
+  press(state, kKeyEscape);
+  CHECK(state.messages.error.empty());
+  CHECK(state.ui.help);
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.ui.help);
+  CHECK_FALSE(state.quit);
+  press(state, kKeyEscape);
+  CHECK(state.quit);
+}
+
+TEST_CASE("moving leaves the model's camera, Shift+F comes back to it") {
+  ViewerState state = stateWithCameras(2);
+  const ViewPose start = state.camera.pose;
+  Input input;
+  input.seconds = 0.1;
+  CHECK_FALSE(applyInput(state, input, 480));
+  CHECK(state.camera.index == 0);
+  input.left = true;
+  input.drag = {12, -5};
+  CHECK(applyInput(state, input, 480));
+  CHECK(state.camera.index == -1);
+  press(state, 'F', true);
+  CHECK(state.camera.index == 0);
+  CHECK(glm::length(state.camera.pose.position - start.position) < 1e-12);
+}
+
+TEST_CASE("a panned point stays under the pointer") {
+  ViewerState state = stateWithCameras(1);
+  const glm::dvec3 pivot = state.camera.pose.pivot();
+  Input input;
+  input.middle = true;
+  input.drag = {17, -9};
+  applyInput(state, input, 480);
+  const Camera camera = toCamera(state.camera.pose, state.camera.lens, 640, 480);
+  const glm::dvec3 p = camera.camera_from_world_rotation * pivot + camera.camera_from_world_translation;
+  CHECK(camera.fx * p.x / p.z == Approx(17));
+  CHECK(camera.fy * p.y / p.z == Approx(-9));
+}
+
+TEST_CASE("the wheel comes closer, with Ctrl it changes the lens within its limits") {
+  ViewerState state = stateWithCameras(1);
+  const double distance = state.camera.pose.distance;
+  Input input;
+  input.wheel = 1;
+  applyInput(state, input, 480);
+  CHECK(state.camera.pose.distance < distance);
+  input.control = true;
+  for (int i = 0; i < 200; ++i) applyInput(state, input, 480);
+  CHECK(state.camera.lens.fov_y == kMinFov);
+  input.wheel = -1;
+  for (int i = 0; i < 400; ++i) applyInput(state, input, 480);
+  CHECK(state.camera.lens.fov_y == kMaxFov);
+}
+
+TEST_CASE("flying covers speed x radius in a second, whatever the frame rate") {
+  for (int frames : {10, 60}) {
+    ViewerState state = stateWithCameras(1);
+    const glm::dvec3 start = state.camera.pose.position;
+    Input input;
+    input.fly = {0, 0, 1};
+    input.seconds = 1.0 / frames;
+    for (int i = 0; i < frames; ++i) applyInput(state, input, 480);
+    CHECK(glm::length(state.camera.pose.position - start) == Approx(state.camera.speed * state.scene.bounds.radius));
+  }
+}
+
+TEST_CASE("full stop and comma go round the test cameras, with Shift round the training cameras") {
+  ViewerState state = stateWithCameras(5);
+  for (int i : {1, 4}) state.scene.cameras[i].test = true;
+  goToCamera(state, 0);
+  std::vector<int> seen;
+  for (int i = 0; i < 3; ++i) {
+    press(state, '.');
+    seen.push_back(state.camera.index);
+  }
+  CHECK(seen == std::vector{1, 4, 1});
+  press(state, ',');
+  CHECK(state.camera.index == 4);
+  press(state, '.', true);
+  CHECK(state.camera.index == 0);
+  press(state, ',', true);
+  CHECK(state.camera.index == 3);
+  ViewerState train = stateWithCameras(2);
+  press(train, '.');
+  CHECK(train.camera.index == 0);
+  CHECK_FALSE(train.messages.notice.empty());
+}
+
+TEST_CASE("V goes through the ways to compare, Shift+V shows the other one") {
+  ViewerState state = stateWithCameras(1);
+  for (const bool shift : {false, true}) {  // nothing is there to compare with
+    press(state, 'V', shift);
+    CHECK(state.compare.how.mode == CompareMode::off);
+    CHECK_THAT(state.messages.notice, Catch::Contains("Nothing to compare with"));
+  }
+  state.compare.photographs = "images";
+  std::vector<CompareMode> seen;
+  for (int i = 0; i < 5; ++i) {
+    press(state, 'V');
+    seen.push_back(state.compare.how.mode);
+  }
+  CHECK(seen == std::vector{CompareMode::side, CompareMode::wipe, CompareMode::flicker, CompareMode::difference,
+                            CompareMode::off});
+  press(state, 'V', true);
+  CHECK(state.compare.how.mode == CompareMode::flicker);
+  CHECK(state.compare.how.shows_other);
+  press(state, 'V', true);
+  CHECK_FALSE(state.compare.how.shows_other);
+}

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// The real window under a window manager, driven by a pointer and a keyboard.
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+
+#include "core/camera.h"
+#include "core/metrics.h"
+#include "support/catch.h"
+#include "viewer/process.h"
+
+using namespace tg;
+using test::backendOr;
+using test::haveWindow;
+using test::ProcessResult;
+using test::Workshop;
+
+namespace {
+
+bool haveHand() {
+  if (!haveWindow()) return false;
+  if (std::system("command -v xdotool openbox import >/dev/null 2>&1") == 0) return true;
+  std::cout << "skipped: no xdotool, openbox or import (packages xdotool, openbox, imagemagick)\n";
+  return false;
+}
+
+// `script` begins after the first picture, saved as ready.png. `hand`: lines of driver.sh.
+void play(const Workshop& shop, const std::string& script, const std::string& hand,
+          std::vector<std::string> models = {"model.tgz"}) {
+  std::filesystem::copy(TG_DRIVER, shop / "driver.sh");
+  shop.write("hand.sh", hand);
+  shop.write("script.txt", "panel off\nwait 3\nwindow ready.png\n" + script);
+  models.insert(models.end(),
+                {"--script", "script.txt", "--size", "640x480", "--backend", backendOr("cpu"), "--validation"});
+  std::vector<std::string> prefix = test::kXServer;
+  prefix.insert(prefix.end(), {"sh", "driver.sh"});
+  const ProcessResult result = shop.tgview(models, prefix);
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+}
+
+}  // namespace
+
+TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the camera", "[window]") {
+  if (!haveHand()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::writeSample(shop / "other.tgz", 90);
+  play(shop,
+       "compare wipe\nwindow middle.png\nawait-file dragged\nwindow dragged.png\ndivider 0.25\nwindow quarter.png\n"
+       "save-camera before.json\nwindow stay.png\nawait-file orbited\nsave-camera after.json\nwindow orbited.png\n",
+       "reached middle.png\nto 320 240\npress 1\nto 240 240\nto 160 240\nrelease 1\ntouch dragged\n"
+       "reached stay.png\nto 400 240\npress 1\nto 440 240\nto 480 240\nrelease 1\ntouch orbited\n",
+       {"model.tgz", "other.tgz"});
+  CHECK(psnr(shop.read("middle.png"), shop.read("dragged.png")) < 45);
+  CHECK(psnr(shop.read("quarter.png"), shop.read("dragged.png")) > 60);
+  const Camera before = readCameras(shop / "before.json").front(), after = readCameras(shop / "after.json").front();
+  CHECK(before.camera_from_world_translation != after.camera_from_world_translation);
+}
+
+TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]") {
+  if (!haveHand()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "await-file typed\nwindow typed.png\noutput normal\nwindow normal.png\noutput final\nsave-camera far.json\n"
+       "window far.png\nawait-file wheeled\nsave-camera near.json\nwindow near.png\nawait-file clicked\n"
+       "window clicked.png\n",
+       "to 320 240\nkey 6\ntouch typed\nreached far.png\nxdotool click 4\nsleep 0.3\ntouch wheeled\n"
+       "reached near.png\nkey m\npress 1\nrelease 1\nsleep 0.5\ntouch clicked\n");
+  CHECK(psnr(shop.read("typed.png"), shop.read("normal.png")) > 60);
+  const Camera far = readCameras(shop / "far.json").front(), near = readCameras(shop / "near.json").front();
+  CHECK(far.camera_from_world_translation != near.camera_from_world_translation);
+  // The square of the Gaussian under the pointer, in the middle: the notice of the key is further down.
+  const Image before = shop.read("near.png"), after = shop.read("clicked.png");
+  double changed = 0;
+  for (int y = 60; y < 400; ++y) {
+    for (int x = 0; x < 640; ++x) changed += std::abs(after.at(x, y, 2) - before.at(x, y, 2)) > 0.2;
+  }
+  CHECK(changed > 100);
+}
+
+TEST_CASE("a window that was minimised and hidden comes back with its picture", "[window]") {
+  if (!haveHand()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "await-file restored\nwindow restored.png\noutput base\nwindow base.png\n",
+       "xdotool windowminimize \"$window\"\nsleep 1\nimport -window root PNG24:minimised.png\n"
+       "xdotool windowmap \"$window\"\nsleep 0.5\nxdotool windowunmap \"$window\"\nsleep 0.5\n"
+       "xdotool windowmap \"$window\"\nsleep 0.5\nimport -window root PNG24:mapped.png\ntouch restored\n");
+  CHECK(psnr(shop.read("ready.png"), shop.read("restored.png")) > 60);
+  CHECK(psnr(shop.read("ready.png"), shop.read("base.png")) < 50);  // pictures still come
+  CHECK(psnr(shop.read("mapped.png"), shop.read("minimised.png")) < 30);
+}
+
+TEST_CASE("the panels answer while a picture takes seconds", "[window]") {
+  if (!haveHand()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "save-camera start.json\nwindow before.png\nslow-picture 6\norbit 30 0\nwindow after.png\nhelp off\n"
+       "window closed.png\n",
+       "reached before.png\nsleep 1\nimport -window \"$window\" PNG24:still.png\nkey question\nsleep 1\n"
+       "import -window \"$window\" PNG24:helped.png\n[ ! -e after.png ] || exit 92\n");
+  // The old picture stays until the new one is there; the help lies over it already.
+  CHECK(psnr(shop.read("before.png"), shop.read("still.png")) > 60);
+  CHECK(psnr(shop.read("still.png"), shop.read("helped.png")) < 30);
+  CHECK(psnr(shop.read("helped.png"), shop.read("after.png")) > 15);
+  CHECK(psnr(shop.read("closed.png"), shop.read("before.png")) < 45);
+}

@@ -1,0 +1,458 @@
+// SPDX-License-Identifier: Apache-2.0
+// The real window, under a virtual X server: what is on screen is what --render writes.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <thread>
+
+#include "core/json.h"
+#include "core/metrics.h"
+#include "core/ply.h"
+#include "render/renderer.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+#include "viewer/process.h"
+#include "viewer/view/session.h"
+
+using namespace tg;
+using test::backendOr;
+using test::haveWindow;
+using test::kXServer;
+using test::ProcessResult;
+using test::Workshop;
+
+namespace {
+
+// Runs a script in a window, under validation.
+void play(const Workshop& shop, const std::string& script, const std::string& size,
+          const std::string& backend = backendOr("vulkan"), const std::vector<std::string>& more = {}) {
+  shop.write("script.txt", script);
+  std::vector<std::string> words = {"model.tgz", "--script",  "script.txt", "--size",
+                                    size,        "--backend", backend,      "--validation"};
+  words.insert(words.end(), more.begin(), more.end());
+  const ProcessResult result = shop.tgview(words, kXServer);
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(result.err.find(backendOr("vulkan") + ":") == std::string::npos);
+}
+
+Image render(const Workshop& shop, std::vector<std::string> flags) {
+  flags.insert(flags.begin(), {"model.tgz", "--render", "render.png", "--backend", backendOr("vulkan")});
+  const ProcessResult result = shop.tgview(flags);
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  return shop.read("render.png");
+}
+
+}  // namespace
+
+TEST_CASE("the window shows every output as --render writes it, before and after a resize", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  std::string script = "panel off\nwait 2\n";
+  const std::vector<std::string> outputs = {"final", "base", "texture", "alpha", "depth", "normal", "count"};
+  for (const std::string& output : outputs) script += "output " + output + "\nwindow " + output + ".png\n";
+  script += "output final\ntextures off\nwindow off.png\ntextures rgba\n";
+  script += "hold-textures-off on\nwindow held.png\nhold-textures-off off\n";
+  script += "size 300x260\norbit 20 -10\ndolly 0.9\nsave-camera camera.json\nwindow resized.png\npicture picture.png\n";
+  play(shop, script, "240x180");
+  for (const std::string& output : outputs) {
+    INFO(output);
+    CHECK(psnr(shop.read(output + ".png"), render(shop, {"--size", "240x180", "--show", output})) > 45);
+  }
+  const Image off = render(shop, {"--size", "240x180", "--textures", "off"});
+  CHECK(psnr(shop.read("off.png"), off) > 45);
+  CHECK(psnr(shop.read("held.png"), off) > 45);
+  const Image resized = shop.read("resized.png");
+  REQUIRE(resized.width == 300);
+  REQUIRE(resized.height == 260);
+  CHECK(psnr(resized, render(shop, {"--camera", "camera.json"})) > 45);
+  CHECK(psnr(resized, shop.read("picture.png")) > 60);
+}
+
+TEST_CASE("the panel lies beside the picture and never changes it", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "wait 3\nsave-camera camera.json\npicture picture.png\nwindow window.png\n", "800x480");
+  const Image window = shop.read("window.png");
+  const Image picture = shop.read("picture.png");
+  REQUIRE(window.width == 800);
+  REQUIRE(picture.width < 600);
+  REQUIRE(picture.height == 480);
+  CHECK(psnr(picture, render(shop, {"--camera", "camera.json"})) > 45);
+  // The right part of the window is the picture.
+  double worst = 0;
+  for (int y = 0; y < 480; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        worst = std::max(worst, double{std::abs(window.at(800 - picture.width + x, y, c) - picture.at(x, y, c))});
+      }
+    }
+  }
+  CHECK(worst == 0);
+}
+
+TEST_CASE("the CPU's pictures reach the window unchanged", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "panel off\nsave-camera camera.json\nsize 260x200\noutput normal\nwait 2\npicture picture.png\n",
+       "240x180", "cpu");
+  const ProcessResult result =
+      shop.tgview({"model.tgz", "--render", "render.png", "--backend", "cpu", "--show", "normal", "--size", "260x200"});
+  REQUIRE(result.exit_code == 0);
+  CHECK(psnr(shop.read("picture.png"), shop.read("render.png")) > 60);
+}
+
+TEST_CASE("without Vulkan a window opens on OpenGL, on the device that draws windows") {
+  const std::vector<std::string> devices = test::deviceBackends();
+  if (!test::haveXServer() || std::find(devices.begin(), devices.end(), "opengl") == devices.end()) return;
+  std::vector<std::string> no_vulkan = {"VK_DRIVER_FILES=/nonexistent.json", "VK_ICD_FILENAMES=/nonexistent.json"};
+  no_vulkan.insert(no_vulkan.end(), kXServer.begin(), kXServer.end());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "panel off\nwait 2\npicture picture.png\n");
+  const auto window = [&](const std::vector<std::string>& flags) {
+    std::vector<std::string> all = {"model.tgz", "--script", "script.txt", "--size", "240x180"};
+    all.insert(all.end(), flags.begin(), flags.end());
+    return shop.tgview(all, no_vulkan);
+  };
+  const ProcessResult automatic = window({});
+  INFO(automatic.err);
+  REQUIRE(automatic.exit_code == 0);
+  CHECK(shop.tgview({"model.tgz", "--render", "cpu.png", "--size", "240x180", "--backend", "cpu"}).exit_code == 0);
+  CHECK(psnr(shop.read("picture.png"), shop.read("cpu.png")) > 45);
+  CHECK(window({"--backend", "vulkan"}).exit_code == 5);
+  const ProcessResult refused = window({"--backend", "opengl", "--device", "no such device"});
+  CHECK(refused.exit_code == 5);
+  CHECK_THAT(refused.err, Catch::Contains("lets OpenGL draw on") && Catch::Contains("expected \"no such device\""));
+}
+
+TEST_CASE("a broken file shows an error and leaves the old model, a good one replaces it", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  GaussianModel half = test::sampleModel();
+  half.atlas = {};
+  half.texture_mode = TextureMode::none;
+  writeSplatPly(shop / "plain.ply", half);
+  shop.write("broken.tgz", "not an archive");
+  play(shop,
+       "panel off\nwait 2\npicture before.png\nopen broken.tgz\nwindow error.png\nkey Esc\npicture after.png\n"
+       "save-camera camera.json\nopen plain.ply\ncamera camera.json\npicture plain.png\n"
+       "open model.tgz\ntextures off\nbackground black\ncamera camera.json\npicture textured.png\n",
+       "240x180");
+  CHECK(psnr(shop.read("before.png"), shop.read("error.png")) < 40);  // the error panel is there
+  CHECK(psnr(shop.read("before.png"), shop.read("after.png")) > 60);
+  // Untextured, model.tgz is plain.ply.
+  CHECK(psnr(shop.read("plain.png"), shop.read("textured.png")) > 45);
+}
+
+TEST_CASE("a followed run folder is waited for, shown, and shown again from the same camera when it changes",
+          "[window]") {
+  if (!haveWindow()) return;
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
+    const Workshop shop;
+    shop.write("script.txt",
+               "wait 3\nwindow waiting.png\nawait 1\norbit 20 -10\nsave-camera camera.json\npicture first.png\n"
+               "await 2\nwindow panel.png\npicture second.png\n");
+    // A training run, seen from outside: the model comes late, half of it first; then another one.
+    std::thread trainer([&] {
+      const auto awaitFile = [&](const std::string& name) {
+        for (int i = 0; i < 6000 && !std::filesystem::exists(shop / name); ++i) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+      };
+      awaitFile("waiting.png");
+      std::filesystem::create_directory(shop / "run");
+      shop.write("run/model.tgz", "half a model");
+      std::this_thread::sleep_for(std::chrono::milliseconds(700));
+      test::writeSample(shop / "run/model.tgz");
+      awaitFile("first.png");
+      test::writeSample(shop / "run/model.tgz", 90);
+      std::filesystem::copy(shop / "run/model.tgz", shop / "model.tgz");
+    });
+    const ProcessResult result = shop.tgview(
+        {"--follow", "run", "--script", "script.txt", "--size", "800x480", "--backend", backend, "--validation"},
+        kXServer);
+    trainer.join();
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    CHECK(result.err.find(backendOr("vulkan") + ":") == std::string::npos);
+    const Image second = shop.read("second.png");
+    CHECK(psnr(second, render(shop, {"--camera", "camera.json"})) > 45);
+    CHECK(psnr(second, shop.read("first.png")) < 45);
+  }
+}
+
+TEST_CASE("without a display, a followed model is rendered whenever it changes, until its training is finished") {
+  const Workshop shop;
+  test::writeSample(shop / "run.tgz", 400, R"({"interrupted": true, "stages": {"plain": {"iterations": 5}}})");
+  std::thread trainer([&] {
+    for (int i = 0; i < 6000 && !std::filesystem::exists(shop / "out.png"); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    test::writeSample(shop / "run.tgz", 90, R"({"interrupted": false, "stages": {"plain": {"iterations": 9}}})");
+  });
+  const ProcessResult result = shop.tgview({"--follow", "run.tgz", "--render", "out.png", "--backend", "cpu"});
+  trainer.join();
+  INFO(result.err);
+  CHECK(result.exit_code == 0);
+  CHECK_THAT(result.out, Catch::Contains("400 Gaussians") && Catch::Contains("plain 5"));
+  CHECK_THAT(result.out, Catch::Contains("90 Gaussians") && Catch::Contains("plain 9"));
+}
+
+TEST_CASE("every way of drawing is the same in the window and by its flags", "[window]") {
+  if (!haveWindow()) return;
+  const std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
+      {"sort per-pixel", {"--sort", "per-pixel"}},
+      {"texture-filter footprint", {"--texture-filter", "footprint"}},
+      {"antialiasing screen", {"--antialiasing", "screen"}},
+      {"opacity-scale 0.5", {"--opacity-scale", "0.5"}},
+      {"splat-scale 1.5", {"--splat-scale", "1.5"}},
+      {"sh-degree 0", {"--sh-degree", "0"}},
+      {"near 3.2", {"--near", "3.2"}},
+      {"crop -0.5,-2,-2,0.5,2,2", {"--crop", "-0.5,-2,-2,0.5,2,2"}},
+      {"exposure -1", {"--exposure", "-1"}},
+      {"output depth-median", {"--show", "depth-median"}},
+      {"output overdraw", {"--show", "overdraw"}},
+      {"output ellipsoids", {"--show", "ellipsoids"}},
+      {"output centers", {"--show", "centers"}},
+      {"output texel-density", {"--show", "texel-density"}},
+  };
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const auto rendered = [&shop](std::vector<std::string> flags, const std::string& backend) {
+    flags.insert(flags.begin(), {"model.tgz", "--render", "render.png", "--backend", backend, "--size", "240x180"});
+    const ProcessResult result = shop.tgview(flags);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    return shop.read("render.png");
+  };
+  for (const std::string& backend : {std::string("cpu"), backendOr("vulkan")}) {
+    std::size_t number = 0;
+    for (const auto& [command, flags] : cases) {
+      const std::string name = std::to_string(number++) + ".png";
+      play(shop, "panel off\n" + command + "\nwait 2\npicture " + name + "\n", "240x180", backend);
+      INFO(backend << ": " << command);
+      CHECK(psnr(shop.read(name), rendered(flags, backend)) > 40);
+    }
+  }
+}
+
+TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and a lost device leave the right picture",
+          "[window]") {
+  if (!haveWindow()) return;
+  for (const char* frames : {"1", "2"}) {
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    std::string script = "panel off\nwait 2\ncontinuous on\n";
+    for (int i = 0; i < 12; ++i) script += "orbit 7 1\nwait 1\n";
+    script += "save-camera turned.json\npicture turned.png\n";
+    for (const char* size : {"300x200", "64x64", "240x180"}) {
+      script += "size " + std::string(size) + "\noutput count\norbit 30 5\nwait 1\noutput final\n";
+    }
+    script += "compare side\nwait 2\ncompare off\nsave-camera stormed.json\npicture stormed.png\nwindow window.png\n";
+    script += "orbit 5 5\nlose-device\nwait 5\norbit 5 5\nsave-camera lost.json\npicture lost.png\n";
+    play(shop, script, "240x180", backendOr("vulkan"), {"--frames-in-flight", frames});
+    INFO(frames << " in flight");
+    CHECK(psnr(shop.read("turned.png"), render(shop, {"--camera", "turned.json"})) > 45);
+    const Image stormed = render(shop, {"--camera", "stormed.json"});
+    CHECK(psnr(shop.read("stormed.png"), stormed) > 45);
+    CHECK(psnr(shop.read("window.png"), stormed) > 45);
+    CHECK(psnr(shop.read("lost.png"), render(shop, {"--camera", "lost.json"})) > 45);
+  }
+}
+
+TEST_CASE("the picture's resolution follows the state, the window's does not", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "panel off\nresolution 0.5\npicture half.png\nwindow window.png\n", "240x180");
+  CHECK(shop.read("half.png").width == 120);
+  CHECK(shop.read("window.png").width == 240);
+  CHECK(psnr(shop.read("half.png"), render(shop, {"--size", "120x90"})) > 45);
+}
+
+TEST_CASE("bookmarks, up axes and key frames in the window are cameras elsewhere", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\npath-lines off\nwait 2\norbit 25 -10\nbookmark\npicture marked.png\nup +x\norbit 40 0\n"
+       "picture away.png\ngo-bookmark 0\nup cameras\nsave-bookmarks marks.json\nadd-key\ndolly 0.7\norbit -30 5\n"
+       "fov 60\nadd-key\nsave-path path.json\nsave-keys keys.json\nseek 1\npicture middle.png\n"
+       "clear-path\nload-path keys.json\nshow-key 1\npicture end.png\n",
+       "240x180");
+  CHECK(psnr(shop.read("marked.png"), shop.read("away.png")) < 40);
+  CHECK(psnr(shop.read("marked.png"), render(shop, {"--camera", "marks.json", "--size", "240x180"})) > 45);
+  const ProcessResult result = shop.tgview({"model.tgz", "--path", "path.json", "--fps", "1", "-o", "f/#.png", "--size",
+                                            "240x180", "--backend", backendOr("vulkan")});
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(psnr(shop.read("middle.png"), shop.read("f/1.png")) > 45);
+  CHECK(psnr(shop.read("end.png"), shop.read("f/2.png")) > 45);
+}
+
+TEST_CASE("the turntable turns and the path plays while the window lives", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\npicture still.png\nturntable on\nwait 20\nturntable off\npicture turned.png\n"
+       "camera 1\nadd-key\ncamera 2\nadd-key\nkey-seconds 0 0.1\npath-lines off\nshow-key 0\nplay on\nwait 60\n"
+       "picture played.png\ncamera 2\npicture end.png\n",
+       "240x180", "cpu");
+  CHECK(psnr(shop.read("still.png"), shop.read("turned.png")) < 45);
+  CHECK(psnr(shop.read("played.png"), shop.read("end.png")) > 60);
+}
+
+TEST_CASE("a recording in the window is the recording without one, and can be cancelled", "[window]") {
+  if (!haveWindow()) return;
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    play(shop,
+         "camera 1\nadd-key\norbit 40 10\nadd-key\nsave-path path.json\ntab path\nrecord-size 90x60\nrecord-fps 2\n"
+         "record window/##.png\nwindow during.png\nawait-recording\n"
+         "record-fps 1000\nrecord cancelled/####.png\nwait 100\ncancel-recording\nwait 2\npicture after.png\n",
+         "240x180", backend);
+    const ProcessResult result = shop.tgview({"model.tgz", "--path", "path.json", "--fps", "2", "-o", "plain/##.png",
+                                              "--size", "90x60", "--backend", backend});
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    for (const char* frame : {"00.png", "02.png", "04.png"}) {
+      CHECK(psnr(shop.read(std::string("window/") + frame), shop.read(std::string("plain/") + frame)) > 45);
+    }
+    CHECK_FALSE(std::filesystem::exists(shop / "window/05.png"));
+    CHECK(std::filesystem::exists(shop / "cancelled/0000.png"));
+    CHECK_FALSE(std::filesystem::exists(shop / "cancelled/2000.png"));
+    CHECK(shop.read("after.png").width > 90);
+  }
+}
+
+TEST_CASE("inspecting draws the picked Gaussian's square, alone only that, and clearing takes both back", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\nwindow before.png\ninspect 120 90\nwindow inspected.png\npicture picture.png\npick 1\n"
+       "window second.png\nisolate on\npicture alone.png\nclear-inspection\nwindow after.png\n",
+       "240x180", "cpu");
+  CHECK(psnr(shop.read("before.png"), shop.read("inspected.png")) < 50);
+  CHECK(psnr(shop.read("inspected.png"), shop.read("second.png")) < 50);
+  CHECK(psnr(shop.read("before.png"), shop.read("picture.png")) > 60);
+  CHECK(psnr(shop.read("before.png"), shop.read("alone.png")) < 30);
+  CHECK(psnr(shop.read("before.png"), shop.read("after.png")) > 60);
+}
+
+TEST_CASE("the inspector prints a pixel whose colour is the picture's") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const ProcessResult result = shop.tgview({"model.tgz", "--inspect", "48,36", "--size", "96x72"});
+  REQUIRE(result.exit_code == 0);
+  const nlohmann::json json = parseJson(result.out, "stdout");
+  REQUIRE(shop.tgview({"model.tgz", "--render", "a.png", "--size", "96x72", "--backend", "cpu"}).exit_code == 0);
+  const Image picture = shop.read("a.png");
+  for (int c = 0; c < 3; ++c) {
+    const double value = std::clamp(json["color"][static_cast<std::size_t>(c)].get<double>(), 0.0, 1.0);
+    CHECK(std::abs(value - picture.at(48, 36, c)) < 0.01);
+  }
+  CHECK_FALSE(json["hits"].empty());
+  CHECK(shop.tgview({"model.tgz", "--inspect", "96,0", "--size", "96x72"}).exit_code == 1);
+  CHECK(shop.tgview({"model.tgz", "--inspect", "x", "--size", "96x72"}).exit_code == 1);
+  CHECK(shop.tgview({"none.tgz", "--inspect", "1,1"}).exit_code == 2);
+}
+
+TEST_CASE("the flag --benchmark in a window times what is shown there", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("path.json", formatCameras({test::trainedLikeCamera(96, 72), test::trainedLikeCamera(96, 72)}));
+  for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
+    const ProcessResult result = shop.tgview({"model.tgz", "--benchmark", "path.json", "--window", "--fps", "4",
+                                              "--size", "700x300", "--backend", backend, "--validation"},
+                                             kXServer);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    const nlohmann::json json = parseJson(result.out, "stdout");
+    CHECK(json["where"] == "window");
+    CHECK(json["backend"] == backend);
+    CHECK(json["path"]["frames"] == 5);
+    CHECK(json["image"]["height"] == 300);
+    CHECK(json["frame_ms"]["median"].get<double>() > 0);
+    CHECK(json["load"]["total_ms"].get<double>() > 0);
+    CHECK_FALSE(json["passes_ms"].empty());
+  }
+}
+
+TEST_CASE("a session keeps size, page, output, recent files and bookmarks, a broken one is replaced with a word",
+          "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const auto run = [&shop](const std::string& script, std::vector<std::string> flags) {
+    shop.write("script.txt", script);
+    flags.insert(flags.begin(), {"model.tgz", "--session", "state/session.json", "--script", "script.txt"});
+    const ProcessResult result = shop.tgview(flags, kXServer);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+  };
+  run("wait 3\ntab path\noutput depth\norbit 30 0\nbookmark\npanel off\npicture a.png\n", {"--size", "400x300"});
+  run("wait 3\nwindow again.png\ngo-bookmark 0\npicture b.png\n", {});
+  CHECK(shop.read("again.png").width == 400);
+  CHECK(psnr(shop.read("a.png"), shop.read("b.png")) > 60);  // output, panel and bookmark
+  const LoadedSession kept = loadSession(shop / "state/session.json");
+  CHECK(kept.problem.empty());
+  CHECK(kept.session.tab == Tab::path);
+  REQUIRE(kept.session.recent.size() == 1);
+  CHECK(kept.session.recent[0].ends_with("/model.tgz"));
+  shop.write("state/session.json", "{");
+  run("wait 3\nwindow broken.png\nkey Esc\nwait 2\nwindow fine.png\n", {"--size", "400x300"});
+  CHECK(psnr(shop.read("broken.png"), shop.read("fine.png")) < 40);  // the message
+  CHECK(loadSession(shop / "state/session.json").problem.empty());
+  // A script alone keeps nothing.
+  std::filesystem::remove_all(shop / "state");
+  const ProcessResult plain = shop.tgview({"model.tgz", "--script", "script.txt"}, [] {
+    std::vector<std::string> prefix = {"env", "XDG_STATE_HOME=/nonexistent/state"};
+    prefix.insert(prefix.end(), kXServer.begin(), kXServer.end());
+    return prefix;
+  }());
+  CHECK(plain.exit_code == 0);
+  CHECK(plain.err.empty());
+}
+
+TEST_CASE("a path given to the window, or dropped on it, is there to be played", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "wait 2\ncamera 1\nadd-key\norbit 40 10\nadd-key\nsave-path path.json\npanel off\npicture end.png\n",
+       "240x180", "cpu");
+  play(shop, "panel off\nwait 2\nopen path.json\npath-lines off\nshow-key 1\npicture dropped.png\n", "240x180", "cpu");
+  CHECK(psnr(shop.read("end.png"), shop.read("dropped.png")) > 45);
+  shop.write("script.txt", "panel off\npath-lines off\nwait 2\nshow-key 1\npicture given.png\n");
+  const ProcessResult result = shop.tgview(
+      {"model.tgz", "--path", "path.json", "--script", "script.txt", "--size", "240x180", "--backend", "cpu"},
+      kXServer);
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  CHECK(psnr(shop.read("end.png"), shop.read("given.png")) > 45);
+}
+
+TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[window]") {
+  if (!haveWindow()) return;
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("unknown.txt", "dance\n");
+  shop.write("value.txt", "output red\n");
+  shop.write("write.txt", "window no/such/folder/a.png\n");
+  const auto run = [&shop](const std::string& script) {
+    return shop.tgview({"model.tgz", "--size", "200x150", "--script", script}, kXServer).exit_code;
+  };
+  CHECK(run("missing.txt") == 2);
+  CHECK(run("unknown.txt") == 3);
+  CHECK(run("value.txt") == 3);
+  CHECK(run("write.txt") == 4);
+}

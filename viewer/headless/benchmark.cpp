@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Times frames one after the other.
+#include "viewer/headless/benchmark.h"
+
+#include <chrono>
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+#include "core/error.h"
+#include "viewer/headless/renderer.h"
+#include "viewer/model/scene_of.h"
+#include "viewer/picture/benchmark.h"
+#include "viewer/view/shot.h"
+
+namespace tg {
+namespace {
+
+constexpr int kMaxGrowth = 8;  // repeats of a frame whose buffers were too small
+
+class Stopwatch {
+ public:
+  double milliseconds() const {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// Draws one picture and waits for it.
+class FrameRunner {
+ public:
+  FrameRunner(const HeadlessRenderer& backend, const Benchmark& benchmark)
+      : renderer_(*backend.renderer), gpu_(dynamic_cast<GpuRenderer*>(backend.renderer.get())) {
+    request_.output = benchmark.output;
+    request_.settings = benchmark.settings;
+    request_.exposure_stops = benchmark.exposure;
+  }
+
+  void draw(const Camera& camera) {
+    if (!gpu_) {
+      (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.exposure_stops);
+      return;
+    }
+    request_.camera = camera;
+    for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
+      if (gpu_->draw(request_)) return;
+    }
+    throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
+  }
+
+ private:
+  Renderer& renderer_;
+  GpuRenderer* const gpu_;
+  FrameRequest request_;
+};
+
+}  // namespace
+
+void benchmarkHeadless(const ViewOptions& options) {
+  const HeadlessRenderer backend = makeHeadlessRenderer(options);
+  const Stopwatch reading;
+  LoadedModel loaded = readModel(options.model);
+  const double read_ms = reading.milliseconds();
+  const Scene scene = sceneFor(options, std::move(loaded));
+  printWarnings(scene, options);
+  const std::vector<Camera> cameras = shotCameras(options, scene, false);
+  Benchmark benchmark = benchmarkOf(options, scene);
+  benchmark.where = "headless";
+  benchmark.read_ms = read_ms;
+  benchmark.width = cameras.front().width;
+  benchmark.height = cameras.front().height;
+
+  const Stopwatch uploading;
+  backend.renderer->setModel(scene.model);
+  benchmark.upload_ms = uploading.milliseconds();
+  benchmark.device = backend.renderer->deviceName();
+  FrameRunner runner(backend, benchmark);
+  benchmark.backend = backend.backend;
+  const Stopwatch first;
+  runner.draw(cameras.front());
+  benchmark.first_frame_ms = first.milliseconds();
+  benchmark.load_ms = *benchmark.read_ms + *benchmark.upload_ms + *benchmark.first_frame_ms;
+  for (const Camera& camera : cameras) {
+    BenchmarkFrame frame;
+    const Stopwatch wall;
+    const double cpu = processMilliseconds();
+    runner.draw(camera);
+    frame.wall_ms = wall.milliseconds();
+    frame.cpu_ms = processMilliseconds() - cpu;
+    frame.passes = backend.renderer->passTimes();
+    benchmark.frames.push_back(std::move(frame));
+  }
+  requireNoValidationMessages(backend);
+  std::fputs(formatBenchmark(benchmark).c_str(), stdout);
+}
+
+}  // namespace tg

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "viewer/headless/inspect.h"
+
+#include <cstdio>
+
+#include "core/error.h"
+#include "render/inspect.h"
+#include "viewer/headless/renderer.h"
+#include "viewer/model/scene_of.h"
+#include "viewer/view/inspection.h"
+#include "viewer/view/shot.h"
+
+namespace tg {
+
+void inspectHeadless(const ViewOptions& options) {
+  const Scene scene = sceneFor(options, readModel(options.model));
+  printWarnings(scene, options);
+  const Camera camera = cameraFor(options, scene);
+  const glm::ivec2 pixel = *options.inspect;
+  if (pixel.x >= camera.width || pixel.y >= camera.height)
+    throw Error(ErrorKind::usage, "--inspect: expected a pixel of the " + std::to_string(camera.width) + "x" +
+                                      std::to_string(camera.height) + " picture, found " + std::to_string(pixel.x) +
+                                      "," + std::to_string(pixel.y));
+  const RenderSettings settings = settingsFor(options, scene.background);
+  const std::vector<PixelHit> hits = inspectPixel(*scene.model, camera, settings, pixel);
+  std::fputs(formatInspection(*scene.model, camera, settings, pixel, hits).c_str(), stdout);
+}
+
+}  // namespace tg

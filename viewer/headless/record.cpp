@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renders frame after frame while the writer compresses the ones before.
+#include "viewer/headless/record.h"
+
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+
+#include "viewer/headless/renderer.h"
+#include "viewer/model/scene_of.h"
+#include "viewer/picture/frame_writer.h"
+#include "viewer/view/parse.h"
+#include "viewer/view/shot.h"
+
+namespace tg {
+namespace {
+
+// A line that is overwritten on a terminal; in a log, a line every tenth of the way.
+class Progress {
+ public:
+  explicit Progress(std::size_t frames) : frames_(frames), terminal_(::isatty(STDERR_FILENO) != 0) {}
+  ~Progress() {
+    if (terminal_ && done_ > 0) std::fputc('\n', stderr);
+  }
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  void step() {
+    ++done_;
+    if (!terminal_ && done_ * 10 / frames_ == (done_ - 1) * 10 / frames_) return;
+    const double seconds = this->seconds();
+    std::fprintf(stderr, "%sframe %zu / %zu, %.0f ms a frame, %.0f s left%s", terminal_ ? "\r" : "", done_, frames_,
+                 1000 * seconds / static_cast<double>(done_),
+                 seconds / static_cast<double>(done_) * static_cast<double>(frames_ - done_), terminal_ ? "  " : "\n");
+    std::fflush(stderr);
+  }
+
+  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  const std::size_t frames_;
+  const bool terminal_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::size_t done_ = 0;
+};
+
+}  // namespace
+
+void recordToFile(const ViewOptions& options) {
+  const RecordTarget target = parseRecordTarget(options.record, "--output");
+  const bool numbers = target.path.extension() == ".exr";
+  LoadedModel loaded = readModel(options.model);
+  const Scene scene = sceneFor(options, std::move(loaded));
+  printWarnings(scene, options);
+  const std::vector<Camera> cameras = shotCameras(options, scene, target.video);
+  const RenderSettings settings = settingsFor(options, scene.background);
+  FrameWriter writer(target, {cameras.front().width, cameras.front().height}, options.fps);
+  const HeadlessRenderer backend = makeHeadlessRenderer(options);
+  backend.renderer->setModel(scene.model);
+
+  double seconds = 0;
+  {
+    Progress progress(cameras.size());
+    for (const Camera& camera : cameras) {
+      const Frame frame = backend.renderer->render(camera, settings);
+      writer.add(numbers ? extract(frame, options.show) : visualize(frame, options.show, options.exposure));
+      progress.step();
+    }
+    requireNoValidationMessages(backend);
+    writer.finish();
+    seconds = progress.seconds();
+  }
+  std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),
+              cameras.size(), cameras.front().width, cameras.front().height, std::string(name(options.show)).c_str(),
+              texturesName(options.textures).c_str(), scene.gaussians, seconds, backend.renderer->deviceName().c_str());
+}
+
+}  // namespace tg

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// --render: model in, one image out.
+#include "viewer/headless/render.h"
+
+#include <cstdio>
+
+#include "core/error.h"
+#include "viewer/headless/renderer.h"
+#include "viewer/model/follower.h"
+#include "viewer/model/scene_of.h"
+#include "viewer/model/training_progress.h"
+#include "viewer/view/parse.h"
+#include "viewer/view/shot.h"
+
+namespace tg {
+namespace {
+
+// Before any work: a wrong name must not cost a rendering. True for numbers, false for a picture.
+bool writesNumbers(const std::filesystem::path& path) {
+  const std::string extension = path.extension().string();
+  if (extension == ".exr") return true;
+  if (extension == ".png" || extension == ".jpg") return false;
+  throw Error(ErrorKind::usage, path.string(),
+              "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
+}
+
+void render(const Scene& scene, const ViewOptions& options, bool numbers, const HeadlessRenderer& backend) {
+  printWarnings(scene, options);
+  const Camera camera = cameraFor(options, scene);
+  const RenderSettings settings = settingsFor(options, scene.background);
+
+  backend.renderer->setModel(scene.model);
+  const Frame frame = backend.renderer->render(camera, settings);
+  requireNoValidationMessages(backend);
+  writeImage(options.out, numbers ? extract(frame, options.show) : visualize(frame, options.show, options.exposure));
+
+  double milliseconds = 0;
+  for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;
+  std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s%s\n", options.out.c_str(), frame.width,
+              frame.height, std::string(name(options.show)).c_str(), texturesName(options.textures).c_str(),
+              scene.gaussians, milliseconds, backend.renderer->deviceName().c_str(),
+              options.follow && !scene.training.empty() ? (", " + scene.training).c_str() : "");
+}
+
+// Every model that comes, until one is the last of its training.
+void followToFile(const ViewOptions& options, bool numbers) {
+  ModelFollower follower(options.model, [] {});
+  const HeadlessRenderer backend = makeHeadlessRenderer(options);
+  for (;;) {
+    ModelFollower::News news = follower.wait();
+    if (!news.problem.empty()) std::fprintf(stderr, "tgview: %s\n", news.problem.c_str());
+    if (!news.model) continue;
+    const bool finished = trainingProgress(news.model->training_json).finished;
+    render(sceneFor(options, std::move(*news.model)), options, numbers, backend);
+    std::fflush(stdout);
+    if (finished) return;
+  }
+}
+
+}  // namespace
+
+void renderToFile(const ViewOptions& options) {
+  const bool numbers = writesNumbers(options.out);
+  if (options.follow) return followToFile(options, numbers);
+  const Scene scene = sceneFor(options, readModel(options.model));
+  render(scene, options, numbers, makeHeadlessRenderer(options));
+}
+
+}  // namespace tg

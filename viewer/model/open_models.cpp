@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+// The life of the open models.
+#include "viewer/model/open_models.h"
+
+#include <utility>
+
+#include "core/error.h"
+#include "viewer/model/scene_of.h"
+#include "viewer/view/parse.h"
+
+namespace tg {
+
+OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
+                       std::function<void(ViewerState&, Scene)> adopt)
+    : options_(options), adopt_(std::move(adopt)), loader_(wake) {
+  if (options.follow) {
+    follower_ = std::make_unique<ModelFollower>(options.model, std::move(wake));
+    return;
+  }
+  loader_.open(options.model);
+  for (const std::filesystem::path& path : options.more_models) loader_.open(path);
+  if (!options.compare.empty()) loader_.open(options.compare);
+}
+
+// A line that fades; it would come and go in a script's pictures.
+void OpenModels::say(ViewerState& state, const std::string& text) const {
+  if (options_.script.empty()) notify(state, text);
+}
+
+bool OpenModels::update(ViewerState& state) {
+  DocumentState& documents = state.documents;
+  for (const std::filesystem::path& path : std::exchange(documents.open_requests, {})) {
+    loader_.open(path);
+    say(state, "Opening " + path.filename().string());
+  }
+  if (std::exchange(state.loading.cancel, false)) {
+    loader_.cancel();
+    say(state, "Opening was cancelled");
+  }
+  // Before the news is taken: when nothing is being read any more, all that came of it is there.
+  const ModelLoader::Status status = loader_.status();
+  state.loading.active = !status.path.empty() || state.loading.part_owed;
+  state.loading.path = status.path;
+  state.loading.done = status.done;
+  state.loading.total = status.total;
+  state.loading.waiting = status.waiting;
+  bool changed = takeLoaded(state);
+  changed |= takeFollowed(state);
+  if (const auto document = std::exchange(documents.show_request, std::nullopt)) {
+    if (*document >= 0 && *document < static_cast<int>(documents.open.size())) {
+      show(state, *document);
+      say(state, state.scene.path.filename().string());
+      changed = true;
+    }
+  }
+  if (const auto document = std::exchange(documents.close_request, std::nullopt)) {
+    if (*document >= 0 && *document < static_cast<int>(documents.open.size())) {
+      close(state, *document);
+      changed = true;
+    }
+  }
+  return changed;
+}
+
+bool OpenModels::takeLoaded(ViewerState& state) {
+  bool changed = false;
+  // The first picture is there so much earlier that it is worth the wait.
+  while (!state.loading.part_owed) {
+    std::optional<ModelLoader::News> news = loader_.take();
+    if (!news) break;
+    const int document = documentOf(state, news->path);
+    const bool shown = document >= 0 && document == state.documents.shown;
+    const bool partial = document >= 0 && (shown ? state.scene : state.documents.open[document].scene).partial;
+    if (news->scene && news->scene->partial) {
+      // A file that is read again is seen whole until it is there whole again.
+      if (document < 0)
+        open(state, std::move(*news->scene));
+      else if (partial)
+        replace(state, document, std::move(*news->scene));
+      changed = true;
+      state.loading.part_owed = state.documents.shown == documentOf(state, news->path);
+      continue;
+    }
+    read_seconds_ = news->read_seconds;
+    read_bytes_ = news->bytes;
+    if (news->scene) {
+      if (document < 0) {
+        open(state, std::move(*news->scene));
+      } else {
+        const bool untouched = shown && partial && state.camera.pose.position == adopted_pose_.position &&
+                               state.camera.pose.yaw == adopted_pose_.yaw;
+        replace(state, document, std::move(*news->scene));
+        if (untouched) firstView(state);
+        if (!shown && !partial) show(state, document);
+      }
+      if (news->path == options_.compare && !std::exchange(compare_opened_, true)) {
+        state.documents.show_request = documentOf(state, options_.model);
+      }
+      if (opened_any_ || state.loading.waiting > 0) say(state, "Opened " + news->path.filename().string());
+      opened_any_ = true;
+      if (follower_ && news->path != follower_->file()) {
+        follower_.reset();
+        state.follow.active = false;
+      }
+    } else {
+      if (partial) close(state, document);
+      if (!news->problem.empty()) {
+        const ModelLoader::Status left = loader_.status();
+        const bool last = left.path.empty() && left.news == 0;
+        if (last && !opened_any_ && state.documents.open.empty()) {
+          throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
+        }
+        state.messages.error = news->problem;
+        state.messages.notice_until = 0;
+      }
+    }
+    changed = true;
+  }
+  return changed;
+}
+
+// The first model opens like any other; later ones change nothing but the model.
+bool OpenModels::takeFollowed(ViewerState& state) {
+  if (!follower_) return false;
+  std::optional<ModelFollower::News> news = follower_->take();
+  if (!news) return false;
+  state.follow.problem = news->problem;
+  if (!news->model) return true;
+  try {
+    Scene scene = sceneOf(std::move(*news->model), follower_->file());
+    const int document = documentOf(state, follower_->file());
+    if (document >= 0)
+      replace(state, document, std::move(scene));
+    else
+      open(state, std::move(scene));
+    opened_any_ = true;
+    ++state.follow.reloads;
+  } catch (const std::bad_alloc&) {
+    state.follow.problem = follower_->file().string() + ": not enough memory";
+  }
+  return true;
+}
+
+void OpenModels::open(ViewerState& state, Scene scene) {
+  leaveDocument(state);
+  state.documents.open.push_back({scene.path, {}, {}, {}, -1});
+  state.documents.shown = static_cast<int>(state.documents.open.size()) - 1;
+  std::string error = std::move(state.messages.error);  // of another file: stays until it is dismissed
+  adopt_(state, std::move(scene));
+  state.messages.error = std::move(error);
+  if (state.documents.open.size() == 1) firstView(state);
+  adopted_pose_ = state.camera.pose;
+}
+
+// What the command line says about the first view.
+void OpenModels::firstView(ViewerState& state) {
+  resetView(state);
+  if (opened_any_) return;
+  state.display.settings.background = options_.background.value_or(state.scene.background);
+  if (options_.camera.empty() || (state.scene.partial && state.scene.cameras.empty())) return;
+  setCamera(state, cameraOf(options_.camera, state.scene.cameras, "--camera"));
+}
+
+void OpenModels::replace(ViewerState& state, int document, Scene scene) {
+  if (document == state.documents.shown)
+    replaceScene(state, std::move(scene));
+  else
+    state.documents.open[document].scene = std::move(scene);
+}
+
+void OpenModels::show(ViewerState& state, int document) {
+  if (document == state.documents.shown) return;
+  const CameraState view = state.camera;
+  const bool own_background = state.display.settings.background == state.scene.background;
+  const glm::vec3 background = state.display.settings.background;
+  const Scene before = state.scene;
+  leaveDocument(state);
+  Document& next = state.documents.open[document];
+  state.documents.shown = document;
+  const Document kept = {next.path, {}, next.pose, next.lens, next.camera};
+  adopt_(state, std::move(next.scene));
+  if (!own_background) state.display.settings.background = background;
+  // Models of one data set are looked at from one place.
+  const bool together = sameCameras(before, state.scene);
+  state.camera.pose = together ? view.pose : kept.pose;
+  state.camera.lens = together ? view.lens : kept.lens;
+  state.camera.index = together ? view.index : kept.camera;
+}
+
+void OpenModels::close(ViewerState& state, int document) {
+  std::vector<Document>& open = state.documents.open;
+  if (follower_ && open[document].path == follower_->file()) {
+    follower_.reset();
+    state.follow.active = false;
+  }
+  const int shown = state.documents.shown;
+  if (shown == document) {
+    if (open.size() > 1) {
+      show(state, document + 1 < static_cast<int>(open.size()) ? document + 1 : document - 1);
+    } else {
+      state.documents.shown = -1;
+      state.scene = {};
+    }
+  }
+  open.erase(open.begin() + document);
+  if (state.documents.shown > document) --state.documents.shown;
+}
+
+}  // namespace tg

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opens, replaces and closes the models that the state asks for: loading, --follow, switching.
+#pragma once
+#include <functional>
+#include <memory>
+
+#include "viewer/model/follower.h"
+#include "viewer/model/loader.h"
+#include "viewer/view/options.h"
+#include "viewer/view/state.h"
+
+namespace tg {
+
+class OpenModels {
+ public:
+  // Begins to read the models of `options` (with --follow, to watch the first). `wake` is called in other threads when
+  // update() has something to do; `adopt` makes a scene the one shown, with its own view and background.
+  OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt);
+
+  // Once a frame. True when the models have changed. Throws Error when nothing could be opened at the start.
+  bool update(ViewerState& state);
+
+  // Of the file read last, for --timings.
+  double readSeconds() const { return read_seconds_; }
+  std::uint64_t readBytes() const { return read_bytes_; }
+
+ private:
+  void say(ViewerState& state, const std::string& text) const;
+  bool takeLoaded(ViewerState& state);
+  bool takeFollowed(ViewerState& state);
+  void open(ViewerState& state, Scene scene);
+  void replace(ViewerState& state, int document, Scene scene);
+  void show(ViewerState& state, int document);
+  void close(ViewerState& state, int document);
+  void firstView(ViewerState& state);
+
+  const ViewOptions options_;
+  const std::function<void(ViewerState&, Scene)> adopt_;
+  bool opened_any_ = false;
+  bool compare_opened_ = false;  // --compare's model, which is not the one shown
+  ViewPose adopted_pose_;        // of a part's view, to tell whether it has been moved
+  double read_seconds_ = 0;
+  std::uint64_t read_bytes_ = 0;
+  std::unique_ptr<ModelFollower> follower_;
+  ModelLoader loader_;
+};
+
+}  // namespace tg

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Models that were read, as scenes.
+#pragma once
+#include <filesystem>
+
+#include "converter/read_model.h"
+#include "viewer/view/options.h"
+#include "viewer/view/scene.h"
+
+namespace tg {
+
+Scene sceneOf(LoadedModel loaded, const std::filesystem::path& path);
+Scene sceneFor(const ViewOptions& options, LoadedModel loaded);  // with --up
+
+}  // namespace tg

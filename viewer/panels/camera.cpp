@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cameras of the model, lens and speed.
+#include <imgui.h>
+
+#include "viewer/panels/sections.h"
+#include "viewer/panels/widgets.h"
+#include "viewer/view/actions.h"
+#include "viewer/view/bookmarks.h"
+#include "viewer/view/path_editor.h"
+
+namespace tg {
+namespace {
+
+constexpr double kDegrees = 3.14159265358979323846 / 180.0;
+
+std::string cameraLabel(const Camera& camera, int index) {
+  std::string label = std::to_string(index);
+  if (!camera.name.empty()) label += "  " + camera.name;
+  if (camera.test) label += "  (test)";
+  return label;
+}
+
+void cameraList(ViewerState& state) {
+  const std::vector<Camera>& cameras = state.scene.cameras;
+  const std::string preview =
+      state.camera.index >= 0 ? cameraLabel(cameras[state.camera.index], state.camera.index) : "free";
+  const float button = ImGui::GetFrameHeight();
+  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - 2 * (button + spacing));
+  if (ImGui::BeginCombo("##camera", preview.c_str(), ImGuiComboFlags_HeightLarge)) {
+    if (escapePressed()) ImGui::CloseCurrentPopup();
+    ImGuiListClipper clipper;
+    clipper.Begin(static_cast<int>(cameras.size()));
+    while (clipper.Step()) {
+      for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
+        ImGui::PushID(i);
+        if (ImGui::Selectable(cameraLabel(cameras[i], i).c_str(), i == state.camera.index)) goToCamera(state, i);
+        ImGui::PopID();
+      }
+    }
+    ImGui::EndCombo();
+  }
+  ImGui::SameLine(0, spacing);
+  if (ImGui::ArrowButton("##previous", ImGuiDir_Left)) apply(state, Action::previousCamera);
+  hint("Previous camera (Shift+Space)");
+  ImGui::SameLine(0, spacing);
+  if (ImGui::ArrowButton("##next", ImGuiDir_Right)) apply(state, Action::nextCamera);
+  hint("Next camera (Space)");
+}
+
+}  // namespace
+
+void cameraSection(ViewerState& state) {
+  heading("CAMERA");
+  if (state.scene.cameras.empty())
+    ImGui::TextDisabled("The model has no cameras");
+  else
+    cameraList(state);
+  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
+  const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
+  ImGui::SetNextItemWidth(half);
+  auto degrees = static_cast<float>(state.camera.lens.fov_y / kDegrees);
+  if (ImGui::SliderFloat("##lens", &degrees, 5.0f, 140.0f, "Lens %.1f\xc2\xb0", ImGuiSliderFlags_AlwaysClamp)) {
+    state.camera.lens.fov_y = degrees * kDegrees;
+    state.camera.index = -1;
+  }
+  hint("Vertical field of view (Ctrl+wheel)");
+  ImGui::SameLine(0, spacing);
+  ImGui::SetNextItemWidth(half);
+  auto speed = static_cast<float>(state.camera.speed);
+  if (ImGui::SliderFloat("##speed", &speed, 0.02f, 20.0f, "Speed %.2f",
+                         ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp)) {
+    state.camera.speed = speed;
+  }
+  hint("Of flying, in scene radii per second; Shift 4 x, Ctrl 1/4");
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  ImGui::SliderFloat("##near", &state.display.settings.near, 0.001f, 100.0f, "Near plane %.3f",
+                     ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp);
+  hint("Nothing nearer than this is drawn [world units]");
+  if (segment("Frame", false, 0, 3)) apply(state, Action::frameScene);
+  hint("The whole model in view (F)");
+  if (segment("Reset", false, 1, 3)) apply(state, Action::resetView);
+  hint("The first view (Shift+F)");
+  if (segment("Save", false, 2, 3)) apply(state, Action::saveCamera);
+  hint("This camera as JSON, for --camera (C)");
+}
+
+void motionSection(ViewerState& state) {
+  CameraState& camera = state.camera;
+  heading("LEFT DRAG");
+  if (segment("Orbits", !camera.fly, 0, 2)) camera.fly = false;
+  hint("Around the point in the middle (G)");
+  if (segment("Looks around", camera.fly, 1, 2)) camera.fly = true;
+  hint("Around the camera, to fly with W A S D Q E (G)");
+  heading("UP");
+  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
+  if (segment("Cameras'", camera.up == UpAxis::cameras, 0, 1)) setUp(state, UpAxis::cameras);
+  hint("The mean of the model's cameras, or -y where it has none (U: the next)");
+  for (int i = 1; i < kUpAxes; ++i) {
+    const auto axis = static_cast<UpAxis>(i);
+    if (segment(std::string(name(axis)).c_str(), camera.up == axis, i - 1, kUpAxes - 1)) setUp(state, axis);
+  }
+  heading("TURNTABLE");
+  if (segment(camera.turntable ? "Stop" : "Turn", camera.turntable, 0, 2)) apply(state, Action::toggleTurntable);
+  hint("Round the point in the middle (R)");
+  ImGui::SameLine(0, spacing);
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  auto speed = static_cast<float>(camera.turntable_speed / kDegrees);
+  if (ImGui::SliderFloat("##turn", &speed, -180.0f, 180.0f, "%.0f\xc2\xb0 / s", ImGuiSliderFlags_AlwaysClamp))
+    camera.turntable_speed = speed * kDegrees;
+}
+
+void bookmarkSection(ViewerState& state) {
+  CameraState& camera = state.camera;
+  std::string& file = camera.bookmark_file;
+  heading("BOOKMARKS");
+  if (segment("Add", false, 0, 3)) apply(state, Action::addBookmark);
+  hint("The view at hand (Shift+B); B goes through them");
+  ImGui::BeginDisabled(camera.bookmarks.empty());
+  if (segment("Save", false, 1, 3)) {
+    attempt(state, [&] {
+      saveBookmarks(state, file);
+      notify(state, "Saved " + file);
+    });
+  }
+  hint("As a cameras.json of this name");
+  ImGui::EndDisabled();
+  if (segment("Load", false, 2, 3)) attempt(state, [&] { readBookmarks(state, file); });
+  hint("From a cameras.json of this name");
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  textField("##bookmarks", file, "file");
+  const float close = ImGui::GetFrameHeight();
+  for (int i = 0; i < static_cast<int>(camera.bookmarks.size()); ++i) {
+    ImGui::PushID(i);
+    const float width = ImGui::GetContentRegionAvail().x - close - ImGui::GetStyle().ItemInnerSpacing.x;
+    ImGui::AlignTextToFramePadding();
+    const std::string& label = camera.bookmarks[static_cast<std::size_t>(i)].name;
+    if (ImGui::Selectable(label.empty() ? "(no name)" : label.c_str(), i == camera.bookmark, 0, {width, 0}))
+      goToBookmark(state, static_cast<std::size_t>(i));
+    ImGui::SameLine(0, ImGui::GetStyle().ItemInnerSpacing.x);
+    const bool remove = ImGui::SmallButton("x");
+    ImGui::PopID();
+    if (remove) {
+      removeBookmark(state, static_cast<std::size_t>(i));
+      break;
+    }
+  }
+}
+
+}  // namespace tg

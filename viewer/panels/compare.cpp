@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Comparing: with what, how, and the numbers.
+#include <imgui.h>
+
+#include <array>
+#include <cmath>
+
+#include "viewer/panels/sections.h"
+#include "viewer/panels/widgets.h"
+#include "viewer/view/actions.h"
+
+namespace tg {
+namespace {
+
+void chooseOther(ViewerState& state) {
+  CompareState& compare = state.compare;
+  const std::vector<Document>& open = state.documents.open;
+  const auto label = [&](int document) { return open[document].path.filename().string(); };
+  const bool photographs = !compare.photographs.empty();
+  const int other = otherDocument(state);
+  const std::string preview = compare.with_photographs ? "photographs" : other >= 0 ? label(other) : "nothing";
+  ImGui::SetNextItemWidth(-1);
+  if (!ImGui::BeginCombo("##other", preview.c_str())) return;
+  if (photographs && ImGui::Selectable("photographs", compare.with_photographs)) compare.with_photographs = true;
+  for (int i = 0; i < static_cast<int>(open.size()); ++i) {
+    if (i == state.documents.shown) continue;
+    ImGui::PushID(i);
+    if (ImGui::Selectable(label(i).c_str(), !compare.with_photographs && i == other)) {
+      compare.with_photographs = false;
+      compare.other = open[i].path;
+    }
+    ImGui::PopID();
+  }
+  ImGui::EndCombo();
+}
+
+void modeControls(CompareState& compare) {
+  Comparison& how = compare.how;
+  switch (how.mode) {
+    case CompareMode::wipe:
+      ImGui::SetNextItemWidth(-1);
+      ImGui::SliderFloat("##divider", &how.divider, 0.0f, 1.0f, "Divider %.2f", ImGuiSliderFlags_AlwaysClamp);
+      hint("Or drag the line in the picture");
+      break;
+    case CompareMode::flicker: {
+      auto seconds = static_cast<float>(compare.flicker_seconds);
+      ImGui::Checkbox("Timed", &compare.timed);
+      ImGui::SameLine();
+      ImGui::SetNextItemWidth(-1);
+      if (ImGui::SliderFloat("##seconds", &seconds, static_cast<float>(kFastestFlicker),
+                             static_cast<float>(kSlowestFlicker), "%.1f s each", ImGuiSliderFlags_AlwaysClamp)) {
+        compare.flicker_seconds = seconds;
+      }
+      hint("Shift+V shows the other one at any time");
+      break;
+    }
+    case CompareMode::difference:
+      ImGui::Checkbox("Signed", &how.with_sign);
+      hint("Grey is equal; brighter where the other one is brighter");
+      ImGui::SameLine();
+      ImGui::SetNextItemWidth(-1);
+      ImGui::SliderFloat("##gain", &how.gain, 1.0f, kMaxGain, "Gain %.1f",
+                         ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp);
+      break;
+    default:
+      break;
+  }
+}
+
+}  // namespace
+
+void compareSection(ViewerState& state) {
+  CompareState& compare = state.compare;
+  if (state.documents.open.size() < 2 && compare.photographs.empty()) return;
+  constexpr std::array<std::pair<const char*, const char*>, 5> labels = {{
+      {"Off", "V steps through these"},
+      {"Side", "Beside each other"},
+      {"Wipe", "Left and right of a line"},
+      {"Flicker", "One after the other"},
+      {"Difference", "How far they are apart"},
+  }};
+  heading("COMPARE");
+  chooseOther(state);
+  for (int i = 0; i < static_cast<int>(labels.size()); ++i) {
+    const auto mode = static_cast<CompareMode>(i);
+    const int row_start = i < 3 ? 0 : 3, row_count = i < 3 ? 3 : 2;
+    if (segment(labels[static_cast<std::size_t>(i)].first, compare.how.mode == mode, i - row_start, row_count)) {
+      compare.how.mode = mode;
+    }
+    hint(labels[static_cast<std::size_t>(i)].second);
+  }
+  if (compare.how.mode == CompareMode::off) return;
+  modeControls(compare);
+  if (!compare.problem.empty()) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kWarningText);
+    ImGui::TextWrapped("%s", compare.problem.c_str());
+    ImGui::PopStyleColor();
+  } else if (compare.metrics) {
+    ImGui::Text("PSNR %.2f dB", compare.metrics->psnr);
+    ImGui::SameLine();
+    ImGui::Text("SSIM %.4f", compare.metrics->ssim);
+    ImGui::SameLine();
+    ImGui::Text("FLIP %.4f", compare.metrics->flip);
+    hint("Of this view, the other one being the truth");
+  } else {
+    ImGui::TextDisabled(compare.measured ? "no pixel in common" : "measuring");
+  }
+}
+
+}  // namespace tg

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// The models opened before, and the open ones when there are several.
+#include <imgui.h>
+
+#include <filesystem>
+#include <string>
+
+#include "viewer/panels/sections.h"
+#include "viewer/panels/widgets.h"
+
+namespace tg {
+
+namespace {
+
+void recentList(ViewerState& state) {
+  if (state.recent.empty()) return;
+  ImGui::SetNextItemWidth(-1);
+  if (!ImGui::BeginCombo("##recent", "Recent models")) return;
+  for (const std::string& path : state.recent) {
+    ImGui::PushID(path.c_str());
+    const std::string label = std::filesystem::path(path).filename().string();
+    if (ImGui::Selectable(label.c_str())) state.documents.open_requests.emplace_back(path);
+    hint(path.c_str());
+    ImGui::PopID();
+  }
+  ImGui::EndCombo();
+}
+
+}  // namespace
+
+void documentsSection(ViewerState& state) {
+  recentList(state);
+  const std::vector<Document>& open = state.documents.open;
+  if (open.size() < 2) return;
+  const float button = ImGui::GetFrameHeight();
+  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
+  for (int i = 0; i < static_cast<int>(open.size()); ++i) {
+    ImGui::PushID(i);
+    const float width = ImGui::GetContentRegionAvail().x - button - spacing;
+    ImGui::AlignTextToFramePadding();
+    if (ImGui::Selectable(open[i].path.filename().string().c_str(), i == state.documents.shown, 0, {width, 0})) {
+      state.documents.show_request = i;
+    }
+    hint((open[i].path.string() + "\nPage Up / Page Down step through the open models").c_str());
+    ImGui::SameLine(0, spacing);
+    if (ImGui::Button("x", {button, 0})) state.documents.close_request = i;
+    hint("Close (Delete closes the one shown)");
+    ImGui::PopID();
+  }
+  ImGui::Separator();
+}
+
+}  // namespace tg

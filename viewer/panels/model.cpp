@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which model is shown, and what is in it.
+#include <imgui.h>
+
+#include "viewer/panels/sections.h"
+#include "viewer/panels/widgets.h"
+#include "viewer/view/actions.h"
+
+namespace tg {
+
+void modelSection(ViewerState& state) {
+  const Scene& scene = state.scene;
+  const char* keys = "Keys ?";
+  const float button = ImGui::CalcTextSize(keys).x + 2 * ImGui::GetStyle().FramePadding.x;
+  const float right = ImGui::GetContentRegionMax().x - button;
+  const ImVec2 clip = ImGui::GetCursorScreenPos();
+  ImGui::PushClipRect(clip, {clip.x + right - ImGui::GetFontSize(), clip.y + ImGui::GetFrameHeight()}, true);
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextUnformatted(scene.path.filename().string().c_str());
+  ImGui::PopClipRect();
+  hint(scene.path.string().c_str());
+  ImGui::SameLine(right);
+  if (ImGui::Button(keys)) apply(state, Action::toggleHelp);
+  hint("Keys and mouse; H hides this panel");
+  ImGui::TextDisabled("%s%s Gaussian%s, SH degree %d", scene.partial ? "a part: " : "",
+                      grouped(scene.gaussians).c_str(), scene.gaussians == 1 ? "" : "s", scene.sh_degree);
+  if (scene.textured > 0) {
+    ImGui::TextDisabled("%s textured (%s), %s texels", grouped(scene.textured).c_str(),
+                        std::string(name(scene.texture_mode)).c_str(), grouped(scene.texels).c_str());
+  } else {
+    ImGui::TextDisabled("no textures");
+  }
+  if (!scene.training.empty()) ImGui::TextDisabled("%s", scene.training.c_str());
+  if (state.follow.active) {
+    ImGui::PushStyleColor(ImGuiCol_Text, state.follow.problem.empty() ? kHighlightText : kWarningText);
+    ImGui::TextWrapped("%s", state.follow.problem.empty() ? "following the file" : state.follow.problem.c_str());
+    ImGui::PopStyleColor();
+  }
+  if (!scene.warnings.empty()) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kWarningText);
+    const bool open = ImGui::TreeNode("warnings", "%zu warning%s in this file", scene.warnings.size(),
+                                      scene.warnings.size() == 1 ? "" : "s");
+    ImGui::PopStyleColor();
+    if (open) {
+      for (const std::string& warning : scene.warnings) ImGui::TextWrapped("%s", warning.c_str());
+      ImGui::TreePop();
+    }
+  }
+}
+
+}  // namespace tg

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+// Over the picture: the help, errors, and lines that fade.
+#include <imgui.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "viewer/panels/sections.h"
+#include "viewer/panels/widgets.h"
+#include "viewer/view/actions.h"
+
+namespace tg {
+namespace {
+
+// The middle of the picture, which lies right of the panel.
+ImVec2 pictureCenter(const ViewerState& state) {
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float left = panelWidth(state, size.x);
+  return {left + (size.x - left) / 2, size.y / 2};
+}
+
+void helpRow(const char* keys, const char* text) {
+  ImGui::TableNextColumn();
+  ImGui::TextColored(kHighlightText, "%s", keys);
+  ImGui::TableNextColumn();
+  ImGui::TextUnformatted(text);
+}
+
+const ImVec2 kHelpPadding(6, 1);  // [ImGui units] beside and above a cell
+
+// Two columns of lines of that size, in letters of full size, with the window around them.
+ImVec2 helpSize(const std::vector<HelpLine>& lines, std::size_t rows) {
+  float width = 0;
+  for (std::size_t begin = 0; begin < lines.size(); begin += rows) {
+    float keys = 0, text = 0;
+    for (std::size_t i = begin; i < std::min(begin + rows, lines.size()); ++i) {
+      keys = std::max(keys, ImGui::CalcTextSize(lines[i].keys).x);
+      text = std::max(text, ImGui::CalcTextSize(lines[i].text).x);
+    }
+    width += keys + text + 4 * kHelpPadding.x;
+  }
+  const ImVec2 around = ImGui::GetStyle().WindowPadding;
+  const float height = (ImGui::GetFontSize() + 2 * kHelpPadding.y) * static_cast<float>(rows + 1);
+  return {width + 2 * around.x, height + 2 * around.y + ImGui::GetStyle().ItemSpacing.y};
+}
+
+void help(ViewerState& state) {
+  std::vector<HelpLine> lines(mouseHelp().begin(), mouseHelp().end());
+  for (const KeyBinding& binding : keyBindings()) {
+    if (*binding.keys) lines.push_back({binding.keys, binding.text});
+  }
+  lines.push_back({"Drop a file", "Open a model, cameras or a path"});
+  const std::size_t rows = (lines.size() + 1) / 2;
+  // Beside the panel where there is room, else over it; in smaller letters where even the window is too small.
+  const ImVec2 window = ImGui::GetIO().DisplaySize, size = helpSize(lines, rows);
+  const bool beside = panelWidth(state, window.x) + size.x <= window.x;
+  const ImVec2 center = beside ? pictureCenter(state) : ImVec2(window.x / 2, window.y / 2);
+  const float scale = std::min({1.0f, window.x / size.x, window.y / size.y});
+  ImGui::SetNextWindowPos(center, ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowBgAlpha(0.94f);
+  ImGui::Begin("help", nullptr, kOverlay);
+  ImGui::SetWindowFontScale(scale);
+  ImGui::TextDisabled("KEYS AND MOUSE");
+  // Each column is read downwards.
+  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {kHelpPadding.x * scale, kHelpPadding.y * scale});
+  if (ImGui::BeginTable("keys", 4, ImGuiTableFlags_SizingFixedFit)) {
+    for (std::size_t row = 0; row < rows; ++row) {
+      ImGui::TableNextRow();
+      helpRow(lines[row].keys, lines[row].text);
+      if (row + rows < lines.size()) helpRow(lines[row + rows].keys, lines[row + rows].text);
+    }
+    ImGui::EndTable();
+  }
+  ImGui::PopStyleVar();
+  ImGui::End();
+}
+
+void errorPanel(ViewerState& state) {
+  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::Begin("error", nullptr, kOverlay);
+  ImGui::TextColored(kErrorText, "This did not work");
+  ImGui::PushTextWrapPos(ImGui::GetFontSize() * 32);
+  ImGui::TextUnformatted(state.messages.error.c_str());
+  ImGui::PopTextWrapPos();
+  if (ImGui::Button("Close")) state.messages.error.clear();
+  ImGui::End();
+}
+
+// In the middle while --follow has no model yet.
+void waiting(const ViewerState& state) {
+  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::Begin("waiting", nullptr, kOverlay);
+  ImGui::PushTextWrapPos(ImGui::GetFontSize() * 32);
+  ImGui::TextUnformatted(state.follow.problem.c_str());
+  ImGui::PopTextWrapPos();
+  ImGui::End();
+}
+
+// What is being read, at the lower end of the picture.
+void progress(const ViewerState& state) {
+  const LoadState& loading = state.loading;
+  const ImVec2 center = pictureCenter(state);
+  const float font = ImGui::GetFontSize();
+  ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - 3.5f * font}, ImGuiCond_Always, {0.5f, 1.0f});
+  ImGui::SetNextWindowSize({22 * font, 0});
+  ImGui::SetNextWindowBgAlpha(0.9f);
+  ImGui::Begin("loading", nullptr,
+               (kOverlay & ~ImGuiWindowFlags_AlwaysAutoResize) | ImGuiWindowFlags_NoInputs |
+                   ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::TextUnformatted(loading.path.filename().string().c_str());
+  ImGui::SameLine();
+  if (loading.waiting > 0)
+    ImGui::TextDisabled("and %zu more, Esc stops", loading.waiting);
+  else
+    ImGui::TextDisabled("Esc stops");
+  const double done = static_cast<double>(loading.done) / 1e6, total = static_cast<double>(loading.total) / 1e6;
+  char text[64];
+  std::snprintf(text, sizeof text, "%.0f of %.0f MB", done, total);
+  const float share = total > 0 ? static_cast<float>(done / total) : 0.0f;
+  ImGui::ProgressBar(share, {-1, 0}, total > 0 ? (share < 1 ? text : "preparing") : "opening");
+  ImGui::End();
+}
+
+// Where a model would be.
+void empty(const ViewerState& state) {
+  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowBgAlpha(0.0f);
+  ImGui::Begin("empty", nullptr, kOverlay | ImGuiWindowFlags_NoInputs);
+  ImGui::TextDisabled("Drop a model here");
+  ImGui::End();
+}
+
+// The line of a wipe, and what lies on either side.
+void comparison(const ViewerState& state) {
+  const Comparison& how = state.compare.how;
+  if (how.mode == CompareMode::off || !state.compare.problem.empty()) return;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float left = panelWidth(state, size.x), width = size.x - left, font = ImGui::GetFontSize();
+  const int document = otherDocument(state);
+  const std::string first = state.scene.path.filename().string();
+  const std::string other = state.compare.with_photographs ? "photograph"
+                            : document >= 0
+                                ? state.documents.open[static_cast<std::size_t>(document)].path.filename().string()
+                                : "";
+  ImDrawList* draw = ImGui::GetBackgroundDrawList();
+  const auto label = [&](float x, const std::string& text) {
+    const ImVec2 extent = ImGui::CalcTextSize(text.c_str());
+    const ImVec2 corner(x - extent.x / 2, font * 0.6f);
+    draw->AddRectFilled({corner.x - font * 0.5f, corner.y - font * 0.2f},
+                        {corner.x + extent.x + font * 0.5f, corner.y + extent.y + font * 0.2f},
+                        IM_COL32(27, 30, 35, 200), font * 0.3f);
+    draw->AddText(corner, ImGui::GetColorU32(ImGuiCol_Text), text.c_str());
+  };
+  const float divider = how.mode == CompareMode::side ? 0.5f : how.divider;
+  switch (how.mode) {
+    case CompareMode::side:
+    case CompareMode::wipe: {
+      const float x = std::round(left + divider * width);
+      draw->AddLine({x, 0}, {x, size.y}, IM_COL32(255, 255, 255, 200), 1.0f);
+      if (divider > 0.1f) label(left + divider * width / 2, first);
+      if (divider < 0.9f) label(left + (1 + divider) * width / 2, other);
+      break;
+    }
+    case CompareMode::flicker:
+      label(left + width / 2, how.shows_other ? other : first);
+      break;
+    default:
+      label(left + width / 2, other + " - " + first);
+      break;
+  }
+}
+
+void notice(const ViewerState& state) {
+  const ImVec2 center = pictureCenter(state);
+  const ImVec2 text = ImGui::CalcTextSize(state.messages.notice.c_str());
+  const ImVec2 padding = ImGui::GetStyle().WindowPadding;
+  ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - ImGui::GetFontSize()}, ImGuiCond_Always,
+                          {0.5f, 1.0f});
+  ImGui::SetNextWindowSize({text.x + 2 * padding.x, text.y + 2 * padding.y});  // auto-sizing lags by a frame
+  ImGui::SetNextWindowBgAlpha(0.85f);
+  ImGui::Begin("notice", nullptr,
+               (kOverlay & ~ImGuiWindowFlags_AlwaysAutoResize) | ImGuiWindowFlags_NoInputs |
+                   ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::TextUnformatted(state.messages.notice.c_str());
+  ImGui::End();
+}
+
+}  // namespace
+
+void overlays(ViewerState& state) {
+  if (state.ui.help) help(state);
+  if (state.follow.active && state.follow.reloads == 0 && !state.follow.problem.empty()) waiting(state);
+  if (state.ui.panel) comparison(state);
+  if (!state.scene.model && !state.loading.active && !state.follow.active) empty(state);
+  if (state.loading.active) progress(state);
+  if (!state.messages.error.empty()) errorPanel(state);
+  if (state.time < state.messages.notice_until) notice(state);
+}
+
+}  // namespace tg

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every widget of the viewer. Panels read the statistics and change the state, nothing else.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "viewer/view/state.h"
+
+namespace tg {
+
+// What a frame cost, for display.
+struct FrameStatistics {
+  std::vector<float> frame_ms;   // wall time of the last drawn frames, oldest first
+  std::vector<PassTime> passes;  // of the last frame that was drawn anew
+  std::string device;
+  glm::ivec2 picture_size{0};  // [px]
+  bool reduced = false;        // the picture is drawn smaller while the camera moves
+};
+
+constexpr std::size_t kFrameHistory = 120;
+
+// Width of the panel [ImGui units]; 0 while it is hidden or the window is too narrow to give it room of its own.
+float panelWidth(const ViewerState& state, float window_width);
+
+// Whether a list or the colour picker is open: Esc is theirs then.
+bool popupIsOpen();
+
+void drawPanels(ViewerState& state, const FrameStatistics& statistics);
+
+}  // namespace tg

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws the scene's lines over the picture, under the panels.
+#include <imgui.h>
+
+#include <algorithm>
+
+#include "viewer/panels/sections.h"
+#include "viewer/view/scene_lines.h"
+
+namespace tg {
+
+void sceneOverlay(const ViewerState& state) {
+  const std::vector<SceneLine> lines = sceneLines(state);
+  if (lines.empty()) return;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float left = panelWidth(state, size.x);
+  // In ImGui's units: the picture's pixels may be finer. Of two pictures beside each other, the left one.
+  int width = std::max(static_cast<int>(size.x - left), 1);
+  if (state.compare.how.mode == CompareMode::side) width = sideWidth(width);
+  const Camera camera = toCamera(state.camera.pose, state.camera.lens, width, std::max(static_cast<int>(size.y), 1));
+  ImDrawList* draw = ImGui::GetBackgroundDrawList();
+  draw->PushClipRect({left, 0}, {left + static_cast<float>(width), size.y});
+  for (const SceneLine& line : lines) {
+    const auto ends = projected(camera, line.a, line.b);
+    if (!ends) continue;
+    const auto pixel = [left](glm::dvec2 p) {
+      return ImVec2(left + static_cast<float>(std::clamp(p.x, -1e5, 1e5)),
+                    static_cast<float>(std::clamp(p.y, -1e5, 1e5)));
+    };
+    draw->AddLine(pixel(ends->first), pixel(ends->second),
+                  ImGui::ColorConvertFloat4ToU32({line.color.x, line.color.y, line.color.z, 0.9f}), line.width);
+  }
+  draw->PopClipRect();
+}
+
+}  // namespace tg

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// Headings, hints, rows of buttons.
+#include "viewer/panels/widgets.h"
+
+#include <cmath>
+
+namespace tg {
+
+void heading(const char* text) {
+  ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
+  ImGui::TextDisabled("%s", text);
+}
+
+void hint(const char* text) {
+  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) ImGui::SetTooltip("%s", text);
+}
+
+bool segment(const char* label, bool active, int index, int count) {
+  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
+  if (index > 0) ImGui::SameLine(0, spacing);
+  const float room = ImGui::GetContentRegionAvail().x;
+  const int left = count - index;
+  const float width = std::floor((room - spacing * static_cast<float>(left - 1)) / static_cast<float>(left));
+  if (active) {
+    ImGui::PushStyleColor(ImGuiCol_Button, kAccent);
+    ImGui::PushStyleColor(ImGuiCol_ButtonHovered, kAccentHovered);
+    ImGui::PushStyleColor(ImGuiCol_ButtonActive, kAccentHovered);
+  }
+  ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {0, ImGui::GetStyle().FramePadding.y});  // room for the label
+  const bool clicked = ImGui::Button(label, {width, 0});
+  ImGui::PopStyleVar();
+  if (active) ImGui::PopStyleColor(3);
+  return clicked;
+}
+
+bool textField(const char* id, std::string& text, const char* placeholder) {
+  const auto grow = [](ImGuiInputTextCallbackData* data) {
+    auto* string = static_cast<std::string*>(data->UserData);
+    if (data->EventFlag == ImGuiInputTextFlags_CallbackResize) {
+      string->resize(static_cast<std::size_t>(data->BufTextLen));
+      data->Buf = string->data();
+    }
+    return 0;
+  };
+  return ImGui::InputTextWithHint(id, placeholder, text.data(), text.capacity() + 1, ImGuiInputTextFlags_CallbackResize,
+                                  grow, &text);
+}
+
+bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }
+
+std::string grouped(std::size_t value) {
+  std::string digits = std::to_string(value);
+  for (std::ptrdiff_t i = static_cast<std::ptrdiff_t>(digits.size()) - 3; i > 0; i -= 3) {
+    digits.insert(static_cast<std::size_t>(i), 1, ' ');
+  }
+  return digits;
+}
+
+}  // namespace tg

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renderers per model, and the images that leave for the window.
+#include "viewer/picture/maker.h"
+
+#include <algorithm>
+#include <atomic>
+#include <limits>
+#include <utility>
+
+#include "core/error.h"
+
+namespace tg {
+namespace {
+
+constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and one to compare with or to go back to
+constexpr int kMaxGrowth = 8;             // repeats of a frame whose buffers were too small
+
+glm::ivec2 sizeOf(const PictureRequest& request) { return {request.camera.width, request.camera.height}; }
+
+FrameRequest frameOf(const PictureRequest& request) {
+  return {request.camera, request.settings, request.output, request.exposure};
+}
+
+double milliseconds(std::chrono::steady_clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+}  // namespace
+
+struct PictureMaker::Loaded {
+  std::shared_ptr<const GaussianModel> model;
+  std::unique_ptr<Renderer> renderer;
+  GpuRenderer* gpu = nullptr;  // the same, where it is one
+};
+
+PictureMaker::PictureMaker(PictureDevice& device, std::string backend)
+    : device_(device), backend_(std::move(backend)) {}
+PictureMaker::~PictureMaker() { device_.drain(); }
+
+PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianModel>& model) {
+  const auto found = std::find_if(loaded_.begin(), loaded_.end(), [&](const Loaded& l) { return l.model == model; });
+  if (found != loaded_.end()) {
+    loaded_.splice(loaded_.begin(), loaded_, found);
+    return loaded_.front();
+  }
+  // Models that are no longer open, then the one unused for longest, make room first.
+  std::erase_if(loaded_, [](const Loaded& l) { return l.model.use_count() == 1; });
+  while (loaded_.size() >= kModelsAtOnce) loaded_.pop_back();
+  Loaded fresh;
+  fresh.model = model;
+  if (backend_ == "cpu") {
+    fresh.renderer = makeCpuRenderer();
+  } else {
+    std::unique_ptr<GpuRenderer> gpu = device_.makeRenderer();
+    gpu->setPrecision(ModelPrecision::compact);
+    fresh.gpu = gpu.get();
+    fresh.renderer = std::move(gpu);
+  }
+  fresh.renderer->setModel(model);
+  return loaded_.emplace_front(std::move(fresh));
+}
+
+std::shared_ptr<PictureImage> PictureMaker::freeImage(glm::ivec2 size) {
+  const auto unused = [](const std::shared_ptr<PictureImage>& image) { return image.use_count() == 1; };
+  std::erase_if(images_, [&](const auto& image) { return unused(image) && image->size != size; });
+  const auto found = std::find_if(images_.begin(), images_.end(), unused);
+  // The window's last use of the image came before it let go of it.
+  std::atomic_thread_fence(std::memory_order_acquire);
+  return found != images_.end() ? *found : images_.emplace_back(device_.makeImage(size));
+}
+
+bool PictureMaker::begin(const PictureRequest& request) {
+  Begun begun{{}, nullptr, nullptr, Clock::now()};
+  begun.picture.request = request;
+  const bool beside = !request.other && backend_ != "cpu";
+  if (!begun_.empty()) {
+    const auto known = [&](const Loaded& l) { return l.model == request.model; };
+    if (!beside || !begun_.back().model || std::none_of(loaded_.begin(), loaded_.end(), known)) return false;
+  }
+  if (beside) {
+    Loaded& model = loaded(request.model);
+    const std::shared_ptr<PictureImage> image = freeImage(sizeOf(request));
+    if (device_.begin(*model.gpu, frameOf(request), image)) {
+      begun.model = &model;
+      begun.target = image;
+      begun.picture.image = image;
+      begun_.push_back(std::move(begun));
+      return true;
+    }
+    if (!begun_.empty()) return false;
+  }
+  draw(begun.picture);
+  begun_.push_back(std::move(begun));
+  return true;
+}
+
+double PictureMaker::expectedRest() const {
+  if (begun_.empty()) return 0;
+  if (!last_ms_ || !begun_.front().model) return std::numeric_limits<double>::infinity();
+  const Clock::time_point start = std::max(begun_.front().start, device_free_);
+  return *last_ms_ * static_cast<double>(begun_.size()) - milliseconds(Clock::now() - start);
+}
+
+std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
+  Begun& oldest = begun_.front();
+  if (oldest.model) {
+    const std::optional<bool> whole = device_.finish(milliseconds_at_most);
+    if (!whole) return std::nullopt;
+    if (!*whole) {
+      // Those begun after it wait for their turn in the same way: a frame that overflows leaves none under way.
+      oldest.start = Clock::now();
+      drawOnDevice(*oldest.model, oldest.picture.request, *oldest.target);
+    }
+    describe(oldest.picture, *oldest.model);
+  }
+  Picture picture = std::move(oldest.picture);
+  const Clock::time_point now = Clock::now();
+  picture.milliseconds = milliseconds(now - std::max(oldest.start, device_free_));
+  last_ms_ = oldest.model ? std::optional(picture.milliseconds) : std::nullopt;
+  device_free_ = now;
+  begun_.pop_front();
+  return picture;
+}
+
+void PictureMaker::describe(Picture& picture, const Loaded& model) const {
+  picture.passes = model.renderer->passTimes();
+  picture.device = model.renderer->deviceName();
+  picture.backend = backend_;
+}
+
+// Whole, with nothing under way.
+void PictureMaker::draw(Picture& picture) {
+  const PictureRequest& request = picture.request;
+  const auto pair = request.other ? std::make_shared<PicturePair>() : nullptr;
+  Loaded& model = loaded(request.model);
+  const std::shared_ptr<PictureImage> image = freeImage(sizeOf(request));
+  drawModel(model, request, *image, pair ? &pair->first : nullptr);
+  picture.image = image;
+  describe(picture, model);
+  if (pair) {
+    drawOther(request, picture, *pair);
+    if (picture.other) picture.pair = pair;
+  }
+}
+
+void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair) {
+  const OtherPicture& other = *request.other;
+  const glm::ivec2 size = sizeOf(request);
+  const std::shared_ptr<PictureImage> image = freeImage(size);
+  if (other.model) {
+    drawModel(loaded(other.model), request, *image, &pair.other);
+  } else {
+    if (photograph_path_ != other.photograph) {
+      photograph_path_.clear();
+      try {
+        photograph_ = readImage(other.photograph);
+      } catch (const Error& error) {
+        picture.problem = error.what();
+        return;
+      }
+      photograph_path_ = other.photograph;
+    }
+    ResampledPhotograph seen = resampled(photograph_, other.taken, request.camera, request.settings.background);
+    pair.other = std::move(seen.image);
+    pair.mask = std::move(seen.mask);
+    device_.upload(pair.other, *image);
+  }
+  picture.other = image;
+  if (!other.difference) return;
+  const std::shared_ptr<PictureImage> difference = freeImage(size);
+  device_.upload(differenceOf(pair.first, pair.other, pair.mask, {.gain = other.gain, .with_sign = other.with_sign}),
+                 *difference);
+  picture.difference = difference;
+}
+
+void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target, Image* pixels) {
+  if (loaded.gpu) {
+    drawOnDevice(loaded, request, target);
+    if (pixels) *pixels = device_.download(target);
+    return;
+  }
+  RenderSettings settings = request.settings;
+  settings.outputs = {request.output};
+  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output, request.exposure);
+  device_.upload(picture, target);
+  if (pixels) *pixels = std::move(picture);
+}
+
+void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
+  FrameRequest frame = frameOf(request);
+  const int height = request.camera.height, most = loaded.gpu->rowsAtOnce(request.camera);
+  if (most >= height) return drawPart(*loaded.gpu, frame, target, 0);
+  // Parts of one height, for which the buffers stay: the last one begins before the end of the one before it.
+  const int parts = (height + most - 1) / most;
+  frame.camera.height = (height + parts - 1) / parts;
+  const auto drawAll = [&] {
+    OutputRange range = frame.beside;
+    for (int part = 0; part < parts; ++part) {
+      const int top = std::min(part * frame.camera.height, height - frame.camera.height);
+      frame.camera.cy = request.camera.cy - top;
+      drawPart(*loaded.gpu, frame, target, top);
+      const OutputRange seen = loaded.gpu->counts().range;
+      range = {std::min(range.least, seen.least), std::max(range.most, seen.most)};
+    }
+    return range;
+  };
+  frame.beside = drawAll();
+  if (frame.beside.most > 0) drawAll();  // scaled by the range of all parts, which is only now known
+}
+
+void PictureMaker::drawPart(GpuRenderer& renderer, const FrameRequest& frame, PictureImage& target, int top) {
+  for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
+    if (device_.draw(renderer, frame, target, top)) return;
+  }
+  throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
+}
+
+}  // namespace tg

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws pictures for the window: on its device, or on the CPU with the result handed to the device. No threads here.
+#pragma once
+#include <chrono>
+#include <deque>
+#include <list>
+#include <memory>
+#include <optional>
+
+#include "viewer/picture/picture.h"
+
+namespace tg {
+
+class PictureMaker {
+ public:
+  // `device` must outlive this. backend: as --backend has it; "cpu": the CPU renderer, whose pictures are uploaded.
+  PictureMaker(PictureDevice& device, std::string backend);
+  ~PictureMaker();
+
+  // Pictures are finished in the order in which they were begun. All throw Error(device), std::bad_alloc.
+  //
+  // Whether it was begun: on a device it may be under way while others are, or it has been drawn. False: others must be
+  // finished first.
+  bool begin(const PictureRequest& request);
+  std::size_t underWay() const { return begun_.size(); }
+  // [ms] until the device is expected to be done with all that is under way; infinite where nothing tells.
+  double expectedRest() const;
+  // The oldest; waits at most so long [ms] for the device.
+  std::optional<Picture> finish(double milliseconds);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct Loaded;
+  struct Begun {
+    Picture picture;
+    Loaded* model;                         // of one that the device draws, else null
+    std::shared_ptr<PictureImage> target;  // likewise
+    Clock::time_point start;
+  };
+  void draw(Picture& picture);
+  void describe(Picture& picture, const Loaded& model) const;
+  Loaded& loaded(const std::shared_ptr<const GaussianModel>& model);
+  std::shared_ptr<PictureImage> freeImage(glm::ivec2 size);
+  // `pixels`, which may be null, receives the picture on the host.
+  void drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target, Image* pixels);
+  void drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target);
+  void drawPart(GpuRenderer& renderer, const FrameRequest& frame, PictureImage& target, int top);
+  void drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair);
+
+  PictureDevice& device_;
+  const std::string backend_;
+  std::filesystem::path photograph_path_;  // of the photograph read last
+  Image photograph_;
+  std::list<Loaded> loaded_;                           // the last one used first
+  std::vector<std::shared_ptr<PictureImage>> images_;  // those that nobody else holds are free
+  std::deque<Begun> begun_;
+  Clock::time_point device_free_;  // when the last picture was finished
+  std::optional<double> last_ms_;  // of the device, for one that was drawn beside others or could have been
+};
+
+}  // namespace tg

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs by name.
+#include "viewer/picture/photographs.h"
+
+#include <algorithm>
+#include <cctype>
+#include <utility>
+
+#include "core/error.h"
+
+namespace tg {
+namespace {
+
+bool isPhotograph(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+}
+
+std::ptrdiff_t depth(const std::filesystem::path& path) { return std::distance(path.begin(), path.end()); }
+
+bool hasPart(const std::filesystem::path& path, const char* part) {
+  return std::find(path.begin(), path.end(), part) != path.end();
+}
+
+}  // namespace
+
+Photographs::Photographs(std::filesystem::path folder) : folder_(std::move(folder)) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  fs::recursive_directory_iterator at(folder_, fs::directory_options::skip_permission_denied, error);
+  if (error) throw Error(ErrorKind::cannotRead, folder_.string(), "cannot list the folder: " + error.message());
+  for (; at != fs::recursive_directory_iterator(); at.increment(error)) {
+    if (error) break;
+    if (at.depth() >= kMaxPhotographFolders) at.disable_recursion_pending();
+    std::error_code ignored;
+    if (!at->is_regular_file(ignored) || !isPhotograph(at->path())) continue;
+    by_stem_[at->path().stem().string()].push_back(at->path().lexically_relative(folder_));
+    ++count_;
+  }
+  if (count_ == 0)
+    throw Error(ErrorKind::cannotRead, folder_.string(), "holds no photographs (expected .png, .jpg or .jpeg files)");
+  for (auto& [stem, paths] : by_stem_) {
+    std::sort(paths.begin(), paths.end(),
+              [](const fs::path& a, const fs::path& b) { return std::pair(depth(a), a) < std::pair(depth(b), b); });
+  }
+}
+
+std::filesystem::path Photographs::find(const Camera& camera) const {
+  const std::filesystem::path name(camera.name);
+  auto found = by_stem_.find(name.filename().string());  // a name without extension may hold a dot
+  if (found == by_stem_.end()) found = by_stem_.find(name.stem().string());
+  if (found == by_stem_.end()) return {};
+  const std::vector<std::filesystem::path>& paths = found->second;
+  const auto exact = std::find_if(paths.begin(), paths.end(), [&](const std::filesystem::path& path) {
+    return path == name || path.lexically_relative(*path.begin()) == name;
+  });
+  const auto split = std::find_if(paths.begin(), paths.end(), [&](const std::filesystem::path& path) {
+    return hasPart(path, camera.test ? "test" : "train");
+  });
+  return folder_ / (split != paths.end() ? *split : exact != paths.end() ? *exact : paths.front());
+}
+
+}  // namespace tg

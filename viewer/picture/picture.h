@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a picture is drawn from, and what comes of it.
+#pragma once
+#include <filesystem>
+#include <glm/glm.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/model.h"
+#include "render/renderer.h"
+#include "viewer/picture/device.h"
+#include "viewer/view/compare.h"
+
+namespace tg {
+
+// What a picture is compared with: a model or a photograph.
+struct OtherPicture {
+  std::shared_ptr<const GaussianModel> model;  // null: the photograph
+  std::filesystem::path photograph;
+  Camera taken;  // the photograph's
+  // Of CompareMode::difference; otherwise without meaning.
+  bool difference = false;
+  bool with_sign = false;
+  float gain = 1;
+};
+
+struct PictureRequest {
+  std::shared_ptr<const GaussianModel> model;  // not null
+  Camera camera;                               // the picture's size is the camera's
+  RenderSettings settings;
+  Output output = Output::final;
+  std::optional<OtherPicture> other;  // seen by the same camera
+  float exposure = 0;                 // [stops] of final and base
+};
+
+// Whether both yield the same picture.
+bool same(const PictureRequest& a, const PictureRequest& b);
+
+struct Picture {
+  PictureRequest request;
+  std::shared_ptr<const PictureImage> image;
+  std::shared_ptr<const PictureImage> other, difference;  // where asked for
+  std::shared_ptr<const PicturePair> pair;                // both on the host, where there is another one
+  std::string problem;                                    // why `other` is not there although asked for; "" = it is
+  std::vector<PassTime> passes;
+  double milliseconds = 0;  // wall time of all of it
+  std::string device;       // what drew it
+  std::string backend;      // as --backend has it
+};
+
+}  // namespace tg

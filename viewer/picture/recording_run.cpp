@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// One picture after the other.
+#include "viewer/picture/recording_run.h"
+
+#include "viewer/view/path_editor.h"
+
+namespace tg {
+namespace {
+
+RecordTarget targetOf(const ViewerState& state) { return parseRecordTarget(state.record.out, "recording"); }
+
+}  // namespace
+
+RecordingRun::RecordingRun(const ViewerState& state)
+    : cameras_(recordCameras(state, recordSize(targetOf(state), state.record.size))),
+      writer_(targetOf(state), {cameras_.front().width, cameras_.front().height}, state.record.fps) {}
+
+const Camera* RecordingRun::due() { return done_ == cameras_.size() || !writer_.ready() ? nullptr : &cameras_[done_]; }
+
+void RecordingRun::take(const Picture&, const std::function<Image()>& read) {
+  writer_.add(read());
+  ++done_;
+}
+
+std::string RecordingRun::finish() {
+  writer_.finish();
+  return "Recorded " + writer_.target().path.string();
+}
+
+}  // namespace tg

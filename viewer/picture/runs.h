@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Begins, feeds and ends the recording or benchmark that the state or the options ask for.
+#pragma once
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "viewer/picture/picture.h"
+#include "viewer/picture/run.h"
+#include "viewer/view/options.h"
+#include "viewer/view/state.h"
+
+namespace tg {
+
+class PictureRuns {
+ public:
+  // `started`: when the program was. `scripted`: failures are thrown instead of shown, and nothing is announced.
+  PictureRuns(const ViewOptions& options, std::chrono::steady_clock::time_point started, bool scripted)
+      : options_(options), started_(started), scripted_(scripted) {}
+
+  bool active() const { return run_ != nullptr; }
+
+  // Once a frame. `area`: of the picture [px]. True when a run has ended: what was asked for last is no longer wanted.
+  // Throws Error with a script or a benchmark.
+  bool update(ViewerState& state, glm::ivec2 area);
+  // The picture that the run waits for, once for each: `view` with the run's camera. None: it is on its way, or none is
+  // due.
+  std::optional<PictureRequest> due(const PictureRequest& view);
+  // Whether the picture was made for the run, which takes it; `read` fetches its pixels.
+  bool take(ViewerState& state, const Picture& picture, const std::function<Image()>& read);
+  // The picture on its way will not come, but may be asked for again.
+  void forget() { awaited_.reset(); }
+  // No picture will come any more. Throws Error(device) with `problem` for a benchmark.
+  void giveUp(ViewerState& state, const std::string& problem);
+
+ private:
+  void begin(const ViewerState& state, glm::ivec2 area);
+  void end(ViewerState& state, const std::string& notice);
+
+  const ViewOptions options_;
+  const std::chrono::steady_clock::time_point started_;
+  const bool scripted_;
+  std::unique_ptr<PictureRun> run_;
+  std::optional<PictureRequest> awaited_;
+};
+
+}  // namespace tg

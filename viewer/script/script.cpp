@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+// Script commands as changes of the viewer's state.
+#include "viewer/script/script.h"
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+#include <string_view>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "viewer/script/verb.h"
+#include "viewer/view/actions.h"
+#include "viewer/view/parse.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxScriptBytes = 1 << 20;
+constexpr int kFramesAfterResize = 4;  // the window system answers a size request some events later
+constexpr int kFramesOfOpening = 4;    // announced, opened, shown
+constexpr double kLongestAwait = 60;   // [s]
+
+int parseFrames(const std::string& text, const std::string& what) {
+  const double count = parseNumber(text, what);
+  if (!(count >= 1 && count <= 100000)) {
+    throw Error(ErrorKind::usage, what + ": expected 1 to 100000 frames, found \"" + text + "\"");
+  }
+  return static_cast<int>(count);
+}
+
+int parseKey(const std::string& text, const std::string& what) {
+  if (text == "Space") return ' ';
+  if (text == "Esc") return kKeyEscape;
+  if (text == "PageUp") return kKeyPageUp;
+  if (text == "PageDown") return kKeyPageDown;
+  if (text == "Delete") return kKeyDelete;
+  if (text.size() == 1 && text[0] > ' ' && text[0] <= ']') return text[0];
+  throw Error(ErrorKind::usage,
+              what + ": expected a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown or Delete, found \"" +
+                  text + "\"");
+}
+
+int parseDocument(const std::string& text, const ViewerState& state, const std::string& what) {
+  const double number = parseNumber(text, what);
+  const auto count = static_cast<double>(state.documents.open.size());
+  if (!(number >= 0 && number < count) || number != static_cast<int>(number)) {
+    throw Error(ErrorKind::usage, what + ": expected one of " + std::to_string(state.documents.open.size()) +
+                                      " open models, counted from 0, found \"" + text + "\"");
+  }
+  return static_cast<int>(number);
+}
+
+// Whether what `await` or `await-file` waits for is there. Throws Error(badData) when it takes too long.
+bool arrived(Script& script, const ViewerState& state, const ScriptCommand& command, const std::string& what) {
+  const std::string& word = command.words[0];
+  const bool file = command.verb == "await-file";
+  if (file ? std::filesystem::exists(word) : state.follow.reloads >= parseNumber(word, what)) {
+    script.waiting_since = 0;
+    return true;
+  }
+  if (script.waiting_since == 0) script.waiting_since = std::max(state.time, 1e-9);
+  if (state.time - script.waiting_since <= kLongestAwait) return false;
+  if (file) throw Error(ErrorKind::badData, what + ": no file \"" + word + "\" came in 60 s");
+  throw Error(ErrorKind::badData, what + ": no such model came in 60 s (expected --follow and " + word +
+                                      " models, found " + std::to_string(state.follow.reloads) + ")");
+}
+
+constexpr std::array kVerbs = {
+    Verb{"key", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           const bool shift = w[0].starts_with("Shift+");
+           const int key = parseKey(shift ? w[0].substr(6) : w[0], at);
+           if (const auto action = actionOf(key, shift)) apply(s, *action);
+         }},
+    Verb{"tab", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           const auto tab = parseTab(w[0]);
+           if (!tab)
+             throw Error(ErrorKind::usage,
+                         at + ": expected view, camera, path, inspect or time, found \"" + w[0] + "\"");
+           s.ui.tab = *tab;
+         }},
+    Verb{"panel", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.panel = parseSwitch(w[0], at); }},
+    Verb{"help", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.help = parseSwitch(w[0], at); }},
+    Verb{"open", 1, kFramesOfOpening,
+         [](ViewerState& s, const Words& w, const std::string&) { s.documents.open_requests.emplace_back(w[0]); }},
+    Verb{"begin-open", 1, 1,
+         [](ViewerState& s, const Words& w, const std::string&) {
+           s.documents.open_requests.emplace_back(w[0]);
+           s.loading.script_goes_on = true;
+         }},
+    Verb{"await-open", 0, 1,
+         [](ViewerState& s, const Words&, const std::string&) { s.loading.script_goes_on = false; }},
+    Verb{"document", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.documents.show_request = parseDocument(w[0], s, at);
+         }},
+    Verb{"close-document", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.documents.close_request = parseDocument(w[0], s, at);
+         }},
+    Verb{"compare", 1, kFramesOfPanels,
+         [](ViewerState& s, const Words& w, const std::string& at) { s.compare.how.mode = parseCompare(w[0], at); }},
+    Verb{"compare-with", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.compare.with_photographs = w[0] == "photographs";
+           if (!s.compare.with_photographs) s.compare.other = s.documents.open[parseDocument(w[0], s, at)].path;
+         }},
+    Verb{"divider", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.compare.how.divider = static_cast<float>(parseNumber(w[0], 0, 1, at));
+         }},
+    Verb{"difference", 2, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           if (w[0] != "signed" && w[0] != "absolute")
+             throw Error(ErrorKind::usage, at + ": expected signed or absolute, found \"" + w[0] + "\"");
+           s.compare.how.with_sign = w[0] == "signed";
+           s.compare.how.gain = static_cast<float>(parseNumber(w[1], 1e-3, kMaxGain, at));
+         }},
+    Verb{"lose-device", 0, 1, [](ViewerState& s, const Words&, const std::string&) { s.test.lose_renderer = true; }},
+    Verb{"lose-window-device", 0, 1,
+         [](ViewerState& s, const Words&, const std::string&) { s.test.lose_window = true; }},
+    Verb{"wait", 1, 0, nullptr},
+    Verb{"slow-picture", 1, 0,
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.test.slow_picture = parseNumber(w[0], 0, kLongestAwait, at);
+         }},
+    Verb{"await", 1, kFramesOfPanels, nullptr},
+    Verb{"await-file", 1, kFramesOfPanels, nullptr},
+    Verb{"size", 1, kFramesAfterResize, nullptr},
+    Verb{"picture", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.picture = w[0]; }},
+    Verb{"window", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.window = w[0]; }},
+    Verb{"save-camera", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.camera = w[0]; }},
+};
+
+const Verb* findVerb(std::string_view name) {
+  for (const std::span<const Verb> verbs : {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs()}) {
+    const auto at = std::find_if(verbs.begin(), verbs.end(), [name](const Verb& verb) { return verb.name == name; });
+    if (at != verbs.end()) return &*at;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+Script readScript(const std::filesystem::path& path) {
+  const std::vector<std::uint8_t> bytes = readFile(path, kMaxScriptBytes);
+  return parseScript(std::string(bytes.begin(), bytes.end()), path.string());
+}
+
+Script parseScript(const std::string& text, const std::string& path) {
+  Script script;
+  script.path = path;
+  std::istringstream lines(text);
+  std::string line;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    std::istringstream words(line);
+    ScriptCommand command;
+    command.line = number;
+    if (!(words >> command.verb) || command.verb[0] == '#') continue;
+    for (std::string word; words >> word && word[0] != '#';) command.words.push_back(word);
+    const std::string at = "line " + std::to_string(number) + ": ";
+    const Verb* verb = findVerb(command.verb);
+    if (!verb) throw Error(ErrorKind::badData, path, at + "unknown command \"" + command.verb + "\"");
+    if (verb->words != command.words.size()) {
+      throw Error(ErrorKind::badData, path,
+                  at + command.verb + " (expected " + std::to_string(verb->words) + " words, found " +
+                      std::to_string(command.words.size()) + ")");
+    }
+    script.commands.push_back(std::move(command));
+  }
+  return script;
+}
+
+std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
+  if (script.wait > 0) --script.wait;
+  while (script.wait == 0 && script.next < script.commands.size()) {
+    const ScriptCommand& command = script.commands[script.next];
+    const Verb& verb = *findVerb(command.verb);
+    const std::string at = "line " + std::to_string(command.line) + ": " + command.verb;
+    try {
+      if (verb.ready && !verb.ready(state)) return std::nullopt;
+      const bool awaits = command.verb == "await" || command.verb == "await-file";
+      if (awaits && !arrived(script, state, command, at)) return std::nullopt;
+      ++script.next;
+      script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;
+      if (command.verb == "size") return parseSize(command.words[0], at);
+      if (verb.run) verb.run(state, command.words, at);
+    } catch (const Error& error) {
+      throw Error(error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind, script.path, error.what());
+    }
+  }
+  if (script.wait == 0 && script.next == script.commands.size()) state.quit = true;
+  return std::nullopt;
+}
+
+}  // namespace tg

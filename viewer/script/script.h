@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Drives the window from a text file, one command a line: tests of the real window, and pictures for the manual.
+#pragma once
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "viewer/view/state.h"
+
+namespace tg {
+
+// Empty lines are skipped, and lines from a word that begins with '#'. docs/viewer.md lists the commands.
+struct ScriptCommand {
+  int line = 0;
+  std::string verb;
+  std::vector<std::string> words;
+};
+
+struct Script {
+  std::string path;
+  std::vector<ScriptCommand> commands;
+  std::size_t next = 0;
+  int wait = 0;              // frames still to draw before the next command
+  double waiting_since = 0;  // [s] window time of the command that waits for a model; 0: none does
+};
+
+// Throws Error(badData) with the line for an unknown command or a wrong number of words; Error(cannotRead).
+Script readScript(const std::filesystem::path& path);
+Script parseScript(const std::string& text, const std::string& path);
+
+// Runs commands up to the first that needs a frame to be drawn; after the last one, asks the viewer to quit. Returns
+// the window size that a command asked for. Throws Error(badData) with the line for a wrong value.
+std::optional<glm::ivec2> step(Script& script, ViewerState& state);
+
+}  // namespace tg

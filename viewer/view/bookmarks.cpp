@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bookmarks are cameras: they go to files and back without loss.
+#include "viewer/view/bookmarks.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/file.h"
+
+namespace tg {
+
+Camera currentCamera(const ViewerState& state, int height) {
+  // Rounded down: coming back to it in the same window then changes nothing, lensOf sees to the rest.
+  const int width = std::max(static_cast<int>(height * state.camera.aspect), 1);
+  return toCamera(state.camera.pose, state.camera.lens, width, height);
+}
+
+void addBookmark(ViewerState& state) {
+  std::vector<Camera>& bookmarks = state.camera.bookmarks;
+  if (bookmarks.size() >= kMaxBookmarks)
+    throw Error(ErrorKind::usage,
+                "there are too many bookmarks (expected at most " + std::to_string(kMaxBookmarks) + ")");
+  Camera camera = currentCamera(state);
+  const auto taken = [&bookmarks](const std::string& name) {
+    return std::any_of(bookmarks.begin(), bookmarks.end(), [&](const Camera& b) { return b.name == name; });
+  };
+  std::size_t number = bookmarks.size() + 1;
+  while (taken("view " + std::to_string(number))) ++number;
+  camera.name = "view " + std::to_string(number);
+  bookmarks.push_back(camera);
+  state.camera.bookmark = static_cast<int>(bookmarks.size()) - 1;
+  notify(state, "Bookmark: " + camera.name);
+}
+
+void removeBookmark(ViewerState& state, std::size_t index) {
+  state.camera.bookmarks.erase(state.camera.bookmarks.begin() + static_cast<std::ptrdiff_t>(index));
+  state.camera.bookmark = std::min(state.camera.bookmark, static_cast<int>(state.camera.bookmarks.size()) - 1);
+}
+
+void goToBookmark(ViewerState& state, std::size_t index) {
+  setCamera(state, state.camera.bookmarks.at(index));
+  state.camera.bookmark = static_cast<int>(index);
+}
+
+void stepBookmark(ViewerState& state, int step) {
+  const int count = static_cast<int>(state.camera.bookmarks.size());
+  if (count == 0) return notify(state, "No bookmarks yet: Shift+B sets one");
+  const int from = state.camera.bookmark >= 0 ? state.camera.bookmark : (step > 0 ? -1 : 0);
+  goToBookmark(state, static_cast<std::size_t>((from + step + count) % count));
+  notify(state, state.camera.bookmarks[static_cast<std::size_t>(state.camera.bookmark)].name);
+}
+
+void saveBookmarks(const ViewerState& state, const std::filesystem::path& file) {
+  writeTextAtomically(file, formatCameras(state.camera.bookmarks));
+}
+
+void readBookmarks(ViewerState& state, const std::filesystem::path& file) {
+  std::vector<Camera> cameras = readCameras(file);
+  if (cameras.size() > kMaxBookmarks)
+    throw Error(ErrorKind::badData, file.string(),
+                "too many bookmarks (expected at most " + std::to_string(kMaxBookmarks) + ", found " +
+                    std::to_string(cameras.size()) + ")");
+  state.camera.bookmarks = std::move(cameras);
+  state.camera.bookmark = -1;
+}
+
+}  // namespace tg

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer's camera: orbit, fly, pan, dolly, framing.
+#include "viewer/view/camera_controller.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+
+#include "shared/limits.h"
+
+namespace tg {
+namespace {
+
+constexpr double kMaxPitch = 1.55;     // [rad] 88.8 degrees: closer to the pole, yaw spins the picture in place
+constexpr double kMinDistance = 1e-4;  // [world units]
+constexpr double kMaxDistance = 1e9;
+constexpr std::size_t kBoundsSample = 200'000;
+constexpr std::array<std::string_view, kUpAxes> kUpNames = {"cameras", "+x", "-x", "+y", "-y", "+z", "-z"};
+
+// Columns: two horizontal axes and up.
+glm::dmat3 levelBasis(glm::dvec3 up) {
+  const glm::dvec3 u = glm::normalize(up);
+  const glm::dvec3 helper = std::abs(u.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 0, 1);
+  const glm::dvec3 e1 = glm::normalize(helper - glm::dot(helper, u) * u);
+  return {e1, glm::cross(u, e1), u};
+}
+
+glm::dvec3 heading(const ViewPose& pose) {
+  return std::cos(pose.yaw) * pose.world_from_level[0] + std::sin(pose.yaw) * pose.world_from_level[1];
+}
+
+// Moves within the limit, or back towards it when a model's camera stands beyond.
+double turnedPitch(double pitch, double change) {
+  const double low = std::min(-kMaxPitch, pitch), high = std::max(kMaxPitch, pitch);
+  return std::clamp(pitch + change, low, high);
+}
+
+void turn(ViewPose& pose, double yaw, double pitch) {
+  pose.yaw = std::remainder(pose.yaw + yaw, glm::two_pi<double>());
+  pose.pitch = turnedPitch(pose.pitch, pitch);
+}
+
+double quantile(std::vector<double>& values, double q) {
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+}  // namespace
+
+glm::dvec3 ViewPose::forward() const { return std::cos(pitch) * heading(*this) + std::sin(pitch) * up(); }
+
+glm::dmat3 ViewPose::cameraFromWorldRotation() const {
+  const glm::dvec3 z = forward();
+  const glm::dvec3 right = glm::cross(heading(*this), up());
+  const glm::dvec3 down = glm::cross(z, right);
+  const glm::dvec3 x = std::cos(roll) * right - std::sin(roll) * down;
+  const glm::dvec3 y = std::sin(roll) * right + std::cos(roll) * down;
+  return glm::transpose(glm::dmat3(x, y, z));
+}
+
+SceneBounds sceneBounds(const GaussianModel& model) {
+  SceneBounds bounds;
+  if (model.size() == 0) return bounds;
+  // Enough of them, evenly spread, for quantiles: a large model should not wait for this.
+  const std::size_t step = (model.size() + kBoundsSample - 1) / kBoundsSample;
+  std::vector<double> values((model.size() + step - 1) / step);
+  for (int axis = 0; axis < 3; ++axis) {
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = model.mean[i * step][axis];
+    bounds.center[axis] = quantile(values, 0.5);
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const glm::vec3 s = model.log_scale[i * step];
+    values[i] = glm::length(glm::dvec3(model.mean[i * step]) - bounds.center) +
+                2.0 * std::exp(double{std::max({s.x, s.y, s.z})});
+  }
+  bounds.radius = std::clamp(quantile(values, 0.95), kMinDistance, kMaxDistance);
+  return bounds;
+}
+
+glm::dvec3 sceneUp(std::span<const Camera> cameras) {
+  glm::dvec3 sum(0.0);
+  for (const Camera& camera : cameras) sum -= glm::transpose(camera.camera_from_world_rotation)[1];
+  const double length = glm::length(sum);
+  return length > 0.1 * static_cast<double>(cameras.size()) ? sum / length : glm::dvec3(0, -1, 0);
+}
+
+std::string_view name(UpAxis axis) { return kUpNames.at(static_cast<std::size_t>(axis)); }
+
+std::optional<UpAxis> parseUpAxis(std::string_view text) {
+  const auto found = std::find(kUpNames.begin(), kUpNames.end(), text);
+  if (found == kUpNames.end()) return std::nullopt;
+  return static_cast<UpAxis>(found - kUpNames.begin());
+}
+
+glm::dvec3 upOf(UpAxis axis, glm::dvec3 cameras_up) {
+  if (axis == UpAxis::cameras) return cameras_up;
+  const int index = static_cast<int>(axis) - 1;  // +x, -x, +y, ...
+  glm::dvec3 up(0.0);
+  up[index / 2] = index % 2 == 0 ? 1 : -1;
+  return up;
+}
+
+ViewPose leveled(const ViewPose& pose, glm::dvec3 up) {
+  ViewPose result = levelPose(up, pose.position, pose.pivot());
+  result.distance = pose.distance;
+  return result;
+}
+
+ViewPose levelPose(glm::dvec3 up, glm::dvec3 position, glm::dvec3 target) {
+  ViewPose pose;
+  pose.world_from_level = levelBasis(up);
+  pose.position = position;
+  const glm::dvec3 offset = target - position;
+  pose.distance = std::clamp(glm::length(offset), kMinDistance, kMaxDistance);
+  const glm::dvec3 level = glm::transpose(pose.world_from_level) * offset;
+  pose.yaw = std::atan2(level.y, level.x);
+  pose.pitch = std::atan2(level.z, std::hypot(level.x, level.y));
+  return pose;
+}
+
+ViewPose poseOf(const Camera& camera, glm::dvec3 up, const SceneBounds& bounds) {
+  const glm::dmat3 world_from_camera = glm::transpose(camera.camera_from_world_rotation);
+  const glm::dvec3 position = camera.position();
+  const glm::dvec3 z = world_from_camera[2];
+  const double distance = std::max(glm::dot(bounds.center - position, z), 0.1 * bounds.radius);
+  ViewPose pose = levelPose(up, position, position + z);
+  pose.distance = std::clamp(distance, kMinDistance, kMaxDistance);
+  // Straight up or down the heading is free: take it so that there is no roll.
+  if (std::hypot(glm::dot(z, pose.world_from_level[0]), glm::dot(z, pose.world_from_level[1])) < 1e-9) {
+    const glm::dvec3 image_up = -world_from_camera[1] * (pose.pitch < 0 ? 1.0 : -1.0);
+    pose.yaw = std::atan2(glm::dot(image_up, pose.world_from_level[1]), glm::dot(image_up, pose.world_from_level[0]));
+  }
+  const glm::dvec3 right = glm::cross(heading(pose), pose.up());
+  const glm::dvec3 down = glm::cross(pose.forward(), right);
+  pose.roll = std::atan2(-glm::dot(world_from_camera[0], down), glm::dot(world_from_camera[0], right));
+  return pose;
+}
+
+Lens lensOf(const Camera& camera, double aspect) {
+  const double scale = std::min(aspect * camera.height / camera.width, 1.0);  // of the old image in a new height of 1
+  Lens lens;
+  lens.fov_y = std::clamp(2.0 * std::atan(camera.height / (2.0 * scale * camera.fy)), kMinFov, kMaxFov);
+  lens.pixel_aspect = camera.fx / camera.fy;
+  lens.shift = {(camera.cx - 0.5 * camera.width) / camera.fx, (camera.cy - 0.5 * camera.height) / camera.fy};
+  return lens;
+}
+
+Camera toCamera(const ViewPose& pose, const Lens& lens, int width, int height) {
+  Camera camera;
+  camera.width = width;
+  camera.height = height;
+  camera.fy = 0.5 * height / std::tan(0.5 * lens.fov_y);
+  camera.fx = camera.fy * lens.pixel_aspect;
+  camera.cx = 0.5 * width + lens.shift.x * camera.fx;
+  camera.cy = 0.5 * height + lens.shift.y * camera.fy;
+  camera.camera_from_world_rotation = pose.cameraFromWorldRotation();
+  camera.camera_from_world_translation = -camera.camera_from_world_rotation * pose.position;
+  return camera;
+}
+
+Camera fitted(const Camera& camera, int width, int height) {
+  const double scale = std::min(static_cast<double>(width) / camera.width, static_cast<double>(height) / camera.height);
+  Camera result = camera;
+  result.width = width;
+  result.height = height;
+  result.fx = camera.fx * scale;
+  result.fy = camera.fy * scale;
+  result.cx = (camera.cx - 0.5 * camera.width) * scale + 0.5 * width;
+  result.cy = (camera.cy - 0.5 * camera.height) * scale + 0.5 * height;
+  return result;
+}
+
+void orbit(ViewPose& pose, double yaw, double pitch) {
+  const glm::dvec3 center = pose.pivot();
+  turn(pose, yaw, pitch);
+  pose.position = center - pose.distance * pose.forward();
+}
+
+void look(ViewPose& pose, double yaw, double pitch) { turn(pose, yaw, pitch); }
+
+void pan(ViewPose& pose, double x, double y) { fly(pose, {x, y, 0}); }
+
+void dolly(ViewPose& pose, double factor) {
+  const glm::dvec3 center = pose.pivot();
+  pose.distance = std::clamp(pose.distance * factor, kMinDistance, kMaxDistance);
+  pose.position = center - pose.distance * pose.forward();
+}
+
+void fly(ViewPose& pose, glm::dvec3 offset) {
+  pose.position += glm::transpose(pose.cameraFromWorldRotation()) * offset;
+}
+
+void frame(ViewPose& pose, const Lens& lens, double aspect, const SceneBounds& bounds) {
+  const double half_y = 0.5 * lens.fov_y;
+  const double half_x = std::atan(std::tan(half_y) * aspect / lens.pixel_aspect);
+  // The near plane must not cut into small models.
+  pose.distance = std::clamp(std::max(bounds.radius / std::sin(std::min(half_x, half_y)), bounds.radius + 1.5 * kNear),
+                             kMinDistance, kMaxDistance);
+  pose.position = bounds.center - pose.distance * pose.forward();
+}
+
+ViewPose startPose(glm::dvec3 up, const SceneBounds& bounds, const Lens& lens, double aspect) {
+  ViewPose pose = levelPose(up, bounds.center, bounds.center + glm::dvec3(0, 0, 1));
+  pose.pitch = -0.3;
+  frame(pose, lens, aspect, bounds);
+  return pose;
+}
+
+}  // namespace tg

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// Differences, compositions, and a photograph in the view's pixels.
+#include "viewer/view/compare.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "core/flip.h"
+#include "core/metrics.h"
+#include "core/parallel.h"
+
+namespace tg {
+namespace {
+
+constexpr std::array<std::string_view, 5> kModeNames = {"off", "side", "wipe", "flicker", "difference"};
+constexpr int kMaxTaps = 16;  // per side and pixel, of a photograph that gets smaller
+
+// Bilinear at (x, y) [px], pixel centres at +0.5, edges repeated.
+glm::vec3 bilinear(const Image& image, double x, double y) {
+  const double fx = std::floor(x - 0.5), fy = std::floor(y - 0.5);
+  const auto u = static_cast<float>(x - 0.5 - fx), v = static_cast<float>(y - 0.5 - fy);
+  const auto tap = [&](int dx, int dy) {
+    const int px = std::clamp(static_cast<int>(fx) + dx, 0, image.width - 1);
+    const int py = std::clamp(static_cast<int>(fy) + dy, 0, image.height - 1);
+    return glm::vec3(image.at(px, py, 0), image.at(px, py, 1), image.at(px, py, 2));
+  };
+  return glm::mix(glm::mix(tap(0, 0), tap(1, 0), u), glm::mix(tap(0, 1), tap(1, 1), u), v);
+}
+
+Image threeChannels(const Image& image, glm::vec3 background) {
+  if (image.channels == 4) return compositeOver(image, &background.x);
+  if (image.channels == 3) return image;
+  Image result(image.width, image.height, 3);
+  for (std::size_t i = 0; i < image.data.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) result.data[3 * i + c] = image.data[i];
+  }
+  return result;
+}
+
+}  // namespace
+
+std::string_view name(CompareMode mode) { return kModeNames[static_cast<std::size_t>(mode)]; }
+
+std::optional<CompareMode> parseCompareMode(std::string_view text) {
+  const auto at = std::find(kModeNames.begin(), kModeNames.end(), text);
+  if (at == kModeNames.end()) return std::nullopt;
+  return static_cast<CompareMode>(at - kModeNames.begin());
+}
+
+int sideWidth(int width) { return std::max(width / 2, 1); }
+
+Image differenceOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask,
+                   const Comparison& how) {
+  Image result(first.width, first.height, 3);
+  const std::size_t row = static_cast<std::size_t>(first.width);
+  parallelFor(first.height, 16, [&](std::int64_t y) {
+    for (std::size_t i = static_cast<std::size_t>(y) * row; i < (static_cast<std::size_t>(y) + 1) * row; ++i) {
+      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
+        const float apart = mask.empty() || mask[i] ? how.gain * (other.data[c] - first.data[c]) : 0.0f;
+        result.data[c] = std::clamp(how.with_sign ? 0.5f + 0.5f * apart : std::abs(apart), 0.0f, 1.0f);
+      }
+    }
+  });
+  return result;
+}
+
+Image composed(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask, const Comparison& how) {
+  switch (how.mode) {
+    case CompareMode::off:
+      return first;
+    case CompareMode::flicker:
+      return how.shows_other ? other : first;
+    case CompareMode::difference:
+      return differenceOf(first, other, mask, how);
+    case CompareMode::side:
+    case CompareMode::wipe:
+      break;
+  }
+  const bool side = how.mode == CompareMode::side;
+  const int divider = side ? first.width : static_cast<int>(std::lround(how.divider * static_cast<float>(first.width)));
+  Image result(side ? first.width + other.width : first.width, first.height, 3);
+  for (int y = 0; y < result.height; ++y) {
+    for (int x = 0; x < result.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        result.at(x, y, c) = x < divider ? first.at(x, y, c) : other.at(side ? x - divider : x, y, c);
+      }
+    }
+  }
+  return result;
+}
+
+std::optional<PictureMetrics> metricsOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask) {
+  if (!mask.empty() && std::none_of(mask.begin(), mask.end(), [](std::uint8_t m) { return m != 0; })) {
+    return std::nullopt;
+  }
+  return PictureMetrics{psnr(other, first, mask), ssim(other, first, mask), flip(flipMap(other, first), mask)};
+}
+
+std::string formatMetrics(const PictureMetrics& metrics) {
+  char text[96];
+  std::snprintf(text, sizeof text, "PSNR %.2f dB, SSIM %.4f, FLIP %.4f", metrics.psnr, metrics.ssim, metrics.flip);
+  return text;
+}
+
+ResampledPhotograph resampled(const Image& photograph, const Camera& taken, const Camera& view, glm::vec3 background) {
+  const Image source = threeChannels(photograph, background);
+  // Pixels of the photograph per pixel of its camera, and then of the view.
+  const glm::dvec2 scale(static_cast<double>(source.width) / taken.width,
+                         static_cast<double>(source.height) / taken.height);
+  const glm::dvec2 step(taken.fx * scale.x / view.fx, taken.fy * scale.y / view.fy);
+  const auto x_of = [&](double x) { return ((x - view.cx) / view.fx * taken.fx + taken.cx) * scale.x; };
+  const auto y_of = [&](double y) { return ((y - view.cy) / view.fy * taken.fy + taken.cy) * scale.y; };
+  const int taps_x = std::clamp(static_cast<int>(std::ceil(step.x)), 1, kMaxTaps);
+  const int taps_y = std::clamp(static_cast<int>(std::ceil(step.y)), 1, kMaxTaps);
+
+  ResampledPhotograph result{Image(view.width, view.height, 3),
+                             std::vector<std::uint8_t>(static_cast<std::size_t>(view.width) * view.height)};
+  parallelFor(view.height, 8, [&](std::int64_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < view.width; ++x) {
+      const glm::dvec2 center(x_of(x + 0.5), y_of(y + 0.5));
+      const bool inside = center.x >= 0 && center.y >= 0 && center.x < source.width && center.y < source.height;
+      result.mask[static_cast<std::size_t>(y) * view.width + x] = inside;
+      glm::vec3 sum(0.0f);
+      for (int j = 0; j < taps_y && inside; ++j) {
+        for (int i = 0; i < taps_x; ++i) {
+          sum += bilinear(source, x_of(x + (i + 0.5) / taps_x), y_of(y + (j + 0.5) / taps_y));
+        }
+      }
+      sum = inside ? sum / static_cast<float>(taps_x * taps_y) : background;
+      for (int c = 0; c < 3; ++c) result.image.at(x, y, c) = sum[c];
+    }
+  });
+  return result;
+}
+
+}  // namespace tg

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// The list of open models.
+#include "viewer/view/documents.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "viewer/view/state.h"
+
+namespace tg {
+
+int documentOf(const ViewerState& state, const std::filesystem::path& path) {
+  const std::vector<Document>& open = state.documents.open;
+  const auto at = std::find_if(open.begin(), open.end(), [&](const Document& d) { return d.path == path; });
+  return at == open.end() ? -1 : static_cast<int>(at - open.begin());
+}
+
+void leaveDocument(ViewerState& state) {
+  if (state.documents.shown < 0) return;
+  Document& document = state.documents.open[static_cast<std::size_t>(std::exchange(state.documents.shown, -1))];
+  document.scene = state.scene;
+  document.pose = state.camera.pose;
+  document.lens = state.camera.lens;
+  document.camera = state.camera.index;
+}
+
+bool sameCameras(const Scene& a, const Scene& b) {
+  return !a.cameras.empty() && std::equal(a.cameras.begin(), a.cameras.end(), b.cameras.begin(), b.cameras.end(),
+                                          [](const Camera& x, const Camera& y) { return x.name == y.name; });
+}
+
+int otherDocument(const ViewerState& state) {
+  const int count = static_cast<int>(state.documents.open.size());
+  const int named = documentOf(state, state.compare.other);
+  if (named >= 0 && named != state.documents.shown) return named;
+  return count > 1 ? (state.documents.shown + 1) % count : -1;
+}
+
+void stepDocument(ViewerState& state, int step) {
+  const int count = static_cast<int>(state.documents.open.size());
+  if (count < 2) return notify(state, "No other model is open");
+  state.documents.show_request = (state.documents.shown + step + count) % count;
+}
+
+}  // namespace tg

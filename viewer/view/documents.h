@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// The open models: which there are, which is shown, and what each was left like.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "viewer/view/camera_controller.h"
+#include "viewer/view/scene.h"
+
+namespace tg {
+
+// A model that is open. While it is shown its scene is ViewerState::scene, and nothing here counts but the path.
+struct Document {
+  std::filesystem::path path;
+  Scene scene;
+  ViewPose pose;  // as it was left
+  Lens lens;
+  int camera = -1;
+};
+
+struct DocumentState {
+  std::vector<Document> open;  // in order of opening
+  int shown = -1;              // of `open`; -1: none
+  // What the window does next; panels, keys and scripts write here.
+  std::vector<std::filesystem::path> open_requests;
+  std::optional<int> show_request, close_request;  // of `open`
+};
+
+// What is being read, written by the window.
+struct LoadState {
+  bool active = false;
+  std::filesystem::path path;
+  std::uint64_t done = 0;       // [bytes]
+  std::uint64_t total = 0;      // 0: not known
+  std::size_t waiting = 0;      // files after it
+  bool cancel = false;          // asks the window to stop
+  bool script_goes_on = false;  // a script does not wait for it
+  bool part_owed = false;       // the picture of a part is not on screen yet: what follows it waits
+};
+
+struct ViewerState;
+// The document of that file; -1: none.
+int documentOf(const ViewerState& state, const std::filesystem::path& path);
+// Puts the scene and view shown back into their document; none is shown then, but ViewerState::scene stays.
+void leaveDocument(ViewerState& state);
+// Whether two scenes have the same cameras, in number and name, and at least one: models of one data set.
+bool sameCameras(const Scene& a, const Scene& b);
+// What ViewerState::compare names, else the next one after the one shown; -1: there is no other.
+int otherDocument(const ViewerState& state);
+void stepDocument(ViewerState& state, int step);  // asks for the next one, round about
+
+}  // namespace tg

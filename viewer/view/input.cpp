@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the mouse and held keys do to the camera.
+#include "viewer/view/input.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tg {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kRollSpeed = 0.8;     // [rad / s]
+constexpr double kWheelFactor = 0.88;  // of the distance, per notch
+
+}  // namespace
+
+bool applyInput(ViewerState& state, const Input& input, int height) {
+  const ViewPose before = state.camera.pose;
+  const Lens lens_before = state.camera.lens;
+  const double radians_per_pixel = kPi / std::max(height, 1);
+  const glm::dvec2 drag = input.drag;
+  if (input.middle || (input.left && input.shift)) {
+    // A point at the pivot's distance stays under the pointer.
+    const double units_per_pixel =
+        2.0 * state.camera.pose.distance * std::tan(0.5 * state.camera.lens.fov_y) / std::max(height, 1);
+    pan(state.camera.pose, -drag.x * units_per_pixel / state.camera.lens.pixel_aspect, -drag.y * units_per_pixel);
+  } else if (input.left && !state.camera.fly) {
+    orbit(state.camera.pose, -drag.x * radians_per_pixel, -drag.y * radians_per_pixel);
+  } else if (input.left || input.right) {
+    look(state.camera.pose, -drag.x * radians_per_pixel, -drag.y * radians_per_pixel);
+  }
+  if (input.wheel != 0 && input.control) {
+    state.camera.lens.fov_y = std::clamp(state.camera.lens.fov_y * std::pow(0.95, input.wheel), kMinFov, kMaxFov);
+  } else if (input.wheel != 0) {
+    dolly(state.camera.pose, std::pow(kWheelFactor, input.wheel));
+  }
+  const double boost = input.shift ? 4.0 : input.control ? 0.25 : 1.0;
+  const double step = state.camera.speed * boost * state.scene.bounds.radius * input.seconds;
+  if (input.fly != glm::dvec3(0.0)) fly(state.camera.pose, input.fly * step);
+  state.camera.pose.roll = std::remainder(state.camera.pose.roll + input.roll * kRollSpeed * input.seconds, 2.0 * kPi);
+
+  const bool moved = state.camera.pose.position != before.position || state.camera.pose.yaw != before.yaw ||
+                     state.camera.pose.pitch != before.pitch || state.camera.pose.roll != before.roll ||
+                     state.camera.lens.fov_y != lens_before.fov_y;
+  if (moved) {
+    state.camera.index = -1;
+    state.path.playing = false;
+  }
+  return moved;
+}
+
+}  // namespace tg

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// The inspector: what lies under a pixel, and the Gaussian picked of it.
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "viewer/view/state.h"
+
+namespace tg {
+
+// The pixel of a picture of that size to be inspected next: asked for here, answered by InspectorThread.
+void inspect(ViewerState& state, glm::ivec2 pixel);
+// Which of the hits is looked at; -1: none. Out of range: the nearest one that is there.
+void pickHit(ViewerState& state, int hit);
+void stepHit(ViewerState& state, int step);
+void clearInspection(ViewerState& state);
+// The picked Gaussian's number in the model; nothing while none is picked.
+std::optional<std::uint32_t> pickedGaussian(const ViewerState& state);
+
+// A Gaussian by its stored numbers.
+struct GaussianFacts {
+  glm::dvec3 mean{0.0};   // world
+  glm::dvec3 sigma{0.0};  // world units
+  double opacity = 0;     // after the sigmoid
+  double effective_rank = 0;
+  int width = 0, height = 0;  // [texels] of its texture; 0: none
+};
+GaussianFacts factsOf(const GaussianModel& model, std::size_t index);  // index < size
+
+// A texel as two colours to be looked at: 0.5 + rgb / 2, and its factor on alpha as grey.
+struct TexelColors {
+  glm::vec3 rgb{0.5f};
+  glm::vec3 alpha{1.0f};
+};
+TexelColors texelColors(const GaussianModel& model, std::size_t index, int i, int j);  // i, j inside the texture
+// Where a hit falls on a texture of w x h cells of side 1, (0, 0) at its first corner: texel centres lie on +-3 sigma.
+glm::dvec2 texelPosition(glm::dvec2 uv, int width, int height);
+
+// The inspected pixel as JSON (docs/viewer.md).
+std::string formatInspection(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
+                             glm::ivec2 pixel, const std::vector<PixelHit>& hits);
+
+}  // namespace tg

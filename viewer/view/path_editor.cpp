@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// Edits of the path keep what is shown and what is played in step with it.
+#include "viewer/view/path_editor.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "viewer/view/bookmarks.h"
+
+namespace tg {
+namespace {
+
+constexpr int kKeyRows = 720;  // [px] of the cameras that stand for keys: any, the lens is what counts
+
+PathKey currentKey(const ViewerState& state) {
+  const Camera camera = currentCamera(state, kKeyRows);
+  PathKey key = keyOf(camera, 0);
+  // The path's first key sets its aspect; later ones are seen as the window at that shape would show them.
+  if (!state.path.path.keys.empty()) key.lens = lensOf(camera, state.path.path.aspect);
+  return key;
+}
+
+void show(ViewerState& state, const PathKey& key) {
+  // As keyCameras: the lens is kept although the pixels miss the aspect by a little.
+  const int width = std::max(static_cast<int>(kKeyRows * state.path.path.aspect), 1);
+  setCamera(state, toCamera(key, static_cast<double>(width) / kKeyRows, width, kKeyRows));
+}
+
+}  // namespace
+
+void addKey(ViewerState& state) {
+  PathState& editor = state.path;
+  if (editor.path.keys.empty()) editor.path.aspect = state.camera.aspect;
+  appendKey(editor.path, currentKey(state), editor.key_seconds);
+  editor.key = static_cast<int>(editor.path.keys.size()) - 1;
+  editor.at = editor.path.keys.back().time;
+  editor.playing = false;
+  notify(state, "Key " + std::to_string(editor.key) + " of the path");
+}
+
+void replaceKey(ViewerState& state, std::size_t index) {
+  PathKey& key = state.path.path.keys.at(index);
+  const double time = key.time;
+  key = currentKey(state);
+  key.time = time;
+  state.path.playing = false;
+}
+
+void deleteKey(ViewerState& state, std::size_t index) {
+  PathState& editor = state.path;
+  removeKey(editor.path, index);
+  if (editor.key > static_cast<int>(index)) --editor.key;
+  editor.key = std::min(editor.key, static_cast<int>(editor.path.keys.size()) - 1);
+  editor.at = std::clamp(editor.at, 0.0, duration(editor.path));
+  editor.playing = false;
+}
+
+void showKey(ViewerState& state, std::size_t index) {
+  seekPath(state, state.path.path.keys.at(index).time - state.path.path.keys.front().time);
+  state.path.key = static_cast<int>(index);
+}
+
+void changeKeySeconds(ViewerState& state, std::size_t index, double seconds) {
+  if (!(seconds <= kMaxPathSeconds)) seconds = kMaxPathSeconds;
+  setKeySeconds(state.path.path, index, seconds);
+  state.path.at = std::clamp(state.path.at, 0.0, duration(state.path.path));
+}
+
+void clearPath(ViewerState& state) {
+  state.path.path = {};
+  state.path.playing = false;
+  state.path.at = 0;
+  state.path.key = -1;
+}
+
+void togglePlaying(ViewerState& state) {
+  PathState& editor = state.path;
+  if (editor.path.keys.size() < 2) return notify(state, "A path needs two keys: K adds one at the view");
+  editor.playing = !editor.playing;
+  if (!editor.playing) return;
+  state.camera.turntable = false;
+  if (editor.path.closing == 0 && editor.at >= duration(editor.path)) editor.at = 0;
+}
+
+void seekPath(ViewerState& state, double seconds) {
+  PathState& editor = state.path;
+  if (editor.path.keys.empty()) return;
+  editor.at = std::clamp(seconds, 0.0, duration(editor.path));
+  editor.playing = false;
+  show(state, at(editor.path, editor.at));
+}
+
+void setUp(ViewerState& state, UpAxis axis) {
+  state.camera.up = axis;
+  state.camera.pose = leveled(state.camera.pose, upOf(state));
+  state.camera.index = -1;
+}
+
+bool advance(ViewerState& state, double seconds) {
+  PathState& editor = state.path;
+  if (editor.playing) {
+    const double whole = duration(editor.path);
+    editor.at += seconds;
+    if (editor.path.closing > 0) {
+      editor.at = std::fmod(editor.at, whole);
+    } else if (editor.at >= whole) {
+      editor.at = whole;
+      editor.playing = false;
+    }
+    show(state, at(editor.path, editor.at));
+    return true;
+  }
+  if (state.camera.turntable && seconds > 0) {
+    orbit(state.camera.pose, state.camera.turntable_speed * seconds, 0);
+    state.camera.index = -1;
+    return true;
+  }
+  return false;
+}
+
+void savePath(const ViewerState& state, const std::filesystem::path& file) {
+  if (state.path.path.keys.empty()) throw Error(ErrorKind::usage, "there is no path to save (expected a key or more)");
+  writeTextAtomically(file, formatPath(state.path.path));
+}
+
+void saveKeyCameras(const ViewerState& state, const std::filesystem::path& file) {
+  if (state.path.path.keys.empty()) throw Error(ErrorKind::usage, "there is no path to save (expected a key or more)");
+  writeTextAtomically(file, formatCameras(keyCameras(state.path.path, kKeyRows)));
+}
+
+void readPathFile(ViewerState& state, const std::filesystem::path& file) {
+  CameraPath path = readPath(file);
+  clearPath(state);
+  state.path.path = std::move(path);
+}
+
+bool recordsPath(const ViewerState& state) { return state.path.path.keys.size() >= 2; }
+
+std::vector<Camera> recordCameras(const ViewerState& state, glm::ivec2 size) {
+  if (recordsPath(state)) return pathCameras(state.path.path, state.record.fps, size.x, size.y);
+  const Lens lens = lensOf(currentCamera(state), static_cast<double>(size.x) / size.y);
+  return turntableCameras(state.camera.pose, lens, state.record.turntable_frames, size.x, size.y);
+}
+
+}  // namespace tg

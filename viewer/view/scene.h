@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model with what the viewer knows of it.
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/model.h"
+#include "viewer/view/camera_controller.h"
+
+namespace tg {
+
+struct Scene {
+  std::filesystem::path path;
+  std::shared_ptr<const GaussianModel> model;  // null: none yet
+  bool partial = false;                        // a part of the model, to look at while the rest is read
+  std::vector<Camera> cameras;
+  std::size_t gaussians = 0;
+  std::size_t textured = 0;  // Gaussians with a texture rectangle
+  std::size_t texels = 0;
+  int sh_degree = 0;
+  TextureMode texture_mode = TextureMode::none;
+  IntersectionModel intersection = IntersectionModel::maxResponse;
+  glm::vec3 background{0.0f};
+  std::vector<std::string> warnings;
+  glm::dvec3 up{0, -1, 0};
+  SceneBounds bounds;
+  std::string training;  // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
+};
+
+}  // namespace tg

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// The session's file, which anyone may have edited or cut short.
+#include "viewer/view/session.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "core/json.h"
+#include "viewer/view/bookmarks.h"
+#include "viewer/view/parse.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxSessionBytes = std::uint64_t{64} << 20;
+constexpr int kSessionVersion = 1;
+constexpr double kMinSpeed = 0.02, kMaxSpeed = 20;  // the panel's
+
+bool boolean(const JsonObject& json, const char* key) {
+  const nlohmann::json& value = json.member(key);
+  if (!value.is_boolean())
+    json.fail(std::string("\"") + key + "\": expected true or false, found " + value.type_name());
+  return value.get<bool>();
+}
+
+// What `parse` makes of the text of a member.
+template <typename T>
+T named(const JsonObject& json, const char* key, std::optional<T> (*parse)(std::string_view)) {
+  const std::string text = json.string(key);
+  const std::optional<T> value = parse(text);
+  if (!value) json.fail(std::string("\"") + key + "\": unknown name \"" + text + "\"");
+  return *value;
+}
+
+const nlohmann::json& list(const JsonObject& json, const char* key, std::size_t most) {
+  const nlohmann::json& value = json.member(key);
+  if (!value.is_array() || value.size() > most)
+    json.fail(std::string("\"") + key + "\": expected an array of at most " + std::to_string(most));
+  return value;
+}
+
+std::string absoluteName(const std::filesystem::path& path) {
+  std::error_code error;
+  const std::filesystem::path result = std::filesystem::absolute(path, error);
+  return error ? path.string() : result.lexically_normal().string();
+}
+
+}  // namespace
+
+std::filesystem::path sessionFile() {
+  const char* state = std::getenv("XDG_STATE_HOME");
+  // The XDG specification: a relative path is to be ignored.
+  if (state && *state == '/') return std::filesystem::path(state) / "tgview/session.json";
+  const char* home = std::getenv("HOME");
+  if (home && *home) return std::filesystem::path(home) / ".local/state/tgview/session.json";
+  return {};
+}
+
+std::string formatSession(const Session& session) {
+  using nlohmann::ordered_json;
+  ordered_json json = {{"format", "tgview-session"},
+                       {"version", kSessionVersion},
+                       {"window", {session.window.x, session.window.y}},
+                       {"panel", session.panel},
+                       {"tab", name(session.tab)},
+                       {"output", name(session.output)},
+                       {"textures", texturesName(session.textures)},
+                       {"speed", session.speed},
+                       {"fly", session.fly},
+                       {"recent", session.recent}};
+  ordered_json bookmarks = ordered_json::array();
+  for (const ModelBookmarks& model : session.bookmarks) {
+    bookmarks.push_back({{"model", model.model}, {"cameras", ordered_json::parse(formatCameras(model.cameras))}});
+  }
+  json["bookmarks"] = std::move(bookmarks);
+  return dumpJson(json, 1) + "\n";
+}
+
+Session parseSession(const std::string& json, const std::string& file) {
+  const nlohmann::json root = parseJson(json, file);
+  const JsonObject object{root, file, ""};
+  if (object.string("format") != "tgview-session") object.fail("\"format\": expected \"tgview-session\"");
+  (void)object.integer("version", kSessionVersion, kSessionVersion);
+  Session session;
+  const nlohmann::json& window = object.array("window", 2);
+  const double width = object.finite(window[0], "window"), height = object.finite(window[1], "window");
+  if (!(width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide))
+    object.fail("\"window\": expected sides of 1 to " + std::to_string(kMaxImageSide));
+  session.window = {static_cast<int>(width), static_cast<int>(height)};
+  session.panel = boolean(object, "panel");
+  session.tab = named<Tab>(object, "tab", parseTab);
+  session.output = named<Output>(object, "output", parseOutput);
+  session.textures = parseTextures(object.string("textures"), file + ": \"textures\"");
+  session.speed = std::clamp(object.number("speed"), kMinSpeed, kMaxSpeed);
+  session.fly = boolean(object, "fly");
+  for (const nlohmann::json& path : list(object, "recent", kMaxRecentFiles)) {
+    if (!path.is_string()) object.fail("\"recent\": expected file names");
+    session.recent.push_back(path.get<std::string>());
+  }
+  for (const nlohmann::json& entry : list(object, "bookmarks", kMaxBookmarkedModels)) {
+    const JsonObject model{entry, file, "bookmarks: "};
+    session.bookmarks.push_back(
+        {model.string("model"), parseCameras(list(model, "cameras", kMaxBookmarks).dump(), file)});
+  }
+  return session;
+}
+
+LoadedSession loadSession(const std::filesystem::path& file) {
+  LoadedSession result;
+  std::error_code ignored;
+  if (file.empty() || !std::filesystem::exists(file, ignored)) return result;
+  try {
+    const std::vector<std::uint8_t> bytes = readFile(file, kMaxSessionBytes);
+    result.session = parseSession(std::string(bytes.begin(), bytes.end()), file.string());
+  } catch (const Error& error) {
+    result.problem = std::string("The last session is lost: ") + error.what();
+  }
+  return result;
+}
+
+void saveSession(const Session& session, const std::filesystem::path& file) {
+  std::error_code error;
+  std::filesystem::create_directories(file.parent_path(), error);
+  if (error)
+    throw Error(ErrorKind::cannotWrite, file.parent_path().string(), "cannot make this folder: " + error.message());
+  writeTextAtomically(file, formatSession(session));
+}
+
+void noteRecent(Session& session, const std::filesystem::path& model) {
+  const std::string path = absoluteName(model);
+  std::erase(session.recent, path);
+  session.recent.insert(session.recent.begin(), path);
+  if (session.recent.size() > kMaxRecentFiles) session.recent.resize(kMaxRecentFiles);
+}
+
+std::vector<Camera> bookmarksOf(const Session& session, const std::filesystem::path& model) {
+  const std::string path = absoluteName(model);
+  const auto found = std::find_if(session.bookmarks.begin(), session.bookmarks.end(),
+                                  [&path](const ModelBookmarks& entry) { return entry.model == path; });
+  return found == session.bookmarks.end() ? std::vector<Camera>{} : found->cameras;
+}
+
+void keepBookmarks(Session& session, const std::filesystem::path& model, std::vector<Camera> cameras) {
+  const std::string path = absoluteName(model);
+  std::erase_if(session.bookmarks, [&path](const ModelBookmarks& entry) { return entry.model == path; });
+  if (cameras.empty()) return;
+  session.bookmarks.insert(session.bookmarks.begin(), {path, std::move(cameras)});
+  if (session.bookmarks.size() > kMaxBookmarkedModels) session.bookmarks.resize(kMaxBookmarkedModels);
+}
+
+}  // namespace tg

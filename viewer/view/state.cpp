@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Changes of the viewer's state: scenes, cameras, messages.
+#include "viewer/view/state.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "core/error.h"
+#include "viewer/view/inspection.h"
+
+namespace tg {
+namespace {
+
+constexpr double kNoticeSeconds = 3;
+constexpr std::array<std::string_view, kTabs> kTabNames = {"view", "camera", "path", "inspect", "time"};
+
+// Leaves out that share of the means at either end of every axis.
+CropBox boxOfMeans(const Scene& scene, double share) {
+  CropBox box;
+  if (!scene.model || scene.model->size() == 0) return box;
+  std::vector<float> values(scene.model->size());
+  const auto low = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  const auto high = static_cast<std::ptrdiff_t>(values.size()) - 1 - low;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::transform(scene.model->mean.begin(), scene.model->mean.end(), values.begin(),
+                   [axis](glm::vec3 mean) { return mean[axis]; });
+    std::nth_element(values.begin(), values.begin() + low, values.end());
+    box.min[axis] = values[static_cast<std::size_t>(low)];
+    std::nth_element(values.begin(), values.begin() + high, values.end());
+    box.max[axis] = values[static_cast<std::size_t>(high)];
+  }
+  return box;
+}
+
+}  // namespace
+
+std::string_view name(Tab tab) { return kTabNames.at(static_cast<std::size_t>(tab)); }
+
+std::optional<Tab> parseTab(std::string_view text) {
+  const auto found = std::find(kTabNames.begin(), kTabNames.end(), text);
+  if (found == kTabNames.end()) return std::nullopt;
+  return static_cast<Tab>(found - kTabNames.begin());
+}
+
+glm::dvec3 upOf(const ViewerState& state) { return upOf(state.camera.up, state.scene.up); }
+
+RenderSettings effectiveSettings(const ViewerState& state) {
+  RenderSettings settings = state.display.settings;
+  if (state.display.textures_held_off) settings.textures = TextureMode::none;
+  settings.outputs = {state.display.output};
+  if (state.display.crop) settings.crop = state.display.box;
+  const auto picked = pickedGaussian(state);
+  if (state.inspect.isolated && picked && state.scene.model) {
+    const glm::vec3 mean = state.scene.model->mean[*picked];
+    settings.crop = CropBox{mean, mean};  // a box around nothing but its mean
+  }
+  return settings;
+}
+
+glm::ivec2 drawnSize(const ViewerState& state, glm::ivec2 area) {
+  const double largest = static_cast<double>(kMaxImageSide) / std::max(area.x, area.y);
+  const double scale = std::min(state.display.resolution, largest);
+  return glm::max(glm::ivec2(glm::round(glm::dvec2(area) * scale)), glm::ivec2(1));
+}
+
+void resetCrop(ViewerState& state) { state.display.box = boxOfMeans(state.scene, 0.0); }
+void fitCrop(ViewerState& state) { state.display.box = boxOfMeans(state.scene, 0.01); }
+
+void setScene(ViewerState& state, Scene scene) {
+  state.scene = std::move(scene);
+  state.display.settings.background = state.scene.background;
+  state.display.crop = false;
+  clearInspection(state);
+  resetCrop(state);
+  state.messages.error.clear();
+  state.camera.bookmarks.clear();
+  state.camera.bookmark = -1;
+  resetView(state);
+}
+
+void replaceScene(ViewerState& state, Scene scene) {
+  clearInspection(state);  // the numbers are of another model
+  state.scene = std::move(scene);
+  if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) state.camera.index = -1;
+}
+
+void goToCamera(ViewerState& state, int index) {
+  setCamera(state, state.scene.cameras.at(index));
+  state.camera.index = index;
+}
+
+void setCamera(ViewerState& state, const Camera& camera) {
+  state.camera.pose = poseOf(camera, upOf(state), state.scene.bounds);
+  state.camera.lens = lensOf(camera, state.camera.aspect);
+  state.camera.index = -1;
+}
+
+int startCamera(std::span<const Camera> cameras) {
+  if (cameras.empty()) return -1;
+  const auto test = std::find_if(cameras.begin(), cameras.end(), [](const Camera& c) { return c.test; });
+  return test == cameras.end() ? 0 : static_cast<int>(test - cameras.begin());
+}
+
+void notify(ViewerState& state, std::string text) {
+  state.messages.notice = std::move(text);
+  state.messages.notice_until = state.time + kNoticeSeconds;
+}
+
+void attempt(ViewerState& state, const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    state.messages.error = error.what();
+    state.messages.notice_until = 0;
+  }
+}
+
+void resetView(ViewerState& state) {
+  const int start = startCamera(state.scene.cameras);
+  if (start >= 0) return goToCamera(state, start);
+  state.camera.lens = {};
+  state.camera.pose = startPose(upOf(state), state.scene.bounds, state.camera.lens, state.camera.aspect);
+  state.camera.index = -1;
+}
+
+std::filesystem::path freeName(const std::string& stem, const std::string& extension) {
+  for (int i = 1;; ++i) {
+    std::string number = std::to_string(i);
+    if (number.size() < 3) number.insert(0, 3 - number.size(), '0');
+    const std::filesystem::path path = stem + "-" + number + extension;
+    if (!std::filesystem::exists(path)) return path;
+  }
+}
+
+}  // namespace tg

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything the viewer shows and lets one change. Panels, keys and scripts only write here; the window reads it.
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "render/inspect.h"
+#include "render/renderer.h"
+#include "viewer/view/camera_controller.h"
+#include "viewer/view/camera_path.h"
+#include "viewer/view/compare.h"
+#include "viewer/view/documents.h"
+#include "viewer/view/scene.h"
+
+namespace tg {
+
+// Where the view is taken from.
+struct CameraState {
+  ViewPose pose;
+  Lens lens;
+  int index = -1;              // the model's camera that the pose is; -1 once it has moved
+  double speed = 1;            // [scene radii / s] of flying
+  double aspect = 16.0 / 9.0;  // of the picture, written by the window
+
+  bool fly = false;  // dragging with the left button looks around instead of orbiting
+  UpAxis up = UpAxis::cameras;
+  bool turntable = false;                        // turns around the pivot by itself
+  double turntable_speed = 0.5;                  // [rad / s] counter-clockwise
+  std::vector<Camera> bookmarks;                 // of this model, with their names
+  int bookmark = -1;                             // the one visited last
+  std::string bookmark_file = "bookmarks.json";  // what the panel saves to and loads from
+};
+
+// The camera path: its keys, and where it is played.
+struct PathState {
+  CameraPath path;
+  bool playing = false;
+  double at = 0;                   // [s] since the first key
+  int key = -1;                    // the key that was shown or added last; -1: none
+  double key_seconds = 2;          // [s] to a new key
+  bool drawn = true;               // as lines in the scene
+  std::string file = "path.json";  // what the panel saves to and loads from
+};
+
+// A recording in the window. Panels, keys and scripts set what is wanted; the window writes how far it is.
+struct RecordState {
+  std::filesystem::path out = "recording.mp4";
+  glm::ivec2 size{1280, 720};  // [px]
+  double fps = 30;
+  int turntable_frames = 120;  // of a turn, where there is no path
+  bool wanted = false;         // set to begin, cleared to cancel; the window clears it at the end
+  std::size_t done = 0, frames = 0;
+};
+constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
+
+// What lies under a pixel. Panels, keys and scripts ask; the window answers.
+struct InspectState {
+  bool active = false;              // a click on the picture inspects
+  std::optional<glm::ivec2> asked;  // [px] of the picture; not taken up yet
+  bool busy = false;                // being answered
+  bool inspected = false;           // what follows is of a pixel
+  glm::ivec2 pixel{0};              // [px]
+  Camera camera;                    // of the picture that it was a pixel of
+  std::vector<PixelHit> hits;       // front to back
+  int picked = -1;                  // of hits
+  bool isolated = false;            // the picked Gaussian alone is drawn
+};
+
+// What is shown of the model, and how.
+struct DisplayState {
+  Output output = Output::final;
+  RenderSettings settings;         // all but outputs and crop, which effectiveSettings fills in
+  bool textures_held_off = false;  // the A/B key is down
+  float exposure = 0;              // [stops] of final and base
+  bool crop = false;               // only what lies in the box is drawn
+  CropBox box;                     // world; shown as lines while it crops
+  double resolution = 1;           // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
+};
+constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
+constexpr double kMinResolution = 0.1, kMaxResolution = 2;
+constexpr float kMaxExposure = 10;  // [stops] either way
+constexpr float kMaxScale = 10;     // of opacities and sigmas
+constexpr float kMinSplatScale = 0.01f;
+
+// The pages of the panel.
+enum class Tab { view, camera, path, inspect, time };
+constexpr int kTabs = 5;
+std::string_view name(Tab tab);  // "view", "camera", ...
+std::optional<Tab> parseTab(std::string_view text);
+
+struct UiState {
+  bool panel = true;
+  Tab tab = Tab::view;
+  bool help = false;
+  bool continuous = false;  // draw without pause, to watch frame times
+};
+
+struct MessageState {
+  std::string notice;       // a line that fades
+  double notice_until = 0;  // [s] window time
+  std::string error;        // shown until dismissed
+};
+
+// --follow
+struct FollowState {
+  bool active = false;
+  int reloads = 0;      // models that it has brought
+  std::string problem;  // why there is no newer one; "" = none
+};
+
+// What to write after the next complete frame. Empty paths: nothing.
+struct CaptureRequest {
+  std::filesystem::path picture;  // .png: the renderer's image alone
+  std::filesystem::path window;   // .png: all that is on screen, panels included
+  std::filesystem::path camera;   // .json: the picture's camera, for --camera
+};
+
+// Failures and delays that tests ask for; the window acts once and clears them.
+struct TestState {
+  bool lose_renderer = false;  // the next picture fails as on a lost device
+  bool lose_window = false;    // the next frame of the window does
+  double slow_picture = 0;     // [s] that the next picture takes longer
+};
+
+struct ViewerState {
+  Scene scene;  // the one shown
+  DocumentState documents;
+  LoadState loading;
+  CameraState camera;
+  PathState path;
+  RecordState record;
+  InspectState inspect;
+  DisplayState display;
+  CompareState compare;
+  UiState ui;
+  MessageState messages;
+  FollowState follow;
+
+  double time = 0;                  // [s] since the window opened, written by the window
+  std::vector<std::string> recent;  // models opened before, the last one first; written by the window
+  CaptureRequest capture;
+  TestState test;
+  bool quit = false;
+};
+
+glm::dvec3 upOf(const ViewerState& state);  // what the horizon is kept by
+// What a frame is drawn with.
+RenderSettings effectiveSettings(const ViewerState& state);
+
+// The picture's size on an area of the window, at most kMaxImageSide a side.
+glm::ivec2 drawnSize(const ViewerState& state, glm::ivec2 area);
+// The crop box around all means, or around the middle of them: what lies outside of it along an axis is 1 % either way.
+void resetCrop(ViewerState& state);
+void fitCrop(ViewerState& state);
+
+// A new model: its background, its first test camera (else its first camera, else all of it in view). Output, texture
+// and intersection switches stay as they are.
+void setScene(ViewerState& state, Scene scene);
+// The same model, further trained: camera and background stay.
+void replaceScene(ViewerState& state, Scene scene);
+// Back to the first view: the start camera, or all of the model.
+void resetView(ViewerState& state);
+void goToCamera(ViewerState& state, int index);
+void setCamera(ViewerState& state, const Camera& camera);  // any pose and lens, from a file for example
+// The camera that setScene and --render start from; -1: the model has none.
+int startCamera(std::span<const Camera> cameras);
+void notify(ViewerState& state, std::string text);
+// Shows what an action throws as the viewer's error.
+void attempt(ViewerState& state, const std::function<void()>& action);
+
+// First name of the form stem-NNN.ext that is not taken in the working folder.
+std::filesystem::path freeName(const std::string& stem, const std::string& extension);
+
+}  // namespace tg

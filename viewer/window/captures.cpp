@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "viewer/window/captures.h"
+
+#include <span>
+#include <string>
+#include <utility>
+
+#include "core/error.h"
+#include "core/file.h"
+
+namespace tg {
+namespace {
+
+// As --render with the same comparison writes it.
+Image pictureOnScreen(const Picture& picture, const Comparison& how, Screen& screen) {
+  if (picture.pair) return composed(picture.pair->first, picture.pair->other, picture.pair->mask, how);
+  return screen.read(*picture.image);
+}
+
+}  // namespace
+
+std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, glm::ivec2 size, Screen& screen) {
+  const CaptureRequest capture = std::exchange(state.capture, {});
+  std::filesystem::path saved;
+  if (!capture.picture.empty()) {
+    if (!picture) throw Error(ErrorKind::usage, "there is no picture to save: open a model");
+    writeImage(capture.picture, pictureOnScreen(*picture, state.compare.how, screen));
+    saved = capture.picture;
+  }
+  if (!capture.window.empty()) {
+    writeImage(capture.window, screen.readWindow());
+    saved = capture.window;
+  }
+  if (!capture.camera.empty()) {
+    Camera camera = toCamera(state.camera.pose, state.camera.lens, size.x, size.y);
+    camera.name = state.scene.path.stem().string();
+    const std::string text = formatCameras({camera});
+    writeFileAtomically(capture.camera, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+    saved = capture.camera;
+  }
+  return saved;
+}
+
+}  // namespace tg

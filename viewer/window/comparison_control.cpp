@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is compared with what is told by the state alone; this finds it, has it measured, and moves the divider.
+#include "viewer/window/comparison_control.h"
+
+#include <imgui.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace tg {
+namespace {
+
+constexpr float kDividerReach = 6;  // [ImGui units] around the line of a wipe
+
+}  // namespace
+
+ComparisonControl::ComparisonControl(const ViewOptions& options, std::function<void()> wake)
+    : photographs_(options.photographs.empty() ? std::nullopt : std::make_optional<Photographs>(options.photographs)),
+      metrics_(std::move(wake)) {}
+
+std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, std::string& problem) const {
+  const CompareState& compare = state.compare;
+  if (compare.how.mode == CompareMode::off) return std::nullopt;
+  OtherPicture other;
+  other.difference = compare.how.mode == CompareMode::difference;
+  other.with_sign = compare.how.with_sign;
+  other.gain = compare.how.gain;
+  if (compare.with_photographs && photographs_) {
+    if (state.camera.index < 0) {
+      problem = "No photograph was taken from here: go to a camera of the model (Space, or . and ,)";
+      return std::nullopt;
+    }
+    other.taken = state.scene.cameras[static_cast<std::size_t>(state.camera.index)];
+    other.photograph = photographs_->find(other.taken);
+    if (!other.photograph.empty()) return other;
+    problem = photographs_->folder().string() + ": holds no photograph \"" + other.taken.name + "\"";
+    return std::nullopt;
+  }
+  const int document = otherDocument(state);
+  if (document >= 0) {
+    other.model = state.documents.open[static_cast<std::size_t>(document)].scene.model;
+    if (other.model) return other;
+  }
+  problem = "There is nothing to compare with: open another model";
+  return std::nullopt;
+}
+
+void ComparisonControl::update(ViewerState& state, const Picture* picture, bool newest) {
+  CompareState& compare = state.compare;
+  compare.problem.clear();
+  (void)other(state, compare.problem);
+  if (compare.problem.empty() && picture && newest) compare.problem = picture->problem;
+  if (compare.how.mode == CompareMode::flicker && compare.timed && state.time - flickered_ >= compare.flicker_seconds) {
+    compare.how.shows_other = !compare.how.shows_other;
+    flickered_ = state.time;
+  }
+  if (const auto result = metrics_.take(); result && picture && result->pair == picture->pair) {
+    compare.metrics = result->metrics;
+    compare.measured = true;
+  }
+}
+
+void ComparisonControl::measure(CompareState& compare, const Picture* picture, bool complete) {
+  if (!picture || !picture->pair || !complete) {
+    compare.measured = false;
+    if (compare.how.mode == CompareMode::off) compare.metrics.reset();
+    return;
+  }
+  if (measured_ == picture->pair) return;
+  measured_ = picture->pair;
+  compare.measured = false;
+  metrics_.ask(measured_);
+}
+
+double ComparisonControl::untilFlicker(const CompareState& compare, double now) const {
+  return std::max(compare.flicker_seconds - (now - flickered_), 1e-3);
+}
+
+bool ComparisonControl::dragDivider(Comparison& how, PixelRect area) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (how.mode != CompareMode::wipe || !io.MouseDown[0]) return dragging_divider_ = false;
+  const float pixels = std::max(io.DisplayFramebufferScale.x, 1e-3f);
+  const float left = static_cast<float>(area.origin.x) / pixels, width = static_cast<float>(area.size.x) / pixels;
+  if (!dragging_divider_) {
+    const bool pressed = ImGui::IsMouseClicked(0) && !io.WantCaptureMouse;
+    dragging_divider_ = pressed && std::abs(io.MousePos.x - (left + how.divider * width)) < kDividerReach;
+  }
+  if (dragging_divider_) how.divider = std::clamp((io.MousePos.x - left) / width, 0.0f, 1.0f);
+  return dragging_divider_;
+}
+
+}  // namespace tg

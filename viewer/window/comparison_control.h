@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The comparison in the window: with what, how far apart, flickering, and the line of a wipe under the pointer.
+#pragma once
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "viewer/picture/metrics_thread.h"
+#include "viewer/picture/photographs.h"
+#include "viewer/picture/picture.h"
+#include "viewer/view/options.h"
+#include "viewer/view/state.h"
+#include "viewer/window/pixel_rect.h"
+
+namespace tg {
+
+class ComparisonControl {
+ public:
+  // Looks through options.photographs; throws what Photographs throws. `wake` is called in another thread when a
+  // picture has been measured.
+  ComparisonControl(const ViewOptions& options, std::function<void()> wake);
+
+  bool hasPhotographs() const { return photographs_.has_value(); }
+
+  // None where there is nothing to compare with; `problem` says why, unless comparing is off.
+  std::optional<OtherPicture> other(const ViewerState& state, std::string& problem) const;
+
+  // Once a frame, before the panels are drawn: what they say about it. `picture`: the one on screen, may be null;
+  // `newest`: it is the one asked for last.
+  void update(ViewerState& state, const Picture* picture, bool newest);
+  // Has each whole picture measured once. `complete`: this one is.
+  void measure(CompareState& compare, const Picture* picture, bool complete);
+  // [s] until the flicker changes sides by itself, at least 1 ms.
+  double untilFlicker(const CompareState& compare, double now) const;
+
+  // Whether the pointer moves the line of a wipe over `area` instead of the camera. Within a frame of Dear ImGui.
+  bool dragDivider(Comparison& how, PixelRect area);
+
+ private:
+  std::optional<Photographs> photographs_;
+  MetricsThread metrics_;
+  std::shared_ptr<const PicturePair> measured_;  // last, by the thread
+  double flickered_ = 0;                         // [s] window time
+  bool dragging_divider_ = false;
+};
+
+}  // namespace tg

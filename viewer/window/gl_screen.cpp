@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+// Windows on OpenGL: the window's context, and one that shares its textures for the thread that makes pictures.
+#include <epoxy/gl.h>
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <backends/imgui_impl_glfw.h>
+#include <backends/imgui_impl_opengl3.h>
+#include <imgui.h>
+
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "render/gl/gl_renderer.h"
+#include "viewer/window/glfw.h"
+#include "viewer/window/screen.h"
+
+namespace tg {
+namespace {
+
+constexpr std::size_t kMostFrames = 2;              // of the window, under way
+constexpr GLuint64 kLongestWait = 300'000'000'000;  // [ns] software devices compile shaders in the first frame
+
+class GlPictureImage final : public PictureImage {
+ public:
+  explicit GlPictureImage(glm::ivec2 s) : PictureImage(s) {
+    glCreateTextures(GL_TEXTURE_2D, 1, &texture_);
+    glTextureStorage2D(texture_, 1, GL_RGBA8, s.x, s.y);
+  }
+  GlPictureImage(const GlPictureImage&) = delete;
+  GlPictureImage& operator=(const GlPictureImage&) = delete;
+  ~GlPictureImage() override { glDeleteTextures(1, &texture_); }
+  GLuint texture() const { return texture_; }
+
+ private:
+  GLuint texture_ = 0;
+};
+
+GLuint textureOf(const PictureImage& image) { return static_cast<const GlPictureImage&>(image).texture(); }
+
+Image readTexture(const GlDevice& device, GLuint texture, glm::ivec2 size) {
+  std::vector<std::byte> pixels(std::size_t{4} * size.x * size.y);
+  glGetTextureImage(texture, 0, GL_RGBA, GL_UNSIGNED_BYTE, static_cast<GLsizei>(pixels.size()), pixels.data());
+  checkGl(device, "a picture's read-back");
+  return imageFromRgba8(pixels, size.x, size.y);
+}
+
+class GlPictureDevice final : public PictureDevice {
+ public:
+  GlPictureDevice(GLFWwindow* context, GlDevice& device) : device_(device) { glfwMakeContextCurrent(context); }
+  GlPictureDevice(const GlPictureDevice&) = delete;
+  GlPictureDevice& operator=(const GlPictureDevice&) = delete;
+  ~GlPictureDevice() override { glfwMakeContextCurrent(nullptr); }
+
+  std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
+    auto image = std::make_shared<GlPictureImage>(size);
+    checkGl(device_, "making room for a picture");
+    return image;
+  }
+  std::unique_ptr<GpuRenderer> makeRenderer() override { return makeGlRenderer(device_); }
+
+  bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
+    const bool complete = renderer.draw(request);
+    glCopyImageSubData(static_cast<GlRenderer&>(renderer).texture(), GL_TEXTURE_2D, 0, 0, 0, 0, textureOf(target),
+                       GL_TEXTURE_2D, 0, 0, top, 0, target.size.x, request.camera.height, 1);
+    finish("a picture");
+    return complete;
+  }
+
+  void upload(const Image& picture, PictureImage& target) override {
+    staging_.resize(std::size_t{4} * target.size.x * target.size.y);
+    toRgba8(picture, staging_);
+    glTextureSubImage2D(textureOf(target), 0, 0, 0, target.size.x, target.size.y, GL_RGBA, GL_UNSIGNED_BYTE,
+                        staging_.data());
+    finish("a picture's upload");
+  }
+
+  Image download(const PictureImage& source) override { return readTexture(device_, textureOf(source), source.size); }
+
+ private:
+  // The window's context sees what has ended in this one.
+  void finish(const char* what) {
+    glFinish();
+    checkGl(device_, what);
+  }
+
+  GlDevice& device_;
+  std::vector<std::byte> staging_;
+};
+
+class GlScreen final : public Screen {
+ public:
+  GlScreen(GLFWwindow* window, const ViewOptions& options, const std::string& device)
+      : window_(window), shared_(openSharedContext(window)) {
+    GlOptions gl;
+    gl.debug = options.validation;
+    glfwMakeContextCurrent(shared_.get());
+    picture_device_ = wrapGlContext(gl);
+    glfwMakeContextCurrent(window_);
+    device_ = wrapGlContext(gl);
+    requirePicked(device);
+    glfwSwapInterval(1);
+    glCreateFramebuffers(1, &source_);
+  }
+  GlScreen(const GlScreen&) = delete;
+  GlScreen& operator=(const GlScreen&) = delete;
+  ~GlScreen() override {
+    for (const Frame& frame : frames_) glDeleteSync(frame.ended);
+    glDeleteFramebuffers(1, &source_);
+    if (device_->debug) glDebugMessageCallback(nullptr, nullptr);
+  }
+
+  bool software() const override { return device_->software; }
+  int framesInFlight() const override { return 1; }
+  std::size_t messages() const override { return countMessages(*device_) + countMessages(*picture_device_); }
+  std::unique_ptr<PictureDevice> makePictureDevice() override {
+    return std::make_unique<GlPictureDevice>(shared_.get(), *picture_device_);
+  }
+
+  glm::ivec2 size() const override { return size_; }
+  bool acquire(glm::ivec2 framebuffer_size) override {
+    releaseEnded();
+    size_ = framebuffer_size;
+    return size_.x > 0 && size_.y > 0;
+  }
+
+  // The window counts rows from below.
+  void draw(std::span<const PictureBlit> pictures, glm::vec3 clear, bool panels) override {
+    const GLfloat color[] = {clear.r, clear.g, clear.b, 1.0f};
+    glBindFramebuffer(GL_FRAMEBUFFER, 0);
+    glDisable(GL_SCISSOR_TEST);
+    glViewport(0, 0, size_.x, size_.y);
+    glClearBufferfv(GL_COLOR, 0, color);
+    for (const PictureBlit& blit : pictures) {
+      glNamedFramebufferTexture(source_, GL_COLOR_ATTACHMENT0, textureOf(*blit.image), 0);
+      const glm::ivec2 first = blit.from.origin, last = first + blit.from.size;
+      const glm::ivec2 top = blit.to.origin, bottom = top + blit.to.size;
+      glBlitNamedFramebuffer(source_, 0, first.x, first.y, last.x, last.y, top.x, size_.y - top.y, bottom.x,
+                             size_.y - bottom.y, GL_COLOR_BUFFER_BIT,
+                             blit.from.size == blit.to.size ? GL_NEAREST : GL_LINEAR);
+    }
+    glNamedFramebufferTexture(source_, GL_COLOR_ATTACHMENT0, 0, 0);
+    if (panels) ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
+    checkGl(*device_, "drawing the window");
+    Frame& frame = frames_.emplace_back();
+    for (const PictureBlit& blit : pictures) frame.pictures.push_back(blit.image);
+    frame.ended = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+  }
+
+  Image read(const PictureImage& image) override { return readTexture(*device_, textureOf(image), image.size); }
+
+  Image readWindow() override {
+    std::vector<std::byte> pixels(std::size_t{4} * size_.x * size_.y);
+    glReadBuffer(GL_BACK);
+    glReadPixels(0, 0, size_.x, size_.y, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
+    checkGl(*device_, "reading the window");
+    const Image below = imageFromRgba8(pixels, size_.x, size_.y);
+    Image image(size_.x, size_.y, 3);
+    const auto row = static_cast<std::ptrdiff_t>(3) * size_.x;
+    for (int y = 0; y < size_.y; ++y) {
+      std::copy_n(below.data.begin() + (size_.y - 1 - y) * row, row, image.data.begin() + y * row);
+    }
+    return image;
+  }
+
+  void present() override { glfwSwapBuffers(window_); }
+
+  void startPanels() override {
+    ImGui_ImplGlfw_InitForOpenGL(window_, true);
+    ImGui_ImplOpenGL3_Init("#version 450");
+  }
+  void beginPanels() override {
+    ImGui_ImplOpenGL3_NewFrame();
+    ImGui_ImplGlfw_NewFrame();
+  }
+  void stopPanels() override {
+    ImGui_ImplOpenGL3_Shutdown();
+    ImGui_ImplGlfw_Shutdown();
+  }
+
+ private:
+  // Its pictures are not the picture thread's again before it has ended.
+  struct Frame {
+    GLsync ended = nullptr;
+    std::vector<std::shared_ptr<const PictureImage>> pictures;
+  };
+
+  // Waits for no more than leaves kMostFrames under way.
+  void releaseEnded() {
+    while (!frames_.empty()) {
+      const GLuint64 wait = frames_.size() > kMostFrames ? kLongestWait : 0;
+      const GLenum result = glClientWaitSync(frames_.front().ended, GL_SYNC_FLUSH_COMMANDS_BIT, wait);
+      if (result == GL_TIMEOUT_EXPIRED && wait == 0) return;
+      if (result == GL_TIMEOUT_EXPIRED) throw Error(ErrorKind::device, "OpenGL: a frame of the window does not end");
+      glDeleteSync(frames_.front().ended);
+      frames_.pop_front();
+    }
+  }
+
+  static std::size_t countMessages(const GlDevice& device) {
+    const std::lock_guard lock(device.messages_mutex);
+    return device.debug_messages.size();
+  }
+
+  void requirePicked(const std::string& wanted) const {
+    const std::string& drawing = device_->limits.device;
+    if (drawing.find(wanted) != std::string::npos) return;
+    throw Error(ErrorKind::device, "the window system lets OpenGL draw on \"" + drawing + "\" (expected \"" + wanted +
+                                       "\", which --render can use)");
+  }
+
+  GLFWwindow* window_;
+  WindowPtr shared_;  // never shown
+  std::unique_ptr<GlDevice> picture_device_, device_;
+  GLuint source_ = 0;  // framebuffer that pictures are read from
+  glm::ivec2 size_{0};
+  std::deque<Frame> frames_;
+};
+
+}  // namespace
+
+std::unique_ptr<Screen> makeGlScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick) {
+  // While no context is current: the list makes contexts of its own.
+  const std::string device = pick.index ? listGlDevices().at(*pick.index).limits.device : pick.name;
+  return std::make_unique<GlScreen>(window, options, device);
+}
+
+}  // namespace tg

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// Dear ImGui set-up. Written for 1.86 (Debian 12); the guards are for later releases.
+#include "viewer/window/gui.h"
+
+#include <GLFW/glfw3.h>
+#include <imgui.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+
+namespace tg {
+namespace {
+
+constexpr float kFontSize = 14.0f;  // [px] at scale 1
+
+// The built-in font is a 13 px bitmap; a system's sans serif reads better and scales. Missing: the built-in one.
+constexpr std::array kFonts = {
+    "/usr/share/fonts/truetype/noto/NotoSans-Regular.ttf",
+    "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
+    "/usr/share/fonts/truetype/liberation/LiberationSans-Regular.ttf",
+    "/usr/share/fonts/truetype/ubuntu/Ubuntu-R.ttf",
+    "/usr/share/fonts/TTF/DejaVuSans.ttf",
+    "/usr/share/fonts/dejavu-sans-fonts/DejaVuSans.ttf",
+};
+
+// How much larger than 96 dpi the user wants things, in ImGui's units (which some window systems scale themselves).
+float interfaceScale(GLFWwindow* window) {
+  float scale = 1, y = 1;
+  glfwGetWindowContentScale(window, &scale, &y);
+  int units = 1, pixels = 1, ignored = 0;
+  glfwGetWindowSize(window, &units, &ignored);
+  glfwGetFramebufferSize(window, &pixels, &ignored);
+  if (units > 0 && pixels > 0) scale *= static_cast<float>(units) / static_cast<float>(pixels);
+  return std::clamp(scale, 1.0f, 4.0f);
+}
+
+void loadFont(float scale) {
+  ImGuiIO& io = ImGui::GetIO();
+  const float size = std::round(kFontSize * scale);
+  for (const char* path : kFonts) {
+    std::error_code error;
+    if (std::filesystem::is_regular_file(path, error) && io.Fonts->AddFontFromFileTTF(path, size)) return;
+  }
+  ImFontConfig config;
+  config.SizePixels = std::round(13.0f * scale);
+  io.Fonts->AddFontDefault(&config);
+}
+
+ImVec4 rgb(int hex, float alpha = 1.0f) {
+  return {static_cast<float>(hex >> 16 & 255) / 255.0f, static_cast<float>(hex >> 8 & 255) / 255.0f,
+          static_cast<float>(hex & 255) / 255.0f, alpha};
+}
+
+void applyStyle(float scale) {
+  ImGui::StyleColorsDark();
+  ImGuiStyle& style = ImGui::GetStyle();
+  style.WindowPadding = {14, 10};
+  style.FramePadding = {8, 3};
+  style.ItemSpacing = {6, 5};
+  style.ItemInnerSpacing = {6, 4};
+  style.FrameRounding = 4;
+  style.WindowRounding = 6;
+  style.GrabRounding = 4;
+  style.PopupRounding = 4;
+  style.ScrollbarSize = 11;
+  style.GrabMinSize = 10;
+  style.WindowBorderSize = 0;
+  ImVec4* colors = style.Colors;
+  colors[ImGuiCol_Text] = rgb(0xe6e8eb);
+  colors[ImGuiCol_TextDisabled] = rgb(0x8b929c);
+  colors[ImGuiCol_WindowBg] = rgb(0x1b1e23);
+  colors[ImGuiCol_PopupBg] = rgb(0x22262c);
+  colors[ImGuiCol_FrameBg] = rgb(0x2a2f36);
+  colors[ImGuiCol_FrameBgHovered] = rgb(0x343b44);
+  colors[ImGuiCol_FrameBgActive] = rgb(0x3c4550);
+  colors[ImGuiCol_Button] = rgb(0x2a2f36);
+  colors[ImGuiCol_ButtonHovered] = rgb(0x3a424d);
+  colors[ImGuiCol_ButtonActive] = rgb(0x46505d);
+  colors[ImGuiCol_Header] = rgb(0x2f6f9f, 0.55f);
+  colors[ImGuiCol_HeaderHovered] = rgb(0x2f6f9f, 0.75f);
+  colors[ImGuiCol_HeaderActive] = rgb(0x2f6f9f);
+  colors[ImGuiCol_SliderGrab] = rgb(0x2f6f9f);
+  colors[ImGuiCol_SliderGrabActive] = rgb(0x3f86b9);
+  colors[ImGuiCol_CheckMark] = rgb(0x74b6e4);
+  colors[ImGuiCol_PlotLines] = rgb(0x74b6e4);
+  colors[ImGuiCol_PlotHistogram] = rgb(0x3f86b9);
+  colors[ImGuiCol_Separator] = rgb(0x31363e);
+  colors[ImGuiCol_ScrollbarBg] = rgb(0x1b1e23, 0.0f);
+  style.ScaleAllSizes(scale);
+}
+
+}  // namespace
+
+Gui::Gui(GLFWwindow* window, Screen& screen) : screen_(screen) {
+  IMGUI_CHECKVERSION();
+  ImGui::CreateContext();
+  ImGui::GetIO().IniFilename = nullptr;  // leaves no file in the user's folder
+  const float scale = interfaceScale(window);
+  loadFont(scale);
+  applyStyle(scale);
+  screen_.startPanels();
+}
+
+Gui::~Gui() {
+  screen_.stopPanels();
+  ImGui::DestroyContext();
+}
+
+void Gui::beginFrame() {
+  screen_.beginPanels();
+  ImGui::NewFrame();
+}
+
+void Gui::endFrame() { ImGui::Render(); }
+
+}  // namespace tg

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// The swapchain, and the command buffers that fill it: picture by blit, panels by a render pass over it.
+#pragma once
+#include <vulkan/vulkan.h>
+#include <functional>
+#include <glm/glm.hpp>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/image.h"
+#include "render/vulkan/vulkan_renderer.h"
+#include "viewer/window/pixel_rect.h"
+
+namespace tg {
+
+// A part of an image in layout GENERAL, whose writes have finished, and where in the window it goes.
+struct ImageBlit {
+  VkImage image;
+  std::shared_ptr<const void> owner;  // of the image, held until the frame has ended
+  PixelRect from;
+  PixelRect to;
+};
+
+// Use: acquire, beginFrame, ..., submit, read, present. Pictures come from another thread, so that a frame is a few
+// copies and the panels; but where the device has one queue it also waits for the picture under way. The host waits
+// for a frame only when as many of them are in flight as there may be.
+class Presenter {
+ public:
+  // `device` has a surface and outlives this.
+  Presenter(VulkanDevice& device, int frames_in_flight);
+  ~Presenter();
+  Presenter(const Presenter&) = delete;
+  Presenter& operator=(const Presenter&) = delete;
+
+  VkRenderPass renderPass() const { return render_pass_; }
+  glm::ivec2 size() const { return {static_cast<int>(extent_.width), static_cast<int>(extent_.height)}; }
+
+  // (Re)makes the swapchain where needed. False: the window shows nothing now (minimised); try again later.
+  bool acquire(glm::ivec2 framebuffer_size);
+  VkCommandBuffer beginFrame();
+  // Clears the window and scales the pictures into it, in their order.
+  void recordPictures(std::span<const ImageBlit> pictures, glm::vec3 clear);
+  void beginPanels();  // render pass over what is there
+  void endPanels();
+  void submit();
+  void present();
+
+  // Until nothing is under way. Never throws: on a lost device nothing is.
+  void waitIdle();
+  // Work beside the frames, which is waited for.
+  void runOnce(const std::function<void(VkCommandBuffer)>& record);
+  // Pixels of an RGBA8 image in layout GENERAL, as 3 channels. Outside of beginFrame .. submit.
+  Image read(VkImage image, glm::ivec2 size);
+  // All that is on screen, between submit and present. Throws Error(device) where the surface forbids it.
+  Image readWindow();
+
+ private:
+  // A command buffer and what tells that it has executed.
+  struct Submission {
+    VkCommandBuffer commands = VK_NULL_HANDLE;
+    VkFence fence = VK_NULL_HANDLE;
+    bool under_way = false;
+    VkSemaphore acquired = VK_NULL_HANDLE;            // a frame's: its image may be written
+    std::vector<std::shared_ptr<const void>> owners;  // a frame's: of the images that it reads
+  };
+  // An image of the swapchain.
+  struct Target {
+    VkImage image = VK_NULL_HANDLE;
+    VkImageView view = VK_NULL_HANDLE;
+    VkFramebuffer framebuffer = VK_NULL_HANDLE;
+    VkSemaphore drawn = VK_NULL_HANDLE;
+  };
+
+  Submission makeSubmission();
+  void begin(Submission& submission);
+  void submit(Submission& submission, VkSemaphore wait, VkSemaphore signal);
+  void await(Submission& submission);
+  void releaseEnded();
+  void createRenderPass();
+  void createSwapchain(glm::ivec2 framebuffer_size);
+  void destroyTargets();
+  Image copyOut(VkImage image, VkImageLayout layout, VkImageLayout layout_after, glm::ivec2 size, bool bgr);
+
+  VulkanDevice& device_;
+  VkSurfaceFormatKHR format_{};
+  bool readable_ = false;
+  VkRenderPass render_pass_ = VK_NULL_HANDLE;
+  VkSwapchainKHR swapchain_ = VK_NULL_HANDLE;
+  VkExtent2D extent_{};
+  std::vector<Target> targets_;
+  VkCommandPool pool_ = VK_NULL_HANDLE;
+  Submission once_;
+  std::vector<Submission> frames_;  // as many as may be in flight
+  std::size_t frame_ = 0;           // of those, the one at hand
+  bool stale_ = false;              // still presentable, but no longer what the window wants
+  std::uint32_t index_ = 0;         // of the target at hand
+};
+
+}  // namespace tg

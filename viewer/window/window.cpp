@@ -1,0 +1,514 @@
+// SPDX-License-Identifier: Apache-2.0
+// The interactive viewer: GLFW window, events, and the frame loop.
+#include "viewer/window/window.h"
+
+#include <imgui.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <utility>
+
+#include "converter/file_format.h"
+#include "converter/read_model.h"
+#include "core/error.h"
+#include "viewer/model/open_models.h"
+#include "viewer/panels/panels.h"
+#include "viewer/picture/inspector_thread.h"
+#include "viewer/picture/runs.h"
+#include "viewer/script/script.h"
+#include "viewer/view/actions.h"
+#include "viewer/view/input.h"
+#include "viewer/view/inspection.h"
+#include "viewer/view/path_editor.h"
+#include "viewer/view/state.h"
+#include "viewer/window/captures.h"
+#include "viewer/window/comparison_control.h"
+#include "viewer/window/frame_timings.h"
+#include "viewer/window/graphics.h"
+#include "viewer/window/load_timings.h"
+#include "viewer/window/window_session.h"
+
+namespace tg {
+namespace {
+
+constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
+constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
+constexpr double kSmallestScale = 0.25;  // of that reduction, per side
+constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
+constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
+constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
+
+constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
+
+// The largest rectangle of the shape of `size` in the middle of `area`.
+PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
+  const double scale = std::min(static_cast<double>(area.size.x) / size.x, static_cast<double>(area.size.y) / size.y);
+  const glm::ivec2 fitted = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
+  return {area.origin + (area.size - fitted) / 2, fitted};
+}
+
+class Viewer {
+ public:
+  explicit Viewer(const ViewOptions& options);
+  ~Viewer() { awake_ = false; }
+  Viewer(const Viewer&) = delete;
+  Viewer& operator=(const Viewer&) = delete;
+  void run();
+
+ private:
+  void wake() const {
+    if (awake_) glfwPostEmptyEvent();
+  }
+  void waitForEvents();
+  PixelRect pictureArea() const;
+  void followAspect();
+  void handleEvents();
+  bool handlePointer();
+  void openCameraFiles();
+  void inspectClick();
+  bool scriptMayGoOn() const;
+  bool onDevice(const std::function<void()>& draw);
+  bool timedOnDevice(const std::function<void()>& draw);
+
+  void setTitle();
+  void openJson(const std::filesystem::path& path);
+  PictureRequest request(glm::ivec2 size) const;
+  glm::ivec2 pictureSize() const;
+  glm::ivec2 wantedSize() const { return drawnSize(state_, pictureSize()); }
+  // Numbers of the present picture are under way; scripts and captures wait for them.
+  bool measuring() const { return picture_ && picture_->pair && complete() && !state_.compare.measured; }
+  void ask(const PictureRequest& request);
+  void askForPicture(bool moving);
+  void runEnded();
+  bool inspecting() const { return state_.inspect.asked || state_.inspect.busy; }
+  bool animating() const { return state_.camera.turntable || state_.path.playing; }
+  void takePicture();
+  void drawFrame();
+  bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
+  // The picture on screen is that of the present state at full size, or will never come.
+  bool complete() const;
+  void capture();
+  bool held(int key) const { return glfwGetKey(graphics_->window(), key) == GLFW_PRESS; }
+
+  ViewOptions options_;
+  std::optional<Script> script_;
+  const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
+  std::atomic<bool> awake_{false};  // GLFW may be called from other threads
+  WindowSession session_;
+  OpenModels documents_;
+  ComparisonControl comparison_;
+  Glfw glfw_;
+  Events events_;
+  std::unique_ptr<Graphics> graphics_;
+  ViewerState state_;
+  FrameStatistics statistics_;
+  std::optional<PictureRequest> asked_;     // last, of the picture thread
+  std::shared_ptr<const Picture> picture_;  // on screen; null before the first
+  bool given_up_ = false;                   // what was asked for cannot be drawn
+  double last_full_ms_ = 0;                 // of the last picture at full size
+  LoadTimings timings_{started_};
+  FrameTimings frame_timings_;
+  bool recovered_ = false;               // the device has failed once
+  std::size_t validation_messages_ = 0;  // of a device that has failed
+  InspectorThread inspector_;
+  PictureRuns runs_;
+  int frames_since_event_ = 0;
+  double last_time_ = 0;
+};
+
+Viewer::Viewer(const ViewOptions& options)
+    : options_(options),
+      script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script))),
+      session_(options),
+      documents_(
+          options, [this] { wake(); },
+          [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }),
+      comparison_(options, [this] { wake(); }),
+      graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options)),
+      runs_(options, started_, script_.has_value()) {
+  awake_ = true;
+  session_.start(state_);
+  if (!options.path.empty() && !options.benchmark) readPathFile(state_, options.path);
+  state_.follow.active = options.follow;
+  state_.compare.photographs = options.photographs;
+  state_.compare.with_photographs = comparison_.hasPhotographs();
+  state_.compare.other = options.compare;
+  if (!options.compare.empty() || comparison_.hasPhotographs()) state_.compare.how.mode = options.compare_mode;
+  setTitle();
+}
+
+void Viewer::setTitle() {
+  const Scene& scene = state_.scene;
+  std::string title = "tgview - " + (scene.path.empty() ? options_.model : scene.path).filename().string();
+  if (!scene.training.empty()) title += " - " + scene.training;
+  glfwSetWindowTitle(graphics_->window(), title.c_str());
+}
+
+void Viewer::run() {
+  while (!state_.quit && !glfwWindowShouldClose(graphics_->window())) {
+    waitForEvents();
+    glm::ivec2 pixels;
+    glfwGetFramebufferSize(graphics_->window(), &pixels.x, &pixels.y);
+    bool visible = false;
+    if (!timedOnDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
+    if (!visible) {
+      glfwWaitEventsTimeout(0.1);
+      continue;
+    }
+    state_.time = glfwGetTime();
+    graphics_->gui.beginFrame();
+    followAspect();
+    openCameraFiles();
+    takePicture();
+    if (state_.loading.part_owed) state_.loading.part_owed = state_.scene.partial && !complete();
+    if (documents_.update(state_)) {
+      frames_since_event_ = 0;
+      setTitle();
+    }
+    if (runs_.update(state_, pictureArea().size)) runEnded();
+    if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
+    if (script_ && scriptMayGoOn()) {
+      if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
+    }
+    if (state_.test.slow_picture > 0) graphics_->pictures.delay(std::exchange(state_.test.slow_picture, 0));
+    if (std::exchange(state_.test.lose_renderer, false)) {
+      graphics_->pictures.loseDevice();
+      asked_.reset();
+      runs_.forget();
+      picture_.reset();
+    }
+    handleEvents();
+    const bool moving = handlePointer();
+    comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
+    drawPanels(state_, statistics_);
+    graphics_->gui.endFrame();
+    followAspect();
+    askForPicture(moving);
+    comparison_.measure(state_.compare, picture_.get(), complete());
+    timedOnDevice([&] {
+      if (std::exchange(state_.test.lose_window, false))
+        throw Error(ErrorKind::device, "device lost, as a script wants it");
+      drawFrame();
+      if ((complete() && !measuring()) || !capturing()) capture();
+      graphics_->screen().present();
+    });
+    frame_timings_.frameShown();
+  }
+  if (options_.timings) frame_timings_.print();
+  glm::ivec2 window;
+  glfwGetWindowSize(graphics_->window(), &window.x, &window.y);
+  session_.keep(state_, window);
+  validation_messages_ += graphics_->screen().messages();
+  if (validation_messages_ > 0) {
+    throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
+  }
+}
+
+// Runs what talks to the device outside of the picture thread. When that fails everything on the device is made anew,
+// the window, too, with the CPU renderer; false then. Throws when it fails again.
+bool Viewer::onDevice(const std::function<void()>& draw) {
+  try {
+    draw();
+    return true;
+  } catch (const Error& error) {
+    if (error.kind != ErrorKind::device || recovered_) throw;
+    recovered_ = true;
+    state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
+  }
+  validation_messages_ += graphics_->screen().messages();
+  glm::ivec2 size, place;
+  glfwGetWindowSize(graphics_->window(), &size.x, &size.y);
+  glfwGetWindowPos(graphics_->window(), &place.x, &place.y);
+  runs_.forget();  // asked for again, of the new device
+  picture_.reset();
+  asked_.reset();
+  graphics_.reset();
+  ViewOptions options = options_;
+  options.backend = Backend::cpu;
+  options.device.clear();
+  graphics_ = std::make_unique<Graphics>(size, events_, options);
+  glfwSetWindowPos(graphics_->window(), place.x, place.y);
+  setTitle();
+  frames_since_event_ = 0;
+  return false;
+}
+
+bool Viewer::timedOnDevice(const std::function<void()>& draw) {
+  const auto start = FrameTimings::Clock::now();
+  const bool done = onDevice(draw);
+  frame_timings_.held(FrameTimings::Clock::now() - start);
+  return done;
+}
+
+bool Viewer::scriptMayGoOn() const {
+  const DocumentState& documents = state_.documents;
+  const bool asked = !documents.open_requests.empty() || documents.show_request || documents.close_request;
+  const bool loading = state_.loading.active && !state_.loading.script_goes_on;
+  return complete() && !measuring() && !capturing() && !asked && !loading;
+}
+
+// Sleeps while nothing changes: a still picture costs nothing. A finished picture is an event, and so is a model.
+void Viewer::waitForEvents() {
+  if (script_ && !scriptMayGoOn()) {
+    glfwWaitEventsTimeout(kScriptPause);
+  } else if (runs_.active() || animating() || state_.record.wanted || inspecting()) {
+    glfwWaitEventsTimeout(kMotionPause);
+  } else if (script_ || frames_since_event_ < kSettleFrames) {
+    glfwPollEvents();
+    ++frames_since_event_;
+  } else if (state_.compare.how.mode == CompareMode::flicker && state_.compare.timed) {
+    glfwWaitEventsTimeout(comparison_.untilFlicker(state_.compare, glfwGetTime()));
+  } else if (state_.loading.active) {
+    glfwWaitEventsTimeout(kProgressPause);
+  } else {
+    // A notice that must fade is the only thing that changes by itself.
+    if (state_.time < state_.messages.notice_until)
+      glfwWaitEventsTimeout(state_.messages.notice_until - state_.time + 0.01);
+    else
+      glfwWaitEvents();
+    frames_since_event_ = 0;
+  }
+}
+
+PixelRect Viewer::pictureArea() const {
+  const ImGuiIO& io = ImGui::GetIO();
+  const glm::ivec2 window = graphics_->screen().size();
+  const float panel = panelWidth(state_, io.DisplaySize.x) * io.DisplayFramebufferScale.x;
+  PixelRect area;
+  area.origin.x = std::min(static_cast<int>(std::ceil(panel)), window.x - 1);
+  area.size = window - area.origin;
+  return area;
+}
+
+// A model's camera stays wholly in view when the window changes its shape.
+void Viewer::followAspect() {
+  const glm::ivec2 size = pictureSize();
+  const double aspect = static_cast<double>(size.x) / size.y;
+  if (aspect == state_.camera.aspect) return;
+  state_.camera.aspect = aspect;
+  if (state_.camera.index >= 0) state_.camera.lens = lensOf(state_.scene.cameras[state_.camera.index], aspect);
+}
+
+void Viewer::handleEvents() {
+  const Events events = std::exchange(events_, {});
+  for (const auto& [key, shift] : events.keys) {
+    if (ImGui::GetIO().WantTextInput) break;
+    if (key == kKeyEscape && popupIsOpen()) continue;  // closes the list, not the viewer
+    if (const auto action = actionOf(key, shift)) apply(state_, *action);
+  }
+  state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
+                                        events.dropped.end());
+}
+
+bool Viewer::handlePointer() {
+  const ImGuiIO& io = ImGui::GetIO();
+  Input input;
+  input.seconds = std::clamp(state_.time - last_time_, 0.0, 0.25);
+  last_time_ = state_.time;
+  input.shift = io.KeyShift;
+  input.control = io.KeyCtrl;
+  inspectClick();
+  if (comparison_.dragDivider(state_.compare.how, pictureArea())) {
+    frames_since_event_ = 0;
+  } else if (!io.WantCaptureMouse) {
+    input.drag = {io.MouseDelta.x, io.MouseDelta.y};
+    input.wheel = io.MouseWheel;
+    input.left = io.MouseDown[0];
+    input.right = io.MouseDown[1];
+    input.middle = io.MouseDown[2];
+  }
+  if (!io.WantTextInput) {
+    const auto axis = [this](int positive, int negative) { return held(positive) - held(negative); };
+    input.fly = {axis(GLFW_KEY_D, GLFW_KEY_A), axis(GLFW_KEY_Q, GLFW_KEY_E), axis(GLFW_KEY_W, GLFW_KEY_S)};
+    input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
+  }
+  if (!script_) state_.display.textures_held_off = !io.WantTextInput && held(kKeyTab);
+  const double units_high = pictureArea().size.y / std::max(io.DisplayFramebufferScale.y, 1e-3f);
+  const bool moved = applyInput(state_, input, static_cast<int>(units_high));
+  const bool advanced = advance(state_, input.seconds);
+  const bool active = moved || advanced || input.fly != glm::dvec3(0.0) || input.roll != 0;
+  if (active) frames_since_event_ = 0;
+  return active;
+}
+
+// A click that was no drag, with Alt or while clicks inspect.
+void Viewer::inspectClick() {
+  constexpr float kStill = 3;  // [ImGui units] a hand moves while it clicks
+  const ImGuiIO& io = ImGui::GetIO();
+  if (io.WantCaptureMouse || !(state_.inspect.active || io.KeyAlt) || !ImGui::IsMouseReleased(0)) return;
+  if (io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
+  const glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
+                            glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
+                        glm::dvec2(pictureArea().origin);
+  const glm::ivec2 pixel(glm::floor(at / glm::dvec2(pictureSize()) * glm::dvec2(wantedSize())));
+  if (glm::all(glm::greaterThanEqual(pixel, glm::ivec2(0))) && glm::all(glm::lessThan(pixel, wantedSize())))
+    inspect(state_, pixel);
+}
+
+// A .json is no model: a camera path, or cameras that replace the cameras of the one shown.
+void Viewer::openCameraFiles() {
+  std::vector<std::filesystem::path>& requests = state_.documents.open_requests;
+  const auto first = std::stable_partition(requests.begin(), requests.end(),
+                                           [](const auto& path) { return path.extension() != ".json"; });
+  const std::vector<std::filesystem::path> files(first, requests.end());
+  requests.erase(first, requests.end());
+  for (const std::filesystem::path& path : files) {
+    try {
+      openJson(path);
+    } catch (const Error& error) {
+      state_.messages.error = error.what();
+      state_.messages.notice_until = 0;
+    }
+  }
+}
+
+void Viewer::openJson(const std::filesystem::path& path) {
+  if (isPathFile(path)) {
+    readPathFile(state_, path);
+    state_.ui.tab = Tab::path;
+    return notify(state_, std::to_string(state_.path.path.keys.size()) + " keys from " + path.filename().string());
+  }
+  std::vector<Camera> cameras = readCameras(path);
+  if (cameras.empty())
+    throw Error(ErrorKind::badData, path.string(), "no camera inside (expected at least 1, found 0)");
+  state_.scene.cameras = std::move(cameras);
+  goToCamera(state_, startCamera(state_.scene.cameras));
+  notify(state_, std::to_string(state_.scene.cameras.size()) + " cameras from " + path.filename().string());
+}
+
+// Of a whole picture: half of the area when two lie beside each other.
+glm::ivec2 Viewer::pictureSize() const {
+  glm::ivec2 size = pictureArea().size;
+  if (state_.compare.how.mode == CompareMode::side) size.x = sideWidth(size.x);
+  return size;
+}
+
+PictureRequest Viewer::request(glm::ivec2 size) const {
+  std::string ignored;
+  return {state_.scene.model,
+          toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+          effectiveSettings(state_),
+          state_.display.output,
+          comparison_.other(state_, ignored),
+          state_.display.exposure};
+}
+
+bool Viewer::complete() const {
+  if (inspecting()) return false;
+  if (!state_.scene.model || given_up_) return true;
+  if (runs_.active() || animating()) return picture_ != nullptr;  // no picture is the last one
+  return picture_ && same(picture_->request, request(wantedSize()));
+}
+
+// What was asked for last was the run's.
+void Viewer::runEnded() {
+  asked_.reset();
+  frames_since_event_ = 0;
+}
+
+void Viewer::ask(const PictureRequest& request) {
+  asked_ = request;
+  given_up_ = false;
+  graphics_->pictures.ask(request);
+}
+
+void Viewer::askForPicture(bool moving) {
+  if (!state_.scene.model) {
+    picture_.reset();
+    asked_.reset();
+    return;
+  }
+  if (runs_.active()) {
+    if (const auto due = runs_.due(request(pictureArea().size))) ask(*due);
+    return;
+  }
+  glm::ivec2 size = wantedSize();
+  const bool reduced = moving && !capturing() && last_full_ms_ > kSmoothFrame;
+  if (reduced) {
+    const double scale = std::max(std::sqrt(kSmoothFrame / last_full_ms_), kSmallestScale);
+    size = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
+    frames_since_event_ = 0;  // the full picture is still owed
+  }
+  const PictureRequest wanted = request(size);
+  const bool again = state_.ui.continuous && !graphics_->pictures.waiting();
+  if (asked_ && same(*asked_, wanted) && !again) return;
+  ask(wanted);
+}
+
+void Viewer::takePicture() {
+  PictureThread::News news = graphics_->pictures.take();
+  if (!news.problem.empty()) {
+    if (script_ && news.given_up) throw Error(ErrorKind::device, news.problem);
+    state_.messages.error = news.problem;
+  }
+  given_up_ = given_up_ || news.given_up;
+  if (news.given_up && runs_.active()) {
+    runs_.giveUp(state_, news.problem);
+    runEnded();
+  }
+  if (!news.picture) return;
+  picture_ = std::move(news.picture);
+  frame_timings_.pictureArrived();
+  const glm::ivec2 size = picture_->image->size;
+  const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
+  if (for_run && !runs_.active()) runEnded();
+  statistics_.reduced = !for_run && size != wantedSize();
+  if (!statistics_.reduced && !for_run) last_full_ms_ = picture_->milliseconds;
+  statistics_.frame_ms.push_back(static_cast<float>(picture_->milliseconds));
+  if (statistics_.frame_ms.size() > kFrameHistory) statistics_.frame_ms.erase(statistics_.frame_ms.begin());
+  statistics_.passes = picture_->passes;
+  statistics_.device = picture_->device;
+  statistics_.picture_size = size;
+  if (options_.timings) {
+    const bool whole = !state_.scene.partial && picture_->request.model == state_.scene.model && !statistics_.reduced;
+    timings_.take(whole, state_.scene, documents_);
+  }
+}
+
+void Viewer::drawFrame() {
+  // The window system may already have another size than the panels were laid out for.
+  const ImGuiIO& io = ImGui::GetIO();
+  const glm::ivec2 laid_out(std::lround(io.DisplaySize.x * io.DisplayFramebufferScale.x),
+                            std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
+  std::vector<PictureBlit> blits;
+  if (picture_ && runs_.active()) {
+    const glm::ivec2 size = picture_->image->size;
+    blits.push_back({picture_->image, {{0, 0}, size}, fittedInto(pictureArea(), size)});
+  } else if (picture_) {
+    blits = layOut(*picture_, state_.compare.how, pictureArea());
+  }
+  graphics_->screen().draw(blits, kSurround, laid_out == graphics_->screen().size());
+}
+
+void Viewer::capture() {
+  try {
+    const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->screen());
+    if (!saved.empty() && !script_) notify(state_, "Saved " + saved.string());  // a script's next one must not show it
+  } catch (const Error& error) {
+    if (script_) throw;
+    state_.messages.error = error.what();
+  }
+}
+
+}  // namespace
+
+void runWindow(const ViewOptions& options) {
+  // What is no model at all is said without a window.
+  if (!options.follow) (void)detectFormat(options.model);
+  std::unique_ptr<Viewer> viewer;
+  try {
+    viewer = std::make_unique<Viewer>(options);
+  } catch (const Error& error) {
+    // A broken file is the better news: it stays broken on a machine with a display.
+    if (error.kind == ErrorKind::device && !options.follow) (void)readModel(options.model);
+    throw;
+  }
+  viewer->run();
+}
+
+}  // namespace tg

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "viewer/window/window_session.h"
+
+#include <cstdio>
+#include <utility>
+
+#include "core/error.h"
+
+namespace tg {
+
+WindowSession::WindowSession(const ViewOptions& options) : options_(options), loaded_(loadSession(options.session)) {}
+
+void WindowSession::start(ViewerState& state) const {
+  const Session& session = loaded_.session;
+  const bool kept = !options_.session.empty();
+  state.ui.panel = session.panel;
+  state.ui.tab = session.tab;
+  state.camera.speed = session.speed;
+  state.camera.fly = session.fly;
+  state.camera.up = options_.up;
+  state.recent = session.recent;
+  state.messages.error = loaded_.problem;
+  state.display.settings = options_.settings;
+  state.display.settings.crop.reset();  // set with the model
+  state.display.output = kept && !options_.show_given ? session.output : options_.show;
+  state.display.settings.textures = kept && !options_.textures_given ? session.textures : options_.textures;
+  state.display.settings.intersection = options_.intersection;
+  state.display.exposure = options_.exposure;
+}
+
+void WindowSession::adopt(ViewerState& state, Scene scene) {
+  Session& session = loaded_.session;
+  keepBookmarks(session, state.scene.path, state.camera.bookmarks);
+  setScene(state, std::move(scene));
+  state.camera.bookmarks = bookmarksOf(session, state.scene.path);
+  noteRecent(session, state.scene.path);
+  if (!options_.session.empty()) state.recent = session.recent;
+  if (std::exchange(adopted_any_, true) || !options_.settings.crop) return;
+  state.display.box = *options_.settings.crop;
+  state.display.crop = true;
+}
+
+void WindowSession::keep(const ViewerState& state, glm::ivec2 window) {
+  if (options_.session.empty()) return;
+  Session& session = loaded_.session;
+  keepBookmarks(session, state.scene.path, state.camera.bookmarks);
+  session.window = window;
+  session.panel = state.ui.panel;
+  session.tab = state.ui.tab;
+  session.output = state.display.output;
+  session.textures = state.display.settings.textures;
+  session.speed = state.camera.speed;
+  session.fly = state.camera.fly;
+  try {
+    saveSession(session, options_.session);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "tgview: %s\n", error.what());  // the work is done: no reason to fail
+  }
+}
+
+}  // namespace tg
