@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "converter/read_model.h"
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "picture_rate.h"
@@ -70,7 +71,7 @@ Camera sized(const Camera& camera, int width, int height) {
   return result;
 }
 
-Camera chooseCamera(const Options& options, const LoadedModel& loaded) {
+Camera chooseCamera(const Options& options, const Bundle& loaded) {
   std::vector<Camera> cameras = loaded.cameras;
   const std::filesystem::path beside = std::filesystem::path(options.model).replace_extension(".cameras.json");
   if (!options.cameras.empty()) {
@@ -241,7 +242,7 @@ void report(const Options& options, const nlohmann::ordered_json& result) {
 
 void run(const Options& options) {
   const Output output = named(parseOutput(options.output), "--output", options.output);
-  LoadedModel loaded = readModel(options.model);
+  Bundle loaded = readModel(options.model);
   const Camera camera = chooseCamera(options, loaded);
   if (!options.textures.empty()) addTextures(loaded.model, options.textures);
   RenderSettings settings;

@@ -51,7 +51,7 @@ bool tryRead(const std::filesystem::path& path, bool base_only, CheckReport& rep
     options.base_only = base_only;
     const FileFormat format = detectFormat(path);
     const bool is_gltf = format == FileFormat::glb || format == FileFormat::gltf;
-    LoadedModel loaded = is_gltf ? readGltf(path, options, &errors) : readModel(path, options);
+    Bundle loaded = is_gltf ? readGltf(path, options, &errors) : readModel(path, options);
     loaded.format = name(format);
     report.format = loaded.format;
     report.gaussians = loaded.model.size();

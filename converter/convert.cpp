@@ -97,7 +97,7 @@ auto writeBase(const GaussianModel& model, const Write& write) {
 }
 
 // The source is as it was afterwards; on an error, it is not.
-void writeAs(OutputFormat format, const std::filesystem::path& output, LoadedModel& source,
+void writeAs(OutputFormat format, const std::filesystem::path& output, Bundle& source,
              const ConvertOptions& options, ConvertReport& report) {
   switch (format) {
     case OutputFormat::png:
@@ -172,10 +172,10 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-void measure(const std::filesystem::path& output, const LoadedModel& source, ConvertReport& report) {
+void measure(const std::filesystem::path& output, const Bundle& source, ConvertReport& report) {
   const std::vector<Camera> views = qualityViews(source.model, source.cameras);
   report.views = views.size();
-  const LoadedModel written = readModel(output);
+  const Bundle written = readModel(output);
   if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
     report.deviation = deviationOf(source.model, written.model);
   }
@@ -257,7 +257,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
 
   ReadOptions read_options;
   read_options.base_only = options.base_only;
-  LoadedModel source = readModel(input, read_options);
+  Bundle source = readModel(input, read_options);
   const bool small = bytesOf(source.model) <= kMeasuredBytes;
   const bool measured =
       !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));

@@ -66,7 +66,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
 std::string describe(const ConvertReport& report);
 std::string describeJson(const ConvertReport& report);
 // `statistics`: with the distribution of every number.
-std::string describe(const LoadedModel& loaded, bool statistics = false);
-std::string describeJson(const LoadedModel& loaded, bool statistics = false);
+std::string describe(const Bundle& loaded, bool statistics = false);
+std::string describeJson(const Bundle& loaded, bool statistics = false);
 
 }  // namespace tg

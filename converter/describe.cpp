@@ -148,7 +148,7 @@ std::string describeJson(const ConvertReport& report) {
   return dump(json);
 }
 
-std::string describe(const LoadedModel& loaded, bool statistics) {
+std::string describe(const Bundle& loaded, bool statistics) {
   const GaussianModel& model = loaded.model;
   const ModelFacts facts = factsOf(model);
   std::string text = "format: " + loaded.format + "\n";
@@ -173,7 +173,7 @@ std::string describe(const LoadedModel& loaded, bool statistics) {
   return text;
 }
 
-std::string describeJson(const LoadedModel& loaded, bool statistics) {
+std::string describeJson(const Bundle& loaded, bool statistics) {
   const GaussianModel& model = loaded.model;
   const ModelFacts facts = factsOf(model);
   const auto triple = [](glm::vec3 v) { return Json{v.x, v.y, v.z}; };

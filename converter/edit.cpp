@@ -43,18 +43,18 @@ std::vector<double> numbersOf(const Edit& edit, std::initializer_list<std::size_
 
 glm::dvec3 vec3(const std::vector<double>& n, std::size_t at = 0) { return {n[at], n[at + 1], n[at + 2]}; }
 
-void transform(LoadedModel& loaded, const Similarity& similarity) {
+void transform(Bundle& loaded, const Similarity& similarity) {
   transformModel(loaded.model, similarity);
   transformCameras(loaded.cameras, similarity);
 }
 
-void translate(LoadedModel& loaded, const Edit& edit) {
+void translate(Bundle& loaded, const Edit& edit) {
   Similarity move;
   move.translation = vec3(numbersOf(edit, {3}, "x,y,z"));
   transform(loaded, move);
 }
 
-void rotate(LoadedModel& loaded, const Edit& edit) {
+void rotate(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {4}, "x,y,z,DEGREES");
   const double length = glm::length(vec3(n));
   if (!(length > 0.0)) throw Error(ErrorKind::usage, "the axis has no length");
@@ -65,7 +65,7 @@ void rotate(LoadedModel& loaded, const Edit& edit) {
   transform(loaded, turn);
 }
 
-void rotateQuaternion(LoadedModel& loaded, const Edit& edit) {
+void rotateQuaternion(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {4}, "w,x,y,z");
   const glm::dvec4 q(n[0], n[1], n[2], n[3]);
   if (!(glm::length(q) > 0.0)) throw Error(ErrorKind::usage, "the quaternion has no length");
@@ -74,45 +74,45 @@ void rotateQuaternion(LoadedModel& loaded, const Edit& edit) {
   transform(loaded, turn);
 }
 
-void scale(LoadedModel& loaded, const Edit& edit) {
+void scale(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {1, 3}, "one number");
   glm::dmat4 matrix(1.0);
   for (int k = 0; k < 3; ++k) matrix[k][k] = n[n.size() == 1 ? 0 : static_cast<std::size_t>(k)];
   transform(loaded, similarityFrom(matrix));
 }
 
-void applyMatrix(LoadedModel& loaded, const Edit& edit) {
+void applyMatrix(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {12, 16}, "12 or 16 numbers, row by row");
   glm::dmat4 matrix(1.0);
   for (std::size_t k = 0; k < n.size(); ++k) matrix[static_cast<int>(k % 4)][static_cast<int>(k / 4)] = n[k];
   transform(loaded, similarityFrom(matrix));
 }
 
-void cropBox(LoadedModel& loaded, const Edit& edit) {
+void cropBox(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {6}, "x0,y0,z0,x1,y1,z1");
   const glm::dvec3 a = vec3(n), b = vec3(n, 3);
   keepGaussians(loaded.model, insideBox(loaded.model, glm::min(a, b), glm::max(a, b)));
 }
 
-void cropSphere(LoadedModel& loaded, const Edit& edit) {
+void cropSphere(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {4}, "x,y,z,RADIUS");
   if (!(n[3] > 0.0)) throw Error(ErrorKind::usage, "the radius is not positive");
   keepGaussians(loaded.model, insideSphere(loaded.model, vec3(n), n[3]));
 }
 
-void keepWhere(LoadedModel& loaded, const Edit& edit) {
+void keepWhere(Bundle& loaded, const Edit& edit) {
   keepGaussians(loaded.model, whereValue(loaded.model, edit.value));
 }
 
-void merge(LoadedModel& loaded, const Edit& edit) {
-  const LoadedModel other = readModel(edit.value);
+void merge(Bundle& loaded, const Edit& edit) {
+  const Bundle other = readModel(edit.value);
   mergeModel(loaded.model, other.model, edit.value);
   loaded.cameras.insert(loaded.cameras.end(), other.cameras.begin(), other.cameras.end());
   for (const std::string& warning : other.warnings) loaded.warnings.push_back(edit.value + ": " + warning);
   loaded.training_json.clear();  // it tells of one of them
 }
 
-std::size_t countOf(const LoadedModel& loaded, const Edit& edit) {
+std::size_t countOf(const Bundle& loaded, const Edit& edit) {
   Edit number = edit;
   const bool percent = !number.value.empty() && number.value.back() == '%';
   if (percent) number.value.pop_back();
@@ -124,15 +124,15 @@ std::size_t countOf(const LoadedModel& loaded, const Edit& edit) {
   return static_cast<std::size_t>(std::min(count, 1e18));
 }
 
-void decimateTo(LoadedModel& loaded, const Edit& edit) {
+void decimateTo(Bundle& loaded, const Edit& edit) {
   decimate(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
 }
 
-void mergeTo(LoadedModel& loaded, const Edit& edit) {
+void mergeTo(Bundle& loaded, const Edit& edit) {
   decimateByMerging(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
 }
 
-void reduceSh(LoadedModel& loaded, const Edit& edit) {
+void reduceSh(Bundle& loaded, const Edit& edit) {
   const double degree = numbersOf(edit, {1}, "0 to 3")[0];
   if (degree != std::floor(degree) || degree < 0.0 || degree > 3.0) {
     throw Error(ErrorKind::usage, "wrong value (expected 0 to 3)");
@@ -140,7 +140,7 @@ void reduceSh(LoadedModel& loaded, const Edit& edit) {
   if (degree < loaded.model.sh_degree) setShDegree(loaded.model, static_cast<int>(degree));
 }
 
-void textureSize(LoadedModel& loaded, const Edit& edit) {
+void textureSize(Bundle& loaded, const Edit& edit) {
   Edit numbers = edit;
   if (const std::size_t x = numbers.value.find('x'); x != std::string::npos) numbers.value[x] = ',';
   const std::vector<double> n = numbersOf(numbers, {1, 2}, "WIDTHxHEIGHT or one number for both");
@@ -152,11 +152,11 @@ void textureSize(LoadedModel& loaded, const Edit& edit) {
   resizeTextures(loaded.model, static_cast<int>(n.front()), static_cast<int>(n.back()));
 }
 
-void textureError(LoadedModel& loaded, const Edit& edit) {
+void textureError(Bundle& loaded, const Edit& edit) {
   fitTexturesToError(loaded.model, numbersOf(edit, {1}, "a number from 0 on")[0]);
 }
 
-void texelBudget(LoadedModel& loaded, const Edit& edit) {
+void texelBudget(Bundle& loaded, const Edit& edit) {
   const double texels = numbersOf(edit, {1}, "a number of texels")[0];
   if (texels < 0.0 || texels != std::floor(texels) || texels > 1e18) {
     throw Error(ErrorKind::usage, "wrong value (expected a number of texels)");
@@ -165,11 +165,11 @@ void texelBudget(LoadedModel& loaded, const Edit& edit) {
                       contributionViews(loaded.model, loaded.cameras));
 }
 
-void noTextures(LoadedModel& loaded, const Edit&) { dropTextures(loaded.model); }
+void noTextures(Bundle& loaded, const Edit&) { dropTextures(loaded.model); }
 
 struct Command {
   EditOption option;
-  void (*apply)(LoadedModel&, const Edit&);
+  void (*apply)(Bundle&, const Edit&);
   bool reduces;  // the same scene with less of it
 };
 constexpr std::array<Command, 16> kCommands = {{
@@ -203,7 +203,7 @@ const auto kOptions = [] {
 
 std::span<const EditOption> editOptions() { return kOptions; }
 
-std::vector<EditReport> applyEdits(LoadedModel& loaded, std::span<const Edit> edits, bool measure) {
+std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure) {
   std::vector<EditReport> reports;
   for (const Edit& edit : edits) {
     const Command* command = nullptr;

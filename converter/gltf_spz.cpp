@@ -46,7 +46,7 @@ GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& spl
   const tinygltf::BufferView& view = views[static_cast<std::size_t>(index)];
   std::vector<std::uint8_t> bytes(view.byteLength);
   document.read(index, 0, bytes);
-  LoadedModel loaded = parseSpz(bytes, document.path + ": " + pointer);
+  Bundle loaded = parseSpz(bytes, document.path + ": " + pointer);
   if (loaded.model.size() != splats.count) {
     throw document.bad(pointer, "the count differs from POSITION's (expected " + std::to_string(splats.count) +
                                     ", found " + std::to_string(loaded.model.size()) + ")");

@@ -102,7 +102,7 @@ int run(const Arguments& arguments) {
   if (arguments.info || arguments.stats || arguments.output == "null") {
     tg::ReadOptions options;
     options.base_only = arguments.base_only;
-    const tg::LoadedModel loaded = tg::readModel(arguments.input, options);
+    const tg::Bundle loaded = tg::readModel(arguments.input, options);
     warn(arguments, loaded.warnings);
     print(arguments, tg::describe(loaded, arguments.stats), tg::describeJson(loaded, arguments.stats));
     return 0;

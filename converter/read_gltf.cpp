@@ -399,7 +399,7 @@ void warnRepairs(GltfDocument& document, const SplatInstance& instance, const Re
 }
 
 // What write_gltf.cpp keeps in asset.extras.
-void readAssetExtras(const GltfDocument& document, LoadedModel& loaded) {
+void readAssetExtras(const GltfDocument& document, Bundle& loaded) {
   const tinygltf::Value& extras = document.model.asset.extras;
   if (!extras.Has(kExtrasKey)) return;
   const tinygltf::Value& ours = extras.Get(kExtrasKey);
@@ -425,12 +425,12 @@ void reserve(GaussianModel& model, std::size_t count) {
 }
 
 // The model of a document that has been checked.
-LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
+Bundle assemble(GltfDocument document, const ReadOptions& options) {
   if (!options.base_only) checkExtensionPlaces(document);
   const std::vector<PlacedNode> nodes = placeNodes(document);
   const std::vector<SplatInstance> instances = findSplats(document, nodes);
 
-  LoadedModel loaded;
+  Bundle loaded;
   GaussianModel& model = loaded.model;
   readAssetExtras(document, loaded);
   for (const SplatInstance& instance : instances) model.sh_degree = std::max(model.sh_degree, instance.degree);
@@ -480,13 +480,13 @@ LoadedModel assemble(GltfDocument document, const ReadOptions& options) {
 
 }  // namespace
 
-LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options, std::vector<std::string>* errors) {
+Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options, std::vector<std::string>* errors) {
   GltfDocument document = openGltf(path);
   document.errors = errors;
   return assemble(std::move(document), options);
 }
 
-LoadedModel parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {
+Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {
   return assemble(loadGltf(bytes, path), options);
 }
 

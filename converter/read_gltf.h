@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "converter/read_model.h"
+#include "converter/read_options.h"
+#include "core/bundle.h"
 
 namespace tg {
 
@@ -15,9 +16,9 @@ namespace tg {
 // texture layer is an error, never a silent fall back to the base.
 // `errors`, if given, gets every error of the base and the layer that can be told apart before the first one is thrown;
 // it stays empty when the file could not be taken apart.
-LoadedModel readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
+Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
                      std::vector<std::string>* errors = nullptr);
 // The same from memory; `path` starts the messages.
-LoadedModel parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
+Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
 
 }  // namespace tg

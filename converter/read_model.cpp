@@ -13,20 +13,13 @@
 
 namespace tg {
 
-LoadedModel readModel(const std::filesystem::path& path, const ReadOptions& options) {
+Bundle readModel(const std::filesystem::path& path, const ReadOptions& options) {
   const FileFormat format = detectFormat(path);
-  LoadedModel loaded;
+  Bundle loaded;
   switch (format) {
-    case FileFormat::bundle: {
-      Bundle bundle = readBundle(path, {}, options.progress);
-      loaded.model = std::move(bundle.model);
-      loaded.cameras = std::move(bundle.cameras);
-      loaded.background = bundle.background;
-      loaded.training_json = std::move(bundle.training_json);
-      loaded.preview = std::move(bundle.preview);
-      loaded.warnings = std::move(bundle.warnings);
+    case FileFormat::bundle:
+      loaded = readBundle(path, {}, options.progress);
       break;
-    }
     case FileFormat::ply:
       loaded.model = readSplatPly(path, options.progress);
       break;

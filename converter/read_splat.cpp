@@ -23,7 +23,7 @@ bool isFinite(const SplatFileRow& record) {
 
 }  // namespace
 
-LoadedModel parseSplat(std::span<const std::uint8_t> bytes, const std::string& path) {
+Bundle parseSplat(std::span<const std::uint8_t> bytes, const std::string& path) {
   if (bytes.empty() || bytes.size() % kSplatBytes != 0) {
     throw Error(ErrorKind::badData, path,
                 "is no .splat file (expected a multiple of " + std::to_string(kSplatBytes) + " bytes, found " +
@@ -35,7 +35,7 @@ LoadedModel parseSplat(std::span<const std::uint8_t> bytes, const std::string& p
                 "too many splats (expected at most " + std::to_string(kMaxGaussians) + ", found " +
                     std::to_string(count) + ")");
   }
-  LoadedModel loaded;
+  Bundle loaded;
   GaussianModel& model = loaded.model;
   std::size_t dropped = 0, negative = 0, directionless = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -69,7 +69,7 @@ LoadedModel parseSplat(std::span<const std::uint8_t> bytes, const std::string& p
   return loaded;
 }
 
-LoadedModel readSplat(const std::filesystem::path& path) {
+Bundle readSplat(const std::filesystem::path& path) {
   return parseSplat(readFile(path, kMaxGaussians * kSplatBytes), path.string());
 }
 

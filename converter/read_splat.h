@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "converter/read_model.h"
+#include "core/bundle.h"
 
 namespace tg {
 
@@ -20,7 +20,7 @@ constexpr std::size_t kSplatBytes = 32;
 static_assert(sizeof(SplatFileRow) == kSplatBytes);
 
 // Splats without finite numbers are dropped with a warning. Throws Error(cannotRead / badData).
-LoadedModel readSplat(const std::filesystem::path& path);
-LoadedModel parseSplat(std::span<const std::uint8_t> bytes, const std::string& path);
+Bundle readSplat(const std::filesystem::path& path);
+Bundle parseSplat(std::span<const std::uint8_t> bytes, const std::string& path);
 
 }  // namespace tg

@@ -132,8 +132,8 @@ GaussianModel decode(const SpzHeader& header, const Streams& streams) {
   return model;
 }
 
-LoadedModel finish(const SpzHeader& header, const Streams& streams, const std::string& path) {
-  LoadedModel loaded;
+Bundle finish(const SpzHeader& header, const Streams& streams, const std::string& path) {
+  Bundle loaded;
   loaded.model = decode(header, streams);
   if (header.sh_degree > kMaxDegree) loaded.warnings.push_back("SH of degree 4 is left out");
   if ((header.flags & kSpzAntialiased) != 0) {
@@ -145,7 +145,7 @@ LoadedModel finish(const SpzHeader& header, const Streams& streams, const std::s
 }
 
 // Versions 2 and 3: header and streams in one piece.
-LoadedModel parseWhole(const SpzHeader& header, std::span<const std::uint8_t> payload, const std::string& path) {
+Bundle parseWhole(const SpzHeader& header, std::span<const std::uint8_t> payload, const std::string& path) {
   Streams streams;
   std::size_t at = 0;
   const auto sizes = header.sizes();
@@ -163,7 +163,7 @@ void checkTrailer(const SpzHeader& header, std::uint64_t bytes, const std::strin
   throw Error(ErrorKind::badData, path, "SPZ: " + std::to_string(bytes) + " bytes follow the splats (expected none)");
 }
 
-LoadedModel parseGzip(std::span<const std::uint8_t> bytes, const std::string& path) {
+Bundle parseGzip(std::span<const std::uint8_t> bytes, const std::string& path) {
   GzipBytes gzip(bytes, path);
   const SpzHeader header = readHeader(gzip.take(kSpzHeaderBytes, "the SPZ header"), path);
   if (header.version > 3) {
@@ -176,7 +176,7 @@ LoadedModel parseGzip(std::span<const std::uint8_t> bytes, const std::string& pa
 }
 
 // Version 4: header, extensions, a table of stream sizes, streams.
-LoadedModel parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes, const std::string& path) {
+Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes, const std::string& path) {
   const auto fail = [&](const std::string& what) { throw Error(ErrorKind::badData, path, "SPZ: " + what); };
   if (bytes.size() < kSpz4HeaderBytes) fail("the file ends inside the header");
   const std::size_t streams = bytes[15];
@@ -214,7 +214,7 @@ LoadedModel parseStreams(const SpzHeader& header, std::span<const std::uint8_t> 
 
 }  // namespace
 
-LoadedModel parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
+Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
   if (bytes.size() >= 2 && bytes[0] == 0x1f && bytes[1] == 0x8b) return parseGzip(bytes, path);
   if (bytes.size() < kSpzHeaderBytes) throw Error(ErrorKind::badData, path, "SPZ: the file ends inside the header");
   const SpzHeader header = readHeader(bytes, path);
@@ -229,7 +229,7 @@ LoadedModel parseSpz(std::span<const std::uint8_t> bytes, const std::string& pat
   return parseWhole(header, bytes.subspan(kSpzHeaderBytes), path);
 }
 
-LoadedModel readSpz(const std::filesystem::path& path) {
+Bundle readSpz(const std::filesystem::path& path) {
   return parseSpz(readFile(path, kMaxGaussians * kMaxBytesPerSplat + kMaxExtensionBytes), path.string());
 }
 

@@ -7,13 +7,13 @@
 #include <span>
 #include <string>
 
-#include "converter/read_model.h"
+#include "core/bundle.h"
 
 namespace tg {
 
 // The numbers as stored: in practice those of the PLY the file was made from (docs/formats.md). Vendor extensions and
 // SH of degree 4 are left out with a warning. Throws Error(cannotRead / badData).
-LoadedModel readSpz(const std::filesystem::path& path);
-LoadedModel parseSpz(std::span<const std::uint8_t> bytes, const std::string& path);
+Bundle readSpz(const std::filesystem::path& path);
+Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path);
 
 }  // namespace tg

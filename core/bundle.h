@@ -15,13 +15,15 @@ namespace tg {
 
 struct ReadProgress;
 
+// A model with what comes along in a file. Only model.tgz holds all of it.
 struct Bundle {
   GaussianModel model;
   std::vector<Camera> cameras;
   std::string training_json;          // "" = none. Free-form JSON object: configuration, metrics, times
   Image preview;                      // empty = none; 3 channels, at most 512 px a side
-  glm::vec3 background{0.0f};         // what the model was trained against
-  std::vector<std::string> warnings;  // filled by the reader: skipped entries, trailing garbage
+  glm::vec3 background{0.0f};         // what the model was trained against; black where a file does not say
+  std::string format;                 // filled by readModel(): the name of the file's format
+  std::vector<std::string> warnings;  // filled by readers: what was repaired or skipped, one line each, without the path
 };
 
 // Bounds that are checked before anything is allocated. Raise them for trusted files.

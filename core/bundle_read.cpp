@@ -15,6 +15,7 @@
 
 #include "core/bundle.h"
 #include "core/bundle_manifest.h"
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/gzip_reader.h"
 #include "core/image_codecs.h"

@@ -12,6 +12,7 @@
 
 #include "core/bundle.h"
 #include "core/bundle_manifest.h"
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/json.h"

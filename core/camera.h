@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A pinhole camera, and the cameras.json that INRIA's viewers share.
+// A pinhole camera.
 #pragma once
-#include <filesystem>
 #include <glm/glm.hpp>
 #include <string>
-#include <vector>
 
 namespace tg {
 
@@ -26,12 +24,5 @@ Camera lookAt(glm::dvec3 eye, glm::dvec3 target, glm::dvec3 up, double fov_y_rad
 
 // The same view at another image size: intrinsics scaled per axis.
 Camera resized(const Camera& camera, int width, int height);
-
-// INRIA layout: [{id, img_name, width, height, position, rotation (world from camera, rows), fx, fy}], plus our optional
-// cx, cy, split ("train" / "test") and translation (camera from world: survives files exactly, which -R * position does
-// not); cx, cy default to the image centre. Throws Error(badData) with index and key.
-std::vector<Camera> parseCameras(const std::string& json, const std::string& path);
-std::string formatCameras(const std::vector<Camera>& cameras);
-std::vector<Camera> readCameras(const std::filesystem::path& path);
 
 }  // namespace tg

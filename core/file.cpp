@@ -8,7 +8,6 @@
 
 #include <atomic>
 #include <cerrno>
-#include <climits>
 #include <cstring>
 #include <optional>
 #include <system_error>
@@ -16,6 +15,7 @@
 
 #include "core/atomic_files.h"
 #include "core/error.h"
+#include "core/temporary_files.h"
 
 namespace tg {
 namespace {
@@ -32,40 +32,6 @@ struct Descriptor {
 
 // strerror is not thread-safe; this is.
 std::string reason() { return std::generic_category().message(errno); }
-
-// Names of the temporary files there are, where a signal handler finds them.
-struct TemporarySlot {
-  std::atomic<bool> taken{false};
-  std::atomic<bool> named{false};
-  char path[PATH_MAX] = {};
-};
-constinit TemporarySlot temporary_slots[32];
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-// A name that a signal handler removes while this lives. Of more than 32 at a time, the others are left behind.
-class RemovedBySignal {
- public:
-  explicit RemovedBySignal(const std::filesystem::path& path) {
-    if (path.native().size() >= PATH_MAX) return;
-    for (TemporarySlot& slot : temporary_slots) {
-      if (slot.taken.exchange(true)) continue;
-      std::memcpy(slot.path, path.c_str(), path.native().size() + 1);
-      slot.named = true;
-      slot_ = &slot;
-      return;
-    }
-  }
-  ~RemovedBySignal() {
-    if (!slot_) return;
-    slot_->named = false;
-    slot_->taken = false;
-  }
-  RemovedBySignal(const RemovedBySignal&) = delete;
-  RemovedBySignal& operator=(const RemovedBySignal&) = delete;
-
- private:
-  TemporarySlot* slot_ = nullptr;
-};
 
 std::filesystem::path folderOf(const std::filesystem::path& path) {
   const std::filesystem::path folder = path.parent_path();
@@ -277,12 +243,6 @@ void copyFileAtomically(const std::filesystem::path& source, const std::filesyst
     if (error)
       throw Error(ErrorKind::cannotWrite, path.string(), "cannot copy " + source.string() + ": " + error.message());
   });
-}
-
-void removeTemporaryFiles() noexcept {
-  for (TemporarySlot& slot : temporary_slots) {
-    if (slot.named) ::unlink(slot.path);
-  }
 }
 
 }  // namespace tg

@@ -63,8 +63,4 @@ void writeFileAtomically(const std::filesystem::path& path,
 // A copy of `source` under another name. Throws Error(cannotWrite).
 void copyFileAtomically(const std::filesystem::path& source, const std::filesystem::path& path);
 
-// Removes the temporary files of writes that are under way in any thread, for a signal handler that ends the program:
-// async-signal-safe. Those writes fail.
-void removeTemporaryFiles() noexcept;
-
 }  // namespace tg

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "core/error.h"
-#include "core/read_progress.h"
+#include "core/byte_progress.h"
 
 namespace tg {
 namespace {
@@ -38,7 +38,7 @@ struct GzipReader::State {
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;
   std::vector<std::uint8_t> input = std::vector<std::uint8_t>(kInputBytes);
-  ReadProgress* progress = nullptr;
+  ByteProgress* progress = nullptr;
   z_stream stream{};
   bool started = false;
   bool finished = false;
@@ -124,7 +124,7 @@ class GzipReader::Ahead {
   std::thread thread_;
 };
 
-GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ReadProgress* progress)
+GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ByteProgress* progress)
     : state_(std::make_unique<State>()) {
   State& s = *state_;
   s.path = path.string();

@@ -8,13 +8,13 @@
 
 namespace tg {
 
-struct ReadProgress;
+struct ByteProgress;
 
 // A thread of its own inflates ahead of what has been taken, by a few MiB.
 class GzipReader {
  public:
   // `progress`, which may be null, hears of the file's bytes. Throws Error(cannotRead) when the file cannot be opened.
-  GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ReadProgress* progress = nullptr);
+  GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ByteProgress* progress = nullptr);
   ~GzipReader();
   GzipReader(const GzipReader&) = delete;
   GzipReader& operator=(const GzipReader&) = delete;

@@ -1,34 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a file has been read, for whoever waits for it in another thread; and the way to stop.
+// What a reader of models tells whoever waits for one: how far it is, and a part of the model to look at meanwhile.
 #pragma once
-#include <atomic>
 #include <cmath>
-#include <cstdint>
-#include <exception>
 #include <functional>
 
+#include "core/byte_progress.h"
 #include "core/model.h"
 
 namespace tg {
 
-// Thrown out of a reader that was told to stop.
-struct ReadCancelled : std::exception {
-  const char* what() const noexcept override { return "reading was cancelled"; }
-};
-
-struct ReadProgress {
-  std::atomic<std::uint64_t> done{0};   // [bytes] of the file
-  std::atomic<std::uint64_t> total{0};  // [bytes]; 0: not known yet
-  std::atomic<bool> cancel{false};
+struct ReadProgress : ByteProgress {
   // Set before reading: receives a part of a large model, spread evenly over what has been read so far, without
   // textures. Called in the reader's thread, now and then; formats that are read at once do not call it.
   std::function<void(GaussianModel part)> preview;
-
-  // Throws ReadCancelled when told to.
-  void advance(std::uint64_t bytes) {
-    done += bytes;
-    if (cancel) throw ReadCancelled();
-  }
 };
 
 constexpr std::size_t kPreviewGaussians = 100'000;  // in a part, at most

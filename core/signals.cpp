@@ -3,7 +3,7 @@
 
 #include <csignal>
 
-#include "core/file.h"
+#include "core/temporary_files.h"
 
 namespace tg {
 

@@ -11,6 +11,7 @@
 #include "core/flip.h"
 #include "training/dataset.h"
 #include "training/lpips.h"
+#include "training/run_state.h"
 
 namespace tg {
 
@@ -21,13 +22,6 @@ struct ViewScore {
   double ssim = 0;
   std::optional<double> flip;  // where asked for
   std::optional<double> lpips;
-};
-
-// Means over the views, of what training reports.
-struct Score {
-  double psnr = 0;
-  double ssim = 0;
-  std::size_t views = 0;
 };
 
 struct ScoreOptions {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "training/densify.h"
-#include "training/evaluate.h"
 #include "training/optimizer.h"
 #include "training/random.h"
 
@@ -35,6 +34,13 @@ struct RunningMean {
 
   void add(double value);
   double value() const { return weight > 0 ? sum / weight : 0; }
+};
+
+// Means over the views, of what training reports.
+struct Score {
+  double psnr = 0;
+  double ssim = 0;
+  std::size_t views = 0;
 };
 
 struct StageReport {

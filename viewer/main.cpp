@@ -18,7 +18,7 @@
 namespace {
 
 void listCameras(const std::filesystem::path& path) {
-  const tg::LoadedModel loaded = tg::readModel(path);
+  const tg::Bundle loaded = tg::readModel(path);
   for (std::size_t i = 0; i < loaded.cameras.size(); ++i) {
     const tg::Camera& camera = loaded.cameras[i];
     std::printf("%4zu  %-5s  %5d x %-5d  fy %8.1f  %s\n", i, camera.test ? "test" : "train", camera.width,

@@ -6,7 +6,7 @@
 
 int main(int count, char** arguments) {
   if (count != 3) return 1;
-  const tg::LoadedModel loaded = tg::readModel(arguments[1]);
+  const tg::Bundle loaded = tg::readModel(arguments[1]);
   const auto renderer = tg::makeCpuRenderer();
   renderer->setModel(loaded.model);
   tg::RenderSettings settings;

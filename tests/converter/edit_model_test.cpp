@@ -142,7 +142,7 @@ TEST_CASE("Value filters keep what they say") {
     CAPTURE(wrong);
     CHECK(usageErrorOf(model, {"--keep", wrong}).find("NAME is one of x y z opacity") != std::string::npos);
   }
-  LoadedModel loaded;
+  Bundle loaded;
   loaded.model = model;
   CHECK_THROWS_WITH(applyEdits(loaded, std::vector<Edit>{{"--keep", "opacity > 2"}}, false),
                     "--keep opacity > 2: no Gaussian is left");

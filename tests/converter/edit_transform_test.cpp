@@ -120,7 +120,7 @@ TEST_CASE("Transforms that splats cannot follow are refused by name") {
 TEST_CASE("The transforms of the command line are what they say") {
   const test::TestScene scene = test::makeScene(SceneKind::ordinary, 25, 20);
   const auto edited = [&](const std::vector<Edit>& edits) {
-    LoadedModel loaded;
+    Bundle loaded;
     loaded.model = scene.model;
     loaded.cameras = {scene.camera};
     applyEdits(loaded, edits, false);
@@ -138,7 +138,7 @@ TEST_CASE("The transforms of the command line are what they say") {
   CHECK(glm::distance(at({{"--translate", "1,0,0"}, {"--scale", "2"}}), 2.0f * (p + glm::vec3(1, 0, 0))) < 1e-5f);
   CHECK(glm::distance(at({{"--scale", "2"}, {"--translate", "1,0,0"}}), 2.0f * p + glm::vec3(1, 0, 0)) < 1e-5f);
   // The whole of a turn: nothing is left of it but rounding.
-  const LoadedModel around = edited({{"--rotate", "1,2,3,120"}, {"--rotate", "1,2,3,240"}});
+  const Bundle around = edited({{"--rotate", "1,2,3,120"}, {"--rotate", "1,2,3,240"}});
   CHECK(framePsnr(referenceFrame(scene.model, scene.camera), referenceFrame(around.model, around.cameras[0])) > 80.0);
   for (const Edit& wrong : {Edit{"--translate", "1,2"}, Edit{"--translate", "1,2,3,4"}, Edit{"--translate", "1,2,x"},
                             Edit{"--rotate", "0,0,0,90"}, Edit{"--rotate-quaternion", "0,0,0,0"}, Edit{"--scale", "0"},

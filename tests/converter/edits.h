@@ -27,7 +27,7 @@ inline double framePsnr(const tg::FrameT<double>& a, const tg::FrameT<double>& b
 
 // The message with which an edit is refused as misused; "accepted" when it is not.
 inline std::string usageErrorOf(const tg::GaussianModel& model, const tg::Edit& edit) {
-  tg::LoadedModel loaded;
+  tg::Bundle loaded;
   loaded.model = model;
   try {
     tg::applyEdits(loaded, std::span(&edit, 1), false);

@@ -60,7 +60,7 @@ TEST_CASE("Splats of an SPZ inside a glTF file are turned as the draft says") {
   writeSpz(scratch.folder() / "turned.spz", model);
   const std::string spz = Glb::slurp(scratch.folder() / "turned.spz");
   const auto path = scratch.write("a.glb", glbAround(spz, model.size()).bytes());
-  const LoadedModel loaded = readModel(path);
+  const Bundle loaded = readModel(path);
   REQUIRE(loaded.model.size() == direct.size());
   REQUIRE(loaded.model.sh_degree == 3);
   CHECK(glm::distance(loaded.model.mean[3], direct.mean[3]) < 1e-3f);

@@ -31,7 +31,7 @@ TEST_CASE("A page holds the GLB of its model, byte for byte, and the same bytes 
   writeHtml(scratch.folder() / "again" / "a & b <c>.html", content);
   CHECK(Glb::slurp(scratch.folder() / "again" / "a & b <c>.html") == page);
 
-  const LoadedModel loaded = readModel(scratch.folder() / "a & b <c>.html");
+  const Bundle loaded = readModel(scratch.folder() / "a & b <c>.html");
   CHECK(loaded.format == "html");
   CHECK(loaded.model.size() == 300);
   CHECK(loaded.model.texture_mode == scene.model.texture_mode);

@@ -21,7 +21,7 @@ std::span<const std::uint8_t> bytesOf(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-LoadedModel spz(const std::string& bytes) { return parseSpz(bytesOf(bytes), "a.spz"); }
+Bundle spz(const std::string& bytes) { return parseSpz(bytesOf(bytes), "a.spz"); }
 
 // What parsing throws, without the path; "accepted" when it does not.
 template <typename Parse>
@@ -66,7 +66,7 @@ void checkCloseTo(glm::vec4 found, glm::vec4 expected, float tolerance) {
 TEST_CASE("SPZ of every version: every number where it belongs") {
   for (std::uint32_t version : {2u, 3u, 4u}) {
     const SpzParts parts(version);
-    const LoadedModel loaded = spz(version == 4 ? parts.version4() : gzipped(parts.whole()));
+    const Bundle loaded = spz(version == 4 ? parts.version4() : gzipped(parts.whole()));
     const GaussianModel& model = loaded.model;
     CAPTURE(version);
     REQUIRE(model.size() == 2);
@@ -100,7 +100,7 @@ TEST_CASE("SPZ without gzip around it is read, as some tools write it") {
 TEST_CASE("SPZ: what the model cannot hold is left out with a warning") {
   SpzParts parts(4);
   parts.flags = 1 | 2;
-  const LoadedModel flagged = spz(parts.version4(std::string("\x02\0\xbe\xad\0\0\0\0", 8)));
+  const Bundle flagged = spz(parts.version4(std::string("\x02\0\xbe\xad\0\0\0\0", 8)));
   REQUIRE(flagged.warnings.size() == 2);
   CHECK(flagged.warnings[0].find("antialiasing") != std::string::npos);
   CHECK(flagged.warnings[1].find("extensions") != std::string::npos);
@@ -108,7 +108,7 @@ TEST_CASE("SPZ: what the model cannot hold is left out with a warning") {
   SpzParts fourth(4);
   fourth.degree = 4;
   fourth.streams[5] = std::string(2 * 72, '\x90');
-  const LoadedModel cut = spz(fourth.version4());
+  const Bundle cut = spz(fourth.version4());
   CHECK(cut.model.sh_degree == 3);
   CHECK(cut.model.sh[16 + 15].x == Approx(0.125));
   REQUIRE(cut.warnings.size() == 1);
@@ -220,7 +220,7 @@ TEST_CASE(".splat: every number where it belongs, what has no logarithm is repai
       {{0, 0, 0}, {-1, 0, 1}, {0, 0, 0, 255}, {128, 128, 128, 128}},
   };
   const std::string bytes(reinterpret_cast<const char*>(records), sizeof(records));
-  const LoadedModel loaded = parseSplat(bytesOf(bytes), "a.splat");
+  const Bundle loaded = parseSplat(bytesOf(bytes), "a.splat");
   const GaussianModel& model = loaded.model;
   REQUIRE(model.size() == 2);
   checkModel(model, "a.splat");

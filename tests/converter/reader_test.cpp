@@ -175,7 +175,7 @@ TEST_CASE("What can be repaired is, with a warning that counts") {
   glb.accessor("POSITION").erase("min");
   glb.splatting()["colorSpace"] = "acescg";
   glb.splatting()["extensions"]["VND_other"] = {{"a", 1}};
-  const LoadedModel loaded = readModel(scratch.write("a.glb", glb.bytes()));
+  const Bundle loaded = readModel(scratch.write("a.glb", glb.bytes()));
   CHECK(loaded.model.size() == 11);
   CHECK(loaded.model.atlas.rects.size() == 11);
   std::string warnings;
@@ -203,9 +203,9 @@ TEST_CASE("A GLB with embedded data URIs and a .gltf of the same JSON are read a
     for (int shift = 18; shift >= 0; shift -= 6) base64 += digits[group >> shift & 63];
   }
   glb.json["buffers"][0] = {{"byteLength", glb.bin.size()}, {"uri", "data:application/octet-stream;base64," + base64}};
-  const LoadedModel text = readModel(scratch.write("a.gltf", glb.json.dump()));
+  const Bundle text = readModel(scratch.write("a.gltf", glb.json.dump()));
   glb.bin.clear();
-  const LoadedModel binary = readModel(scratch.write("b.glb", glb.bytes()));
+  const Bundle binary = readModel(scratch.write("b.glb", glb.bytes()));
   CHECK(text.format == "gltf");
   CHECK(binary.format == "glb");
   CHECK(text.model.mean == binary.model.mean);
@@ -341,7 +341,7 @@ TEST_CASE("A broken texture layer is refused, and its base shown on request only
   glb.textures()["mode"] = "unheard-of";
   const auto path = scratch.write("a.glb", glb.bytes());
   CHECK(refusal(path) != "accepted");
-  const LoadedModel base = readModel(path, {.base_only = true});
+  const Bundle base = readModel(path, {.base_only = true});
   CHECK(base.model.size() == 12);
   CHECK(base.model.texture_mode == TextureMode::none);
 }
@@ -438,7 +438,7 @@ TEST_CASE("A texture whose SCALE.z is not the smallest is drawn on the longer ax
   Glb glb = smallGlb(scratch);
   const float scales[3] = {0.1f, 0.2f, 0.3f};
   std::memcpy(glb.bin.data() + glb.start(kKhr + "SCALE") + 4 * sizeof(scales), scales, sizeof(scales));
-  const LoadedModel loaded = readModel(scratch.write("a.glb", glb.bytes()));
+  const Bundle loaded = readModel(scratch.write("a.glb", glb.bytes()));
   REQUIRE(loaded.warnings.size() == 1);
   CHECK(contains(loaded.warnings[0], "1 splats with a texture whose SCALE.z is not the smallest"));
 }

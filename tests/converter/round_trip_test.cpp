@@ -181,7 +181,7 @@ TEST_CASE("Cameras and the background come back from a GLB") {
   held_out.name = "view_012.png";
   const std::vector<Camera> cameras = {scene.camera, held_out};
   writeGlb(scratch.folder() / "a.glb", {scene.model, cameras, glm::vec3(1.0f, 0.25f, 0.0f)});
-  const LoadedModel loaded = readModel(scratch.folder() / "a.glb");
+  const Bundle loaded = readModel(scratch.folder() / "a.glb");
   CHECK(loaded.background == glm::vec3(1.0f, 0.25f, 0.0f));
   REQUIRE(loaded.cameras.size() == 2);
   for (std::size_t i = 0; i < 2; ++i) {

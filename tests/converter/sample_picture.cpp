@@ -11,7 +11,7 @@ namespace tg::test {
 
 Image renderSample(const std::filesystem::path& folder) {
   constexpr int kWidth = 320, kHeight = 160;
-  const LoadedModel loaded = readModel(folder / "sample.glb");
+  const Bundle loaded = readModel(folder / "sample.glb");
   const FrameT<double> frame =
       renderReference(ReferenceModel(loaded.model), resized(loaded.cameras.at(0), kWidth, kHeight), {});
   Image image(kWidth, kHeight, 3);

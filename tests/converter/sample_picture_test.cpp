@@ -30,7 +30,7 @@ TEST_CASE("The specification's sample has its expected picture") {
 }
 
 TEST_CASE("The CPU renderer shows the sample alike: splats that face the camera squarely, in the plane model") {
-  const LoadedModel loaded = readModel(std::filesystem::path(test::kSampleFolder) / "sample.glb");
+  const Bundle loaded = readModel(std::filesystem::path(test::kSampleFolder) / "sample.glb");
   const Image expected = test::renderSample(test::kSampleFolder);
   const Image shown = picture(loaded.model, resized(loaded.cameras.at(0), expected.width, expected.height));
   CHECK(psnr(shown, expected) > 80.0);

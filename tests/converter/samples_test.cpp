@@ -64,7 +64,7 @@ TEST_CASE("Every sample loads, or is refused for the reason that is documented")
       CHECK(refusal(path).find(expected.told) != std::string::npos);
       continue;
     }
-    const LoadedModel loaded = readModel(path);
+    const Bundle loaded = readModel(path);
     CHECK(loaded.model.size() == expected.gaussians);
     CHECK(loaded.model.sh_degree == expected.sh_degree);
     CHECK(loaded.warnings.empty());
@@ -86,7 +86,7 @@ TEST_CASE("The table of samples leaves none out") {
 TEST_CASE("The sample with every key of the extension keeps its textures") {
   const auto path = sample("generated/tex_full.glb");
   if (path.empty()) return;
-  const LoadedModel loaded = readModel(path);
+  const Bundle loaded = readModel(path);
   CHECK(loaded.model.texture_mode == TextureMode::rgba);
   CHECK(loaded.model.intersection == IntersectionModel::plane);
   CHECK(loaded.model.atlas.texels.size() == 144 * 64);

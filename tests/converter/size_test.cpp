@@ -228,7 +228,7 @@ TEST_CASE("A .gltf with its files is the model of the GLB, and reads nothing but
        {"a b.gltf", "a b.bin", "a b_atlas_0_color.png", "a b_atlas_0_alpha.png", "a b_atlas_0_values.exr"}) {
     CHECK(std::filesystem::exists(scratch.folder() / file));
   }
-  const LoadedModel one = readModel(scratch.folder() / "a.glb"), many = readModel(scratch.folder() / "a b.gltf");
+  const Bundle one = readModel(scratch.folder() / "a.glb"), many = readModel(scratch.folder() / "a b.gltf");
   CHECK(sameBits(one.model, many.model));
   CHECK(many.cameras.size() == 1);
   CHECK(many.background == glm::vec3(0.25f));

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/camera.h"
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "support/catch.h"
 

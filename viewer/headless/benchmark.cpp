@@ -61,7 +61,7 @@ class FrameRunner {
 void benchmarkHeadless(const ViewOptions& options) {
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   const Stopwatch reading;
-  LoadedModel loaded = readModel(options.model);
+  Bundle loaded = readModel(options.model);
   const double read_ms = reading.milliseconds();
   const Scene scene = sceneFor(options, std::move(loaded));
   printWarnings(scene, options);

@@ -50,7 +50,7 @@ class Progress {
 void recordToFile(const ViewOptions& options) {
   const RecordTarget target = parseRecordTarget(options.record, "--output");
   const bool numbers = target.path.extension() == ".exr";
-  LoadedModel loaded = readModel(options.model);
+  Bundle loaded = readModel(options.model);
   const Scene scene = sceneFor(options, std::move(loaded));
   printWarnings(scene, options);
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);

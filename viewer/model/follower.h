@@ -22,7 +22,7 @@ std::filesystem::path followedFile(const std::filesystem::path& path);
 class ModelFollower {
  public:
   struct News {
-    std::optional<LoadedModel> model;  // a new one
+    std::optional<Bundle> model;  // a new one
     std::string problem;               // why there is none; "" once there is
   };
 

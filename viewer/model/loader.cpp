@@ -121,7 +121,7 @@ ModelLoader::News ModelLoader::load(const std::filesystem::path& path, ReadProgr
   const auto start = std::chrono::steady_clock::now();
   News news;
   news.path = path;
-  const auto publishPart = [&](LoadedModel part) {
+  const auto publishPart = [&](Bundle part) {
     News first;
     first.path = path;
     first.finished = false;
@@ -130,14 +130,14 @@ ModelLoader::News ModelLoader::load(const std::filesystem::path& path, ReadProgr
     publish(std::move(first));
   };
   progress.preview = [&](GaussianModel model) {
-    LoadedModel part;
+    Bundle part;
     part.model = std::move(model);
     publishPart(std::move(part));
   };
   try {
-    LoadedModel loaded = readModel(path, {.progress = &progress});
+    Bundle loaded = readModel(path, {.progress = &progress});
     if (loaded.model.size() >= kLargeModel) {
-      LoadedModel part;
+      Bundle part;
       part.model = thinned(loaded.model);
       part.cameras = loaded.cameras;
       part.background = loaded.background;

@@ -10,7 +10,7 @@
 
 namespace tg {
 
-Scene sceneOf(LoadedModel loaded, const std::filesystem::path& path) {
+Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   const GaussianModel& model = loaded.model;
   Scene scene;
   scene.path = path;
@@ -38,7 +38,7 @@ Scene sceneOf(LoadedModel loaded, const std::filesystem::path& path) {
   return scene;
 }
 
-Scene sceneFor(const ViewOptions& options, LoadedModel loaded) {
+Scene sceneFor(const ViewOptions& options, Bundle loaded) {
   Scene scene = sceneOf(std::move(loaded), options.model);
   scene.up = upOf(options.up, scene.up);
   return scene;

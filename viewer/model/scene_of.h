@@ -9,7 +9,7 @@
 
 namespace tg {
 
-Scene sceneOf(LoadedModel loaded, const std::filesystem::path& path);
-Scene sceneFor(const ViewOptions& options, LoadedModel loaded);  // with --up
+Scene sceneOf(Bundle loaded, const std::filesystem::path& path);
+Scene sceneFor(const ViewOptions& options, Bundle loaded);  // with --up
 
 }  // namespace tg

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/file.h"
 

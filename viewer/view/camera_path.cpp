@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <glm/gtc/constants.hpp>
 
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/json.h"

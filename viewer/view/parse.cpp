@@ -8,6 +8,7 @@
 #include <optional>
 #include <string_view>
 
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "viewer/view/state.h"
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "viewer/view/bookmarks.h"

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/json.h"

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/file.h"
 

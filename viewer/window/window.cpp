@@ -15,6 +15,7 @@
 
 #include "converter/file_format.h"
 #include "converter/read_model.h"
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"

@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "core/camera_file.h"
 #include "core/json.h"
 #include "core/metrics.h"
 #include "support/catch.h"

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "core/bundle.h"
+#include "core/camera_file.h"
 #include "core/metrics.h"
 #include "core/ply.h"
 #include "render/renderer.h"

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "core/camera_file.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/temporary_folder.h"

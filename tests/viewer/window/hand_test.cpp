@@ -6,6 +6,7 @@
 #include <iostream>
 
 #include "core/camera.h"
+#include "core/camera_file.h"
 #include "core/metrics.h"
 #include "support/catch.h"
 #include "viewer/process.h"

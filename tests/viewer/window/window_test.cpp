@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "core/camera_file.h"
 #include "core/json.h"
 #include "core/metrics.h"
 #include "core/ply.h"
