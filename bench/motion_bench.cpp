@@ -19,9 +19,9 @@
 #include <string>
 #include <vector>
 
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/metrics.h"
+#include "core/bundle/bundle.h"
+#include "core/image/metrics.h"
+#include "core/system/error.h"
 #include "render/renderer.h"
 #include "training/dataset.h"
 #include "training/evaluate.h"

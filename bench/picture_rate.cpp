@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 
 // Structs hold vectors here, which the scalable targets forbid.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)

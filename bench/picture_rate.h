@@ -2,8 +2,8 @@
 // How fast the CPU's picture loop goes, beside what it could do were nothing ever missing: pixel-splats per second and
 // core. A pixel-splat is a splat evaluated at one pixel, whether it shows there or not.
 #pragma once
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 #include "render/renderer.h"
 
 namespace tg {

@@ -22,9 +22,9 @@
 #include <vector>
 
 #include "converter/read_model.h"
-#include "core/camera_file.h"
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/bundle/camera_file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "picture_rate.h"
 #include "render/devices/devices.h"
 #include "render/reference/splat.h"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/model/camera.h"
 #include "training/gradient.h"
 
 namespace tg::bench {

@@ -11,7 +11,7 @@ namespace tg {
 // The half turn is its own inverse, except that a quaternion comes back with the opposite sign: two functions.
 inline glm::vec3 turnAxes(glm::vec3 p) { return {-p.x, -p.y, p.z}; }
 inline glm::dvec3 turnAxes(glm::dvec3 p) { return {-p.x, -p.y, p.z}; }
-// Quaternions w, x, y, z in .x .y .z .w, as in core/model.h: (0, 0, 0, 1) * q and (0, 0, 0, -1) * q.
+// Quaternions w, x, y, z in .x .y .z .w, as in core/model/model.h: (0, 0, 0, 1) * q and (0, 0, 0, -1) * q.
 inline glm::vec4 gltfFromModelRotation(glm::vec4 q) { return {-q.w, -q.z, q.y, q.x}; }
 inline glm::vec4 modelFromGltfRotation(glm::vec4 q) { return {q.w, q.z, -q.y, -q.x}; }
 // Coefficients of one Gaussian, degree 0 first. Its own inverse.

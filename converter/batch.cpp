@@ -12,7 +12,7 @@
 #include <system_error>
 
 #include "converter/file_format.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

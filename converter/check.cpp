@@ -15,8 +15,8 @@
 #include "converter/gltf_resolve.h"
 #include "converter/read_gltf.h"
 #include "converter/read_model.h"
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "shared/limits.h"
 #include "shared/splat.h"
 #include "shared/texture.h"

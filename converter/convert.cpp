@@ -20,9 +20,9 @@
 #include "converter/write_html.h"
 #include "converter/write_splat.h"
 #include "converter/write_spz.h"
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/ply.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -16,7 +16,7 @@
 #include "converter/edit_transform.h"
 #include "converter/quality.h"
 #include "converter/texture_budget.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "converter/contribution.h"
 #include "converter/edit_select.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <span>
 
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 
 namespace tg {
 

@@ -6,8 +6,8 @@
 #include <cstdint>
 
 #include "converter/edit_reduce.h"
-#include "core/error.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -3,7 +3,7 @@
 #pragma once
 #include <string>
 
-#include "core/model.h"
+#include "core/model/model.h"
 
 namespace tg {
 

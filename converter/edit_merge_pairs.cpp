@@ -14,8 +14,8 @@
 #include "converter/contribution.h"
 #include "converter/edit_decimate.h"
 #include "converter/edit_select.h"
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "shared/limits.h"
 
 namespace tg {

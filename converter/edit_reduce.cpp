@@ -8,8 +8,8 @@
 
 #include "converter/fallback.h"
 #include "converter/texture_fit.h"
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 

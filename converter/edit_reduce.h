@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Takes from what every Gaussian carries: SH degrees, texels, textures.
 #pragma once
-#include "core/model.h"
+#include "core/model/model.h"
 
 namespace tg {
 

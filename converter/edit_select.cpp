@@ -9,7 +9,7 @@
 #include <functional>
 #include <optional>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -9,8 +9,8 @@
 
 #include "converter/axes.h"
 #include "converter/plane_order.h"
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "shared/splat.h"
 
 namespace tg {

@@ -4,8 +4,8 @@
 #include <glm/glm.hpp>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 
 namespace tg {
 

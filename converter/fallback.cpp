@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "shared/texture.h"
 
 namespace tg {

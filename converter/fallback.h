@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The best untextured stand-in for a textured model: what viewers show that know no textures.
 #pragma once
-#include "core/model.h"
+#include "core/model/model.h"
 
 namespace tg {
 

@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "converter/html_page.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -2,8 +2,8 @@
 // Blocks of a file.
 #include "converter/gaussian_blocks.h"
 
-#include "core/error.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/system/error.h"
 
 namespace tg {
 

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/model.h"
-#include "core/splat_rows.h"
+#include "core/bundle/splat_rows.h"
+#include "core/model/model.h"
 
 namespace tg {
 

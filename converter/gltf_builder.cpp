@@ -7,9 +7,9 @@
 #include <limits>
 
 #include "converter/meshopt.h"
-#include "core/atomic_files.h"
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/file/atomic_files.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace {

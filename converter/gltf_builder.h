@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "converter/gaussian_blocks.h"
-#include "core/file.h"
+#include "core/file/file.h"
 
 namespace tg {
 

@@ -8,7 +8,7 @@
 
 #include "converter/gltf_document.h"
 #include "converter/gltf_nodes.h"
-#include "core/camera.h"
+#include "core/model/camera.h"
 
 namespace tg {
 

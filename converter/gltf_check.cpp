@@ -9,7 +9,7 @@
 
 #include "converter/gltf_document.h"
 #include "converter/gltf_spz.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -13,8 +13,8 @@
 // Forward declarations would not do: tinygltf::Model is used by value.
 #include <tiny_gltf.h>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 

@@ -11,8 +11,8 @@
 
 #include "converter/gltf_document.h"
 #include "converter/meshopt.h"
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

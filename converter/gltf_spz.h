@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "converter/accessor.h"
-#include "core/model.h"
+#include "core/model/model.h"
 
 namespace tg {
 

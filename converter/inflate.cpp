@@ -10,7 +10,7 @@
 #include <new>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -16,9 +16,9 @@
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/read_model.h"
-#include "core/error.h"
-#include "core/program.h"
-#include "core/signals.h"
+#include "core/system/error.h"
+#include "core/system/program.h"
+#include "core/system/signals.h"
 
 namespace {
 

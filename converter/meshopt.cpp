@@ -2,7 +2,7 @@
 // EXT_meshopt_compression by way of libmeshoptimizer.
 #include "converter/meshopt.h"
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 #ifdef TG_MESHOPT
 #include <meshoptimizer.h>

@@ -8,8 +8,8 @@
 #include <memory>
 
 #include "converter/axes.h"
-#include "core/image.h"
-#include "core/metrics.h"
+#include "core/image/image.h"
+#include "core/image/metrics.h"
 #include "render/renderer.h"
 #include "shared/limits.h"
 

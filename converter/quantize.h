@@ -4,8 +4,8 @@
 #include <array>
 #include <cstdint>
 
-#include "core/atlas.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/model/atlas.h"
 
 namespace tg {
 

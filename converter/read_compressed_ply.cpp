@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "converter/repair.h"
-#include "core/file.h"
-#include "core/ply.h"
-#include "core/ply_vertices.h"
+#include "core/bundle/ply.h"
+#include "core/bundle/ply_vertices.h"
+#include "core/file/file.h"
 #include "shared/limits.h"
 
 namespace tg {

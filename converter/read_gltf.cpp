@@ -20,8 +20,8 @@
 #include "converter/plane_order.h"
 #include "converter/repair.h"
 #include "converter/texture_layer.h"
-#include "core/file.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
 
 namespace tg {
 namespace {

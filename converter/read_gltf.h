@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "converter/read_options.h"
-#include "core/bundle.h"
+#include "core/bundle/bundle.h"
 
 namespace tg {
 

@@ -11,8 +11,8 @@
 
 #include "converter/html_page.h"
 #include "converter/inflate.h"
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

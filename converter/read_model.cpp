@@ -8,8 +8,8 @@
 #include "converter/read_html.h"
 #include "converter/read_splat.h"
 #include "converter/read_spz.h"
-#include "core/bundle.h"
-#include "core/ply.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
 
 namespace tg {
 

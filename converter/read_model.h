@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "converter/read_options.h"
-#include "core/bundle.h"
+#include "core/bundle/bundle.h"
 
 namespace tg {
 

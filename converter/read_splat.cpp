@@ -6,9 +6,9 @@
 #include <cstring>
 
 #include "converter/repair.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -12,9 +12,9 @@
 #include "converter/inflate.h"
 #include "converter/repair.h"
 #include "converter/spz.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

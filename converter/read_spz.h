@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "core/bundle.h"
+#include "core/bundle/bundle.h"
 
 namespace tg {
 

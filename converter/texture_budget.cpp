@@ -13,8 +13,8 @@
 #include "converter/contribution.h"
 #include "converter/fallback.h"
 #include "converter/texture_fit.h"
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <string>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "shared/texture.h"
 
 namespace tg {

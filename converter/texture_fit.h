@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/atlas.h"
+#include "core/model/atlas.h"
 
 namespace tg {
 

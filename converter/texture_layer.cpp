@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "shared/limits.h"
 
 namespace tg {

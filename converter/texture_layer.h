@@ -7,8 +7,8 @@
 
 #include "converter/accessor.h"
 #include "converter/gltf_document.h"
-#include "core/atlas.h"
-#include "core/model.h"
+#include "core/model/atlas.h"
+#include "core/model/model.h"
 
 namespace tg {
 

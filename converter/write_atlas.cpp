@@ -6,10 +6,10 @@
 #include <string>
 
 #include "converter/quantize.h"
-#include "core/atomic_files.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/png16.h"
+#include "core/file/atomic_files.h"
+#include "core/file/file.h"
+#include "core/image/png16.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -23,9 +23,9 @@
 #include "converter/plane_order.h"
 #include "converter/quantize.h"
 #include "converter/repair.h"
-#include "core/error.h"
-#include "core/parallel.h"
-#include "core/png16.h"
+#include "core/image/png16.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -7,8 +7,8 @@
 #include <span>
 #include <string_view>
 
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 
 namespace tg {
 

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "converter/html_page.h"
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -7,8 +7,8 @@
 #include <cstring>
 
 #include "converter/read_splat.h"
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "core/model.h"
+#include "core/model/model.h"
 
 namespace tg {
 

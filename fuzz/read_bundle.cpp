@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/sha256.h"
+#include "core/bundle/bundle.h"
+#include "core/file/sha256.h"
+#include "core/system/error.h"
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "training/checkpoint.h"
 
 namespace {

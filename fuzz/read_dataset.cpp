@@ -9,7 +9,7 @@
 #include <span>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "training/dataset.h"
 
 namespace {

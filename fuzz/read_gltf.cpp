@@ -9,7 +9,7 @@
 #include <string>
 
 #include "converter/read_gltf.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace {
 

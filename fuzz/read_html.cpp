@@ -11,7 +11,7 @@
 #include "converter/html_page.h"
 #include "converter/read_gltf.h"
 #include "converter/read_html.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace {
 

@@ -2,8 +2,8 @@
 // Any bytes are a PNG, JPEG or EXR picture, or an Error.
 #include <cstdlib>
 
-#include "core/error.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/system/error.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   try {

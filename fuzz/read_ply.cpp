@@ -5,9 +5,9 @@
 #include <cstdlib>
 #include <optional>
 
-#include "core/error.h"
-#include "core/ply.h"
-#include "core/splat_rows.h"
+#include "core/bundle/ply.h"
+#include "core/bundle/splat_rows.h"
+#include "core/system/error.h"
 
 namespace {
 

@@ -2,8 +2,8 @@
 // Any bytes are named tensors or an Error; what is read has the size that its shape says.
 #include <cstdlib>
 
-#include "core/error.h"
-#include "core/safetensors.h"
+#include "core/file/safetensors.h"
+#include "core/system/error.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   try {

@@ -4,7 +4,7 @@
 #include "converter/read_compressed_ply.h"
 #include "converter/read_splat.h"
 #include "converter/read_spz.h"
-#include "core/error.h"
+#include "core/system/error.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;

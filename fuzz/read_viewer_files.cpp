@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/script/script.h"
 #include "viewer/view/camera_path.h"
 #include "viewer/view/session.h"

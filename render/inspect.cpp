@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "render/reference/reference.h"
 #include "render/reference/splat.h"
 

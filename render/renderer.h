@@ -9,9 +9,9 @@
 #include <string_view>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
-#include "core/model.h"
+#include "core/image/image.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -22,8 +22,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

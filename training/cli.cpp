@@ -4,7 +4,7 @@
 
 #include <cstdio>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #ifdef TG_HAVE_CUDA
 #include "training/cuda/renderer.h"
 #endif

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "training/convolution.cpp"

@@ -8,8 +8,8 @@
 #include <mutex>
 #include <sstream>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace fs = std::filesystem;

@@ -11,8 +11,8 @@
 #include <string_view>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/model/camera.h"
 #include "training/photographs.h"
 
 namespace tg {

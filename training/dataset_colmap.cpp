@@ -9,8 +9,8 @@
 #include <span>
 #include <sstream>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "training/dataset.h"
 
 namespace tg {

@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "core/error.h"
-#include "core/file.h"
-#include "core/json.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/system/error.h"
 #include "training/dataset.h"
 
 namespace tg {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace {

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/model/camera.h"
 #include "training/densify.h"
 #include "training/filter_3d.h"
 #include "training/gradient.h"

@@ -8,13 +8,13 @@
 #include <set>
 #include <span>
 
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/parallel.h"
-#include "core/ply.h"
-#include "core/program.h"
-#include "core/signals.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "core/system/program.h"
+#include "core/system/signals.h"
 #include "render/renderer.h"
 #include "training/cli.h"
 #include "training/eval_report.h"

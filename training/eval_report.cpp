@@ -7,7 +7,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

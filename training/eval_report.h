@@ -6,8 +6,8 @@
 #include <span>
 #include <string>
 
-#include "core/effective_rank.h"
-#include "core/model.h"
+#include "core/model/effective_rank.h"
+#include "core/model/model.h"
 #include "training/evaluate.h"
 
 namespace tg {

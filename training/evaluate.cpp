@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/metrics.h"
+#include "core/image/metrics.h"
 
 namespace tg {
 

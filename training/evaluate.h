@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/flip.h"
+#include "core/image/flip.h"
 #include "training/dataset.h"
 #include "training/lpips.h"
 #include "training/run_state.h"

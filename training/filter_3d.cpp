@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "training/step_math.h"
 
 namespace tg {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "core/model.h"
+#include "core/model/model.h"
 #include "training/dataset.h"
 #include "training/density_math.h"
 #include "training/gradient.h"

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 #include "render/renderer.h"
 
 namespace tg {

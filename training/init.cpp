@@ -8,7 +8,7 @@
 #include <limits>
 #include <numeric>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "shaders/shared/limits.h"
 #include "training/random.h"
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "core/model.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/model/model.h"
 #include "training/dataset.h"
 
 namespace tg {

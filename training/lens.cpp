@@ -7,8 +7,8 @@
 #include <limits>
 #include <numbers>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/model/camera.h"
 
 namespace tg {
 

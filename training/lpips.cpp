@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "training/convolution.h"
 
 namespace tg {

@@ -7,8 +7,8 @@
 #include <optional>
 #include <string_view>
 
-#include "core/image.h"
-#include "core/safetensors.h"
+#include "core/file/safetensors.h"
+#include "core/image/image.h"
 
 namespace tg {
 

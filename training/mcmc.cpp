@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "training/step_math.h"
 
 namespace tg {

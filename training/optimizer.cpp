@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "training/simd.h"
 
 namespace tg {

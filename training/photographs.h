@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "training/lens.h"
 
 namespace tg {

@@ -14,8 +14,8 @@
 #include <system_error>
 #include <utility>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "training/trained_bundle.h"
 
 namespace tg {

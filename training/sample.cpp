@@ -11,9 +11,9 @@
 #include <optional>
 #include <string_view>
 
-#include "core/error.h"
-#include "core/file.h"
-#include "core/parallel.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "training/write_dataset.h"
 
 namespace tg {

@@ -3,9 +3,9 @@
 #pragma once
 #include <filesystem>
 
-#include "core/camera.h"
-#include "core/image.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/image/image.h"
+#include "core/model/camera.h"
 
 namespace tg {
 

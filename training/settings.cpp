@@ -6,7 +6,7 @@
 #include <cmath>
 #include <type_traits>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

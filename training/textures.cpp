@@ -7,7 +7,7 @@
 #include <limits>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 #include "shared/sh.h"
 #include "shared/splat.h"

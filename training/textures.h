@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "core/atlas.h"
+#include "core/model/atlas.h"
 #include "training/optimizer.h"
 #include "training/settings.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A trained model as a file: with the data set's cameras, a preview and training.json.
 #pragma once
-#include "core/bundle.h"
+#include "core/bundle/bundle.h"
 #include "training/report.h"
 
 namespace tg {

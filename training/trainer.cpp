@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "training/init.h"
 #include "training/textures.h"
 

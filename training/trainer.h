@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "core/model.h"
+#include "core/model/model.h"
 #include "training/dataset.h"
 #include "training/density_math.h"
 #include "training/engine.h"

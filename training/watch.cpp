@@ -10,7 +10,7 @@
 #include <string>
 #include <system_error>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "core/error.h"
-#include "core/file.h"
-#include "core/parallel.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace fs = std::filesystem;

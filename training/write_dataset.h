@@ -5,8 +5,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "core/camera.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/model/camera.h"
 #include "training/dataset.h"
 
 namespace tg {

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/error.h"
-#include "core/program.h"
+#include "core/system/error.h"
+#include "core/system/program.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/follower.h"
 #include "viewer/view/camera_path.h"

@@ -4,9 +4,9 @@
 #include <optional>
 
 #include "converter/read_model.h"
-#include "core/error.h"
-#include "core/program.h"
-#include "core/signals.h"
+#include "core/system/error.h"
+#include "core/system/program.h"
+#include "core/system/signals.h"
 #include "viewer/flags.h"
 #include "viewer/headless/benchmark.h"
 #include "viewer/headless/compare.h"

@@ -44,7 +44,7 @@ file(WRITE "${OUT_PAGE}" "${page}")
 file(READ "${OUT_PAGE}" hex HEX)
 string(REGEX REPLACE "(................................................................)" "\\1\n" hex "${hex}")
 string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," hex "${hex}")
-file(WRITE "${OUT_SOURCE}" "// Made by converter/html/embed.cmake.
+file(WRITE "${OUT_SOURCE}" "// Made by converter/html/page/embed.cmake.
 #include \"converter/html_page.h\"
 namespace tg {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "render/cpu/order.h"
 
 // Structs hold vectors here, which the scalable targets forbid.

@@ -6,7 +6,7 @@
 #include <bit>
 #include <cstring>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "render/cpu/picture.h"
 
 // Structs hold vectors here, which the scalable targets forbid.

@@ -8,8 +8,8 @@
 #include <cstring>
 #include <limits>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "render/cpu/bit_places.h"
 #include "render/cpu/picture.h"
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <utility>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "render/cpu/sort.h"
 
 // Structs hold vectors here, which the scalable targets forbid.

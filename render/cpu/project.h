@@ -5,8 +5,8 @@
 #include <glm/glm.hpp>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 #include "render/renderer.h"
 
 namespace tg::cpu {

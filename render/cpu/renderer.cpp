@@ -7,8 +7,8 @@
 #include <memory>
 #include <utility>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "render/cpu/blend.h"
 #include "render/cpu/pages.h"
 #include "render/cpu/picture.h"

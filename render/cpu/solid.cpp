@@ -8,7 +8,7 @@
 #include <limits>
 #include <utility>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "shared/limits.h"
 
 namespace tg::cpu {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 
 namespace tg::cpu {
 

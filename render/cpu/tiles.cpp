@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg::cpu {
 namespace {

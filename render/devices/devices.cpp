@@ -5,7 +5,7 @@
 #include <charconv>
 #include <optional>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #ifdef TG_VULKAN
 #include "render/vulkan/vulkan_renderer.h"
 #endif

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/gl/context.h"
 
 namespace tg {

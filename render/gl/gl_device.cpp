@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/gl/context.h"
 
 namespace tg {

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/gl/shader_text.h"
 
 namespace tg {

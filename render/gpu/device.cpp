@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 

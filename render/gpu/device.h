@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "render/renderer.h"
 #include "shared/layout.h"
 #include "shared/work.h"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "shared/layout.h"
 
 namespace tg {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "shared/layout.h"
 
 namespace tg {

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <glm/gtc/packing.hpp>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "shared/layout.h"
 #include "shared/texels.h"
 

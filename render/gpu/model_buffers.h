@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A model on the device.
 #pragma once
-#include "core/model.h"
+#include "core/model/model.h"
 #include "render/gpu/device.h"
 
 namespace tg {

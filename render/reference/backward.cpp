@@ -2,8 +2,8 @@
 // The oracle's backward pass: docs/math.md 6, in the order of its steps.
 #include <string>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "render/reference/reference.h"
 #include "render/reference/splat.h"
 

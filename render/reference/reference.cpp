@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "render/reference/splat.h"
 
 namespace tg {

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/vulkan/check.h"
 
 namespace tg {

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/vulkan/check.h"
 #include "render/vulkan/vulkan_renderer.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws a model's first camera: `consumer MODEL OUT.png`.
 #include "converter/read_model.h"
-#include "core/image.h"
+#include "core/image/image.h"
 #include "render/renderer.h"
 
 int main(int count, char** arguments) {

@@ -12,7 +12,7 @@
 #include "converter/edit_select.h"
 #include "converter/fallback.h"
 #include "converter/texture_fit.h"
-#include "core/bundle.h"
+#include "core/bundle/bundle.h"
 #include "edits.h"
 #include "shared/texture.h"
 #include "support/catch.h"

@@ -7,7 +7,7 @@
 
 #include "converter/axes.h"
 #include "converter/edit.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "edits.h"
 #include "support/catch.h"
 

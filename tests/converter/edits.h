@@ -6,7 +6,7 @@
 #include <string>
 
 #include "converter/edit.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/reference/reference.h"
 #include "scenes.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "converter/read_model.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "scratch.h"
 #include "splat_files.h"
 #include "support/catch.h"

@@ -3,7 +3,7 @@
 // Look at it before you commit it.
 #include <cstdio>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "sample_picture.h"
 
 int main(int argc, char** argv) {

@@ -7,7 +7,7 @@
 #include "converter/read_compressed_ply.h"
 #include "converter/read_splat.h"
 #include "converter/read_spz.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "scenes.h"
 #include "scratch.h"
 #include "splat_files.h"

@@ -9,8 +9,8 @@
 
 #include "converter/read_model.h"
 #include "converter/write_gltf.h"
-#include "core/bundle.h"
-#include "core/ply.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
 #include "glb.h"
 #include "scenes.h"
 #include "scratch.h"

@@ -3,7 +3,7 @@
 #pragma once
 #include <filesystem>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace tg::test {
 

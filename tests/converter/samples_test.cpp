@@ -6,7 +6,7 @@
 
 #include "converter/convert.h"
 #include "converter/read_model.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
 #include "scenes.h"
 #include "scratch.h"
 #include "support/catch.h"

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "converter/quality.h"
-#include "core/error.h"
-#include "core/image.h"
-#include "core/metrics.h"
+#include "core/image/image.h"
+#include "core/image/metrics.h"
+#include "core/system/error.h"
 #include "render/renderer.h"
 #include "support/scenes.h"
 

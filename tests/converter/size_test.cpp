@@ -7,7 +7,7 @@
 #include "converter/meshopt.h"
 #include "converter/read_gltf.h"
 #include "converter/texture_budget.h"
-#include "core/bundle.h"
+#include "core/bundle/bundle.h"
 #include "edits.h"
 #include "glb.h"
 #include "scratch.h"

@@ -7,8 +7,8 @@
 
 #include "converter/convert.h"
 #include "converter/read_splat.h"
-#include "core/bundle.h"
-#include "core/error.h"
+#include "core/bundle/bundle.h"
+#include "core/system/error.h"
 #include "scratch.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "converter/read_spz.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 

@@ -7,7 +7,7 @@
 #include "converter/quantize.h"
 #include "converter/read_model.h"
 #include "converter/write_gltf.h"
-#include "core/image.h"
+#include "core/image/image.h"
 #include "glb.h"
 #include "scenes.h"
 #include "scratch.h"

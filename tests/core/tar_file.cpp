@@ -8,7 +8,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "core/file.h"
+#include "core/file/file.h"
 
 namespace tg {
 namespace {

@@ -3,10 +3,10 @@
 #include <cmath>
 #include <limits>
 
-#include "core/atlas.h"
-#include "core/error.h"
-#include "core/model.h"
-#include "core/parallel.h"
+#include "core/model/atlas.h"
+#include "core/model/model.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 #include "tiny_model.h"
 

@@ -3,11 +3,11 @@
 #include <fstream>
 #include <set>
 
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/parallel.h"
-#include "core/ply.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 #include "tar_file.h"
 #include "temporary_folder.h"

@@ -6,11 +6,11 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/ply.h"
-#include "core/sha256.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/file/sha256.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "tar_file.h"
 #include "temporary_folder.h"

@@ -2,9 +2,9 @@
 // Cameras: OpenCV axes, exact round trips, and refusal of broken files.
 #include <cmath>
 
-#include "core/camera.h"
-#include "core/camera_file.h"
-#include "core/error.h"
+#include "core/bundle/camera_file.h"
+#include "core/model/camera.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 
 using Catch::Contains;

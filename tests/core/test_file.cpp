@@ -2,8 +2,8 @@
 // Whole files: bounds in, all or nothing out.
 #include <stdexcept>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "temporary_folder.h"
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <vector>
 
-#include "core/error.h"
-#include "core/flip.h"
-#include "core/parallel.h"
+#include "core/image/flip.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 
 using tg::Image;

@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <random>
 
-#include "core/error.h"
-#include "core/file.h"
-#include "core/image.h"
+#include "core/file/file.h"
+#include "core/image/image.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "temporary_folder.h"
 

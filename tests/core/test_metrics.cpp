@@ -5,9 +5,9 @@
 #include <random>
 #include <vector>
 
-#include "core/error.h"
-#include "core/metrics.h"
-#include "core/parallel.h"
+#include "core/image/metrics.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 
 using tg::Image;

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 
 namespace {

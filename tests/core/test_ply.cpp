@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <iostream>
 
-#include "core/error.h"
-#include "core/file.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "temporary_folder.h"
 #include "tiny_model.h"

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading in pieces: the same model and messages as from memory, progress, parts to look at, and the way to stop.
-#include "core/read_progress.h"
-#include "core/splat_rows.h"
+#include "core/bundle/read_progress.h"
+#include "core/bundle/splat_rows.h"
 
 #include <cmath>
 #include <fstream>
 #include <random>
 
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/ply.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "temporary_folder.h"
 #include "tiny_model.h"

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
-#include "core/safetensors.h"
+#include "core/file/safetensors.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 
 using Catch::Matchers::Contains;

@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <span>
 
-#include "core/error.h"
-#include "core/file.h"
-#include "core/image.h"
+#include "core/file/file.h"
+#include "core/image/image.h"
+#include "core/system/error.h"
 #include "goldens/goldens.h"
 
 int main(int argc, char** argv) {

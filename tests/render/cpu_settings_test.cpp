@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "core/bundle.h"
-#include "core/parallel.h"
+#include "core/bundle/bundle.h"
+#include "core/system/parallel.h"
 #include "render/reference/reference.h"
 #include "render/renderer.h"
 #include "support/catch.h"

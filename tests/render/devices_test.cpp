@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The devices of all APIs as one list.
+#include "core/system/error.h"
 #include "render/devices/devices.h"
-#include "core/error.h"
 #include "support/catch.h"
 
 using namespace tg;

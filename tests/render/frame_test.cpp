@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The outputs of a frame by name, as numbers and as pictures.
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/renderer.h"
 #include "support/catch.h"
 

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "core/file.h"
+#include "core/file/file.h"
 #include "goldens/goldens.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"

@@ -7,7 +7,7 @@
 #include <limits>
 #include <span>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "gpu_device.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"

@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -2,7 +2,7 @@
 // What only OpenGL needs: constants in GLSL text, errors of contexts and drivers.
 #include <epoxy/gl.h>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "gpu_device.h"
 #include "render/gl/gl_device.h"
 #include "render/gl/shader_text.h"

@@ -2,7 +2,7 @@
 // The reference's analytic gradient against central differences of its own forward pass, for every parameter.
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -3,7 +3,7 @@
 // to work out by hand.
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "core/bundle.h"
-#include "core/error.h"
+#include "core/bundle/bundle.h"
+#include "core/system/error.h"
 #include "render/devices/devices.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"

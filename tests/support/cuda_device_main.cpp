@@ -3,7 +3,7 @@
 #define CATCH_CONFIG_RUNNER
 #include <cstdio>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "training/cuda/memory.h"
 

@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "training/cuda/device.h"
 #include "training/cuda/memory.h"
 #include "training/random.h"

@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 #include "support/compare.h"
 
 namespace tg::test {

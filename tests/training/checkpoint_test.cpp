@@ -10,8 +10,8 @@
 #include <functional>
 #include <limits>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "sample_dataset.h"
 #include "support/catch.h"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/cuda_orders.h"

@@ -2,7 +2,7 @@
 // Whole runs with the CUDA engine beside the CPU's.
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "sample_dataset.h"
 #include "support/catch.h"
 #include "support/cuda_orders.h"

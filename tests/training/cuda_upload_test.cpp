@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "sample_dataset.h"
 #include "support/catch.h"
 #include "support/cuda_orders.h"

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "core/error.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/system/error.h"
 #include "training/dataset.h"
 
 namespace tg::test {

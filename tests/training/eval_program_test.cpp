@@ -3,10 +3,10 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "core/file.h"
-#include "core/image.h"
-#include "core/model.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/image/image.h"
+#include "core/model/model.h"
 #include "core/temporary_folder.h"
 #include "program.h"
 #include "support/catch.h"

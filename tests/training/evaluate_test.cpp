@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "core/metrics.h"
+#include "core/image/metrics.h"
 #include "support/catch.h"
 #include "training/eval_report.h"
 #include "training/random.h"

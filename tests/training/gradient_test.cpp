@@ -6,8 +6,8 @@
 
 #include <cmath>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/gradients.h"

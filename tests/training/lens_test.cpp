@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 
 using Catch::Matchers::Contains;

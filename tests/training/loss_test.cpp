@@ -5,8 +5,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/metrics.h"
-#include "core/parallel.h"
+#include "core/image/metrics.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 #include "support/ssim_reference.h"
 #include "training/random.h"

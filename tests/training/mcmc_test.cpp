@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 
 namespace {

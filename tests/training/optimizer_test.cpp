@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 #include "support/catch.h"
 #include "training/random.h"
 #include "training/textures.h"

@@ -7,7 +7,7 @@
 #include <set>
 #include <thread>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "training/dataset.h"

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <tuple>
 
-#include "core/bundle.h"
-#include "core/file.h"
+#include "core/bundle/bundle.h"
+#include "core/file/file.h"
 #include "core/temporary_folder.h"
 #include "program.h"
 #include "support/catch.h"

@@ -16,9 +16,9 @@
 #include <sstream>
 #include <thread>
 
-#include "core/bundle.h"
-#include "core/file.h"
-#include "core/image.h"
+#include "core/bundle/bundle.h"
+#include "core/file/file.h"
+#include "core/image/image.h"
 #include "core/temporary_folder.h"
 #include "program.h"
 #include "support/catch.h"

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <map>
 
-#include "core/error.h"
-#include "core/file.h"
-#include "core/parallel.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "training/dataset.h"

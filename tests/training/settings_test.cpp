@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 #include "training/textures.h"
 

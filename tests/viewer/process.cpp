@@ -12,8 +12,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "core/bundle.h"
-#include "core/error.h"
+#include "core/bundle/bundle.h"
+#include "core/system/error.h"
 #include "render/devices/devices.h"
 #include "support/scenes.h"
 

@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "core/image.h"
-#include "core/model.h"
+#include "core/image/image.h"
+#include "core/model/model.h"
 
 namespace tg::test {
 

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <limits>
 
-#include "core/parallel.h"
+#include "core/system/parallel.h"
 
 // Structs hold vectors here, which the scalable targets forbid.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)

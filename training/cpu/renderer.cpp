@@ -6,8 +6,8 @@
 #include <ctime>
 #include <string>
 
-#include "core/error.h"
-#include "core/parallel.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "render/cpu/blend.h"
 #include "render/cpu/project.h"
 #include "render/cpu/tiles.h"

@@ -6,7 +6,7 @@
 #include <cub/device/device_scan.cuh>
 #include <limits>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "training/cuda/memory.h"
 
 namespace tg::cuda {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/cpu/project.h"
 #include "training/cuda/finish.h"
 

@@ -3,8 +3,8 @@
 #pragma once
 #include <functional>
 
-#include "core/camera.h"
-#include "core/model.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 #include "render/renderer.h"
 #include "training/cuda/blend.h"
 #include "training/cuda/memory.h"

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "training/cuda/engine.h"
 #include "training/cuda/frame.h"
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 
-#include "core/atlas.h"
+#include "core/model/atlas.h"
 #include "shared/limits.h"
 
 namespace tg::cuda {

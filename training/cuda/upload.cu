@@ -7,7 +7,7 @@
 #include <cstring>
 #include <string>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "training/cuda/memory.h"
 
 namespace tg::cuda {

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/picture/benchmark.h"

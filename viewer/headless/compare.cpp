@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "converter/read_model.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/picture/photographs.h"

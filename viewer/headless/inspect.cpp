@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/inspect.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/scene_of.h"

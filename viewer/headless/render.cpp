@@ -4,7 +4,7 @@
 
 #include <cstdio>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/follower.h"
 #include "viewer/model/scene_of.h"

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/picture/device_choice.h"
 
 namespace tg {

@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "converter/read_model.h"
-#include "core/read_progress.h"
+#include "core/bundle/read_progress.h"
 
 namespace tg {
 

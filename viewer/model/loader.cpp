@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "converter/read_model.h"
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/model/scene_of.h"
 
 namespace tg {

@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "core/read_progress.h"
+#include "core/bundle/read_progress.h"
 #include "viewer/view/scene.h"
 
 namespace tg {

@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/parse.h"
 

@@ -2,8 +2,8 @@
 // training.json, read without trust.
 #include "viewer/model/training_progress.h"
 
-#include "core/error.h"
-#include "core/json.h"
+#include "core/file/json.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

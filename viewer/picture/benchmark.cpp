@@ -7,7 +7,7 @@
 #include <ctime>
 #include <numeric>
 
-#include "core/json.h"
+#include "core/file/json.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/shot.h"
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "render/devices/devices.h"
 
 namespace tg {

@@ -20,8 +20,8 @@
 #include <sstream>
 #include <vector>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

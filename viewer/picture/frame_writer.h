@@ -10,7 +10,7 @@
 #include <string>
 #include <thread>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace tg {
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -6,7 +6,7 @@
 #include <cctype>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/model/camera.h"
 
 namespace tg {
 

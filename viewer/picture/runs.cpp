@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer/picture/runs.h"
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/picture/benchmark_run.h"
 #include "viewer/picture/recording_run.h"
 

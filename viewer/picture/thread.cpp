@@ -7,7 +7,7 @@
 #include <new>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/picture/maker.h"
 
 namespace tg {

@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/script/verb.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/parse.h"

@@ -7,8 +7,8 @@
 #include <sstream>
 #include <string_view>
 
-#include "core/error.h"
-#include "core/file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "viewer/script/verb.h"
 #include "viewer/view/actions.h"
 #include "viewer/view/parse.h"

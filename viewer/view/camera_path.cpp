@@ -7,10 +7,10 @@
 #include <cstdio>
 #include <glm/gtc/constants.hpp>
 
-#include "core/camera_file.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/json.h"
+#include "core/bundle/camera_file.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {

@@ -8,9 +8,9 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "core/flip.h"
-#include "core/metrics.h"
-#include "core/parallel.h"
+#include "core/image/flip.h"
+#include "core/image/metrics.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace {

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/model/camera.h"
 
 namespace tg {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "core/effective_rank.h"
-#include "core/json.h"
+#include "core/file/json.h"
+#include "core/model/effective_rank.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -8,8 +8,8 @@
 #include <optional>
 #include <string_view>
 
-#include "core/camera_file.h"
-#include "core/error.h"
+#include "core/bundle/camera_file.h"
+#include "core/system/error.h"
 #include "viewer/view/state.h"
 
 namespace tg {

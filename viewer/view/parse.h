@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/model/camera.h"
 #include "render/renderer.h"
 #include "viewer/view/camera_controller.h"
 #include "viewer/view/compare.h"

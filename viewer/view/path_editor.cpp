@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/camera_file.h"
-#include "core/error.h"
-#include "core/file.h"
+#include "core/bundle/camera_file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
 
 namespace tg {

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "core/camera_file.h"
-#include "core/error.h"
-#include "core/file.h"
-#include "core/json.h"
+#include "core/bundle/camera_file.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/parse.h"
 

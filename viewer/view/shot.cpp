@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/view/camera_path.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/state.h"

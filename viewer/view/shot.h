@@ -3,7 +3,7 @@
 #pragma once
 #include <vector>
 
-#include "core/camera.h"
+#include "core/model/camera.h"
 #include "viewer/view/options.h"
 #include "viewer/view/scene.h"
 

@@ -6,7 +6,7 @@
 #include <array>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/view/inspection.h"
 
 namespace tg {

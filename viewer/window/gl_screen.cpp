@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/gl/gl_renderer.h"
 #include "viewer/window/glfw.h"
 #include "viewer/window/screen.h"

@@ -7,7 +7,7 @@
 #include <iterator>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "viewer/picture/device_choice.h"
 
 namespace tg {

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "render/vulkan/vulkan_renderer.h"
 #include "viewer/window/pixel_rect.h"
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "render/devices/devices.h"
 #include "viewer/picture/device.h"
 #include "viewer/view/options.h"

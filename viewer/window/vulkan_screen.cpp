@@ -11,7 +11,7 @@
 #include <cstdint>
 #include <deque>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "render/vulkan/buffer.h"
 #include "render/vulkan/check.h"
 #include "render/vulkan/vulkan_renderer.h"

@@ -15,8 +15,8 @@
 
 #include "converter/file_format.h"
 #include "converter/read_model.h"
-#include "core/camera_file.h"
-#include "core/error.h"
+#include "core/bundle/camera_file.h"
+#include "core/system/error.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
 #include "viewer/picture/inspector_thread.h"

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "core/error.h"
+#include "core/system/error.h"
 
 namespace tg {
 

@@ -3,9 +3,9 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "core/camera_file.h"
-#include "core/json.h"
-#include "core/metrics.h"
+#include "core/bundle/camera_file.h"
+#include "core/file/json.h"
+#include "core/image/metrics.h"
 #include "support/catch.h"
 #include "viewer/picture/frame_writer.h"
 #include "viewer/process.h"

@@ -6,10 +6,10 @@
 #include <fstream>
 #include <sstream>
 
-#include "core/bundle.h"
-#include "core/camera_file.h"
-#include "core/metrics.h"
-#include "core/ply.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/camera_file.h"
+#include "core/bundle/ply.h"
+#include "core/image/metrics.h"
 #include "render/renderer.h"
 #include "support/catch.h"
 #include "support/scenes.h"

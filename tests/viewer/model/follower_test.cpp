@@ -5,7 +5,7 @@
 #include <atomic>
 #include <fstream>
 
-#include "core/bundle.h"
+#include "core/bundle/bundle.h"
 #include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"

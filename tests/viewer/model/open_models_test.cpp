@@ -6,9 +6,9 @@
 #include <fstream>
 #include <thread>
 
-#include "core/bundle.h"
-#include "core/error.h"
-#include "core/ply.h"
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
+#include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"

@@ -2,7 +2,7 @@
 // Medians, and the JSON they end in.
 #include "viewer/picture/benchmark.h"
 
-#include "core/json.h"
+#include "core/file/json.h"
 #include "support/catch.h"
 
 using namespace tg;

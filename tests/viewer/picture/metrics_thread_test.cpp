@@ -5,7 +5,7 @@
 #include <chrono>
 #include <thread>
 
-#include "core/metrics.h"
+#include "core/image/metrics.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 

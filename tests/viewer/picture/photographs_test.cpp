@@ -4,7 +4,7 @@
 
 #include <fstream>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
 

@@ -2,7 +2,7 @@
 // Scripts that drive the window.
 #include "viewer/script/script.h"
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 
 using namespace tg;

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "core/camera_file.h"
-#include "core/error.h"
-#include "core/file.h"
+#include "core/bundle/camera_file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "core/metrics.h"
+#include "core/image/metrics.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 #include "viewer/view/camera_controller.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <thread>
 
-#include "core/json.h"
+#include "core/file/json.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 #include "viewer/keys.h"

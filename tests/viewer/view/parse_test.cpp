@@ -2,7 +2,7 @@
 // Values of flags and script commands.
 #include "viewer/view/parse.h"
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 
 using namespace tg;

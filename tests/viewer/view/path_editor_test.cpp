@@ -2,7 +2,7 @@
 // Bookmarks, the path and what moves the camera by itself, as changes of the state.
 #include "viewer/view/path_editor.h"
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "viewer/keys.h"

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <optional>
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
 

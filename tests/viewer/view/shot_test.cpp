@@ -2,7 +2,7 @@
 // What the options ask of a scene.
 #include "viewer/view/shot.h"
 
-#include "core/error.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 
 using namespace tg;

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "core/metrics.h"
-#include "core/ply.h"
+#include "core/bundle/ply.h"
+#include "core/image/metrics.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 #include "viewer/process.h"

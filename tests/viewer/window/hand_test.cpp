@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <iostream>
 
-#include "core/camera.h"
-#include "core/camera_file.h"
-#include "core/metrics.h"
+#include "core/bundle/camera_file.h"
+#include "core/image/metrics.h"
+#include "core/model/camera.h"
 #include "support/catch.h"
 #include "viewer/process.h"
 

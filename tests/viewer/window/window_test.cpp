@@ -5,10 +5,10 @@
 #include <filesystem>
 #include <thread>
 
-#include "core/camera_file.h"
-#include "core/json.h"
-#include "core/metrics.h"
-#include "core/ply.h"
+#include "core/bundle/camera_file.h"
+#include "core/bundle/ply.h"
+#include "core/file/json.h"
+#include "core/image/metrics.h"
 #include "render/renderer.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/bundle/camera_file.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/file/file.h"
+#include "core/file/json.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxCamerasBytes = std::uint64_t{32} << 20;
+constexpr std::int64_t kMaxImageSide = 65536;
+// Files carry rotations rounded to 6 or 7 digits; anything worse is no rotation.
+constexpr double kRotationTolerance = 1e-3;
+
+// glm stores columns, and camera_from_world[column r] is row r of its transpose, world_from_camera: what the file
+// holds.
+glm::dmat3 parseRotation(const JsonObject& camera) {
+  const nlohmann::json& rows = camera.array("rotation", 3);
+  glm::dmat3 camera_from_world;
+  for (int r = 0; r < 3; ++r) {
+    const nlohmann::json& row = rows[static_cast<std::size_t>(r)];
+    if (!row.is_array() || row.size() != 3) camera.fail("\"rotation\": expected 3 rows of 3 numbers");
+    for (int c = 0; c < 3; ++c) camera_from_world[r][c] = camera.finite(row[static_cast<std::size_t>(c)], "rotation");
+  }
+  const glm::dmat3 gram = glm::transpose(camera_from_world) * camera_from_world;
+  double error = 0.0;
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) error = std::max(error, std::abs(gram[r][c] - (r == c ? 1.0 : 0.0)));
+  if (!(error <= kRotationTolerance)) camera.fail("\"rotation\": rows are not orthonormal");
+  if (glm::determinant(camera_from_world) < 0.0) camera.fail("\"rotation\": is a reflection (determinant -1)");
+  return camera_from_world;
+}
+
+glm::dvec3 parseVector(const JsonObject& camera, const char* key) {
+  const nlohmann::json& values = camera.array(key, 3);
+  glm::dvec3 v;
+  for (int i = 0; i < 3; ++i) v[i] = camera.finite(values[static_cast<std::size_t>(i)], key);
+  return v;
+}
+
+Camera parseCamera(const JsonObject& json) {
+  Camera camera;
+  camera.name = json.string("img_name");
+  camera.width = static_cast<int>(json.integer("width", 1, kMaxImageSide));
+  camera.height = static_cast<int>(json.integer("height", 1, kMaxImageSide));
+  camera.fx = json.number("fx");
+  camera.fy = json.number("fy");
+  if (camera.fx <= 0.0 || camera.fy <= 0.0) json.fail("\"fx\", \"fy\": expected focal lengths above 0");
+  camera.cx = json.has("cx") ? json.number("cx") : 0.5 * camera.width;
+  camera.cy = json.has("cy") ? json.number("cy") : 0.5 * camera.height;
+  camera.camera_from_world_rotation = parseRotation(json);
+  const glm::dvec3 position = parseVector(json, "position");
+  camera.camera_from_world_translation = -camera.camera_from_world_rotation * position;
+  if (json.has("translation")) {
+    // The exact value; the position is its rounded image and must not have been edited alone.
+    const glm::dvec3 exact = parseVector(json, "translation");
+    const double tolerance = 1e-3 * (1.0 + glm::length(exact));
+    if (!(glm::length(exact - camera.camera_from_world_translation) <= tolerance))
+      json.fail("\"translation\" and \"position\" disagree");
+    camera.camera_from_world_translation = exact;
+  }
+  if (json.has("split")) {
+    const std::string split = json.string("split");
+    if (split != "train" && split != "test")
+      json.fail("\"split\": expected \"train\" or \"test\", found \"" + split + "\"");
+    camera.test = split == "test";
+  }
+  return camera;
+}
+
+}  // namespace
+
+std::vector<Camera> parseCameras(const std::string& json, const std::string& path) {
+  const nlohmann::json root = parseJson(json, path);
+  if (!root.is_array())
+    throw Error(ErrorKind::badData, path, std::string("expected an array of cameras, found ") + root.type_name());
+  std::vector<Camera> cameras;
+  cameras.reserve(root.size());
+  for (std::size_t i = 0; i < root.size(); ++i)
+    cameras.push_back(parseCamera({root[i], path, "camera " + std::to_string(i) + ": "}));
+  return cameras;
+}
+
+std::string formatCameras(const std::vector<Camera>& cameras) {
+  using nlohmann::ordered_json;
+  const auto vector = [](const glm::dvec3& v) { return ordered_json{v.x, v.y, v.z}; };
+  std::string text = "[\n";  // a camera a line
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& camera = cameras[i];
+    const glm::dmat3& r = camera.camera_from_world_rotation;
+    const ordered_json json = {{"id", i},
+                               {"img_name", camera.name},
+                               {"width", camera.width},
+                               {"height", camera.height},
+                               {"position", vector(camera.position())},
+                               {"rotation", {vector(r[0]), vector(r[1]), vector(r[2])}},
+                               {"fx", camera.fx},
+                               {"fy", camera.fy},
+                               {"cx", camera.cx},
+                               {"cy", camera.cy},
+                               {"translation", vector(camera.camera_from_world_translation)},
+                               {"split", camera.test ? "test" : "train"}};
+    text += dumpJson(json) + (i + 1 < cameras.size() ? ",\n" : "\n");
+  }
+  return text + "]\n";
+}
+
+std::vector<Camera> readCameras(const std::filesystem::path& path) {
+  const std::vector<std::uint8_t> bytes = readFile(path, kMaxCamerasBytes);
+  return parseCameras(std::string(bytes.begin(), bytes.end()), path.string());
+}
+
+}  // namespace tg

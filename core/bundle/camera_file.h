@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// cameras.json, which INRIA's viewers share.
+#pragma once
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/model/camera.h"
+
+namespace tg {
+
+// INRIA layout: [{id, img_name, width, height, position, rotation (world from camera, rows), fx, fy}], plus our optional
+// cx, cy, split ("train" / "test") and translation (camera from world: survives files exactly, which -R * position does
+// not); cx, cy default to the image centre. Throws Error(badData) with index and key.
+std::vector<Camera> parseCameras(const std::string& json, const std::string& path);
+std::string formatCameras(const std::vector<Camera>& cameras);
+std::vector<Camera> readCameras(const std::filesystem::path& path);
+
+}  // namespace tg

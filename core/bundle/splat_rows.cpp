@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: Apache-2.0
+// Between the rows of a splat PLY and Gaussians.
+#include "core/bundle/splat_rows.h"
+
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "core/bundle/ply.h"
+#include "core/bundle/read_progress.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxPlyBytes = kMaxGaussians * 62 * 8;
+constexpr std::size_t kHugeBytes = std::size_t{4} << 20;  // arrays from here on are worth large pages
+constexpr std::uint32_t kExponent = 0x7f800000u;          // all ones: infinite or not a number
+// 2DGS files have two scales. The third is this much thinner than the smaller one: flat, yet not degenerate.
+const float kFlatLogScale = std::log(1e-4f);
+
+// Explains what a PLY without splats is, as far as its properties tell.
+void requireSplats(const PlyVertices& ply) {
+  if (ply.find("f_dc_0") >= 0) return;
+  if (ply.find("packed_position") >= 0)
+    ply.fail("is a compressed splat PLY (expected float properties, found packed_position)");
+  if (ply.find("red") >= 0 || ply.find("diffuse_red") >= 0)
+    ply.fail("is a point cloud, not splats (expected property f_dc_0, found red)");
+  ply.fail("holds no splats (missing property f_dc_0)");
+}
+
+int shDegreeOf(const PlyVertices& ply) {
+  const std::size_t rest = ply.countPrefix("f_rest_");
+  for (int degree = 0; degree <= 3; ++degree)
+    if (rest == static_cast<std::size_t>(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
+  ply.fail("wrong number of f_rest properties (expected 0, 9, 24 or 45, found " + std::to_string(rest) + ")");
+}
+
+// A large array is touched once, 4 KiB at a time: asking for 2 MiB pages takes most of that time away. A hint only.
+template <typename T>
+void resizeLarge(std::vector<T>& values, std::size_t n) {
+  const std::size_t bytes = n * sizeof(T);
+  if (n > values.capacity() && bytes >= kHugeBytes) {
+    values.reserve(n);
+    const std::size_t page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+    const std::size_t skipped = (page - reinterpret_cast<std::uintptr_t>(values.data()) % page) % page;
+    ::madvise(reinterpret_cast<char*>(values.data()) + skipped, (bytes - skipped) / page * page, MADV_HUGEPAGE);
+  }
+  values.resize(n);
+}
+
+void appendFloats(std::uint8_t*& to, std::initializer_list<float> values) {
+  std::memcpy(to, values.begin(), values.size() * sizeof(float));
+  to += values.size() * sizeof(float);
+}
+
+bool allFinite(const float* values, std::size_t count) {
+  std::uint32_t broken = 0;
+  for (std::size_t i = 0; i < count; ++i) broken |= (std::bit_cast<std::uint32_t>(values[i]) & kExponent) == kExponent;
+  return broken == 0;
+}
+
+std::vector<std::uint8_t> startOf(const FileReader& file) {
+  std::vector<std::uint8_t> start(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), kMaxPlyHeaderBytes)));
+  file.read(0, start);
+  return start;
+}
+
+}  // namespace
+
+void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree) {
+  model.sh_degree = sh_degree;
+  resizeLarge(model.mean, n);
+  resizeLarge(model.rotation, n);
+  resizeLarge(model.log_scale, n);
+  resizeLarge(model.opacity_logit, n);
+  resizeLarge(model.sh, n * static_cast<std::size_t>(model.shCount()));
+}
+
+GaussianModel previewOf(const GaussianModel& model, std::size_t ready) {
+  const std::size_t step = std::max<std::size_t>(1, (ready + kPreviewGaussians - 1) / kPreviewGaussians);
+  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
+  GaussianModel part;
+  resizeGaussians(part, ready / step, model.sh_degree);
+  const float growth = previewGrowth(model.size(), part.size());
+  for (std::size_t i = 0; i < part.size(); ++i) {
+    part.mean[i] = model.mean[i * step];
+    part.rotation[i] = model.rotation[i * step];
+    part.log_scale[i] = model.log_scale[i * step] + growth;
+    part.opacity_logit[i] = model.opacity_logit[i * step];
+    std::copy_n(&model.sh[i * step * sh_count], sh_count, &part.sh[i * sh_count]);
+  }
+  return part;
+}
+
+SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, const std::string& path)
+    : path_(path), vertices_(start, total, path, "Gaussian") {
+  requireSplats(vertices_);
+  sh_degree_ = shDegreeOf(vertices_);
+  const auto add = [&](const std::string& name) { columns_.push_back(vertices_.require(name)); };
+  for (const char* name : {"x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "opacity", "scale_0", "scale_1"})
+    add(name);
+  flat_ = vertices_.find("scale_2") < 0;
+  if (!flat_) add("scale_2");
+  dc_ = columns_.size();
+  for (int c = 0; c < 3; ++c) add("f_dc_" + std::to_string(c));
+  rest_ = columns_.size();
+  const int rest_count = 3 * ((sh_degree_ + 1) * (sh_degree_ + 1) - 1);
+  for (int k = 0; k < rest_count; ++k) add("f_rest_" + std::to_string(k));
+  plain_ = vertices_.plainFloats(columns_);
+  for (int column : columns_) offsets_.push_back(vertices_.properties()[static_cast<std::size_t>(column)].offset);
+}
+
+// v(k) is the value of columns_[k].
+template <typename Values>
+void SplatRows::set(GaussianModel& model, std::size_t i, const Values& v) const {
+  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
+  model.mean[i] = {v(0), v(1), v(2)};
+  model.rotation[i] = {v(3), v(4), v(5), v(6)};
+  model.opacity_logit[i] = v(7);
+  model.log_scale[i] = {v(8), v(9), flat_ ? std::min(v(8), v(9)) + kFlatLogScale : v(10)};
+  glm::vec3* sh = model.sh.data() + i * sh_count;
+  sh[0] = {v(dc_), v(dc_ + 1), v(dc_ + 2)};
+  // Channel-major in the file: all of red, all of green, all of blue.
+  const std::size_t red = rest_, green = red + sh_count - 1, blue = green + sh_count - 1;
+  for (std::size_t k = 0; k + 1 < sh_count; ++k) sh[k + 1] = {v(red + k), v(green + k), v(blue + k)};
+}
+
+bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_t last, GaussianModel& model) const {
+  for (std::size_t i = first; i < last; ++i, bytes += stride()) {
+    set(model, i, [&](std::size_t k) {
+      float value;
+      std::memcpy(&value, bytes + offsets_[k], sizeof(value));
+      return value;
+    });
+  }
+  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
+  bool good = allFinite(&model.mean[first].x, 3 * (last - first)) &&
+              allFinite(&model.opacity_logit[first], last - first) &&
+              allFinite(&model.log_scale[first].x, 3 * (last - first)) &&
+              allFinite(&model.sh[first * sh_count].x, 3 * sh_count * (last - first));
+  for (std::size_t i = first; i < last; ++i) {
+    const float length_squared = glm::dot(model.rotation[i], model.rotation[i]);
+    good = good && length_squared > 0.0f && std::isfinite(length_squared);
+  }
+  return good;
+}
+
+GaussianModel SplatRows::convertChecked() const {
+  GaussianModel model;
+  resizeGaussians(model, size(), sh_degree_);
+  vertices_.read(columns_, [&](std::size_t i, std::span<const float> values) {
+    set(model, i, [&](std::size_t k) { return values[k]; });
+  });
+  checkModel(model, path_);
+  return model;
+}
+
+SplatPlyFile::SplatPlyFile(const std::filesystem::path& path) : file_(path, kMaxPlyBytes) {
+  rows_ = std::make_unique<SplatRows>(startOf(file_), file_.size(), path.string());
+}
+
+bool SplatPlyFile::read(std::size_t first, std::size_t count, std::size_t at, GaussianModel& model,
+                        std::vector<std::uint8_t>& scratch) const {
+  scratch.resize(count * rows_->stride());
+  file_.read(rows_->firstRow() + std::uint64_t{first} * rows_->stride(), scratch);
+  return rows_->convert(scratch.data(), at, at + count, model);
+}
+
+void SplatStream::add(std::span<const std::uint8_t> bytes) {
+  if (rows_ && rows_->plain()) return addRows(bytes);
+  pending_.insert(pending_.end(), bytes.begin(), bytes.end());
+  if (!rows_ && pending_.size() >= std::min<std::uint64_t>(kMaxPlyHeaderBytes, total_)) start();
+}
+
+void SplatStream::start() {
+  rows_.emplace(pending_, total_, path_);
+  if (!rows_->plain()) {
+    pending_.reserve(static_cast<std::size_t>(total_));
+    return;
+  }
+  resizeGaussians(model_, rows_->size(), rows_->shDegree());
+  skipped_ = rows_->firstRow();
+  addRows(std::exchange(pending_, {}));
+}
+
+void SplatStream::addRows(std::span<const std::uint8_t> bytes) {
+  const auto skipped = static_cast<std::size_t>(std::min<std::uint64_t>(skipped_, bytes.size()));
+  skipped_ -= skipped;
+  bytes = bytes.subspan(skipped);
+  const std::size_t stride = rows_->stride();
+  const auto take = [&](std::span<const std::uint8_t> whole) {
+    const std::size_t count = std::min(whole.size() / stride, rows_->size() - ready_);
+    (void)rows_->convert(whole.data(), ready_, ready_ + count, model_);  // finish() checks all of them
+    ready_ += count;
+    return count * stride;
+  };
+  if (!pending_.empty()) {  // a row that two pieces share
+    const std::size_t missing = std::min(bytes.size(), stride - pending_.size());
+    pending_.insert(pending_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(missing));
+    bytes = bytes.subspan(missing);
+    if (pending_.size() < stride) return;
+    take(pending_);
+    pending_.clear();
+  }
+  bytes = bytes.subspan(take(bytes));
+  if (ready_ < rows_->size()) pending_.assign(bytes.begin(), bytes.end());  // else: elements that no splat is made of
+}
+
+GaussianModel SplatStream::finish() {
+  if (!rows_) start();
+  if (!rows_->plain()) return SplatRows(pending_, total_, path_).convertChecked();
+  checkModel(model_, path_);
+  return std::move(model_);
+}
+
+std::string splatHeader(std::size_t gaussians, int sh_degree) {
+  std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(gaussians) + "\n";
+  const auto add = [&](const std::string& name) { header += "property float " + name + "\n"; };
+  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"}) add(name);
+  const int rest_count = 3 * ((sh_degree + 1) * (sh_degree + 1) - 1);
+  for (int k = 0; k < rest_count; ++k) add("f_rest_" + std::to_string(k));
+  for (const char* name : {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}) add(name);
+  return header + "end_header\n";
+}
+
+std::size_t splatRowBytes(int sh_degree) {
+  return sizeof(float) * static_cast<std::size_t>(14 + 3 * (sh_degree + 1) * (sh_degree + 1));
+}
+
+void formatSplatRows(const GaussianModel& model, std::size_t first, std::size_t count, std::uint8_t* to) {
+  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
+  for (std::size_t i = first; i < first + count; ++i) {
+    const glm::vec3* sh = model.sh.data() + i * sh_count;
+    appendFloats(to, {model.mean[i].x, model.mean[i].y, model.mean[i].z, 0.0f, 0.0f, 0.0f});
+    appendFloats(to, {sh[0].x, sh[0].y, sh[0].z});
+    for (int c = 0; c < 3; ++c)
+      for (std::size_t k = 1; k < sh_count; ++k) appendFloats(to, {sh[k][c]});
+    appendFloats(to, {model.opacity_logit[i], model.log_scale[i].x, model.log_scale[i].y, model.log_scale[i].z});
+    const glm::vec4& q = model.rotation[i];
+    appendFloats(to, {q.x, q.y, q.z, q.w});
+  }
+}
+
+}  // namespace tg

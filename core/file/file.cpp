@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: Apache-2.0
+// POSIX file input and output with bounds, fsync and rename.
+#include "core/file/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "core/file/atomic_files.h"
+#include "core/system/error.h"
+#include "core/system/temporary_files.h"
+
+namespace tg {
+namespace {
+
+struct Descriptor {
+  int fd = -1;
+  explicit Descriptor(int f) : fd(f) {}
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  ~Descriptor() {
+    if (fd >= 0) ::close(fd);
+  }
+};
+
+// strerror is not thread-safe; this is.
+std::string reason() { return std::generic_category().message(errno); }
+
+std::filesystem::path folderOf(const std::filesystem::path& path) {
+  const std::filesystem::path folder = path.parent_path();
+  return folder.empty() ? std::filesystem::path(".") : folder;
+}
+
+// Renaming over a device or a pipe would replace it (think of /dev/null).
+void requireFileName(const std::filesystem::path& path) {
+  std::error_code ignored;
+  const auto type = std::filesystem::status(path, ignored).type();
+  if (type != std::filesystem::file_type::not_found && type != std::filesystem::file_type::regular &&
+      type != std::filesystem::file_type::none)
+    throw Error(ErrorKind::cannotWrite, path.string(), "exists and is not a regular file");
+  if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
+}
+
+// A fresh empty file in the folder of `reported`, with the same extension, readable as the umask says. Removed unless
+// released.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::filesystem::path& reported) {
+    static std::atomic<unsigned> counter{0};
+    for (int attempt = 0; attempt < 100; ++attempt) {
+      const std::string stem = ".tg-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
+      path = folderOf(reported) / (stem + reported.extension().string());
+      name_.emplace(path);  // before the file is there: a signal may come at once
+      const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666));
+      if (file.fd >= 0) return;
+      if (errno != EEXIST) throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: " + reason());
+    }
+    throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: no free temporary name");
+  }
+  ~TemporaryFile() {
+    if (!released) ::unlink(path.c_str());
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  std::filesystem::path path;
+  bool released = false;
+
+ private:
+  std::optional<RemovedBySignal> name_;
+};
+
+void syncFile(const std::filesystem::path& file, const std::filesystem::path& reported) {
+  const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (descriptor.fd < 0 || ::fsync(descriptor.fd) != 0)
+    throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write to disk: " + reason());
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + reason());
+  struct stat status{};
+  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+  if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
+  const auto tooLong = [&](const std::string& found) {
+    return Error(ErrorKind::cannotRead, path.string(),
+                 "file is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " + found + ")");
+  };
+  const std::uint64_t size = S_ISREG(status.st_mode) ? static_cast<std::uint64_t>(status.st_size) : 0;
+  if (size > max_bytes) throw tooLong(std::to_string(size));
+
+  // The size is a hint only: pipes have none, and a file may grow while it is read.
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(size));
+  std::size_t used = 0;
+  for (;;) {
+    if (used == bytes.size()) {
+      std::uint8_t probe[65536];
+      const ssize_t got = ::read(file.fd, probe, sizeof(probe));
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+      if (got == 0) break;
+      if (used + static_cast<std::uint64_t>(got) > max_bytes) throw tooLong("more");
+      bytes.insert(bytes.end(), probe, probe + got);
+      used = bytes.size();
+      continue;
+    }
+    const ssize_t got = ::read(file.fd, bytes.data() + used, std::min<std::size_t>(bytes.size() - used, 1u << 30));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+    if (got == 0) break;
+    used += static_cast<std::size_t>(got);
+  }
+  bytes.resize(used);
+  return bytes;
+}
+
+FileReader::FileReader(const std::filesystem::path& path, std::uint64_t max_bytes) : path_(path.string()) {
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path_, "cannot open: " + reason());
+  struct stat status{};
+  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + reason());
+  if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is a folder (expected a file)");
+  if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is no regular file");
+  size_ = static_cast<std::uint64_t>(status.st_size);
+  if (size_ > max_bytes)
+    throw Error(ErrorKind::cannotRead, path_,
+                "file is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " +
+                    std::to_string(size_) + ")");
+  descriptor_ = std::exchange(file.fd, -1);
+}
+
+FileReader::~FileReader() { ::close(descriptor_); }
+
+void FileReader::read(std::uint64_t offset, std::span<std::uint8_t> out) const {
+  while (!out.empty()) {
+    const ssize_t got = ::pread(descriptor_, out.data(), out.size(), static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + reason());
+    if (got == 0) throw Error(ErrorKind::cannotRead, path_, "became shorter while it was read");
+    out = out.subspan(static_cast<std::size_t>(got));
+    offset += static_cast<std::uint64_t>(got);
+  }
+}
+
+FileWriter::FileWriter(const std::filesystem::path& file, const std::filesystem::path& reported)
+    : reported_(reported.string()), descriptor_(::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)) {
+  if (descriptor_ < 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot open: " + reason());
+}
+
+FileWriter::~FileWriter() { ::close(descriptor_); }
+
+void FileWriter::resize(std::uint64_t bytes) const {
+  if (::ftruncate(descriptor_, static_cast<off_t>(bytes)) != 0)
+    throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + reason());
+}
+
+void FileWriter::write(std::uint64_t offset, std::span<const std::uint8_t> bytes) const {
+  while (!bytes.empty()) {
+    const std::size_t length = std::min<std::size_t>(bytes.size(), 1u << 30);
+    const ssize_t written = ::pwrite(descriptor_, bytes.data(), length, static_cast<off_t>(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + reason());
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
+    offset += static_cast<std::uint64_t>(written);
+  }
+}
+
+void requireWritable(const std::filesystem::path& path) {
+  requireFileName(path);
+  // The final name itself: the temporary one is shorter than a name the file system may refuse.
+  struct stat status{};
+  if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT)
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
+  const TemporaryFile removed(path);
+}
+
+struct AtomicFiles::Entry {
+  explicit Entry(const std::filesystem::path& file) : path(file), temporary(file) {}
+  const std::filesystem::path path;
+  TemporaryFile temporary;
+};
+
+AtomicFiles::AtomicFiles(bool replace) : replace_(replace) {}
+AtomicFiles::~AtomicFiles() = default;
+
+void AtomicFiles::add(const std::filesystem::path& path,
+                      const std::function<void(const std::filesystem::path& temporary)>& write) {
+  requireFileName(path);
+  std::error_code ignored;
+  if (!replace_ && std::filesystem::exists(path, ignored))
+    throw Error(ErrorKind::cannotWrite, path.string(), "exists already (--overwrite replaces it)");
+  const Entry& entry = *entries_.emplace_back(std::make_unique<Entry>(path));
+  write(entry.temporary.path);
+  syncFile(entry.temporary.path, path);
+}
+
+void AtomicFiles::add(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {
+  add(path, [&](const std::filesystem::path& temporary) { FileWriter(temporary, path).write(0, bytes); });
+}
+
+void AtomicFiles::commit() {
+  for (const std::unique_ptr<Entry>& entry : entries_) {
+    if (::rename(entry->temporary.path.c_str(), entry->path.c_str()) != 0)
+      throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + reason());
+    entry->temporary.released = true;
+    // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.
+    const Descriptor folder(::open(folderOf(entry->path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (folder.fd >= 0) (void)::fsync(folder.fd);
+  }
+  entries_.clear();
+}
+
+void writeFileAtomically(const std::filesystem::path& path,
+                         const std::function<void(const std::filesystem::path& temporary)>& write) {
+  AtomicFiles files;
+  files.add(path, write);
+  files.commit();
+}
+
+void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {
+  AtomicFiles files;
+  files.add(path, bytes);
+  files.commit();
+}
+
+void writeTextAtomically(const std::filesystem::path& path, const std::string& text) {
+  writeFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+}
+
+void copyFileAtomically(const std::filesystem::path& source, const std::filesystem::path& path) {
+  writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
+    std::error_code error;
+    std::filesystem::copy_file(source, temporary, std::filesystem::copy_options::overwrite_existing, error);
+    if (error)
+      throw Error(ErrorKind::cannotWrite, path.string(), "cannot copy " + source.string() + ": " + error.message());
+  });
+}
+
+}  // namespace tg

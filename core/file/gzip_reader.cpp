@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// zlib's inflate behind bounds. libarchive's own gzip filter checks neither the checksum nor the ratio.
+#include "core/file/gzip_reader.h"
+
+#include <zlib.h>
+
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <fstream>
+#include <limits>
+#include <mutex>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "core/file/byte_progress.h"
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxRatio = 1000;
+constexpr std::uint64_t kRatioFreeBytes = 1 << 20;
+constexpr std::size_t kInputBytes = 1 << 16;
+constexpr std::size_t kOutputBytes = 1 << 20;
+constexpr std::size_t kPiecesAhead = 4;
+
+}  // namespace
+
+struct GzipReader::State {
+  std::string path;
+  std::ifstream file;
+  std::uint64_t max_inflated = 0;
+  std::uint64_t file_size = 0;
+  std::uint64_t bytes_in = 0;
+  std::uint64_t bytes_out = 0;
+  std::vector<std::uint8_t> input = std::vector<std::uint8_t>(kInputBytes);
+  ByteProgress* progress = nullptr;
+  z_stream stream{};
+  bool started = false;
+  bool finished = false;
+
+  ~State() {
+    if (started) inflateEnd(&stream);
+  }
+  [[noreturn]] void fail(const std::string& what) const { throw Error(ErrorKind::badData, path, what); }
+
+  // False at the end of the file.
+  bool refill() {
+    file.read(reinterpret_cast<char*>(input.data()), static_cast<std::streamsize>(input.size()));
+    if (file.bad()) throw Error(ErrorKind::cannotRead, path, "cannot read");
+    stream.next_in = input.data();
+    stream.avail_in = static_cast<uInt>(file.gcount());
+    if (progress) progress->advance(stream.avail_in);
+    return stream.avail_in > 0;
+  }
+
+  // Fills `output`, which is shorter at the end and empty after it.
+  void inflateNext(std::vector<std::uint8_t>& output);
+};
+
+// The next pieces, in order. Pieces that have been taken come back to be filled again.
+class GzipReader::Ahead {
+ public:
+  explicit Ahead(State& state) : state_(state), thread_([this] { run(); }) {}
+  ~Ahead() {
+    {
+      const std::lock_guard lock(mutex_);
+      stop_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+
+  // Valid until the next call.
+  std::span<const std::uint8_t> next() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return ended_ || !pieces_.empty(); });
+    if (pieces_.empty()) {
+      if (failure_) std::rethrow_exception(failure_);
+      return {};
+    }
+    free_ = std::exchange(taken_, std::move(pieces_.front()));
+    pieces_.pop_front();
+    lock.unlock();
+    changed_.notify_all();
+    return taken_;
+  }
+
+ private:
+  void run() {
+    std::unique_lock lock(mutex_);
+    while (!stop_) {
+      std::vector<std::uint8_t> piece = std::move(free_);
+      lock.unlock();
+      std::exception_ptr failure;
+      try {
+        state_.inflateNext(piece);
+      } catch (...) {
+        failure = std::current_exception();
+      }
+      lock.lock();
+      failure_ = failure;
+      ended_ = failure || piece.empty();
+      if (!ended_) pieces_.push_back(std::move(piece));
+      changed_.notify_all();
+      if (ended_) return;
+      changed_.wait(lock, [this] { return stop_ || pieces_.size() < kPiecesAhead; });
+    }
+  }
+
+  State& state_;
+  std::mutex mutex_;  // guards all below but taken_
+  std::condition_variable changed_;
+  std::deque<std::vector<std::uint8_t>> pieces_;
+  std::vector<std::uint8_t> free_;
+  std::exception_ptr failure_;
+  bool ended_ = false;
+  bool stop_ = false;
+  std::vector<std::uint8_t> taken_;  // the reader's
+  std::thread thread_;
+};
+
+GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ByteProgress* progress)
+    : state_(std::make_unique<State>()) {
+  State& s = *state_;
+  s.path = path.string();
+  s.max_inflated = max_inflated_bytes;
+  std::error_code status;
+  if (std::filesystem::is_directory(path, status))
+    throw Error(ErrorKind::cannotRead, s.path, "is a folder (expected a file)");
+  s.file.open(path, std::ios::binary);
+  if (!s.file) throw Error(ErrorKind::cannotRead, s.path, "cannot open");
+  s.file_size = std::filesystem::file_size(path, status);
+  if (status) throw Error(ErrorKind::cannotRead, s.path, "is not a regular file");
+  if (inflateInit2(&s.stream, 15 + 16) != Z_OK) throw Error(ErrorKind::cannotRead, s.path, "cannot start zlib");
+  s.started = true;
+  s.progress = progress;
+  if (progress) progress->total = s.file_size;
+  ahead_ = std::make_unique<Ahead>(s);
+}
+
+GzipReader::~GzipReader() = default;
+
+std::uint64_t GzipReader::inflatedBound() const {
+  const std::uint64_t size = state_->file_size;
+  const bool wraps = size > std::numeric_limits<std::uint64_t>::max() / 2 / kMaxRatio;
+  return wraps ? size : size * kMaxRatio + kRatioFreeBytes + kOutputBytes;
+}
+
+bool GzipReader::hasTrailingBytes() const {
+  State& s = *state_;
+  return s.finished && (s.stream.avail_in > 0 || s.refill());
+}
+
+std::span<const std::uint8_t> GzipReader::next() { return ahead_->next(); }
+
+void GzipReader::State::inflateNext(std::vector<std::uint8_t>& output) {
+  output.resize(finished ? 0 : kOutputBytes);
+  if (finished) return;
+  stream.next_out = output.data();
+  stream.avail_out = static_cast<uInt>(output.size());
+  while (stream.avail_out > 0 && !finished) {
+    if (stream.avail_in == 0 && !refill()) {
+      if (bytes_in == 0) fail("is empty (expected a gzip stream)");
+      fail("gzip stream ends early");
+    }
+    const uInt before = stream.avail_in;
+    const int result = inflate(&stream, Z_NO_FLUSH);
+    bytes_in += before - stream.avail_in;
+    if (result == Z_STREAM_END)
+      finished = true;
+    else if (result != Z_OK)
+      fail(std::string("broken gzip stream: ") + (stream.msg ? stream.msg : "unexpected data"));
+  }
+  output.resize(output.size() - stream.avail_out);
+  bytes_out += output.size();
+  if (bytes_out > kRatioFreeBytes && bytes_out / kMaxRatio > bytes_in)
+    fail("inflates more than " + std::to_string(kMaxRatio) + " : 1");
+  if (bytes_out > max_inflated)
+    fail("inflates to more than the limit (expected at most " + std::to_string(max_inflated) + " bytes)");
+}
+
+}  // namespace tg

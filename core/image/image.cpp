@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which codec a file needs, and the arithmetic on images that every room shares.
+#include "core/image/image.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "core/file/file.h"
+#include "core/image/codecs.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxImageFileBytes = std::uint64_t{4} << 30;
+// Images below this never need the ratio test: they cannot exhaust a machine.
+constexpr std::int64_t kAlwaysAllowedBytes = std::int64_t{64} << 20;
+
+bool startsWith(std::span<const std::uint8_t> bytes, std::initializer_list<std::uint8_t> magic) {
+  return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
+}
+
+void checkWritable(const Image& image, const std::string& path) {
+  const std::int64_t pixels = std::int64_t{image.width} * image.height;
+  const bool size_ok = image.width > 0 && image.height > 0 && pixels <= kMaxImagePixels;
+  if (!size_ok || (image.channels != 1 && image.channels != 3 && image.channels != 4) ||
+      image.data.size() != static_cast<std::size_t>(pixels * image.channels))
+    throw Error(ErrorKind::cannotWrite, path,
+                "image cannot be stored (expected 1, 3 or 4 channels and some pixels, found " +
+                    std::to_string(image.width) + " x " + std::to_string(image.height) + " x " +
+                    std::to_string(image.channels) + ")");
+}
+
+}  // namespace
+
+void checkImageSize(std::int64_t width, std::int64_t height, std::int64_t bytes_per_pixel, std::size_t file_bytes,
+                    std::int64_t max_ratio, const std::string& path) {
+  const std::string found = std::to_string(width) + " x " + std::to_string(height);
+  if (width < 1 || height < 1 || width > kMaxImagePixels || height > kMaxImagePixels ||
+      width * height > kMaxImagePixels)
+    throw Error(
+        ErrorKind::badData, path,
+        "image size out of range (expected 1 to " + std::to_string(kMaxImagePixels) + " pixels, found " + found + ")");
+  const std::int64_t raw = width * height * bytes_per_pixel;
+  if (raw > kAlwaysAllowedBytes && raw / max_ratio > static_cast<std::int64_t>(file_bytes))
+    throw Error(ErrorKind::badData, path,
+                "file is too short for its image size (found " + std::to_string(file_bytes) + " bytes for " + found +
+                    " pixels)");
+}
+
+Image decodeImage(std::span<const std::uint8_t> bytes, const std::string& path) {
+  if (startsWith(bytes, {0x89, 'P', 'N', 'G'})) return decodePng(bytes, path);
+  if (startsWith(bytes, {0xff, 0xd8, 0xff})) return decodeJpeg(bytes, path);
+  if (startsWith(bytes, {0x76, 0x2f, 0x31, 0x01})) return decodeExrPicture(bytes, path);
+  throw Error(ErrorKind::badData, path, "unknown image format (expected PNG, JPEG or EXR)");
+}
+
+Image readImage(const std::filesystem::path& path) {
+  return decodeImage(readFile(path, kMaxImageFileBytes), path.string());
+}
+
+void writeImage(const std::filesystem::path& path, const Image& image) {
+  checkWritable(image, path.string());
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (extension == ".png") return writeFileAtomically(path, encodePng(image));
+  if (extension == ".jpg" || extension == ".jpeg") return writeFileAtomically(path, encodeJpeg(image, 95));
+  if (extension == ".exr") return writeFileAtomically(path, encodeExrPicture(image));
+  throw Error(ErrorKind::usage, path.string(),
+              "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
+}
+
+Image compositeOver(const Image& image, const float background[3]) {
+  if (image.channels == 3) return image;
+  Image result(image.width, image.height, 3);
+  const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const float* from = image.data.data() + i * image.channels;
+    const float alpha = image.channels == 4 ? from[3] : 1.0f;
+    for (std::size_t c = 0; c < 3; ++c)
+      result.data[i * 3 + c] = from[image.channels == 1 ? 0 : c] * alpha + background[c] * (1.0f - alpha);
+  }
+  return result;
+}
+
+Image downsample(const Image& image, int factor) {
+  if (factor < 1)
+    throw Error(ErrorKind::usage,
+                "reduction factor out of range (expected at least 1, found " + std::to_string(factor) + ")");
+  if (factor == 1) return image;
+  if (image.width < factor || image.height < factor)
+    throw Error(ErrorKind::badData, "image is smaller than one box of the reduction (expected at least " +
+                                        std::to_string(factor) + " a side, found " + std::to_string(image.width) +
+                                        " x " + std::to_string(image.height) + ")");
+  Image result(image.width / factor, image.height / factor, image.channels);
+  parallelFor(result.height, 8, [&](std::int64_t row) {
+    const int y = static_cast<int>(row);
+    for (int x = 0; x < result.width; ++x) {
+      double sum[4] = {};
+      double alpha_sum = 0.0;
+      for (int v = y * factor; v < (y + 1) * factor; ++v)
+        for (int u = x * factor; u < (x + 1) * factor; ++u) {
+          const double alpha = image.channels == 4 ? image.at(u, v, 3) : 1.0;
+          alpha_sum += alpha;
+          for (int c = 0; c < std::min(image.channels, 3); ++c) sum[c] += alpha * image.at(u, v, c);
+        }
+      for (int c = 0; c < std::min(image.channels, 3); ++c)
+        result.at(x, y, c) = alpha_sum > 0.0 ? static_cast<float>(sum[c] / alpha_sum) : 0.0f;
+      if (image.channels == 4) result.at(x, y, 3) = static_cast<float>(alpha_sum / (double(factor) * factor));
+    }
+  });
+  return result;
+}
+
+}  // namespace tg

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/model/camera.h"
+
+#include <cmath>
+
+namespace tg {
+
+Camera lookAt(glm::dvec3 eye, glm::dvec3 target, glm::dvec3 up, double fov_y_radians, int width, int height) {
+  const glm::dvec3 z = glm::normalize(target - eye);
+  glm::dvec3 right = glm::cross(z, up);
+  // Looking along `up`: any horizontal direction will do, but always the same one.
+  if (glm::length(right) < 1e-9 * glm::length(up))
+    right = glm::cross(z, std::abs(z.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 0, 1));
+  const glm::dvec3 x = glm::normalize(right);
+  const glm::dvec3 y = glm::cross(z, x);
+  Camera camera;
+  camera.width = width;
+  camera.height = height;
+  camera.fx = camera.fy = 0.5 * height / std::tan(0.5 * fov_y_radians);
+  camera.cx = 0.5 * width;
+  camera.cy = 0.5 * height;
+  camera.camera_from_world_rotation = glm::transpose(glm::dmat3(x, y, z));
+  camera.camera_from_world_translation = -camera.camera_from_world_rotation * eye;
+  return camera;
+}
+
+Camera resized(const Camera& camera, int width, int height) {
+  Camera result = camera;
+  const double sx = static_cast<double>(width) / camera.width;
+  const double sy = static_cast<double>(height) / camera.height;
+  result.width = width;
+  result.height = height;
+  result.fx *= sx;
+  result.cx *= sx;
+  result.fy *= sy;
+  result.cy *= sy;
+  return result;
+}
+
+}  // namespace tg

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Names of the modes, and the promises a model keeps.
+#include "core/model/model.h"
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "shared/limits.h"
+
+namespace tg {
+namespace {
+
+static_assert(static_cast<unsigned>(TextureMode::alpha) == kModeAlpha);
+static_assert(static_cast<unsigned>(TextureMode::rgb) == kModeRgb);
+static_assert(static_cast<unsigned>(TextureMode::rgba) == kModeRgba);
+static_assert(static_cast<unsigned>(IntersectionModel::plane) == kIntersectPlane);
+static_assert(static_cast<unsigned>(IntersectionModel::maxResponse) == kIntersectMaxResponse);
+
+bool isFinite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+bool isFinite(const glm::vec4& v) { return isFinite(glm::vec3(v)) && std::isfinite(v.w); }
+
+void checkLength(std::size_t found, std::size_t expected, const char* member, const std::string& path) {
+  if (found == expected) return;
+  throw Error(ErrorKind::badData, path,
+              std::string("wrong length of ") + member + " (expected " + std::to_string(expected) + ", found " +
+                  std::to_string(found) + ")");
+}
+
+// The first promise Gaussian i breaks; "" when it keeps them all.
+std::string brokenPromise(const GaussianModel& model, std::size_t i) {
+  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
+  if (!isFinite(model.mean[i])) return "mean is not finite";
+  if (!isFinite(model.rotation[i])) return "rotation is not finite";
+  const float length_squared = glm::dot(model.rotation[i], model.rotation[i]);
+  if (!(length_squared > 0.0f) || !std::isfinite(length_squared))
+    return "rotation has no usable length (expected a quaternion of length > 0)";
+  if (!isFinite(model.log_scale[i])) return "log_scale is not finite";
+  if (!std::isfinite(model.opacity_logit[i])) return "opacity_logit is not finite";
+  for (std::size_t k = 0; k < sh_count; ++k)
+    if (!isFinite(model.sh[i * sh_count + k])) return "sh coefficient " + std::to_string(k) + " is not finite";
+  if (model.atlas.rects.empty()) return "";
+  const TextureRect& rect = model.atlas.rects[i];
+  if ((rect.width == 0) != (rect.height == 0))
+    return "texture rectangle has one empty side (found " + std::to_string(rect.width) + " x " +
+           std::to_string(rect.height) + ")";
+  const std::uint64_t end = std::uint64_t{rect.offset} + rect.texelCount();
+  if (rect.texelCount() > 0 && end > model.atlas.texels.size())
+    return "texture rectangle leaves the atlas (ends at texel " + std::to_string(end) + " of " +
+           std::to_string(model.atlas.texels.size()) + ")";
+  for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
+    const glm::vec4& texel = model.atlas.texels[rect.offset + t];
+    if (!isFinite(texel)) return "texel " + std::to_string(t) + " is not finite";
+    if (texel.a < 0.0f || texel.a > 1.0f)
+      return "texel " + std::to_string(t) + " has an alpha outside [0, 1] (found " + std::to_string(texel.a) + ")";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string_view name(TextureMode mode) {
+  switch (mode) {
+    case TextureMode::none:
+      return "none";
+    case TextureMode::alpha:
+      return "alpha";
+    case TextureMode::rgb:
+      return "rgb";
+    case TextureMode::rgba:
+      return "rgba";
+  }
+  return "unknown";
+}
+
+std::string_view name(IntersectionModel model) {
+  switch (model) {
+    case IntersectionModel::plane:
+      return "plane";
+    case IntersectionModel::maxResponse:
+      return "maxResponse";
+  }
+  return "unknown";
+}
+
+std::optional<TextureMode> parseTextureMode(std::string_view text) {
+  for (TextureMode mode : {TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba})
+    if (text == name(mode)) return mode;
+  return std::nullopt;
+}
+
+std::optional<IntersectionModel> parseIntersectionModel(std::string_view text) {
+  for (IntersectionModel model : {IntersectionModel::plane, IntersectionModel::maxResponse})
+    if (text == name(model)) return model;
+  return std::nullopt;
+}
+
+void checkModel(const GaussianModel& model, const std::string& path) {
+  if (model.sh_degree < 0 || model.sh_degree > 3)
+    throw Error(ErrorKind::badData, path,
+                "wrong SH degree (expected 0 to 3, found " + std::to_string(model.sh_degree) + ")");
+  const std::size_t n = model.size();
+  checkLength(model.rotation.size(), n, "rotation", path);
+  checkLength(model.log_scale.size(), n, "log_scale", path);
+  checkLength(model.opacity_logit.size(), n, "opacity_logit", path);
+  checkLength(model.sh.size(), n * static_cast<std::size_t>(model.shCount()), "sh", path);
+  if (!model.atlas.rects.empty()) checkLength(model.atlas.rects.size(), n, "atlas.rects", path);
+
+  // Blocks report the first offender each, so the message does not depend on the thread count.
+  constexpr std::size_t block = 4096;
+  constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
+  std::vector<std::size_t> offender((n + block - 1) / block, none);
+  parallelFor(static_cast<std::int64_t>(offender.size()), 1, [&](std::int64_t b) {
+    const std::size_t begin = static_cast<std::size_t>(b) * block;
+    for (std::size_t i = begin; i < std::min(n, begin + block); ++i) {
+      if (brokenPromise(model, i).empty()) continue;
+      offender[static_cast<std::size_t>(b)] = i;
+      return;
+    }
+  });
+  for (std::size_t i : offender)
+    if (i != none)
+      throw Error(ErrorKind::badData, path, "Gaussian " + std::to_string(i) + ": " + brokenPromise(model, i));
+}
+
+}  // namespace tg

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// The trained scene: Gaussians as structure of arrays, with their textures.
+#pragma once
+#include <cstddef>
+#include <glm/glm.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/model/atlas.h"
+
+namespace tg {
+
+// Which texture terms apply. Bit sets: rgba = alpha | rgb. Values equal kMode* of shaders/shared/limits.h.
+enum class TextureMode : unsigned { none = 0, alpha = 1, rgb = 2, rgba = 3 };
+// Where a ray meets a Gaussian (docs/math.md 2). Values equal kIntersect*.
+enum class IntersectionModel : unsigned { plane = 0, maxResponse = 1 };
+
+std::string_view name(TextureMode mode);             // "none", "alpha", "rgb", "rgba"
+std::string_view name(IntersectionModel model);      // "plane", "maxResponse"
+std::optional<TextureMode> parseTextureMode(std::string_view text);
+std::optional<IntersectionModel> parseIntersectionModel(std::string_view text);
+
+// World space: as the data set's, COLMAP axes (x right, y down, z forward for an identity camera).
+struct GaussianModel {
+  std::vector<glm::vec3> mean;        // [N] world units
+  std::vector<glm::vec4> rotation;    // [N] quaternion w, x, y, z in .x .y .z .w; any length > 0
+  std::vector<glm::vec3> log_scale;   // [N] ln(sigma)
+  std::vector<float> opacity_logit;   // [N] opacity = 1 / (1 + exp(-logit))
+  std::vector<glm::vec3> sh;          // [N, K] rgb, coefficient k of Gaussian i at i * K + k, K = shCount()
+  int sh_degree = 0;                  // 0..3
+  TextureMode texture_mode = TextureMode::none;
+  IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureAtlas atlas;                 // atlas.rects empty or [N]
+
+  std::size_t size() const { return mean.size(); }
+  int shCount() const { return (sh_degree + 1) * (sh_degree + 1); }
+};
+
+// Throws Error(badData, path, ...) naming the first Gaussian and member that breaks a promise above: lengths, finite
+// values, quaternion length > 0, rectangles inside texels. What every reader calls before it returns.
+void checkModel(const GaussianModel& model, const std::string& path);
+
+}  // namespace tg

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+// A pool of sleeping workers that join a loop while it has items left.
+#include "core/system/parallel.h"
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+namespace tg {
+namespace {
+
+constexpr int kMaxThreads = 1024;  // far above any machine; keeps a mistyped option from starting a million threads
+
+// Which worker of a running loop this thread is; -1 outside of loops.
+thread_local int current_worker = -1;
+
+struct Loop {
+  std::int64_t count;
+  std::int64_t grain;
+  const std::function<void(std::int64_t, int)>& body;
+  std::atomic<std::int64_t> next{0};
+  std::atomic<bool> failed{false};
+  std::exception_ptr error{};
+
+  void run(int worker) {
+    const int outer = current_worker;
+    current_worker = worker;
+    try {
+      while (!failed.load(std::memory_order_relaxed)) {
+        const std::int64_t begin = next.fetch_add(grain, std::memory_order_relaxed);
+        if (begin >= count) break;
+        const std::int64_t end = std::min(count, begin + grain);
+        for (std::int64_t i = begin; i < end; ++i) body(i, worker);
+      }
+    } catch (...) {
+      if (!failed.exchange(true)) error = std::current_exception();
+    }
+    current_worker = outer;
+  }
+};
+
+// A loop hands out tickets; a worker that wakes takes one and joins. When the caller has run out of items it takes the
+// tickets back that nobody has claimed, so a short loop never waits for a sleeper.
+class Pool {
+ public:
+  ~Pool() {
+    {
+      std::lock_guard lock(mutex_);
+      stop_ = true;
+    }
+    wake_.notify_all();
+    for (std::thread& thread : threads_) thread.join();
+  }
+
+  void run(Loop& loop, int helpers) {
+    std::lock_guard one_loop_at_a_time(loop_mutex_);
+    {
+      std::lock_guard lock(mutex_);
+      grow(helpers);
+      helpers = std::min(helpers, static_cast<int>(threads_.size()));
+      loop_ = &loop;
+      tickets_ = helpers;
+    }
+    for (int i = 0; i < helpers; ++i) wake_.notify_one();
+    loop.run(0);
+    std::unique_lock lock(mutex_);
+    tickets_ = 0;
+    idle_.wait(lock, [this] { return active_ == 0; });
+    loop_ = nullptr;
+  }
+
+ private:
+  void grow(int helpers) {
+    while (static_cast<int>(threads_.size()) < helpers) {
+      try {
+        threads_.emplace_back([this] { work(); });
+      } catch (const std::system_error&) {
+        return;  // the machine gives no more threads: fewer workers, same result
+      }
+    }
+  }
+
+  void work() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      wake_.wait(lock, [this] { return stop_ || tickets_ > 0; });
+      if (stop_) return;
+      Loop* loop = loop_;
+      const int worker = tickets_--;
+      ++active_;
+      lock.unlock();
+      loop->run(worker);
+      lock.lock();
+      if (--active_ == 0) idle_.notify_one();
+    }
+  }
+
+  std::mutex loop_mutex_;  // held by the thread whose loop runs
+  std::mutex mutex_;       // guards everything below
+  std::condition_variable wake_;
+  std::condition_variable idle_;
+  std::vector<std::thread> threads_;
+  Loop* loop_ = nullptr;
+  int tickets_ = 0;
+  int active_ = 0;
+  bool stop_ = false;
+};
+
+Pool& pool() {
+  static Pool instance;
+  return instance;
+}
+
+std::atomic<int> requested_threads{0};
+
+}  // namespace
+
+void setThreadCount(int count) { requested_threads = std::clamp(count, 0, kMaxThreads); }
+
+int threadCount() {
+  const int requested = requested_threads;
+  if (requested > 0) return requested;
+  return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMaxThreads);
+}
+
+void parallelForWorkers(std::int64_t count, std::int64_t grain,
+                        const std::function<void(std::int64_t item, int worker)>& body) {
+  if (count <= 0) return;
+  grain = std::clamp<std::int64_t>(grain, 1, count);
+  const std::int64_t grabs = (count - 1) / grain + 1;
+  const int threads = static_cast<int>(std::min<std::int64_t>(threadCount(), grabs));
+  if (threads == 1 || current_worker >= 0) {
+    const int worker = std::max(current_worker, 0);  // nested: the number that is ours in the outer loop
+    for (std::int64_t i = 0; i < count; ++i) body(i, worker);
+    return;
+  }
+  Loop loop{count, grain, body};
+  pool().run(loop, threads - 1);
+  if (loop.error) std::rethrow_exception(loop.error);
+}
+
+void parallelFor(std::int64_t count, std::int64_t grain, const std::function<void(std::int64_t)>& body) {
+  parallelForWorkers(count, grain, [&body](std::int64_t item, int) { body(item); });
+}
+
+}  // namespace tg

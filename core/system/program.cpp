@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// The outermost catch, and the words for a wrong command line.
+#include "core/system/program.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <iostream>
+#include <new>
+#include <string>
+
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+std::string usageMessage(const CLI::App* app, const CLI::Error& error) {
+  std::string message = error.what();
+  const std::string unknown = "INI was not able to parse ";
+  if (message.starts_with(unknown)) message = "--config: no such setting: " + message.substr(unknown.size());
+  if (const std::size_t at = message.find(": At Most 1 required"); at != message.npos) {
+    message = message.substr(0, at) + " is given more than once";
+  }
+  return app->get_name() + ": " + message + " (see --help)\n";
+}
+
+// Of both libraries' buffers, which a program may have filled in turns.
+void flushOutput() {
+  errno = 0;
+  std::cout.flush();
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) || !std::cout) {
+    throw Error(ErrorKind::cannotWrite, "standard output", std::string("cannot write: ") + std::strerror(errno));
+  }
+}
+
+}  // namespace
+
+std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
+  app.set_version_flag("--version", app.get_name() + " " TG_VERSION, "Print the version and exit");
+  app.failure_message(usageMessage);
+  try {
+    app.parse(argc, argv);
+    return std::nullopt;
+  } catch (const CLI::FileError& error) {
+    app.exit(error);
+    return static_cast<int>(ErrorKind::cannotRead);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ErrorKind::usage);
+  }
+}
+
+int runProgram(const char* name, const std::function<int()>& body) {
+  try {
+    const int code = body();
+    if (code == 0) flushOutput();
+    return code;
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    return exitCode(error);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "%s: out of memory\n", name);
+    return static_cast<int>(ErrorKind::device);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    return static_cast<int>(ErrorKind::badData);
+  }
+}
+
+}  // namespace tg

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/system/signals.h"
+
+#include <csignal>
+
+#include "core/system/temporary_files.h"
+
+namespace tg {
+
+void handleStopSignals(void (*handler)(int signal)) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    if (std::signal(signal, handler) == SIG_IGN) std::signal(signal, SIG_IGN);
+  }
+}
+
+void endAtOnce(int signal) noexcept {
+  removeTemporaryFiles();
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
+}  // namespace tg
