@@ -23,8 +23,8 @@
 #include "core/image/metrics.h"
 #include "core/system/error.h"
 #include "render/renderer.h"
-#include "training/dataset.h"
-#include "training/evaluate.h"
+#include "training/data/dataset.h"
+#include "training/score/evaluate.h"
 
 namespace {
 

@@ -14,7 +14,7 @@
 #include "training/cuda/frame.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/timing.h"
-#include "training/engine.h"
+#include "training/step/engine.h"
 
 namespace tg::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/model/camera.h"
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg::bench {
 

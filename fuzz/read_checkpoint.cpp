@@ -11,7 +11,7 @@
 
 #include "core/file/file.h"
 #include "core/system/error.h"
-#include "training/checkpoint.h"
+#include "training/run/checkpoint.h"
 
 namespace {
 

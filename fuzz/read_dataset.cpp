@@ -10,7 +10,7 @@
 #include <string>
 
 #include "core/system/error.h"
-#include "training/dataset.h"
+#include "training/data/dataset.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "training/dataset.h"
-#include "training/gradient.h"
+#include "training/data/dataset.h"
+#include "training/step/gradient.h"
 
 namespace tg {
 

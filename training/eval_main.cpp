@@ -17,8 +17,8 @@
 #include "core/system/signals.h"
 #include "render/renderer.h"
 #include "training/cli.h"
-#include "training/eval_report.h"
-#include "training/report.h"
+#include "training/run/report.h"
+#include "training/score/eval_report.h"
 
 namespace {
 

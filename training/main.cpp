@@ -19,13 +19,13 @@
 #include "core/system/program.h"
 #include "core/system/signals.h"
 #include "training/cli.h"
-#include "training/report.h"
-#include "training/run_folder.h"
-#include "training/sample.h"
-#include "training/trained_bundle.h"
-#include "training/trainer.h"
+#include "training/data/sample.h"
+#include "training/data/write_dataset.h"
+#include "training/run/report.h"
+#include "training/run/run_folder.h"
+#include "training/run/trained_bundle.h"
+#include "training/run/trainer.h"
 #include "training/watch.h"
-#include "training/write_dataset.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "render/reference/reference.h"
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg::test {
 

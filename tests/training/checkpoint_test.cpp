@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A run goes on from a checkpoint to the same bytes; a checkpoint from a stranger is refused, never trusted.
-#include "training/checkpoint.h"
+#include "training/run/checkpoint.h"
 
 #include <zlib.h>
 
@@ -15,8 +15,8 @@
 #include "core/temporary_folder.h"
 #include "sample_dataset.h"
 #include "support/catch.h"
-#include "training/report.h"
-#include "training/trainer.h"
+#include "training/run/report.h"
+#include "training/run/trainer.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 
 #include "support/catch.h"
 #include "support/cuda_orders.h"
-#include "training/filter_3d.h"
-#include "training/mcmc.h"
+#include "training/step/filter_3d.h"
+#include "training/step/mcmc.h"
 
 using namespace tg;
 using test::numbers;

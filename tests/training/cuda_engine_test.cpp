@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA engine runs ahead of what it knows: steps that had no room are done again, divergence is found later, and
 // nothing else is read back meanwhile.
-#include "training/engine.h"
+#include "training/step/engine.h"
 
 #include <cmath>
 #include <limits>
@@ -11,7 +11,7 @@
 #include "support/cuda_orders.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
-#include "training/init.h"
+#include "training/run/init.h"
 
 using namespace tg;
 

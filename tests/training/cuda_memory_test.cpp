@@ -12,7 +12,7 @@
 #include "training/cuda/engine.h"
 #include "training/cuda/frame.h"
 #include "training/cuda/step.h"
-#include "training/engine.h"
+#include "training/step/engine.h"
 
 using namespace tg;
 

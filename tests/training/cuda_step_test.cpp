@@ -9,10 +9,10 @@
 #include "training/cuda/frame.h"
 #include "training/cuda/step.h"
 #include "training/cuda/texels.h"
-#include "training/filter_3d.h"
-#include "training/loss.h"
-#include "training/mcmc.h"
-#include "training/optimizer.h"
+#include "training/step/filter_3d.h"
+#include "training/step/loss.h"
+#include "training/step/mcmc.h"
+#include "training/step/optimizer.h"
 
 using namespace tg;
 using test::numbers;

@@ -8,7 +8,7 @@
 #include "support/cuda_orders.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
-#include "training/trainer.h"
+#include "training/run/trainer.h"
 
 using namespace tg;
 using test::sameNumbers;

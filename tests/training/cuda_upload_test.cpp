@@ -11,7 +11,7 @@
 #include "training/cuda/photographs.h"
 #include "training/cuda/renderer.h"
 #include "training/cuda/upload.h"
-#include "training/trainer.h"
+#include "training/run/trainer.h"
 
 using namespace tg;
 

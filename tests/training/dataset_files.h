@@ -9,7 +9,7 @@
 
 #include "core/image/image.h"
 #include "core/system/error.h"
-#include "training/dataset.h"
+#include "training/data/dataset.h"
 
 namespace tg::test {
 

@@ -5,7 +5,7 @@
 
 #include "core/temporary_folder.h"
 #include "support/catch.h"
-#include "training/dataset.h"
+#include "training/data/dataset.h"
 #include "training/dataset_files.h"
 
 namespace fs = std::filesystem;

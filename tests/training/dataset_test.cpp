@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Data set loaders on tiny sets made here: every layout, every refusal with its message.
-#include "training/dataset.h"
+#include "training/data/dataset.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Who is cloned, split and pruned, where they end up, and what happens to their moments.
-#include "training/densify.h"
+#include "training/step/densify.h"
 
 #include <cmath>
 

@@ -10,8 +10,8 @@
 #include "core/temporary_folder.h"
 #include "program.h"
 #include "support/catch.h"
-#include "training/init.h"
-#include "training/sample.h"
+#include "training/data/sample.h"
+#include "training/run/init.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scores of a view with and without a mask, means, the effective rank, and what tgeval writes.
-#include "training/evaluate.h"
+#include "training/score/evaluate.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -8,8 +8,8 @@
 
 #include "core/image/metrics.h"
 #include "support/catch.h"
-#include "training/eval_report.h"
-#include "training/random.h"
+#include "training/score/eval_report.h"
+#include "training/step/random.h"
 
 using Catch::Matchers::Contains;
 

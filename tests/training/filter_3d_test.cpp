@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pixel sizes against cameras by hand, effective parameters by formula, their gradient by finite differences.
-#include "training/filter_3d.h"
+#include "training/step/filter_3d.h"
 
 #include <cmath>
 

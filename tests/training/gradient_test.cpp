@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU's gradients against the float64 reference, and that they do not depend on the number of threads.
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 #include <hwy/targets.h>
 

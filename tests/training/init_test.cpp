@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The first Gaussians: neighbour distances, point colours, random starts.
-#include "training/init.h"
+#include "training/run/init.h"
 
 #include <algorithm>
 
 #include "shaders/shared/limits.h"
 #include "support/catch.h"
-#include "training/random.h"
+#include "training/step/random.h"
 
 TEST_CASE("neighbour distances equal brute force, also with duplicates and few points", "[init]") {
   tg::Random random(4);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lens models against values of COLMAP and OpenCV, their inverse, and photographs of a known pattern.
-#include "training/lens.h"
+#include "training/data/lens.h"
 
 #include <cmath>
 #include <limits>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The loss against a float64 version written from the definition, and its gradient against finite differences of that.
-#include "training/loss.h"
+#include "training/step/loss.h"
 
 #include <cmath>
 #include <vector>
@@ -9,7 +9,7 @@
 #include "core/system/parallel.h"
 #include "support/catch.h"
 #include "support/ssim_reference.h"
-#include "training/random.h"
+#include "training/step/random.h"
 
 namespace {
 

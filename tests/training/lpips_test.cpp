@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // LPIPS with small random weights in the published structure, against plain loops in double written from the paper.
-#include "training/lpips.h"
+#include "training/score/lpips.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "support/catch.h"
-#include "training/random.h"
+#include "training/step/random.h"
 
 using Catch::Matchers::Contains;
 using tg::Image;

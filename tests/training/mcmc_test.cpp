@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Relocation keeps the picture, the count grows to its cap, and noise moves only what is nearly transparent.
-#include "training/mcmc.h"
+#include "training/step/mcmc.h"
 
 #include <cmath>
 #include <numeric>

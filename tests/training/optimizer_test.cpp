@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adam against float64, and moments that follow every change of size.
-#include "training/optimizer.h"
+#include "training/step/optimizer.h"
 
 #include <cmath>
 
 #include "core/system/parallel.h"
 #include "support/catch.h"
-#include "training/random.h"
-#include "training/textures.h"
+#include "training/step/random.h"
+#include "training/step/textures.h"
 
 namespace {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Decoding, masks and the store that keeps, streams and reads ahead.
-#include "training/photographs.h"
+#include "training/data/photographs.h"
 
 #include <atomic>
 #include <chrono>
@@ -10,10 +10,10 @@
 #include "core/system/error.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
-#include "training/dataset.h"
-#include "training/random.h"
-#include "training/sample.h"
-#include "training/trainer.h"
+#include "training/data/dataset.h"
+#include "training/data/sample.h"
+#include "training/run/trainer.h"
+#include "training/step/random.h"
 
 using Catch::Matchers::Contains;
 

@@ -22,8 +22,8 @@
 #include "core/temporary_folder.h"
 #include "program.h"
 #include "support/catch.h"
-#include "training/checkpoint.h"
-#include "training/random.h"
+#include "training/run/checkpoint.h"
+#include "training/step/random.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;

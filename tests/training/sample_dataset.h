@@ -3,8 +3,8 @@
 #pragma once
 #include <cmath>
 
-#include "training/dataset.h"
-#include "training/sample.h"
+#include "training/data/dataset.h"
+#include "training/data/sample.h"
 
 namespace tg::test {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The built-in scene: same bytes every time, and geometry, cameras and points that agree.
-#include "training/sample.h"
+#include "training/data/sample.h"
 
 #include <algorithm>
 #include <map>
@@ -10,7 +10,7 @@
 #include "core/system/parallel.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
-#include "training/dataset.h"
+#include "training/data/dataset.h"
 
 namespace fs = std::filesystem;
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every setting survives text; presets and budgets say what they promise; texture rectangles keep their budget.
-#include "training/settings.h"
+#include "training/settings/settings.h"
 
 #include <cmath>
 #include <set>
 
 #include "core/system/error.h"
 #include "support/catch.h"
-#include "training/textures.h"
+#include "training/step/textures.h"
 
 using Catch::Matchers::Contains;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The whole recipe on a small built-in scene: it learns, it is deterministic, it stops cleanly.
-#include "training/trainer.h"
+#include "training/run/trainer.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -10,12 +10,12 @@
 #include "core/temporary_folder.h"
 #include "sample_dataset.h"
 #include "support/catch.h"
-#include "training/init.h"
-#include "training/optimizer.h"
-#include "training/report.h"
-#include "training/sample.h"
-#include "training/schedule.h"
-#include "training/textures.h"
+#include "training/data/sample.h"
+#include "training/run/init.h"
+#include "training/run/report.h"
+#include "training/settings/schedule.h"
+#include "training/step/optimizer.h"
+#include "training/step/textures.h"
 
 namespace {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A data set that is written is the one that was loaded.
-#include "training/write_dataset.h"
+#include "training/data/write_dataset.h"
 
 #include <nlohmann/json.hpp>
 

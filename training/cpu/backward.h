@@ -9,7 +9,7 @@
 #include "render/cpu/blend.h"
 #include "render/cpu/project.h"
 #include "render/cpu/tiles.h"
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg::cpu {
 

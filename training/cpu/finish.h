@@ -5,7 +5,7 @@
 
 #include "render/cpu/project.h"
 #include "training/cpu/backward.h"
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg::cpu {
 

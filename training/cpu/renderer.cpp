@@ -13,7 +13,7 @@
 #include "render/cpu/tiles.h"
 #include "training/cpu/backward.h"
 #include "training/cpu/finish.h"
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg {
 namespace {

@@ -3,7 +3,7 @@
 #pragma once
 #include "training/cuda/memory.h"
 #include "training/cuda/types.h"
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg::cuda {
 

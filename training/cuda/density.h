@@ -5,7 +5,7 @@
 #include <span>
 
 #include "training/cuda/state.h"
-#include "training/density_math.h"
+#include "training/step/density_math.h"
 
 namespace tg::cuda {
 

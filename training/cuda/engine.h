@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training with parameters, moments and statistics on the device (training/engine.h).
+// Training with parameters, moments and statistics on the device (training/step/engine.h).
 #pragma once
 #include <memory>
 
-#include "training/engine.h"
+#include "training/step/engine.h"
 
 namespace tg::cuda {
 

@@ -11,7 +11,7 @@
 #include "training/cuda/project.h"
 #include "training/cuda/texels.h"
 #include "training/cuda/types.h"
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg::cuda {
 

@@ -8,7 +8,7 @@
 
 #include "training/cuda/memory.h"
 #include "training/cuda/upload.h"
-#include "training/photographs.h"
+#include "training/data/photographs.h"
 
 namespace tg::cuda {
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend of training (training/gradient.h).
+// The CUDA backend of training (training/step/gradient.h).
 #pragma once
 #include <memory>
 
-#include "training/gradient.h"
+#include "training/step/gradient.h"
 
 namespace tg {
 

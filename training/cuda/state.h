@@ -3,7 +3,7 @@
 #pragma once
 #include "training/cuda/frame.h"
 #include "training/cuda/step.h"
-#include "training/run_state.h"
+#include "training/step/run_state.h"
 
 namespace tg::cuda {
 

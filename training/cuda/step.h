@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // What happens to a picture and to gradients in a training step: loss, 3D filter, regularisers, Adam, noise,
-// statistics. The formulas are those of training/step_math.h.
+// statistics. The formulas are those of training/step/step_math.h.
 #pragma once
 #include "training/cuda/memory.h"
 #include "training/cuda/types.h"
-#include "training/step_math.h"
+#include "training/step/step_math.h"
 
 namespace tg::cuda {
 

@@ -1,0 +1,403 @@
+// SPDX-License-Identifier: Apache-2.0
+// COLMAP sparse models, binary and text: cameras, images, points3D.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <locale>
+#include <map>
+#include <span>
+#include <sstream>
+
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "training/data/dataset.h"
+
+namespace tg {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::uint64_t kMaxModelBytes = std::uint64_t{4} << 30;
+constexpr std::uint64_t kMaxImageSide = 1 << 20;
+constexpr std::size_t kMaxNameBytes = 4096;
+
+// COLMAP's camera models by id. `parameters` are, in the file's order: f one focal length, x and y two, c the principal
+// point, then Lens's k, d, p, t in their order, o the FOV model's angle.
+struct CameraModel {
+  const char* name;
+  const char* parameters;  // null: not supported
+  std::size_t count;
+  bool fisheye = false;
+};
+constexpr std::array<CameraModel, 12> kCameraModels = {{{"SIMPLE_PINHOLE", "fcc", 3},
+                                                        {"PINHOLE", "xycc", 4},
+                                                        {"SIMPLE_RADIAL", "fcck", 4},
+                                                        {"RADIAL", "fcckk", 5},
+                                                        {"OPENCV", "xycckkpp", 8},
+                                                        {"OPENCV_FISHEYE", "xycckkkk", 8, true},
+                                                        {"FULL_OPENCV", "xycckkppkddd", 12},
+                                                        {"FOV", "xycco", 5},
+                                                        {"SIMPLE_RADIAL_FISHEYE", "fcck", 4, true},
+                                                        {"RADIAL_FISHEYE", "fcckk", 5, true},
+                                                        {"THIN_PRISM_FISHEYE", "xycckkppkktt", 12, true},
+                                                        {"RAD_TAN_THIN_PRISM_FISHEYE", nullptr, 16, true}}};
+
+// A camera with its lens.
+struct ColmapCamera {
+  Camera camera;
+  Lens lens;
+};
+
+struct ColmapImage {
+  std::string name;
+  std::uint32_t camera_id = 0;
+  glm::dvec4 rotation{1, 0, 0, 0};  // camera from world; w, x, y, z
+  glm::dvec3 translation{0};
+};
+
+[[noreturn]] void fail(const fs::path& path, const std::string& what) {
+  throw Error(ErrorKind::badData, path.string(), what);
+}
+
+void setParameters(const CameraModel& model, std::span<const double> values, ColmapCamera& result) {
+  Camera& camera = result.camera;
+  Lens& lens = result.lens;
+  lens.model = model.name;
+  lens.fisheye = model.fisheye;
+  std::size_t centers = 0, k = 0, d = 0, p = 0, t = 0;
+  for (std::size_t i = 0; i < values.size(); i++) {
+    const double value = values[i];
+    switch (model.parameters[i]) {
+      case 'f':
+        camera.fx = camera.fy = value;
+        break;
+      case 'x':
+        camera.fx = value;
+        break;
+      case 'y':
+        camera.fy = value;
+        break;
+      case 'c':
+        (centers++ == 0 ? camera.cx : camera.cy) = value;
+        break;
+      case 'k':
+        lens.radial[k++] = value;
+        break;
+      case 'd':
+        lens.radial_divisor[d++] = value;
+        break;
+      case 'p':
+        lens.tangential[p++] = value;
+        break;
+      case 't':
+        lens.thin_prism[t++] = value;
+        break;
+      case 'o':
+        lens.fov = value;
+        break;
+    }
+  }
+}
+
+std::string supportedModels() {
+  std::string names;
+  for (const CameraModel& model : kCameraModels) {
+    if (model.parameters) names += (names.empty() ? "" : ", ") + std::string(model.name);
+  }
+  return names;
+}
+
+ColmapCamera makeCamera(const fs::path& path, const std::string& label, const CameraModel& model, std::uint64_t width,
+                        std::uint64_t height, std::span<const double> parameters) {
+  if (!model.parameters) {
+    fail(path, label + ": camera model " + model.name + " is not supported (expected one of " + supportedModels() +
+                   "): run `colmap image_undistorter` first");
+  }
+  if (parameters.size() != model.count) {
+    fail(path, label + ": wrong number of parameters (expected " + std::to_string(model.count) + ", found " +
+                   std::to_string(parameters.size()) + ")");
+  }
+  if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide) {
+    fail(path,
+         label + ": image size out of range (found " + std::to_string(width) + " x " + std::to_string(height) + ")");
+  }
+  for (const double value : parameters) {
+    if (!std::isfinite(value)) fail(path, label + ": a parameter is not finite");
+  }
+  ColmapCamera result;
+  result.camera.width = static_cast<int>(width);
+  result.camera.height = static_cast<int>(height);
+  setParameters(model, parameters, result);
+  if (!(result.camera.fx > 0 && result.camera.fy > 0)) fail(path, label + ": focal length is not positive");
+  return result;
+}
+
+// Little-endian fields of a file in memory; every read is checked against what is left.
+class Reader {
+ public:
+  explicit Reader(const fs::path& path) : path_(path), bytes_(readFile(path, kMaxModelBytes)) {}
+
+  template <typename T>
+  T read(const char* what) {
+    require(sizeof(T), what);
+    T value;
+    std::memcpy(&value, bytes_.data() + position_, sizeof(T));
+    position_ += sizeof(T);
+    return value;
+  }
+  // A count of records of at least `record_bytes` each: cannot exceed what the file can hold.
+  std::uint64_t readCount(std::uint64_t record_bytes, const char* what) {
+    const std::uint64_t count = read<std::uint64_t>(what);
+    if (count > remaining() / record_bytes) {
+      fail(path_, std::string(what) + ": the file is too short for " + std::to_string(count) +
+                      " records (expected at least " + std::to_string(record_bytes) + " bytes each, found " +
+                      std::to_string(remaining()) + " in all)");
+    }
+    return count;
+  }
+  std::string readName() {
+    const std::size_t limit = std::min<std::size_t>(remaining(), kMaxNameBytes);
+    const void* end = std::memchr(bytes_.data() + position_, 0, limit);
+    if (!end) fail(path_, "an image name does not end");
+    std::string name(reinterpret_cast<const char*>(bytes_.data()) + position_);
+    position_ += name.size() + 1;
+    return name;
+  }
+  void skip(std::uint64_t count, const char* what) {
+    require(count, what);
+    position_ += count;
+  }
+
+ private:
+  std::uint64_t remaining() const { return bytes_.size() - position_; }
+  void require(std::uint64_t count, const char* what) const {
+    if (count > remaining()) fail(path_, std::string("the file ends inside ") + what);
+  }
+  fs::path path_;
+  std::vector<std::uint8_t> bytes_;
+  std::size_t position_ = 0;
+};
+
+// Lines of a text file without comments; empty lines are kept, since images.txt gives them a meaning.
+class Lines {
+ public:
+  explicit Lines(const fs::path& path) : path_(path) {
+    const std::vector<std::uint8_t> bytes = readFile(path, kMaxModelBytes);
+    stream_.str(std::string(bytes.begin(), bytes.end()));
+  }
+  bool next() {
+    while (std::getline(stream_, line_)) {
+      number_++;
+      if (!line_.empty() && line_.back() == '\r') line_.pop_back();
+      if (line_.empty() || line_.front() != '#') {
+        fields_ = std::istringstream(line_);
+        fields_.imbue(std::locale::classic());
+        return true;
+      }
+    }
+    return false;
+  }
+  bool blank() const { return line_.find_first_not_of(" \t") == std::string::npos; }
+  template <typename T>
+  T read(const char* what) {
+    T value{};
+    if (!(fields_ >> value)) fail(path_, label() + ": expected " + what);
+    return value;
+  }
+  std::vector<double> readRest() {
+    std::vector<double> values;
+    for (double value; fields_ >> value;) values.push_back(value);
+    if (!fields_.eof()) fail(path_, label() + ": expected numbers");
+    return values;
+  }
+  std::string readRestOfLine() {
+    std::string text;
+    std::getline(fields_ >> std::ws, text);
+    return text;
+  }
+  std::string label() const { return "line " + std::to_string(number_); }
+
+ private:
+  fs::path path_;
+  std::istringstream stream_;
+  std::istringstream fields_;
+  std::string line_;
+  std::size_t number_ = 0;
+};
+
+using Cameras = std::map<std::uint32_t, ColmapCamera>;
+
+Cameras readCamerasBinary(const fs::path& path) {
+  Reader reader(path);
+  Cameras cameras;
+  const std::uint64_t count = reader.readCount(24, "cameras");
+  for (std::uint64_t i = 0; i < count; i++) {
+    const auto id = reader.read<std::uint32_t>("a camera");
+    const auto model = reader.read<std::int32_t>("a camera");
+    const auto width = reader.read<std::uint64_t>("a camera");
+    const auto height = reader.read<std::uint64_t>("a camera");
+    const std::string label = "camera " + std::to_string(id);
+    if (model < 0 || model >= static_cast<int>(kCameraModels.size())) {
+      fail(path, label + ": unknown camera model " + std::to_string(model));
+    }
+    std::vector<double> parameters(kCameraModels[model].count);
+    for (double& value : parameters) value = reader.read<double>("a camera's parameters");
+    cameras[id] = makeCamera(path, label, kCameraModels[model], width, height, parameters);
+  }
+  return cameras;
+}
+
+Cameras readCamerasText(const fs::path& path) {
+  Lines lines(path);
+  Cameras cameras;
+  while (lines.next()) {
+    if (lines.blank()) continue;
+    const auto id = lines.read<std::uint32_t>("a camera id");
+    const auto model = lines.read<std::string>("a camera model");
+    const auto width = lines.read<std::uint64_t>("a width");
+    const auto height = lines.read<std::uint64_t>("a height");
+    const std::string label = "camera " + std::to_string(id);
+    const auto known = std::ranges::find(kCameraModels, model, &CameraModel::name);
+    if (known == kCameraModels.end()) fail(path, label + ": unknown camera model " + model);
+    cameras[id] = makeCamera(path, label, *known, width, height, lines.readRest());
+  }
+  return cameras;
+}
+
+std::vector<ColmapImage> readImagesBinary(const fs::path& path) {
+  Reader reader(path);
+  const std::uint64_t count = reader.readCount(73, "images");
+  std::vector<ColmapImage> images(count);
+  for (ColmapImage& image : images) {
+    reader.skip(sizeof(std::uint32_t), "an image");
+    for (int i = 0; i < 4; i++) image.rotation[i] = reader.read<double>("an image's rotation");
+    for (int i = 0; i < 3; i++) image.translation[i] = reader.read<double>("an image's translation");
+    image.camera_id = reader.read<std::uint32_t>("an image");
+    image.name = reader.readName();
+    reader.skip(reader.readCount(24, "2D points") * 24, "an image's 2D points");
+  }
+  return images;
+}
+
+std::vector<ColmapImage> readImagesText(const fs::path& path) {
+  Lines lines(path);
+  std::vector<ColmapImage> images;
+  while (lines.next()) {
+    if (lines.blank()) continue;
+    ColmapImage& image = images.emplace_back();
+    lines.read<std::uint32_t>("an image id");
+    for (int i = 0; i < 4; i++) image.rotation[i] = lines.read<double>("a quaternion");
+    for (int i = 0; i < 3; i++) image.translation[i] = lines.read<double>("a translation");
+    image.camera_id = lines.read<std::uint32_t>("a camera id");
+    image.name = lines.readRestOfLine();
+    if (image.name.empty()) fail(path, lines.label() + ": expected an image name");
+    lines.next();  // its 2D points, an empty line when there are none
+  }
+  return images;
+}
+
+void addPoint(const fs::path& path, glm::dvec3 position, const std::array<double, 3>& rgb, PointCloud& points) {
+  if (!std::isfinite(position.x + position.y + position.z)) {
+    fail(path, "point " + std::to_string(points.position.size()) + " is not finite");
+  }
+  points.position.emplace_back(position);
+  points.color.push_back(glm::vec3(glm::dvec3(rgb[0], rgb[1], rgb[2]) / 255.0));
+}
+
+PointCloud readPointsBinary(const fs::path& path) {
+  Reader reader(path);
+  PointCloud points;
+  const std::uint64_t count = reader.readCount(51, "points");
+  points.position.reserve(count);
+  points.color.reserve(count);
+  for (std::uint64_t i = 0; i < count; i++) {
+    reader.skip(sizeof(std::uint64_t), "a point");
+    glm::dvec3 position;
+    for (int c = 0; c < 3; c++) position[c] = reader.read<double>("a point's position");
+    std::array<double, 3> rgb;
+    for (double& value : rgb) value = reader.read<std::uint8_t>("a point's colour");
+    reader.skip(sizeof(double), "a point's error");
+    reader.skip(reader.readCount(8, "a point's track") * 8, "a point's track");
+    addPoint(path, position, rgb, points);
+  }
+  return points;
+}
+
+PointCloud readPointsText(const fs::path& path) {
+  Lines lines(path);
+  PointCloud points;
+  while (lines.next()) {
+    if (lines.blank()) continue;
+    lines.read<std::uint64_t>("a point id");
+    glm::dvec3 position;
+    for (int c = 0; c < 3; c++) position[c] = lines.read<double>("a position");
+    std::array<double, 3> rgb;
+    for (double& value : rgb) value = std::clamp(lines.read<double>("a colour"), 0.0, 255.0);
+    addPoint(path, position, rgb, points);
+  }
+  return points;
+}
+
+glm::dmat3 rotationMatrix(const fs::path& path, const ColmapImage& image) {
+  const double length = glm::length(image.rotation);
+  if (!(length > 1e-6 && std::isfinite(length)) || !std::isfinite(glm::dot(image.translation, image.translation))) {
+    fail(path, "image '" + image.name + "': the pose is not usable (zero quaternion or not finite)");
+  }
+  const glm::dvec4 q = image.rotation / length;
+  const double w = q[0], x = q[1], y = q[2], z = q[3];
+  return glm::dmat3(glm::dvec3(1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
+                    glm::dvec3(2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
+                    glm::dvec3(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)));
+}
+
+bool isFile(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+}  // namespace
+
+std::optional<fs::path> findColmapModel(const fs::path& folder) {
+  for (const char* below : {"sparse/0", "sparse"}) {
+    const fs::path model = folder / below;
+    if (isFile(model / "cameras.bin") || isFile(model / "cameras.txt")) return model;
+  }
+  return std::nullopt;
+}
+
+DatasetIndex readColmap(const fs::path& folder) {
+  const std::optional<fs::path> model = findColmapModel(folder);
+  if (!model) fail(folder, "no COLMAP model (expected cameras.bin or cameras.txt in sparse/0 or sparse)");
+  const bool binary = isFile(*model / "cameras.bin");
+  const std::string extension = binary ? ".bin" : ".txt";
+  const fs::path images_path = *model / ("images" + extension);
+  const fs::path points_path = *model / ("points3D" + extension);
+  const Cameras cameras = binary ? readCamerasBinary(*model / "cameras.bin") : readCamerasText(*model / "cameras.txt");
+  const std::vector<ColmapImage> images = binary ? readImagesBinary(images_path) : readImagesText(images_path);
+
+  DatasetIndex index;
+  for (const ColmapImage& image : images) {
+    const auto camera = cameras.find(image.camera_id);
+    if (camera == cameras.end()) {
+      fail(images_path, "image '" + image.name + "' names camera " + std::to_string(image.camera_id) +
+                            ", which cameras" + extension + " lacks");
+    }
+    DatasetIndex::Entry entry;
+    entry.camera = camera->second.camera;
+    entry.lens = camera->second.lens;
+    entry.camera.name = image.name;
+    entry.camera.camera_from_world_rotation = rotationMatrix(images_path, image);
+    entry.camera.camera_from_world_translation = image.translation;
+    entry.image = folder / "images" / image.name;
+    entry.below_images = image.name;
+    index.entries.push_back(std::move(entry));
+  }
+  if (isFile(points_path)) {
+    index.points_file = points_path.filename().string();
+    index.points = binary ? readPointsBinary(points_path) : readPointsText(points_path);
+  }
+  return index;
+}
+
+}  // namespace tg

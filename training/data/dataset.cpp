@@ -1,0 +1,411 @@
+// SPDX-License-Identifier: Apache-2.0
+// Picks the layout, decodes the photographs in parallel and splits them into train and test.
+#include "training/data/dataset.h"
+
+#include <algorithm>
+#include <cmath>
+#include <locale>
+#include <mutex>
+#include <sstream>
+
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+
+namespace tg {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kMaxDownscale = 64;
+constexpr double kFarthest = 1e9;  // positions [world units] and principal points [px]: squares stay far inside float
+constexpr double kShortestFocal = 1e-3;  // [px]
+constexpr double kLongestFocal = 1e9;    // [px]
+
+bool isFile(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+DatasetLayout detectLayout(const fs::path& folder) {
+  // COLMAP first: folders that hold both describe one scene, and COLMAP's has points.
+  if (findColmapModel(folder)) return DatasetLayout::colmap;
+  if (isFile(folder / "transforms_train.json")) return DatasetLayout::nerfSynthetic;
+  if (isFile(folder / "transforms.json")) return DatasetLayout::transforms;
+  throw Error(ErrorKind::badData, folder.string(),
+              "not a data set (expected transforms_train.json, transforms.json, or a COLMAP model in sparse/0 or "
+              "sparse with cameras.bin / cameras.txt; found none of them)");
+}
+
+std::string text(double value) {
+  std::ostringstream stream;
+  stream.imbue(std::locale::classic());
+  stream << value;
+  return stream.str();
+}
+
+Camera downscaled(Camera camera, int factor) {
+  // The box filter cuts rows and columns that do not fill a box: the scale is exactly 1 / factor.
+  camera.width /= factor;
+  camera.height /= factor;
+  for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *value /= factor;
+  return camera;
+}
+
+// What float cannot hold would train for hours to a model that cannot be written.
+void checkCamera(const fs::path& image, const Camera& camera) {
+  for (const double focal : {camera.fx, camera.fy}) {
+    if (!(focal >= kShortestFocal && focal <= kLongestFocal)) {
+      throw Error(ErrorKind::badData, image.string(),
+                  "focal length out of range (expected 0.001 to 1e9 pixels, found " + text(focal) + ")");
+    }
+  }
+  const glm::dvec3 position = camera.position();
+  for (const double value : {camera.cx, camera.cy, position.x, position.y, position.z}) {
+    if (!(std::abs(value) <= kFarthest)) {
+      throw Error(ErrorKind::badData, image.string(),
+                  "camera position or principal point out of range (expected -1e9 to 1e9, found " + text(value) + ")");
+    }
+  }
+}
+
+void checkPoints(const fs::path& folder, const PointCloud& points) {
+  for (std::size_t i = 0; i < points.position.size(); i++) {
+    for (int axis = 0; axis < 3; axis++) {
+      if (!(std::abs(points.position[i][axis]) <= kFarthest)) {
+        throw Error(ErrorKind::badData, folder.string(),
+                    "point " + std::to_string(i) + " is out of range (expected -1e9 to 1e9, found " +
+                        text(points.position[i][axis]) + ")");
+      }
+    }
+  }
+}
+
+bool isFolder(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_directory(path, ignored);
+}
+
+// Whether a picture is 1/factor of another, give or take the rounding of whoever reduced it.
+bool isReduced(int small, int large, int factor) { return std::abs(std::int64_t{small} * factor - large) < factor; }
+
+// The data set's own reduced photographs spare the decoding of the large ones. Points the entries at `images_N` and
+// returns true where it holds all of them at the size that the factor asks for.
+bool useReducedFolder(const fs::path& folder, int factor, DatasetIndex& index, std::vector<std::string>& notes) {
+  const std::string name = "images_" + std::to_string(factor);
+  if (factor == 1 || !isFolder(folder / name)) return false;
+  const auto reduced = [&](const DatasetIndex::Entry& entry) { return folder / name / entry.below_images; };
+  const DatasetIndex::Entry* first = nullptr;
+  std::size_t full_files = 0, reduced_files = 0;
+  for (const DatasetIndex::Entry& entry : index.entries) {
+    full_files += isFile(entry.image);
+    const bool found = !entry.below_images.empty() && isFile(reduced(entry));
+    reduced_files += found;
+    if (found && !first) first = &entry;
+  }
+  if (!first || reduced_files < full_files) {
+    notes.push_back(name + " lacks photographs (found " + std::to_string(reduced_files) + " of " +
+                    std::to_string(full_files) + "): images is reduced instead");
+    return false;
+  }
+  const Image small = readImage(reduced(*first));
+  glm::ivec2 large(first->camera.width, first->camera.height);
+  if (large.x == 0 && isFile(first->image)) {
+    const Image image = readImage(first->image);
+    large = {image.width, image.height};
+  }
+  if (large.x > 0 && !(isReduced(small.width, large.x, factor) && isReduced(small.height, large.y, factor))) {
+    notes.push_back(name + " is of another size (expected 1/" + std::to_string(factor) + " of " +
+                    std::to_string(large.x) + " x " + std::to_string(large.y) + ", found " +
+                    std::to_string(small.width) + " x " + std::to_string(small.height) +
+                    "): images is reduced instead");
+    return false;
+  }
+  for (DatasetIndex::Entry& entry : index.entries) entry.image = reduced(entry);
+  notes.push_back("photographs are read from " + name + ", which holds them at 1/" + std::to_string(factor));
+  return true;
+}
+
+// A mask that goes with the photograph by its name: for images/a/b.jpg the first that exists of masks/a/b.jpg.png (as
+// COLMAP names them), masks/a/b.jpg.mask.png and masks/a/b.png; masks_N before masks where images_N is read.
+fs::path findMask(const fs::path& folder, const std::vector<std::string>& mask_folders,
+                  const DatasetIndex::Entry& entry) {
+  const fs::path below =
+      entry.below_images.empty() ? entry.image.lexically_relative(folder) : fs::path(entry.below_images);
+  for (const std::string& masks : mask_folders) {
+    const std::string name = (folder / masks / below).string();
+    for (const fs::path& candidate :
+         {fs::path(name + ".png"), fs::path(name + ".mask.png"), fs::path(name).replace_extension(".png")}) {
+      if (isFile(candidate)) return candidate;
+    }
+  }
+  return {};
+}
+
+void findMasks(const fs::path& folder, const std::string& images, DatasetIndex& index,
+               std::vector<std::string>& notes) {
+  std::vector<std::string> mask_folders;
+  for (const std::string& name :
+       {images.starts_with("images_") ? "masks" + images.substr(6) : "", std::string("masks")}) {
+    if (!name.empty() && isFolder(folder / name)) mask_folders.push_back(name);
+  }
+  std::size_t masked = 0;
+  for (DatasetIndex::Entry& entry : index.entries) {
+    if (entry.mask.empty()) entry.mask = findMask(folder, mask_folders, entry);
+    masked += !entry.mask.empty();
+  }
+  if (masked > 0) {
+    notes.push_back(std::to_string(masked) + " of " + std::to_string(index.entries.size()) +
+                    " photographs have a mask: pixels where it is 0 are not trained and not scored");
+  } else if (!mask_folders.empty()) {
+    notes.push_back(mask_folders.front() +
+                    " holds no mask that goes with a photograph (expected NAME.EXTENSION.png, "
+                    "NAME.EXTENSION.mask.png or NAME.png)");
+  }
+}
+
+PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std::vector<std::string>& notes) {
+  if (options.points) {
+    PointCloud points = readPointCloudPly(*options.points);
+    if (points.position.empty()) {
+      throw Error(ErrorKind::badData, options.points->string(), "holds no points (expected at least one)");
+    }
+    return points;
+  }
+  if (!index.points_file.empty() && index.points.position.empty()) {
+    notes.push_back(index.points_file + " holds no points: training starts from random ones");
+  }
+  return std::move(index.points);
+}
+
+// The camera of a photograph of width x height pixels, before it is downscaled.
+Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
+  Camera camera = entry.camera;
+  if (camera.width == 0) {
+    camera.width = width;
+    camera.height = height;
+    camera.cx = width / 2.0;
+    camera.cy = height / 2.0;
+    camera.fx = width / 2.0 / std::tan(*entry.field_of_view_x / 2.0);
+    camera.fy = entry.field_of_view_y ? height / 2.0 / std::tan(*entry.field_of_view_y / 2.0) : camera.fx;
+  } else if (camera.width != width || camera.height != height) {
+    camera = resized(camera, width, height);
+  }
+  checkCamera(entry.image, camera);
+  return camera;
+}
+
+void noteLenses(const DatasetIndex& index, Dataset& dataset) {
+  const auto bent = [](const DatasetIndex::Entry& entry) { return !entry.lens.isPinhole(); };
+  const auto count = std::ranges::count_if(index.entries, bent);
+  if (count == 0) return;
+  const auto first = std::ranges::find_if(index.entries, bent);
+  const Camera& camera = dataset.views[static_cast<std::size_t>(first - index.entries.begin())].camera;
+  dataset.notes.push_back(std::to_string(count) + " of " + std::to_string(index.entries.size()) +
+                          " photographs are undistorted as they are read (the first: " + first->lens.model + ", to " +
+                          std::to_string(camera.width) + " x " + std::to_string(camera.height) + ")");
+}
+
+Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int height) {
+  return {entry.lens, cameraOf(entry, width, height), entry.image.string()};
+}
+
+// Whether a photograph and its camera have sides in the same proportion, but for a reduced one's rounding.
+bool sameShape(const Camera& camera, int width, int height) {
+  if (camera.width == 0) return true;
+  const double proportion = static_cast<double>(camera.height) / camera.width;
+  return std::abs(width * proportion - height) <= 1 + proportion;
+}
+
+// Decodes every photograph once: a broken file shows before hours of training, not after.
+void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOptions& options, Dataset& dataset) {
+  std::vector<PhotographSource> sources;
+  for (const DatasetIndex::Entry& entry : index.entries) {
+    PhotographSource& source = sources.emplace_back();
+    source.image = entry.image;
+    source.mask = entry.mask;
+    source.downscale = downscale;
+    if (!dataset.random_background) source.background = dataset.background;
+    if (!entry.lens.isPinhole()) source.undistortion = [entry](int w, int h) { return undistortionOf(entry, w, h); };
+  }
+  const std::int64_t count = static_cast<std::int64_t>(sources.size());
+  dataset.views.resize(sources.size());
+  dataset.photographs = std::make_shared<PhotographStore>(
+      sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
+  std::mutex counting;
+  std::size_t decoded = 0;
+  std::vector<std::string> stretched(sources.size());
+  parallelFor(count, 1, [&](std::int64_t item) {
+    const auto i = static_cast<std::size_t>(item);
+    Photograph photograph = decodePhotograph(sources[i]);
+    const DatasetIndex::Entry& entry = index.entries[i];
+    dataset.views[i].camera = entry.lens.isPinhole()
+                                  ? cameraOf(entry, photograph.file_width, photograph.file_height)
+                                  : undistortionOf(entry, photograph.file_width, photograph.file_height).pinhole;
+    if (downscale > 1) dataset.views[i].camera = downscaled(dataset.views[i].camera, downscale);
+    const Camera& camera = entry.camera;
+    if (!sameShape(camera, photograph.file_width, photograph.file_height)) {
+      stretched[i] = sources[i].image.filename().string() + ": expected the shape of " + std::to_string(camera.width) +
+                     " x " + std::to_string(camera.height) + ", found " + std::to_string(photograph.file_width) +
+                     " x " + std::to_string(photograph.file_height);
+    }
+    dataset.photographs->offer(i, std::move(photograph));
+    const std::lock_guard lock(counting);
+    if (options.decoded) options.decoded(++decoded, sources.size());
+  });
+  std::erase(stretched, "");
+  if (!stretched.empty()) {
+    dataset.notes.push_back(std::to_string(stretched.size()) + " of " + std::to_string(sources.size()) +
+                            " photographs do not have the shape of their camera's picture and are taken as stretched; "
+                            "were they turned or cropped since? (" +
+                            stretched.front() + ")");
+  }
+  dataset.photographs->finishOffers();
+  noteLenses(index, dataset);
+  const std::size_t kept = dataset.photographs->keptViews();
+  if (kept < dataset.views.size()) {
+    dataset.notes.push_back("the decoded photographs exceed " + std::to_string(options.image_memory >> 20) +
+                            " MiB: " + std::to_string(dataset.views.size() - kept) + " of " +
+                            std::to_string(dataset.views.size()) + " are decoded whenever they are needed");
+  }
+}
+
+}  // namespace
+
+std::string_view name(DatasetLayout layout) {
+  switch (layout) {
+    case DatasetLayout::automatic:
+      return "auto";
+    case DatasetLayout::nerfSynthetic:
+      return "nerf-synthetic";
+    case DatasetLayout::transforms:
+      return "transforms";
+    case DatasetLayout::colmap:
+      return "colmap";
+  }
+  return "";
+}
+
+std::optional<DatasetLayout> parseDatasetLayout(std::string_view text) {
+  for (DatasetLayout layout :
+       {DatasetLayout::automatic, DatasetLayout::nerfSynthetic, DatasetLayout::transforms, DatasetLayout::colmap}) {
+    if (text == name(layout)) return layout;
+  }
+  return std::nullopt;
+}
+
+std::optional<glm::vec3> parseBackground(std::string_view text) {
+  if (text == "white") return glm::vec3(1.0f);
+  if (text == "black") return glm::vec3(0.0f);
+  glm::vec3 color;
+  std::istringstream stream{std::string(text)};
+  stream.imbue(std::locale::classic());
+  for (int c = 0; c < 3; c++) {
+    char comma = ',';
+    if (c > 0) stream >> comma;
+    if (!(stream >> color[c]) || comma != ',' || !(color[c] >= 0 && color[c] <= 1)) return std::nullopt;
+  }
+  return stream.peek() == std::istringstream::traits_type::eof() ? std::optional(color) : std::nullopt;
+}
+
+std::vector<std::size_t> Dataset::indices(bool test) const {
+  std::vector<std::size_t> result;
+  for (std::size_t i = 0; i < views.size(); i++) {
+    if (views[i].camera.test == test) result.push_back(i);
+  }
+  return result;
+}
+
+std::shared_ptr<const ViewPixels> Dataset::pixels(std::size_t view) const { return composited(view, background); }
+
+std::shared_ptr<const ViewPixels> Dataset::composited(std::size_t view, const glm::vec3& color) const {
+  return compositeOver(photographs->get(view), color);
+}
+
+void Dataset::prefetch(std::size_t view) const { photographs->prefetch(view); }
+
+Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
+  std::error_code code;
+  if (!fs::exists(folder, code)) throw Error(ErrorKind::cannotRead, folder.string(), "no such folder");
+  if (!fs::is_directory(folder, code)) {
+    throw Error(ErrorKind::cannotRead, folder.string(), "not a folder (expected a data set)");
+  }
+  if (options.downscale < 1 || options.downscale > kMaxDownscale) {
+    throw Error(ErrorKind::usage, "downscale factor out of range (expected 1 to " + std::to_string(kMaxDownscale) +
+                                      ", found " + std::to_string(options.downscale) + ")");
+  }
+  if (options.test_every < 0 || options.test_every == 1) {
+    throw Error(ErrorKind::usage,
+                "the test split needs 0 (none) or at least 2 (found " + std::to_string(options.test_every) + ")");
+  }
+
+  Dataset dataset;
+  dataset.name = fs::weakly_canonical(folder).filename().string();
+  dataset.layout = options.layout == DatasetLayout::automatic ? detectLayout(folder) : options.layout;
+  DatasetIndex index =
+      dataset.layout == DatasetLayout::colmap ? readColmap(folder) : readTransforms(folder, dataset.layout);
+  dataset.background =
+      options.background.value_or(glm::vec3(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f));
+  dataset.random_background = options.random_background;
+  dataset.points = choosePoints(options, index, dataset.notes);
+  checkPoints(options.points.value_or(folder), dataset.points);
+
+  std::string images = options.images;
+  int downscale = options.downscale;
+  if (images != "images") {
+    for (DatasetIndex::Entry& entry : index.entries) {
+      if (!entry.below_images.empty()) entry.image = folder / images / entry.below_images;
+    }
+  } else if (useReducedFolder(folder, downscale, index, dataset.notes)) {
+    images += "_" + std::to_string(downscale);
+    downscale = 1;
+  }
+  const std::size_t listed = index.entries.size();
+  const auto missing = std::find_if(index.entries.begin(), index.entries.end(),
+                                    [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });
+  const std::string first_missing =
+      missing == index.entries.end() ? "" : missing->image.lexically_proximate(folder).string();
+  std::erase_if(index.entries, [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });
+  dataset.missing_images = static_cast<int>(listed - index.entries.size());
+  if (dataset.missing_images > 0) {
+    dataset.notes.push_back(std::to_string(dataset.missing_images) + " of " + std::to_string(listed) +
+                            " listed images are missing and were skipped (the first: " + first_missing + ")");
+  }
+  if (index.entries.empty()) {
+    throw Error(ErrorKind::badData, folder.string(),
+                listed == 0 ? "the data set lists no images"
+                            : "none of the " + std::to_string(listed) + " listed images exists (expected " +
+                                  first_missing + " and others; --image-folder names another folder)");
+  }
+
+  std::stable_sort(index.entries.begin(), index.entries.end(),
+                   [](const auto& a, const auto& b) { return a.camera.name < b.camera.name; });
+  if (!index.has_split && options.test_every > 0) {
+    for (std::size_t i = 0; i < index.entries.size(); i += static_cast<std::size_t>(options.test_every)) {
+      index.entries[i].camera.test = index.entries.size() > 1;  // a single image is for training
+    }
+  }
+  std::stable_partition(index.entries.begin(), index.entries.end(),
+                        [](const DatasetIndex::Entry& entry) { return !entry.camera.test; });
+  if (index.entries.front().camera.test) {
+    throw Error(ErrorKind::badData, folder.string(), "no image of the training split exists");
+  }
+
+  if (options.only_test) {
+    std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
+  }
+  findMasks(folder, images, index, dataset.notes);
+  loadPhotographs(index, downscale, options, dataset);
+  return dataset;
+}
+
+double cameraExtent(const Dataset& dataset) {
+  const std::vector<std::size_t> train = dataset.indices(false);
+  glm::dvec3 mean(0.0);
+  for (std::size_t i : train) mean += dataset.views[i].camera.position() / static_cast<double>(train.size());
+  double radius = 0;
+  for (std::size_t i : train) radius = std::max(radius, glm::length(dataset.views[i].camera.position() - mean));
+  // One camera, or several at one place, span nothing: fall back to the unit of the world.
+  return radius > 0 ? 1.1 * radius : 1.0;
+}
+
+}  // namespace tg

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs with known cameras: NeRF-synthetic and instant-ngp / nerfstudio JSON, COLMAP sparse models.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <glm/glm.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/bundle/ply.h"
+#include "core/model/camera.h"
+#include "training/data/photographs.h"
+
+namespace tg {
+
+enum class DatasetLayout { automatic, nerfSynthetic, transforms, colmap };
+std::string_view name(DatasetLayout layout);  // "auto", "nerf-synthetic", "transforms", "colmap"
+std::optional<DatasetLayout> parseDatasetLayout(std::string_view text);
+
+// "white", "black" or "r,g,b" in [0,1].
+std::optional<glm::vec3> parseBackground(std::string_view text);
+
+// One photograph's camera; its pixels are Dataset::pixels.
+struct View {
+  Camera camera;
+};
+
+struct Dataset {
+  std::string name;  // of the folder
+  DatasetLayout layout = DatasetLayout::automatic;
+  std::vector<View> views;         // sorted by image name inside train and test; train first
+  PointCloud points;               // empty when the data set has none
+  glm::vec3 background{0.0f};      // what scores are taken against, and training without random_background
+  bool random_background = false;  // transparency is kept: training composites over a new colour every time
+  std::vector<std::string> notes;  // what a user should know: one line each, without the data set's path
+  int missing_images = 0;          // listed by the data set, not on disk: skipped
+  std::shared_ptr<PhotographStore> photographs;  // one a view
+
+  std::vector<std::size_t> indices(bool test) const;
+  // The pixels of a view over `background`, or over a colour of the caller's choice: the same ones where the photograph
+  // is opaque or random_background is false. They stay valid as long as the result lives. Not inside a parallelFor.
+  std::shared_ptr<const ViewPixels> pixels(std::size_t view) const;
+  std::shared_ptr<const ViewPixels> composited(std::size_t view, const glm::vec3& color) const;
+  // A hint that the pixels of this view are wanted soon; up to PhotographStore::kReadAhead views ahead is of use.
+  void prefetch(std::size_t view) const;
+};
+
+struct DatasetOptions {
+  DatasetLayout layout = DatasetLayout::automatic;
+  int downscale = 1;                    // integer box filter
+  std::optional<glm::vec3> background;  // default: white for NeRF-synthetic, black otherwise
+  bool random_background = false;
+  int test_every = 8;  // every n-th image by name is held out, where no split is given; 0: none
+  // Folder of the photographs: COLMAP's, and JSON's where file_path begins with images/. With the default and a
+  // downscale factor N, images_N is read instead where it holds the photographs at that size.
+  std::string images = "images";
+  std::optional<std::filesystem::path> points;        // point cloud PLY instead of the data set's own
+  std::optional<bool> only_test;                      // keep the views of one side of the split only
+  std::uint64_t image_memory = defaultImageMemory();  // decoded photographs beyond it are decoded when needed [bytes]
+  // Told while photographs are decoded for the first time, from any thread, one call at a time.
+  std::function<void(std::size_t done, std::size_t count)> decoded;
+};
+
+// Throws Error(cannotRead / badData / usage).
+Dataset loadDataset(const std::filesystem::path& folder, const DatasetOptions& options = {});
+
+// 1.1 * the largest distance of a training camera from their mean: the unit of position learning rates and of the
+// densification thresholds. [world units]
+double cameraExtent(const Dataset& dataset);
+
+// What the loaders of each layout return: cameras whose images are not decoded yet. Exposed for the tests.
+struct DatasetIndex {
+  struct Entry {
+    Camera camera;  // width = height = 0: taken from the image, focal length from field_of_view
+    Lens lens;
+    std::filesystem::path image;
+    std::string below_images;               // the image's path below the folder `images`; empty: it is in another one
+    std::filesystem::path mask;             // named by the data set; empty: found by its name, or none
+    std::optional<double> field_of_view_x;  // [rad]
+    std::optional<double> field_of_view_y;  // [rad]
+  };
+  std::vector<Entry> entries;
+  PointCloud points;
+  std::string points_file;  // where they are from; empty: the data set names none
+  bool has_split = false;   // Camera::test is set
+};
+// nerfSynthetic: transforms_train.json and transforms_test.json. transforms: transforms.json, or those two without it.
+DatasetIndex readTransforms(const std::filesystem::path& folder, DatasetLayout layout = DatasetLayout::transforms);
+DatasetIndex readColmap(const std::filesystem::path& folder);
+// The COLMAP model's folder below a data set: sparse/0 or sparse.
+std::optional<std::filesystem::path> findColmapModel(const std::filesystem::path& folder);
+
+}  // namespace tg

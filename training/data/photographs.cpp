@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files to 8-bit pixels, and the store with its read-ahead thread.
+#include "training/data/photographs.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+std::uint8_t quantize(float value) { return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f); }
+
+std::string sizeText(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
+
+// Whether the mask shows the same picture, at the same size or larger: rows may be off by one pixel of the image.
+bool maskFits(const Image& mask, int width, int height) {
+  const double scale = static_cast<double>(mask.width) / width;
+  return mask.width >= width && mask.height >= height && std::abs(mask.height - scale * height) <= scale;
+}
+
+// First and last + 1 of the mask's pixels that a box of the image's covers along one side.
+std::pair<int, int> footprint(int box, int downscale, int mask_side, int side) {
+  const std::int64_t first = std::int64_t{box} * downscale * mask_side / side;
+  const std::int64_t last = (std::int64_t{box + 1} * downscale * mask_side + side - 1) / side;
+  return {static_cast<int>(first), static_cast<int>(std::min<std::int64_t>(last, mask_side))};
+}
+
+// Zero is masked, as COLMAP and nerfstudio have it: a mask of 0 and 1 works as well as one of 0 and 255.
+std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width, int height, int downscale) {
+  const Image image = readImage(file);
+  if (!maskFits(image, width, height)) {
+    throw Error(ErrorKind::badData, file.string(),
+                "mask and image differ in size (expected " + sizeText(width, height) + " or an enlargement, found " +
+                    sizeText(image.width, image.height) + ")");
+  }
+  const int colors = std::min(image.channels, 3);
+  const auto counts = [&](int x, int y) {
+    for (int c = 0; c < colors; c++) {
+      if (image.at(x, y, c) > 0) return true;
+    }
+    return false;
+  };
+  const int columns = width / downscale;
+  const int rows = height / downscale;
+  std::vector<std::uint8_t> mask(static_cast<std::size_t>(columns) * rows, 255);
+  for (int y = 0; y < rows; y++) {
+    const auto [top, bottom] = footprint(y, downscale, image.height, height);
+    for (int x = 0; x < columns; x++) {
+      const auto [left, right] = footprint(x, downscale, image.width, width);
+      bool all = true;
+      for (int v = top; all && v < bottom; v++) {
+        for (int u = left; all && u < right; u++) all = counts(u, v);
+      }
+      if (!all) mask[static_cast<std::size_t>(y) * columns + x] = 0;
+    }
+  }
+  return mask;
+}
+
+// A pixel counts where its whole box does. Borders that do not fill a box are cut.
+std::vector<std::uint8_t> reduceMask(const std::vector<std::uint8_t>& mask, int width, int height, int downscale) {
+  const int columns = width / downscale;
+  const int rows = height / downscale;
+  std::vector<std::uint8_t> reduced(static_cast<std::size_t>(columns) * rows, 255);
+  for (int y = 0; y < rows * downscale; y++) {
+    for (int x = 0; x < columns * downscale; x++) {
+      if (mask[static_cast<std::size_t>(y) * width + x] != 0) continue;
+      reduced[static_cast<std::size_t>(y / downscale) * columns + x / downscale] = 0;
+    }
+  }
+  return reduced;
+}
+
+float over(float color, float alpha, float background) { return color * alpha + background * (1.0f - alpha); }
+
+}  // namespace
+
+Image ViewPixels::image() const {
+  Image result(width, height, 3);
+  for (std::size_t i = 0; i < rgb.size(); i++) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
+  return result;
+}
+
+Photograph decodePhotograph(const PhotographSource& source) {
+  Image image = readImage(source.image);
+  Photograph photograph;
+  photograph.file_width = image.width;
+  photograph.file_height = image.height;
+  std::vector<std::uint8_t>& mask = photograph.pixels.mask;
+  if (source.undistortion) {
+    const Undistortion undistortion = source.undistortion(image.width, image.height);
+    if (!source.mask.empty()) mask = readMask(source.mask, image.width, image.height, 1);
+    Undistortion::Result result = undistortion.apply(image, mask);
+    image = std::move(result.image);
+    mask = std::move(result.mask);
+  }
+  if (image.width < source.downscale || image.height < source.downscale) {
+    throw Error(ErrorKind::usage, source.image.string(),
+                "too small for the downscale factor (expected at least " + std::to_string(source.downscale) +
+                    " pixels a side, found " + sizeText(image.width, image.height) + ")");
+  }
+  if (source.undistortion) {
+    mask = reduceMask(mask, image.width, image.height, source.downscale);
+  } else if (!source.mask.empty()) {
+    mask = readMask(source.mask, image.width, image.height, source.downscale);
+  }
+  if (!mask.empty()) {
+    const bool all = std::ranges::find(mask, 0) == mask.end();
+    const bool none = std::ranges::find(mask, 255) == mask.end();
+    if (none) {
+      throw Error(ErrorKind::badData, (source.mask.empty() ? source.image : source.mask).string(),
+                  "the mask hides every pixel (0 hides)");
+    }
+    if (all && source.mask.empty()) mask = {};
+  }
+  if (source.downscale > 1) image = downsample(image, source.downscale);
+
+  ViewPixels& pixels = photograph.pixels;
+  pixels.width = image.width;
+  pixels.height = image.height;
+  const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
+  const std::size_t channels = static_cast<std::size_t>(image.channels);
+  pixels.rgb.resize(count * 3);
+  const bool transparent = channels == 4;
+  if (transparent && !source.background) photograph.alpha.resize(count);
+  for (std::size_t i = 0; i < count; i++) {
+    const float* from = image.data.data() + i * channels;
+    const float alpha = transparent ? from[3] : 1.0f;
+    for (int c = 0; c < 3; c++) {
+      const float color = from[channels == 1 ? 0 : c];
+      pixels.rgb[i * 3 + c] =
+          quantize(transparent && source.background ? over(color, alpha, (*source.background)[c]) : color);
+    }
+    if (!photograph.alpha.empty()) photograph.alpha[i] = quantize(alpha);
+  }
+  return photograph;
+}
+
+std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Photograph>& photograph,
+                                                const glm::vec3& background) {
+  if (photograph->alpha.empty()) return {photograph, &photograph->pixels};
+  auto result = std::make_shared<ViewPixels>(photograph->pixels);
+  for (std::size_t i = 0; i < photograph->alpha.size(); i++) {
+    const float alpha = static_cast<float>(photograph->alpha[i]) / 255.0f;
+    for (int c = 0; c < 3; c++) {
+      std::uint8_t& value = result->rgb[i * 3 + c];
+      value = quantize(over(static_cast<float>(value) / 255.0f, alpha, background[c]));
+    }
+  }
+  return result;
+}
+
+PhotographStore::PhotographStore(std::size_t views, std::uint64_t limit_bytes, Decode decode)
+    : limit_(limit_bytes), decode_(std::move(decode)), kept_(views) {}
+
+PhotographStore::~PhotographStore() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void PhotographStore::offer(std::size_t view, Photograph photograph) {
+  const std::uint64_t bytes = photograph.bytes();
+  const std::lock_guard lock(mutex_);
+  largest_ = std::max(largest_, bytes);
+  if (bytes > limit_ - kept_bytes_) {
+    refused_ = true;
+    return;
+  }
+  kept_[view] = std::make_shared<const Photograph>(std::move(photograph));
+  kept_bytes_ += bytes;
+}
+
+void PhotographStore::finishOffers() {
+  const std::lock_guard lock(mutex_);
+  if (!refused_) return;
+  const std::uint64_t in_flight = (kReadAhead + 1) * largest_;
+  for (std::size_t view = kept_.size(); view-- > 0 && kept_bytes_ + in_flight > limit_;) {
+    if (!kept_[view]) continue;
+    kept_bytes_ -= kept_[view]->bytes();
+    kept_[view].reset();
+  }
+}
+
+std::list<PhotographStore::Slot>::iterator PhotographStore::findSlot(std::size_t view) {
+  return std::find_if(slots_.begin(), slots_.end(), [view](const Slot& slot) { return slot.view == view; });
+}
+
+std::shared_ptr<const Photograph> PhotographStore::get(std::size_t view) {
+  {
+    std::unique_lock lock(mutex_);
+    if (kept_.at(view)) return kept_[view];
+    for (auto slot = findSlot(view); slot != slots_.end(); slot = findSlot(view)) {
+      if (slot->state == State::decoding) {
+        changed_.wait(lock);
+        continue;
+      }
+      const Slot taken = std::move(*slot);
+      slots_.erase(slot);
+      if (taken.error) std::rethrow_exception(taken.error);
+      if (taken.photograph) return taken.photograph;
+      break;  // not begun yet: faster done here than waited for
+    }
+  }
+  return std::make_shared<const Photograph>(decode_(view));
+}
+
+void PhotographStore::prefetch(std::size_t view) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (kept_.at(view) || findSlot(view) != slots_.end()) return;
+    if (slots_.size() >= kReadAhead) {
+      const auto unused =
+          std::find_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.state == State::ready; });
+      if (unused == slots_.end()) return;
+      slots_.erase(unused);
+    }
+    if (!thread_.joinable()) {
+      try {
+        thread_ = std::thread([this] { work(); });
+      } catch (const std::system_error&) {
+        return;  // no thread to be had: get() decodes
+      }
+    }
+    slots_.push_back({view, State::queued, nullptr, nullptr});
+  }
+  changed_.notify_all();
+}
+
+void PhotographStore::work() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    auto slot = slots_.end();
+    changed_.wait(lock, [&] {
+      slot = std::find_if(slots_.begin(), slots_.end(), [](const Slot& s) { return s.state == State::queued; });
+      return stop_ || slot != slots_.end();
+    });
+    if (stop_) return;
+    slot->state = State::decoding;  // nobody erases it now
+    lock.unlock();
+    std::shared_ptr<const Photograph> photograph;
+    std::exception_ptr error;
+    try {
+      photograph = std::make_shared<const Photograph>(decode_(slot->view));
+    } catch (...) {
+      error = std::current_exception();
+    }
+    lock.lock();
+    slot->photograph = std::move(photograph);
+    slot->error = error;
+    slot->state = State::ready;
+    changed_.notify_all();
+  }
+}
+
+std::size_t PhotographStore::keptViews() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<std::size_t>(
+      std::count_if(kept_.begin(), kept_.end(), [](const auto& p) { return p != nullptr; }));
+}
+
+std::uint64_t PhotographStore::keptBytes() const {
+  const std::lock_guard lock(mutex_);
+  return kept_bytes_;
+}
+
+std::shared_ptr<PhotographStore> storeInMemory(std::vector<Photograph> photographs) {
+  auto store = std::make_shared<PhotographStore>(
+      photographs.size(), std::numeric_limits<std::uint64_t>::max(),
+      [](std::size_t) -> Photograph { throw std::logic_error("every photograph is in memory"); });
+  for (std::size_t i = 0; i < photographs.size(); i++) store->offer(i, std::move(photographs[i]));
+  return store;
+}
+
+std::uint64_t defaultImageMemory() {
+  const long pages = ::sysconf(_SC_PHYS_PAGES);
+  const long page = ::sysconf(_SC_PAGESIZE);
+  constexpr std::uint64_t kUnknown = std::uint64_t{4} << 30;
+  return (pages > 0 && page > 0 ? static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(page) : kUnknown) / 4;
+}
+
+}  // namespace tg

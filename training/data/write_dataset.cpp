@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs as PNG files, cameras as JSON, points as PLY.
+#include "training/data/write_dataset.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+
+namespace tg {
+namespace fs = std::filesystem;
+
+namespace {
+
+void createFolder(const fs::path& path) {
+  std::error_code code;
+  fs::create_directories(path, code);
+  if (code) throw Error(ErrorKind::cannotWrite, path.string(), "cannot create the folder: " + code.message());
+}
+
+// Below images/ and masks/. Names come from files: what would lead elsewhere counts by its last part.
+std::vector<std::string> fileNames(const Dataset& dataset) {
+  std::vector<std::string> names;
+  std::set<std::string> taken;
+  for (const View& view : dataset.views) {
+    fs::path path = fs::path(view.camera.name).lexically_normal();
+    if (path.is_absolute() || path.empty() || *path.begin() == "..") path = path.filename();
+    const std::string stem = (path.parent_path() / path.stem()).string();
+    std::string name = stem + ".png";
+    for (int i = 2; !taken.insert(name).second; i++) name = stem + "_" + std::to_string(i) + ".png";
+    names.push_back(name);
+  }
+  return names;
+}
+
+void writePhotograph(const fs::path& folder, const std::string& name, const Photograph& photograph) {
+  const ViewPixels& pixels = photograph.pixels;
+  Image image = pixels.image();
+  if (!photograph.alpha.empty()) {
+    Image transparent(pixels.width, pixels.height, 4);
+    for (std::size_t i = 0; i < photograph.alpha.size(); i++) {
+      std::copy_n(image.data.data() + 3 * i, 3, transparent.data.data() + 4 * i);
+      transparent.data[4 * i + 3] = static_cast<float>(photograph.alpha[i]) / 255.0f;
+    }
+    image = std::move(transparent);
+  }
+  createFolder((folder / "images" / name).parent_path());
+  writeImage(folder / "images" / name, image);
+  if (pixels.mask.empty()) return;
+  Image mask(pixels.width, pixels.height, 1);
+  std::ranges::transform(pixels.mask, mask.data.begin(), [](std::uint8_t value) { return value ? 1.0f : 0.0f; });
+  createFolder((folder / "masks" / name).parent_path());
+  writeImage(folder / "masks" / name, mask);
+}
+
+}  // namespace
+
+nlohmann::json transformsFrame(const Camera& camera, const std::string& file_path) {
+  const glm::dmat3 world_from_camera = glm::transpose(camera.camera_from_world_rotation);
+  const glm::dvec3 position = camera.position();
+  nlohmann::json matrix = nlohmann::json::array();
+  for (int row = 0; row < 3; row++) {
+    matrix.push_back(
+        {world_from_camera[0][row], -world_from_camera[1][row], -world_from_camera[2][row], position[row]});
+  }
+  matrix.push_back({0.0, 0.0, 0.0, 1.0});
+  return {{"file_path", file_path}, {"transform_matrix", matrix}};
+}
+
+void writePoints(const fs::path& path, const PointCloud& points) {
+  std::string text =
+      "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(points.position.size()) +
+      "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
+      "property uchar blue\nend_header\n";
+  for (std::size_t i = 0; i < points.position.size(); i++) {
+    text.append(reinterpret_cast<const char*>(&points.position[i]), sizeof(glm::vec3));
+    for (int c = 0; c < 3; c++) {
+      text.push_back(static_cast<char>(std::lround(std::clamp(points.color[i][c], 0.0f, 1.0f) * 255.0f)));
+    }
+  }
+  writeTextAtomically(path, text);
+}
+
+void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite) {
+  if (!overwrite) {
+    for (const char* file : {"transforms.json", "transforms_train.json", "sparse", "images"}) {
+      if (!fs::exists(folder / file)) continue;
+      throw Error(ErrorKind::cannotWrite, folder.string(),
+                  std::string("holds ") + file + " already (add --overwrite to replace it)");
+    }
+  }
+  const std::vector<std::string> names = fileNames(dataset);
+  nlohmann::json frames = nlohmann::json::array(), train = nlohmann::json::array(), test = nlohmann::json::array();
+  for (std::size_t i = 0; i < names.size(); i++) {
+    const Camera& camera = dataset.views[i].camera;
+    const std::string file = "images/" + names[i];
+    nlohmann::json frame = transformsFrame(camera, file);
+    frame.update({{"w", camera.width},
+                  {"h", camera.height},
+                  {"fl_x", camera.fx},
+                  {"fl_y", camera.fy},
+                  {"cx", camera.cx},
+                  {"cy", camera.cy}});
+    frames.push_back(std::move(frame));
+    (camera.test ? test : train).push_back(file);
+  }
+  createFolder(folder);
+  parallelFor(static_cast<std::int64_t>(names.size()), 1, [&](std::int64_t item) {
+    const auto i = static_cast<std::size_t>(item);
+    writePhotograph(folder, names[i], *dataset.photographs->get(i));
+  });
+  nlohmann::json json = {
+      {"camera_model", "PINHOLE"}, {"frames", frames}, {"train_filenames", train}, {"test_filenames", test}};
+  if (!dataset.points.position.empty()) {
+    json["ply_file_path"] = "points3d.ply";
+    writePoints(folder / "points3d.ply", dataset.points);
+  }
+  writeTextAtomically(folder / "transforms.json", json.dump(1) + "\n");
+}
+
+}  // namespace tg

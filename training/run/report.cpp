@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+// Numbers to text.
+#include "training/run/report.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace tg {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+template <typename... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+// FNV-1a.
+class Fingerprint {
+ public:
+  void add(const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (std::size_t i = 0; i < size; i++) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3u;
+  }
+  std::string text() const { return format("%016llx", static_cast<unsigned long long>(hash_)); }
+
+ private:
+  std::uint64_t hash_ = 0xcbf29ce484222325u;
+};
+
+Json stageJson(const StageReport& stage, bool measurements) {
+  Json json = {{"iterations", stage.iterations},
+               {"gaussians", stage.gaussians},
+               {"loss", rounded(stage.loss, 6)},
+               {"train_psnr", rounded(stage.train_psnr, 4)}};
+  if (stage.test) {
+    json["test_psnr"] = rounded(stage.test->psnr, 4);
+    json["test_ssim"] = rounded(stage.test->ssim, 5);
+    json["test_views"] = stage.test->views;
+  }
+  if (measurements) json["seconds"] = rounded(stage.seconds, 2);
+  return json;
+}
+
+std::string stageLine(Stage stage, const StageReport& report) {
+  std::string line = format("%-11s %6d iterations  %8zu Gaussians  loss %.4f", std::string(name(stage)).c_str(),
+                            report.iterations, report.gaussians, report.loss);
+  if (report.test) {
+    line +=
+        format("  test PSNR %.2f dB  SSIM %.4f (%zu views)", report.test->psnr, report.test->ssim, report.test->views);
+  }
+  return line + "  " + formatSeconds(report.seconds) + "\n";
+}
+
+}  // namespace
+
+ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) != 0) {}
+
+ProgressLine::~ProgressLine() { finish(); }
+
+void ProgressLine::show(const TrainProgress& progress) {
+  const auto now = std::chrono::steady_clock::now();
+  const bool last = progress.iteration == progress.iterations;
+  if (now < next_ && !last) return;
+  next_ = now + (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(5000));
+  const std::string text = formatProgress(progress);
+  std::fprintf(stderr, terminal_ ? "\r\033[K%s" : "%s\n", text.c_str());
+  open_ = terminal_;
+  if (last) finish();
+}
+
+void ProgressLine::show(const std::string& what, std::size_t done, std::size_t count) {
+  const auto now = std::chrono::steady_clock::now();
+  if (what != counted_) {
+    counted_ = what;
+    counted_since_ = now;
+    next_ = now + std::chrono::seconds(1);
+  }
+  if (done == count) {
+    counted_.clear();
+    if (open_) std::fputs("\r\033[K", stderr);
+    open_ = false;
+    next_ = {};
+    return;
+  }
+  if (now < next_ || done == 0) return;
+  next_ = now + (terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(5000));
+  const double seconds = std::chrono::duration<double>(now - counted_since_).count();
+  const double left = seconds / static_cast<double>(done) * static_cast<double>(count - done);
+  std::fprintf(stderr, terminal_ ? "\r\033[K%s: %zu of %zu, %s left" : "%s: %zu of %zu, %s left\n", what.c_str(), done,
+               count, formatSeconds(left).c_str());
+  open_ = terminal_;
+}
+
+void ProgressLine::finish() {
+  if (open_) std::fputc('\n', stderr);
+  open_ = false;
+}
+
+std::string formatSeconds(double seconds) {
+  const auto whole = static_cast<long>(std::lround(seconds));
+  if (whole < 60) return format("%ld s", whole);
+  if (whole < 3600) return format("%ld min %02ld s", whole / 60, whole % 60);
+  return format("%ld h %02ld min", whole / 3600, whole % 3600 / 60);
+}
+
+std::string formatProgress(const TrainProgress& progress) {
+  return format("%s %d/%d  loss %.4f  PSNR %.2f dB  %zu Gaussians  %.1f it/s  %s left",
+                std::string(name(progress.stage)).c_str(), progress.iteration, progress.iterations, progress.loss,
+                progress.psnr, progress.gaussians, progress.per_second, formatSeconds(progress.seconds_left).c_str());
+}
+
+std::string formatSummary(const TrainReport& report, double total_seconds) {
+  std::string text = report.count ? stageLine(Stage::count, *report.count) : "";
+  text += stageLine(Stage::plain, report.plain);
+  if (report.textured) text += stageLine(Stage::textured, *report.textured);
+  if (report.untextured) text += stageLine(Stage::untextured, *report.untextured);
+  if (report.textured && report.textured->test && report.untextured && report.untextured->test) {
+    text += format("textures gain %+.2f dB PSNR, %+.4f SSIM at the same Gaussians and iterations\n",
+                   report.textured->test->psnr - report.untextured->test->psnr,
+                   report.textured->test->ssim - report.untextured->test->ssim);
+  }
+  text += format("%s in all, peak memory %.0f MiB\n", formatSeconds(total_seconds).c_str(),
+                 static_cast<double>(peakMemory()) / (1 << 20));
+  return text;
+}
+
+double rounded(double value, int decimals) {
+  const double scale = std::pow(10.0, decimals);
+  return std::round(value * scale) / scale;
+}
+
+std::string datasetFingerprint(const Dataset& dataset) {
+  Fingerprint hash;
+  for (std::size_t i = 0; i < dataset.views.size(); i++) {
+    const Camera& camera = dataset.views[i].camera;
+    const double intrinsics[] = {camera.fx, camera.fy, camera.cx, camera.cy, camera.test ? 1.0 : 0.0};
+    hash.add(intrinsics, sizeof intrinsics);
+    hash.add(&camera.camera_from_world_rotation, sizeof camera.camera_from_world_rotation);
+    hash.add(&camera.camera_from_world_translation, sizeof camera.camera_from_world_translation);
+    const std::shared_ptr<const ViewPixels> pixels = dataset.pixels(i);
+    hash.add(pixels->rgb.data(), pixels->rgb.size());
+    hash.add(pixels->mask.data(), pixels->mask.size());
+  }
+  hash.add(dataset.points.position.data(), dataset.points.position.size() * sizeof(glm::vec3));
+  return hash.text();
+}
+
+std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
+                               const GaussianModel& model, const TrainingJsonOptions& options) {
+  const Camera& camera = dataset.views.front().camera;
+  Json json;
+  json["program"] = "tgtrain";
+  json["dataset"] = {{"name", dataset.name},
+                     {"layout", name(dataset.layout)},
+                     {"train_views", dataset.indices(false).size()},
+                     {"test_views", dataset.indices(true).size()},
+                     {"missing_images", dataset.missing_images},
+                     {"width", camera.width},
+                     {"height", camera.height},
+                     {"downscale", options.downscale},
+                     {"points", dataset.points.position.size()},
+                     {"fingerprint", options.fingerprint.empty() ? datasetFingerprint(dataset) : options.fingerprint}};
+  for (const SettingEntry& entry : settingEntries()) {
+    const std::string value = entry.get(settings);
+    const Json number = Json::parse(value, nullptr, false);
+    json["settings"][entry.name] = number.is_number() ? number : Json(value);
+  }
+  json["background"] = {dataset.background.x, dataset.background.y, dataset.background.z};
+  json["extent"] = report.extent;
+  json["initial_gaussians"] = report.initial_gaussians;
+  json["gaussians"] = model.size();
+  json["texels"] = model.atlas.texels.size();
+  json["interrupted"] = report.interrupted;
+  if (report.count) json["stages"]["count"] = stageJson(*report.count, options.measurements);
+  json["stages"]["plain"] = stageJson(report.plain, options.measurements);
+  if (report.textured) json["stages"]["textured"] = stageJson(*report.textured, options.measurements);
+  if (report.untextured) json["stages"]["untextured"] = stageJson(*report.untextured, options.measurements);
+  if (options.measurements) {
+    json["machine"] = {{"device", options.device},
+                       {"threads", options.threads},
+                       {"seconds", rounded(options.total_seconds, 2)},
+                       {"peak_memory_bytes", peakMemory()}};
+  }
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::uint64_t peakMemory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;  // Linux counts KiB
+}
+
+}  // namespace tg

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is written when, and what is found again.
+#include "training/run/run_folder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "training/run/trained_bundle.h"
+
+namespace tg {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr double kLargestShare = 0.05;  // of the time for checkpoints
+
+std::string reason() { return std::generic_category().message(errno); }
+
+// Left by a process that was killed while it wrote.
+bool isTemporary(const fs::path& path) { return path.filename().string().starts_with(".tg-"); }
+
+// Nothing to lose: empty, or, where a run is to go on, what one leaves that was killed before its first checkpoint.
+bool isFresh(const fs::path& folder, bool resume) {
+  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(), [&](const fs::directory_entry& entry) {
+    const fs::path file = entry.path().filename();
+    return isTemporary(file) || (resume && (file == "metrics.jsonl" || file == "previews"));
+  });
+}
+
+void removeTemporaries(const fs::path& folder) {
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
+    if (isTemporary(entry.path()) && entry.is_regular_file(ignored)) fs::remove(entry.path(), ignored);
+  }
+}
+
+std::string previewName(Stage stage, int iteration) {
+  char digits[16];
+  std::snprintf(digits, sizeof digits, "%07d", iteration);
+  return std::string(name(stage)) + "_" + digits + ".png";
+}
+
+bool isPreviewName(const std::string& file) {
+  for (const Stage stage : {Stage::count, Stage::plain, Stage::textured, Stage::untextured}) {
+    const std::string model = previewName(stage, 0);
+    const std::size_t digits = model.find('_') + 1;
+    if (file.size() == model.size() && file.compare(0, digits, model, 0, digits) == 0 && file.ends_with(".png") &&
+        file.find_first_not_of("0123456789", digits) == digits + 7) {
+      return true;
+    }
+  }
+  return false;
+}
+
+void removePreviews(const fs::path& folder) {
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
+    if (isPreviewName(entry.path().filename().string())) fs::remove(entry.path(), ignored);
+  }
+  fs::remove(folder, ignored);  // where nothing else is in it
+}
+
+void addScore(Json& line, const Score& score) {
+  line["test_psnr"] = rounded(score.psnr, 4);
+  line["test_ssim"] = rounded(score.ssim, 5);
+  line["test_views"] = score.views;
+}
+
+const StageReport* reportOf(const TrainReport& report, Stage stage) {
+  const auto pointer = [](const std::optional<StageReport>& r) { return r ? &*r : nullptr; };
+  switch (stage) {
+    case Stage::count:
+      return pointer(report.count);
+    case Stage::plain:
+      return &report.plain;
+    case Stage::textured:
+      return pointer(report.textured);
+    case Stage::untextured:
+      return pointer(report.untextured);
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+RunFolder::RunFolder(RunFolderOptions options) : options_(std::move(options)) {
+  const fs::path& folder = options_.folder;
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + error.message());
+  lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  try {
+    if (lock_ < 0) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot open this folder: " + reason());
+    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      throw Error(ErrorKind::cannotWrite, folder.string(), "another tgtrain is at work in this folder");
+    }
+    has_checkpoint_ = options_.resume && fs::exists(checkpoint());
+    if (!has_checkpoint_ && !options_.overwrite && !isFresh(folder, options_.resume)) {
+      throw Error(ErrorKind::cannotWrite, folder.string(),
+                  options_.resume ? "holds files but no checkpoint to resume (add --overwrite to start anew)"
+                                  : "exists already (add --resume to go on with it, or --overwrite to start anew)");
+    }
+    removeTemporaries(folder);
+    requireWritable(checkpoint());
+  } catch (...) {
+    if (lock_ >= 0) ::close(lock_);
+    throw;
+  }
+}
+
+RunFolder::~RunFolder() {
+  if (metrics_ >= 0) ::close(metrics_);
+  ::close(lock_);
+}
+
+double RunFolder::seconds() const {
+  return earlier_seconds_ + std::chrono::duration<double>(Clock::now() - start_).count();
+}
+
+std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
+  dataset_ = &inputs.dataset;
+  renderer_ = &inputs.renderer;
+  json_ = inputs.json;
+  stop_ = inputs.stop;
+  if (json_.fingerprint.empty()) json_.fingerprint = datasetFingerprint(inputs.dataset);
+  identity_ = runIdentity(inputs.dataset, inputs.settings, json_.fingerprint, inputs.start);
+  if (!has_checkpoint_) {
+    // The checkpoint last: until then, the old run can go on.
+    std::error_code ignored;
+    removePreviews(options_.folder / "previews");
+    fs::remove(model(), ignored);
+    fs::remove(checkpoint(), ignored);
+    openMetrics(0);
+    return std::nullopt;
+  }
+  Checkpoint found = readCheckpoint(checkpoint());
+  checkResumable(found, identity_, inputs.dataset, inputs.settings, checkpoint().string());
+  earlier_seconds_ = found.header.seconds;
+  stage_ = found.state.stage;
+  finished_ = found.state.finished;
+  openMetrics(found.header.metrics_bytes);
+  return std::move(found.state);
+}
+
+// Lines after the checkpoint will be written again.
+void RunFolder::openMetrics(std::uint64_t keep_bytes) {
+  const fs::path path = options_.folder / "metrics.jsonl";
+  metrics_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+  struct stat status{};
+  if (metrics_ < 0 || ::fstat(metrics_, &status) != 0 || !S_ISREG(status.st_mode)) {
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot open as a regular file: " + reason());
+  }
+  metrics_bytes_ = std::min(keep_bytes, static_cast<std::uint64_t>(status.st_size));
+  if (::ftruncate(metrics_, static_cast<off_t>(metrics_bytes_)) != 0) {
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot cut: " + reason());
+  }
+}
+
+// One write a line: a reader, and a run that was killed, see whole lines.
+void RunFolder::writeMetrics(const std::string& line) {
+  const ssize_t written = ::write(metrics_, line.data(), line.size());
+  if (written > 0) metrics_bytes_ += static_cast<std::uint64_t>(written);
+  if (written != static_cast<ssize_t>(line.size())) {
+    std::fprintf(stderr, "tgtrain: %s: cannot write: %s\n", (options_.folder / "metrics.jsonl").c_str(),
+                 reason().c_str());
+  }
+}
+
+void RunFolder::writeStepMetrics(const Trainer& trainer, int iteration, bool last) {
+  const bool evaluate = options_.eval_every > 0 && iteration % options_.eval_every == 0 && !last;
+  const bool due = options_.metrics_every > 0 && iteration % options_.metrics_every == 0;
+  if (!due && !evaluate && !last) return;
+  trainer.settle();
+  const TrainProgress progress = trainer.progress();
+  Json line = {{"stage", name(progress.stage)},     {"iteration", progress.iteration},
+               {"loss", rounded(progress.loss, 6)}, {"train_psnr", rounded(progress.psnr, 4)},
+               {"gaussians", progress.gaussians},   {"per_second", rounded(progress.per_second, 3)},
+               {"seconds", rounded(seconds(), 3)}};
+  if (evaluate) {
+    if (const std::optional<Score> score = trainer.testScore(stop_)) addScore(line, *score);
+  }
+  writeMetrics(line.dump() + "\n");
+}
+
+// Test scores of the stages that have ended since the last step.
+void RunFolder::writeStageMetrics(const Trainer& trainer) {
+  for (const Stage stage : {Stage::count, Stage::plain, Stage::textured, Stage::untextured}) {
+    const StageReport* report = reportOf(trainer.report(), stage);
+    const bool ended = stage < trainer.stage() || (stage == trainer.stage() && trainer.finished());
+    if (stage < stage_ || !ended || !report || !report->test) continue;
+    Json line = {{"stage", name(stage)}, {"iteration", report->iterations}, {"gaussians", report->gaussians}};
+    addScore(line, *report->test);
+    line["seconds"] = rounded(seconds(), 3);
+    writeMetrics(line.dump() + "\n");
+  }
+  stage_ = trainer.stage();
+}
+
+void RunFolder::writePreview(const Trainer& trainer) const {
+  const std::size_t view = previewView(*dataset_);
+  const Camera& camera = dataset_->views[view].camera;
+  const Image truth = dataset_->pixels(view)->image();
+  const Image picture = trainer.picture(camera);
+  Image both(2 * camera.width, camera.height, 3);
+  for (int y = 0; y < camera.height; y++) {
+    for (int x = 0; x < camera.width; x++) {
+      for (int c = 0; c < 3; c++) {
+        both.at(x, y, c) = truth.at(x, y, c);
+        both.at(camera.width + x, y, c) = picture.at(x, y, c);
+      }
+    }
+  }
+  const fs::path folder = options_.folder / "previews";
+  std::error_code ignored;
+  fs::create_directory(folder, ignored);
+  writeImage(folder / previewName(trainer.stage(), trainer.progress().iteration), both);
+}
+
+std::string RunFolder::save(const Trainer& trainer) {
+  const Clock::time_point start = Clock::now();
+  ::fdatasync(metrics_);
+  writeCheckpoint(checkpoint(), {identity_, seconds(), metrics_bytes_}, trainer.state());
+  TrainResult result = trainer.result();
+  result.untextured.reset();
+  json_.total_seconds = seconds();
+  const Bundle bundle =
+      makeTrainedBundle(*dataset_, trainer.settings(), result.report, std::move(result.model), *renderer_, json_);
+  writeBundle(model(), bundle);
+  const Clock::time_point end = Clock::now();
+  const double cost = std::chrono::duration<double>(end - start).count();
+  const double pause =
+      options_.checkpoint_seconds > 0 ? std::max(options_.checkpoint_seconds, cost / kLargestShare) : 0;
+  next_save_ = end + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(pause));
+  saved_ = true;
+  return bundle.training_json;
+}
+
+void RunFolder::afterStep(const Trainer& trainer) {
+  writeStageMetrics(trainer);
+  const TrainProgress progress = trainer.progress();
+  const bool last = progress.iteration == progress.iterations;
+  writeStepMetrics(trainer, progress.iteration, last);
+  try {
+    if (options_.preview_every > 0 && progress.iteration % options_.preview_every == 0) writePreview(trainer);
+    if (!saved_ || last || Clock::now() >= next_save_) save(trainer);
+  } catch (const Error& error) {
+    if (!saved_ || error.kind != ErrorKind::cannotWrite) throw;
+    std::fprintf(stderr, "tgtrain: %s (training goes on)\n", error.what());
+    next_save_ = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                    std::chrono::duration<double>(options_.checkpoint_seconds));
+  }
+}
+
+std::string RunFolder::finish(const Trainer& trainer) {
+  if (!finished_) writeStageMetrics(trainer);
+  finished_ = trainer.finished();
+  return save(trainer);
+}
+
+}  // namespace tg

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// The folder of a run that can be watched, killed and resumed: checkpoint, model.tgz, metrics.jsonl, previews/.
+#pragma once
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "training/run/checkpoint.h"
+#include "training/run/report.h"
+#include "training/run/trainer.h"
+
+namespace tg {
+
+struct RunFolderOptions {
+  std::filesystem::path folder;
+  bool resume = false;             // go on from the checkpoint, where there is one
+  bool overwrite = false;          // else: replace what is there
+  double checkpoint_seconds = 60;  // between two checkpoints; 0: after every step
+  int metrics_every = 10;          // [iterations] a line of metrics.jsonl
+  int eval_every = 0;              // [iterations] test scores in it; 0: at the end of each stage alone
+  int preview_every = 0;           // [iterations] a picture in previews/; 0: none
+};
+
+// What a run is made of. Data set, start model and renderer must outlive the folder.
+struct RunInputs {
+  const Dataset& dataset;
+  const TrainSettings& settings;
+  const GaussianModel* start = nullptr;  // that stage 1 goes on from, if any
+  DifferentiableRenderer& renderer;
+  TrainingJsonOptions json;
+  const std::atomic<bool>* stop = nullptr;  // set: leave out test scores, the run is about to end
+};
+
+// One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.
+class RunFolder {
+ public:
+  // Makes and locks the folder. Throws Error(cannotWrite) when it is in use or holds what must not be replaced.
+  explicit RunFolder(RunFolderOptions options);
+  ~RunFolder();
+  RunFolder(const RunFolder&) = delete;
+  RunFolder& operator=(const RunFolder&) = delete;
+
+  const std::filesystem::path& folder() const { return options_.folder; }
+  std::filesystem::path model() const { return options_.folder / "model.tgz"; }
+  std::filesystem::path checkpoint() const { return options_.folder / "checkpoint"; }
+  bool hasCheckpoint() const { return has_checkpoint_; }
+
+  // Call once, before training: the state to go on from, with the metrics cut back to it; or none, with the old run
+  // removed. Throws what readCheckpoint and checkResumable throw.
+  std::optional<RunState> begin(const RunInputs& inputs);
+  // Metrics, previews, and a checkpoint where one is due: after the first step, at the end of each stage, and every
+  // checkpoint_seconds, but so that at most a twentieth of the time goes into them. A checkpoint that cannot be written
+  // is reported on stderr and tried again later; the first one throws Error(cannotWrite).
+  void afterStep(const Trainer& trainer);
+  // The last checkpoint and model, finished or not. Returns the model's training.json. Throws Error(cannotWrite).
+  std::string finish(const Trainer& trainer);
+
+  // Wall time of the run, all its sessions together.
+  double seconds() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  std::string save(const Trainer& trainer);  // returns training.json
+  void openMetrics(std::uint64_t keep_bytes);
+  void writeMetrics(const std::string& line);
+  void writeStepMetrics(const Trainer& trainer, int iteration, bool last);
+  void writeStageMetrics(const Trainer& trainer);
+  void writePreview(const Trainer& trainer) const;
+
+  const RunFolderOptions options_;
+  const Clock::time_point start_ = Clock::now();
+  int lock_ = -1;  // descriptor of the folder
+  bool has_checkpoint_ = false;
+  double earlier_seconds_ = 0;
+  const Dataset* dataset_ = nullptr;
+  DifferentiableRenderer* renderer_ = nullptr;
+  TrainingJsonOptions json_;
+  const std::atomic<bool>* stop_ = nullptr;
+  RunIdentity identity_;
+  int metrics_ = -1;  // descriptor
+  std::uint64_t metrics_bytes_ = 0;
+  Stage stage_ = Stage::count;  // stages before it are in the metrics
+  bool finished_ = false;
+  bool saved_ = false;  // in this session
+  Clock::time_point next_save_{};
+};
+
+}  // namespace tg

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// Model, cameras, preview and report in one bundle.
+#include "training/run/trained_bundle.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace tg {
+namespace {
+
+constexpr int kPreviewSide = 512;  // [px]
+
+}  // namespace
+
+std::size_t previewView(const Dataset& dataset) {
+  const std::vector<std::size_t> test = dataset.indices(true);
+  return test.empty() ? 0 : test.front();
+}
+
+Bundle makeTrainedBundle(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
+                         GaussianModel model, DifferentiableRenderer& renderer, const TrainingJsonOptions& options) {
+  Camera camera = dataset.views[previewView(dataset)].camera;
+  const int side = std::max(camera.width, camera.height);
+  if (side > kPreviewSide) {
+    camera = resized(camera, std::max(1, camera.width * kPreviewSide / side),
+                     std::max(1, camera.height * kPreviewSide / side));
+  }
+  Bundle bundle;
+  bundle.preview = renderPicture(renderer, model, camera, dataset.background);
+  bundle.model = std::move(model);
+  bundle.background = dataset.background;
+  for (const View& view : dataset.views) bundle.cameras.push_back(view.camera);
+  bundle.training_json = formatTrainingJson(dataset, settings, report, bundle.model, options);
+  return bundle;
+}
+
+}  // namespace tg

@@ -1,0 +1,418 @@
+// SPDX-License-Identifier: Apache-2.0
+// The loop: next view, forward, loss, backward, step, densify; and what happens between stages.
+#include "training/run/trainer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "core/system/error.h"
+#include "training/run/init.h"
+#include "training/step/textures.h"
+
+namespace tg {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kRandomPoints = 100'000;  // the Blender recipe of 3DGS
+constexpr int kFilterEvery = 100;               // steps between two updates of the 3D filter
+
+// Independent streams of one seed.
+enum class Stream : std::uint64_t { points = 1, densify, plain, textured, noise, count, background };
+Random stream(std::uint64_t seed, Stream which) {
+  return Random(Random(seed + 0x632be59bd9b4e019u * static_cast<std::uint64_t>(which)).bits());
+}
+
+double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }
+
+}  // namespace
+
+Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                 std::optional<GaussianModel> start)
+    : Trainer(dataset, settings, renderer, RunState{}) {
+  state_.default_gaussians = settings.default_gaussians;
+  state_.densify_random = stream(settings.seed, Stream::densify);
+  state_.report.extent = extent_;
+  const bool count_first = settings.percent > 0 && settings.default_gaussians == 0;
+  if (!start) {
+    begin(count_first ? Stage::count : Stage::plain, {});
+    return;
+  }
+  if (count_first) {
+    throw Error(ErrorKind::usage,
+                "a start model leaves nothing to count (expected --default-gaussians with --percent)");
+  }
+  if (start->texture_mode != TextureMode::none) {
+    throw Error(ErrorKind::usage, "the start model has textures already (expected a plain model)");
+  }
+  start->intersection = settings.intersection;
+  begin(Stage::plain, std::move(*start));
+}
+
+Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                 RunState state)
+    : dataset_(dataset),
+      settings_((checkSettings(settings), settings)),
+      schedule_(makeSchedule(settings)),
+      extent_(cameraExtent(dataset)),
+      filter_cameras_(filterCameras(dataset)),
+      engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
+      state_(std::move(state)),
+      known_losses_(state_.iteration) {}
+
+void Trainer::takeLosses(bool wait) const {
+  for (const LossValue& loss : engine_->losses(state_, wait)) {
+    known_losses_++;
+    if (!std::isfinite(loss.total)) {
+      throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
+                                          std::to_string(known_losses_) + " of stage '" +
+                                          std::string(name(state_.stage)) + "'");
+    }
+    state_.loss.add(loss.total);
+    state_.squared_error.add(loss.mean_squared_error);
+  }
+}
+
+void Trainer::pull() const {
+  takeLosses(true);
+  engine_->pull(state_);
+}
+
+const RunState& Trainer::state() const {
+  pull();
+  return state_;
+}
+
+int Trainer::iterationsOf(Stage stage) const {
+  return stage == Stage::textured || stage == Stage::untextured ? settings_.texture_iterations : settings_.iterations;
+}
+
+std::size_t Trainer::limit() const {
+  if (state_.stage == Stage::count) return 0;
+  if (settings_.percent > 0) {
+    const double share = settings_.percent / 100 * static_cast<double>(state_.default_gaussians);
+    return std::max<std::size_t>(1, static_cast<std::size_t>(std::llround(share)));
+  }
+  return settings_.gaussians;
+}
+
+GaussianModel Trainer::firstGaussians() const {
+  std::size_t count = settings_.init_count;
+  if (limit() > 0) count = count ? std::min(count, limit()) : limit();
+  Random random = stream(settings_.seed, Stream::points);
+  GaussianModel model;
+  if (settings_.start == Start::points && !dataset_.points.position.empty()) {
+    model = gaussiansFromPoints(count ? randomSubset(dataset_.points, count, random.bits()) : dataset_.points);
+  } else {
+    if (!settings_.init_count) count = std::min(count ? count : kRandomPoints, kRandomPoints);
+    model = gaussiansFromPoints(randomPoints(dataset_, count, random.bits()));
+  }
+  model.intersection = settings_.intersection;
+  if (settings_.densification == Densification::mcmc) {
+    // Kheradmand et al., implementation: half opaque and small, so that noise can explore.
+    std::fill(model.opacity_logit.begin(), model.opacity_logit.end(), 0.0f);
+    for (glm::vec3& log_scale : model.log_scale) log_scale += std::log(0.1f);
+  }
+  return model;
+}
+
+void Trainer::begin(Stage stage, GaussianModel first) {
+  pull();
+  engine_->stateChanged();
+  state_.stage = stage;
+  state_.iteration = known_losses_ = 0;
+  state_.seconds = 0;
+  state_.loss = {};
+  state_.squared_error = {};
+  if (stage == Stage::count || stage == Stage::plain) {
+    state_.training = {};
+    state_.training.model = first.mean.empty() ? firstGaussians() : std::move(first);
+    resetMoments(state_.training);
+    if (stage == Stage::plain) state_.report.initial_gaussians = state_.training.model.size();
+  } else if (stage == Stage::textured) {
+    growShDegree(state_.training, settings_.sh_degree);
+    if (settings_.compare_untextured) state_.untextured_start = state_.training.model;
+    GaussianModel& model = state_.training.model;
+    if (settings_.texture_intersection != TextureIntersection::same) {
+      model.intersection = settings_.texture_intersection == TextureIntersection::plane
+                               ? IntersectionModel::plane
+                               : IntersectionModel::maxResponse;
+    }
+    const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : settings_.texture_size;
+    const std::size_t budget = settings_.texel_budget
+                                   ? settings_.texel_budget
+                                   : model.size() * static_cast<std::size_t>(size) * static_cast<std::size_t>(size);
+    addTextures(state_.training,
+                settings_.texture_sizes == TextureSizes::footprint
+                    ? footprintRects(model, pixelSizes(filter_cameras_, model), budget)
+                    : uniformRects(model.size(), size, settings_.texel_budget),
+                settings_.texture_mode, settings_.texture_init);
+  } else {
+    state_.textured = model();
+    state_.training = {};
+    state_.training.model = std::exchange(state_.untextured_start, {});
+    resetMoments(state_.training);
+  }
+  state_.statistics.reset(state_.training.model.size());
+  updateFilter();
+  // Both versions of stage 2 see the same views in the same order.
+  const std::vector<std::size_t> train = dataset_.indices(false);
+  state_.order = {};
+  state_.order.views.assign(train.begin(), train.end());
+  const bool second = stage == Stage::textured || stage == Stage::untextured;
+  state_.order.random = stream(settings_.seed, stage == Stage::count ? Stream::count
+                                               : second              ? Stream::textured
+                                                                     : Stream::plain);
+}
+
+void Trainer::updateFilter() {
+  if (settings_.filter_3d) engine_->updateFilter(state_, filter_cameras_);
+}
+
+bool Trainer::step(const std::atomic<bool>* stop) {
+  while (!state_.finished && state_.iteration >= iterationsOf(state_.stage)) {
+    if (!end(stop)) return false;
+  }
+  if (state_.finished) return false;
+  const Clock::time_point start = Clock::now();
+  iterate();
+  state_.seconds += std::chrono::duration<double>(Clock::now() - start).count();
+  return true;
+}
+
+TrainProgress Trainer::progress() const {
+  const int iterations = iterationsOf(state_.stage);
+  const bool textured = settings_.texture_mode != TextureMode::none;
+  int left = iterations - state_.iteration;
+  if (state_.stage == Stage::count) left += settings_.iterations;
+  if (textured && state_.stage < Stage::textured) left += settings_.texture_iterations;
+  if (textured && settings_.compare_untextured && state_.stage < Stage::untextured) {
+    left += settings_.texture_iterations;
+  }
+  const double rate = std::max(state_.iteration, 1) / std::max(state_.seconds, 1e-9);
+  return {state_.stage,
+          state_.iteration,
+          iterations,
+          state_.loss.value(),
+          decibels(state_.squared_error.value()),
+          engine_->gaussians(state_),
+          rate,
+          left / rate};
+}
+
+void Trainer::iterate() {
+  const int iteration = ++state_.iteration;
+  const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
+  const bool adc = settings_.densification == Densification::adc;
+  const std::size_t view = state_.order.next();
+  glm::vec3 background = dataset_.background;
+  if (dataset_.random_background) {
+    Random random = stream(settings_.seed + static_cast<std::uint64_t>(iteration), Stream::background);
+    for (int c = 0; c < 3; c++) background[c] = static_cast<float>(random.uniform());
+  }
+  const std::shared_ptr<const ViewPixels> photograph = dataset_.composited(view, background);
+  if (const auto following = state_.order.following()) dataset_.prefetch(*following);
+  const bool mcmc = first_stage && settings_.densification == Densification::mcmc;
+  LearningRates rates;
+  rates.mean = static_cast<float>(extent_ * decayedRate(settings_.rate_position, settings_.rate_position_end, iteration,
+                                                        iterationsOf(state_.stage)));
+  rates.rotation = settings_.rate_rotation;
+  rates.log_scale = settings_.rate_scale;
+  rates.opacity_logit = settings_.rate_opacity;
+  rates.sh_dc = settings_.rate_sh_dc;
+  rates.sh_rest = settings_.rate_sh_rest;
+  rates.texels = settings_.rate_texels;
+  StepInput input{.camera = dataset_.views[view].camera,
+                  .view = view,
+                  .photograph = photograph,
+                  .background = background,
+                  .background_varies = dataset_.random_background,
+                  .iteration = iteration,
+                  .gradient = {},
+                  .gather_statistics = first_stage && adc && iteration < schedule_.densify_until,
+                  .rates = rates,
+                  .mcmc = mcmc,
+                  .opacity_weight = settings_.mcmc_opacity_weight,
+                  .scale_weight = settings_.mcmc_scale_weight,
+                  .noise = settings_.mcmc_noise * rates.mean,
+                  .noise_seed = stream(settings_.seed, Stream::noise).bits(),
+                  .clamp_colors = settings_.texture_init == TextureInit::paper};
+  input.gradient.statistics = input.gather_statistics;
+  input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
+  input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;
+  engine_->step(state_, input);
+  if (first_stage) densifyAndSchedule(iteration);
+  const int left = iterationsOf(state_.stage) - iteration;
+  if (iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
+  // The stage's time counts to the end of its last step.
+  takeLosses(left == 0);
+}
+
+void Trainer::densifyAndSchedule(int iteration) {
+  const bool adc = settings_.densification == Densification::adc;
+  if (schedule_.densifies(iteration)) {
+    takeLosses(true);
+    if (adc) {
+      DensifySettings densify_settings;
+      densify_settings.extent = extent_;
+      densify_settings.score_threshold = settings_.densify_threshold;
+      densify_settings.magnitudes = settings_.densify_score == DensifyScore::magnitudes;
+      densify_settings.prune_opacity = settings_.prune_opacity;
+      densify_settings.prune_large = schedule_.prunesLarge(iteration);
+      densify_settings.max_gaussians = limit();
+      engine_->densify(state_, densify_settings);
+    } else {
+      McmcSettings mcmc_settings;
+      mcmc_settings.max_gaussians = limit();
+      mcmc_settings.dead_opacity = settings_.prune_opacity;
+      mcmc_settings.growth = mcmcGrowth();
+      engine_->relocateAndGrow(state_, mcmc_settings);
+    }
+    if (engine_->gaussians(state_) == 0) {
+      throw Error(ErrorKind::badData, "no Gaussian is left after densification at iteration " +
+                                          std::to_string(iteration) + ": do the cameras see the initial points?");
+    }
+    updateFilter();
+  }
+  // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
+  const bool white = dataset_.background == glm::vec3(1.0f);
+  if (schedule_.resetsOpacity(iteration) ||
+      (schedule_.reset_every > 0 && white && iteration == schedule_.densify_from)) {
+    engine_->resetOpacity(state_);
+  }
+  const int degree = state_.training.model.sh_degree;
+  if (schedule_.raisesShDegree(iteration) && degree < settings_.sh_degree) engine_->growShDegree(state_, degree + 1);
+}
+
+float Trainer::mcmcGrowth() const {
+  if (settings_.mcmc_growth >= 0) return settings_.mcmc_growth;
+  constexpr float kPublished = 0.05f;
+  const double rounds = (schedule_.densify_until - schedule_.densify_from) / (2.0 * schedule_.densify_every);
+  const double factor = static_cast<double>(limit()) / static_cast<double>(state_.report.initial_gaussians);
+  return std::max(kPublished, static_cast<float>(std::pow(std::max(factor, 1.0), 1 / std::max(rounds, 1.0)) - 1));
+}
+
+StageReport Trainer::stageReport() const {
+  takeLosses(true);
+  StageReport report;
+  report.iterations = state_.iteration;
+  report.seconds = state_.seconds;
+  report.loss = state_.loss.value();
+  report.train_psnr = state_.iteration > 0 ? decibels(state_.squared_error.value()) : 0;
+  report.gaussians = engine_->gaussians(state_);
+  return report;
+}
+
+bool Trainer::end(const std::atomic<bool>* stop) {
+  StageReport report = stageReport();
+  if (state_.stage != Stage::count && !dataset_.indices(true).empty()) {
+    report.test = testScore(stop);
+    if (!report.test) return false;
+  }
+  const bool textured = settings_.texture_mode != TextureMode::none && settings_.texture_iterations > 0;
+  switch (state_.stage) {
+    case Stage::count:
+      state_.report.count = report;
+      state_.default_gaussians = report.gaussians;
+      begin(Stage::plain, {});
+      return true;
+    case Stage::plain:
+      state_.report.plain = report;
+      if (!textured) break;
+      begin(Stage::textured, {});
+      return true;
+    case Stage::textured:
+      state_.report.textured = report;
+      if (!settings_.compare_untextured) break;
+      begin(Stage::untextured, {});
+      return true;
+    case Stage::untextured:
+      state_.report.untextured = report;
+      break;
+  }
+  state_.finished = true;
+  return true;
+}
+
+GaussianModel Trainer::model() const {
+  pull();
+  GaussianModel drawn = state_.training.model;
+  growShDegree(drawn, settings_.sh_degree);
+  if (!state_.min_sigma.empty()) {
+    EffectiveParameters effective;
+    applyFilter(drawn, state_.min_sigma, effective);
+    drawn.log_scale = std::move(effective.log_scale);
+    drawn.opacity_logit = std::move(effective.opacity_logit);
+  }
+  return drawn;
+}
+
+Image Trainer::picture(const Camera& camera) const {
+  return imageOf(engine_->picture(state_, camera, dataset_.background), camera);
+}
+
+std::optional<Score> Trainer::testScore(const std::atomic<bool>* stop) const {
+  std::vector<ViewScore> scores;
+  const std::vector<std::size_t> views = dataset_.indices(true);
+  if (views.empty()) return std::nullopt;
+  if (scoring_) scoring_(0, views.size());
+  for (const std::size_t view : views) {
+    if (stop && stop->load(std::memory_order_relaxed)) return std::nullopt;
+    scores.push_back(scoreViews(dataset_, {&view, 1}, [&](const Camera& camera) { return picture(camera); }).front());
+    if (scoring_) scoring_(scores.size(), views.size());
+  }
+  return meanScore(scores);
+}
+
+TrainResult Trainer::result() const {
+  TrainResult result;
+  result.report = state_.report;
+  result.report.interrupted = !state_.finished;
+  if (!state_.finished) {
+    // The stage that was cut short, so far.
+    StageReport report = stageReport();
+    switch (state_.stage) {
+      case Stage::count:
+        result.report.count = report;
+        break;
+      case Stage::plain:
+        result.report.plain = report;
+        break;
+      case Stage::textured:
+        result.report.textured = report;
+        break;
+      case Stage::untextured:
+        result.report.untextured = report;
+        break;
+    }
+  }
+  if (state_.stage == Stage::untextured) {
+    result.model = state_.textured;
+    result.untextured = model();
+  } else {
+    result.model = model();
+  }
+  return result;
+}
+
+TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                  const TrainHooks& hooks, std::optional<GaussianModel> start) {
+  Trainer trainer(dataset, settings, renderer, std::move(start));
+  while (!trainer.finished() && !(hooks.stop && hooks.stop->load(std::memory_order_relaxed))) {
+    if (trainer.step(hooks.stop) && hooks.after_step) hooks.after_step(trainer);
+  }
+  return trainer.result();
+}
+
+Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,
+                    const glm::vec3& background) {
+  RenderSettings settings;
+  settings.background = background;
+  return imageOf(renderer.forward(model, camera, settings), camera);
+}
+
+}  // namespace tg

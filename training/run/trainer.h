@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// The two-stage recipe: plain Gaussians with densification, then textures on a fixed set of Gaussians.
+#pragma once
+#include <atomic>
+#include <functional>
+#include <optional>
+
+#include "core/model/model.h"
+#include "training/data/dataset.h"
+#include "training/settings/schedule.h"
+#include "training/settings/settings.h"
+#include "training/step/density_math.h"
+#include "training/step/engine.h"
+#include "training/step/gradient.h"
+#include "training/step/run_state.h"
+
+namespace tg {
+
+struct TrainResult {
+  GaussianModel model;
+  std::optional<GaussianModel> untextured;
+  TrainReport report;
+};
+
+struct TrainProgress {
+  Stage stage = Stage::plain;
+  int iteration = 0;
+  int iterations = 0;  // of the stage
+  double loss = 0;     // running means
+  double psnr = 0;
+  std::size_t gaussians = 0;
+  double per_second = 0;
+  double seconds_left = 0;  // of the whole run, at the pace of this stage
+};
+
+// A run, one iteration at a time. Its state after a step determines everything that follows: a Trainer made from that
+// state goes on to the same bytes, with any number of threads.
+class Trainer {
+ public:
+  // The data set and the renderer must outlive the trainer. `start`: a plain model for stage 1 to go on from, instead
+  // of the data set's points. Throws Error(usage) for settings that checkSettings() refuses and for a start model with
+  // textures, Error(badData) when there is nothing to start from.
+  Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+          std::optional<GaussianModel> start = std::nullopt);
+  // Goes on from a state of a trainer with the same data set and settings.
+  Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer, RunState state);
+
+  bool finished() const { return state_.finished; }
+  // Ends the stage when it is complete - its test score, the next stage's start - then does one iteration. False: there
+  // was none left to do, or `stop` was set during the test score, which leaves the stage to be ended by another call.
+  // Throws Error(badData) when no Gaussian is left, or the loss of a step is not finite, as whatever waits for losses
+  // does: where training runs on a device, losses are known some steps later.
+  bool step(const std::atomic<bool>* stop = nullptr);
+
+  const RunState& state() const;
+  // What costs nothing where the state lies on a device.
+  Stage stage() const { return state_.stage; }
+  const TrainReport& report() const { return state_.report; }
+  const Dataset& dataset() const { return dataset_; }
+  const TrainSettings& settings() const { return settings_; }
+  // Losses as far as they are known; of all steps after settle(), which waits.
+  TrainProgress progress() const;
+  void settle() const { takeLosses(true); }
+  // The model as a file would hold it: 3D filter baked, SH of the full degree.
+  GaussianModel model() const;
+  // The picture of model(), drawn where the training runs.
+  Image picture(const Camera& camera) const;
+  // `told` from now on how many views of how many a test score has done.
+  void onScoring(std::function<void(std::size_t done, std::size_t views)> told) { scoring_ = std::move(told); }
+  // On the held-out views; none without test views, or when `stop` is set meanwhile.
+  std::optional<Score> testScore(const std::atomic<bool>* stop = nullptr) const;
+  // What stands, finished or not.
+  TrainResult result() const;
+
+ private:
+  // first: where stage plain starts; empty: at the data set's points.
+  void begin(Stage stage, GaussianModel first);
+  bool end(const std::atomic<bool>* stop);
+  void iterate();
+  void densifyAndSchedule(int iteration);
+  // Adds the losses that are known, or waits for all.
+  void takeLosses(bool wait) const;
+  // What the engine did, in state_.
+  void pull() const;
+  void updateFilter();
+  int iterationsOf(Stage stage) const;
+  std::size_t limit() const;  // of the count; 0: none
+  // The published 5 % a round, or what reaches the limit halfway through the densification of a short run.
+  float mcmcGrowth() const;
+  GaussianModel firstGaussians() const;
+  StageReport stageReport() const;
+
+  const Dataset& dataset_;
+  const TrainSettings settings_;
+  const Schedule schedule_;
+  const double extent_;
+  const std::vector<FilterCamera> filter_cameras_;
+  const std::unique_ptr<TrainingEngine> engine_;
+  // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
+  mutable RunState state_;
+  mutable int known_losses_ = 0;  // of the stage's iterations
+  std::function<void(std::size_t, std::size_t)> scoring_;
+};
+
+struct TrainHooks {
+  std::function<void(const Trainer&)> after_step;
+  const std::atomic<bool>* stop = nullptr;  // set: end after the current step
+};
+
+// Steps a trainer to its end.
+TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                  const TrainHooks& hooks = {}, std::optional<GaussianModel> start = std::nullopt);
+
+// The picture of a model as an image, by the training renderer.
+Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,
+                    const glm::vec3& background);
+
+}  // namespace tg

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+// Text for people, JSON for programs, pictures for the eye.
+#include "training/score/eval_report.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kWidestName = 48;
+constexpr int kBarWidth = 50;
+constexpr int kGap = 4;  // [px] between the pictures
+constexpr float kGapGrey = 0.5f;
+
+template <typename... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+std::string numbers(const ViewScore& score) {
+  std::string line = format("  %9.3f  %10.3f  %8.5f", score.psnr, score.psnr_float, score.ssim);
+  if (score.flip) line += format("  %8.5f", *score.flip);
+  if (score.lpips) line += format("  %8.5f", *score.lpips);
+  return line;
+}
+
+void addNumbers(const ViewScore& score, Json& json) {
+  json["psnr"] = score.psnr;
+  json["psnr_float"] = score.psnr_float;
+  json["ssim"] = score.ssim;
+  if (score.flip) json["flip"] = *score.flip;
+  if (score.lpips) json["lpips"] = *score.lpips;
+}
+
+Json ranksJson(const EffectiveRanks& ranks) {
+  return {{"mean", ranks.mean},   {"needle", ranks.needle}, {"flat", ranks.flat},
+          {"round", ranks.round}, {"first", 1.0},           {"bin_width", 2.0 / EffectiveRanks::kBins},
+          {"bins", ranks.bins}};
+}
+
+// x in [0, 1] to a colour whose brightness rises all the way.
+glm::vec3 heat(float x) {
+  static const glm::vec3 kStops[] = {
+      {0, 0, 0}, {0.35f, 0.05f, 0.5f}, {0.85f, 0.2f, 0.25f}, {1, 0.75f, 0.2f}, {1, 1, 1}};
+  const float position = std::clamp(x, 0.0f, 1.0f) * (std::size(kStops) - 1);
+  const auto stop = std::min(static_cast<std::size_t>(position), std::size(kStops) - 2);
+  return glm::mix(kStops[stop], kStops[stop + 1], position - static_cast<float>(stop));
+}
+
+}  // namespace
+
+std::size_t parameterCount(const GaussianModel& model) {
+  const std::size_t channels = model.texture_mode == TextureMode::rgba    ? 4
+                               : model.texture_mode == TextureMode::rgb   ? 3
+                               : model.texture_mode == TextureMode::alpha ? 1
+                                                                          : 0;
+  return model.size() * (11 + 3 * static_cast<std::size_t>(model.shCount())) + model.atlas.texels.size() * channels;
+}
+
+std::string formatScores(const EvalReport& report) {
+  const EvalReport::Views& views = *report.views;
+  std::vector<std::string> names;
+  std::size_t width = 4;
+  for (const ViewScore& score : views.scores) {
+    names.push_back(printable(score.name));
+    width = std::max(width, std::min(names.back().size(), kWidestName));
+  }
+  const auto cell = [&](const std::string& name) {
+    return name + std::string(width - std::min(width, name.size()), ' ');
+  };
+  const ViewScore mean = meanView(views.scores);
+  std::string text = cell("view") + "  PSNR [dB]  float [dB]      SSIM";
+  if (mean.flip) text += "      FLIP";
+  if (mean.lpips) text += "     LPIPS";
+  text += "\n";
+  for (std::size_t i = 0; i < names.size(); i++) text += cell(names[i]) + numbers(views.scores[i]) + "\n";
+  if (!views.scores.empty()) text += cell("mean") + numbers(mean) + "\n";
+  text += format("%s split: %zu views, %zu Gaussians, %.3f M parameters, %ju bytes\n", views.split.c_str(),
+                 views.scores.size(), report.gaussians, static_cast<double>(report.parameters) * 1e-6, report.bytes);
+  if (mean.flip) text += format("FLIP at %.4g pixels per degree", views.options.pixels_per_degree);
+  if (views.options.lpips) {
+    text += format("%sLPIPS %s, input in %s", mean.flip ? "; " : "",
+                   std::string(name(views.options.lpips->network())).c_str(),
+                   std::string(name(views.options.lpips_range)).c_str());
+  }
+  if (mean.flip || views.options.lpips) text += "\n";
+  if (views.scores.size() < views.asked) {
+    text += format("interrupted: %zu of %zu views were scored\n", views.scores.size(), views.asked);
+  }
+  return text;
+}
+
+std::string formatRanks(const EffectiveRanks& ranks) {
+  std::string text = "effective rank         share\n";
+  const std::size_t highest = std::max<std::size_t>(*std::max_element(ranks.bins.begin(), ranks.bins.end()), 1);
+  const double width = 2.0 / EffectiveRanks::kBins;
+  for (int bin = 0; bin < EffectiveRanks::kBins; bin++) {
+    const std::size_t count = ranks.bins[static_cast<std::size_t>(bin)];
+    const auto bar =
+        static_cast<std::size_t>(static_cast<double>(count) / static_cast<double>(highest) * kBarWidth + 0.5);
+    text += format("%.2f to %.2f  %12.2f %%", 1 + bin * width, 1 + (bin + 1) * width,
+                   100.0 * static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(ranks.count, 1)));
+    text += (bar > 0 ? "  " + std::string(bar, '#') : "") + "\n";
+  }
+  text += format("mean %.3f of %zu Gaussians: %.1f %% needles (below 1.5), %.1f %% flat, %.1f %% round (above 2.5)\n",
+                 ranks.mean, ranks.count, 100 * ranks.needle, 100 * ranks.flat, 100 * ranks.round);
+  return text;
+}
+
+std::string formatEvalJson(const EvalReport& report) {
+  Json json = Json::object();
+  if (report.views) {
+    json["dataset"] = report.views->dataset;
+    json["split"] = report.views->split;
+    json["device"] = report.views->device;
+    const glm::vec3& background = report.views->background;
+    json["background"] = {background.x, background.y, background.z};
+  }
+  json["gaussians"] = report.gaussians;
+  json["texels"] = report.texels;
+  json["parameters"] = report.parameters;
+  json["bytes"] = report.bytes;
+  if (report.views) {
+    const EvalReport::Views& views = *report.views;
+    if (views.options.flip) json["flip_pixels_per_degree"] = views.options.pixels_per_degree;
+    if (views.options.lpips) {
+      json["lpips_network"] = name(views.options.lpips->network());
+      json["lpips_range"] = name(views.options.lpips_range);
+    }
+    json["interrupted"] = views.scores.size() < views.asked;
+    addNumbers(meanView(views.scores), json);
+    json["views"] = Json::array();
+    for (const ViewScore& score : views.scores) {
+      Json view = {{"name", score.name}};
+      addNumbers(score, view);
+      json["views"].push_back(std::move(view));
+    }
+  }
+  if (report.ranks) json["effective_rank"] = ranksJson(*report.ranks);
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image& flip_map) {
+  Image result(3 * picture.width + 2 * kGap, picture.height, 3, kGapGrey);
+  const Image truth = photograph.image();
+  for (int y = 0; y < picture.height; y++) {
+    for (int x = 0; x < picture.width; x++) {
+      const bool counts =
+          photograph.mask.empty() ||
+          photograph.mask[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) + x] != 0;
+      const glm::vec3 error = counts ? heat(flip_map.at(x, y, 0)) : glm::vec3(kGapGrey);
+      for (int c = 0; c < 3; c++) {
+        result.at(x, y, c) = truth.at(x, y, c);
+        result.at(x + picture.width + kGap, y, c) = picture.at(x, y, c);
+        result.at(x + 2 * (picture.width + kGap), y, c) = error[c];
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace tg

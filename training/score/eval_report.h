@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tgeval says: the table, the histogram, the JSON, the pictures side by side.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "core/model/effective_rank.h"
+#include "core/model/model.h"
+#include "training/score/evaluate.h"
+
+namespace tg {
+
+struct EvalReport {
+  struct Views {
+    std::string dataset;
+    std::string split;
+    std::string device;  // that drew the pictures
+    glm::vec3 background{0.0f};
+    std::vector<ViewScore> scores;
+    ScoreOptions options;
+    std::size_t asked = 0;  // more than scores: interrupted
+  };
+  std::optional<Views> views;
+  std::optional<EffectiveRanks> ranks;
+  std::size_t gaussians = 0;
+  std::size_t texels = 0;
+  std::size_t parameters = 0;
+  std::uintmax_t bytes = 0;  // of the model's file
+};
+
+// Numbers that training fits: 3 mean, 4 rotation, 3 scale, 1 opacity and the SH coefficients of every Gaussian, and the
+// channels of every texel that the mode uses.
+std::size_t parameterCount(const GaussianModel& model);
+
+std::string formatScores(const EvalReport& report);
+std::string formatRanks(const EffectiveRanks& ranks);
+std::string formatEvalJson(const EvalReport& report);
+
+// Photograph | rendering | error: the FLIP map from black (0) over violet, red and yellow to white (1); masked pixels
+// are grey there.
+Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image& flip_map);
+
+}  // namespace tg

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decides from statistics, then rebuilds parameters and moments in one pass.
+#include "training/step/densify.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+namespace tg {
+namespace {
+
+// Scores above 1 densify: the mean gradient over its threshold, and the mean magnitude over the quantile that as many
+// Gaussians reach.
+std::vector<float> densificationScores(const DensityStatistics& statistics, const DensifySettings& settings) {
+  const std::size_t count = statistics.score_sum.size();
+  std::vector<float> scores(count, 0.0f);
+  std::size_t passing = 0;
+  for (std::size_t i = 0; i < count; i++) {
+    scores[i] = meanOverViews(statistics.score_sum[i], statistics.view_count[i]) / settings.score_threshold;
+    passing += scores[i] >= 1;
+  }
+  if (!settings.magnitudes || passing == 0) return scores;
+  std::vector<float> magnitudes(count, 0.0f);
+  for (std::size_t i = 0; i < count; i++) {
+    magnitudes[i] = meanOverViews(statistics.magnitude_sum[i], statistics.view_count[i]);
+  }
+  std::vector<float> sorted = magnitudes;
+  const auto quantile = sorted.begin() + static_cast<std::ptrdiff_t>(passing - 1);
+  std::nth_element(sorted.begin(), quantile, sorted.end(), std::greater<>());
+  if (*quantile <= 0) return scores;
+  for (std::size_t i = 0; i < count; i++) scores[i] = std::max(scores[i], magnitudes[i] / *quantile);
+  return scores;
+}
+
+}  // namespace
+
+void DensityStatistics::reset(std::size_t count) {
+  score_sum.assign(count, 0.0f);
+  magnitude_sum.assign(count, 0.0f);
+  view_count.assign(count, 0u);
+  max_radius.assign(count, 0.0f);
+}
+
+void DensityStatistics::add(const ModelGradient& gradient) {
+  for (std::size_t i = 0; i < score_sum.size(); i++) {
+    if (gradient.screen_radius[i] <= 0) continue;
+    score_sum[i] += gradient.screen_gradient[i];
+    magnitude_sum[i] += gradient.screen_gradient_abs[i];
+    view_count[i]++;
+    max_radius[i] = std::max(max_radius[i], gradient.screen_radius[i]);
+  }
+}
+
+DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const DensifySettings& settings,
+                      Random& random) {
+  const GaussianModel& model = state.model;
+  struct Candidate {
+    std::uint32_t gaussian;
+    float score;
+  };
+  const std::vector<float> scores = densificationScores(statistics, settings);
+  std::vector<std::uint32_t> source;
+  std::vector<Candidate> candidates;
+  for (std::uint32_t i = 0; i < model.size(); i++) {
+    if (prunable(model.opacity_logit[i], model.log_scale[i], statistics.max_radius[i], settings)) continue;
+    source.push_back(i);
+    if (scores[i] >= 1) candidates.push_back({i, scores[i]});
+  }
+  DensifyResult result;
+  result.pruned = model.size() - source.size();
+  const std::size_t kept = source.size();
+
+  // Every clone and every split adds one Gaussian: the cap leaves room for the highest scores.
+  if (settings.max_gaussians > 0) {
+    const std::size_t room = settings.max_gaussians > kept ? settings.max_gaussians - kept : 0;
+    if (candidates.size() > room) {
+      std::stable_sort(candidates.begin(), candidates.end(),
+                       [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+      candidates.resize(room);
+      std::sort(candidates.begin(), candidates.end(),
+                [](const Candidate& a, const Candidate& b) { return a.gaussian < b.gaussian; });
+    }
+  }
+
+  struct Child {
+    std::size_t index;  // in the new model
+    glm::vec3 mean;
+    glm::vec3 log_scale;
+  };
+  std::vector<Child> children;
+  std::vector<std::size_t> fresh;  // survivors' places taken by a child: their moments restart
+  for (const Candidate& candidate : candidates) {
+    const std::size_t added = source.size();
+    source.push_back(candidate.gaussian);
+    if (clonable(model.log_scale[candidate.gaussian], settings)) {
+      result.cloned++;
+      continue;
+    }
+    result.split++;
+    const auto place = static_cast<std::size_t>(
+        std::lower_bound(source.begin(), source.begin() + static_cast<std::ptrdiff_t>(kept), candidate.gaussian) -
+        source.begin());
+    const glm::vec3 log_scale = model.log_scale[candidate.gaussian] - std::log(settings.split_shrink);
+    for (std::size_t index : {place, added}) {
+      const glm::vec3 mean = sampleGaussian(model.mean[candidate.gaussian], model.rotation[candidate.gaussian],
+                                            model.log_scale[candidate.gaussian], random);
+      children.push_back({index, mean, log_scale});
+    }
+    fresh.push_back(place);
+  }
+
+  selectGaussians(state, source, kept);
+  for (const Child& child : children) {
+    state.model.mean[child.index] = child.mean;
+    state.model.log_scale[child.index] = child.log_scale;
+  }
+  for (std::size_t place : fresh) clearMoments(state, place);
+  statistics.reset(state.model.size());
+  return result;
+}
+
+void resetOpacity(TrainingState& state) {
+  const float limit = std::log(kResetOpacity / (1 - kResetOpacity));
+  for (float& logit : state.model.opacity_logit) logit = std::min(logit, limit);
+  std::fill(state.opacity_logit.first.begin(), state.opacity_logit.first.end(), 0.0f);
+  std::fill(state.opacity_logit.second.begin(), state.opacity_logit.second.end(), 0.0f);
+}
+
+}  // namespace tg

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the arithmetic of training runs: an iteration from forward pass to the moved parameters, and what changes the
+// set of Gaussians between iterations. The host's engine works on the state in place; one with a device of its own
+// keeps the state there.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/model/camera.h"
+#include "training/data/photographs.h"
+#include "training/step/densify.h"
+#include "training/step/filter_3d.h"
+#include "training/step/gradient.h"
+#include "training/step/loss.h"
+#include "training/step/mcmc.h"
+#include "training/step/optimizer.h"
+#include "training/step/run_state.h"
+
+namespace tg {
+
+struct StepInput {
+  const Camera& camera;  // stays where it is until the step's loss is known
+  std::size_t view;      // of the data set
+  // What the picture is compared with; the same for every step with this view unless background_varies.
+  std::shared_ptr<const ViewPixels> photograph;
+  glm::vec3 background;
+  bool background_varies;
+  int iteration;  // of the stage, from 1
+  GradientOptions gradient;
+  bool gather_statistics;  // add to RunState::statistics
+  LearningRates rates;
+  bool mcmc;  // the four below count
+  float opacity_weight;
+  float scale_weight;
+  float noise;
+  std::uint64_t noise_seed;
+  bool clamp_colors;  // texel colours to [0, 1]
+};
+
+class TrainingEngine {
+ public:
+  virtual ~TrainingEngine() = default;
+  // One iteration, which may still be under way at return. A state with min_sigma is drawn through the 3D filter. After
+  // a loss that is not finite the state is not to be used. Throws Error(device).
+  virtual void step(RunState& state, const StepInput& input) = 0;
+  // The losses, in order, of the steps that it did not yet return: those that are known, or, waiting, all. Nothing
+  // follows one that is not finite.
+  virtual std::vector<LossValue> losses(RunState& state, bool wait) = 0;
+
+  // Between steps: the functions of the same name, on training, statistics, min_sigma and densify_random of `state`.
+  // relocateAndGrow() also starts the statistics anew.
+  virtual DensifyResult densify(RunState& state, const DensifySettings& settings) = 0;
+  virtual McmcResult relocateAndGrow(RunState& state, const McmcSettings& settings) = 0;
+  virtual void resetOpacity(RunState& state) = 0;
+  virtual void growShDegree(RunState& state, int degree) = 0;
+  // minSigmas(). cameras: the same in every call.
+  virtual void updateFilter(RunState& state, std::span<const FilterCamera> cameras) = 0;
+
+  // What step() would draw of `state` from `camera`: [height * width], not clamped. Changes nothing.
+  virtual const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) = 0;
+  // How many Gaussians there are, whether or not `state` is up to date.
+  virtual std::size_t gaussians(const RunState& state) const = 0;
+  // Brings training, statistics and min_sigma of `state` up to date with what was done. Before, the arrays there are
+  // old, their sizes included; the SH degree and densify_random are always right.
+  virtual void pull(RunState& state) = 0;
+  // `state` was changed by others after a pull.
+  virtual void stateChanged() = 0;
+};
+
+// The engine that goes through a renderer's forward() and backward(); the renderer must outlive it.
+std::unique_ptr<TrainingEngine> makeHostTrainingEngine(DifferentiableRenderer& renderer, float ssim_weight);
+
+}  // namespace tg

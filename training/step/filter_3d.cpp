@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// One Gaussian at a time, in double precision where differences of near-equal sigmas matter.
+#include "training/step/filter_3d.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/system/parallel.h"
+#include "training/step/step_math.h"
+
+namespace tg {
+namespace {
+
+constexpr std::int64_t kGrain = 1024;
+
+}  // namespace
+
+std::vector<FilterCamera> filterCameras(const Dataset& dataset) {
+  std::vector<FilterCamera> cameras;
+  for (const std::size_t view : dataset.indices(false)) {
+    const Camera& camera = dataset.views[view].camera;
+    cameras.push_back({camera.camera_from_world_rotation, camera.camera_from_world_translation, camera.fx, camera.fy,
+                       camera.cx, camera.cy, static_cast<double>(camera.width), static_cast<double>(camera.height)});
+  }
+  return cameras;
+}
+
+std::vector<float> pixelSizes(std::span<const FilterCamera> cameras, const GaussianModel& model) {
+  std::vector<float> sizes(model.size(), 0.0f);
+  parallelFor(static_cast<std::int64_t>(model.size()), kGrain,
+              [&](std::int64_t i) { sizes[i] = pixelSizeAt(model.mean[i], cameras.data(), cameras.size()); });
+  const float largest = sizes.empty() ? 0.0f : *std::max_element(sizes.begin(), sizes.end());
+  std::replace(sizes.begin(), sizes.end(), 0.0f, largest);
+  return sizes;
+}
+
+std::vector<float> minSigmas(std::span<const FilterCamera> cameras, const GaussianModel& model) {
+  std::vector<float> sizes = pixelSizes(cameras, model);
+  for (float& size : sizes) size *= std::sqrt(kFilterVariance);
+  return sizes;
+}
+
+void applyFilter(const GaussianModel& model, std::span<const float> min_sigma, EffectiveParameters& out) {
+  out.log_scale.resize(model.size());
+  out.opacity_logit.resize(model.size());
+  parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
+    const EffectiveGaussian effective = effectiveGaussian(model.log_scale[i], model.opacity_logit[i], min_sigma[i]);
+    out.log_scale[i] = effective.log_scale;
+    out.opacity_logit[i] = effective.opacity_logit;
+  });
+}
+
+void filterGradient(const GaussianModel& model, std::span<const float> min_sigma, ModelGradient& gradient) {
+  parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
+    filterGradientOf(model.log_scale[i], model.opacity_logit[i], min_sigma[i], gradient.v_log_scale[i],
+                     gradient.v_opacity_logit[i]);
+  });
+}
+
+}  // namespace tg

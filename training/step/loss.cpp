@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bands of rows run in parallel; inside a band the 11 x 11 window is two 11-tap passes over rows.
+#include "training/step/loss.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/system/parallel.h"
+#include "training/step/simd.h"
+#include "training/step/step_math.h"
+
+namespace tg {
+namespace {
+
+constexpr int kRadius = kSsimRadius;
+constexpr int kTaps = kSsimTaps;
+constexpr int kBand = 32;     // rows a task: the halo of 10 rows costs 31 % of one of two passes
+constexpr int kForward = 5;   // blurred quantities: x, y, xx, yy, xy
+constexpr int kBackward = 3;  // dSSIM / d(mean, variance, covariance)
+
+// padded: [width + 10], the row with 5 zeros on either side.
+TG_SIMD_CLONES void blurAlongRow(const float* __restrict padded, const float* __restrict w, int width,
+                                 float* __restrict out) {
+  for (int x = 0; x < width; x++) {
+    float sum = 0;
+    for (int k = 0; k < kTaps; k++) sum += w[k] * padded[x + k];
+    out[x] = sum;
+  }
+}
+
+TG_SIMD_CLONES void blurAcrossRows(const float* const* rows, const float* __restrict w, int width,
+                                   float* __restrict out) {
+  const float *r0 = rows[0], *r1 = rows[1], *r2 = rows[2], *r3 = rows[3], *r4 = rows[4], *r5 = rows[5], *r6 = rows[6],
+              *r7 = rows[7], *r8 = rows[8], *r9 = rows[9], *r10 = rows[10];
+  for (int x = 0; x < width; x++) {
+    out[x] = w[0] * (r0[x] + r10[x]) + w[1] * (r1[x] + r9[x]) + w[2] * (r2[x] + r8[x]) + w[3] * (r3[x] + r7[x]) +
+             w[4] * (r4[x] + r6[x]) + w[5] * r5[x];
+  }
+}
+
+TG_SIMD_CLONES void multiplyRows(const float* __restrict a, const float* __restrict b, int width,
+                                 float* __restrict out) {
+  for (int x = 0; x < width; x++) out[x] = a[x] * b[x];
+}
+
+// SSIM of one row of windows and its derivatives with respect to the moments of the picture.
+TG_SIMD_CLONES void ssimRow(const float* __restrict m1, const float* __restrict m2, const float* __restrict e11,
+                            const float* __restrict e22, const float* __restrict e12, int width, float* __restrict ssim,
+                            float* __restrict v_mean, float* __restrict v_variance, float* __restrict v_covariance) {
+  for (int x = 0; x < width; x++) {
+    const SsimPixel pixel = ssimPixel(m1[x], m2[x], e11[x], e22[x], e12[x]);
+    ssim[x] = pixel.value;
+    v_mean[x] = pixel.v_mean;
+    v_variance[x] = pixel.v_variance;
+    v_covariance[x] = pixel.v_covariance;
+  }
+}
+
+TG_SIMD_CLONES void gradientRow(const float* __restrict picture, const float* __restrict target,
+                                const float* __restrict g_mean, const float* __restrict g_variance,
+                                const float* __restrict g_covariance, int width, float l1_weight, float ssim_weight,
+                                float* __restrict out) {
+  for (int x = 0; x < width; x++) {
+    out[x] = lossGradientOf(picture[x], target[x], g_mean[x], g_variance[x], g_covariance[x], l1_weight, ssim_weight);
+  }
+}
+
+// Rows of several quantities, blurred along x, the last kTaps of them kept: enough to blur across rows.
+class BlurBand {
+ public:
+  // scratch must hold size(quantities, width) floats.
+  static std::size_t size(int quantities, int width) {
+    return static_cast<std::size_t>(width + 2 * kRadius) + static_cast<std::size_t>(quantities) * kTaps * width + width;
+  }
+  BlurBand(float* scratch, int quantities, int width, const SsimWindow& window)
+      : padded_(scratch),
+        rows_(scratch + width + 2 * kRadius),
+        zeros_(rows_ + static_cast<std::size_t>(quantities) * kTaps * width),
+        width_(width),
+        window_(window) {
+    std::fill(padded_, padded_ + width + 2 * kRadius, 0.0f);
+    std::fill(zeros_, zeros_ + width, 0.0f);
+  }
+  float* input() { return padded_ + kRadius; }  // fill [width], then push
+  void push(int quantity, int y) { blurAlongRow(padded_, window_.weights, width_, row(quantity, y)); }
+  // The blurred row y; rows outside [0, height) are zero.
+  void pull(int quantity, int y, int height, float* out) const {
+    const float* rows[kTaps];
+    for (int k = 0; k < kTaps; k++) {
+      const int source = y + k - kRadius;
+      rows[k] = source < 0 || source >= height ? zeros_ : row(quantity, source);
+    }
+    blurAcrossRows(rows, window_.weights, width_, out);
+  }
+
+ private:
+  float* row(int quantity, int y) const {
+    return rows_ + (static_cast<std::size_t>(quantity) * kTaps + y % kTaps) * width_;
+  }
+  float* padded_;
+  float* rows_;
+  float* zeros_;
+  int width_;
+  const SsimWindow& window_;
+};
+
+}  // namespace
+
+SsimWindow makeSsimWindow() {
+  constexpr double kSigma = 1.5;
+  double weights[kTaps];
+  double sum = 0;
+  for (int i = 0; i < kTaps; i++) {
+    weights[i] = std::exp(-(i - kRadius) * (i - kRadius) / (2 * kSigma * kSigma));
+    sum += weights[i];
+  }
+  SsimWindow window;
+  for (int i = 0; i < kTaps; i++) window.weights[i] = static_cast<float>(weights[i] / sum);
+  return window;
+}
+
+LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::vec3> picture,
+                                    std::span<const std::uint8_t> target, std::span<glm::vec3> v_picture,
+                                    std::span<const std::uint8_t> mask) {
+  const std::size_t pixels = static_cast<std::size_t>(width) * height;
+  const std::size_t ignored = static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
+  const double counted = static_cast<double>(3 * std::max<std::size_t>(pixels - ignored, 1));
+  if (ignored == 0) mask = {};
+  const SsimWindow window = makeSsimWindow();
+  planes_.resize(2 * pixels);
+  v_moments_.resize(3 * pixels);
+  row_sums_.assign(3 * static_cast<std::size_t>(height), {});
+  scratch_.resize(static_cast<std::size_t>(threadCount()));
+  const std::size_t scratch_size = BlurBand::size(kForward, width) + static_cast<std::size_t>(kForward + 1) * width;
+  const auto plane = [&](int set, int y) {
+    return planes_.data() + static_cast<std::size_t>(set) * pixels + static_cast<std::size_t>(y) * width;
+  };
+  const auto moment = [&](int kind, int y) {
+    return v_moments_.data() + static_cast<std::size_t>(kind) * pixels + static_cast<std::size_t>(y) * width;
+  };
+  const float count = static_cast<float>(counted);
+  const int bands = (height + kBand - 1) / kBand;
+
+  // A channel at a time: a third of the memory, which is 20 bytes a pixel.
+  for (int c = 0; c < 3; c++) {
+    parallelFor(height, 8, [&](std::int64_t row) {
+      const int y = static_cast<int>(row);
+      float* a = plane(0, y);
+      float* b = plane(1, y);
+      RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + y];
+      for (int x = 0; x < width; x++) {
+        const std::size_t i = static_cast<std::size_t>(y) * width + x;
+        a[x] = picture[i][c];
+        b[x] = static_cast<float>(target[i * 3 + c]) / 255.0f;
+        if (!mask.empty() && mask[i] == 0) a[x] = b[x] = 0;
+        const double clamped = std::clamp(a[x], 0.0f, 1.0f) - b[x];
+        sums.l1 += std::abs(a[x] - b[x]);
+        sums.squared += clamped * clamped;
+      }
+    });
+
+    parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
+      std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
+      scratch.resize(scratch_size);
+      float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kForward + 1, width]
+      const int first = static_cast<int>(band) * kBand;
+      const int last = std::min(first + kBand, height);
+      BlurBand blur(scratch.data(), kForward, width, window);
+      for (int y = std::max(first - kRadius, 0); y < last + kRadius; y++) {
+        if (y < height) {
+          const float* a = plane(0, y);
+          const float* b = plane(1, y);
+          std::copy(a, a + width, blur.input());
+          blur.push(0, y);
+          std::copy(b, b + width, blur.input());
+          blur.push(1, y);
+          multiplyRows(a, a, width, blur.input());
+          blur.push(2, y);
+          multiplyRows(b, b, width, blur.input());
+          blur.push(3, y);
+          multiplyRows(a, b, width, blur.input());
+          blur.push(4, y);
+        }
+        const int done = y - kRadius;
+        if (done < first) continue;
+        for (int q = 0; q < kForward; q++) blur.pull(q, done, height, blurred + static_cast<std::size_t>(q) * width);
+        const auto value = [&](int q) { return blurred + static_cast<std::size_t>(q) * width; };
+        float* ssim = value(kForward);
+        ssimRow(value(0), value(1), value(2), value(3), value(4), width, ssim, moment(0, done), moment(1, done),
+                moment(2, done));
+        for (int x = 0; x < width && !mask.empty(); x++) {
+          if (mask[static_cast<std::size_t>(done) * width + x] != 0) continue;
+          ssim[x] = moment(0, done)[x] = moment(1, done)[x] = moment(2, done)[x] = 0;
+        }
+        RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + done];
+        for (int x = 0; x < width; x++) sums.ssim += ssim[x];
+      }
+    });
+
+    parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
+      std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
+      scratch.resize(scratch_size);
+      float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kBackward + 1, width]
+      const int first = static_cast<int>(band) * kBand;
+      const int last = std::min(first + kBand, height);
+      BlurBand blur(scratch.data(), kBackward, width, window);
+      for (int y = std::max(first - kRadius, 0); y < last + kRadius; y++) {
+        if (y < height) {
+          for (int q = 0; q < kBackward; q++) {
+            const float* source = moment(q, y);
+            std::copy(source, source + width, blur.input());
+            blur.push(q, y);
+          }
+        }
+        const int done = y - kRadius;
+        if (done < first) continue;
+        const auto value = [&](int q) { return blurred + static_cast<std::size_t>(q) * width; };
+        for (int q = 0; q < kBackward; q++) blur.pull(q, done, height, value(q));
+        gradientRow(plane(0, done), plane(1, done), value(0), value(1), value(2), width, (1 - ssim_weight_) / count,
+                    ssim_weight_ / count, value(kBackward));
+        for (int x = 0; x < width; x++) {
+          const std::size_t i = static_cast<std::size_t>(done) * width + x;
+          v_picture[i][c] = mask.empty() || mask[i] != 0 ? value(kBackward)[x] : 0.0f;
+        }
+      }
+    });
+  }
+
+  RowSums sums;
+  for (const RowSums& row : row_sums_) {
+    sums.l1 += row.l1;
+    sums.ssim += row.ssim;
+    sums.squared += row.squared;
+  }
+  LossValue loss;
+  loss.l1 = sums.l1 / counted;
+  loss.ssim = sums.ssim / counted;
+  loss.mean_squared_error = sums.squared / counted;
+  loss.total = (1 - ssim_weight_) * loss.l1 + ssim_weight_ * (1 - loss.ssim);
+  return loss;
+}
+
+}  // namespace tg

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The model being trained with its Adam moments, the step that moves both, and every change of their size.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/model/model.h"
+#include "training/step/gradient.h"
+#include "training/step/step_math.h"
+
+namespace tg {
+
+// Adam's running means of gradient and squared gradient, one float per float of the parameter.
+struct Moments {
+  std::vector<float> first;
+  std::vector<float> second;
+};
+
+struct TrainingState {
+  GaussianModel model;
+  Moments mean, rotation, log_scale, opacity_logit, sh, texels;
+  std::int64_t step = 0;  // Adam steps done since the moments were reset
+};
+
+// Learning rates of 3DGS; texel rate of the paper's appendix. The mean's rate is in world units.
+struct LearningRates {
+  float mean = 0;
+  float rotation = 1e-3f;
+  float log_scale = 5e-3f;
+  float opacity_logit = 5e-2f;
+  float sh_dc = 2.5e-3f;
+  float sh_rest = 2.5e-3f / 20;
+  float texels = 1e-3f;
+};
+
+// Log-linear from `first` to `last` over `iterations`; both above 0, or else linear.
+double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations);
+
+// Of step `step`, counted from 1.
+AdamScales adamScales(std::int64_t step);
+
+// Adam, beta 0.9 / 0.999, epsilon 1e-15, bias-corrected, on every parameter; alpha texels are then clamped to [0, 1].
+// Moments must have the model's size (see resetMoments). Any thread count, same bytes.
+void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates);
+
+// Moments of the model's size, all zero; step 0.
+void resetMoments(TrainingState& state);
+
+// The moments of one Gaussian to zero, texels apart.
+void clearMoments(TrainingState& state, std::size_t gaussian);
+
+// New SH coefficients are zero, with zero moments: the picture does not change.
+void growShDegree(GaussianModel& model, int degree);
+void growShDegree(TrainingState& state, int degree);
+
+// Gaussian i becomes a copy of the old Gaussian source[i]. The first `kept` take their moments along, the others start
+// from zero. For models without textures.
+void selectGaussians(TrainingState& state, std::span<const std::uint32_t> source, std::size_t kept);
+
+}  // namespace tg

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Names, the order of views and the running mean.
+#include "training/step/run_state.h"
+
+#include <utility>
+
+namespace tg {
+
+std::string_view name(Stage stage) {
+  switch (stage) {
+    case Stage::count:
+      return "count";
+    case Stage::plain:
+      return "plain";
+    case Stage::textured:
+      return "textured";
+    case Stage::untextured:
+      return "untextured";
+  }
+  return "";
+}
+
+std::size_t ViewOrder::next() {
+  if (position == 0) random.shuffle(views);
+  const std::size_t view = views[position];
+  position = static_cast<std::uint32_t>((position + 1) % views.size());
+  return view;
+}
+
+std::optional<std::size_t> ViewOrder::following() const {
+  return position == 0 ? std::nullopt : std::optional<std::size_t>(views[position]);
+}
+
+void RunningMean::add(double value) {
+  constexpr double kPast = 0.98;  // about 50 views
+  sum = kPast * sum + value;
+  weight = kPast * weight + 1;
+}
+
+}  // namespace tg

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rectangles first, then their texels.
+#include "training/step/textures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "core/system/error.h"
+#include "shared/limits.h"
+#include "shared/sh.h"
+#include "shared/splat.h"
+
+namespace tg {
+namespace {
+
+constexpr int kMostFootprintTexels = 64;  // a side
+constexpr float kPaperColor = 25.0f / 255.0f;
+
+TextureRect footprintRect(const GaussianModel& model, std::size_t i, float pixel_size, double pitch) {
+  const int c = shortestAxis(model.log_scale[i]);
+  const auto side = [&](int axis) {
+    const double pixels = 2.0 * kTextureExtent * std::exp(model.log_scale[i][axis]) / std::max(pixel_size, 1e-30f);
+    return static_cast<std::uint16_t>(std::clamp(std::round(pixels / pitch), 1.0, double{kMostFootprintTexels}));
+  };
+  return {0, side(axisU(c)), side(axisV(c))};
+}
+
+std::size_t texelCount(const std::vector<TextureRect>& rects) {
+  std::size_t count = 0;
+  for (const TextureRect& rect : rects) count += rect.texelCount();
+  return count;
+}
+
+}  // namespace
+
+std::vector<TextureRect> uniformRects(std::size_t count, int size, std::size_t texel_budget) {
+  if (texel_budget > 0) {
+    const double texels = static_cast<double>(texel_budget) / static_cast<double>(std::max<std::size_t>(count, 1));
+    size = static_cast<int>(std::clamp(std::floor(std::sqrt(texels)), 1.0, 256.0));
+  }
+  const auto side = static_cast<std::uint16_t>(size);
+  return std::vector<TextureRect>(count, TextureRect{0, side, side});
+}
+
+std::vector<TextureRect> footprintRects(const GaussianModel& model, std::span<const float> pixel_sizes,
+                                        std::size_t texel_budget) {
+  const auto rects = [&](double pitch) {
+    std::vector<TextureRect> result(model.size());
+    for (std::size_t i = 0; i < model.size(); i++) result[i] = footprintRect(model, i, pixel_sizes[i], pitch);
+    return result;
+  };
+  // Fewer texels the larger the pitch: bisection in its logarithm.
+  double low = std::log(1e-3), high = std::log(1e6);
+  for (int step = 0; step < 40; step++) {
+    const double middle = (low + high) / 2;
+    (texelCount(rects(std::exp(middle))) > texel_budget ? low : high) = middle;
+  }
+  return rects(std::exp(high));
+}
+
+void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMode mode, TextureInit init) {
+  GaussianModel& model = state.model;
+  const std::size_t texels = texelCount(rects);
+  if (texels > std::numeric_limits<std::uint32_t>::max()) {
+    throw Error(ErrorKind::usage, "too many texels (expected below 2^32, found " + std::to_string(texels) + ")");
+  }
+  std::uint32_t offset = 0;
+  for (TextureRect& rect : rects) {
+    rect.offset = offset;
+    offset += rect.texelCount();
+  }
+  const bool color = init == TextureInit::paper && (static_cast<unsigned>(mode) & kModeRgb) != 0;
+  model.texture_mode = mode;
+  model.atlas.rects = std::move(rects);
+  model.atlas.texels.assign(texels, glm::vec4(glm::vec3(color ? kPaperColor : 0.0f), 1.0f));
+  if (color) {
+    for (std::size_t i = 0; i < model.size(); i++) model.sh[i * model.shCount()] -= kPaperColor / kShC0;
+  }
+  resetMoments(state);
+}
+
+}  // namespace tg
