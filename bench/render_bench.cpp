@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"

@@ -11,7 +11,7 @@
 #include <set>
 #include <system_error>
 
-#include "converter/file_format.h"
+#include "converter/registry/file_format.h"
 #include "core/system/error.h"
 
 namespace tg {

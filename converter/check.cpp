@@ -9,12 +9,12 @@
 #include <optional>
 #include <utility>
 
-#include "converter/file_format.h"
-#include "converter/gltf_check.h"
-#include "converter/gltf_document.h"
-#include "converter/gltf_resolve.h"
-#include "converter/read_gltf.h"
-#include "converter/read_model.h"
+#include "converter/gltf/document.h"
+#include "converter/gltf/document_check.h"
+#include "converter/gltf/read_gltf.h"
+#include "converter/gltf/resolve.h"
+#include "converter/registry/file_format.h"
+#include "converter/registry/read_model.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
 

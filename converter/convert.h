@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "converter/edit.h"
-#include "converter/quality.h"
-#include "converter/read_model.h"
-#include "converter/write_gltf.h"
+#include "converter/edit/edit.h"
+#include "converter/edit/quality.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/registry/read_model.h"
 
 namespace tg {
 

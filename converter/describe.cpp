@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/convert.h"
-#include "converter/statistics.h"
+#include "converter/edit/statistics.h"
 
 namespace tg {
 namespace {

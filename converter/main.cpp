@@ -15,7 +15,7 @@
 #include "converter/batch.h"
 #include "converter/check.h"
 #include "converter/convert.h"
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"

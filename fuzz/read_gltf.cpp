@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "converter/read_gltf.h"
+#include "converter/gltf/read_gltf.h"
 #include "core/system/error.h"
 
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "converter/html_page.h"
-#include "converter/read_gltf.h"
-#include "converter/read_html.h"
+#include "converter/gltf/read_gltf.h"
+#include "converter/html/html_page.h"
+#include "converter/html/read_html.h"
 #include "core/system/error.h"
 
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <optional>
 
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Axis conventions and rotated spherical harmonics.
-#include "converter/axes.h"
+#include "converter/gltf/axes.h"
 
 #include <vector>
 

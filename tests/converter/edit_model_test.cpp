@@ -4,14 +4,14 @@
 #include <cmath>
 #include <cstring>
 
-#include "converter/contribution.h"
-#include "converter/edit_decimate.h"
-#include "converter/edit_merge.h"
-#include "converter/edit_merge_pairs.h"
-#include "converter/edit_reduce.h"
-#include "converter/edit_select.h"
-#include "converter/fallback.h"
-#include "converter/texture_fit.h"
+#include "converter/edit/contribution.h"
+#include "converter/edit/decimate.h"
+#include "converter/edit/merge.h"
+#include "converter/edit/merge_pairs.h"
+#include "converter/edit/reduce.h"
+#include "converter/edit/select.h"
+#include "converter/edit/texture_fit.h"
+#include "converter/gltf/fallback.h"
 #include "core/bundle/bundle.h"
 #include "edits.h"
 #include "shared/texture.h"

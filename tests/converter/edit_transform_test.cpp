@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A model that moves together with its cameras gives the picture that it gave, by the float64 reference.
-#include "converter/edit_transform.h"
+#include "converter/edit/transform.h"
 
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 
-#include "converter/axes.h"
-#include "converter/edit.h"
+#include "converter/edit/edit.h"
+#include "converter/gltf/axes.h"
 #include "core/system/error.h"
 #include "edits.h"
 #include "support/catch.h"

@@ -5,7 +5,7 @@
 #include <limits>
 #include <string>
 
-#include "converter/edit.h"
+#include "converter/edit/edit.h"
 #include "core/system/error.h"
 #include "render/reference/reference.h"
 #include "scenes.h"

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which reader a file goes to, and what the refusals say.
-#include "converter/file_format.h"
+#include "converter/registry/file_format.h"
 
 #include <string>
 
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "core/system/error.h"
 #include "scratch.h"
 #include "splat_files.h"

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Splats that a glTF file holds as an SPZ.
 #include "converter/check.h"
-#include "converter/edit_transform.h"
-#include "converter/read_model.h"
-#include "converter/write_spz.h"
+#include "converter/edit/transform.h"
+#include "converter/formats/write_spz.h"
+#include "converter/registry/read_model.h"
 #include "glb.h"
 #include "scenes.h"
 #include "scratch.h"

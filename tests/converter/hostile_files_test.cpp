@@ -4,8 +4,8 @@
 #include <functional>
 
 #include "converter/convert.h"
-#include "converter/html_page.h"
-#include "converter/meshopt.h"
+#include "converter/gltf/meshopt.h"
+#include "converter/html/html_page.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "glb.h"

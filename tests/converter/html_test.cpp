@@ -2,9 +2,9 @@
 // Pages: the model in them is the one a GLB would hold, and a spoilt page is refused. What a browser shows: tests/web.
 #include <algorithm>
 
-#include "converter/read_html.h"
-#include "converter/read_model.h"
-#include "converter/write_html.h"
+#include "converter/html/read_html.h"
+#include "converter/html/write_html.h"
+#include "converter/registry/read_model.h"
 #include "glb.h"
 #include "scenes.h"
 #include "scratch.h"

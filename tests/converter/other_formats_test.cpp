@@ -4,9 +4,9 @@
 #include <limits>
 #include <span>
 
-#include "converter/read_compressed_ply.h"
-#include "converter/read_splat.h"
-#include "converter/read_spz.h"
+#include "converter/formats/read_compressed_ply.h"
+#include "converter/formats/read_splat.h"
+#include "converter/formats/read_spz.h"
 #include "core/system/error.h"
 #include "scenes.h"
 #include "scratch.h"

@@ -7,8 +7,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "converter/read_model.h"
-#include "converter/write_gltf.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/registry/read_model.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "glb.h"

@@ -3,9 +3,9 @@
 #include <functional>
 #include <limits>
 
-#include "converter/axes.h"
-#include "converter/read_model.h"
-#include "converter/write_gltf.h"
+#include "converter/gltf/axes.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/registry/read_model.h"
 #include "glb.h"
 #include "scenes.h"
 #include "scratch.h"

@@ -3,9 +3,9 @@
 #include <cstring>
 
 #include "converter/convert.h"
-#include "converter/fallback.h"
-#include "converter/read_model.h"
-#include "converter/write_gltf.h"
+#include "converter/gltf/fallback.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/registry/read_model.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "glb.h"

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "render/reference/reference.h"
 
 namespace tg::test {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "converter/check.h"
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "sample_picture.h"
 #include "scenes.h"
 #include "support/catch.h"

@@ -5,7 +5,7 @@
 #include <iterator>
 
 #include "converter/convert.h"
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "core/bundle/ply.h"
 #include "scenes.h"
 #include "scratch.h"

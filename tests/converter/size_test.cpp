@@ -3,10 +3,10 @@
 #include <cstring>
 
 #include "converter/convert.h"
-#include "converter/edit_reduce.h"
-#include "converter/meshopt.h"
-#include "converter/read_gltf.h"
-#include "converter/texture_budget.h"
+#include "converter/edit/reduce.h"
+#include "converter/edit/texture_budget.h"
+#include "converter/gltf/meshopt.h"
+#include "converter/gltf/read_gltf.h"
 #include "core/bundle/bundle.h"
 #include "edits.h"
 #include "glb.h"

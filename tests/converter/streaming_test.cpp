@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files that are converted block by block, and what the summary says of the pictures.
 #include "converter/convert.h"
-#include "converter/read_gltf.h"
-#include "converter/write_gltf.h"
+#include "converter/gltf/read_gltf.h"
+#include "converter/gltf/write_gltf.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // .splat comes back within its bytes, and says what they could not hold.
-#include "converter/write_splat.h"
+#include "converter/formats/write_splat.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "converter/convert.h"
-#include "converter/read_splat.h"
+#include "converter/formats/read_splat.h"
 #include "core/bundle/bundle.h"
 #include "core/system/error.h"
 #include "scratch.h"

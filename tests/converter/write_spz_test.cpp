@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPZ comes back within its bits, and says what they could not hold.
-#include "converter/write_spz.h"
+#include "converter/formats/write_spz.h"
 
 #include <cmath>
 
-#include "converter/read_spz.h"
+#include "converter/formats/read_spz.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -3,10 +3,10 @@
 #include <cmath>
 #include <set>
 
-#include "converter/axes.h"
-#include "converter/quantize.h"
-#include "converter/read_model.h"
-#include "converter/write_gltf.h"
+#include "converter/gltf/axes.h"
+#include "converter/gltf/quantize.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/registry/read_model.h"
 #include "core/image/image.h"
 #include "glb.h"
 #include "scenes.h"

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "core/system/error.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/scene_of.h"

@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "core/bundle/read_progress.h"
 
 namespace tg {

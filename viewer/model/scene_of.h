@@ -3,7 +3,7 @@
 #pragma once
 #include <filesystem>
 
-#include "converter/read_model.h"
+#include "converter/registry/read_model.h"
 #include "viewer/view/options.h"
 #include "viewer/view/scene.h"
 

@@ -13,8 +13,8 @@
 #include <memory>
 #include <utility>
 
-#include "converter/file_format.h"
-#include "converter/read_model.h"
+#include "converter/registry/file_format.h"
+#include "converter/registry/read_model.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
 #include "viewer/model/open_models.h"

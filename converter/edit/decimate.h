@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fewer Gaussians for nearly the same pictures.
+#pragma once
+#include <cstddef>
+#include <span>
+
+#include "core/model/camera.h"
+#include "core/model/model.h"
+
+namespace tg {
+
+// Leaves `count` Gaussians, those that pictures from `views` show most (converter/edit/contribution.h); of the unseen ones
+// the opaque and large first. No change when there are no more than that. Throws Error(usage) for a count of 0.
+void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> views);
+
+}  // namespace tg

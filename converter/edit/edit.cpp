@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+// The edits of tgconvert's command line.
+#include "converter/edit/edit.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <glm/gtc/matrix_transform.hpp>
+
+#include "converter/edit/decimate.h"
+#include "converter/edit/merge.h"
+#include "converter/edit/merge_pairs.h"
+#include "converter/edit/quality.h"
+#include "converter/edit/reduce.h"
+#include "converter/edit/select.h"
+#include "converter/edit/texture_budget.h"
+#include "converter/edit/transform.h"
+#include "converter/gltf/axes.h"
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+// Comma-separated; `expected` names them for the message.
+std::vector<double> numbersOf(const Edit& edit, std::initializer_list<std::size_t> counts, const char* expected) {
+  std::vector<double> numbers;
+  const std::string& text = edit.value;
+  const char* at = text.data();
+  const char* const end = text.data() + text.size();
+  bool ok = true;
+  while (ok && at <= end) {
+    double number = 0.0;
+    const auto [next, status] = std::from_chars(at, end, number);
+    ok = status == std::errc() && std::isfinite(number) && (next == end || *next == ',');
+    numbers.push_back(number);
+    at = next + 1;
+  }
+  bool fits = false;
+  for (const std::size_t count : counts) fits = fits || numbers.size() == count;
+  if (!ok || !fits) throw Error(ErrorKind::usage, "wrong value (expected " + std::string(expected) + ")");
+  return numbers;
+}
+
+glm::dvec3 vec3(const std::vector<double>& n, std::size_t at = 0) { return {n[at], n[at + 1], n[at + 2]}; }
+
+void transform(Bundle& loaded, const Similarity& similarity) {
+  transformModel(loaded.model, similarity);
+  transformCameras(loaded.cameras, similarity);
+}
+
+void translate(Bundle& loaded, const Edit& edit) {
+  Similarity move;
+  move.translation = vec3(numbersOf(edit, {3}, "x,y,z"));
+  transform(loaded, move);
+}
+
+void rotate(Bundle& loaded, const Edit& edit) {
+  const std::vector<double> n = numbersOf(edit, {4}, "x,y,z,DEGREES");
+  const double length = glm::length(vec3(n));
+  if (!(length > 0.0)) throw Error(ErrorKind::usage, "the axis has no length");
+  const double half = 0.5 * n[3] * M_PI / 180.0;
+  const glm::dvec3 axis = std::sin(half) / length * vec3(n);
+  Similarity turn;
+  turn.rotation = matrixFromQuaternion({std::cos(half), axis.x, axis.y, axis.z});
+  transform(loaded, turn);
+}
+
+void rotateQuaternion(Bundle& loaded, const Edit& edit) {
+  const std::vector<double> n = numbersOf(edit, {4}, "w,x,y,z");
+  const glm::dvec4 q(n[0], n[1], n[2], n[3]);
+  if (!(glm::length(q) > 0.0)) throw Error(ErrorKind::usage, "the quaternion has no length");
+  Similarity turn;
+  turn.rotation = matrixFromQuaternion(q);
+  transform(loaded, turn);
+}
+
+void scale(Bundle& loaded, const Edit& edit) {
+  const std::vector<double> n = numbersOf(edit, {1, 3}, "one number");
+  glm::dmat4 matrix(1.0);
+  for (int k = 0; k < 3; ++k) matrix[k][k] = n[n.size() == 1 ? 0 : static_cast<std::size_t>(k)];
+  transform(loaded, similarityFrom(matrix));
+}
+
+void applyMatrix(Bundle& loaded, const Edit& edit) {
+  const std::vector<double> n = numbersOf(edit, {12, 16}, "12 or 16 numbers, row by row");
+  glm::dmat4 matrix(1.0);
+  for (std::size_t k = 0; k < n.size(); ++k) matrix[static_cast<int>(k % 4)][static_cast<int>(k / 4)] = n[k];
+  transform(loaded, similarityFrom(matrix));
+}
+
+void cropBox(Bundle& loaded, const Edit& edit) {
+  const std::vector<double> n = numbersOf(edit, {6}, "x0,y0,z0,x1,y1,z1");
+  const glm::dvec3 a = vec3(n), b = vec3(n, 3);
+  keepGaussians(loaded.model, insideBox(loaded.model, glm::min(a, b), glm::max(a, b)));
+}
+
+void cropSphere(Bundle& loaded, const Edit& edit) {
+  const std::vector<double> n = numbersOf(edit, {4}, "x,y,z,RADIUS");
+  if (!(n[3] > 0.0)) throw Error(ErrorKind::usage, "the radius is not positive");
+  keepGaussians(loaded.model, insideSphere(loaded.model, vec3(n), n[3]));
+}
+
+void keepWhere(Bundle& loaded, const Edit& edit) {
+  keepGaussians(loaded.model, whereValue(loaded.model, edit.value));
+}
+
+void merge(Bundle& loaded, const Edit& edit) {
+  const Bundle other = readModel(edit.value);
+  mergeModel(loaded.model, other.model, edit.value);
+  loaded.cameras.insert(loaded.cameras.end(), other.cameras.begin(), other.cameras.end());
+  for (const std::string& warning : other.warnings) loaded.warnings.push_back(edit.value + ": " + warning);
+  loaded.training_json.clear();  // it tells of one of them
+}
+
+std::size_t countOf(const Bundle& loaded, const Edit& edit) {
+  Edit number = edit;
+  const bool percent = !number.value.empty() && number.value.back() == '%';
+  if (percent) number.value.pop_back();
+  const double n = numbersOf(number, {1}, "N or P%")[0];
+  if (n < 0.0 || (percent ? n > 100.0 : n != std::floor(n))) {
+    throw Error(ErrorKind::usage, "wrong value (expected a count, or a percentage from 0 to 100)");
+  }
+  const double count = percent ? std::round(static_cast<double>(loaded.model.size()) * n / 100.0) : n;
+  return static_cast<std::size_t>(std::min(count, 1e18));
+}
+
+void decimateTo(Bundle& loaded, const Edit& edit) {
+  decimate(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
+}
+
+void mergeTo(Bundle& loaded, const Edit& edit) {
+  decimateByMerging(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
+}
+
+void reduceSh(Bundle& loaded, const Edit& edit) {
+  const double degree = numbersOf(edit, {1}, "0 to 3")[0];
+  if (degree != std::floor(degree) || degree < 0.0 || degree > 3.0) {
+    throw Error(ErrorKind::usage, "wrong value (expected 0 to 3)");
+  }
+  if (degree < loaded.model.sh_degree) setShDegree(loaded.model, static_cast<int>(degree));
+}
+
+void textureSize(Bundle& loaded, const Edit& edit) {
+  Edit numbers = edit;
+  if (const std::size_t x = numbers.value.find('x'); x != std::string::npos) numbers.value[x] = ',';
+  const std::vector<double> n = numbersOf(numbers, {1, 2}, "WIDTHxHEIGHT or one number for both");
+  for (const double side : n) {
+    if (side != std::floor(side) || side < 1.0 || side > 65535.0) {
+      throw Error(ErrorKind::usage, "wrong value (expected whole numbers from 1 on)");
+    }
+  }
+  resizeTextures(loaded.model, static_cast<int>(n.front()), static_cast<int>(n.back()));
+}
+
+void textureError(Bundle& loaded, const Edit& edit) {
+  fitTexturesToError(loaded.model, numbersOf(edit, {1}, "a number from 0 on")[0]);
+}
+
+void texelBudget(Bundle& loaded, const Edit& edit) {
+  const double texels = numbersOf(edit, {1}, "a number of texels")[0];
+  if (texels < 0.0 || texels != std::floor(texels) || texels > 1e18) {
+    throw Error(ErrorKind::usage, "wrong value (expected a number of texels)");
+  }
+  fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels),
+                      contributionViews(loaded.model, loaded.cameras));
+}
+
+void noTextures(Bundle& loaded, const Edit&) { dropTextures(loaded.model); }
+
+struct Command {
+  EditOption option;
+  void (*apply)(Bundle&, const Edit&);
+  bool reduces;  // the same scene with less of it
+};
+constexpr std::array<Command, 16> kCommands = {{
+    {{"--translate", "X,Y,Z", "move"}, translate, false},
+    {{"--rotate", "X,Y,Z,DEG", "turn by an angle about an axis through the origin"}, rotate, false},
+    {{"--rotate-quaternion", "W,X,Y,Z", "turn by a quaternion of any length"}, rotateQuaternion, false},
+    {{"--scale", "S", "scale about the origin"}, scale, false},
+    {{"--matrix", "M", "12 or 16 numbers row by row: rotation, one scale, translation"}, applyMatrix, false},
+    {{"--crop-box", "X0,Y0,Z0,X1,Y1,Z1", "keep what has its mean inside"}, cropBox, false},
+    {{"--crop-sphere", "X,Y,Z,R", "keep what has its mean inside"}, cropSphere, false},
+    {{"--keep", "EXPR", "keep by value: \"opacity > 0.1\", \"0.01 <= max_scale < 2\""}, keepWhere, false},
+    {{"--merge", "FILE", "put another model beside it"}, merge, false},
+    {{"--decimate", "N|P%", "leave the N Gaussians, or P % of them, that pictures show most"}, decimateTo, true},
+    {{"--merge-pairs", "N|P%", "leave N Gaussians, or P %, by merging neighbours that have no textures"},
+     mergeTo,
+     true},
+    {{"--sh-degree", "D", "leave SH degrees up to D"}, reduceSh, true},
+    {{"--texture-size", "WxH", "give every texture this size [texels]"}, textureSize, true},
+    {{"--texel-budget", "N", "at most N texels in all, where pictures show them most"}, texelBudget, true},
+    {{"--texture-error", "E", "the smallest texture with an error of at most E (1 = white)"}, textureError, true},
+    {{"--no-textures", "", "bake textures into colours and opacities"}, noTextures, true},
+}};
+
+const auto kOptions = [] {
+  std::array<EditOption, kCommands.size()> options;
+  for (std::size_t k = 0; k < options.size(); ++k) options[k] = kCommands[k].option;
+  return options;
+}();
+
+}  // namespace
+
+std::span<const EditOption> editOptions() { return kOptions; }
+
+std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure) {
+  std::vector<EditReport> reports;
+  for (const Edit& edit : edits) {
+    const Command* command = nullptr;
+    for (const Command& c : kCommands) {
+      if (c.option.name == edit.option) command = &c;
+    }
+    if (command == nullptr) throw Error(ErrorKind::usage, edit.option + ": no such edit");
+    const std::string place = edit.option + (edit.value.empty() ? "" : " " + edit.value);
+    EditReport report{edit, loaded.model.size(), 0, std::nullopt};
+    const bool compares = measure && command->reduces;
+    const GaussianModel before = compares ? loaded.model : GaussianModel();
+    try {
+      command->apply(loaded, edit);
+    } catch (const Error& error) {
+      // A merged file's errors carry its name already.
+      if (error.kind != ErrorKind::usage) throw;
+      throw Error(ErrorKind::usage, place + ": " + error.what());
+    }
+    report.after = loaded.model.size();
+    if (report.after == 0) throw Error(ErrorKind::badData, place + ": no Gaussian is left");
+    if (compares) {
+      report.psnr = renderedPsnr(before, loaded.model, qualityViews(before, loaded.cameras), loaded.background);
+    }
+    loaded.preview = {};
+    reports.push_back(std::move(report));
+  }
+  return reports;
+}
+
+}  // namespace tg

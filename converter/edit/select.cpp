@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+// Keeps some of a model's Gaussians.
+#include "converter/edit/select.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <functional>
+#include <optional>
+
+#include "core/system/error.h"
+#include "shared/limits.h"
+
+namespace tg {
+namespace {
+
+using Value = double (*)(const GaussianModel&, std::size_t);
+
+glm::dvec3 scales(const GaussianModel& model, std::size_t i) { return glm::exp(glm::dvec3(model.log_scale[i])); }
+
+double shEnergy(const GaussianModel& model, std::size_t i) {
+  const std::size_t count = static_cast<std::size_t>(model.shCount());
+  double sum = 0.0;
+  for (std::size_t k = 1; k < count; ++k) {
+    const glm::dvec3 c(model.sh[i * count + k]);
+    sum += glm::dot(c, c);
+  }
+  return sum;
+}
+
+double baseColor(const GaussianModel& model, std::size_t i, int channel) {
+  return 0.5 + double{kShC0} * model.sh[i * static_cast<std::size_t>(model.shCount())][channel];
+}
+
+struct Field {
+  std::string_view name;
+  Value value;
+};
+constexpr std::array<Field, 13> kFields = {{
+    {"x", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].x; }},
+    {"y", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].y; }},
+    {"z", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].z; }},
+    {"opacity",
+     [](const GaussianModel& m, std::size_t i) { return 1.0 / (1.0 + std::exp(-double{m.opacity_logit[i]})); }},
+    {"min_scale",
+     [](const GaussianModel& m, std::size_t i) {
+       const glm::dvec3 s = scales(m, i);
+       return std::min({s.x, s.y, s.z});
+     }},
+    {"max_scale",
+     [](const GaussianModel& m, std::size_t i) {
+       const glm::dvec3 s = scales(m, i);
+       return std::max({s.x, s.y, s.z});
+     }},
+    {"volume",
+     [](const GaussianModel& m, std::size_t i) {
+       const glm::dvec3 s = scales(m, i);
+       return s.x * s.y * s.z;
+     }},
+    {"index", [](const GaussianModel&, std::size_t i) { return static_cast<double>(i); }},
+    {"sh_energy", shEnergy},
+    {"texels",
+     [](const GaussianModel& m, std::size_t i) -> double {
+       return m.atlas.rects.empty() ? 0.0 : m.atlas.rects[i].texelCount();
+     }},
+    {"red", [](const GaussianModel& m, std::size_t i) { return baseColor(m, i, 0); }},
+    {"green", [](const GaussianModel& m, std::size_t i) { return baseColor(m, i, 1); }},
+    {"blue", [](const GaussianModel& m, std::size_t i) { return baseColor(m, i, 2); }},
+}};
+
+enum class Relation { less, lessEqual, greater, greaterEqual, equal, notEqual };
+
+struct RelationName {
+  std::string_view text;
+  Relation relation;
+};
+// Longer ones first: "<" is the start of "<=".
+constexpr std::array<RelationName, 6> kRelations = {{{"<=", Relation::lessEqual},
+                                                     {">=", Relation::greaterEqual},
+                                                     {"==", Relation::equal},
+                                                     {"!=", Relation::notEqual},
+                                                     {"<", Relation::less},
+                                                     {">", Relation::greater}}};
+
+bool holds(double a, Relation relation, double b) {
+  switch (relation) {
+    case Relation::less:
+      return a < b;
+    case Relation::lessEqual:
+      return a <= b;
+    case Relation::greater:
+      return a > b;
+    case Relation::greaterEqual:
+      return a >= b;
+    case Relation::equal:
+      return a == b;
+    case Relation::notEqual:
+      return a != b;
+  }
+  return false;
+}
+
+// A term of "a < b < c": a number or a field.
+struct Term {
+  Value field = nullptr;
+  double number = 0.0;
+
+  double of(const GaussianModel& model, std::size_t i) const { return field ? field(model, i) : number; }
+};
+
+struct Expression {
+  std::vector<Term> terms;  // one more than relations
+  std::vector<Relation> relations;
+};
+
+[[noreturn]] void refuse(std::string_view expression, const std::string& what) {
+  std::string text = "\"";
+  text += expression;
+  text += "\": " + what + " (expected NAME < NUMBER or NUMBER <= NAME < NUMBER, with < <= > >= == !=; NAME is one of";
+  for (const Field& field : kFields) {
+    text += ' ';
+    text += field.name;
+  }
+  throw Error(ErrorKind::usage, text + ")");
+}
+
+Term parseTerm(std::string_view text, std::string_view expression) {
+  const auto found =
+      std::find_if(kFields.begin(), kFields.end(), [&](const Field& field) { return field.name == text; });
+  if (found != kFields.end()) return {found->value, 0.0};
+  Term term;
+  const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), term.number);
+  if (status != std::errc() || end != text.data() + text.size() || !std::isfinite(term.number)) {
+    refuse(expression, text.empty() ? std::string("a value is missing") : "unknown value " + std::string(text));
+  }
+  return term;
+}
+
+Expression parse(std::string_view expression) {
+  std::string text;  // without blanks
+  std::copy_if(expression.begin(), expression.end(), std::back_inserter(text), [](char c) { return c != ' '; });
+  Expression result;
+  std::size_t begin = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    const auto relation = std::find_if(kRelations.begin(), kRelations.end(), [&](const RelationName& r) {
+      return text.compare(at, r.text.size(), r.text) == 0;
+    });
+    if (relation == kRelations.end()) {
+      ++at;
+      continue;
+    }
+    result.terms.push_back(parseTerm(std::string_view(text).substr(begin, at - begin), expression));
+    result.relations.push_back(relation->relation);
+    at += relation->text.size();
+    begin = at;
+  }
+  result.terms.push_back(parseTerm(std::string_view(text).substr(begin), expression));
+  std::size_t fields = 0;
+  for (const Term& term : result.terms) fields += term.field != nullptr;
+  if (result.relations.empty() || result.relations.size() > 2 || fields != 1) {
+    refuse(expression, "is no comparison of one value with one or two numbers");
+  }
+  return result;
+}
+
+}  // namespace
+
+void compactTexels(TextureAtlas& atlas) {
+  std::uint64_t used = 0;
+  for (const TextureRect& rect : atlas.rects) used += rect.texelCount();
+  std::vector<glm::vec4> texels;
+  texels.reserve(used);
+  for (TextureRect& rect : atlas.rects) {
+    const auto first = atlas.texels.begin() + rect.offset;
+    rect.offset = static_cast<std::uint32_t>(texels.size());
+    texels.insert(texels.end(), first, first + rect.texelCount());
+  }
+  atlas.texels = std::move(texels);
+}
+
+void keepGaussians(GaussianModel& model, std::span<const std::uint8_t> keep) {
+  const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
+  const bool has_rects = !model.atlas.rects.empty();
+  std::size_t to = 0;
+  for (std::size_t from = 0; from < model.size(); ++from) {
+    if (keep[from] == 0) continue;
+    model.mean[to] = model.mean[from];
+    model.rotation[to] = model.rotation[from];
+    model.log_scale[to] = model.log_scale[from];
+    model.opacity_logit[to] = model.opacity_logit[from];
+    std::copy_n(model.sh.begin() + static_cast<std::ptrdiff_t>(from * coefficients), coefficients,
+                model.sh.begin() + static_cast<std::ptrdiff_t>(to * coefficients));
+    if (has_rects) model.atlas.rects[to] = model.atlas.rects[from];
+    ++to;
+  }
+  const bool dropped = to < model.size();
+  model.mean.resize(to);
+  model.rotation.resize(to);
+  model.log_scale.resize(to);
+  model.opacity_logit.resize(to);
+  model.sh.resize(to * coefficients);
+  if (!has_rects || !dropped) return;
+  model.atlas.rects.resize(to);
+  compactTexels(model.atlas);
+}
+
+std::vector<std::uint8_t> insideBox(const GaussianModel& model, glm::dvec3 low, glm::dvec3 high) {
+  std::vector<std::uint8_t> keep(model.size());
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const glm::dvec3 p(model.mean[i]);
+    keep[i] = glm::all(glm::greaterThanEqual(p, low)) && glm::all(glm::lessThanEqual(p, high));
+  }
+  return keep;
+}
+
+std::vector<std::uint8_t> insideSphere(const GaussianModel& model, glm::dvec3 center, double radius) {
+  std::vector<std::uint8_t> keep(model.size());
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    keep[i] = glm::distance(glm::dvec3(model.mean[i]), center) <= radius;
+  }
+  return keep;
+}
+
+std::vector<std::uint8_t> whereValue(const GaussianModel& model, std::string_view text) {
+  const Expression expression = parse(text);
+  std::vector<std::uint8_t> keep(model.size());
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    bool ok = true;
+    for (std::size_t r = 0; r < expression.relations.size(); ++r) {
+      ok = ok && holds(expression.terms[r].of(model, i), expression.relations[r], expression.terms[r + 1].of(model, i));
+    }
+    keep[i] = ok;
+  }
+  return keep;
+}
+
+}  // namespace tg

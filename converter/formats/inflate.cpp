@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// gzip by zlib; Zstandard by libarchive, which the bundle needs anyway.
+#include "converter/formats/inflate.h"
+
+#include <archive.h>
+#include <archive_entry.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <new>
+#include <utility>
+
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxDeflateRatio = 1032;
+constexpr std::uint64_t kMaxRatio = 1000;
+constexpr std::uint64_t kRatioFreeBytes = 1 << 20;
+constexpr std::size_t kPieceBytes = 1 << 20;
+
+}  // namespace
+
+struct GzipBytes::State {
+  std::string path;
+  std::uint64_t packed_bytes = 0;
+  std::span<const std::uint8_t> left;  // not yet given to zlib, whose counters have 32 bits
+  z_stream stream{};
+  bool finished = false;
+
+  ~State() { inflateEnd(&stream); }
+
+  // Fills as much of `out` as the stream has.
+  std::size_t read(std::uint8_t* out, std::size_t size) {
+    stream.next_out = out;
+    stream.avail_out = static_cast<uInt>(size);
+    while (stream.avail_out > 0 && !finished) {
+      if (stream.avail_in == 0) {
+        const std::size_t piece = std::min(left.size(), kPieceBytes);
+        if (piece == 0) throw Error(ErrorKind::badData, path, "gzip stream ends early");
+        stream.next_in = const_cast<std::uint8_t*>(left.data());
+        stream.avail_in = static_cast<uInt>(piece);
+        left = left.subspan(piece);
+      }
+      const int result = inflate(&stream, Z_NO_FLUSH);
+      if (result == Z_STREAM_END) {
+        finished = true;
+      } else if (result != Z_OK) {
+        throw Error(ErrorKind::badData, path,
+                    std::string("broken gzip stream: ") + (stream.msg ? stream.msg : "unexpected data"));
+      }
+    }
+    return size - stream.avail_out;
+  }
+};
+
+GzipBytes::GzipBytes(std::span<const std::uint8_t> bytes, std::string path) : state_(std::make_unique<State>()) {
+  state_->path = std::move(path);
+  state_->packed_bytes = bytes.size();
+  state_->left = bytes;
+  if (inflateInit2(&state_->stream, 15 + 16) != Z_OK) throw std::bad_alloc();
+}
+
+GzipBytes::~GzipBytes() = default;
+
+std::vector<std::uint8_t> GzipBytes::take(std::uint64_t size, const std::string& what) {
+  const auto shorter = [&](std::uint64_t found) {
+    return Error(
+        ErrorKind::badData, state_->path,
+        what + " ends early (expected " + std::to_string(size) + " bytes, found " + std::to_string(found) + ")");
+  };
+  if (size / kMaxDeflateRatio > state_->packed_bytes) throw shorter(state_->packed_bytes * kMaxDeflateRatio);
+  std::vector<std::uint8_t> bytes(size);
+  for (std::size_t done = 0; done < size;) {
+    const std::size_t piece = std::min<std::size_t>(bytes.size() - done, kPieceBytes);
+    const std::size_t got = state_->read(bytes.data() + done, piece);
+    done += got;
+    if (got < piece) throw shorter(done);
+  }
+  return bytes;
+}
+
+std::uint64_t GzipBytes::skipRest(std::uint64_t limit) {
+  std::vector<std::uint8_t> piece(kPieceBytes);
+  std::uint64_t bytes = 0;
+  while (!state_->finished) {
+    bytes += state_->read(piece.data(), piece.size());
+    if (bytes > limit) {
+      throw Error(ErrorKind::badData, state_->path,
+                  "too many bytes after the splats (expected at most " + std::to_string(limit) + ")");
+    }
+  }
+  return bytes;
+}
+
+std::vector<std::uint8_t> unpackZstandard(std::span<const std::uint8_t> bytes, std::uint64_t size,
+                                          const std::string& path, const std::string& what) {
+  const std::unique_ptr<archive, int (*)(archive*)> reader(archive_read_new(), archive_read_free);
+  if (!reader) throw std::bad_alloc();
+  const auto fail = [&](const std::string& why) { throw Error(ErrorKind::badData, path, what + " " + why); };
+  const auto reason = [&] {
+    const char* text = archive_error_string(reader.get());
+    return std::string(text != nullptr ? text : "not a Zstandard stream");
+  };
+  if (archive_read_support_filter_zstd(reader.get()) != ARCHIVE_OK) fail("needs a libarchive with Zstandard built in");
+  archive_read_support_format_raw(reader.get());
+  archive_entry* entry = nullptr;
+  if (archive_read_open_memory(reader.get(), bytes.data(), bytes.size()) != ARCHIVE_OK ||
+      archive_read_next_header(reader.get(), &entry) != ARCHIVE_OK) {
+    fail("is broken: " + reason());
+  }
+  // The raw format passes bytes on that no filter took.
+  if (archive_filter_code(reader.get(), 0) != ARCHIVE_FILTER_ZSTD) fail("is broken: not a Zstandard stream");
+  std::vector<std::uint8_t> out;
+  std::vector<std::uint8_t> piece(static_cast<std::size_t>(std::min<std::uint64_t>(size + 1, kPieceBytes)));
+  for (;;) {
+    const la_ssize_t got = archive_read_data(reader.get(), piece.data(), piece.size());
+    if (got < 0) fail("is broken: " + reason());
+    if (got == 0) break;
+    out.insert(out.end(), piece.begin(), piece.begin() + got);
+    if (out.size() > size) fail("is too long (expected " + std::to_string(size) + " bytes, found more)");
+    if (out.size() > kRatioFreeBytes && out.size() / kMaxRatio > bytes.size()) fail("inflates more than 1000 : 1");
+  }
+  if (out.size() != size) {
+    fail("ends early (expected " + std::to_string(size) + " bytes, found " + std::to_string(out.size()) + ")");
+  }
+  return out;
+}
+
+}  // namespace tg

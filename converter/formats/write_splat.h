@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes .splat files, which most viewers in browsers open: 32 bytes a Gaussian, no SH.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "core/model/model.h"
+
+namespace tg {
+
+// What the numbers of a .splat could not hold.
+struct SplatReport {
+  std::size_t clipped_colors = 0;  // splats whose base colour leaves [0, 1]
+  bool dropped_sh = false;         // degrees above 0 are left out
+};
+
+// Without textures: bake them first (converter/gltf/fallback.h). In the model's order and axes; same model in, same bytes
+// out.
+std::vector<std::uint8_t> formatSplat(const GaussianModel& model, SplatReport& report);
+// Atomic. Throws Error(cannotWrite), Error(badData) for a model without Gaussians.
+SplatReport writeSplat(const std::filesystem::path& path, const GaussianModel& model);
+
+}  // namespace tg

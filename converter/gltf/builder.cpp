@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+// A glTF file under construction.
+#include "converter/gltf/builder.h"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "converter/gltf/meshopt.h"
+#include "core/file/atomic_files.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+
+namespace tg {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::uint64_t kMaxGlbBytes = 0xFFFFFFFFull;  // the header's 32 bits
+constexpr std::size_t kBlock = 512;                    // Gaussians: with SH of degree 3 they stay in a core's cache
+constexpr std::size_t kWrittenBlock = 64 * kBlock;     // that are written at once
+constexpr int kArrayBuffer = 34962;
+constexpr std::uint32_t kMagic = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinChunk = 0x004E4942;
+
+std::uint64_t aligned(std::uint64_t bytes) { return (bytes + 3) / 4 * 4; }
+
+void putU32(std::vector<std::uint8_t>& to, std::uint64_t value) {
+  for (int shift = 0; shift < 32; shift += 8) to.push_back(static_cast<std::uint8_t>(value >> shift));
+}
+
+// A file's name as a relative URI (RFC 3986).
+std::string uriOf(const std::string& name) {
+  constexpr const char* digits = "0123456789ABCDEF";
+  std::string uri;
+  for (const unsigned char c : name) {
+    const bool plain = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+                       std::string_view("-._~").find(static_cast<char>(c)) != std::string_view::npos;
+    if (plain) {
+      uri += static_cast<char>(c);
+    } else {
+      uri += '%';
+      uri += digits[c >> 4];
+      uri += digits[c & 15];
+    }
+  }
+  return uri;
+}
+
+std::string textOf(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+}  // namespace
+
+// Of the three floats of an element.
+struct GltfBuilder::Bounds {
+  glm::vec3 low{std::numeric_limits<float>::max()};
+  glm::vec3 high{std::numeric_limits<float>::lowest()};
+
+  void add(std::span<const std::uint8_t> elements) {
+    for (; elements.size() >= sizeof(glm::vec3); elements = elements.subspan(sizeof(glm::vec3))) {
+      glm::vec3 p;
+      std::memcpy(&p, elements.data(), sizeof(p));
+      low = glm::min(low, p);
+      high = glm::max(high, p);
+    }
+  }
+  void add(const Bounds& other) {
+    low = glm::min(low, other.low);
+    high = glm::max(high, other.high);
+  }
+};
+
+GltfBuilder::GltfBuilder(const GaussianBlocks& gaussians, bool meshopt) : gaussians_(gaussians), meshopt_(meshopt) {
+  if (meshopt && !hasMeshopt()) throw Error(ErrorKind::usage, "--meshopt: " + std::string(missingMeshopt()));
+}
+
+std::uint64_t GltfBuilder::reserve(std::uint64_t bytes) {
+  const std::uint64_t offset = aligned(binary_bytes_);
+  binary_bytes_ = offset + bytes;
+  return offset;
+}
+
+std::size_t GltfBuilder::addView(std::uint64_t offset, std::uint64_t bytes) {
+  Json& views = document["bufferViews"];
+  views.push_back({{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes}});
+  return views.size() - 1;
+}
+
+void GltfBuilder::addBlob(std::vector<std::uint8_t> bytes, std::uint64_t offset) {
+  Blob blob;
+  blob.offset = offset;
+  blob.bytes = std::move(bytes);
+  blobs_.push_back(std::move(blob));
+}
+
+// The zeros of both signs are one number in glTF: + 0 makes them one text.
+void GltfBuilder::setBounds(std::size_t accessor, const Bounds& bounds) {
+  const glm::vec3 low = bounds.low + 0.0f, high = bounds.high + 0.0f;
+  document["accessors"][accessor]["min"] = {low.x, low.y, low.z};
+  document["accessors"][accessor]["max"] = {high.x, high.y, high.z};
+}
+
+std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, MeshoptFilter filter, bool bounded) {
+  const std::size_t index = document["accessors"].size();
+  ElementType stored = element;
+  Bounds bounds;
+  if (meshopt_) {
+    if (filter.kind == MeshoptFilter::Kind::quaternion) stored = {element.type, 5122, true, 8};
+    addPacked(element, fill, filter, bounded ? &bounds : nullptr);
+  } else {
+    const std::uint64_t bytes = std::uint64_t{gaussians_.size()} * element.stride();
+    const std::uint64_t offset = reserve(bytes);
+    addView(offset, bytes);
+    Json& view = document["bufferViews"].back();
+    if (element.stride() != element.bytes) view["byteStride"] = element.stride();
+    view["target"] = kArrayBuffer;
+    attributes_.push_back({offset, element.stride(), std::move(fill), bounded, index});
+  }
+  Json accessor = {{"bufferView", document["bufferViews"].size() - 1}, {"componentType", stored.component_type}};
+  if (stored.normalized) accessor["normalized"] = true;
+  accessor["count"] = gaussians_.size();
+  accessor["type"] = stored.type;
+  document["accessors"].push_back(std::move(accessor));
+  // Until the numbers are written, the longest text that bounds can have stands in their place.
+  constexpr float longest = std::numeric_limits<float>::lowest();
+  if (bounded) setBounds(index, meshopt_ ? bounds : Bounds{glm::vec3(longest), glm::vec3(longest)});
+  return index;
+}
+
+void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, const MeshoptFilter& filter, Bounds* bounds) {
+  const std::size_t count = gaussians_.size();
+  std::vector<std::uint8_t> bytes(count * element.stride());
+  std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
+  parallelForWorkers(static_cast<std::int64_t>((count + kBlock - 1) / kBlock), 8, [&](std::int64_t block, int worker) {
+    const std::size_t first = static_cast<std::size_t>(block) * kBlock;
+    fill(gaussians_.block(first, std::min(kBlock, count - first), scratch[static_cast<std::size_t>(worker)]),
+         bytes.data() + first * element.stride());
+  });
+  if (bounds) bounds->add(bytes);
+  PackedView packed = packMeshopt(bytes, count, element.stride(), filter);
+  const char* filters[] = {"NONE", "QUATERNION", "EXPONENTIAL"};
+  const std::uint64_t size = packed.bytes.size();
+  const std::uint64_t offset = reserve(size);
+  const std::uint64_t unpacked = std::uint64_t{count} * packed.stride;
+  Json view = {{"buffer", 1},
+               {"byteOffset", unpacked_bytes_},
+               {"byteLength", unpacked},
+               {"byteStride", packed.stride},
+               {"target", kArrayBuffer}};
+  view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                   {"byteOffset", offset},
+                                                   {"byteLength", size},
+                                                   {"byteStride", packed.stride},
+                                                   {"count", count},
+                                                   {"mode", "ATTRIBUTES"},
+                                                   {"filter", filters[static_cast<int>(filter.kind)]}};
+  unpacked_bytes_ += unpacked;
+  document["bufferViews"].push_back(std::move(view));
+  addBlob(std::move(packed.bytes), offset);
+}
+
+std::size_t GltfBuilder::addImage(std::vector<std::uint8_t> file, const std::string& mime_type,
+                                  const std::string& name) {
+  const std::uint64_t size = file.size();
+  const std::uint64_t offset = reserve(size);
+  const std::size_t view = addView(offset, size);
+  addBlob(std::move(file), offset);
+  document["images"].push_back({{"name", name}, {"mimeType", mime_type}, {"bufferView", view}});
+  blobs_.back().file_name = "_" + name + "." + mime_type.substr(mime_type.find('/') + 1);
+  if (mime_type == "image/x-exr") blobs_.back().file_name = "_" + name + ".exr";
+  blobs_.back().view = view;
+  blobs_.back().image = document["images"].size() - 1;
+  return blobs_.back().image;
+}
+
+void GltfBuilder::writeBinary(const FileWriter& file, std::uint64_t base, bool with_images) {
+  struct Worker {
+    GaussianBlocks::Scratch gaussians;
+    std::vector<std::vector<std::uint8_t>> bytes;  // of every attribute
+    std::vector<Bounds> bounds;                    // likewise
+  };
+  std::vector<Worker> workers(static_cast<std::size_t>(threadCount()));
+  for (Worker& worker : workers) {
+    for (const Attribute& attribute : attributes_) worker.bytes.emplace_back(kWrittenBlock * attribute.stride);
+    worker.bounds.resize(attributes_.size());
+  }
+  const std::size_t size = gaussians_.size();
+  const std::size_t blocks = attributes_.empty() ? 0 : (size + kWrittenBlock - 1) / kWrittenBlock;
+  parallelForWorkers(static_cast<std::int64_t>(blocks), 1, [&](std::int64_t item, int number) {
+    const std::size_t first = static_cast<std::size_t>(item) * kWrittenBlock;
+    const std::size_t count = std::min(kWrittenBlock, size - first);
+    Worker& worker = workers[static_cast<std::size_t>(number)];
+    for (std::size_t done = 0; done < count; done += kBlock) {
+      const std::size_t part = std::min(kBlock, count - done);
+      const GaussianBlocks::Block block = gaussians_.block(first + done, part, worker.gaussians);
+      for (std::size_t k = 0; k < attributes_.size(); ++k) {
+        attributes_[k].fill(block, worker.bytes[k].data() + done * attributes_[k].stride);
+      }
+    }
+    for (std::size_t k = 0; k < attributes_.size(); ++k) {
+      const Attribute& attribute = attributes_[k];
+      const std::span<const std::uint8_t> bytes = std::span(worker.bytes[k]).first(count * attribute.stride);
+      if (attribute.bounded) worker.bounds[k].add(bytes);
+      file.write(base + attribute.offset + std::uint64_t{first} * attribute.stride, bytes);
+    }
+  });
+  for (std::size_t k = 0; k < attributes_.size(); ++k) {
+    if (!attributes_[k].bounded) continue;
+    for (std::size_t i = 1; i < workers.size(); ++i) workers[0].bounds[k].add(workers[i].bounds[k]);
+    setBounds(attributes_[k].accessor, workers[0].bounds[k]);
+  }
+  for (const Blob& blob : blobs_) {
+    if (blob.file_name.empty() || with_images) file.write(base + blob.offset, blob.bytes);
+  }
+}
+
+Json GltfBuilder::buffers(Json first) const {
+  Json buffers = Json::array({std::move(first)});
+  if (meshopt_) {
+    Json fallback = {{"byteLength", unpacked_bytes_}};
+    fallback["extensions"]["EXT_meshopt_compression"]["fallback"] = true;
+    buffers.push_back(std::move(fallback));
+  }
+  return buffers;
+}
+
+std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
+  document["buffers"] = buffers({{"byteLength", binary_bytes_}});
+  // Bounds are known once the numbers behind this text have been written, and are no longer than the ones in it now.
+  const std::uint64_t text_bytes = aligned(textOf(document).size());
+  const std::uint64_t binary = aligned(binary_bytes_);
+  const std::uint64_t head_bytes = 12 + 8 + text_bytes + 8;
+  const std::uint64_t total = head_bytes + binary;
+  if (total > kMaxGlbBytes) {
+    throw Error(ErrorKind::badData, path.string(),
+                "the model does not fit a GLB (expected at most 4 GiB, found " + std::to_string(total) +
+                    " bytes; a .gltf has no limit)");
+  }
+  writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
+    const FileWriter file(temporary, path);
+    file.resize(total);
+    writeBinary(file, head_bytes, true);
+    std::string text = textOf(document);
+    text.resize(static_cast<std::size_t>(text_bytes), ' ');
+    std::vector<std::uint8_t> head;
+    for (const std::uint64_t word : {std::uint64_t{kMagic}, std::uint64_t{2}, total, text_bytes}) putU32(head, word);
+    putU32(head, kJsonChunk);
+    head.insert(head.end(), text.begin(), text.end());
+    putU32(head, binary);
+    putU32(head, kBinChunk);
+    file.write(0, head);
+  });
+  return total;
+}
+
+std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path, bool replace) {
+  const std::string stem = path.stem().string();
+  const std::filesystem::path folder = path.parent_path();
+  std::uint64_t total = 0;
+  AtomicFiles files(replace);
+  // Images leave the buffer: it ends before the first of them, as they are added last.
+  std::uint64_t bytes = binary_bytes_;
+  std::vector<std::size_t> dropped;
+  for (const Blob& blob : blobs_) {
+    if (blob.file_name.empty()) continue;
+    bytes = std::min(bytes, blob.offset);
+    const std::string name = stem + blob.file_name;
+    files.add(folder / name, blob.bytes);
+    total += blob.bytes.size();
+    Json& image = document["images"][blob.image];
+    image.erase("bufferView");
+    image["uri"] = uriOf(name);
+    dropped.push_back(blob.view);
+  }
+  for (auto view = dropped.rbegin(); view != dropped.rend(); ++view) {
+    document["bufferViews"].erase(document["bufferViews"].begin() + static_cast<std::ptrdiff_t>(*view));
+  }
+  const std::filesystem::path binary = folder / (stem + ".bin");
+  files.add(binary, [&](const std::filesystem::path& temporary) {
+    const FileWriter file(temporary, binary);
+    file.resize(bytes);
+    writeBinary(file, 0, false);
+  });
+  document["buffers"] = buffers({{"uri", uriOf(stem + ".bin")}, {"byteLength", bytes}});
+  const std::string text = document.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  files.add(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  files.commit();
+  return total + bytes + text.size();
+}
+
+}  // namespace tg

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cameras as glTF camera nodes, and back.
+#include "converter/gltf/cameras.h"
+
+#include <cmath>
+
+#include "converter/gltf/axes.h"
+
+namespace tg {
+namespace {
+
+constexpr int kDefaultRows = 720;  // [px] of a camera that states no image size
+constexpr double kDefaultAspect = 16.0 / 9.0;
+constexpr int kMaxSide = 1 << 16;  // [px]
+constexpr double kZNear = 0.01;    // glTF demands both; no reader of splats cuts by them
+constexpr double kZFar = 1000.0;
+
+// glTF cameras look along -z with y up, ours along +z with y down: a half turn about x.
+glm::dmat3 turnCameraAxes(glm::dmat3 world_from_camera) {
+  world_from_camera[1] *= -1.0;
+  world_from_camera[2] *= -1.0;
+  return world_from_camera;
+}
+// The half turn of axes.h on the world side.
+glm::dmat3 turnWorldAxes(glm::dmat3 world_from_camera) {
+  for (int column = 0; column < 3; ++column) world_from_camera[column] = turnAxes(world_from_camera[column]);
+  return world_from_camera;
+}
+
+std::optional<double> number(const tinygltf::Value& object, const char* key) {
+  if (!object.Has(key) || !object.Get(key).IsNumber()) return std::nullopt;
+  return object.Get(key).GetNumberAsDouble();
+}
+
+// Image size and intrinsics as addCameras() wrote them; false when anything is missing or out of range.
+bool readExtras(const tinygltf::Value& extras, Camera& camera) {
+  if (!extras.Has(kExtrasKey)) return false;
+  const tinygltf::Value& ours = extras.Get(kExtrasKey);
+  const auto width = number(ours, "width"), height = number(ours, "height");
+  const auto fx = number(ours, "fx"), fy = number(ours, "fy"), cx = number(ours, "cx"), cy = number(ours, "cy");
+  if (!width || !height || !fx || !fy || !cx || !cy) return false;
+  if (!(*width >= 1 && *width <= kMaxSide && *height >= 1 && *height <= kMaxSide && *fx > 0 && *fy > 0)) return false;
+  camera.width = static_cast<int>(*width);
+  camera.height = static_cast<int>(*height);
+  camera.fx = *fx;
+  camera.fy = *fy;
+  camera.cx = *cx;
+  camera.cy = *cy;
+  camera.test = ours.Has("split") && ours.Get("split").IsString() && ours.Get("split").Get<std::string>() == "test";
+  return true;
+}
+
+}  // namespace
+
+void addCameras(nlohmann::ordered_json& root, std::span<const Camera> cameras) {
+  for (const Camera& camera : cameras) {
+    root["cameras"].push_back({{"type", "perspective"},
+                               {"perspective",
+                                {{"aspectRatio", (camera.width / camera.fx) / (camera.height / camera.fy)},
+                                 {"yfov", 2.0 * std::atan(0.5 * camera.height / camera.fy)},
+                                 {"zfar", kZFar},
+                                 {"znear", kZNear}}}});
+    const glm::dvec3 position = turnAxes(camera.position());
+    const glm::dvec4 q =
+        quaternionFromMatrix(turnWorldAxes(turnCameraAxes(glm::transpose(camera.camera_from_world_rotation))));
+    nlohmann::ordered_json node = {{"name", camera.name},
+                                   {"camera", root["cameras"].size() - 1},
+                                   {"translation", {position.x, position.y, position.z}},
+                                   {"rotation", {q.y, q.z, q.w, q.x}}};
+    node["extras"][kExtrasKey] = {{"width", camera.width},
+                                  {"height", camera.height},
+                                  {"fx", camera.fx},
+                                  {"fy", camera.fy},
+                                  {"cx", camera.cx},
+                                  {"cy", camera.cy},
+                                  {"split", camera.test ? "test" : "train"}};
+    root["scenes"][0]["nodes"].push_back(root["nodes"].size());
+    root["nodes"].push_back(std::move(node));
+  }
+}
+
+std::optional<Camera> readCamera(GltfDocument& document, const PlacedNode& placed) {
+  const tinygltf::Node& node = document.model.nodes[placed.node];
+  const tinygltf::Camera& gltf = document.model.cameras[node.camera];
+  const std::string pointer = "/cameras/" + std::to_string(node.camera);
+  const double yfov = gltf.perspective.yfov;
+  if (gltf.type != "perspective" || !(yfov > 0.0 && yfov < M_PI)) {
+    document.warn(pointer, "skipped (expected a perspective camera with 0 < yfov < pi)");
+    return std::nullopt;
+  }
+  RigidScale pose;
+  try {
+    pose = decompose(document, placed);
+  } catch (const Error&) {
+    document.warn("/nodes/" + std::to_string(placed.node), "camera skipped: its pose is not rigid");
+    return std::nullopt;
+  }
+  Camera camera;
+  camera.name = node.name;
+  const glm::dmat3 world_from_camera = turnCameraAxes(turnWorldAxes(pose.rotation));
+  camera.camera_from_world_rotation = glm::transpose(world_from_camera);
+  camera.camera_from_world_translation = -camera.camera_from_world_rotation * turnAxes(pose.translation);
+  if (!readExtras(node.extras, camera)) {
+    const double aspect = gltf.perspective.aspectRatio;
+    camera.height = kDefaultRows;
+    camera.width = static_cast<int>(
+        std::min(std::max(std::lround(kDefaultRows * (aspect > 0.0 ? aspect : kDefaultAspect)), 1L), long{kMaxSide}));
+    camera.fy = 0.5 * camera.height / std::tan(0.5 * yfov);
+    camera.fx = camera.fy;
+    camera.cx = 0.5 * camera.width;
+    camera.cy = 0.5 * camera.height;
+  }
+  return camera;
+}
+
+}  // namespace tg

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// A glTF or GLB file whose every index, offset and count has been checked.
+#include "converter/gltf/document.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "converter/gltf/document_check.h"
+#include "converter/gltf/resolve.h"
+
+namespace tg {
+namespace {
+
+// tinygltf hands over an image's encoded bytes; they are kept as they are.
+bool keepEncoded(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes,
+                 int size, void*) {
+  image->image.assign(bytes, bytes + size);
+  return true;
+}
+
+// Nothing outside the file exists.
+tinygltf::FsCallbacks noFiles() {
+  tinygltf::FsCallbacks none{};
+  none.FileExists = [](const std::string&, void*) { return false; };
+  none.ExpandFilePath = [](const std::string& path, void*) { return path; };
+  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) { return false; };
+  none.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
+    return false;
+  };
+  return none;
+}
+
+void parse(tinygltf::Model& model, const std::string& path, bool binary, std::span<const std::uint8_t> bytes) {
+  tinygltf::TinyGLTF loader;
+  loader.SetImageLoader(keepEncoded, nullptr);
+  loader.SetFsCallbacks(noFiles());
+  std::string error;
+  std::string warning;
+  const auto size = static_cast<unsigned>(bytes.size());
+  bool ok = false;
+  try {
+    ok = binary ? loader.LoadBinaryFromMemory(&model, &error, &warning, bytes.data(), size)
+                : loader.LoadASCIIFromString(&model, &error, &warning, reinterpret_cast<const char*>(bytes.data()),
+                                             size, "");
+  } catch (const std::exception& exception) {
+    error = exception.what();
+  }
+  if (!ok) throw Error(ErrorKind::badData, path, "no valid glTF: " + error);
+}
+
+// The start of a GLB up to the content of its BIN chunk, where that is its last chunk; else nothing.
+std::vector<std::uint8_t> headOf(const FileReader& file) {
+  constexpr std::uint64_t kHeaders = kGlbHeaderBytes + 2 * kChunkHeaderBytes;
+  if (file.size() <= kHeaders) return {};
+  std::vector<std::uint8_t> head(kGlbHeaderBytes + kChunkHeaderBytes);
+  file.read(0, head);
+  const auto u32 = [&head](std::size_t at) {
+    std::uint32_t value;
+    std::memcpy(&value, head.data() + at, sizeof(value));
+    return value;
+  };
+  const std::uint64_t json_bytes = u32(kGlbHeaderBytes);
+  if (std::memcmp(head.data(), "glTF", 4) != 0 || json_bytes > kMaxJsonBytes || kHeaders + json_bytes > file.size()) {
+    return {};
+  }
+  head.resize(static_cast<std::size_t>(kHeaders + json_bytes));
+  file.read(0, head);
+  if (head.size() + u32(head.size() - kChunkHeaderBytes) != file.size()) return {};
+  return head;
+}
+
+}  // namespace
+
+void GltfDocument::read(int view, std::uint64_t offset, std::span<std::uint8_t> out) const {
+  const tinygltf::BufferView& v = model.bufferViews[static_cast<std::size_t>(view)];
+  if (file) return file->read(bin_offset + v.byteOffset + offset, out);
+  const std::vector<unsigned char>& data = model.buffers[static_cast<std::size_t>(v.buffer)].data;
+  if (!out.empty()) std::memcpy(out.data(), data.data() + v.byteOffset + offset, out.size());
+}
+
+GltfDocument openGltf(const std::filesystem::path& path) {
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  const auto whole = [&] { return loadGltf(readFile(path, kMaxGltfBytes), path.string(), folder); };
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return whole();  // a pipe, or nothing
+  GltfDocument document;
+  document.path = path.string();
+  document.file = std::make_shared<const FileReader>(path, kMaxGltfBytes);
+  const std::vector<std::uint8_t> head = headOf(*document.file);
+  if (head.empty()) return whole();
+  const GltfParts parts = splitGlb(head, document.file->size(), document.path);
+  nlohmann::json root = parseGltfJson(parts.json, document.path);
+  if (needsResolving(root)) return whole();
+  checkGltfJson(root, parts, document.path);
+  // A data URI is the library's to decode.
+  const auto has_uri = [](const nlohmann::json& object) { return object.contains("uri"); };
+  for (const char* list : {"buffers", "images"}) {
+    if (root.contains(list) && std::any_of(root[list].begin(), root[list].end(), has_uri)) return whole();
+  }
+  const nlohmann::json images = root.value("images", nlohmann::json::array());
+  root.erase("buffers");
+  root.erase("images");
+  const std::string text = root.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  parse(document.model, document.path, false,
+        std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  document.bin_offset = parts.bin_offset;
+  for (const nlohmann::json& entry : images) {
+    tinygltf::Image& image = document.model.images.emplace_back();
+    image.bufferView = entry.at("bufferView").get<int>();
+    if (const auto type = entry.find("mimeType"); type != entry.end() && type->is_string()) image.mimeType = *type;
+    image.image.resize(document.model.bufferViews[static_cast<std::size_t>(image.bufferView)].byteLength);
+    document.read(image.bufferView, 0, image.image);
+  }
+  return document;
+}
+
+GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path,
+                      const std::optional<std::filesystem::path>& folder) {
+  GltfDocument document;
+  document.path = path;
+  GltfParts parts;
+  parts.json = bytes;
+  if (bytes.size() >= 4 && std::string_view(reinterpret_cast<const char*>(bytes.data()), 4) == "glTF") {
+    parts = splitGlb(bytes, bytes.size(), document.path);
+  }
+  const std::optional<std::vector<std::uint8_t>> resolved = resolveGltf(bytes, parts, folder, document.path);
+  if (resolved) {
+    bytes = *resolved;
+    parts = splitGlb(bytes, bytes.size(), document.path);
+  }
+  checkGltfJson(parseGltfJson(parts.json, document.path), parts, document.path);
+
+  parse(document.model, document.path, parts.binary, bytes);
+  return document;
+}
+
+}  // namespace tg

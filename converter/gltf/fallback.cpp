@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// The best untextured stand-in for a textured model.
+#include "converter/gltf/fallback.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "core/system/parallel.h"
+#include "shared/texture.h"
+
+namespace tg {
+namespace {
+
+// Samples per axis. The midpoint rule on a Gaussian converges faster than any power; 12 over +-3 sigma leave 1e-4.
+constexpr int kSamples = 12;
+constexpr double kLogitLimit = 20.0;  // a texture that is transparent throughout
+
+struct Samples {
+  std::array<float, kSamples> position;  // [sigma]
+  std::array<double, kSamples> weight;
+};
+
+Samples makeSamples() {
+  Samples samples;
+  for (int i = 0; i < kSamples; ++i) {
+    const double u = kTextureExtent * ((2.0 * i + 1.0) / kSamples - 1.0);
+    samples.position[i] = static_cast<float>(u);
+    samples.weight[i] = std::exp(-0.5 * u * u);
+  }
+  return samples;
+}
+
+struct TextureMean {
+  glm::dvec3 color{0.0};  // sum w a c / sum w a
+  double alpha = 1.0;     // sum w a / sum w
+};
+
+TextureMean meanOf(const glm::vec4* texels, const TextureRect& rect, bool use_color, bool use_alpha,
+                   const Samples& samples) {
+  std::array<TextureTap, kSamples> taps_u;
+  for (int i = 0; i < kSamples; ++i) taps_u[i] = textureTap(samples.position[i], rect.width);
+  glm::dvec3 color(0.0);
+  double alpha = 0.0;
+  double weight = 0.0;
+  for (int j = 0; j < kSamples; ++j) {
+    const TextureTap v = textureTap(samples.position[j], rect.height);
+    const glm::vec4* row0 = texels + static_cast<std::size_t>(v.i0) * rect.width;
+    const glm::vec4* row1 = texels + static_cast<std::size_t>(v.i1) * rect.width;
+    for (int i = 0; i < kSamples; ++i) {
+      const TextureTap& u = taps_u[i];
+      const glm::vec4 texel = glm::mix(glm::mix(row0[u.i0], row0[u.i1], u.fraction),
+                                       glm::mix(row1[u.i0], row1[u.i1], u.fraction), v.fraction);
+      const double w = samples.weight[i] * samples.weight[j];
+      const double a = use_alpha ? texel.a : 1.0;
+      color += w * a * glm::dvec3(texel);
+      alpha += w * a;
+      weight += w;
+    }
+  }
+  TextureMean mean;
+  if (use_color && alpha > 0.0) mean.color = color / alpha;
+  mean.alpha = alpha / weight;
+  return mean;
+}
+
+float scaledLogit(float opacity_logit, double factor) {
+  const double opacity = factor / (1.0 + std::exp(-static_cast<double>(opacity_logit)));
+  return static_cast<float>(std::clamp(std::log(opacity) - std::log1p(-opacity), -kLogitLimit, kLogitLimit));
+}
+
+}  // namespace
+
+GaussianModel bakeFallback(const GaussianModel& model) {
+  GaussianModel base;  // all but the textures, which are most of a model
+  base.mean = model.mean;
+  base.rotation = model.rotation;
+  base.log_scale = model.log_scale;
+  base.opacity_logit = model.opacity_logit;
+  base.sh = model.sh;
+  base.sh_degree = model.sh_degree;
+  base.intersection = model.intersection;
+  const unsigned mode = static_cast<unsigned>(model.texture_mode);
+  if (mode == kModeNone || model.atlas.rects.empty()) return base;
+  const Samples samples = makeSamples();
+  parallelFor(static_cast<std::int64_t>(model.size()), 256, [&](std::int64_t i) {
+    const TextureRect& rect = model.atlas.rects[i];
+    if (rect.texelCount() == 0) return;
+    const TextureMean mean = meanOf(model.atlas.texels.data() + rect.offset, rect, (mode & kModeRgb) != 0,
+                                    (mode & kModeAlpha) != 0, samples);
+    base.sh[i * model.shCount()] += glm::vec3(mean.color / static_cast<double>(kShC0));
+    if ((mode & kModeAlpha) != 0) base.opacity_logit[i] = scaledLogit(model.opacity_logit[i], mean.alpha);
+  });
+  return base;
+}
+
+}  // namespace tg

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// EXT_meshopt_compression by way of libmeshoptimizer, which the build may lack.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "converter/gltf/builder.h"
+
+namespace tg {
+
+bool hasMeshopt();
+// "built without libmeshoptimizer ..."
+std::string_view missingMeshopt();
+
+// `bytes`: count elements of `stride` (a multiple of 4, at most 256) bytes each. With a filter, `bytes` are floats:
+// 4 a quaternion x y z w (packed as 4 normalised shorts), or any number of them. Throws Error(usage) without the
+// library.
+struct PackedView {
+  std::vector<std::uint8_t> bytes;
+  std::size_t stride = 0;  // of the unpacked elements
+};
+PackedView packMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, std::size_t stride,
+                       const MeshoptFilter& filter);
+
+// The unpacked view, [count * stride]. `mode` and `filter` as the extension spells them. Throws Error(badData, path,
+// ...) for a stream that is broken, a mode or filter that does not exist, and without the library. The caller bounds
+// count * stride.
+std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, std::size_t stride,
+                                        std::string_view mode, std::string_view filter, const std::string& path);
+
+}  // namespace tg

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Walks a checked glTF scene: where every mesh and camera stands.
+#pragma once
+#include <glm/glm.hpp>
+#include <string>
+#include <vector>
+
+#include "converter/gltf/document.h"
+
+namespace tg {
+
+struct PlacedNode {
+  int node = 0;
+  glm::dmat4 world_from_node{1.0};
+};
+
+// The nodes of the default scene (of all root nodes when there is none), parents first. Throws Error(badData) when
+// nodes form a cycle or a node has two parents.
+std::vector<PlacedNode> placeNodes(const GltfDocument& document);
+
+// A uniform scale, then a rotation, then a translation: what splats can follow.
+struct RigidScale {
+  double scale = 1.0;
+  glm::dmat3 rotation{1.0};
+  glm::dvec3 translation{0.0};
+  bool identity = true;
+};
+// Throws Error(badData) naming the node when the matrix shears, mirrors or scales axes differently.
+RigidScale decompose(const GltfDocument& document, const PlacedNode& placed);
+
+}  // namespace tg

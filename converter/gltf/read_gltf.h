@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads glTF and GLB files with KHR_gaussian_splatting, with or without our texture extension (docs/gltf.md).
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "converter/formats/read_options.h"
+#include "core/bundle/bundle.h"
+
+namespace tg {
+
+// All splat primitives of the scene as one model in the toolchain's axes. Throws Error(cannotRead / badData); a broken
+// texture layer is an error, never a silent fall back to the base.
+// `errors`, if given, gets every error of the base and the layer that can be told apart before the first one is thrown;
+// it stays empty when the file could not be taken apart.
+Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
+                     std::vector<std::string>* errors = nullptr);
+// The same from memory; `path` starts the messages.
+Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
+
+}  // namespace tg

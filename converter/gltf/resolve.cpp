@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: Apache-2.0
+// Makes one GLB of a glTF file in several files or with packed attributes.
+#include "converter/gltf/resolve.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <map>
+#include <string_view>
+#include <tuple>
+
+#include "converter/gltf/document.h"
+#include "converter/gltf/meshopt.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::array<const char*, 2> kCodecs = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
+constexpr std::uint64_t kMaxBytes = 0xFFFFFFFFull;  // of the GLB that is made
+constexpr std::uint64_t kMaxUnpackRatio = 64;       // 2 bits of a packed stream stand for 16 bytes at most
+constexpr std::uint64_t kMaxUnpackExtra = 1 << 16;  // [bytes] header and tail of a stream
+
+const json& none() {
+  static const json value = json::object();
+  return value;
+}
+
+// What stands under a key, or an empty object.
+const json& child(const json& parent, const char* key) {
+  return parent.is_object() && parent.contains(key) ? parent.at(key) : none();
+}
+
+bool isDataUri(const json& uri) { return uri.is_string() && uri.get_ref<const std::string&>().rfind("data:", 0) == 0; }
+bool isExternal(const json& object) {
+  return object.is_object() && object.contains("uri") && !isDataUri(object.at("uri"));
+}
+
+const char* codecOf(const json& object) {
+  for (const char* codec : kCodecs) {
+    if (child(object, "extensions").is_object() && child(object, "extensions").contains(codec)) return codec;
+  }
+  return nullptr;
+}
+
+class Resolver {
+ public:
+  Resolver(std::span<const std::uint8_t> bytes, const GltfParts& parts,
+           const std::optional<std::filesystem::path>& folder, const std::string& path)
+      : parts_(parts), folder_(folder), path_(path), root_(parseGltfJson(parts.json, path)) {
+    if (parts.bin_bytes) file_bin_ = bytes.subspan(static_cast<std::size_t>(parts.bin_offset), *parts.bin_bytes);
+  }
+
+  std::optional<std::vector<std::uint8_t>> run() {
+    if (!root_.is_object() || !needsResolving(root_)) return std::nullopt;
+    for (const char* list : {"buffers", "bufferViews", "images", "extensionsRequired"}) {
+      if (root_.contains(list) && !root_[list].is_array())
+        fail(std::string("/").append(list), "wrong type (expected an array)");
+    }
+    buffers();
+    views();
+    images();
+    return finish();
+  }
+
+ private:
+  struct Source {
+    std::size_t buffer = 0;    // of the new document
+    std::uint64_t offset = 0;  // in it
+    std::uint64_t bytes = 0;
+    bool there = false;  // not a mere stand-in for packed views
+    bool packed_in_bin = false;
+  };
+
+  [[noreturn]] void fail(const std::string& pointer, const std::string& what) const {
+    throw Error(ErrorKind::badData, path_, pointer + ": " + what);
+  }
+
+  std::uint64_t number(const json& object, const char* key, std::optional<std::uint64_t> otherwise,
+                       const std::string& pointer) const {
+    if (!object.is_object()) fail(pointer, "wrong type (expected an object)");
+    if (!object.contains(key)) {
+      if (otherwise) return *otherwise;
+      fail(pointer, "\"" + std::string(key) + "\" is missing");
+    }
+    const json& value = object.at(key);
+    if (!value.is_number_unsigned()) fail(pointer + "/" + key, "wrong value (expected an integer >= 0)");
+    return value.get<std::uint64_t>();
+  }
+
+  // Appends to the new binary part; where it starts.
+  std::uint64_t append(std::span<const std::uint8_t> bytes) {
+    bin_.resize((bin_.size() + 3) / 4 * 4);
+    const std::uint64_t offset = bin_.size();
+    if (offset + bytes.size() > kMaxBytes) {
+      throw Error(ErrorKind::badData, path_, "the parts are too large (expected at most 4 GiB in all)");
+    }
+    bin_.insert(bin_.end(), bytes.begin(), bytes.end());
+    return offset;
+  }
+
+  std::vector<std::uint8_t> readExternal(const json& uri, const std::string& pointer) const {
+    if (!uri.is_string()) fail(pointer, "wrong type (expected a string)");
+    if (!folder_) fail(pointer, "external files are not read here (expected a GLB or a base64 data URI)");
+    const std::string& text = uri.get_ref<const std::string&>();
+    std::string name;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+      unsigned char code = 0;
+      if (text[i] == '%' && i + 2 < text.size() &&
+          std::from_chars(text.data() + i + 1, text.data() + i + 3, code, 16).ptr == text.data() + i + 3) {
+        name += static_cast<char>(code);
+        i += 2;
+      } else {
+        name += text[i];
+      }
+    }
+    bool safe = !name.empty() && name[0] != '/' && name.find('\\') == name.npos && name.find(':') == name.npos &&
+                name.find('\0') == name.npos;
+    for (const std::filesystem::path& part : std::filesystem::path(name)) safe = safe && part != "..";
+    if (!safe) fail(pointer, "no name of a file beside this one (expected a relative path without \"..\")");
+    try {
+      return readFile(*folder_ / name, kMaxBytes);
+    } catch (const Error& error) {
+      fail(pointer, std::string("external file: ") + error.what());
+    }
+  }
+
+  void buffers() {
+    json kept = json::array({json::object()});  // the new binary part
+    const json old = child(root_, "buffers");
+    for (std::size_t b = 0; b < old.size(); ++b) {
+      const json& buffer = old[b];
+      const std::string pointer = "/buffers/" + std::to_string(b);
+      Source source;
+      source.bytes = number(buffer, "byteLength", std::nullopt, pointer);
+      if (isExternal(buffer)) {
+        const std::vector<std::uint8_t> bytes = readExternal(buffer.at("uri"), pointer + "/uri");
+        if (bytes.size() < source.bytes) {
+          fail(pointer, "the file is too short (expected " + std::to_string(source.bytes) + " bytes, found " +
+                            std::to_string(bytes.size()) + ")");
+        }
+        source.offset = append(std::span(bytes).first(static_cast<std::size_t>(source.bytes)));
+        source.there = source.packed_in_bin = true;
+      } else if (buffer.contains("uri")) {
+        source.buffer = kept.size();
+        source.there = true;
+        kept.push_back(buffer);
+      } else if (b == 0 && parts_.bin_bytes) {
+        if (source.bytes > file_bin_.size()) {
+          fail(pointer + "/byteLength", "leaves the BIN chunk (expected at most " + std::to_string(file_bin_.size()) +
+                                            ", found " + std::to_string(source.bytes) + ")");
+        }
+        source.offset = append(file_bin_.first(static_cast<std::size_t>(source.bytes)));
+        source.there = source.packed_in_bin = true;
+      } else if (codecOf(buffer) == nullptr) {
+        fail(pointer, "has neither a uri nor a BIN chunk");
+      }
+      sources_.push_back(source);
+    }
+    root_["buffers"] = std::move(kept);
+  }
+
+  const Source& sourceOf(const json& object, const std::string& pointer) const {
+    const std::uint64_t buffer = number(object, "buffer", std::nullopt, pointer);
+    if (buffer >= sources_.size()) {
+      fail(pointer + "/buffer", "no such buffer (expected an index below " + std::to_string(sources_.size()) +
+                                    ", found " + std::to_string(buffer) + ")");
+    }
+    return sources_[static_cast<std::size_t>(buffer)];
+  }
+
+  void views() {
+    if (!root_.contains("bufferViews")) return;
+    for (std::size_t v = 0; v < root_["bufferViews"].size(); ++v) {
+      json& view = root_["bufferViews"][v];
+      const std::string pointer = "/bufferViews/" + std::to_string(v);
+      if (const char* codec = codecOf(view)) {
+        unpack(view, codec, pointer);
+        continue;
+      }
+      const Source& source = sourceOf(view, pointer);
+      const std::uint64_t offset = number(view, "byteOffset", 0, pointer);
+      const std::uint64_t bytes = number(view, "byteLength", std::nullopt, pointer);
+      if (!source.there || offset > source.bytes || bytes > source.bytes - offset) {
+        fail(pointer, "leaves its buffer (expected at most " + std::to_string(source.there ? source.bytes : 0) +
+                          " bytes, found " + std::to_string(offset) + " + " + std::to_string(bytes) + ")");
+      }
+      view["buffer"] = source.buffer;
+      view["byteOffset"] = source.offset + offset;
+    }
+  }
+
+  void unpack(json& view, const char* codec, const std::string& pointer) {
+    const std::string place = pointer + "/extensions/" + codec;
+    const json packed = view["extensions"][codec];
+    const Source& source = sourceOf(packed, place);
+    const std::uint64_t offset = number(packed, "byteOffset", 0, place);
+    const std::uint64_t bytes = number(packed, "byteLength", std::nullopt, place);
+    const std::uint64_t stride = number(packed, "byteStride", std::nullopt, place);
+    const std::uint64_t count = number(packed, "count", std::nullopt, place);
+    if (!source.packed_in_bin) fail(place, "the packed bytes are in no file (expected the BIN chunk or a file)");
+    if (offset > source.bytes || bytes > source.bytes - offset) {
+      fail(place, "leaves its buffer (expected at most " + std::to_string(source.bytes) + " bytes, found " +
+                      std::to_string(offset) + " + " + std::to_string(bytes) + ")");
+    }
+    if (stride > 256 || count > kMaxBytes || count * stride > bytes * kMaxUnpackRatio + kMaxUnpackExtra) {
+      fail(place, "more than the stream can hold (found " + std::to_string(count) + " elements of " +
+                      std::to_string(stride) + " bytes in " + std::to_string(bytes) + ")");
+    }
+    const auto text = [&](const char* key, const char* otherwise) {
+      return packed.contains(key) && packed.at(key).is_string() ? packed.at(key).get<std::string>()
+                                                                : std::string(otherwise);
+    };
+    const std::vector<std::uint8_t> from(bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset),
+                                         bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset + bytes));
+    const std::vector<std::uint8_t> out =
+        unpackMeshopt(from, static_cast<std::size_t>(count), static_cast<std::size_t>(stride), text("mode", ""),
+                      text("filter", "NONE"), path_ + ": " + place);
+    const std::uint64_t length = number(view, "byteLength", std::nullopt, pointer);
+    if (length != out.size()) {
+      fail(pointer + "/byteLength", "differs from what is packed (expected " + std::to_string(out.size()) + ", found " +
+                                        std::to_string(length) + ")");
+    }
+    view["buffer"] = 0;
+    view["byteOffset"] = append(out);
+    view["extensions"].erase(codec);
+  }
+
+  void images() {
+    if (!root_.contains("images")) return;
+    for (std::size_t i = 0; i < root_["images"].size(); ++i) {
+      json& image = root_["images"][i];
+      if (!isExternal(image)) continue;
+      const std::string pointer = "/images/" + std::to_string(i);
+      if (image.contains("bufferView")) fail(pointer, "needs either a uri or a bufferView");
+      const std::vector<std::uint8_t> bytes = readExternal(image["uri"], pointer + "/uri");
+      if (!root_.contains("bufferViews")) root_["bufferViews"] = json::array();
+      const std::uint64_t offset = append(bytes);
+      image["bufferView"] = root_["bufferViews"].size();
+      root_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes.size()}});
+      image.erase("uri");
+    }
+  }
+
+  std::vector<std::uint8_t> finish() {
+    bin_.resize((std::max<std::size_t>(bin_.size(), 4) + 3) / 4 * 4);
+    root_["buffers"][0]["byteLength"] = bin_.size();
+    for (const char* list : {"extensionsRequired", "extensionsUsed"}) {
+      if (!root_.contains(list) || !root_[list].is_array()) continue;
+      json rest = json::array();
+      for (const json& name : root_[list]) {
+        if (name != json(kCodecs[0]) && name != json(kCodecs[1])) rest.push_back(name);
+      }
+      root_[list] = std::move(rest);
+    }
+    std::string text = root_.dump(-1, ' ', false, json::error_handler_t::replace);
+    text.resize((text.size() + 3) / 4 * 4, ' ');
+    std::vector<std::uint8_t> glb;
+    const std::uint64_t total = 12 + 8 + text.size() + 8 + bin_.size();
+    if (total > kMaxBytes) throw Error(ErrorKind::badData, path_, "the parts are too large (expected at most 4 GiB)");
+    glb.reserve(static_cast<std::size_t>(total));
+    const auto put = [&](std::uint64_t value) {
+      for (int shift = 0; shift < 32; shift += 8) glb.push_back(static_cast<std::uint8_t>(value >> shift));
+    };
+    put(0x46546C67);
+    put(2);
+    put(total);
+    put(text.size());
+    put(0x4E4F534A);
+    glb.insert(glb.end(), text.begin(), text.end());
+    put(bin_.size());
+    put(0x004E4942);
+    glb.insert(glb.end(), bin_.begin(), bin_.end());
+    return glb;
+  }
+
+  const GltfParts& parts_;
+  const std::optional<std::filesystem::path>& folder_;
+  const std::string& path_;
+  json root_;
+  std::span<const std::uint8_t> file_bin_;
+  std::vector<std::uint8_t> bin_;
+  std::vector<Source> sources_;
+};
+
+}  // namespace
+
+bool needsResolving(const json& root) {
+  for (const char* list : {"buffers", "images"}) {
+    for (const json& object : child(root, list)) {
+      if (isExternal(object)) return true;
+    }
+  }
+  for (const json& view : child(root, "bufferViews")) {
+    if (codecOf(view) != nullptr) return true;
+  }
+  return false;
+}
+
+std::optional<std::vector<std::uint8_t>> resolveGltf(std::span<const std::uint8_t> bytes, const GltfParts& parts,
+                                                     const std::optional<std::filesystem::path>& folder,
+                                                     const std::string& path) {
+  return Resolver(bytes, parts, folder, path).run();
+}
+
+}  // namespace tg

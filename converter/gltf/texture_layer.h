@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads the nested extension TG_gaussian_splatting_texture of one primitive.
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "converter/gltf/accessor.h"
+#include "converter/gltf/document.h"
+#include "core/model/atlas.h"
+#include "core/model/model.h"
+
+namespace tg {
+
+struct TextureLayer {
+  TextureMode mode = TextureMode::none;
+  IntersectionModel intersection = IntersectionModel::plane;
+  TextureAtlas atlas;                         // rects: [count]; terms that the mode lacks hold neutral values
+  std::optional<std::vector<float>> opacity;  // [count] to use with the texture, absent: the base's
+  std::optional<std::vector<float>> dc;       // [count * 3] likewise
+};
+
+// The extension object of a primitive; nullptr when it has none.
+const tinygltf::Value* findTextureExtension(const tinygltf::Primitive& primitive);
+
+// Throws Error(badData) with a JSON pointer, what was expected and what was found. Where the document collects errors,
+// all that can be told apart; the layer is then of no use.
+TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive& splats,
+                              const tinygltf::Value& extension);
+
+}  // namespace tg

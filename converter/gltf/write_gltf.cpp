@@ -1,0 +1,437 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes a model as GLB or glTF.
+#include "converter/gltf/write_gltf.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "converter/formats/gaussian_blocks.h"
+#include "converter/formats/repair.h"
+#include "converter/gltf/axes.h"
+#include "converter/gltf/builder.h"
+#include "converter/gltf/cameras.h"
+#include "converter/gltf/document.h"
+#include "converter/gltf/fallback.h"
+#include "converter/gltf/numbers.h"
+#include "converter/gltf/plane_order.h"
+#include "converter/gltf/quantize.h"
+#include "core/image/png16.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "shared/limits.h"
+
+namespace tg {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kMaxAtlasSide = 4096;  // [texels] what every WebGL 2 device can load
+constexpr const char* kGenerator = "Textured Gaussians tgconvert";
+constexpr std::uint64_t kSourceBytes = 32;                             // of a Gaussian: rotation, scale, opacity
+constexpr std::uint64_t kMaxBinaryBytes = 0xFFFFFFFFull - (1u << 24);  // of a GLB, less room for the JSON
+// Bits that --quantize leaves a float's mantissa in a packed file.
+constexpr MeshoptFilter kQuaternionFilter{MeshoptFilter::Kind::quaternion, 14};
+constexpr MeshoptFilter kScaleFilter{MeshoptFilter::Kind::exponential, 14};
+constexpr MeshoptFilter kDcFilter{MeshoptFilter::Kind::exponential, 14};
+constexpr MeshoptFilter kShFilter{MeshoptFilter::Kind::exponential, 10};
+
+constexpr ElementType kFloat1{"SCALAR", 5126, false, 4};
+constexpr ElementType kFloat3{"VEC3", 5126, false, 12};
+constexpr ElementType kFloat4{"VEC4", 5126, false, 16};
+constexpr ElementType kShort4{"VEC4", 5122, true, 8};
+constexpr ElementType kUnsignedShort1{"SCALAR", 5123, true, 2};
+constexpr ElementType kUnsignedShort4{"VEC4", 5123, true, 8};
+constexpr ElementType kUnsignedByte4{"VEC4", 5121, true, 4};
+constexpr ElementType kRectangle{"VEC4", 5123, false, 8};
+constexpr ElementType kIndex{"SCALAR", 5121, false, 1};
+
+std::string attributeName(std::string_view extension, const std::string& name) {
+  return std::string(extension) + ":" + name;
+}
+
+// IEC 61966-2-1; colours of COLOR_0 are linear by glTF's rule. Between 4096 nodes a chord is off by less than 3e-8.
+class LinearFromSrgb {
+ public:
+  LinearFromSrgb() {
+    for (std::size_t k = 0; k < nodes_.size(); ++k) {
+      const double c = static_cast<double>(k) / kCells;
+      nodes_[k] = c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+    }
+  }
+  // c in [0, 1].
+  double operator()(double c) const {
+    const double x = c * kCells;
+    const auto cell = static_cast<std::size_t>(std::min(x, kCells - 1.0));
+    return nodes_[cell] + (x - static_cast<double>(cell)) * (nodes_[cell + 1] - nodes_[cell]);
+  }
+
+ private:
+  static constexpr double kCells = 4096.0;
+  std::array<double, 4097> nodes_;
+};
+
+// Where an attribute's numbers come from: a model that is there as a whole, or the blocks that are written.
+using Baked = const GaussianModel*;  // null: the blocks
+
+// Collects the parts of one file. Names of attributes are in the order of the file.
+class Writer {
+ public:
+  // `limited`: the file ends at 4 GiB.
+  Writer(const GltfContent& content, const GaussianBlocks& gaussians, bool limited)
+      : builder(gaussians, content.meshopt),
+        content_(content),
+        model_(content.model),
+        gaussians_(gaussians),
+        limited_(limited) {}
+
+  // fill(model, i): the element of the model's Gaussian i.
+  template <typename T, typename Fill>
+  void add(const std::string& semantic, const ElementType& element, Fill fill, MeshoptFilter filter = {},
+           Baked baked = nullptr, bool bounded = false) {
+    const std::size_t stride = element.stride();
+    const auto write = [fill, stride, baked](const GaussianBlocks::Block& block, std::uint8_t* to) {
+      const GaussianModel& model = baked ? *baked : block.model;
+      const std::size_t begin = baked ? block.first : block.begin;
+      for (std::size_t i = begin; i < begin + block.count; ++i, to += stride) {
+        const T value = fill(model, i);
+        std::memcpy(to, &value, sizeof(value));
+      }
+    };
+    attributes[semantic] = builder.addAttribute(element, write, filter, bounded);
+  }
+
+  void addPositions();
+  void addShape(bool textured);
+  void addOpacity(Baked baked, std::string_view extension);
+  void addColors(Baked baked);
+  void addDc();
+  Json addTextures(GltfReport& report);
+  void addSource(bool textured, GltfReport& report);
+  void addScene(Json nested);
+
+  GltfBuilder builder;
+  Json attributes;
+
+ private:
+  Json addAtlas(AtlasPage& page, const std::string& name, GltfReport& report);
+  // Index of a texture that shows the image.
+  std::size_t addTexture(std::vector<std::uint8_t> png, const std::string& name);
+  MeshoptFilter filter(const MeshoptFilter& lossy) const { return content_.quantize ? lossy : MeshoptFilter{}; }
+
+  const GltfContent& content_;
+  const GaussianModel& model_;
+  const GaussianBlocks& gaussians_;
+  const bool limited_;
+};
+
+void Writer::addPositions() {
+  add<glm::vec3>(
+      "POSITION", kFloat3, [](const GaussianModel& model, std::size_t i) { return turnAxes(model.mean[i]); }, {},
+      nullptr, true);
+}
+
+// Rotation and scale; local axes in the order of the texture extension when it is there.
+void Writer::addShape(bool textured) {
+  const auto xyzw = [textured](const GaussianModel& model, std::size_t i) {
+    glm::vec3 log_scale = model.log_scale[i];
+    glm::vec4 rotation = model.rotation[i];
+    if (textured) orderAxesForGltf(log_scale, rotation);
+    const glm::vec4 q = gltfRotation(rotation);
+    return glm::vec4(q.y, q.z, q.w, q.x);
+  };
+  const std::string rotation_name = attributeName(kSplatExtension, "ROTATION");
+  if (content_.quantize && !content_.meshopt) {
+    add<std::array<std::int16_t, 4>>(rotation_name, kShort4, [xyzw](const GaussianModel& model, std::size_t i) {
+      const glm::vec4 q = xyzw(model, i);
+      std::array<std::int16_t, 4> out;
+      for (int k = 0; k < 4; ++k)
+        out[static_cast<std::size_t>(k)] = static_cast<std::int16_t>(std::lround(q[k] * 32767.0f));
+      return out;
+    });
+  } else {
+    add<glm::vec4>(rotation_name, kFloat4, xyzw, filter(kQuaternionFilter));
+  }
+  add<glm::vec3>(
+      attributeName(kSplatExtension, "SCALE"), kFloat3,
+      [textured](const GaussianModel& model, std::size_t i) {
+        glm::vec3 log_scale = model.log_scale[i];
+        glm::vec4 rotation = model.rotation[i];
+        if (textured) orderAxesForGltf(log_scale, rotation);
+        return gltfScale(log_scale);
+      },
+      filter(kScaleFilter));
+}
+
+void Writer::addOpacity(Baked baked, std::string_view extension) {
+  const std::string semantic = attributeName(extension, "OPACITY");
+  const auto opacity = [](const GaussianModel& model, std::size_t i) { return gltfOpacity(model.opacity_logit[i]); };
+  if (content_.quantize) {
+    const auto rounded = [opacity](const GaussianModel& model, std::size_t i) {
+      return static_cast<std::uint16_t>(std::lround(opacity(model, i) * 65535.0f));
+    };
+    add<std::uint16_t>(semantic, kUnsignedShort1, rounded, {}, baked);
+  } else {
+    add<float>(semantic, kFloat1, opacity, {}, baked);
+  }
+}
+
+void Writer::addColors(Baked baked) {
+  const int degree = gaussians_.shDegree();
+  const std::size_t count = static_cast<std::size_t>((degree + 1) * (degree + 1));
+  std::size_t k = 0;
+  for (int l = 0; l <= degree; ++l) {
+    for (int m = 0; m <= 2 * l; ++m, ++k) {
+      // Signs of the half turn: functions of even index are even in (x, y).
+      const float sign = k % 2 == 0 ? 1.0f : -1.0f;
+      const std::string name = "SH_DEGREE_" + std::to_string(l) + "_COEF_" + std::to_string(m);
+      add<glm::vec3>(
+          attributeName(kSplatExtension, name), kFloat3,
+          [sign, count, k](const GaussianModel& model, std::size_t i) { return sign * model.sh[i * count + k]; },
+          filter(l == 0 ? kDcFilter : kShFilter), baked);
+    }
+  }
+  static const LinearFromSrgb linear;
+  const auto color = [count](const GaussianModel& model, std::size_t i, int c) {
+    return c == 3 ? static_cast<double>(gltfOpacity(model.opacity_logit[i]))
+                  : linear(std::clamp(0.5 + double{kShC0} * model.sh[i * count][c], 0.0, 1.0));
+  };
+  const auto rounded = [color]<typename T>(T, const GaussianModel& model, std::size_t i) {
+    std::array<T, 4> out;
+    for (int c = 0; c < 4; ++c)
+      out[static_cast<std::size_t>(c)] = static_cast<T>(color(model, i, c) * std::numeric_limits<T>::max() + 0.5);
+    return out;
+  };
+  if (content_.quantize) {
+    add<std::array<std::uint8_t, 4>>(
+        "COLOR_0", kUnsignedByte4,
+        [rounded](const GaussianModel& model, std::size_t i) { return rounded(std::uint8_t{}, model, i); }, {}, baked);
+  } else {
+    add<std::array<std::uint16_t, 4>>(
+        "COLOR_0", kUnsignedShort4,
+        [rounded](const GaussianModel& model, std::size_t i) { return rounded(std::uint16_t{}, model, i); }, {}, baked);
+  }
+}
+
+void Writer::addDc() {
+  const std::size_t count = static_cast<std::size_t>(model_.shCount());
+  add<glm::vec3>(
+      attributeName(kTextureExtension, "SH_DEGREE_0_COEF_0"), kFloat3,
+      [count](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; }, filter(kDcFilter));
+}
+
+// What of a Gaussian a reader of the glTF numbers gets back with other last bits.
+struct Changed {
+  bool rotation = false, log_scale = false, opacity = false;
+};
+
+// Looks no further once all three are known to be.
+Changed changedByGltf(const GaussianBlocks& gaussians, const GaussianModel& whole, bool textured) {
+  std::atomic<bool> rotation{false}, log_scale{false}, opacity{false};
+  std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
+  const std::size_t size = gaussians.size();
+  const auto compare = [&](std::int64_t item, int worker) {
+    if (rotation && log_scale && opacity) return;
+    const std::size_t first = static_cast<std::size_t>(item) * kSplatBlockRows;
+    const GaussianBlocks::Block block =
+        gaussians.block(first, std::min(kSplatBlockRows, size - first), scratch[static_cast<std::size_t>(worker)]);
+    const GaussianModel& model = block.model;
+    Changed changed;
+    for (std::size_t i = block.begin; i < block.begin + block.count; ++i) {
+      glm::vec3 s = model.log_scale[i];
+      glm::vec4 q = model.rotation[i];
+      if (textured) orderAxesForGltf(s, q);
+      s = logFromScale(gltfScale(s));
+      q = modelFromGltfRotation(gltfRotation(q));
+      if (textured && whole.atlas.rects[i].texelCount() != 0) orderAxesForModel(s, q);
+      const float logit = logitFromOpacity(gltfOpacity(model.opacity_logit[i]));
+      changed.rotation = changed.rotation || std::memcmp(&q, &model.rotation[i], sizeof(q)) != 0;
+      changed.log_scale = changed.log_scale || std::memcmp(&s, &model.log_scale[i], sizeof(s)) != 0;
+      changed.opacity = changed.opacity || std::memcmp(&logit, &model.opacity_logit[i], sizeof(logit)) != 0;
+      if (changed.rotation && changed.log_scale && changed.opacity) break;
+    }
+    if (changed.rotation) rotation = true;
+    if (changed.log_scale) log_scale = true;
+    if (changed.opacity) opacity = true;
+  };
+  parallelForWorkers(static_cast<std::int64_t>((size + kSplatBlockRows - 1) / kSplatBlockRows), 1, compare);
+  return {rotation, log_scale, opacity};
+}
+
+// The numbers the model came with, beside those glTF has words for. An attribute is left out where nothing would
+// change.
+void Writer::addSource(bool textured, GltfReport& report) {
+  if (content_.lean || content_.quantize) return;
+  const Changed changed = changedByGltf(gaussians_, model_, textured);
+  if (limited_ && builder.binaryBytes() + kSourceBytes * gaussians_.size() > kMaxBinaryBytes) {
+    report.dropped_source = changed.rotation || changed.log_scale || changed.opacity;
+    return;
+  }
+  if (changed.rotation) {
+    add<glm::vec4>(kSourceRotation, kFloat4,
+                   [](const GaussianModel& model, std::size_t i) { return model.rotation[i]; });
+  }
+  if (changed.log_scale) {
+    add<glm::vec3>(kSourceLogScale, kFloat3,
+                   [](const GaussianModel& model, std::size_t i) { return model.log_scale[i]; });
+  }
+  if (changed.opacity) {
+    add<float>(kSourceLogit, kFloat1, [](const GaussianModel& model, std::size_t i) { return model.opacity_logit[i]; });
+  }
+}
+
+std::size_t Writer::addTexture(std::vector<std::uint8_t> png, const std::string& name) {
+  const std::size_t image = builder.addImage(std::move(png), "image/png", name);
+  builder.document["textures"].push_back({{"source", image}, {"sampler", 0}});
+  return builder.document["textures"].size() - 1;
+}
+
+// One atlas object. The page's texels are gone afterwards.
+Json Writer::addAtlas(AtlasPage& page, const std::string& name, GltfReport& report) {
+  const unsigned mode = static_cast<unsigned>(model_.texture_mode);
+  for (glm::vec4& texel : page.texels) {  // terms that the mode lacks do not count
+    if ((mode & kModeRgb) == 0) texel = glm::vec4(0.0f, 0.0f, 0.0f, texel.a);
+    if ((mode & kModeAlpha) == 0) texel.a = 1.0f;
+  }
+  const int bits = content_.atlas == AtlasFormat::png16 ? 16 : 8;
+  const QuantizedPage quantized = quantizePage(page, bits);
+  report.clipped_texels += quantized.clipped_texels;
+  const auto encode = [&](const Image& image) { return bits == 16 ? encodePng16(image) : encodePng(image); };
+  Json atlas;
+  if ((mode & kModeRgb) != 0) atlas["color"] = addTexture(encode(quantized.color), name + "_color");
+  if ((mode & kModeAlpha) != 0) atlas["alpha"] = addTexture(encode(quantized.alpha), name + "_alpha");
+  if (content_.atlas == AtlasFormat::exr) {
+    Image values(page.width, page.height, 4);
+    for (std::size_t i = 0; i < page.texels.size(); ++i) {
+      for (int c = 0; c < 4; ++c) values.data[i * 4 + static_cast<std::size_t>(c)] = page.texels[i][c];
+    }
+    const std::array<std::string, 4> channels = {"R", "G", "B", "alpha"};
+    atlas["exr"] = builder.addImage(encodeExr(values, channels), "image/x-exr", name + "_values");
+  }
+  page.texels = {};
+  atlas["scale"] = quantized.scale;
+  atlas["offset"] = quantized.offset;
+  return atlas;
+}
+
+// Atlases and rectangles. Returns the extension object; images are the last thing in the buffer.
+Json Writer::addTextures(GltfReport& report) {
+  PackedAtlas packed = packAtlas(model_.atlas, model_.size(), kMaxAtlasSide);
+  // Fills outlive this function.
+  const auto placements = std::make_shared<const std::vector<AtlasPlacement>>(std::move(packed.placements));
+  add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle,
+                                    [placements](const GaussianModel&, std::size_t i) {
+                                      const AtlasPlacement& p = (*placements)[i];
+                                      return std::array<std::uint16_t, 4>{p.x, p.y, p.w, p.h};
+                                    });
+  if (packed.pages.size() > 1) {
+    add<std::uint8_t>(attributeName(kTextureExtension, "ATLAS"), kIndex,
+                      [placements](const GaussianModel&, std::size_t i) { return (*placements)[i].page; });
+  }
+  for (const AtlasPlacement& p : *placements) report.texels += std::uint64_t{p.w} * p.h;
+  addSource(true, report);
+
+  constexpr int linear = 9729, clamp = 33071;
+  builder.document["samplers"] =
+      Json::array({{{"magFilter", linear}, {"minFilter", linear}, {"wrapS", clamp}, {"wrapT", clamp}}});
+  Json atlases = Json::array();
+  for (std::size_t p = 0; p < packed.pages.size(); ++p) {
+    report.atlas_width = packed.pages[p].width;
+    report.atlas_height = packed.pages[p].height;
+    atlases.push_back(addAtlas(packed.pages[p], "atlas_" + std::to_string(p), report));
+  }
+  report.atlases = static_cast<int>(packed.pages.size());
+  return {{"mode", name(model_.texture_mode)},
+          {"intersection", name(model_.intersection)},
+          {"extent", double{kTextureExtent}},
+          {"filter", "bilinear"},
+          {"atlases", std::move(atlases)}};
+}
+
+// The root, nodes and the primitive around the attributes.
+void Writer::addScene(Json nested) {
+  Json splatting = {{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}};
+  Json used = Json::array({std::string(kSplatExtension)});
+  if (!nested.is_null()) {
+    used.push_back(std::string(kTextureExtension));
+    splatting["extensions"][std::string(kTextureExtension)] = std::move(nested);
+  }
+  Json& root = builder.document;
+  if (content_.meshopt) {
+    used.push_back("EXT_meshopt_compression");
+    root["extensionsRequired"] = {"EXT_meshopt_compression"};
+  }
+  root["extensionsUsed"] = std::move(used);
+  Json primitive = {{"mode", 0}, {"attributes", std::move(attributes)}};
+  primitive["extensions"][std::string(kSplatExtension)] = std::move(splatting);
+  root["meshes"] = Json::array({{{"primitives", Json::array({std::move(primitive)})}}});
+  root["nodes"] = Json::array({{{"name", "gaussians"}, {"mesh", 0}}});
+  root["scenes"] = Json::array({{{"nodes", {0}}}});
+  root["scene"] = 0;
+  addCameras(root, content_.cameras);
+  root["asset"] = {{"version", "2.0"}, {"generator", kGenerator}};
+  const glm::vec3& background = content_.background;
+  root["asset"]["extras"][kExtrasKey] = {{"intersection", name(model_.intersection)},
+                                         {"background", {background.x, background.y, background.z}}};
+}
+
+GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {
+  const GaussianModel& model = content.model;
+  const ModelBlocks own(model);
+  const GaussianBlocks& gaussians = content.gaussians ? *content.gaussians : own;
+  if (gaussians.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
+  const bool textured = !content.gaussians && model.texture_mode != TextureMode::none &&
+                        std::any_of(model.atlas.rects.begin(), model.atlas.rects.end(),
+                                    [](const TextureRect& r) { return r.texelCount() != 0; });
+  GltfReport report;
+  Writer writer(content, gaussians, binary);
+  writer.addPositions();
+  writer.addShape(textured);
+  const GaussianModel base = textured ? bakeFallback(model) : GaussianModel();  // outlives the writing
+  const Baked baked = textured ? &base : nullptr;
+  writer.addOpacity(baked, kSplatExtension);
+  writer.addColors(baked);
+  Json nested;
+  if (textured) {
+    const unsigned mode = static_cast<unsigned>(model.texture_mode);
+    if ((mode & kModeAlpha) != 0) writer.addOpacity(nullptr, kTextureExtension);
+    if ((mode & kModeRgb) != 0) writer.addDc();
+    nested = writer.addTextures(report);
+  } else {
+    writer.addSource(false, report);
+  }
+  writer.addScene(std::move(nested));
+  report.bytes = binary ? writer.builder.writeGlb(path) : writer.builder.writeGltf(path, content.replace);
+  return report;
+}
+
+}  // namespace
+
+std::string_view name(AtlasFormat format) {
+  constexpr std::array<std::string_view, 3> names = {"png8", "png16", "exr"};
+  return names[static_cast<std::size_t>(format)];
+}
+
+std::optional<AtlasFormat> parseAtlasFormat(std::string_view text) {
+  for (const AtlasFormat format : {AtlasFormat::png8, AtlasFormat::png16, AtlasFormat::exr}) {
+    if (name(format) == text) return format;
+  }
+  return std::nullopt;
+}
+
+GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content) {
+  return write(path, content, true);
+}
+
+GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content) {
+  return write(path, content, false);
+}
+
+}  // namespace tg

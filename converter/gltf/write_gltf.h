@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes a model as GLB or glTF: KHR_gaussian_splatting for everybody, our texture extension inside it (docs/gltf.md).
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "core/model/camera.h"
+#include "core/model/model.h"
+
+namespace tg {
+
+class GaussianBlocks;
+
+enum class AtlasFormat {
+  png8,   // 8 bits a channel
+  png16,  // 16 bits
+  exr     // half floats, with 8-bit PNG beside them for readers without EXR
+};
+std::string_view name(AtlasFormat format);  // "png8", "png16", "exr"
+std::optional<AtlasFormat> parseAtlasFormat(std::string_view text);
+
+struct GltfContent {
+  const GaussianModel& model;  // the toolchain's axes; without Gaussians where `gaussians` are given
+  std::span<const Camera> cameras;
+  glm::vec3 background{0.0f};
+  bool lean = false;  // without the source numbers of converter/gltf/numbers.h
+  AtlasFormat atlas = AtlasFormat::png8;
+  bool quantize =
+      false;  // integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean
+  bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
+  bool replace = true;                        // gltf, png: the files beside it where they are there already
+  const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
+};
+
+struct GltfReport {
+  std::uint64_t bytes = 0;
+  int atlases = 0;
+  int atlas_width = 0;  // [texels]
+  int atlas_height = 0;
+  std::uint64_t texels = 0;          // in rectangles
+  std::uint64_t clipped_texels = 0;  // with a channel outside what the atlas's scale and offset can say
+  bool dropped_source = false;       // the source numbers did not fit a GLB beside the rest
+};
+
+// Same model in, same bytes out. Atomic. Memory beyond the model's: its atlases, not its Gaussians (all of them with
+// meshopt). Throws Error(badData) for a model beyond GLB's 4 GiB or the atlas's limits, Error(cannotWrite),
+// Error(usage) for meshopt without the library.
+GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content);
+// The same as NAME.gltf with NAME.bin and NAME_atlas_*.png beside it.
+GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content);
+
+}  // namespace tg
