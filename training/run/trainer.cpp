@@ -11,6 +11,7 @@
 
 #include "core/system/error.h"
 #include "training/run/init.h"
+#include "training/score/evaluate.h"
 #include "training/step/textures.h"
 
 namespace tg {

@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "core/system/error.h"
-#include "render/inspect.h"
+#include "render/reference/inspect.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/inspection.h"

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "render/inspect.h"
+#include "render/reference/inspect.h"
 #include "render/renderer.h"
 #include "viewer/view/camera_controller.h"
 #include "viewer/view/camera_path.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The reference's walk along one ray, over those Gaussians only that the ray can meet.
-#include "render/inspect.h"
+#include "render/reference/inspect.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The pixel inspector against the reference's frame.
-#include "render/inspect.h"
+#include "render/reference/inspect.h"
 
 #include <numeric>
 
