@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Trains the models behind the tables of docs/results.md and prints them as Markdown.
+"""Trains the models behind the tables of docs/lab/quality.md and prints them as Markdown.
 
     bench/evidence.py counts    --data DATA --out OUT     textures at 1, 5 and 20 % of the default count
     bench/evidence.py ablations --data DATA --out OUT     what each choice of the default preset is worth

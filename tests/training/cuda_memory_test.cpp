@@ -305,7 +305,7 @@ TEST_CASE("a CUDA run stays within 1.2 times parameters, optimiser and images, a
   }
 }
 
-// Hidden: it asserts nothing, it prints the rows of the table in docs/training.md: `build/bin/training_cuda_test
+// Hidden: it asserts nothing, it prints the rows of the table in docs/lab/cuda.md: `build/bin/training_cuda_test
 // '[memory]'`.
 TEST_CASE("CUDA's device memory in MB", "[.][memory]") {
   for (const Setting& s : kSettings) {

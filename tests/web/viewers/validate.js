@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Khronos' validator on the files named, less what it cannot know yet (docs/gltf.md, *Checking*): prints a line of JSON
+// Khronos' validator on the files named, less what it cannot know yet (docs/lab/browsers.md): prints a line of JSON
 // a file, {file, left: ["severity CODE pointer message"], dropped: {code: count}}.
 const fs = require('fs');
 const validator = require('gltf-validator');

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may include whom: a folder includes itself, rooms that stand before its room, and of its own room what is listed.
 
-    tests/arrows.py [FOLDER]     names every include of the tree that breaks this; --draw prints the arrows there are
+    tests/arrows_test.py [FOLDER]     names every include of the tree that breaks this; --draw prints the arrows there are
 """
 import collections
 import pathlib
@@ -79,7 +79,7 @@ def main():
         drawn = collections.Counter((folder, other) for folder, _, other in arrows)
         for (folder, other), count in sorted(drawn.items()):
             print(f"{folder} -> {other}: {count}")
-    wrong = [f"{place}: {folder} may not include {other} (tests/arrows.py says what it may)"
+    wrong = [f"{place}: {folder} may not include {other} (tests/arrows_test.py says what it may)"
              for folder, place, other in arrows if not allowed(folder, other)]
     print("\n".join(wrong) or f"{len(arrows)} includes between folders, all in the right direction")
     sys.exit(bool(wrong))
