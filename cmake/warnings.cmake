@@ -4,6 +4,10 @@ add_library(tg_warnings INTERFACE)
 # nvcc knows other options; tests compile the .cu files as C++ with these, too.
 set(tg_cxx $<COMPILE_LANGUAGE:C,CXX>)
 target_compile_options(tg_warnings INTERFACE "$<${tg_cxx}:-Wall;-Wextra;-Wshadow;-ffp-contract=off>")
+# The programs of a build with tests check, too: the tests run them.
+if(TG_ASSERTS STREQUAL ON OR (TG_ASSERTS STREQUAL AUTO AND TG_TESTS))
+  target_compile_definitions(tg_warnings INTERFACE TG_ASSERTS)
+endif()
 if(TG_WERROR)
   target_compile_options(tg_warnings INTERFACE $<${tg_cxx}:-Werror>)
 endif()

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
 #include "shared/splat.h"
@@ -99,6 +100,7 @@ void addView(const GaussianModel& model, const Camera& camera, std::vector<doubl
 }  // namespace
 
 std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   std::vector<std::vector<double>> by_view(views.size(), std::vector<double>(model.size(), 0.0));
   parallelFor(static_cast<std::int64_t>(views.size()), 1, [&](std::int64_t v) {
     addView(model, views[static_cast<std::size_t>(v)], by_view[static_cast<std::size_t>(v)]);

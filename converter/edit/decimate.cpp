@@ -10,6 +10,7 @@
 
 #include "converter/edit/contribution.h"
 #include "converter/edit/select.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -25,6 +26,7 @@ double solidArea(const GaussianModel& model, std::size_t i) {
 }  // namespace
 
 void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> views) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   if (count == 0) throw Error(ErrorKind::usage, "decimation to no Gaussians at all (expected at least 1)");
   if (count >= model.size()) return;
   struct Rank {

@@ -7,6 +7,7 @@
 
 #include "converter/edit/reduce.h"
 #include "core/bundle/ply.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -35,6 +36,7 @@ void append(std::vector<T>& to, const std::vector<T>& from) {
 }  // namespace
 
 void mergeModel(GaussianModel& model, const GaussianModel& added, const std::string& path) {
+  TG_ASSERT(lengthsAgree(model) && lengthsAgree(added), "the model's arrays have their lengths");
   const std::size_t before = model.size();
   if (before + added.size() > kMaxGaussians) {
     throw Error(ErrorKind::badData, path,

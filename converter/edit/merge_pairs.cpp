@@ -14,6 +14,7 @@
 #include "converter/edit/decimate.h"
 #include "converter/edit/select.h"
 #include "converter/gltf/axes.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
@@ -223,6 +224,7 @@ class PairMerger {
 }  // namespace
 
 void decimateByMerging(GaussianModel& model, std::size_t count, std::span<const Camera> views) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   if (count == 0) throw Error(ErrorKind::usage, "decimation to no Gaussians at all (expected at least 1)");
   if (count >= model.size()) return;
   PairMerger merger(model, views);

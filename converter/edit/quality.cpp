@@ -10,6 +10,7 @@
 #include "converter/gltf/axes.h"
 #include "core/image/image.h"
 #include "core/image/metrics.h"
+#include "core/system/assert.h"
 #include "render/renderer.h"
 #include "shared/limits.h"
 
@@ -26,6 +27,7 @@ constexpr double kNearMargin = 0.25;  // [world units] beyond the near plane of 
 constexpr double kTrim = 0.05;        // of the means at either end of an axis: floaters do not set the distance
 
 Camera shrunk(const Camera& camera, int max_side) {
+  TG_ASSERT(max_side >= 1, "a picture has pixels");
   const double factor = std::min(1.0, static_cast<double>(max_side) / std::max(camera.width, camera.height));
   return resized(camera, std::max(1, static_cast<int>(std::lround(camera.width * factor))),
                  std::max(1, static_cast<int>(std::lround(camera.height * factor))));
@@ -80,6 +82,7 @@ std::vector<Camera> contributionViews(const GaussianModel& model, std::span<cons
 
 double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<const Camera> views,
                     glm::vec3 background) {
+  TG_ASSERT(!views.empty(), "a view at least");
   const std::unique_ptr<Renderer> renderer_a = makeCpuRenderer();
   const std::unique_ptr<Renderer> renderer_b = makeCpuRenderer();
   renderer_a->setModel(a);
@@ -104,6 +107,7 @@ double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<co
 }
 
 std::optional<Deviation> deviationOf(const GaussianModel& a, const GaussianModel& b) {
+  TG_ASSERT(lengthsAgree(a) && lengthsAgree(b), "the model's arrays have their lengths");
   if (a.size() != b.size()) return std::nullopt;
   Deviation d;
   const auto covariance = [](const GaussianModel& m, std::size_t i) {

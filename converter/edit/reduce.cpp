@@ -8,12 +8,14 @@
 
 #include "converter/edit/texture_fit.h"
 #include "converter/gltf/fallback.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
 namespace tg {
 
 void setShDegree(GaussianModel& model, int degree) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   if (degree < 0 || degree > 3) {
     throw Error(ErrorKind::usage, "wrong SH degree (expected 0 to 3, found " + std::to_string(degree) + ")");
   }
@@ -30,6 +32,7 @@ void setShDegree(GaussianModel& model, int degree) {
 }
 
 void resizeTextures(GaussianModel& model, int width, int height) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   constexpr int kMaxSide = 1024;
   if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
     throw Error(ErrorKind::usage, "wrong texture size (expected 1 to " + std::to_string(kMaxSide) + " a side, found " +

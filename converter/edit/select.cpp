@@ -9,6 +9,7 @@
 #include <functional>
 #include <optional>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/limits.h"
 
@@ -180,6 +181,8 @@ void compactTexels(TextureAtlas& atlas) {
 }
 
 void keepGaussians(GaussianModel& model, std::span<const std::uint8_t> keep) {
+  TG_ASSERT(keep.size() == model.size(), "a choice a Gaussian");
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
   const bool has_rects = !model.atlas.rects.empty();
   std::size_t to = 0;
@@ -206,6 +209,7 @@ void keepGaussians(GaussianModel& model, std::span<const std::uint8_t> keep) {
 }
 
 std::vector<std::uint8_t> insideBox(const GaussianModel& model, glm::dvec3 low, glm::dvec3 high) {
+  TG_ASSERT(low.x <= high.x && low.y <= high.y && low.z <= high.z, "a box has its lower corner first");
   std::vector<std::uint8_t> keep(model.size());
   for (std::size_t i = 0; i < model.size(); ++i) {
     const glm::dvec3 p(model.mean[i]);
@@ -215,6 +219,7 @@ std::vector<std::uint8_t> insideBox(const GaussianModel& model, glm::dvec3 low, 
 }
 
 std::vector<std::uint8_t> insideSphere(const GaussianModel& model, glm::dvec3 center, double radius) {
+  TG_ASSERT(radius >= 0.0, "a radius from 0 on");
   std::vector<std::uint8_t> keep(model.size());
   for (std::size_t i = 0; i < model.size(); ++i) {
     keep[i] = glm::distance(glm::dvec3(model.mean[i]), center) <= radius;

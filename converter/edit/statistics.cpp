@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -36,6 +37,7 @@ Distribution distributionOf(std::string name, std::string unit, std::vector<floa
 }  // namespace
 
 std::vector<Distribution> distributions(const GaussianModel& model) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   std::vector<Distribution> out;
   const std::size_t n = model.size();
   if (n == 0) return out;

@@ -13,6 +13,7 @@
 #include "converter/edit/contribution.h"
 #include "converter/edit/texture_fit.h"
 #include "converter/gltf/fallback.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
@@ -155,6 +156,7 @@ void giveSizes(GaussianModel& model, const std::vector<glm::ivec2>& sizes) {
 }  // namespace
 
 void fitTexturesToError(GaussianModel& model, double error) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   if (!(error >= 0.0)) throw Error(ErrorKind::usage, "wrong texture error (expected a number from 0 on)");
   if (!hasTextures(model)) return;
   const Sizes sizes(model);
@@ -172,6 +174,7 @@ void fitTexturesToError(GaussianModel& model, double error) {
 }
 
 void fitTexturesToBudget(GaussianModel& model, std::uint64_t texels, std::span<const Camera> views) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   if (!hasTextures(model)) return;
   const std::vector<double> weights = blendWeights(model, views);
   const Sizes sizes(model);

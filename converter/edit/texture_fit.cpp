@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "shared/texture.h"
@@ -60,6 +61,7 @@ Nodes nodesAt(double u, int size) {
 }  // namespace
 
 AxisFit::AxisFit(int from, int to) : from_(from), to_(to), matrix_(static_cast<std::size_t>(from) * to, 0.0) {
+  TG_ASSERT(from >= 1 && to >= 1, "a texture has a texel at least");
   if (from == to) {
     for (int k = 0; k < to; ++k) matrix_[k * from + k] = 1.0;
     return;

@@ -9,6 +9,7 @@
 
 #include "converter/gltf/axes.h"
 #include "converter/gltf/plane_order.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "shared/splat.h"
@@ -60,6 +61,8 @@ Similarity similarityFrom(const glm::dmat4& m) {
 }
 
 void transformModel(GaussianModel& model, const Similarity& similarity) {
+  TG_ASSERT(similarity.scale > 0.0, "a scale above 0");
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const bool turns = similarity.rotation != glm::dmat3(1.0);
   const ShRotation sh_rotation(similarity.rotation);
   const glm::dvec4 turn = quaternionFromMatrix(similarity.rotation);
@@ -77,6 +80,7 @@ void transformModel(GaussianModel& model, const Similarity& similarity) {
 }
 
 void transformCameras(std::vector<Camera>& cameras, const Similarity& similarity) {
+  TG_ASSERT(similarity.scale > 0.0, "a scale above 0");
   for (Camera& camera : cameras) {
     // x_c = R x + t with x = S^T (y - d) / s; all of camera space grows by s, which no picture shows.
     camera.camera_from_world_rotation = camera.camera_from_world_rotation * glm::transpose(similarity.rotation);

@@ -11,6 +11,8 @@
 #include <string_view>
 #include <type_traits>
 
+#include "core/system/assert.h"
+
 namespace tg {
 namespace {
 
@@ -137,6 +139,9 @@ void putSparse(const GltfDocument& document, const tinygltf::Accessor& accessor,
 
 std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimitive& splats, const AttributeRule& rule,
                                  SplatRange range) {
+  TG_ASSERT(range.first + range.count <= splats.count, "the primitive has these splats");
+  TG_ASSERT(rule.components == 1 || rule.components == 3 || rule.components == 4,
+            "an attribute is SCALAR, VEC3 or VEC4");
   const auto found = splats.primitive->attributes.find(rule.semantic);
   if (found == splats.primitive->attributes.end()) {
     throw document.bad(splats.pointer + "/attributes", "the attribute " + rule.semantic + " is missing");

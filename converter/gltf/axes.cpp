@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "shared/sh.h"
 
 namespace tg {
@@ -53,12 +54,14 @@ void solve(std::vector<double> a, std::vector<double>& b, int n) {
 }  // namespace
 
 void turnShAxes(std::span<glm::vec3> sh) {
+  TG_ASSERT(sh.size() == 1 || sh.size() == 4 || sh.size() == 9 || sh.size() == 16, "the coefficients of whole degrees");
   // Signs of the basis functions under (x, y, z) -> (-x, -y, z): degree 1 | 2 | 3.
   constexpr std::array<float, 16> signs = {1, -1, 1, -1, 1, -1, 1, -1, 1, -1, 1, -1, 1, -1, 1, -1};
   for (std::size_t k = 0; k < sh.size(); ++k) sh[k] *= signs[k];
 }
 
 glm::dmat3 matrixFromQuaternion(glm::dvec4 q) {
+  TG_ASSERT(glm::dot(q, q) > 0.0, "a quaternion has a length");
   q /= glm::length(q);
   const double w = q.x, x = q.y, y = q.z, z = q.w;
   return glm::dmat3(glm::dvec3(1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
@@ -115,6 +118,7 @@ ShRotation::ShRotation(const glm::dmat3& rotation) {
 }
 
 void ShRotation::apply(std::span<glm::vec3> sh) const {
+  TG_ASSERT(sh.size() == 1 || sh.size() == 4 || sh.size() == 9 || sh.size() == 16, "the coefficients of whole degrees");
   for (int l = 1; static_cast<std::size_t>(l * l) < sh.size(); ++l) {
     const int n = 2 * l + 1;
     std::array<glm::dvec3, 2 * kMaxDegree + 1> before;

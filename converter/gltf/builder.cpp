@@ -8,6 +8,7 @@
 
 #include "converter/gltf/meshopt.h"
 #include "core/file/atomic_files.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -100,6 +101,7 @@ void GltfBuilder::setBounds(std::size_t accessor, const Bounds& bounds) {
 }
 
 std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, MeshoptFilter filter, bool bounded) {
+  TG_ASSERT(fill != nullptr && element.bytes > 0, "an attribute has elements and who fills them");
   const std::size_t index = document["accessors"].size();
   ElementType stored = element;
   Bounds bounds;

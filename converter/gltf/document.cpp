@@ -7,6 +7,7 @@
 
 #include "converter/gltf/document_check.h"
 #include "converter/gltf/resolve.h"
+#include "core/system/assert.h"
 
 namespace tg {
 namespace {
@@ -72,6 +73,9 @@ std::vector<std::uint8_t> headOf(const FileReader& file) {
 }  // namespace
 
 void GltfDocument::read(int view, std::uint64_t offset, std::span<std::uint8_t> out) const {
+  TG_ASSERT(view >= 0 && static_cast<std::size_t>(view) < model.bufferViews.size(), "the document has this view");
+  TG_ASSERT(offset + out.size() <= model.bufferViews[static_cast<std::size_t>(view)].byteLength,
+            "the view holds as much");
   const tinygltf::BufferView& v = model.bufferViews[static_cast<std::size_t>(view)];
   if (file) return file->read(bin_offset + v.byteOffset + offset, out);
   const std::vector<unsigned char>& data = model.buffers[static_cast<std::size_t>(v.buffer)].data;

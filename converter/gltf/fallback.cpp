@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shared/texture.h"
 
@@ -73,6 +74,7 @@ float scaledLogit(float opacity_logit, double factor) {
 }  // namespace
 
 GaussianModel bakeFallback(const GaussianModel& model) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   GaussianModel base;  // all but the textures, which are most of a model
   base.mean = model.mean;
   base.rotation = model.rotation;

@@ -2,6 +2,7 @@
 // EXT_meshopt_compression by way of libmeshoptimizer.
 #include "converter/gltf/meshopt.h"
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 #ifdef TG_MESHOPT
@@ -33,6 +34,8 @@ bool hasMeshopt() { return true; }
 
 PackedView packMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, std::size_t stride,
                        const MeshoptFilter& filter) {
+  TG_ASSERT(stride % 4 == 0 && stride > 0 && stride <= 256, "strides are multiples of 4, up to 256");
+  TG_ASSERT(bytes.size() == count * stride, "the elements fill the bytes");
   PackedView packed;
   packed.stride = stride;
   std::vector<std::uint8_t> filtered;

@@ -3,6 +3,7 @@
 #include "converter/gltf/plane_order.h"
 
 #include "converter/gltf/axes.h"
+#include "core/system/assert.h"
 #include "shared/splat.h"
 
 namespace tg {
@@ -36,6 +37,7 @@ bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation) {
 }
 
 void putNormalFirst(glm::vec3& log_scale, glm::vec4& rotation, int normal) {
+  TG_ASSERT(normal >= 0 && normal < 3, "one of three axes");
   const glm::ivec3 order(normal, axisU(normal), axisV(normal));
   const glm::vec3 before = log_scale;
   log_scale = {before[order.x], before[order.y], before[order.z]};

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "core/system/assert.h"
+
 namespace tg {
 namespace {
 
@@ -71,6 +73,9 @@ Range chooseRange(const AtlasPage& page, int channel, const Levels& levels) {
 }  // namespace
 
 QuantizedPage quantizePage(const AtlasPage& page, int bits) {
+  TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
+  TG_ASSERT(page.texels.size() == static_cast<std::size_t>(page.width) * static_cast<std::size_t>(page.height),
+            "the page has its size");
   const Levels levels = levelsOf(bits);
   QuantizedPage out;
   out.color = Image(page.width, page.height, 3);

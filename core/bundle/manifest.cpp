@@ -7,6 +7,7 @@
 #include <unordered_set>
 
 #include "core/file/json.h"
+#include "core/system/assert.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -108,6 +109,7 @@ void checkFiles(const JsonObject& root, const Manifest& manifest) {
 }  // namespace
 
 std::string atlasPageName(int page) {
+  TG_ASSERT(page >= 0 && page < kMaxAtlasPages, "a page from 0 to 254");
   char name[32];
   std::snprintf(name, sizeof(name), "atlas_%03d.exr", page);
   return name;

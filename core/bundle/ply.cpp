@@ -10,6 +10,7 @@
 #include "core/bundle/read_progress.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -68,6 +69,7 @@ GaussianModel readSplatPly(const std::filesystem::path& path, ReadProgress* prog
 }
 
 std::vector<std::uint8_t> formatSplatPly(const GaussianModel& model) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const std::string header = splatHeader(model.size(), model.sh_degree);
   const std::size_t stride = splatRowBytes(model.sh_degree);
   std::vector<std::uint8_t> bytes(header.size() + model.size() * stride);

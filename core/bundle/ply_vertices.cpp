@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "core/bundle/ply.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -145,7 +146,13 @@ bool PlyVertices::hasElement(std::string_view name) const {
   return std::find(element_names_.begin(), element_names_.end(), name) != element_names_.end();
 }
 
+bool PlyVertices::hasProperties(std::span<const int> indices) const {
+  return std::all_of(indices.begin(), indices.end(),
+                     [this](int index) { return static_cast<std::size_t>(index) < properties_.size(); });
+}
+
 bool PlyVertices::plainFloats(std::span<const int> indices) const {
+  TG_ASSERT(hasProperties(indices), "the file has these properties");
   return format_ == Format::little && std::all_of(indices.begin(), indices.end(), [this](int index) {
            return properties_[static_cast<std::size_t>(index)].type == PlyType::float32;
          });
@@ -159,6 +166,9 @@ int PlyVertices::requireWord(std::string_view name) const {
 }
 
 std::uint32_t PlyVertices::word(std::size_t vertex, int index) const {
+  TG_ASSERT(vertex < count_ && static_cast<std::size_t>(index) < properties_.size(), "the file has this value");
+  TG_ASSERT(format_ != Format::ascii && properties_[static_cast<std::size_t>(index)].type == PlyType::uint32,
+            "a word is an uint of a binary file");
   const std::uint8_t* from = body_.data() + vertex * stride_ + properties_[static_cast<std::size_t>(index)].offset;
   std::uint32_t value;
   std::memcpy(&value, from, sizeof(value));
@@ -347,6 +357,8 @@ void PlyVertices::readBinary(std::span<const int> indices,
 
 void PlyVertices::read(std::span<const int> indices,
                        const std::function<void(std::size_t, std::span<const float>)>& visit) const {
+  TG_ASSERT(hasProperties(indices), "the file has these properties");
+  TG_ASSERT(begin_ + body_.size() == total_, "all of the file is at hand");
   if (format_ == Format::ascii)
     readAscii(indices, visit);
   else

@@ -69,6 +69,7 @@ class PlyVertices {
                  const std::function<void(std::size_t, std::span<const float>)>& visit) const;
   void readBinary(std::span<const int> indices,
                   const std::function<void(std::size_t, std::span<const float>)>& visit) const;
+  bool hasProperties(std::span<const int> indices) const;
   std::string label(std::size_t vertex) const;  // "Gaussian 7"
   [[noreturn]] void failNotFinite(std::size_t vertex, int property) const;
 

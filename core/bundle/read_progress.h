@@ -6,6 +6,7 @@
 
 #include "core/file/byte_progress.h"
 #include "core/model/model.h"
+#include "core/system/assert.h"
 
 namespace tg {
 
@@ -19,6 +20,7 @@ constexpr std::size_t kPreviewGaussians = 100'000;  // in a part, at most
 
 // What the log scales of a part of `part` Gaussians grow by, so that it covers the surfaces of all `whole` of them.
 inline float previewGrowth(std::size_t whole, std::size_t part) {
+  TG_ASSERT(part <= whole, "a part is no more than all");
   return part == 0 ? 0.0f : 0.5f * std::log(static_cast<float>(whole) / static_cast<float>(part));
 }
 

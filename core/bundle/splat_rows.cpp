@@ -12,6 +12,7 @@
 
 #include "core/bundle/ply.h"
 #include "core/bundle/read_progress.h"
+#include "core/system/assert.h"
 
 namespace tg {
 namespace {
@@ -72,6 +73,7 @@ std::vector<std::uint8_t> startOf(const FileReader& file) {
 }  // namespace
 
 void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree) {
+  TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "an SH degree from 0 to 3");
   model.sh_degree = sh_degree;
   resizeLarge(model.mean, n);
   resizeLarge(model.rotation, n);
@@ -81,6 +83,8 @@ void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree) {
 }
 
 GaussianModel previewOf(const GaussianModel& model, std::size_t ready) {
+  TG_ASSERT(ready <= model.size(), "no more are ready than there will be");
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const std::size_t step = std::max<std::size_t>(1, (ready + kPreviewGaussians - 1) / kPreviewGaussians);
   const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
   GaussianModel part;
@@ -130,6 +134,9 @@ void SplatRows::set(GaussianModel& model, std::size_t i, const Values& v) const 
 }
 
 bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_t last, GaussianModel& model) const {
+  TG_ASSERT(plain_, "only rows of plain floats are converted unchecked");
+  TG_ASSERT(first <= last && last <= model.size(), "the model has room for the rows");
+  TG_ASSERT(model.sh_degree == sh_degree_, "the model has the file's SH degree");
   for (std::size_t i = first; i < last; ++i, bytes += stride()) {
     set(model, i, [&](std::size_t k) {
       float value;
@@ -165,6 +172,8 @@ SplatPlyFile::SplatPlyFile(const std::filesystem::path& path) : file_(path, kMax
 
 bool SplatPlyFile::read(std::size_t first, std::size_t count, std::size_t at, GaussianModel& model,
                         std::vector<std::uint8_t>& scratch) const {
+  TG_ASSERT(first + count <= rows_->size(), "the file has these rows");
+  TG_ASSERT(at + count <= model.size(), "the model has room for the rows");
   scratch.resize(count * rows_->stride());
   file_.read(rows_->firstRow() + std::uint64_t{first} * rows_->stride(), scratch);
   return rows_->convert(scratch.data(), at, at + count, model);
@@ -228,10 +237,12 @@ std::string splatHeader(std::size_t gaussians, int sh_degree) {
 }
 
 std::size_t splatRowBytes(int sh_degree) {
+  TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "an SH degree from 0 to 3");
   return sizeof(float) * static_cast<std::size_t>(14 + 3 * (sh_degree + 1) * (sh_degree + 1));
 }
 
 void formatSplatRows(const GaussianModel& model, std::size_t first, std::size_t count, std::uint8_t* to) {
+  TG_ASSERT(first + count <= model.size(), "the model has these Gaussians");
   const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
   for (std::size_t i = first; i < first + count; ++i) {
     const glm::vec3* sh = model.sh.data() + i * sh_count;

@@ -19,6 +19,7 @@
 #include "core/file/json.h"
 #include "core/file/npy.h"
 #include "core/file/sha256.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -187,6 +188,7 @@ class TarWriter {
 }  // namespace
 
 void writeBundle(const std::filesystem::path& path, const Bundle& bundle) {
+  TG_ASSERT(bundle.preview.data.empty() || hasImageShape(bundle.preview), "the preview's data has its size");
   checkWritable(bundle, path.string());
   try {
     std::vector<Entry> entries = encodeEntries(bundle, path.string());

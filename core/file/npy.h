@@ -9,6 +9,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -24,6 +25,7 @@ std::string npyDescription(std::size_t rows, std::size_t columns) {
 
 template <std::unsigned_integral T>
 std::vector<std::uint8_t> formatNpy(std::span<const T> values, std::size_t rows, std::size_t columns) {
+  TG_ASSERT(values.size() == rows * (columns == 0 ? 1 : columns), "the values fill the array");
   std::string header = npyDescription<T>(rows, columns);
   header.resize((10 + header.size() + 1 + 63) / 64 * 64 - 11, ' ');  // data starts at a multiple of 64
   header += '\n';

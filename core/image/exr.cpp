@@ -17,6 +17,7 @@
 #include <string_view>
 
 #include "core/image/codecs.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -238,6 +239,7 @@ ExrInfo readExrInfo(std::span<const std::uint8_t> bytes, const std::string& path
 
 Image decodeExr(std::span<const std::uint8_t> bytes, std::span<const std::string> channel_names,
                 const std::string& path) {
+  TG_ASSERT(!channel_names.empty(), "some channel is asked for");
   const Header header = HeaderReader(bytes, path).read();
   for (const std::string& name : channel_names) {
     if (hasChannel(header, name)) continue;
@@ -270,6 +272,7 @@ Image decodeExrPicture(std::span<const std::uint8_t> bytes, const std::string& p
 }
 
 std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::string> channel_names) {
+  TG_ASSERT(hasImageShape(image), "the image's data has its size");
   const std::string path = "EXR";
   if (image.width < 1 || image.height < 1 || channel_names.size() != static_cast<std::size_t>(image.channels))
     throw Error(ErrorKind::cannotWrite, path,
@@ -308,6 +311,7 @@ std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::str
 }
 
 std::vector<std::uint8_t> encodeExrPicture(const Image& image) {
+  TG_ASSERT(hasImageShape(image), "the image's data has its size");
   if (image.channels == 1) return encodeExr(image, std::vector<std::string>{"Y"});
   if (image.channels == 3) return encodeExr(image, std::vector<std::string>{"R", "G", "B"});
   Image premultiplied = image;

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -114,6 +115,8 @@ Kernel balanced(Kernel kernel) {
 
 // out[y][x] = sum over the two kernels. `rows` is scratch space.
 void convolve(const Plane& in, Size size, const Kernel& along_x, const Kernel& along_y, Plane& rows, Plane& out) {
+  TG_ASSERT(in.size() == size.pixels(), "a plane has the picture's size");
+  TG_ASSERT(along_x.size() % 2 == 1 && along_y.size() % 2 == 1, "a kernel has a middle");
   const int rx = static_cast<int>(along_x.size() / 2);
   const int ry = static_cast<int>(along_y.size() / 2);
   const std::size_t width = static_cast<std::size_t>(size.width);
@@ -241,6 +244,7 @@ double colorError(const glm::dvec3& a, const glm::dvec3& b, double largest) {
 }  // namespace
 
 Image flipMap(const Image& reference, const Image& test, double pixels_per_degree) {
+  TG_ASSERT(hasImageShape(reference) && hasImageShape(test), "the images' data has their size");
   if (reference.width != test.width || reference.height != test.height || reference.channels != 3 ||
       test.channels != 3 || reference.data.empty()) {
     throw Error(ErrorKind::badData, "FLIP compares two pictures of one size with 3 channels");
@@ -267,6 +271,8 @@ Image flipMap(const Image& reference, const Image& test, double pixels_per_degre
 }
 
 double flip(const Image& map, Mask mask) {
+  TG_ASSERT(map.channels == 1 && hasImageShape(map), "a map has 1 channel");
+  TG_ASSERT(mask.empty() || mask.size() == map.data.size(), "a mask has the picture's size");
   double total = 0;
   std::size_t counted = 0;
   for (std::size_t i = 0; i < map.data.size(); i++) {

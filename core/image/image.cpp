@@ -7,6 +7,7 @@
 
 #include "core/file/file.h"
 #include "core/image/codecs.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -73,6 +74,7 @@ void writeImage(const std::filesystem::path& path, const Image& image) {
 }
 
 Image compositeOver(const Image& image, const float background[3]) {
+  TG_ASSERT(hasImageShape(image), "the image's data has its size");
   if (image.channels == 3) return image;
   Image result(image.width, image.height, 3);
   const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
@@ -86,6 +88,7 @@ Image compositeOver(const Image& image, const float background[3]) {
 }
 
 Image downsample(const Image& image, int factor) {
+  TG_ASSERT(hasImageShape(image), "the image's data has its size");
   if (factor < 1)
     throw Error(ErrorKind::usage,
                 "reduction factor out of range (expected at least 1, found " + std::to_string(factor) + ")");

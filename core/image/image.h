@@ -22,6 +22,13 @@ struct Image {
   float at(int x, int y, int c) const { return data[(static_cast<std::size_t>(y) * width + x) * channels + c]; }
 };
 
+// Whether there is a value for every channel of every pixel.
+inline bool hasImageShape(const Image& image) {
+  return image.width >= 0 && image.height >= 0 && image.channels >= 0 &&
+         image.data.size() == static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height) *
+                                  static_cast<std::size_t>(image.channels);
+}
+
 constexpr std::int64_t kMaxImagePixels = std::int64_t{1} << 28;  // larger headers are refused before any allocation
 
 // PNG, JPEG or EXR, told apart by their first bytes. Grey becomes 1 channel, palettes and 16 bit are converted.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/image/codecs.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 // After <cstdio>: jpeglib.h uses FILE without including it.
@@ -169,6 +170,8 @@ Image decodeJpeg(std::span<const std::uint8_t> bytes, const std::string& path) {
 }
 
 std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality) {
+  TG_ASSERT(hasImageShape(image), "the image's data has its size");
+  TG_ASSERT(quality >= 1 && quality <= 100, "a quality from 1 to 100");
   const int channels = std::min(image.channels, 3);  // JPEG has no alpha
   Encoder encoder;
   const auto fail = [&] { return Error(ErrorKind::cannotWrite, "JPEG", encoder.errors.message); };

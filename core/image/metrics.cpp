@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -49,6 +50,7 @@ double sum(const std::vector<double>& values) {
 // `quantize` maps a value in [0, 1] to what is compared.
 template <typename Quantize>
 double psnrOf(const Image& a, const Image& b, Mask mask, Quantize quantize) {
+  TG_ASSERT(hasImageShape(a) && hasImageShape(b), "the images' data has their size");
   checkSameSize(a, b);
   const std::size_t counted = countPixels(a, mask);
   const std::size_t row = static_cast<std::size_t>(a.width) * a.channels;
@@ -178,6 +180,7 @@ double psnr8Bit(const Image& a, const Image& b, Mask mask) {
 }
 
 double ssim(const Image& a, const Image& b, Mask mask) {
+  TG_ASSERT(hasImageShape(a) && hasImageShape(b), "the images' data has their size");
   checkSameSize(a, b);
   const std::size_t counted = countPixels(a, mask);
   constexpr int band_rows = 32;

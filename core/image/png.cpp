@@ -9,6 +9,7 @@
 
 #include "core/image/codecs.h"
 #include "core/image/png16.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -154,6 +155,7 @@ Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path) {
 namespace {
 
 std::vector<std::uint8_t> encode(const Image& image, int bits) {
+  TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
   const std::string name = "PNG";
   if (image.channels != 1 && image.channels != 3 && image.channels != 4)
     throw Error(ErrorKind::cannotWrite, name,

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -49,6 +50,7 @@ TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height)
 }
 
 std::vector<double> texelShares(int size) {
+  TG_ASSERT(size >= 1, "a texture has a texel at least");
   std::vector<double> shares(static_cast<std::size_t>(size), 0.0);
   if (size == 1) return {1.0};
   constexpr double kExtent = 3.0;
@@ -69,6 +71,7 @@ std::vector<double> texelShares(int size) {
 }
 
 std::vector<glm::vec4> textureMeans(const TextureAtlas& atlas, std::size_t gaussian_count) {
+  TG_ASSERT(atlas.rects.empty() || atlas.rects.size() == gaussian_count, "a rectangle a Gaussian, or none");
   std::map<int, std::vector<double>> shares;
   for (const TextureRect& rect : atlas.rects) {
     for (int size : {int{rect.width}, int{rect.height}}) {

@@ -2,10 +2,16 @@
 #include "core/model/camera.h"
 
 #include <cmath>
+#include <numbers>
+
+#include "core/system/assert.h"
 
 namespace tg {
 
 Camera lookAt(glm::dvec3 eye, glm::dvec3 target, glm::dvec3 up, double fov_y_radians, int width, int height) {
+  TG_ASSERT(eye != target, "a camera looks at another place than its own");
+  TG_ASSERT(fov_y_radians > 0.0 && fov_y_radians < std::numbers::pi, "a field of view in (0, pi)");
+  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   const glm::dvec3 z = glm::normalize(target - eye);
   glm::dvec3 right = glm::cross(z, up);
   // Looking along `up`: any horizontal direction will do, but always the same one.
@@ -25,6 +31,8 @@ Camera lookAt(glm::dvec3 eye, glm::dvec3 target, glm::dvec3 up, double fov_y_rad
 }
 
 Camera resized(const Camera& camera, int width, int height) {
+  TG_ASSERT(camera.width > 0 && camera.height > 0, "the camera has a size to scale from");
+  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   Camera result = camera;
   const double sx = static_cast<double>(width) / camera.width;
   const double sy = static_cast<double>(height) / camera.height;

@@ -97,6 +97,13 @@ std::optional<IntersectionModel> parseIntersectionModel(std::string_view text) {
   return std::nullopt;
 }
 
+bool lengthsAgree(const GaussianModel& model) {
+  const std::size_t n = model.size();
+  return model.sh_degree >= 0 && model.sh_degree <= 3 && model.rotation.size() == n && model.log_scale.size() == n &&
+         model.opacity_logit.size() == n && model.sh.size() == n * static_cast<std::size_t>(model.shCount()) &&
+         (model.atlas.rects.empty() || model.atlas.rects.size() == n);
+}
+
 void checkModel(const GaussianModel& model, const std::string& path) {
   if (model.sh_degree < 0 || model.sh_degree > 3)
     throw Error(ErrorKind::badData, path,

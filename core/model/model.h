@@ -38,6 +38,9 @@ struct GaussianModel {
   int shCount() const { return (sh_degree + 1) * (sh_degree + 1); }
 };
 
+// Whether every array is as long as size(), shCount() and the atlas say: what functions that take a model assert.
+bool lengthsAgree(const GaussianModel& model);
+
 // Throws Error(badData, path, ...) naming the first Gaussian and member that breaks a promise above: lengths, finite
 // values, quaternion length > 0, rectangles inside texels. What every reader calls before it returns.
 void checkModel(const GaussianModel& model, const std::string& path);

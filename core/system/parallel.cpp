@@ -11,6 +11,8 @@
 #include <thread>
 #include <vector>
 
+#include "core/system/assert.h"
+
 namespace tg {
 namespace {
 
@@ -120,7 +122,12 @@ std::atomic<int> requested_threads{0};
 
 }  // namespace
 
-void setThreadCount(int count) { requested_threads = std::clamp(count, 0, kMaxThreads); }
+bool insideParallelFor() { return current_worker >= 0; }
+
+void setThreadCount(int count) {
+  TG_ASSERT(!insideParallelFor(), "the number of threads stays during a loop");
+  requested_threads = std::clamp(count, 0, kMaxThreads);
+}
 
 int threadCount() {
   const int requested = requested_threads;
@@ -130,6 +137,8 @@ int threadCount() {
 
 void parallelForWorkers(std::int64_t count, std::int64_t grain,
                         const std::function<void(std::int64_t item, int worker)>& body) {
+  TG_ASSERT(body != nullptr, "a loop has a body");
+  TG_ASSERT(grain >= 1, "a thread takes an item at least");
   if (count <= 0) return;
   grain = std::clamp<std::int64_t>(grain, 1, count);
   const std::int64_t grabs = (count - 1) / grain + 1;

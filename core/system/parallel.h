@@ -18,5 +18,7 @@ void parallelFor(std::int64_t count, std::int64_t grain, const std::function<voi
 // The same, with the worker's number in [0, threadCount()) for per-thread scratch space.
 void parallelForWorkers(std::int64_t count, std::int64_t grain,
                         const std::function<void(std::int64_t item, int worker)>& body);
+// Whether this thread is inside such a loop.
+bool insideParallelFor();
 
 }  // namespace tg

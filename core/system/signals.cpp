@@ -3,11 +3,14 @@
 
 #include <csignal>
 
+#include "core/file/file.h"
+#include "core/system/assert.h"
 #include "core/system/temporary_files.h"
 
 namespace tg {
 
 void handleStopSignals(void (*handler)(int signal)) {
+  TG_ASSERT(handler != nullptr, "a signal has a handler");
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     if (std::signal(signal, handler) == SIG_IGN) std::signal(signal, SIG_IGN);
   }

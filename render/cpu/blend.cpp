@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "render/cpu/order.h"
 
@@ -290,6 +291,9 @@ bool wantsAll(const Frame& frame) {
 }  // namespace
 
 void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& lists, Texels texels, Frame& frame) {
+  TG_ASSERT(frame.width == view.width && frame.height == view.height, "the frame has the view's size");
+  TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
+  TG_ASSERT(!view.footprint || texels.means != nullptr, "the footprint filter needs the textures' means");
   const BlendArgs args{view, screen.splats.data(), lists, texels, &frame, nullptr, nullptr};
   if (!frame.overdraw.empty()) forEachTile(lists, [&](int tile) { HWY_DYNAMIC_DISPATCH(countTile)(args, tile); });
   if (!wantsBlending(frame)) return;
@@ -305,6 +309,8 @@ void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& l
 
 void blendPicture(const View& view, const ScreenSplats& screen, const TileLists& lists, const glm::vec4* texels,
                   std::vector<glm::vec3>& picture, BlendRecord& record) {
+  TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
+  TG_ASSERT(view.order == SplatOrder::global, "training blends in the global order");
   picture.resize(static_cast<std::size_t>(view.width) * view.height);
   record.transmittance.resize(static_cast<std::size_t>(lists.tiles()) * kTilePixels);
   record.stop.resize(record.transmittance.size());

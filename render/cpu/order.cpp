@@ -6,6 +6,7 @@
 #include <bit>
 #include <vector>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 
 // Structs hold vectors here, which the scalable targets forbid.
@@ -297,6 +298,9 @@ HWY_EXPORT(orderPictureTile);
 
 void blendInOrder(const View& view, const ScreenSplats& screen, const TileLists& lists, Texels texels, bool all,
                   Frame& frame) {
+  TG_ASSERT(frame.width == view.width && frame.height == view.height, "the frame has the view's size");
+  TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
+  TG_ASSERT(!view.footprint || texels.means != nullptr, "the footprint filter needs the textures' means");
   const OrderArgs args{view, screen.splats.data(), lists, texels, frame};
   parallelFor(lists.tiles(), 1, [&](std::int64_t tile) {
     if (all) {

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstring>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "render/cpu/picture.h"
 
@@ -202,6 +203,9 @@ void DepthQueue::sortTo(std::size_t end) {
 }
 
 void blendPicture(const View& view, PictureScene& scene, Texels texels, Frame& frame) {
+  TG_ASSERT(frame.width == view.width && frame.height == view.height, "the frame has the view's size");
+  TG_ASSERT(scene.begin.size() == static_cast<std::size_t>(scene.tiles_x) * static_cast<std::size_t>(scene.tiles_y) + 1,
+            "listPicture() comes first");
   const PictureArgs args{view, scene, texels, frame};
   std::vector<DepthQueue> queues(static_cast<std::size_t>(threadCount()));
   std::atomic<std::uint64_t> pixel_splats{0};

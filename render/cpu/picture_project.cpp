@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "render/cpu/bit_places.h"
@@ -565,6 +566,8 @@ void forEachTile(const PictureTiles& range, int tiles_x, const Visit& visit) {
 }  // namespace
 
 void projectPicture(const View& view, const GaussianModel& model, PictureScene& scene) {
+  TG_ASSERT(std::max(view.width, view.height) <= kMaxPictureSide, "16 bits hold the picture's sides");
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const std::size_t count = model.size();
   // Few enough chunks that their counters (chunks x tiles) stay small beside the pairs.
   scene.chunk = std::max<std::size_t>(4096, (count / 64 / kPictureBlock + 1) * kPictureBlock);
@@ -593,6 +596,7 @@ void projectPicture(const View& view, const GaussianModel& model, PictureScene& 
 }
 
 void listPicture(PictureScene& scene) {
+  TG_ASSERT(scene.chunk > 0, "projectPicture() comes first");
   const std::size_t tiles = static_cast<std::size_t>(scene.tiles_x) * static_cast<std::size_t>(scene.tiles_y);
   const std::size_t chunks = scene.visible.size();
   scene.begin.resize(tiles + 1);

@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "render/cpu/sort.h"
@@ -257,6 +258,7 @@ glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
 float opacity(float logit) { return 1.0f / (1.0f + std::exp(-logit)); }
 
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   checkSettings(settings);
   if (camera.width <= 0 || camera.height <= 0 || !(camera.fx > 0.0) || !(camera.fy > 0.0)) {
     throw Error(ErrorKind::usage, "camera " + camera.name,
@@ -300,6 +302,7 @@ Frustum makeFrustum(const View& view) {
 }
 
 void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   constexpr std::size_t kChunk = 4096;
   const Frustum frustum = makeFrustum(view);
   const std::size_t chunks = (model.size() + kChunk - 1) / kChunk;
@@ -341,6 +344,8 @@ void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& ou
 
 void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& gaussians,
                    ScreenSplats& out) {
+  TG_ASSERT(gaussians.empty() || gaussians.back() < model.size(), "the model has these Gaussians");
+  TG_ASSERT(std::is_sorted(gaussians.begin(), gaussians.end()), "Gaussians come in the model's order");
   constexpr std::size_t kChunk = 256;  // Gaussians per grab: some ten microseconds
   const std::size_t count = gaussians.size();
   out.splats.resize(count);

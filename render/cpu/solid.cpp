@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
 
@@ -38,6 +39,10 @@ Surface surfaceOf(const View& view, const Splat& s, glm::dvec3 inverse_scale) {
 
 void drawEllipsoids(const View& view, const GaussianModel& model, const ScreenSplats& screen, const TileLists& lists,
                     std::vector<glm::vec3>& pixels) {
+  TG_ASSERT(view.fixed_radius == 1.0f && view.intersection == IntersectionModel::maxResponse,
+            "boxes hold the ellipsoids");
+  TG_ASSERT(pixels.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height),
+            "a colour a pixel");
   std::fill(pixels.begin(), pixels.end(), view.background);
   const auto fx = static_cast<float>(view.focal_center.x), fy = static_cast<float>(view.focal_center.y);
   const auto cx = static_cast<float>(view.focal_center.z), cy = static_cast<float>(view.focal_center.w);
@@ -83,6 +88,9 @@ void drawEllipsoids(const View& view, const GaussianModel& model, const ScreenSp
 
 void drawCenters(const View& view, const ScreenSplats& screen, const std::vector<std::uint32_t>& order,
                  std::vector<glm::vec3>& pixels) {
+  TG_ASSERT(pixels.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height),
+            "a colour a pixel");
+  TG_ASSERT(order.size() <= screen.splats.size(), "an order of the splats");
   std::fill(pixels.begin(), pixels.end(), view.background);
   for (auto it = order.rbegin(); it != order.rend(); ++it) {  // the nearest last
     const Splat& s = screen.splats[*it];

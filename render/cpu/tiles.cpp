@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -32,6 +33,9 @@ void forEachTile(const TileRange& range, int tiles_x, const Visit& visit) {
 
 void buildTileLists(const View& view, const ScreenSplats& screen, const std::vector<std::uint32_t>& order,
                     bool with_pairs, TileLists& lists) {
+  TG_ASSERT(order.size() <= screen.splats.size(), "an order of the splats");
+  TG_ASSERT(std::all_of(order.begin(), order.end(), [&](std::uint32_t k) { return k < screen.splats.size(); }),
+            "an order of the splats");
   lists.tiles_x = (view.width + kTileWidth - 1) / kTileWidth;
   lists.tiles_y = (view.height + kTileHeight - 1) / kTileHeight;
   const std::size_t tiles = lists.tiles();

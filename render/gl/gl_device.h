@@ -5,6 +5,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "render/gpu/device.h"
@@ -22,6 +23,9 @@ struct GlOptions {
 // made it.
 struct GlDevice {
   virtual ~GlDevice() = default;
+
+  const std::thread::id thread = std::this_thread::get_id();  // whose it is
+
 
   GpuLimits limits;
   bool software = false;                    // it runs on the CPU

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 
 namespace tg {
@@ -17,10 +18,13 @@ std::uint64_t allocatedBytes(std::uint64_t bytes) {
 }
 
 std::uint32_t allocatedSide(std::uint32_t side, std::uint32_t most) {
+  TG_ASSERT(side <= most, "the device's images are as large");
   return std::has_single_bit(side) && side < most ? side + 1 : side;
 }
 
 Image imageFromRgba8(std::span<const std::byte> pixels, int width, int height) {
+  TG_ASSERT(pixels.size() >= std::size_t{4} * static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
+            "four bytes a pixel");
   Image image(width, height, 3);
   for (std::size_t i = 0; i < image.data.size(); ++i) {
     image.data[i] = static_cast<float>(std::to_integer<int>(pixels[i / 3 * 4 + i % 3])) / 255.0f;
@@ -29,6 +33,8 @@ Image imageFromRgba8(std::span<const std::byte> pixels, int width, int height) {
 }
 
 void toRgba8(const Image& image, std::span<std::byte> pixels) {
+  TG_ASSERT(image.channels == 3 && hasImageShape(image), "a picture of 3 channels");
+  TG_ASSERT(pixels.size() >= image.data.size() / 3 * 4, "four bytes a pixel");
   parallelFor(image.height, 16, [&](std::int64_t y) {
     const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width);
     for (std::size_t i = row; i < row + static_cast<std::size_t>(image.width); ++i) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/layout.h"
 
@@ -136,6 +137,7 @@ void addPresent(PassList& list, const FrameInputs& in) {
 }  // namespace
 
 FrameVariant variantFor(OutputSet outputs) {
+  TG_ASSERT(outputs != OutputSet{}, "a frame has an output");
   FrameVariant variant;
   variant.all = outputs.hasAny({Output::base, Output::texture, Output::depth, Output::normal, Output::count,
                                 Output::depthMedian, Output::overdraw, Output::texelDensity});
@@ -176,6 +178,7 @@ ImageBuffers::ImageBuffers(GpuDevice& device, std::uint32_t w, std::uint32_t h) 
 }
 
 std::uint32_t rowsAtOnce(const GpuLimits& limits, std::uint32_t width, std::uint32_t height) {
+  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   if (std::max(width, height) > limits.image_side) checkedPixels(limits, width, height);  // says so
   const std::uint64_t rows_of_tiles = std::min(mostPixels(limits) / (std::uint64_t{width} * kTileSize),
                                                std::uint64_t{kMaxTiles} / ((width + kTileSize - 1) / kTileSize));
@@ -196,6 +199,9 @@ std::uint32_t maxPairCapacity(const GpuLimits& limits, const PassTuning& tuning)
 }
 
 PassList buildFrame(const FrameInputs& in, const BufferPtr& counters) {
+  TG_ASSERT(in.tuning.blend_side == 1 || in.tuning.blend_side == 2 || in.tuning.blend_side == 4,
+            "a thread draws 1, 4 or 16 pixels");
+  TG_ASSERT(in.blend_rounds >= 1, "blend runs once at least");
   const SplatBuffers& s = in.splats;
   const PairBuffers& p = in.pairs;
 

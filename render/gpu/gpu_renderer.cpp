@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/layout.h"
 
@@ -149,11 +150,13 @@ bool GpuRenderer::sharesProgram(const FrameRequest& request) const {
 }
 
 bool GpuRenderer::frameFits() const {
+  TG_ASSERT(program_ && pairs_, "a frame is under way");
   const Counters counters = program_->counters();
   return counters.work[kWorkPairs].total <= pairs_->capacity && roundsFor(counters.longest_list) <= blend_rounds_;
 }
 
 bool GpuRenderer::finishFrame() {
+  TG_ASSERT(program_ && pairs_, "a frame is under way");
   times_ = program_->times();
   const Counters counters = program_->counters();
   program_->next();
@@ -241,6 +244,7 @@ GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSe
 }
 
 std::vector<glm::vec4> GpuRenderer::readPixels(const BufferPtr& buffer) {
+  TG_ASSERT(image_, "a frame was drawn");
   std::vector<glm::vec4> pixels(std::size_t{image_->width} * image_->height);
   device_->download(buffer, std::as_writable_bytes(std::span(pixels)));
   return pixels;

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <glm/gtc/packing.hpp>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/layout.h"
 #include "shared/texels.h"
@@ -125,6 +126,7 @@ class CellWriter {
 }  // namespace
 
 ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model, ModelPrecision precision) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const GpuLimits limits = device.limits();
   const std::size_t count = model.size();
   // A Gaussian has 8 bytes in storage buffers that are bound whole, and 8 to 12 elements in texel buffers.

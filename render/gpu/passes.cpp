@@ -2,8 +2,9 @@
 // Scan and sort as passes.
 #include "render/gpu/passes.h"
 
-#include <cassert>
 #include <utility>
+
+#include "core/system/assert.h"
 
 namespace tg {
 namespace {
@@ -14,7 +15,9 @@ constexpr std::uint32_t kDigitsPerScanGroup = 16;  // shaders/sort_scan.comp
 
 void PassList::add(const char* name, Shader shader, std::vector<Binding> buffers, const PassUniforms& uniforms,
                    const Groups& groups, const PassOptions& options) {
-  assert(buffers.size() == moduleOf(shader).texel_count + moduleOf(shader).buffer_count);
+  TG_ASSERT(buffers.size() == moduleOf(shader).texel_count + moduleOf(shader).buffer_count,
+            "as many buffers as the shader has");
+  TG_ASSERT((options.image != nullptr) == moduleOf(shader).image, "an image where the shader has one");
   passes_.push_back({name, shader, std::move(buffers), uniforms, groups, options});
 }
 
@@ -24,6 +27,8 @@ Scratch::Scratch(GpuDevice& device)
       digit_totals(device.makeBuffer("digit totals", kDigitCount * 4)) {}
 
 void addScan(PassList& list, const char* name, const Scratch& scratch, const Scan& scan) {
+  TG_ASSERT(scan.values && scan.order && scan.offsets, "a scan has its buffers");
+  TG_ASSERT(scan.work != scan.next_work, "a scan's total makes other work");
   PassUniforms uniforms{};
   uniforms.work = scan.work;
   uniforms.next_work = scan.next_work;
@@ -52,6 +57,7 @@ void addScan(PassList& list, const char* name, const Scratch& scratch, const Sca
 }
 
 int addSort(PassList& list, const char* name, const Scratch& scratch, const Sort& sort) {
+  TG_ASSERT(sort.bits > 0 && sort.first_bit + sort.bits <= 32, "a sort by bits of the keys");
   PassUniforms uniforms{};
   uniforms.work = sort.work;
   int from = 0;

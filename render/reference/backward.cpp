@@ -2,6 +2,7 @@
 // The oracle's backward pass: docs/math.md 6, in the order of its steps.
 #include <string>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "render/reference/reference.h"
@@ -163,6 +164,9 @@ void finish(const Scene& scene, const Splat& splat, const SplatSums& sum, Refere
 
 ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,
                                     std::span<const glm::dvec3> v_color, const ReferenceOptions& options) {
+  TG_ASSERT(v_color.size() == static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height),
+            "a derivative a pixel");
+  TG_ASSERT(model.rects.empty() || model.rects.size() == model.size(), "a rectangle a Gaussian, or none");
   const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
   if (v_color.size() != pixels) {
     throw Error(ErrorKind::usage, "reference: picture gradient of the wrong size (expected " + std::to_string(pixels) +

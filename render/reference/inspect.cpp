@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "render/reference/reference.h"
 #include "render/reference/splat.h"
@@ -45,6 +46,7 @@ std::vector<std::uint32_t> nearRay(const GaussianModel& model, const Camera& cam
 }
 
 GaussianModel pick(const GaussianModel& model, const std::vector<std::uint32_t>& indices) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   GaussianModel part;
   part.sh_degree = model.sh_degree;
   part.texture_mode = model.texture_mode;
@@ -70,6 +72,7 @@ GaussianModel pick(const GaussianModel& model, const std::vector<std::uint32_t>&
 
 std::vector<PixelHit> inspectPixel(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
                                    glm::ivec2 pixel) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const double x = pixel.x + 0.5;
   const double y = pixel.y + 0.5;
   checkSettings(settings);
@@ -92,6 +95,8 @@ std::vector<PixelHit> inspectPixel(const GaussianModel& model, const Camera& cam
 }
 
 std::array<glm::dvec3, 4> textureSquare(const GaussianModel& model, std::size_t index, double splat_scale) {
+  TG_ASSERT(index < model.size(), "the model has this Gaussian");
+  TG_ASSERT(splat_scale > 0.0, "a scale above 0");
   const glm::dvec3 scale = splat_scale * glm::exp(glm::dvec3(model.log_scale[index]));
   const glm::dmat3 rotation = reference::rotationMatrix(model.rotation[index]);
   const reference::LocalAxes axes = reference::localAxes(scale);

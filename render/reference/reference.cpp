@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "render/reference/splat.h"
 
@@ -19,7 +20,9 @@ ReferenceModel::ReferenceModel(const GaussianModel& model)
       texture_mode(model.texture_mode),
       intersection(model.intersection),
       rects(model.atlas.rects),
-      texels(model.atlas.texels.begin(), model.atlas.texels.end()) {}
+      texels(model.atlas.texels.begin(), model.atlas.texels.end()) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+}
 
 namespace {
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "render/vulkan/check.h"
 
@@ -224,6 +225,8 @@ void stageBarrier(VkCommandBuffer commands, VkPipelineStageFlags before, VkPipel
 
 void upload(const VulkanDevice& device, Commands& commands, const Buffer& target, VkDeviceSize bytes,
             VkDeviceSize granularity, const std::function<void(VkDeviceSize first, std::span<std::byte>)>& write) {
+  TG_ASSERT(granularity > 0 && bytes % granularity == 0, "whole grains are uploaded");
+  TG_ASSERT(bytes <= target.size(), "the buffer has room");
   const VkDeviceSize piece = std::min(bytes, std::max(kStagingBytes / granularity, VkDeviceSize{1}) * granularity);
   if (piece == 0) return;
   const Buffer staging(device, "staging", piece, Memory::host);
@@ -238,6 +241,7 @@ void upload(const VulkanDevice& device, Commands& commands, const Buffer& target
 }
 
 void download(const VulkanDevice& device, Commands& commands, const Buffer& source, std::span<std::byte> out) {
+  TG_ASSERT(out.size() <= source.size(), "the buffer holds as much");
   if (out.empty()) return;
   const Buffer staging(device, "read-back", out.size(), Memory::host);
   commands.run([&](VkCommandBuffer buffer) {

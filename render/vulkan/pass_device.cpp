@@ -4,6 +4,7 @@
 
 #include <cstring>
 
+#include "core/system/assert.h"
 #include "render/vulkan/check.h"
 
 namespace tg {
@@ -82,6 +83,7 @@ VulkanProgram::VulkanProgram(const VulkanDevice& device, Pipelines& pipelines, c
 }
 
 Counters VulkanProgram::counters() const {
+  TG_ASSERT(taken_ < recorded_, "a recording has not been passed");
   Counters counters;
   std::memcpy(&counters, oldest().counters.data(), sizeof counters);
   return counters;
@@ -110,6 +112,7 @@ void VulkanProgram::recordStart(VkCommandBuffer commands, const ViewUniforms& vi
 }
 
 void VulkanProgram::record(VkCommandBuffer commands, const ViewUniforms& view) {
+  TG_ASSERT(recorded_ - taken_ < kMostUnderWay, "no more recordings are under way than there may be");
   constexpr VkPipelineStageFlags kWriters = kCompute | kTransfer;
   constexpr VkPipelineStageFlags kReaders = kCompute | VK_PIPELINE_STAGE_DRAW_INDIRECT_BIT;
   Results& results = *results_[recorded_++ % kMostUnderWay];

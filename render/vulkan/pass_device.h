@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/system/assert.h"
 #include "render/gpu/passes.h"
 #include "render/vulkan/pipeline.h"
 
@@ -43,7 +44,10 @@ class VulkanProgram final : public PassProgram {
   void record(VkCommandBuffer commands, const ViewUniforms& view);
   Counters counters() const override;
   std::vector<PassTime> times() const override { return oldest().timer.read(); }
-  void next() override { ++taken_; }
+  void next() override {
+    TG_ASSERT(taken_ < recorded_, "a recording has not been passed");
+    ++taken_;
+  }
 
  private:
   struct Dispatch {

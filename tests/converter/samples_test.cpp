@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of other programs, where they are at hand.
 #include <algorithm>
-#include <cstdlib>
 #include <iterator>
 
 #include "converter/convert.h"
@@ -10,19 +9,13 @@
 #include "scenes.h"
 #include "scratch.h"
 #include "support/catch.h"
+#include "support/shared_files.h"
 
 using namespace tg;
 
 namespace {
 
-// Empty, with a message, when the file is not there.
-std::filesystem::path sample(const std::string& name) {
-  const char* shared = std::getenv("TG_SHARED");
-  const std::filesystem::path path = std::filesystem::path(shared != nullptr ? shared : "../shared") / "samples" / name;
-  if (std::filesystem::exists(path)) return path;
-  WARN("skipped: no " << path.string());
-  return {};
-}
+std::filesystem::path sample(const std::string& name) { return test::sharedFile("samples/" + name); }
 
 struct Sample {
   const char* name;
@@ -56,10 +49,10 @@ constexpr Sample kSamples[] = {
 }  // namespace
 
 TEST_CASE("Every sample loads, or is refused for the reason that is documented") {
+  TG_SKIP_IF(test::missingShared({"samples"}));
   for (const Sample& expected : kSamples) {
     CAPTURE(expected.name);
     const auto path = sample(expected.name);
-    if (path.empty()) continue;
     if (expected.gaussians == 0) {
       CHECK(refusal(path).find(expected.told) != std::string::npos);
       continue;
@@ -72,8 +65,8 @@ TEST_CASE("Every sample loads, or is refused for the reason that is documented")
 }
 
 TEST_CASE("The table of samples leaves none out") {
+  TG_SKIP_IF(test::missingShared({"samples"}));
   const auto folder = sample("");
-  if (folder.empty()) return;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     const std::string extension = entry.path().extension().string();
     if (!entry.is_regular_file() || extension == ".md" || extension == ".txt") continue;
@@ -84,8 +77,8 @@ TEST_CASE("The table of samples leaves none out") {
 }
 
 TEST_CASE("The sample with every key of the extension keeps its textures") {
+  TG_SKIP_IF(test::missingShared({"samples/generated/tex_full.glb"}));
   const auto path = sample("generated/tex_full.glb");
-  if (path.empty()) return;
   const Bundle loaded = readModel(path);
   CHECK(loaded.model.texture_mode == TextureMode::rgba);
   CHECK(loaded.model.intersection == IntersectionModel::plane);
@@ -93,9 +86,9 @@ TEST_CASE("The sample with every key of the extension keeps its textures") {
 }
 
 TEST_CASE("A GLB by another converter is the scene of the PLY it was made from") {
+  TG_SKIP_IF(test::missingShared({"samples/playbot/playbot_lod4.glb", "samples/playbot/playbot_lod4.ply"}));
   const auto glb = sample("playbot/playbot_lod4.glb");
   const auto ply = sample("playbot/playbot_lod4.ply");
-  if (glb.empty() || ply.empty()) return;
   const GaussianModel from_glb = readModel(glb).model;
   const GaussianModel from_ply = readModel(ply).model;
   const std::vector<Camera> views = qualityViews(from_ply, {});
@@ -105,8 +98,8 @@ TEST_CASE("A GLB by another converter is the scene of the PLY it was made from")
 }
 
 TEST_CASE("A real scene loses nothing that shows on the way through a GLB") {
+  TG_SKIP_IF(test::missingShared({"samples/playbot/playbot_lod4.ply"}));
   const auto ply = sample("playbot/playbot_lod4.ply");
-  if (ply.empty()) return;
   const Scratch scratch;
   const ConvertReport report = convert(ply, scratch.folder() / "a.glb", {.measure = Measure::always});
   REQUIRE(report.textured_psnr);
@@ -115,9 +108,10 @@ TEST_CASE("A real scene loses nothing that shows on the way through a GLB") {
 }
 
 TEST_CASE("The same four splats come out of SPZ 2 and .splat") {
+  TG_SKIP_IF(test::missingShared(
+      {"samples/splat-transform-fixtures/minimal-v2.spz", "samples/splat-transform-fixtures/minimal.splat"}));
   const auto spz = sample("splat-transform-fixtures/minimal-v2.spz");
   const auto splat = sample("splat-transform-fixtures/minimal.splat");
-  if (spz.empty() || splat.empty()) return;
   const GaussianModel a = readModel(spz).model, b = readModel(splat).model;
   REQUIRE(a.size() == b.size());
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -129,9 +123,9 @@ TEST_CASE("The same four splats come out of SPZ 2 and .splat") {
 }
 
 TEST_CASE("An SPZ by another converter is the scene of the PLY it was made from") {
+  TG_SKIP_IF(test::missingShared({"samples/playbot/playbot_lod4.spz", "samples/playbot/playbot_lod4.ply"}));
   const auto spz = sample("playbot/playbot_lod4.spz");
   const auto ply = sample("playbot/playbot_lod4.ply");
-  if (spz.empty() || ply.empty()) return;
   const GaussianModel from_spz = readModel(spz).model;
   const GaussianModel from_ply = readModel(ply).model;
   REQUIRE(from_spz.size() == from_ply.size());

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // PLY: what other programs write is read, what is broken is refused by name.
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <iostream>
 
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/shared_files.h"
 #include "temporary_folder.h"
 #include "tiny_model.h"
 
@@ -42,11 +41,6 @@ void append(Bytes& bytes, T value, bool big) {
   std::uint8_t raw[sizeof(T)];
   std::memcpy(raw, &value, sizeof(T));
   for (std::size_t i = 0; i < sizeof(T); ++i) bytes.push_back(raw[big ? sizeof(T) - 1 - i : i]);
-}
-
-std::filesystem::path shared() {
-  const char* folder = std::getenv("TG_SHARED");
-  return folder ? folder : "../shared";
 }
 
 }  // namespace
@@ -253,11 +247,8 @@ TEST_CASE("a point cloud without colours is grey, one with float colours keeps t
 }
 
 TEST_CASE("splat PLYs of other programs are read") {
-  const std::filesystem::path samples = shared() / "samples";
-  if (!std::filesystem::exists(samples / "playbot")) {
-    std::cout << "skipped: no sample files at " << samples << "\n";
-    return;
-  }
+  TG_SKIP_IF(tg::test::missingShared({"samples/playbot", "samples/jsplat", "samples/gsplat-rs"}));
+  const std::filesystem::path samples = tg::test::sharedFile("samples");
   struct Expected {
     const char* file;
     std::size_t count;
@@ -282,11 +273,8 @@ TEST_CASE("splat PLYs of other programs are read") {
 }
 
 TEST_CASE("point clouds of the data sets are read") {
-  const std::filesystem::path data = shared() / "data";
-  if (!std::filesystem::exists(data / "printshop")) {
-    std::cout << "skipped: no data sets at " << data << "\n";
-    return;
-  }
+  TG_SKIP_IF(tg::test::missingShared({"data/printshop", "data/fox_270", "data/lego_400"}));
+  const std::filesystem::path data = tg::test::sharedFile("data");
   REQUIRE(tg::readPointCloudPly(data / "printshop/points3d.ply").position.size() == 40000);
   REQUIRE(tg::readPointCloudPly(data / "printshop/mesh.ply").position.size() == 86206);
   REQUIRE(tg::readPointCloudPly(data / "fox_270/points3d.ply").position.size() == 16412);

@@ -27,10 +27,7 @@ std::map<std::string, std::size_t> reflectedOffsets(const nlohmann::json& reflec
 
 TEST_CASE("the structs that cross host and device have one layout") {
   const std::string path = TG_LAYOUT_REFLECTION;
-  if (path.empty()) {
-    WARN("skipped: spirv-cross or glslangValidator was not found when the build was configured");
-    return;
-  }
+  TG_SKIP_IF(path.empty() ? "spirv-cross or glslangValidator was not found when the build was configured" : "");
   std::ifstream file(path);
   REQUIRE(file);
   const auto reflection = nlohmann::json::parse(file);

@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <iostream>
 
 #include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/shared_files.h"
 #include "training/dataset_files.h"
 
 namespace fs = std::filesystem;
@@ -539,14 +538,9 @@ TEST_CASE("the extent is 1.1 times the largest distance from the training camera
 }
 
 TEST_CASE("reads the shared scenes, COLMAP and JSON poses of one scene agree", "[dataset][shared]") {
-  const char* environment = std::getenv("TG_SHARED");
-  const fs::path shared = environment ? fs::path(environment) : fs::path("../shared");
-  if (!fs::exists(shared / "data/fox")) {
-    std::cout << "skipped: no data sets at " << shared << " (set TG_SHARED)\n";
-    return;
-  }
-  const tg::DatasetIndex colmap = tg::readColmap(shared / "data/fox");
-  const tg::DatasetIndex json = tg::readTransforms(shared / "data/fox");
+  TG_SKIP_IF(tg::test::missingShared({"data/fox"}));
+  const tg::DatasetIndex colmap = tg::readColmap(tg::test::sharedFile("data/fox"));
+  const tg::DatasetIndex json = tg::readTransforms(tg::test::sharedFile("data/fox"));
   REQUIRE(colmap.entries.size() == 50);
   REQUIRE(json.entries.size() == 50);
   CHECK(colmap.points.position.size() == 11357);

@@ -88,12 +88,6 @@ void writeSample(const std::filesystem::path& path, int gaussians, const std::st
   writeBundle(path, bundle);
 }
 
-bool haveXServer() {
-  if (std::system("command -v xvfb-run >/dev/null 2>&1") == 0) return true;
-  std::cout << "skipped: no xvfb-run (packages xvfb, xauth)\n";
-  return false;
-}
-
 std::vector<std::string> deviceBackends() {
   std::vector<std::string> names;
   for (const Api api : kApis) {
@@ -101,21 +95,23 @@ std::vector<std::string> deviceBackends() {
       openDevice(api, {});
       names.emplace_back(name(api));
     } catch (const Error& error) {
-      std::cout << "skipped: " << error.what() << "\n";
+      std::cout << "left out: " << error.what() << "\n";
     }
   }
   return names;
 }
+
+std::string noDevice() { return deviceBackends().empty() ? "no device of Vulkan or OpenGL" : ""; }
 
 std::string backendOr(const std::string& usual) {
   const char* named = std::getenv("TG_TEST_BACKEND");
   return named ? named : usual;
 }
 
-bool haveWindow() {
-  if (!haveXServer()) return false;
+std::string noWindow(const std::string& backend) {
+  if (std::system("command -v xvfb-run >/dev/null 2>&1") != 0) return "no xvfb-run (packages xvfb, xauth)";
   const std::vector<std::string> names = deviceBackends();
-  return std::find(names.begin(), names.end(), backendOr("vulkan")) != names.end();
+  return std::find(names.begin(), names.end(), backend) != names.end() ? "" : "no device of " + backend;
 }
 
 }  // namespace tg::test

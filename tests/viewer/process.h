@@ -40,14 +40,14 @@ class Workshop {
 GaussianModel sampleModel(int gaussians = 400);
 void writeSample(const std::filesystem::path& path, int gaussians = 400, const std::string& training_json = "");
 
-// Whether windows can be opened on a virtual screen; says why not.
-bool haveXServer();
 // Those of "vulkan" and "opengl" that have a device; says why the others have none.
 std::vector<std::string> deviceBackends();
+// For TG_SKIP_IF: why none of them has one, "" when one has.
+std::string noDevice();
 // The backend that a test of windows runs on: what the environment names as TG_TEST_BACKEND, else `usual`.
 std::string backendOr(const std::string& usual);
-// Whether a window can be opened and has a device for that.
-bool haveWindow();
+// For TG_SKIP_IF: why no window can be opened on that backend, "" when one can.
+std::string noWindow(const std::string& backend = backendOr("vulkan"));
 
 // The prefix of Workshop::tgview() that gives it a screen.
 inline const std::vector<std::string> kXServer = {"xvfb-run", "-a", "-s", "-screen 0 1024x768x24"};

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 
 // Structs hold vectors here, which the scalable targets forbid.
@@ -666,6 +667,13 @@ HWY_EXPORT(backwardTileAll);
 HWY_EXPORT(backwardTileGradient);
 
 void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, const PairGradients& out) {
+  TG_ASSERT(first_tile >= 0 && first_tile <= end_tile && end_tile <= input.lists.tiles(),
+            "the picture has these tiles");
+  TG_ASSERT(
+      input.v_color.size() == static_cast<std::size_t>(input.view.width) * static_cast<std::size_t>(input.view.height),
+      "a derivative a pixel");
+  TG_ASSERT(out.shows.size() == input.lists.splats.size() && out.sums.size() == input.lists.splats.size(),
+            "sums for every pair");
   const BackwardArgs args{input,     out.shows.data(), out.sums.data(), out.screen_abs.data(), out.texture_sums.data(),
                           &out.slots};
   parallelFor(end_tile - first_tile, 1, [&](std::int64_t i) {

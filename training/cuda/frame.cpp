@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <string>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "render/cpu/project.h"
 #include "training/cuda/finish.h"
@@ -58,6 +59,7 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
 }
 
 void DeviceModel::upload(const GaussianModel& model) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   count = model.size();
   sh_count = model.shCount();
   mean.upload(model.mean);
@@ -96,6 +98,7 @@ void DeviceModel::download(ModelGradient& gradient) const {
 }
 
 void DeviceModel::download(GaussianModel& model) const {
+  TG_ASSERT(model.size() == count && model.shCount() == sh_count, "the model has the device's size");
   mean.downloadAll(model.mean);
   rotation.downloadAll(model.rotation);
   log_scale.downloadAll(model.log_scale);

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/system/assert.h"
+
 namespace tg::cuda {
 
 // Everything here throws Error(device) saying what failed and why.
@@ -70,6 +72,7 @@ class Buffer {
   // `to` must have the buffer's size in bytes.
   template <typename Range>
   void download(Range&& to) const {
+    TG_ASSERT(std::span(to).size_bytes() == size_ * sizeof(T), "the target has the buffer's size");
     const std::span all(to);
     copyToHost(all.data(), data_, all.size_bytes());
   }
@@ -82,6 +85,7 @@ class Buffer {
   }
   // The entry at `index`. Waits for all kernels before.
   T read(std::size_t index) const {
+    TG_ASSERT(index < size_, "the buffer has this entry");
     T value;
     copyToHost(&value, data_ + index, sizeof(T));
     return value;

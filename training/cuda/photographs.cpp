@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/system/assert.h"
+
 namespace tg::cuda {
 namespace {
 
@@ -20,6 +22,7 @@ std::span<const std::uint8_t> maskOf(const ViewPixels& photograph, double& count
 }  // namespace
 
 DevicePhotographs::OnDevice DevicePhotographs::get(std::size_t view, const Pixels& photograph, bool varies) {
+  TG_ASSERT(photograph, "there is a photograph");
   const auto found = kept_.find(view);
   if (found != kept_.end() && !varies) return found->second.view;
   double counted = 0;

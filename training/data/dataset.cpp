@@ -8,6 +8,7 @@
 #include <mutex>
 #include <sstream>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -318,10 +319,15 @@ std::vector<std::size_t> Dataset::indices(bool test) const {
 std::shared_ptr<const ViewPixels> Dataset::pixels(std::size_t view) const { return composited(view, background); }
 
 std::shared_ptr<const ViewPixels> Dataset::composited(std::size_t view, const glm::vec3& color) const {
+  TG_ASSERT(view < views.size() && photographs, "the data set has this view");
+  TG_ASSERT(!insideParallelFor(), "pixels are not fetched inside a parallelFor");
   return compositeOver(photographs->get(view), color);
 }
 
-void Dataset::prefetch(std::size_t view) const { photographs->prefetch(view); }
+void Dataset::prefetch(std::size_t view) const {
+  TG_ASSERT(view < views.size() && photographs, "the data set has this view");
+  photographs->prefetch(view);
+}
 
 Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   std::error_code code;

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -164,6 +165,11 @@ Undistortion::Undistortion(Lens of, const Camera& camera, const std::string& lab
 
 Undistortion::Result Undistortion::apply(const Image& photograph,
                                          const std::vector<std::uint8_t>& photograph_mask) const {
+  TG_ASSERT(photograph.width == distorted.width && photograph.height == distorted.height,
+            "the photograph has its camera's size");
+  TG_ASSERT(photograph_mask.empty() || photograph_mask.size() == static_cast<std::size_t>(photograph.width) *
+                                                                     static_cast<std::size_t>(photograph.height),
+            "a mask has the picture's size");
   Image straight;
   const Image* from = &photograph;
   if (photograph.channels == 4) {

@@ -12,7 +12,9 @@
 #include <system_error>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace {
@@ -85,6 +87,8 @@ float over(float color, float alpha, float background) { return color * alpha + 
 }  // namespace
 
 Image ViewPixels::image() const {
+  TG_ASSERT(rgb.size() == 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
+            "three bytes a pixel");
   Image result(width, height, 3);
   for (std::size_t i = 0; i < rgb.size(); i++) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
   return result;
@@ -147,6 +151,9 @@ Photograph decodePhotograph(const PhotographSource& source) {
 
 std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Photograph>& photograph,
                                                 const glm::vec3& background) {
+  TG_ASSERT(photograph, "there is a photograph");
+  TG_ASSERT(photograph->alpha.empty() || 3 * photograph->alpha.size() == photograph->pixels.rgb.size(),
+            "an alpha a pixel, or none");
   if (photograph->alpha.empty()) return {photograph, &photograph->pixels};
   auto result = std::make_shared<ViewPixels>(photograph->pixels);
   for (std::size_t i = 0; i < photograph->alpha.size(); i++) {
@@ -172,6 +179,7 @@ PhotographStore::~PhotographStore() {
 }
 
 void PhotographStore::offer(std::size_t view, Photograph photograph) {
+  TG_ASSERT(view < kept_.size(), "the store has this view");
   const std::uint64_t bytes = photograph.bytes();
   const std::lock_guard lock(mutex_);
   largest_ = std::max(largest_, bytes);
@@ -199,6 +207,8 @@ std::list<PhotographStore::Slot>::iterator PhotographStore::findSlot(std::size_t
 }
 
 std::shared_ptr<const Photograph> PhotographStore::get(std::size_t view) {
+  TG_ASSERT(view < kept_.size(), "the store has this view");
+  TG_ASSERT(!insideParallelFor(), "photographs are not fetched inside a parallelFor");
   {
     std::unique_lock lock(mutex_);
     if (kept_.at(view)) return kept_[view];
@@ -218,6 +228,7 @@ std::shared_ptr<const Photograph> PhotographStore::get(std::size_t view) {
 }
 
 void PhotographStore::prefetch(std::size_t view) {
+  TG_ASSERT(view < kept_.size(), "the store has this view");
   {
     const std::lock_guard lock(mutex_);
     if (kept_.at(view) || findSlot(view) != slots_.end()) return;

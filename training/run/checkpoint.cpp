@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "core/file/file.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -446,6 +447,9 @@ RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, c
 }
 
 void writeCheckpoint(const std::filesystem::path& path, const CheckpointHeader& header, const RunState& state) {
+  TG_ASSERT(lengthsAgree(state.training.model), "the model's arrays have their lengths");
+  TG_ASSERT(state.min_sigma.empty() || state.min_sigma.size() == state.training.model.size(),
+            "a sigma a Gaussian, or none");
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
     FileHandle file(std::fopen(temporary.c_str(), "wbe"), std::fclose);
     try {

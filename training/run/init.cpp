@@ -8,6 +8,7 @@
 #include <limits>
 #include <numeric>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shaders/shared/limits.h"
 #include "training/step/random.h"
@@ -130,6 +131,7 @@ std::vector<float> meanSquaredNeighborDistance(std::span<const glm::vec3> points
 }
 
 GaussianModel gaussiansFromPoints(const PointCloud& points) {
+  TG_ASSERT(points.color.size() == points.position.size(), "a colour a point");
   const std::size_t count = points.position.size();
   const std::vector<float> distance = meanSquaredNeighborDistance(points.position);
   GaussianModel model;
@@ -144,6 +146,7 @@ GaussianModel gaussiansFromPoints(const PointCloud& points) {
 }
 
 PointCloud randomSubset(const PointCloud& points, std::size_t count, std::uint64_t seed) {
+  TG_ASSERT(points.color.size() == points.position.size(), "a colour a point");
   if (points.position.size() <= count) return points;
   std::vector<std::uint32_t> order(points.position.size());
   std::iota(order.begin(), order.end(), 0u);

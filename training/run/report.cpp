@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "core/system/assert.h"
+
 namespace tg {
 namespace {
 
@@ -132,6 +134,7 @@ std::string formatSummary(const TrainReport& report, double total_seconds) {
 }
 
 double rounded(double value, int decimals) {
+  TG_ASSERT(decimals >= 0, "decimals are counted from 0");
   const double scale = std::pow(10.0, decimals);
   return std::round(value * scale) / scale;
 }

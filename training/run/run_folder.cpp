@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "core/file/file.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "training/run/trained_bundle.h"
 
@@ -130,6 +131,7 @@ double RunFolder::seconds() const {
 }
 
 std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
+  TG_ASSERT(dataset_ == nullptr, "a run begins once");
   dataset_ = &inputs.dataset;
   renderer_ = &inputs.renderer;
   json_ = inputs.json;
@@ -248,6 +250,7 @@ std::string RunFolder::save(const Trainer& trainer) {
 }
 
 void RunFolder::afterStep(const Trainer& trainer) {
+  TG_ASSERT(dataset_ != nullptr, "begin() comes first");
   writeStageMetrics(trainer);
   const TrainProgress progress = trainer.progress();
   const bool last = progress.iteration == progress.iterations;
@@ -264,6 +267,7 @@ void RunFolder::afterStep(const Trainer& trainer) {
 }
 
 std::string RunFolder::finish(const Trainer& trainer) {
+  TG_ASSERT(dataset_ != nullptr, "begin() comes first");
   if (!finished_) writeStageMetrics(trainer);
   finished_ = trainer.finished();
   return save(trainer);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/system/assert.h"
+
 namespace tg {
 namespace {
 
@@ -13,6 +15,7 @@ constexpr int kPreviewSide = 512;  // [px]
 }  // namespace
 
 std::size_t previewView(const Dataset& dataset) {
+  TG_ASSERT(!dataset.views.empty(), "the data set has a view");
   const std::vector<std::size_t> test = dataset.indices(true);
   return test.empty() ? 0 : test.front();
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "training/run/init.h"
 #include "training/score/evaluate.h"
@@ -206,6 +207,7 @@ TrainProgress Trainer::progress() const {
 }
 
 void Trainer::iterate() {
+  TG_ASSERT(state_.iteration < iterationsOf(state_.stage), "the stage has an iteration left");
   const int iteration = ++state_.iteration;
   const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
   const bool adc = settings_.densification == Densification::adc;
@@ -353,6 +355,7 @@ GaussianModel Trainer::model() const {
 }
 
 Image Trainer::picture(const Camera& camera) const {
+  TG_ASSERT(camera.width > 0 && camera.height > 0, "a picture has pixels");
   return imageOf(engine_->picture(state_, camera, dataset_.background), camera);
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -112,7 +113,9 @@ FeatureMap::FeatureMap(int w, int h, int c, int b)
       height(h),
       channels(c),
       border(b),
-      data(static_cast<std::size_t>(w + 2 * b) * static_cast<std::size_t>(h + 2 * b) * static_cast<std::size_t>(c)) {}
+      data(static_cast<std::size_t>(w + 2 * b) * static_cast<std::size_t>(h + 2 * b) * static_cast<std::size_t>(c)) {
+  TG_ASSERT(w >= 0 && h >= 0 && c > 0 && b >= 0, "a map has a size");
+}
 
 Convolution::Convolution(const ConvolutionShape& shape, const std::vector<float>& weights, std::vector<float> bias)
     : shape_(shape), bias_(std::move(bias)) {
@@ -131,6 +134,10 @@ Convolution::Convolution(const ConvolutionShape& shape, const std::vector<float>
 }
 
 FeatureMap Convolution::operator()(const FeatureMap& input, int output_border) const {
+  TG_ASSERT(input.channels == shape_.inputs, "the input has the layer's channels");
+  TG_ASSERT(input.border == shape_.padding, "the input's border is the padding");
+  TG_ASSERT(std::min(input.width, input.height) + 2 * input.border >= shape_.kernel,
+            "the input holds a window at least");
   const int k = shape_.kernel;
   FeatureMap output((input.width + 2 * shape_.padding - k) / shape_.stride + 1,
                     (input.height + 2 * shape_.padding - k) / shape_.stride + 1, shape_.outputs, output_border);
@@ -157,6 +164,8 @@ FeatureMap Convolution::operator()(const FeatureMap& input, int output_border) c
 }
 
 FeatureMap maxPool(const FeatureMap& input, int kernel, int stride, int output_border) {
+  TG_ASSERT(kernel >= 1 && stride >= 1, "windows have a size and a step");
+  TG_ASSERT(std::min(input.width, input.height) >= kernel, "the input holds a window at least");
   FeatureMap output((input.width - kernel) / stride + 1, (input.height - kernel) / stride + 1, input.channels,
                     output_border);
   parallelFor(output.height, 4, [&](std::int64_t item) {

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -150,6 +151,10 @@ std::string formatEvalJson(const EvalReport& report) {
 }
 
 Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image& flip_map) {
+  TG_ASSERT(picture.width == photograph.width && picture.height == photograph.height && picture.channels == 3,
+            "the picture is the photograph's view");
+  TG_ASSERT(flip_map.width == picture.width && flip_map.height == picture.height && flip_map.channels == 1,
+            "the map is of the picture");
   Image result(3 * picture.width + 2 * kGap, picture.height, 3, kGapGrey);
   const Image truth = photograph.image();
   for (int y = 0; y < picture.height; y++) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/image/metrics.h"
+#include "core/system/assert.h"
 
 namespace tg {
 
@@ -22,6 +23,8 @@ Image masked(Image image, Mask mask) {
 
 ViewScore scoreView(const std::string& name, const ViewPixels& photograph, const Image& picture,
                     const ScoreOptions& options, Image* flip_map) {
+  TG_ASSERT(picture.width == photograph.width && picture.height == photograph.height && picture.channels == 3,
+            "the picture is the photograph's view");
   const Image truth = masked(photograph.image(), photograph.mask);
   const Image shown = masked(picture, photograph.mask);
   ViewScore score;
@@ -39,6 +42,7 @@ ViewScore scoreView(const std::string& name, const ViewPixels& photograph, const
 }
 
 ViewScore meanView(std::span<const ViewScore> scores) {
+  TG_ASSERT(!scores.empty(), "a mean of a view at least");
   ViewScore mean;
   mean.name = "mean";
   const double share = 1.0 / static_cast<double>(std::max<std::size_t>(scores.size(), 1));
@@ -69,6 +73,8 @@ std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::s
 }
 
 Image imageOf(std::span<const glm::vec3> picture, const Camera& camera) {
+  TG_ASSERT(picture.size() == static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height),
+            "a colour a pixel");
   Image image(camera.width, camera.height, 3);
   for (std::size_t i = 0; i < picture.size(); i++) {
     for (int c = 0; c < 3; c++) image.data[i * 3 + static_cast<std::size_t>(c)] = picture[i][c];

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "training/score/convolution.h"
@@ -157,6 +158,7 @@ Lpips::Lpips(Lpips&&) noexcept = default;
 LpipsNetwork Lpips::network() const { return layers_->network; }
 
 double Lpips::distance(const Image& reference, const Image& picture, LpipsRange range) const {
+  TG_ASSERT(layers_, "the network was not moved away");
   if (reference.width != picture.width || reference.height != picture.height || reference.channels != 3 ||
       picture.channels != 3) {
     throw Error(ErrorKind::badData, "LPIPS compares two pictures of one size with 3 channels");

@@ -3,6 +3,7 @@
 #pragma once
 #include <algorithm>
 
+#include "core/system/assert.h"
 #include "training/settings/settings.h"
 
 namespace tg {
@@ -17,6 +18,7 @@ struct Schedule {
   int reset_until = 0;     // exclusive
 
   bool densifies(int iteration) const {
+    TG_ASSERT(iteration >= 1 && densify_every >= 1, "iterations count from 1");
     return iteration > densify_from && iteration < densify_until && iteration % densify_every == 0;
   }
   bool raisesShDegree(int iteration) const { return sh_every > 0 && iteration % sh_every == 0; }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <functional>
 
+#include "core/system/assert.h"
+
 namespace tg {
 namespace {
 
@@ -42,6 +44,10 @@ void DensityStatistics::reset(std::size_t count) {
 }
 
 void DensityStatistics::add(const ModelGradient& gradient) {
+  TG_ASSERT(gradient.screen_gradient.size() == score_sum.size() &&
+                gradient.screen_gradient_abs.size() == score_sum.size() &&
+                gradient.screen_radius.size() == score_sum.size(),
+            "the gradient is of the model that is counted");
   for (std::size_t i = 0; i < score_sum.size(); i++) {
     if (gradient.screen_radius[i] <= 0) continue;
     score_sum[i] += gradient.screen_gradient[i];
@@ -53,6 +59,11 @@ void DensityStatistics::add(const ModelGradient& gradient) {
 
 DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const DensifySettings& settings,
                       Random& random) {
+  TG_ASSERT(statistics.score_sum.size() == state.model.size() && statistics.magnitude_sum.size() == state.model.size(),
+            "statistics are of the model");
+  TG_ASSERT(statistics.view_count.size() == state.model.size() && statistics.max_radius.size() == state.model.size(),
+            "statistics are of the model");
+  TG_ASSERT(state.model.atlas.rects.empty(), "stage 1 has no textures");
   const GaussianModel& model = state.model;
   struct Candidate {
     std::uint32_t gaussian;
@@ -120,6 +131,7 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
 }
 
 void resetOpacity(TrainingState& state) {
+  TG_ASSERT(momentsAgree(state), "moments have the model's size");
   const float limit = std::log(kResetOpacity / (1 - kResetOpacity));
   for (float& logit : state.model.opacity_logit) logit = std::min(logit, limit);
   std::fill(state.opacity_logit.first.begin(), state.opacity_logit.first.end(), 0.0f);

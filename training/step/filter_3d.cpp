@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "training/step/step_math.h"
 
@@ -26,6 +27,7 @@ std::vector<FilterCamera> filterCameras(const Dataset& dataset) {
 }
 
 std::vector<float> pixelSizes(std::span<const FilterCamera> cameras, const GaussianModel& model) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   std::vector<float> sizes(model.size(), 0.0f);
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain,
               [&](std::int64_t i) { sizes[i] = pixelSizeAt(model.mean[i], cameras.data(), cameras.size()); });
@@ -41,6 +43,7 @@ std::vector<float> minSigmas(std::span<const FilterCamera> cameras, const Gaussi
 }
 
 void applyFilter(const GaussianModel& model, std::span<const float> min_sigma, EffectiveParameters& out) {
+  TG_ASSERT(min_sigma.size() == model.size(), "a sigma a Gaussian");
   out.log_scale.resize(model.size());
   out.opacity_logit.resize(model.size());
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
@@ -51,6 +54,9 @@ void applyFilter(const GaussianModel& model, std::span<const float> min_sigma, E
 }
 
 void filterGradient(const GaussianModel& model, std::span<const float> min_sigma, ModelGradient& gradient) {
+  TG_ASSERT(min_sigma.size() == model.size(), "a sigma a Gaussian");
+  TG_ASSERT(gradient.v_log_scale.size() == model.size() && gradient.v_opacity_logit.size() == model.size(),
+            "the gradient has the model's size");
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
     filterGradientOf(model.log_scale[i], model.opacity_logit[i], min_sigma[i], gradient.v_log_scale[i],
                      gradient.v_opacity_logit[i]);

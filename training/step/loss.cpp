@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "training/step/simd.h"
 #include "training/step/step_math.h"
@@ -122,6 +123,11 @@ SsimWindow makeSsimWindow() {
 LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::vec3> picture,
                                     std::span<const std::uint8_t> target, std::span<glm::vec3> v_picture,
                                     std::span<const std::uint8_t> mask) {
+  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
+  TG_ASSERT(picture.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height), "a colour a pixel");
+  TG_ASSERT(target.size() == 3 * picture.size() && v_picture.size() == picture.size(),
+            "target and gradient have the picture's size");
+  TG_ASSERT(mask.empty() || mask.size() == picture.size(), "a mask has the picture's size");
   const std::size_t pixels = static_cast<std::size_t>(width) * height;
   const std::size_t ignored = static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
   const double counted = static_cast<double>(3 * std::max<std::size_t>(pixels - ignored, 1));

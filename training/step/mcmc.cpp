@@ -7,6 +7,7 @@
 #include <numeric>
 #include <vector>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "training/step/step_math.h"
 
@@ -26,6 +27,8 @@ std::uint32_t draw(const std::vector<double>& cumulative, Random& random) {
 }  // namespace
 
 McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, Random& random) {
+  TG_ASSERT(momentsAgree(state), "moments have the model's size");
+  TG_ASSERT(state.model.atlas.rects.empty(), "stage 1 has no textures");
   const GaussianModel& model = state.model;
   const std::size_t count = model.size();
   std::vector<double> cumulative(count);
@@ -70,6 +73,8 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
 }
 
 void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  TG_ASSERT(iteration >= 1, "iterations count from 1");
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
     model.mean[i] += explorationNoise(model.rotation[i], model.log_scale[i], model.opacity_logit[i], strength, seed,
                                       iteration, static_cast<std::uint64_t>(i));
@@ -78,6 +83,8 @@ void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t see
 
 void addRegularizerGradient(const GaussianModel& model, float opacity_weight, float scale_weight,
                             ModelGradient& gradient) {
+  TG_ASSERT(gradient.v_log_scale.size() == model.size() && gradient.v_opacity_logit.size() == model.size(),
+            "the gradient has the model's size");
   const auto count = static_cast<double>(model.size());
   parallelFor(static_cast<std::int64_t>(model.size()), kGrain, [&](std::int64_t i) {
     addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / count, scale_weight / count,

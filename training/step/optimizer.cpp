@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "training/step/simd.h"
 
@@ -88,12 +89,22 @@ double decayedRate(double first, double last, std::int64_t iteration, std::int64
 }
 
 AdamScales adamScales(std::int64_t step) {
+  TG_ASSERT(step >= 1, "steps count from 1");
   const auto t = static_cast<double>(step);
   return {static_cast<float>(1 / (1 - std::pow(double{kBeta1}, t))),
           static_cast<float>(1 / std::sqrt(1 - std::pow(double{kBeta2}, t)))};
 }
 
 void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates) {
+  TG_ASSERT(momentsAgree(state), "moments have the model's size");
+  TG_ASSERT(gradient.v_mean.size() == state.model.mean.size() && gradient.v_sh.size() == state.model.sh.size(),
+            "the gradient has the model's size");
+  TG_ASSERT(gradient.v_rotation.size() == state.model.rotation.size() &&
+                gradient.v_log_scale.size() == state.model.log_scale.size(),
+            "the gradient has the model's size");
+  TG_ASSERT(gradient.v_opacity_logit.size() == state.model.opacity_logit.size() &&
+                gradient.v_texels.size() == state.model.atlas.texels.size(),
+            "the gradient has the model's size");
   GaussianModel& model = state.model;
   state.step++;
   const AdamScales scales = adamScales(state.step);
@@ -114,6 +125,17 @@ void adamStep(TrainingState& state, const ModelGradient& gradient, const Learnin
   for (glm::vec4& texel : model.atlas.texels) texel.a = std::clamp(texel.a, 0.0f, 1.0f);
 }
 
+bool momentsAgree(const TrainingState& state) {
+  const auto agree = [](const Moments& moments, std::size_t floats) {
+    return moments.first.size() == floats && moments.second.size() == floats;
+  };
+  const GaussianModel& model = state.model;
+  const std::size_t n = model.size();
+  return lengthsAgree(model) && agree(state.mean, 3 * n) && agree(state.rotation, 4 * n) &&
+         agree(state.log_scale, 3 * n) && agree(state.opacity_logit, n) && agree(state.sh, 3 * model.sh.size()) &&
+         agree(state.texels, 4 * model.atlas.texels.size());
+}
+
 void resetMoments(TrainingState& state) {
   resetBlock(state.model.mean, state.mean);
   resetBlock(state.model.rotation, state.rotation);
@@ -125,6 +147,7 @@ void resetMoments(TrainingState& state) {
 }
 
 void clearMoments(TrainingState& state, std::size_t gaussian) {
+  TG_ASSERT(gaussian < state.model.size(), "the model has this Gaussian");
   const auto clear = [gaussian](Moments& moments, std::size_t length) {
     std::fill_n(moments.first.begin() + static_cast<std::ptrdiff_t>(gaussian * length), length, 0.0f);
     std::fill_n(moments.second.begin() + static_cast<std::ptrdiff_t>(gaussian * length), length, 0.0f);
@@ -137,6 +160,7 @@ void clearMoments(TrainingState& state, std::size_t gaussian) {
 }
 
 void growShDegree(GaussianModel& model, int degree) {
+  TG_ASSERT(degree >= model.sh_degree && degree <= 3, "an SH degree grows, up to 3");
   if (degree <= model.sh_degree) return;
   const auto from = static_cast<std::size_t>(model.shCount());
   model.sh_degree = degree;
@@ -153,6 +177,11 @@ void growShDegree(TrainingState& state, int degree) {
 }
 
 void selectGaussians(TrainingState& state, std::span<const std::uint32_t> source, std::size_t kept) {
+  TG_ASSERT(kept <= source.size(), "no more keep their moments than there are");
+  TG_ASSERT(state.model.atlas.rects.empty(), "a model without textures");
+  TG_ASSERT(std::all_of(source.begin(), source.end(), [&](std::uint32_t i) { return i < state.model.size(); }),
+            "the model has the sources");
+  TG_ASSERT(momentsAgree(state), "moments have the model's size");
   GaussianModel& model = state.model;
   selectBlock(model.mean, state.mean, 1, source, kept);
   selectBlock(model.rotation, state.rotation, 1, source, kept);

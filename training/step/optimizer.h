@@ -44,6 +44,9 @@ AdamScales adamScales(std::int64_t step);
 // Moments must have the model's size (see resetMoments). Any thread count, same bytes.
 void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates);
 
+// Whether the moments have the model's size.
+bool momentsAgree(const TrainingState& state);
+
 // Moments of the model's size, all zero; step 0.
 void resetMoments(TrainingState& state);
 

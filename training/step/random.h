@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <numbers>
 
+#include "core/system/assert.h"
 #include "shared/lang.h"
 
 namespace tg {
@@ -27,7 +28,10 @@ class Random {
   // In [0, 1).
   TG_FN double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
   // In [0, count), count > 0. The bias is below count / 2^64.
-  std::uint64_t below(std::uint64_t count) { return bits() % count; }
+  std::uint64_t below(std::uint64_t count) {
+    TG_ASSERT(count > 0, "a number below 0 does not exist");
+    return bits() % count;
+  }
   // Mean 0, variance 1 (Box-Muller, one of the pair).
   TG_FN double normal() {
     const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform()));

@@ -4,6 +4,8 @@
 
 #include <utility>
 
+#include "core/system/assert.h"
+
 namespace tg {
 
 std::string_view name(Stage stage) {
@@ -21,6 +23,8 @@ std::string_view name(Stage stage) {
 }
 
 std::size_t ViewOrder::next() {
+  TG_ASSERT(!views.empty(), "there is a view to go to");
+  TG_ASSERT(position <= views.size(), "the position is among the views");
   if (position == 0) random.shuffle(views);
   const std::size_t view = views[position];
   position = static_cast<std::uint32_t>((position + 1) % views.size());

@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/limits.h"
 #include "shared/sh.h"
@@ -46,6 +47,7 @@ std::vector<TextureRect> uniformRects(std::size_t count, int size, std::size_t t
 
 std::vector<TextureRect> footprintRects(const GaussianModel& model, std::span<const float> pixel_sizes,
                                         std::size_t texel_budget) {
+  TG_ASSERT(pixel_sizes.size() == model.size(), "a size a Gaussian");
   const auto rects = [&](double pitch) {
     std::vector<TextureRect> result(model.size());
     for (std::size_t i = 0; i < model.size(); i++) result[i] = footprintRect(model, i, pixel_sizes[i], pitch);
@@ -61,6 +63,8 @@ std::vector<TextureRect> footprintRects(const GaussianModel& model, std::span<co
 }
 
 void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMode mode, TextureInit init) {
+  TG_ASSERT(rects.size() == state.model.size(), "a rectangle a Gaussian");
+  TG_ASSERT(mode != TextureMode::none, "textures have a mode");
   GaussianModel& model = state.model;
   const std::size_t texels = texelCount(rects);
   if (texels > std::numeric_limits<std::uint32_t>::max()) {

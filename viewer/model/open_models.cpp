@@ -4,9 +4,11 @@
 
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/parse.h"
+#include "viewer/view/state.h"
 
 namespace tg {
 
@@ -162,6 +164,7 @@ void OpenModels::firstView(ViewerState& state) {
 }
 
 void OpenModels::replace(ViewerState& state, int document, Scene scene) {
+  TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   if (document == state.documents.shown)
     replaceScene(state, std::move(scene));
   else
@@ -169,6 +172,7 @@ void OpenModels::replace(ViewerState& state, int document, Scene scene) {
 }
 
 void OpenModels::show(ViewerState& state, int document) {
+  TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   if (document == state.documents.shown) return;
   const CameraState view = state.camera;
   const bool own_background = state.display.settings.background == state.scene.background;
@@ -188,6 +192,7 @@ void OpenModels::show(ViewerState& state, int document) {
 }
 
 void OpenModels::close(ViewerState& state, int document) {
+  TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   std::vector<Document>& open = state.documents.open;
   if (follower_ && open[document].path == follower_->file()) {
     follower_.reset();

@@ -8,6 +8,9 @@
 #include <numeric>
 
 #include "core/file/json.h"
+#include "core/system/assert.h"
+#include "core/system/error.h"
+#include "viewer/headless/renderer.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/shot.h"
 
@@ -61,6 +64,7 @@ double processMilliseconds() {
 }
 
 Spread spreadOf(std::vector<double> values) {
+  TG_ASSERT(!values.empty(), "a value at least");
   std::sort(values.begin(), values.end());
   const std::size_t count = values.size();
   Spread spread;
@@ -89,6 +93,7 @@ Benchmark benchmarkOf(const ViewOptions& options, const Scene& scene) {
 }
 
 std::string formatBenchmark(const Benchmark& benchmark) {
+  TG_ASSERT(!benchmark.frames.empty(), "a frame at least");
   using nlohmann::ordered_json;
   const RenderSettings& settings = benchmark.settings;
   ordered_json json = {{"format", "tgview-benchmark"},

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "core/file/file.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -212,6 +213,7 @@ RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::str
 }
 
 std::filesystem::path framePath(const RecordTarget& target, std::size_t frame) {
+  TG_ASSERT(!target.video, "only pictures have numbers");
   std::string name = target.path.filename().string();
   const std::size_t first = name.find('#'), count = name.find_last_of('#') - first + 1;
   std::string number = std::to_string(frame);
@@ -257,7 +259,11 @@ void FrameWriter::rethrow() {
 }
 
 void FrameWriter::add(Image frame) {
+  TG_ASSERT(frame.width == size_.x && frame.height == size_.y, "a frame has the recording's size");
+  TG_ASSERT(frame.channels == 3 || (!target_.video && frame.channels == 1),
+            "a frame has 3 channels, or 1 for pictures");
   std::unique_lock lock(mutex_);
+  TG_ASSERT(!closed_, "no frame follows finish()");
   changed_.wait(lock, [this] { return done_ || queue_.size() < kQueuedFrames; });
   rethrow();
   queue_.push_back(std::move(frame));

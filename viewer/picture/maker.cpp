@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -70,6 +71,7 @@ std::shared_ptr<PictureImage> PictureMaker::freeImage(glm::ivec2 size) {
 }
 
 bool PictureMaker::begin(const PictureRequest& request) {
+  TG_ASSERT(request.model != nullptr, "a picture is of a model");
   Begun begun{{}, nullptr, nullptr, Clock::now()};
   begun.picture.request = request;
   const bool beside = !request.other && backend_ != "cpu";
@@ -102,6 +104,7 @@ double PictureMaker::expectedRest() const {
 }
 
 std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
+  TG_ASSERT(!begun_.empty(), "a picture was begun");
   Begun& oldest = begun_.front();
   if (oldest.model) {
     const std::optional<bool> whole = device_.finish(milliseconds_at_most);

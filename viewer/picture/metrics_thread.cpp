@@ -5,6 +5,8 @@
 #include <new>
 #include <utility>
 
+#include "core/system/assert.h"
+
 namespace tg {
 
 MetricsThread::MetricsThread(std::function<void()> wake) : wake_(std::move(wake)), thread_([this] { run(); }) {}
@@ -19,6 +21,8 @@ MetricsThread::~MetricsThread() {
 }
 
 void MetricsThread::ask(std::shared_ptr<const PicturePair> pair) {
+  TG_ASSERT(pair != nullptr, "there is a pair to measure");
+  TG_ASSERT(pair->first.width == pair->other.width && pair->first.height == pair->other.height, "a pair has one size");
   {
     const std::lock_guard lock(mutex_);
     asked_ = std::move(pair);

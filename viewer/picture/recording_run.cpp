@@ -2,6 +2,7 @@
 // One picture after the other.
 #include "viewer/picture/recording_run.h"
 
+#include "core/system/assert.h"
 #include "viewer/view/path_editor.h"
 
 namespace tg {
@@ -18,11 +19,13 @@ RecordingRun::RecordingRun(const ViewerState& state)
 const Camera* RecordingRun::due() { return done_ == cameras_.size() || !writer_.ready() ? nullptr : &cameras_[done_]; }
 
 void RecordingRun::take(const Picture&, const std::function<Image()>& read) {
+  TG_ASSERT(done_ < cameras_.size(), "a picture was due");
   writer_.add(read());
   ++done_;
 }
 
 std::string RecordingRun::finish() {
+  TG_ASSERT(done_ == cameras_.size(), "the last picture is there");
   writer_.finish();
   return "Recorded " + writer_.target().path.string();
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer/picture/runs.h"
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/picture/benchmark_run.h"
 #include "viewer/picture/recording_run.h"
@@ -49,6 +50,7 @@ void PictureRuns::end(ViewerState& state, const std::string& notice) {
 }
 
 std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view) {
+  TG_ASSERT(run_, "a run is active");
   if (awaited_) return std::nullopt;
   const Camera* camera = run_->due();
   if (!camera) return std::nullopt;

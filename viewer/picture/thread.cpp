@@ -7,6 +7,7 @@
 #include <new>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/picture/maker.h"
 
@@ -36,6 +37,8 @@ PictureThread::~PictureThread() {
 }
 
 void PictureThread::ask(PictureRequest request) {
+  TG_ASSERT(request.model != nullptr, "a picture is of a model");
+  TG_ASSERT(request.camera.width > 0 && request.camera.height > 0, "a picture has pixels");
   {
     const std::lock_guard lock(mutex_);
     asked_ = std::move(request);

@@ -6,11 +6,13 @@
 
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
 
 Camera currentCamera(const ViewerState& state, int height) {
+  TG_ASSERT(height > 0 && state.camera.aspect > 0, "a picture has pixels");
   // Rounded down: coming back to it in the same window then changes nothing, lensOf sees to the rest.
   const int width = std::max(static_cast<int>(height * state.camera.aspect), 1);
   return toCamera(state.camera.pose, state.camera.lens, width, height);
@@ -34,11 +36,13 @@ void addBookmark(ViewerState& state) {
 }
 
 void removeBookmark(ViewerState& state, std::size_t index) {
+  TG_ASSERT(index < state.camera.bookmarks.size(), "there is this bookmark");
   state.camera.bookmarks.erase(state.camera.bookmarks.begin() + static_cast<std::ptrdiff_t>(index));
   state.camera.bookmark = std::min(state.camera.bookmark, static_cast<int>(state.camera.bookmarks.size()) - 1);
 }
 
 void goToBookmark(ViewerState& state, std::size_t index) {
+  TG_ASSERT(index < state.camera.bookmarks.size(), "there is this bookmark");
   setCamera(state, state.camera.bookmarks.at(index));
   state.camera.bookmark = static_cast<int>(index);
 }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <glm/gtc/constants.hpp>
 
+#include "core/system/assert.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -20,6 +21,7 @@ constexpr std::array<std::string_view, kUpAxes> kUpNames = {"cameras", "+x", "-x
 
 // Columns: two horizontal axes and up.
 glm::dmat3 levelBasis(glm::dvec3 up) {
+  TG_ASSERT(glm::length(up) > 0, "up is a direction");
   const glm::dvec3 u = glm::normalize(up);
   const glm::dvec3 helper = std::abs(u.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 0, 1);
   const glm::dvec3 e1 = glm::normalize(helper - glm::dot(helper, u) * u);
@@ -139,6 +141,7 @@ ViewPose poseOf(const Camera& camera, glm::dvec3 up, const SceneBounds& bounds) 
 }
 
 Lens lensOf(const Camera& camera, double aspect) {
+  TG_ASSERT(camera.width > 0 && camera.height > 0 && aspect > 0, "a picture has pixels");
   const double scale = std::min(aspect * camera.height / camera.width, 1.0);  // of the old image in a new height of 1
   Lens lens;
   lens.fov_y = std::clamp(2.0 * std::atan(camera.height / (2.0 * scale * camera.fy)), kMinFov, kMaxFov);
@@ -148,6 +151,8 @@ Lens lensOf(const Camera& camera, double aspect) {
 }
 
 Camera toCamera(const ViewPose& pose, const Lens& lens, int width, int height) {
+  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
+  TG_ASSERT(lens.fov_y > 0 && lens.fov_y < glm::pi<double>() && lens.pixel_aspect > 0, "a lens of a pinhole");
   Camera camera;
   camera.width = width;
   camera.height = height;
@@ -161,6 +166,8 @@ Camera toCamera(const ViewPose& pose, const Lens& lens, int width, int height) {
 }
 
 Camera fitted(const Camera& camera, int width, int height) {
+  TG_ASSERT(camera.width > 0 && camera.height > 0, "the camera has a size to scale from");
+  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   const double scale = std::min(static_cast<double>(width) / camera.width, static_cast<double>(height) / camera.height);
   Camera result = camera;
   result.width = width;
@@ -183,6 +190,7 @@ void look(ViewPose& pose, double yaw, double pitch) { turn(pose, yaw, pitch); }
 void pan(ViewPose& pose, double x, double y) { fly(pose, {x, y, 0}); }
 
 void dolly(ViewPose& pose, double factor) {
+  TG_ASSERT(factor > 0, "a distance stays above 0");
   const glm::dvec3 center = pose.pivot();
   pose.distance = std::clamp(pose.distance * factor, kMinDistance, kMaxDistance);
   pose.position = center - pose.distance * pose.forward();
@@ -193,6 +201,7 @@ void fly(ViewPose& pose, glm::dvec3 offset) {
 }
 
 void frame(ViewPose& pose, const Lens& lens, double aspect, const SceneBounds& bounds) {
+  TG_ASSERT(aspect > 0 && bounds.radius >= 0, "a picture and a scene have sizes");
   const double half_y = 0.5 * lens.fov_y;
   const double half_x = std::atan(std::tan(half_y) * aspect / lens.pixel_aspect);
   // The near plane must not cut into small models.

@@ -10,6 +10,7 @@
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -181,6 +182,7 @@ double duration(const CameraPath& path) {
 }
 
 PathKey at(const CameraPath& path, double seconds) {
+  TG_ASSERT(!path.keys.empty(), "a path has a key");
   const double whole = duration(path);
   if (segmentCount(path) == 0 || !(whole > 0)) return path.keys.front();
   double t = path.closing > 0 ? std::fmod(seconds, whole) : std::clamp(seconds, 0.0, whole);
@@ -200,6 +202,7 @@ PathKey at(const CameraPath& path, double seconds) {
 }
 
 PathKey keyOf(const Camera& camera, double time) {
+  TG_ASSERT(camera.width > 0 && camera.height > 0, "a picture has pixels");
   PathKey key;
   key.time = time;
   key.position = camera.position();
@@ -209,6 +212,8 @@ PathKey keyOf(const Camera& camera, double time) {
 }
 
 Camera toCamera(const PathKey& key, double aspect, int width, int height) {
+  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
+  TG_ASSERT(aspect > 0, "a path has an aspect");
   // What lensOf does for a camera: a narrower image is scaled down until the old one fits.
   const double scale = std::min(static_cast<double>(width) / height / aspect, 1.0);
   Camera camera;
@@ -224,6 +229,7 @@ Camera toCamera(const PathKey& key, double aspect, int width, int height) {
 }
 
 std::vector<Camera> pathCameras(const CameraPath& path, double fps, int width, int height) {
+  TG_ASSERT(fps > 0 && !path.keys.empty(), "a path has a key, a recording a rate");
   const double exact = duration(path) * fps;
   const double count = path.closing > 0 ? std::max(std::round(exact), 1.0) : std::floor(exact + 1e-6) + 1;
   if (!(count <= static_cast<double>(kMaxPathFrames))) {
@@ -240,6 +246,7 @@ std::vector<Camera> pathCameras(const CameraPath& path, double fps, int width, i
 }
 
 std::vector<Camera> turntableCameras(const ViewPose& start, const Lens& lens, int frames, int width, int height) {
+  TG_ASSERT(frames > 0, "a turn has a view");
   std::vector<Camera> cameras;
   cameras.reserve(static_cast<std::size_t>(frames));
   for (int frame = 0; frame < frames; ++frame) {
@@ -267,6 +274,7 @@ CameraPath pathOf(std::span<const Camera> cameras, double seconds, const std::st
 }
 
 std::vector<Camera> keyCameras(const CameraPath& path, int height) {
+  TG_ASSERT(height > 0, "a picture has pixels");
   const int width = std::max(static_cast<int>(height * path.aspect), 1);
   std::vector<Camera> cameras;
   cameras.reserve(path.keys.size());
@@ -343,6 +351,7 @@ void appendKey(CameraPath& path, PathKey key, double seconds) {
 }
 
 void removeKey(CameraPath& path, std::size_t index) {
+  TG_ASSERT(index < path.keys.size(), "the path has this key");
   path.keys.erase(path.keys.begin() + static_cast<std::ptrdiff_t>(index));
   if (path.keys.empty()) return;
   const double start = path.keys.front().time;
@@ -350,10 +359,12 @@ void removeKey(CameraPath& path, std::size_t index) {
 }
 
 double keySeconds(const CameraPath& path, std::size_t index) {
+  TG_ASSERT(index < path.keys.size(), "the path has this key");
   return index + 1 < path.keys.size() ? path.keys[index + 1].time - path.keys[index].time : path.closing;
 }
 
 void setKeySeconds(CameraPath& path, std::size_t index, double seconds) {
+  TG_ASSERT(index < path.keys.size(), "the path has this key");
   if (index + 1 == path.keys.size()) {
     path.closing = seconds <= 0 ? 0.0 : std::max(seconds, kLeastKeySeconds);
     return;

@@ -10,6 +10,7 @@
 
 #include "core/image/flip.h"
 #include "core/image/metrics.h"
+#include "core/system/assert.h"
 #include "core/system/parallel.h"
 
 namespace tg {
@@ -54,6 +55,10 @@ int sideWidth(int width) { return std::max(width / 2, 1); }
 
 Image differenceOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask,
                    const Comparison& how) {
+  TG_ASSERT(first.width == other.width && first.height == other.height && first.channels == 3 && other.channels == 3,
+            "two pictures of one size and 3 channels");
+  TG_ASSERT(hasImageShape(first) && hasImageShape(other), "the images' data has their size");
+  TG_ASSERT(mask.empty() || mask.size() == first.data.size() / 3, "a mask has the picture's size");
   Image result(first.width, first.height, 3);
   const std::size_t row = static_cast<std::size_t>(first.width);
   parallelFor(first.height, 16, [&](std::int64_t y) {
@@ -68,6 +73,8 @@ Image differenceOf(const Image& first, const Image& other, const std::vector<std
 }
 
 Image composed(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask, const Comparison& how) {
+  TG_ASSERT(first.channels == 3 && other.channels == 3 && first.height == other.height,
+            "two pictures of one height and 3 channels");
   switch (how.mode) {
     case CompareMode::off:
       return first;
@@ -106,6 +113,8 @@ std::string formatMetrics(const PictureMetrics& metrics) {
 }
 
 ResampledPhotograph resampled(const Image& photograph, const Camera& taken, const Camera& view, glm::vec3 background) {
+  TG_ASSERT(hasImageShape(photograph), "the image's data has its size");
+  TG_ASSERT(taken.width > 0 && taken.height > 0, "the photograph's camera has a size");
   const Image source = threeChannels(photograph, background);
   // Pixels of the photograph per pixel of its camera, and then of the view.
   const glm::dvec2 scale(static_cast<double>(source.width) / taken.width,

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "viewer/view/state.h"
 
 namespace tg {
@@ -16,6 +17,7 @@ int documentOf(const ViewerState& state, const std::filesystem::path& path) {
 }
 
 void leaveDocument(ViewerState& state) {
+  TG_ASSERT(state.documents.shown < static_cast<int>(state.documents.open.size()), "the document shown is open");
   if (state.documents.shown < 0) return;
   Document& document = state.documents.open[static_cast<std::size_t>(std::exchange(state.documents.shown, -1))];
   document.scene = state.scene;

@@ -8,6 +8,8 @@
 
 #include "core/file/json.h"
 #include "core/model/effective_rank.h"
+#include "core/system/assert.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -45,6 +47,7 @@ std::optional<std::uint32_t> pickedGaussian(const ViewerState& state) {
 }
 
 GaussianFacts factsOf(const GaussianModel& model, std::size_t index) {
+  TG_ASSERT(index < model.size(), "the model has this Gaussian");
   GaussianFacts facts;
   facts.mean = model.mean[index];
   facts.sigma = glm::exp(glm::dvec3(model.log_scale[index]));
@@ -58,6 +61,9 @@ GaussianFacts factsOf(const GaussianModel& model, std::size_t index) {
 }
 
 TexelColors texelColors(const GaussianModel& model, std::size_t index, int i, int j) {
+  TG_ASSERT(index < model.atlas.rects.size(), "the Gaussian has a texture");
+  TG_ASSERT(i >= 0 && j >= 0 && i < model.atlas.rects[index].width && j < model.atlas.rects[index].height,
+            "the texture has this texel");
   const TextureRect& rect = model.atlas.rects[index];
   const glm::vec4 texel = model.atlas.texels[rect.offset + static_cast<std::size_t>(j) * rect.width + i];
   const auto unit = [](glm::vec3 color) { return glm::clamp(color, 0.0f, 1.0f); };
@@ -65,6 +71,7 @@ TexelColors texelColors(const GaussianModel& model, std::size_t index, int i, in
 }
 
 glm::dvec2 texelPosition(glm::dvec2 uv, int width, int height) {
+  TG_ASSERT(width > 0 && height > 0, "a texture has texels");
   const glm::dvec2 size(width, height);
   return (uv + double{kTextureExtent}) * (size - 1.0) / (2.0 * kTextureExtent) + 0.5;
 }

@@ -7,6 +7,7 @@
 
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
 
@@ -42,6 +43,7 @@ void addKey(ViewerState& state) {
 }
 
 void replaceKey(ViewerState& state, std::size_t index) {
+  TG_ASSERT(index < state.path.path.keys.size(), "the path has this key");
   PathKey& key = state.path.path.keys.at(index);
   const double time = key.time;
   key = currentKey(state);
@@ -50,6 +52,7 @@ void replaceKey(ViewerState& state, std::size_t index) {
 }
 
 void deleteKey(ViewerState& state, std::size_t index) {
+  TG_ASSERT(index < state.path.path.keys.size(), "the path has this key");
   PathState& editor = state.path;
   removeKey(editor.path, index);
   if (editor.key > static_cast<int>(index)) --editor.key;
@@ -59,11 +62,13 @@ void deleteKey(ViewerState& state, std::size_t index) {
 }
 
 void showKey(ViewerState& state, std::size_t index) {
+  TG_ASSERT(index < state.path.path.keys.size(), "the path has this key");
   seekPath(state, state.path.path.keys.at(index).time - state.path.path.keys.front().time);
   state.path.key = static_cast<int>(index);
 }
 
 void changeKeySeconds(ViewerState& state, std::size_t index, double seconds) {
+  TG_ASSERT(index < state.path.path.keys.size(), "the path has this key");
   if (!(seconds <= kMaxPathSeconds)) seconds = kMaxPathSeconds;
   setKeySeconds(state.path.path, index, seconds);
   state.path.at = std::clamp(state.path.at, 0.0, duration(state.path.path));
@@ -100,6 +105,7 @@ void setUp(ViewerState& state, UpAxis axis) {
 }
 
 bool advance(ViewerState& state, double seconds) {
+  TG_ASSERT(seconds >= 0, "time goes on");
   PathState& editor = state.path;
   if (editor.playing) {
     const double whole = duration(editor.path);

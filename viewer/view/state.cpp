@@ -6,6 +6,7 @@
 #include <array>
 #include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/view/inspection.h"
 
@@ -59,6 +60,7 @@ RenderSettings effectiveSettings(const ViewerState& state) {
 }
 
 glm::ivec2 drawnSize(const ViewerState& state, glm::ivec2 area) {
+  TG_ASSERT(area.x > 0 && area.y > 0, "an area of the window has pixels");
   const double largest = static_cast<double>(kMaxImageSide) / std::max(area.x, area.y);
   const double scale = std::min(state.display.resolution, largest);
   return glm::max(glm::ivec2(glm::round(glm::dvec2(area) * scale)), glm::ivec2(1));
@@ -86,11 +88,13 @@ void replaceScene(ViewerState& state, Scene scene) {
 }
 
 void goToCamera(ViewerState& state, int index) {
+  TG_ASSERT(index >= 0 && static_cast<std::size_t>(index) < state.scene.cameras.size(), "the model has this camera");
   setCamera(state, state.scene.cameras.at(index));
   state.camera.index = index;
 }
 
 void setCamera(ViewerState& state, const Camera& camera) {
+  TG_ASSERT(camera.width > 0 && camera.height > 0, "a picture has pixels");
   state.camera.pose = poseOf(camera, upOf(state), state.scene.bounds);
   state.camera.lens = lensOf(camera, state.camera.aspect);
   state.camera.index = -1;

@@ -71,6 +71,7 @@ TEST_CASE("the flag --render writes every output of the first test camera") {
 }
 
 TEST_CASE("Vulkan, OpenGL and CPU render the same pictures") {
+  TG_SKIP_IF(test::noDevice());
   const std::vector<std::string> devices = test::deviceBackends();
   std::vector<std::string> backends = devices;
   backends.emplace_back("cpu");
@@ -90,6 +91,7 @@ TEST_CASE("Vulkan, OpenGL and CPU render the same pictures") {
 }
 
 TEST_CASE("the flag --render under validation: no message") {
+  TG_SKIP_IF(test::noDevice());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   for (const std::string& backend : test::deviceBackends()) {

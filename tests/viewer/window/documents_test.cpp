@@ -12,8 +12,8 @@
 
 using namespace tg;
 using test::backendOr;
-using test::haveWindow;
 using test::kXServer;
+using test::noWindow;
 using test::ProcessResult;
 using test::Workshop;
 
@@ -48,7 +48,7 @@ double numberAfter(const std::string& text, const std::string& word) {
 
 TEST_CASE("several models are open at once: the one shown is what --render writes, and closing comes back",
           "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   test::writeSample(shop / "b.tgz", 90);
@@ -70,7 +70,7 @@ TEST_CASE("several models are open at once: the one shown is what --render write
 }
 
 TEST_CASE("the window answers while a large file is read, shows how far it is, and Esc stops it", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   test::writeSample(shop / "large.tgz", 60'000);
@@ -84,7 +84,7 @@ TEST_CASE("the window answers while a large file is read, shows how far it is, a
 }
 
 TEST_CASE("the window ends cleanly while a file is read and a picture is drawn", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   test::writeSample(shop / "large.tgz", 60'000);
@@ -94,7 +94,7 @@ TEST_CASE("the window ends cleanly while a file is read and a picture is drawn",
 }
 
 TEST_CASE("a storm of sizes leaves the picture of the last one", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   std::string storm = "panel off\n";
@@ -110,7 +110,7 @@ TEST_CASE("a storm of sizes leaves the picture of the last one", "[window]") {
 
 TEST_CASE("a comparison on screen is the one that --render writes, and both are two renderings put together",
           "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     INFO(backend);
     const Workshop shop;
@@ -150,7 +150,7 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
 }
 
 TEST_CASE("a model is compared with the photograph of its camera, found by name in a data set's folder", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   test::writeSample(shop / "b.tgz", 90);
@@ -177,7 +177,7 @@ TEST_CASE("a model is compared with the photograph of its camera, found by name 
 }
 
 TEST_CASE("a lost device is a message, and the CPU draws the same picture", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   run(shop, {"a.tgz", "--render", "render.png", "--backend", "cpu", "--size", "240x180"});
@@ -196,7 +196,7 @@ TEST_CASE("a lost device is a message, and the CPU draws the same picture", "[wi
 }
 
 TEST_CASE("timings say how fast the file and the first pictures came", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "a.tgz");
   shop.write("script.txt", "wait 2\n");

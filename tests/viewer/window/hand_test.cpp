@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <iostream>
 
 #include "core/bundle/camera_file.h"
 #include "core/image/metrics.h"
@@ -13,17 +12,17 @@
 
 using namespace tg;
 using test::backendOr;
-using test::haveWindow;
+using test::noWindow;
 using test::ProcessResult;
 using test::Workshop;
 
 namespace {
 
-bool haveHand() {
-  if (!haveWindow()) return false;
-  if (std::system("command -v xdotool openbox import >/dev/null 2>&1") == 0) return true;
-  std::cout << "skipped: no xdotool, openbox or import (packages xdotool, openbox, imagemagick)\n";
-  return false;
+// Why no hand can drive a window, "" when one can.
+std::string noHand() {
+  if (std::string why = noWindow(); !why.empty()) return why;
+  if (std::system("command -v xdotool openbox import >/dev/null 2>&1") == 0) return "";
+  return "no xdotool, openbox or import (packages xdotool, openbox, imagemagick)";
 }
 
 // `script` begins after the first picture, saved as ready.png. `hand`: lines of driver.sh.
@@ -44,7 +43,7 @@ void play(const Workshop& shop, const std::string& script, const std::string& ha
 }  // namespace
 
 TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the camera", "[window]") {
-  if (!haveHand()) return;
+  TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   test::writeSample(shop / "other.tgz", 90);
@@ -61,7 +60,7 @@ TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the ca
 }
 
 TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]") {
-  if (!haveHand()) return;
+  TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop,
@@ -83,7 +82,7 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]"
 }
 
 TEST_CASE("a window that was minimised and hidden comes back with its picture", "[window]") {
-  if (!haveHand()) return;
+  TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop, "await-file restored\nwindow restored.png\noutput base\nwindow base.png\n",
@@ -96,7 +95,7 @@ TEST_CASE("a window that was minimised and hidden comes back with its picture", 
 }
 
 TEST_CASE("the panels answer while a picture takes seconds", "[window]") {
-  if (!haveHand()) return;
+  TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop,

@@ -17,8 +17,8 @@
 
 using namespace tg;
 using test::backendOr;
-using test::haveWindow;
 using test::kXServer;
+using test::noWindow;
 using test::ProcessResult;
 using test::Workshop;
 
@@ -48,7 +48,7 @@ Image render(const Workshop& shop, std::vector<std::string> flags) {
 }  // namespace
 
 TEST_CASE("the window shows every output as --render writes it, before and after a resize", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   std::string script = "panel off\nwait 2\n";
@@ -73,7 +73,7 @@ TEST_CASE("the window shows every output as --render writes it, before and after
 }
 
 TEST_CASE("the panel lies beside the picture and never changes it", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop, "wait 3\nsave-camera camera.json\npicture picture.png\nwindow window.png\n", "800x480");
@@ -96,7 +96,7 @@ TEST_CASE("the panel lies beside the picture and never changes it", "[window]") 
 }
 
 TEST_CASE("the CPU's pictures reach the window unchanged", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop, "panel off\nsave-camera camera.json\nsize 260x200\noutput normal\nwait 2\npicture picture.png\n",
@@ -108,8 +108,7 @@ TEST_CASE("the CPU's pictures reach the window unchanged", "[window]") {
 }
 
 TEST_CASE("without Vulkan a window opens on OpenGL, on the device that draws windows") {
-  const std::vector<std::string> devices = test::deviceBackends();
-  if (!test::haveXServer() || std::find(devices.begin(), devices.end(), "opengl") == devices.end()) return;
+  TG_SKIP_IF(test::noWindow("opengl"));
   std::vector<std::string> no_vulkan = {"VK_DRIVER_FILES=/nonexistent.json", "VK_ICD_FILENAMES=/nonexistent.json"};
   no_vulkan.insert(no_vulkan.end(), kXServer.begin(), kXServer.end());
   const Workshop shop;
@@ -132,7 +131,7 @@ TEST_CASE("without Vulkan a window opens on OpenGL, on the device that draws win
 }
 
 TEST_CASE("a broken file shows an error and leaves the old model, a good one replaces it", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   GaussianModel half = test::sampleModel();
@@ -153,7 +152,7 @@ TEST_CASE("a broken file shows an error and leaves the old model, a good one rep
 
 TEST_CASE("a followed run folder is waited for, shown, and shown again from the same camera when it changes",
           "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     const Workshop shop;
     shop.write("script.txt",
@@ -206,7 +205,7 @@ TEST_CASE("without a display, a followed model is rendered whenever it changes, 
 }
 
 TEST_CASE("every way of drawing is the same in the window and by its flags", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
       {"sort per-pixel", {"--sort", "per-pixel"}},
       {"texture-filter footprint", {"--texture-filter", "footprint"}},
@@ -245,7 +244,7 @@ TEST_CASE("every way of drawing is the same in the window and by its flags", "[w
 
 TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and a lost device leave the right picture",
           "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   for (const char* frames : {"1", "2"}) {
     const Workshop shop;
     test::writeSample(shop / "model.tgz");
@@ -268,7 +267,7 @@ TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and
 }
 
 TEST_CASE("the picture's resolution follows the state, the window's does not", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop, "panel off\nresolution 0.5\npicture half.png\nwindow window.png\n", "240x180");
@@ -278,7 +277,7 @@ TEST_CASE("the picture's resolution follows the state, the window's does not", "
 }
 
 TEST_CASE("bookmarks, up axes and key frames in the window are cameras elsewhere", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop,
@@ -298,7 +297,7 @@ TEST_CASE("bookmarks, up axes and key frames in the window are cameras elsewhere
 }
 
 TEST_CASE("the turntable turns and the path plays while the window lives", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop,
@@ -311,7 +310,7 @@ TEST_CASE("the turntable turns and the path plays while the window lives", "[win
 }
 
 TEST_CASE("a recording in the window is the recording without one, and can be cancelled", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
     const Workshop shop;
     test::writeSample(shop / "model.tgz");
@@ -335,7 +334,7 @@ TEST_CASE("a recording in the window is the recording without one, and can be ca
 }
 
 TEST_CASE("inspecting draws the picked Gaussian's square, alone only that, and clearing takes both back", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop,
@@ -368,7 +367,7 @@ TEST_CASE("the inspector prints a pixel whose colour is the picture's") {
 }
 
 TEST_CASE("the flag --benchmark in a window times what is shown there", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   shop.write("path.json", formatCameras({test::trainedLikeCamera(96, 72), test::trainedLikeCamera(96, 72)}));
@@ -391,7 +390,7 @@ TEST_CASE("the flag --benchmark in a window times what is shown there", "[window
 
 TEST_CASE("a session keeps size, page, output, recent files and bookmarks, a broken one is replaced with a word",
           "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   const auto run = [&shop](const std::string& script, std::vector<std::string> flags) {
@@ -426,7 +425,7 @@ TEST_CASE("a session keeps size, page, output, recent files and bookmarks, a bro
 }
 
 TEST_CASE("a path given to the window, or dropped on it, is there to be played", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop, "wait 2\ncamera 1\nadd-key\norbit 40 10\nadd-key\nsave-path path.json\npanel off\npicture end.png\n",
@@ -443,7 +442,7 @@ TEST_CASE("a path given to the window, or dropped on it, is there to be played",
 }
 
 TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[window]") {
-  if (!haveWindow()) return;
+  TG_SKIP_IF(noWindow());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   shop.write("unknown.txt", "dance\n");
