@@ -29,7 +29,7 @@ std::vector<glm::vec3> randomSh(Random& random) {
 
 }  // namespace
 
-TEST_CASE("The half turn of axes turns spherical harmonics and quaternions alike") {
+TEST_CASE("the half turn of axes turns spherical harmonics and quaternions alike") {
   Random random(1);
   for (int n = 0; n < 20; ++n) {
     const std::vector<glm::vec3> sh = randomSh(random);
@@ -48,7 +48,7 @@ TEST_CASE("The half turn of axes turns spherical harmonics and quaternions alike
   }
 }
 
-TEST_CASE("A rotated function has at R d the value it had at d") {
+TEST_CASE("a rotated function has at R d the value it had at d") {
   Random random(2);
   for (int n = 0; n < 20; ++n) {
     const glm::dmat3 rotation = matrixFromQuaternion(random.quaternion());
@@ -62,7 +62,7 @@ TEST_CASE("A rotated function has at R d the value it had at d") {
   }
 }
 
-TEST_CASE("A matrix comes back from its quaternion for turns of every angle") {
+TEST_CASE("a matrix comes back from its quaternion for turns of every angle") {
   Random random(3);
   for (int n = 0; n < 50; ++n) {
     const glm::dvec3 axis = random.direction();

@@ -104,7 +104,7 @@ TEST_CASE("Gaussians that are kept keep every number and every texel") {
   }
 }
 
-TEST_CASE("Value filters keep what they say") {
+TEST_CASE("value filters keep what they say") {
   const GaussianModel model = test::makeScene(SceneKind::mixed, 32, 100).model;
   const auto check = [&](const char* expression, auto expected) {
     CAPTURE(expression);
@@ -148,7 +148,7 @@ TEST_CASE("Value filters keep what they say") {
                     "--keep opacity > 2: no Gaussian is left");
 }
 
-TEST_CASE("Merged models stand beside each other, each as it was") {
+TEST_CASE("merged models stand beside each other, each as it was") {
   const test::TestScene scene = test::makeScene(SceneKind::oddTextures, 33, 60);
   GaussianModel left = scene.model, right = scene.model;
   std::vector<std::uint8_t> odd(scene.model.size()), even(scene.model.size());
@@ -203,7 +203,7 @@ TEST_CASE("Merged models stand beside each other, each as it was") {
   }
 }
 
-TEST_CASE("Blend weights are those of the reference") {
+TEST_CASE("blend weights are those of the reference") {
   for (const IntersectionModel intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
     test::TestScene scene = test::makeScene(SceneKind::mixed, 34, 80, 48, 36);
     scene.model.intersection = intersection;
@@ -225,7 +225,7 @@ TEST_CASE("Blend weights are those of the reference") {
   }
 }
 
-TEST_CASE("Decimation by what pictures show beats decimation by chance") {
+TEST_CASE("decimation by what pictures show beats decimation by chance") {
   const Bundle sample = readBundle("docs/sample.tgz");
   const GaussianModel& model = sample.model;
   const std::vector<Camera> views = contributionViews(model, sample.cameras);
@@ -257,7 +257,7 @@ TEST_CASE("Decimation by what pictures show beats decimation by chance") {
   CHECK(whole.size() == model.size());
 }
 
-TEST_CASE("Merged pairs are worth more than what removal leaves, and textured Gaussians stay as they are") {
+TEST_CASE("merged pairs are worth more than what removal leaves, and textured Gaussians stay as they are") {
   const Bundle sample = readBundle("docs/sample.tgz");
   GaussianModel plain = sample.model;
   dropTextures(plain);
@@ -286,7 +286,7 @@ TEST_CASE("Merged pairs are worth more than what removal leaves, and textured Ga
   CHECK_THROWS_AS(decimateByMerging(textured, 0, views), Error);
 }
 
-TEST_CASE("Two equal Gaussians merge into one of their mass, mean and covariance") {
+TEST_CASE("two equal Gaussians merge into one of their mass, mean and covariance") {
   GaussianModel model;
   const float offset = 0.2f;
   for (const float side : {-offset, offset}) {
@@ -310,7 +310,7 @@ TEST_CASE("Two equal Gaussians merge into one of their mass, mean and covariance
   CHECK(opacity == Approx(2.0 * 0.4 * 0.3 / double{longest}));
 }
 
-TEST_CASE("A lower SH degree is the model without its higher coefficients, and back with zeros") {
+TEST_CASE("a lower SH degree is the model without its higher coefficients, and back with zeros") {
   test::TestScene scene = test::makeScene(SceneKind::ordinary, 36, 40, 32, 24);
   for (int degree = 0; degree <= 3; ++degree) {
     GaussianModel expected = scene.model, reduced = scene.model;
@@ -326,7 +326,7 @@ TEST_CASE("A lower SH degree is the model without its higher coefficients, and b
   }
 }
 
-TEST_CASE("A texture on a grid that holds the old one is the same function") {
+TEST_CASE("a texture on a grid that holds the old one is the same function") {
   Random random(37);
   const int sizes[][4] = {{2, 3, 3, 5}, {4, 4, 7, 10}, {1, 4, 6, 4}, {5, 1, 9, 3}, {6, 6, 6, 6}};
   for (const auto& s : sizes) {
@@ -339,7 +339,7 @@ TEST_CASE("A texture on a grid that holds the old one is the same function") {
   }
 }
 
-TEST_CASE("A smaller texture is the best of its size: no texel can be moved to gain") {
+TEST_CASE("a smaller texture is the best of its size: no texel can be moved to gain") {
   Random random(38);
   for (const auto& [from, to] : {std::pair{8, 4}, std::pair{7, 3}, std::pair{5, 2}, std::pair{4, 1}}) {
     const std::vector<glm::vec4> texels = randomTexels(random, from * from);
@@ -356,7 +356,7 @@ TEST_CASE("A smaller texture is the best of its size: no texel can be moved to g
   }
 }
 
-TEST_CASE("Resized and dropped textures look as much like the model as their size allows") {
+TEST_CASE("resized and dropped textures look as much like the model as their size allows") {
   const test::TestScene scene = test::makeScene(SceneKind::ordinary, 39, 80, 48, 36);
   const FrameT<double> before = referenceFrame(scene.model, scene.camera);
   GaussianModel finer = scene.model;  // 4 x 4

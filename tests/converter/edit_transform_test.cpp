@@ -34,7 +34,7 @@ std::string refusalOf(const glm::dmat4& matrix) {
 
 }  // namespace
 
-TEST_CASE("A turned, scaled and moved model gives the same picture through its moved cameras") {
+TEST_CASE("a turned, scaled and moved model gives the same picture through its moved cameras") {
   Random random(21);
   for (const SceneKind kind : {SceneKind::ordinary, SceneKind::needles, SceneKind::flat, SceneKind::oddTextures,
                                SceneKind::mixed, SceneKind::stacked}) {
@@ -58,7 +58,7 @@ TEST_CASE("A turned, scaled and moved model gives the same picture through its m
   }
 }
 
-TEST_CASE("A model that is turned without its SH would show it") {
+TEST_CASE("a model that is turned without its SH would show it") {
   test::TestScene scene = test::makeScene(SceneKind::ordinary, 23, 80, 48, 36);
   const FrameT<double> before = referenceFrame(scene.model, scene.camera);
   const std::vector<glm::vec3> sh = scene.model.sh;
@@ -72,7 +72,7 @@ TEST_CASE("A model that is turned without its SH would show it") {
   CHECK(framePsnr(before, referenceFrame(scene.model, cameras[0])) < 50.0);
 }
 
-TEST_CASE("Textures stay on their axes when scaling makes two scales equal") {
+TEST_CASE("textures stay on their axes when scaling makes two scales equal") {
   Random random(24);
   const Camera camera = lookAt({0.3, -0.4, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 48, 48);
   // Neighbouring floats around -1 that round to one number when ln(20) is added.
@@ -101,7 +101,7 @@ TEST_CASE("Textures stay on their axes when scaling makes two scales equal") {
   }
 }
 
-TEST_CASE("Transforms that splats cannot follow are refused by name") {
+TEST_CASE("transforms that splats cannot follow are refused by name") {
   const glm::dmat4 one(1.0);
   CHECK(refusalOf(glm::scale(one, {-1, 1, 1})).find("mirrors") != std::string::npos);
   CHECK(refusalOf(glm::scale(one, {-2, -2, -2})).find("mirrors") != std::string::npos);
@@ -117,7 +117,7 @@ TEST_CASE("Transforms that splats cannot follow are refused by name") {
   CHECK(refusalOf(glm::translate(glm::rotate(glm::scale(one, {2, 2, 2}), 1.0, {1, 2, 3}), {1, 2, 3})) == "accepted");
 }
 
-TEST_CASE("The transforms of the command line are what they say") {
+TEST_CASE("the transforms of the command line are what they say") {
   const test::TestScene scene = test::makeScene(SceneKind::ordinary, 25, 20);
   const auto edited = [&](const std::vector<Edit>& edits) {
     Bundle loaded;

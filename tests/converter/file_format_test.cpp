@@ -12,7 +12,7 @@
 
 using namespace tg;
 
-TEST_CASE("A file's first bytes choose its reader, not its name") {
+TEST_CASE("a file's first bytes choose its reader, not its name") {
   const Scratch scratch;
   REQUIRE(detectFormat(scratch.write("a.glb", "ply\nformat ascii 1.0\n")) == FileFormat::ply);
   REQUIRE(detectFormat(scratch.write("a.ply", std::string("glTF\2\0\0\0", 8))) == FileFormat::glb);
@@ -25,7 +25,7 @@ TEST_CASE("A file's first bytes choose its reader, not its name") {
   REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))) == FileFormat::bundle);
 }
 
-TEST_CASE("What is no readable file is refused with exit code 2") {
+TEST_CASE("what is no readable file is refused with exit code 2") {
   const Scratch scratch;
   const auto kind = [](const std::filesystem::path& path) {
     try {
@@ -39,7 +39,7 @@ TEST_CASE("What is no readable file is refused with exit code 2") {
   CHECK(kind(scratch.folder() / "missing.glb") == 2);
 }
 
-TEST_CASE("Unsupported formats are named and refused with exit code 3") {
+TEST_CASE("unsupported formats are named and refused with exit code 3") {
   const Scratch scratch;
   const auto refusal = [](const std::filesystem::path& path) -> std::string {
     try {

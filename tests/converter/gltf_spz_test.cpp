@@ -45,7 +45,7 @@ Glb glbAround(const std::string& spz, std::size_t count) {
 
 }  // namespace
 
-TEST_CASE("Splats of an SPZ inside a glTF file are turned as the draft says") {
+TEST_CASE("splats of an SPZ inside a glTF file are turned as the draft says") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::ordinary, 8);
   GaussianModel model = scene.model;
@@ -76,7 +76,7 @@ TEST_CASE("Splats of an SPZ inside a glTF file are turned as the draft says") {
   CHECK(checkFile(path).errors.empty());
 }
 
-TEST_CASE("An SPZ inside a glTF file that is broken, cut or of another count is refused") {
+TEST_CASE("an SPZ inside a glTF file that is broken, cut or of another count is refused") {
   const Scratch scratch;
   const GaussianModel model = test::makeScene(SceneKind::ordinary, 9, 12).model;
   writeSpz(scratch.folder() / "a.spz", model);

@@ -71,7 +71,7 @@ std::string messageOf(const std::filesystem::path& path) {
 
 }  // namespace
 
-TEST_CASE("Files of every format are refused when they end at any 512 bytes, and name themselves") {
+TEST_CASE("files of every format are refused when they end at any 512 bytes, and name themselves") {
   const Scratch scratch;
   for (const HostileFile& file : goodFiles(scratch)) {
     CAPTURE(file.name);
@@ -96,7 +96,7 @@ TEST_CASE("Files of every format are refused when they end at any 512 bytes, and
   }
 }
 
-TEST_CASE("Files of every format with a bit flipped anywhere are errors or sound models") {
+TEST_CASE("files of every format with a bit flipped anywhere are errors or sound models") {
   const Scratch scratch;
   test::Random random(62);
   for (const HostileFile& file : goodFiles(scratch)) {

@@ -12,7 +12,7 @@
 
 using namespace tg;
 
-TEST_CASE("A page holds the GLB of its model, byte for byte, and the same bytes every time") {
+TEST_CASE("a page holds the GLB of its model, byte for byte, and the same bytes every time") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 61, 300);
   const std::vector<Camera> cameras = {scene.camera};
@@ -39,7 +39,7 @@ TEST_CASE("A page holds the GLB of its model, byte for byte, and the same bytes 
   CHECK(std::distance(std::filesystem::directory_iterator(scratch.folder()), {}) == 3);  // no temporary file
 }
 
-TEST_CASE("A page names nothing outside itself") {
+TEST_CASE("a page names nothing outside itself") {
   const Scratch scratch;
   writeHtml(scratch.folder() / "a.html",
             {test::makeScene(test::SceneKind::ordinary, 62, 3).model, {}, glm::vec3(0.0f)});
@@ -51,7 +51,7 @@ TEST_CASE("A page names nothing outside itself") {
   CHECK(page.find("#include \"") == std::string::npos);  // <...> stand in parts that are for C++
 }
 
-TEST_CASE("Spoilt pages are refused with a word") {
+TEST_CASE("spoilt pages are refused with a word") {
   const Scratch scratch;
   writeHtml(scratch.folder() / "a.html",
             {test::makeScene(test::SceneKind::ordinary, 63, 40).model, {}, glm::vec3(0.0f)});

@@ -156,7 +156,7 @@ TEST_CASE("SPZ: truncated and spoilt files are errors or sound models") {
   spoil(SpzParts(4).version4(), parse);
 }
 
-TEST_CASE("Compressed PLY: every number where it belongs") {
+TEST_CASE("compressed PLY: every number where it belongs") {
   for (const bool colored : {true, false}) {
     const GaussianModel model = parseCompressedPly(bytesOf(compressedPly(colored)), "a.ply");
     REQUIRE(model.size() == 300);
@@ -183,7 +183,7 @@ TEST_CASE("Compressed PLY: every number where it belongs") {
   CHECK(parseCompressedPly(bytesOf(compressedPly(true, false)), "a.ply").sh_degree == 0);
 }
 
-TEST_CASE("Compressed PLY: counts that disagree and columns of other types are refused by name") {
+TEST_CASE("compressed PLY: counts that disagree and columns of other types are refused by name") {
   const auto refused = [](std::string bytes, const std::string& from, const std::string& to) {
     const std::size_t at = bytes.find(from);
     REQUIRE(at != std::string::npos);
@@ -206,7 +206,7 @@ TEST_CASE("Compressed PLY: counts that disagree and columns of other types are r
         std::string::npos);
 }
 
-TEST_CASE("Compressed PLY: truncated and spoilt files are errors or sound models") {
+TEST_CASE("compressed PLY: truncated and spoilt files are errors or sound models") {
   spoil(
       compressedPly(true, true, 3),
       [](const std::string& bytes) { checkModel(parseCompressedPly(bytesOf(bytes), "a.ply"), "a.ply"); }, 2);

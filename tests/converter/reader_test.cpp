@@ -31,7 +31,7 @@ bool contains(const std::string& text, const std::string& part) { return text.fi
 
 }  // namespace
 
-TEST_CASE("Quantised and interleaved attributes are read as their floats") {
+TEST_CASE("quantised and interleaved attributes are read as their floats") {
   const Scratch scratch;
   Glb glb = smallGlb(scratch);
   const GaussianModel plain = readModel(scratch.folder() / "small.glb", {.base_only = true}).model;
@@ -110,7 +110,7 @@ TEST_CASE("Quantised and interleaved attributes are read as their floats") {
   }
 }
 
-TEST_CASE("A scene under a node looks as the scene does from a camera moved the other way") {
+TEST_CASE("a scene under a node looks as the scene does from a camera moved the other way") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 32, 60);
   writeGlb(scratch.folder() / "a.glb", {scene.model, {}, glm::vec3(0.0f)});
@@ -138,7 +138,7 @@ TEST_CASE("A scene under a node looks as the scene does from a camera moved the 
   CHECK(psnr(picture(still, scene.camera), picture(moved, camera)) > 55.0);
 }
 
-TEST_CASE("Two primitives become one model, padded to the higher degree") {
+TEST_CASE("two primitives become one model, padded to the higher degree") {
   const Scratch scratch;
   Glb glb = smallGlb(scratch);
   nlohmann::json second = glb.primitive();
@@ -162,7 +162,7 @@ TEST_CASE("Two primitives become one model, padded to the higher degree") {
   CHECK(two.texture_mode == TextureMode::rgba);
 }
 
-TEST_CASE("What can be repaired is, with a warning that counts") {
+TEST_CASE("what can be repaired is, with a warning that counts") {
   const Scratch scratch;
   Glb glb = smallGlb(scratch);
   const auto put = [&](const std::string& semantic, std::size_t element, float value) {
@@ -189,7 +189,7 @@ TEST_CASE("What can be repaired is, with a warning that counts") {
   CHECK(contains(warnings, "VND_other: unknown extension, ignored"));
 }
 
-TEST_CASE("A GLB with embedded data URIs and a .gltf of the same JSON are read alike") {
+TEST_CASE("a GLB with embedded data URIs and a .gltf of the same JSON are read alike") {
   const Scratch scratch;
   Glb glb = smallGlb(scratch);
   constexpr const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -212,7 +212,7 @@ TEST_CASE("A GLB with embedded data URIs and a .gltf of the same JSON are read a
   CHECK(text.model.atlas.texels == binary.model.atlas.texels);
 }
 
-TEST_CASE("Every broken promise has its message, with the place, what was expected and what was found") {
+TEST_CASE("every broken promise has its message, with the place, what was expected and what was found") {
   const Scratch scratch;
   using Change = std::function<void(Glb&)>;
   const auto attribute = [](const std::string& name) { return kPrimitive + "/attributes/" + name; };
@@ -335,7 +335,7 @@ TEST_CASE("Every broken promise has its message, with the place, what was expect
   }
 }
 
-TEST_CASE("A broken texture layer is refused, and its base shown on request only") {
+TEST_CASE("a broken texture layer is refused, and its base shown on request only") {
   const Scratch scratch;
   Glb glb = smallGlb(scratch);
   glb.textures()["mode"] = "unheard-of";
@@ -346,7 +346,7 @@ TEST_CASE("A broken texture layer is refused, and its base shown on request only
   CHECK(base.model.texture_mode == TextureMode::none);
 }
 
-TEST_CASE("A GLB cut at any length is refused") {
+TEST_CASE("a GLB cut at any length is refused") {
   const Scratch scratch;
   smallGlb(scratch);
   const std::string bytes = Glb::slurp(scratch.folder() / "small.glb");
@@ -368,7 +368,7 @@ TEST_CASE("A GLB cut at any length is refused") {
   }
 }
 
-TEST_CASE("A GLB with any one byte of its JSON changed is read or refused, never worse") {
+TEST_CASE("a GLB with any one byte of its JSON changed is read or refused, never worse") {
   const Scratch scratch;
   smallGlb(scratch);
   const std::string bytes = Glb::slurp(scratch.folder() / "small.glb");
@@ -384,7 +384,7 @@ TEST_CASE("A GLB with any one byte of its JSON changed is read or refused, never
   }
 }
 
-TEST_CASE("A GLB with any one JSON value replaced is read or refused, never worse") {
+TEST_CASE("a GLB with any one JSON value replaced is read or refused, never worse") {
   const Scratch scratch;
   const Glb good = smallGlb(scratch);
   std::vector<nlohmann::json::json_pointer> places;
@@ -433,7 +433,7 @@ TEST_CASE("A GLB with any one JSON value replaced is read or refused, never wors
   }
 }
 
-TEST_CASE("A texture whose SCALE.z is not the smallest is drawn on the longer axes, with a warning") {
+TEST_CASE("a texture whose SCALE.z is not the smallest is drawn on the longer axes, with a warning") {
   const Scratch scratch;
   Glb glb = smallGlb(scratch);
   const float scales[3] = {0.1f, 0.2f, 0.3f};

@@ -29,7 +29,7 @@ GaussianModel throughGlb(const GaussianModel& model, const Scratch& scratch, boo
 
 }  // namespace
 
-TEST_CASE("A textured scene comes back from tgz to glb to tgz within the quantisation of 8 bit") {
+TEST_CASE("a textured scene comes back from tgz to glb to tgz within the quantisation of 8 bit") {
   const Scratch scratch;
   for (const SceneKind kind : {SceneKind::ordinary, SceneKind::flat, SceneKind::oddTextures, SceneKind::mixed}) {
     for (const IntersectionModel intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
@@ -53,7 +53,7 @@ TEST_CASE("A textured scene comes back from tgz to glb to tgz within the quantis
   }
 }
 
-TEST_CASE("A PLY comes back from a GLB bit by bit") {
+TEST_CASE("a PLY comes back from a GLB bit by bit") {
   const Scratch scratch;
   for (int degree = 0; degree <= 3; ++degree) {
     GaussianModel model = test::makeScene(SceneKind::ordinary, 3).model;
@@ -76,7 +76,7 @@ TEST_CASE("A PLY comes back from a GLB bit by bit") {
   }
 }
 
-TEST_CASE("A lean GLB brings a PLY back within the rounding of a float") {
+TEST_CASE("a lean GLB brings a PLY back within the rounding of a float") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::ordinary, 3).model;
   model.texture_mode = TextureMode::none;
@@ -104,7 +104,7 @@ TEST_CASE("A lean GLB brings a PLY back within the rounding of a float") {
   }
 }
 
-TEST_CASE("A textured model's numbers come back bit by bit, whatever the order of its axes") {
+TEST_CASE("a textured model's numbers come back bit by bit, whatever the order of its axes") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::mixed, 12).model;
   for (std::size_t i = 0; i < model.size(); ++i) model.rotation[i] *= 0.5f + static_cast<float>(i);
@@ -115,7 +115,7 @@ TEST_CASE("A textured model's numbers come back bit by bit, whatever the order o
   CHECK(std::memcmp(model.opacity_logit.data(), out.opacity_logit.data(), model.size() * sizeof(float)) == 0);
 }
 
-TEST_CASE("What another program changed in a GLB wins over the numbers it was made from") {
+TEST_CASE("what another program changed in a GLB wins over the numbers it was made from") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::ordinary, 13, 3).model;
   model.texture_mode = TextureMode::none;
@@ -137,7 +137,7 @@ TEST_CASE("What another program changed in a GLB wins over the numbers it was ma
   CHECK(out.rotation[1] == model.rotation[1]);
 }
 
-TEST_CASE("The same model gives the same bytes") {
+TEST_CASE("the same model gives the same bytes") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 11);
   const Camera cameras[] = {scene.camera};
@@ -146,7 +146,7 @@ TEST_CASE("The same model gives the same bytes") {
   CHECK(Glb::slurp(scratch.folder() / "a.glb") == Glb::slurp(scratch.folder() / "b.glb"));
 }
 
-TEST_CASE("Textures stay on their axes whatever the order of the scales, ties included") {
+TEST_CASE("textures stay on their axes whatever the order of the scales, ties included") {
   const Scratch scratch;
   Random random(5);
   const Camera camera = lookAt({0.3, -0.4, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 96, 96);
@@ -173,7 +173,7 @@ TEST_CASE("Textures stay on their axes whatever the order of the scales, ties in
   }
 }
 
-TEST_CASE("Cameras and the background come back from a GLB") {
+TEST_CASE("cameras and the background come back from a GLB") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::ordinary, 2);
   Camera held_out = lookAt({1, -2, -3}, {0, 0, 0}, {0, -1, 0}, 0.9, 321, 123);
@@ -202,7 +202,7 @@ TEST_CASE("Cameras and the background come back from a GLB") {
   }
 }
 
-TEST_CASE("A reader without textures sees the constant that fits best") {
+TEST_CASE("a reader without textures sees the constant that fits best") {
   const Scratch scratch;
   test::TestScene scene = test::makeScene(SceneKind::ordinary, 4);
 
@@ -232,7 +232,7 @@ TEST_CASE("A reader without textures sees the constant that fits best") {
   }
 }
 
-TEST_CASE("The report states both figures and what was written") {
+TEST_CASE("the report states both figures and what was written") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::flat, 6);
   Bundle bundle;
@@ -256,7 +256,7 @@ TEST_CASE("The report states both figures and what was written") {
   CHECK(*ply.base_psnr == Approx(*report.base_psnr).margin(0.5));
 }
 
-TEST_CASE("Opacities of exactly 0 and 1 and scales of 0 have a place") {
+TEST_CASE("opacities of exactly 0 and 1 and scales of 0 have a place") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::ordinary, 8, 3).model;
   model.texture_mode = TextureMode::none;

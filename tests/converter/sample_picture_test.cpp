@@ -10,7 +10,7 @@
 
 using namespace tg;
 
-TEST_CASE("The specification's sample has its expected picture") {
+TEST_CASE("the specification's sample has its expected picture") {
   const std::filesystem::path folder = test::kSampleFolder;
   const CheckReport report = checkFile(folder / "sample.glb");
   CHECK(report.errors.empty());
@@ -29,7 +29,7 @@ TEST_CASE("The specification's sample has its expected picture") {
   CHECK(worst <= 0.5001f / 255.0f);  // of the rounding to 8 bits
 }
 
-TEST_CASE("The CPU renderer shows the sample alike: splats that face the camera squarely, in the plane model") {
+TEST_CASE("the CPU renderer shows the sample alike: splats that face the camera squarely, in the plane model") {
   const Bundle loaded = readModel(std::filesystem::path(test::kSampleFolder) / "sample.glb");
   const Image expected = test::renderSample(test::kSampleFolder);
   const Image shown = picture(loaded.model, resized(loaded.cameras.at(0), expected.width, expected.height));

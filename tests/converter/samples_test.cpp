@@ -48,7 +48,7 @@ constexpr Sample kSamples[] = {
 
 }  // namespace
 
-TEST_CASE("Every sample loads, or is refused for the reason that is documented") {
+TEST_CASE("every sample loads, or is refused for the reason that is documented") {
   TG_SKIP_IF(test::missingShared({"samples"}));
   for (const Sample& expected : kSamples) {
     CAPTURE(expected.name);
@@ -64,7 +64,7 @@ TEST_CASE("Every sample loads, or is refused for the reason that is documented")
   }
 }
 
-TEST_CASE("The table of samples leaves none out") {
+TEST_CASE("the table of samples leaves none out") {
   TG_SKIP_IF(test::missingShared({"samples"}));
   const auto folder = sample("");
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
@@ -76,7 +76,7 @@ TEST_CASE("The table of samples leaves none out") {
   }
 }
 
-TEST_CASE("The sample with every key of the extension keeps its textures") {
+TEST_CASE("the sample with every key of the extension keeps its textures") {
   TG_SKIP_IF(test::missingShared({"samples/generated/tex_full.glb"}));
   const auto path = sample("generated/tex_full.glb");
   const Bundle loaded = readModel(path);
@@ -85,7 +85,7 @@ TEST_CASE("The sample with every key of the extension keeps its textures") {
   CHECK(loaded.model.atlas.texels.size() == 144 * 64);
 }
 
-TEST_CASE("A GLB by another converter is the scene of the PLY it was made from") {
+TEST_CASE("a GLB by another converter is the scene of the PLY it was made from") {
   TG_SKIP_IF(test::missingShared({"samples/playbot/playbot_lod4.glb", "samples/playbot/playbot_lod4.ply"}));
   const auto glb = sample("playbot/playbot_lod4.glb");
   const auto ply = sample("playbot/playbot_lod4.ply");
@@ -97,7 +97,7 @@ TEST_CASE("A GLB by another converter is the scene of the PLY it was made from")
   CHECK(renderedPsnr(from_ply, from_glb, views, glm::vec3(0.0f)) > 80.0);
 }
 
-TEST_CASE("A real scene loses nothing that shows on the way through a GLB") {
+TEST_CASE("a real scene loses nothing that shows on the way through a GLB") {
   TG_SKIP_IF(test::missingShared({"samples/playbot/playbot_lod4.ply"}));
   const auto ply = sample("playbot/playbot_lod4.ply");
   const Scratch scratch;
@@ -107,7 +107,7 @@ TEST_CASE("A real scene loses nothing that shows on the way through a GLB") {
   CHECK(!report.base_psnr);
 }
 
-TEST_CASE("The same four splats come out of SPZ 2 and .splat") {
+TEST_CASE("the same four splats come out of SPZ 2 and .splat") {
   TG_SKIP_IF(test::missingShared(
       {"samples/splat-transform-fixtures/minimal-v2.spz", "samples/splat-transform-fixtures/minimal.splat"}));
   const auto spz = sample("splat-transform-fixtures/minimal-v2.spz");
@@ -122,7 +122,7 @@ TEST_CASE("The same four splats come out of SPZ 2 and .splat") {
   }
 }
 
-TEST_CASE("An SPZ by another converter is the scene of the PLY it was made from") {
+TEST_CASE("an SPZ by another converter is the scene of the PLY it was made from") {
   TG_SKIP_IF(test::missingShared({"samples/playbot/playbot_lod4.spz", "samples/playbot/playbot_lod4.ply"}));
   const auto spz = sample("playbot/playbot_lod4.spz");
   const auto ply = sample("playbot/playbot_lod4.ply");

@@ -51,7 +51,7 @@ bool sameBits(const GaussianModel& a, const GaussianModel& b) {
 
 }  // namespace
 
-TEST_CASE("Textures get the fewest texels that keep their error") {
+TEST_CASE("textures get the fewest texels that keep their error") {
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 51, 60, 48, 36);
   const FrameT<double> before = referenceFrame(scene.model, scene.camera);
   GaussianModel exact = scene.model;
@@ -87,7 +87,7 @@ TEST_CASE("Textures get the fewest texels that keep their error") {
         45.0);  // textures end at 3 sigma, the base does not
 }
 
-TEST_CASE("A texel budget is kept and spent where pictures show it") {
+TEST_CASE("a texel budget is kept and spent where pictures show it") {
   const Bundle sample = readBundle("docs/sample.tgz");
   const std::vector<Camera> views = contributionViews(sample.model, sample.cameras);
   const std::vector<Camera> judges = qualityViews(sample.model, sample.cameras);
@@ -110,7 +110,7 @@ TEST_CASE("A texel budget is kept and spent where pictures show it") {
   CHECK(psnr(all) > 70.0);
 }
 
-TEST_CASE("A bundle comes back bit by bit by way of EXR atlases, and closer with 16 bits than with 8") {
+TEST_CASE("a bundle comes back bit by bit by way of EXR atlases, and closer with 16 bits than with 8") {
   const Scratch scratch;
   for (const SceneKind kind : {SceneKind::mixed, SceneKind::oddTextures}) {
     for (const TextureMode mode : {TextureMode::rgba, TextureMode::rgb, TextureMode::alpha}) {
@@ -138,7 +138,7 @@ TEST_CASE("A bundle comes back bit by bit by way of EXR atlases, and closer with
   }
 }
 
-TEST_CASE("A broken EXR atlas is refused with its place") {
+TEST_CASE("a broken EXR atlas is refused with its place") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::ordinary, 53, 12);
   writeGlb(scratch.folder() / "a.glb", {scene.model, {}, glm::vec3(0.0f), false, AtlasFormat::exr});
@@ -163,7 +163,7 @@ TEST_CASE("A broken EXR atlas is refused with its place") {
         }).find("/images/" + index) != std::string::npos);
 }
 
-TEST_CASE("Integers and packed attributes cost what they are said to cost") {
+TEST_CASE("integers and packed attributes cost what they are said to cost") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 54, 400);
   const auto write = [&](bool quantize, bool meshopt, const char* file) {
@@ -215,7 +215,7 @@ TEST_CASE("Integers and packed attributes cost what they are said to cost") {
   CHECK(refused([](auto& view, Glb&) { view["buffer"] = 1; }).find(place + "the packed bytes are in no file") == 0);
 }
 
-TEST_CASE("A .gltf with its files is the model of the GLB, and reads nothing but files beside it") {
+TEST_CASE("a .gltf with its files is the model of the GLB, and reads nothing but files beside it") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 55, 60);
   const Camera cameras[] = {scene.camera};
@@ -254,7 +254,7 @@ TEST_CASE("A .gltf with its files is the model of the GLB, and reads nothing but
   CHECK(messageOf([&] { parseGltf(bytes, "x"); }).find("external files are not read here") != std::string::npos);
 }
 
-TEST_CASE("An atlas as pictures and JSON says where every texture lies") {
+TEST_CASE("an atlas as pictures and JSON says where every texture lies") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 56, 40);
   Bundle bundle;

@@ -50,7 +50,7 @@ double shownPsnr(const FrameT<double>& a, const FrameT<double>& b) {
 
 }  // namespace
 
-TEST_CASE("A GLB is the same model read from the file in blocks, all at once, and from memory") {
+TEST_CASE("a GLB is the same model read from the file in blocks, all at once, and from memory") {
   const Scratch scratch;
   const auto file = scratch.folder() / "a.glb";
   GaussianModel model = manyGaussians(1);
@@ -83,7 +83,7 @@ TEST_CASE("A GLB is the same model read from the file in blocks, all at once, an
   }
 }
 
-TEST_CASE("A PLY becomes the same GLB block by block as from memory, byte for byte") {
+TEST_CASE("a PLY becomes the same GLB block by block as from memory, byte for byte") {
   const Scratch scratch;
   const auto ply = scratch.folder() / "in.ply", streamed = scratch.folder() / "a.glb",
              whole = scratch.folder() / "b.glb";
@@ -125,7 +125,7 @@ TEST_CASE("A PLY becomes the same GLB block by block as from memory, byte for by
   }
 }
 
-TEST_CASE("A PLY with a broken value is refused by name while it is converted, and leaves nothing") {
+TEST_CASE("a PLY with a broken value is refused by name while it is converted, and leaves nothing") {
   const Scratch scratch;
   const auto ply = scratch.folder() / "in.ply";
   GaussianModel model = manyGaussians(1);
@@ -141,13 +141,13 @@ TEST_CASE("A PLY with a broken value is refused by name while it is converted, a
   CHECK(filesIn(scratch.folder()) == 1);
 }
 
-TEST_CASE("What is no file is refused as such") {
+TEST_CASE("what is no file is refused as such") {
   const Scratch scratch;
   CHECK_THROWS_WITH(convert(scratch.folder() / "none.ply", scratch.folder() / "a.glb"), Catch::Contains("none.ply: "));
   CHECK_THROWS_AS(convert(scratch.folder(), scratch.folder() / "a.glb"), Error);
 }
 
-TEST_CASE("Pictures are compared where textures or rounding change them, or when asked for") {
+TEST_CASE("pictures are compared where textures or rounding change them, or when asked for") {
   const Scratch scratch;
   const auto to = [&](const char* name) { return scratch.folder() / name; };
   test::TestScene scene = test::makeScene(SceneKind::ordinary, 4);
@@ -166,7 +166,7 @@ TEST_CASE("Pictures are compared where textures or rounding change them, or when
   CHECK(std::isinf(*asked.textured_psnr));
 }
 
-TEST_CASE("The summary's figures are those of the float64 renderer") {
+TEST_CASE("the summary's figures are those of the float64 renderer") {
   const Scratch scratch;
   for (const SceneKind kind : {SceneKind::flat, SceneKind::mixed}) {
     CAPTURE(test::name(kind));

@@ -15,7 +15,7 @@
 
 using namespace tg;
 
-TEST_CASE("A model comes back from .splat within the steps of its bytes, without SH") {
+TEST_CASE("a model comes back from .splat within the steps of its bytes, without SH") {
   GaussianModel in = test::makeScene(test::SceneKind::ordinary, 71, 200).model;
   in.texture_mode = TextureMode::none;
   in.atlas = {};
@@ -49,7 +49,7 @@ TEST_CASE("A model comes back from .splat within the steps of its bytes, without
   CHECK(base.opacity_logit == out.opacity_logit);
 }
 
-TEST_CASE("A .splat of a textured model is its fallback, and the summary says what is missing") {
+TEST_CASE("a .splat of a textured model is its fallback, and the summary says what is missing") {
   const Scratch scratch;
   Bundle bundle;
   bundle.model = test::makeScene(test::SceneKind::ordinary, 72, 60).model;

@@ -36,7 +36,7 @@ double largest(glm::vec3 v) {
 
 }  // namespace
 
-TEST_CASE("A model comes back from SPZ within the steps of its numbers, at every degree") {
+TEST_CASE("a model comes back from SPZ within the steps of its numbers, at every degree") {
   for (int degree = 0; degree <= 3; ++degree) {
     const GaussianModel in = randomModel(degree, 50, 20.0);
     SpzReport report;

@@ -32,7 +32,7 @@ Image atlasImage(const Glb& glb, int texture) {
 
 }  // namespace
 
-TEST_CASE("The base is plain KHR_gaussian_splatting that asks nothing of a reader") {
+TEST_CASE("the base is plain KHR_gaussian_splatting that asks nothing of a reader") {
   const Scratch scratch;
   for (int degree = 0; degree <= 3; ++degree) {
     GaussianModel model = test::makeScene(SceneKind::ordinary, 21, 40).model;
@@ -61,7 +61,7 @@ TEST_CASE("The base is plain KHR_gaussian_splatting that asks nothing of a reade
   }
 }
 
-TEST_CASE("A model without textures has no trace of our extension") {
+TEST_CASE("a model without textures has no trace of our extension") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::ordinary, 22, 40).model;
   model.texture_mode = TextureMode::none;
@@ -71,7 +71,7 @@ TEST_CASE("A model without textures has no trace of our extension") {
   CHECK(!glb.splatting().contains("extensions"));
 }
 
-TEST_CASE("Values are what the specification asks for: unit quaternions, linear scale, opacity and COLOR_0") {
+TEST_CASE("values are what the specification asks for: unit quaternions, linear scale, opacity and COLOR_0") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::flat, 23, 100).model;
   for (std::size_t i = 0; i < model.size(); ++i) model.rotation[i] *= 0.5f + static_cast<float>(i);
@@ -108,7 +108,7 @@ TEST_CASE("Values are what the specification asks for: unit quaternions, linear 
   }
 }
 
-TEST_CASE("The local axes in the file are u, v and a normal that keeps them right-handed") {
+TEST_CASE("the local axes in the file are u, v and a normal that keeps them right-handed") {
   const Scratch scratch;
   const GaussianModel model = test::makeScene(SceneKind::ordinary, 24, 60).model;
   Glb glb = written(model, scratch);
@@ -125,7 +125,7 @@ TEST_CASE("The local axes in the file are u, v and a normal that keeps them righ
   }
 }
 
-TEST_CASE("Atlas bytes: 128 is exactly 0 where a channel is signed, texels lie where RECT says") {
+TEST_CASE("atlas bytes: 128 is exactly 0 where a channel is signed, texels lie where RECT says") {
   const Scratch scratch;
   test::Random random(25);
   GaussianModel model = test::makeScene(SceneKind::mixed, 25, 50).model;
@@ -171,7 +171,7 @@ TEST_CASE("Atlas bytes: 128 is exactly 0 where a channel is signed, texels lie w
   }
 }
 
-TEST_CASE("Modes write the terms they have") {
+TEST_CASE("modes write the terms they have") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::ordinary, 26, 20).model;
   const std::string opacity = "TG_gaussian_splatting_texture:OPACITY";
@@ -188,7 +188,7 @@ TEST_CASE("Modes write the terms they have") {
   }
 }
 
-TEST_CASE("A channel's range is the one that loses less: outliers are clipped and counted, or kept") {
+TEST_CASE("a channel's range is the one that loses less: outliers are clipped and counted, or kept") {
   AtlasPage page;
   page.width = 400;
   page.height = 250;

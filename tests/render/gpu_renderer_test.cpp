@@ -475,8 +475,8 @@ TEST_CASE("a device that is not there is an error that lists those that are") {
   CHECK(renderScene(facingScene(1)).width == 16);  // the device under test is as it was
 }
 
-// Hidden: it takes 2.4 GB of memory, which not every machine that runs the tests has. Run with `test_vulkan [large]`,
-// `test_opengl [large]`.
+// Hidden: it takes 2.4 GB of memory, which not every machine that runs the tests has. Run with `vulkan_test [large]`,
+// `opengl_test [large]`.
 TEST_CASE("a model of over a million Gaussians exceeds the smallest binding and renders", "[.][large]") {
   const TestScene scene{trainedLikeModel(1, 1200000), trainedLikeCamera(160, 120)};
   REQUIRE(scene.model.sh.size() * sizeof(glm::vec4) > std::size_t{128} << 20);

@@ -1,2 +1,2 @@
-tg_add_gpu_tests(test_vulkan vulkan_device.cpp tg_render_vulkan)
-target_sources(test_vulkan PRIVATE vulkan_frames_test.cpp)
+tg_add_gpu_tests(vulkan_test vulkan_device.cpp tg_render_vulkan)
+target_sources(vulkan_test PRIVATE vulkan_frames_test.cpp)
