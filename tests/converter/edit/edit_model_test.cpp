@@ -1,0 +1,383 @@
+// SPDX-License-Identifier: Apache-2.0
+// Edits that take and add Gaussians, and that take from all of them: what is left looks as it did.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "converter/edit/contribution.h"
+#include "converter/edit/decimate.h"
+#include "converter/edit/merge.h"
+#include "converter/edit/merge_pairs.h"
+#include "converter/edit/reduce.h"
+#include "converter/edit/select.h"
+#include "converter/edit/texture_fit.h"
+#include "converter/edits.h"
+#include "converter/gltf/fallback.h"
+#include "core/bundle/bundle.h"
+#include "shared/texture.h"
+#include "support/catch.h"
+
+using namespace tg;
+using tg::test::Random;
+using tg::test::SceneKind;
+
+namespace {
+
+// One Gaussian of a model alone.
+GaussianModel single(const GaussianModel& model, std::size_t i) {
+  GaussianModel one = model;
+  std::vector<std::uint8_t> keep(model.size(), 0);
+  keep[i] = 1;
+  keepGaussians(one, keep);
+  return one;
+}
+
+void checkSame(const GaussianModel& a, std::size_t i, const GaussianModel& b, std::size_t j) {
+  CHECK(a.mean[i] == b.mean[j]);
+  CHECK(a.rotation[i] == b.rotation[j]);
+  CHECK(a.log_scale[i] == b.log_scale[j]);
+  CHECK(a.opacity_logit[i] == b.opacity_logit[j]);
+  for (int k = 0; k < a.shCount(); ++k) {
+    CHECK(a.sh[i * static_cast<std::size_t>(a.shCount()) + static_cast<std::size_t>(k)] ==
+          b.sh[j * static_cast<std::size_t>(b.shCount()) + static_cast<std::size_t>(k)]);
+  }
+  const TextureRect& ra = a.atlas.rects[i];
+  const TextureRect& rb = b.atlas.rects[j];
+  REQUIRE(ra.width == rb.width);
+  REQUIRE(ra.height == rb.height);
+  CHECK(std::equal(a.atlas.texels.begin() + ra.offset, a.atlas.texels.begin() + ra.offset + ra.texelCount(),
+                   b.atlas.texels.begin() + rb.offset));
+}
+
+// The bilinear function of a texture along one row of hits.
+glm::dvec4 sample(const std::vector<glm::vec4>& texels, int width, int height, double u, double v) {
+  const TextureTap tu = textureTap(static_cast<float>(u), static_cast<unsigned>(width));
+  const TextureTap tv = textureTap(static_cast<float>(v), static_cast<unsigned>(height));
+  const auto at = [&](unsigned i, unsigned j) { return glm::dvec4(texels[j * static_cast<unsigned>(width) + i]); };
+  return glm::mix(glm::mix(at(tu.i0, tv.i0), at(tu.i1, tv.i0), double{tu.fraction}),
+                  glm::mix(at(tu.i0, tv.i1), at(tu.i1, tv.i1), double{tu.fraction}), double{tv.fraction});
+}
+
+double weightedError(const std::vector<glm::vec4>& a, int aw, int ah, const std::vector<glm::vec4>& b, int bw, int bh) {
+  double sum = 0.0;
+  for (double u = -2.95; u < 3.0; u += 0.1) {
+    for (double v = -2.95; v < 3.0; v += 0.1) {
+      const glm::dvec4 d = sample(a, aw, ah, u, v) - sample(b, bw, bh, u, v);
+      sum += std::exp(-u * u - v * v) * glm::dot(d, d);
+    }
+  }
+  return sum;
+}
+
+std::vector<glm::vec4> randomTexels(Random& random, int count) {
+  std::vector<glm::vec4> texels;
+  for (int k = 0; k < count; ++k) {
+    texels.emplace_back(glm::vec3(random.uniformVec3(-0.4, 0.4)), static_cast<float>(random.uniform(0.2, 0.8)));
+  }
+  return texels;
+}
+
+}  // namespace
+
+TEST_CASE("Gaussians that are kept keep every number and every texel") {
+  const GaussianModel model = test::makeScene(SceneKind::oddTextures, 31, 60).model;
+  const std::vector<std::uint8_t> keep = insideBox(model, {-1, -1, -1}, {1.5, 1, 1});
+  GaussianModel kept = model;
+  keepGaussians(kept, keep);
+  REQUIRE(kept.size() > 2);
+  REQUIRE(kept.size() < model.size());
+  checkModel(kept, "kept");
+  std::uint64_t texels = 0;
+  for (std::size_t i = 0, j = 0; i < model.size(); ++i) {
+    const glm::vec3 p = model.mean[i];
+    const bool inside = p.x >= -1 && p.x <= 1.5f && p.y >= -1 && p.y <= 1 && p.z >= -1 && p.z <= 1;
+    REQUIRE((keep[i] != 0) == inside);
+    if (!inside) continue;
+    checkSame(model, i, kept, j);
+    texels += kept.atlas.rects[j].texelCount();
+    ++j;
+  }
+  CHECK(kept.atlas.texels.size() == texels);
+  const std::vector<std::uint8_t> ball = insideSphere(model, {0.5, 0, 0}, 1.25);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    CHECK((ball[i] != 0) == (glm::distance(glm::dvec3(model.mean[i]), glm::dvec3(0.5, 0, 0)) <= 1.25));
+  }
+}
+
+TEST_CASE("value filters keep what they say") {
+  const GaussianModel model = test::makeScene(SceneKind::mixed, 32, 100).model;
+  const auto check = [&](const char* expression, auto expected) {
+    CAPTURE(expression);
+    const std::vector<std::uint8_t> keep = whereValue(model, expression);
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < model.size(); ++i) {
+      CHECK((keep[i] != 0) == expected(i));
+      kept += keep[i];
+    }
+    CHECK(kept > 0);
+    CHECK(kept < model.size());
+  };
+  const auto opacity = [&](std::size_t i) { return 1.0 / (1.0 + std::exp(-double{model.opacity_logit[i]})); };
+  const auto scale = [&](std::size_t i) { return glm::exp(glm::dvec3(model.log_scale[i])); };
+  check("opacity > 0.6", [&](std::size_t i) { return opacity(i) > 0.6; });
+  check("0.2<=opacity<0.6", [&](std::size_t i) { return opacity(i) >= 0.2 && opacity(i) < 0.6; });
+  check("max_scale<0.3", [&](std::size_t i) { return std::max({scale(i).x, scale(i).y, scale(i).z}) < 0.3; });
+  check("min_scale >= 0.1", [&](std::size_t i) { return std::min({scale(i).x, scale(i).y, scale(i).z}) >= 0.1; });
+  check("volume<=1e-2", [&](std::size_t i) { return scale(i).x * scale(i).y * scale(i).z <= 1e-2; });
+  check("10 <= index < 20", [&](std::size_t i) { return i >= 10 && i < 20; });
+  check("index != 7", [&](std::size_t i) { return i != 7; });
+  check("texels == 0", [&](std::size_t i) { return model.atlas.rects[i].texelCount() == 0; });
+  check("x > 0", [&](std::size_t i) { return model.mean[i].x > 0; });
+  check("green < 0.5", [&](std::size_t i) { return model.sh[i * 16].y < 0; });
+  std::vector<double> energies(model.size(), 0.0);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    for (std::size_t k = 1; k < 16; ++k) {
+      energies[i] += glm::dot(glm::dvec3(model.sh[i * 16 + k]), glm::dvec3(model.sh[i * 16 + k]));
+    }
+  }
+  const double some = energies[7] * 1.000001;  // between values
+  check(("sh_energy > " + std::to_string(some)).c_str(), [&](std::size_t i) { return energies[i] > some; });
+  for (const char* wrong :
+       {"", "opacity", "opacity > ", "opacity > red", "3 > 2", "size > 2", "1 < x < 2 < 3", "x > 1e999"}) {
+    CAPTURE(wrong);
+    CHECK(usageErrorOf(model, {"--keep", wrong}).find("NAME is one of x y z opacity") != std::string::npos);
+  }
+  Bundle loaded;
+  loaded.model = model;
+  CHECK_THROWS_WITH(applyEdits(loaded, std::vector<Edit>{{"--keep", "opacity > 2"}}, false),
+                    "--keep opacity > 2: no Gaussian is left");
+}
+
+TEST_CASE("merged models stand beside each other, each as it was") {
+  const test::TestScene scene = test::makeScene(SceneKind::oddTextures, 33, 60);
+  GaussianModel left = scene.model, right = scene.model;
+  std::vector<std::uint8_t> odd(scene.model.size()), even(scene.model.size());
+  for (std::size_t i = 0; i < odd.size(); ++i) (i % 2 ? odd : even)[i] = 1;
+  keepGaussians(left, even);
+  keepGaussians(right, odd);
+  GaussianModel both = left;
+  mergeModel(both, right, "right");
+  checkModel(both, "both");
+  REQUIRE(both.size() == scene.model.size());
+  for (std::size_t i = 0; i < left.size(); ++i) checkSame(left, i, both, i);
+  for (std::size_t i = 0; i < right.size(); ++i) checkSame(right, i, both, left.size() + i);
+  CHECK(framePsnr(referenceFrame(scene.model, scene.camera), referenceFrame(both, scene.camera)) > 120.0);
+
+  SECTION("texture modes and SH degrees that differ") {
+    // The terms that a mode lacks hold what must not count in the merged model.
+    left.texture_mode = TextureMode::rgb;
+    right.texture_mode = TextureMode::alpha;
+    setShDegree(right, 1);
+    GaussianModel expected = scene.model;  // in one mode, with neutral texels
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      const TextureRect& rect = expected.atlas.rects[i];
+      for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
+        glm::vec4& texel = expected.atlas.texels[rect.offset + t];
+        texel = i % 2 ? glm::vec4(0.0f, 0.0f, 0.0f, texel.a) : glm::vec4(glm::vec3(texel), 1.0f);
+      }
+      for (std::size_t k = 4; k < 16 && i % 2; ++k) expected.sh[i * 16 + k] = glm::vec3(0.0f);
+    }
+    mergeModel(left, right, "right");
+    CHECK(left.texture_mode == TextureMode::rgba);
+    CHECK(framePsnr(referenceFrame(expected, scene.camera), referenceFrame(left, scene.camera)) > 120.0);
+  }
+  SECTION("one without textures, either way round") {
+    GaussianModel plain = right;
+    plain.texture_mode = TextureMode::none;
+    plain.atlas = {};
+    plain.intersection = IntersectionModel::plane;
+    GaussianModel first = plain, second = left;
+    mergeModel(first, left, "left");
+    mergeModel(second, plain, "plain");
+    CHECK(first.intersection == left.intersection);
+    CHECK(first.texture_mode == left.texture_mode);
+    checkModel(first, "first");
+    checkModel(second, "second");
+    CHECK(framePsnr(referenceFrame(first, scene.camera), referenceFrame(second, scene.camera)) > 120.0);
+  }
+  SECTION("two intersection models are refused") {
+    right.intersection = IntersectionModel::plane;
+    left.intersection = IntersectionModel::maxResponse;
+    CHECK_THROWS_WITH(mergeModel(left, right, "right"),
+                      "right: another intersection model (expected maxResponse, found plane)");
+  }
+}
+
+TEST_CASE("blend weights are those of the reference") {
+  for (const IntersectionModel intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
+    test::TestScene scene = test::makeScene(SceneKind::mixed, 34, 80, 48, 36);
+    scene.model.intersection = intersection;
+    std::vector<double> expected(scene.model.size(), 0.0);
+    const ReferenceModel reference(scene.model);
+    for (int y = 0; y < scene.camera.height; ++y) {
+      for (int x = 0; x < scene.camera.width; ++x) {
+        for (const ReferenceHit& hit : traceReference(reference, scene.camera, {}, x + 0.5, y + 0.5)) {
+          expected[hit.gaussian] += hit.transmittance * hit.alpha;
+        }
+      }
+    }
+    const std::vector<double> weights = blendWeights(scene.model, std::span(&scene.camera, 1));
+    REQUIRE(weights.size() == expected.size());
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      CAPTURE(i);
+      CHECK(weights[i] == Approx(expected[i]).epsilon(1e-3).margin(2e-2));
+    }
+  }
+}
+
+TEST_CASE("decimation by what pictures show beats decimation by chance") {
+  const Bundle sample = readBundle("docs/sample.tgz");
+  const GaussianModel& model = sample.model;
+  const std::vector<Camera> views = contributionViews(model, sample.cameras);
+  const std::vector<Camera> judges = qualityViews(model, sample.cameras);
+  for (const double part : {0.75, 0.5, 0.25}) {
+    const auto count = static_cast<std::size_t>(part * static_cast<double>(model.size()));
+    GaussianModel chosen = model;
+    decimate(chosen, count, views);
+    REQUIRE(chosen.size() == count);
+    checkModel(chosen, "chosen");
+
+    std::vector<std::size_t> order(model.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    Random random(35);
+    for (std::size_t i = order.size() - 1; i > 0; --i) {
+      std::swap(order[i], order[static_cast<std::size_t>(random.uniform(0.0, static_cast<double>(i + 1)))]);
+    }
+    std::vector<std::uint8_t> keep(model.size(), 0);
+    for (std::size_t k = 0; k < count; ++k) keep[order[k]] = 1;
+    GaussianModel lottery = model;
+    keepGaussians(lottery, keep);
+    const double by_weight = renderedPsnr(model, chosen, judges, sample.background);
+    const double by_chance = renderedPsnr(model, lottery, judges, sample.background);
+    CAPTURE(part, by_weight, by_chance);
+    CHECK(by_weight > by_chance + 2.0);  // measured: 7.2, 3.6 and 2.4
+  }
+  GaussianModel whole = model;
+  decimate(whole, model.size() + 5, views);
+  CHECK(whole.size() == model.size());
+}
+
+TEST_CASE("merged pairs are worth more than what removal leaves, and textured Gaussians stay as they are") {
+  const Bundle sample = readBundle("docs/sample.tgz");
+  GaussianModel plain = sample.model;
+  dropTextures(plain);
+  const std::vector<Camera> views = contributionViews(plain, sample.cameras);
+  const std::vector<Camera> judges = qualityViews(plain, sample.cameras);
+  for (const double part : {0.75, 0.5, 0.25}) {
+    const auto count = static_cast<std::size_t>(part * static_cast<double>(plain.size()));
+    GaussianModel merged = plain, again = plain, removed = plain;
+    decimateByMerging(merged, count, views);
+    decimateByMerging(again, count, views);
+    decimate(removed, count, views);
+    REQUIRE(merged.size() == count);
+    checkModel(merged, "merged");
+    CHECK(merged.mean == again.mean);
+    const double by_merging = renderedPsnr(plain, merged, judges, sample.background);
+    const double by_removal = renderedPsnr(plain, removed, judges, sample.background);
+    CAPTURE(part, by_merging, by_removal);
+    CHECK(by_merging > by_removal + 1.0);  // measured: 2.3, 6.1 and 7.2
+  }
+  // All of the sample's Gaussians have textures: none is merged.
+  GaussianModel textured = sample.model, removed = sample.model;
+  decimateByMerging(textured, 4000, views);
+  decimate(removed, 4000, views);
+  CHECK(textured.mean == removed.mean);
+  CHECK(textured.atlas.texels == removed.atlas.texels);
+  CHECK_THROWS_AS(decimateByMerging(textured, 0, views), Error);
+}
+
+TEST_CASE("two equal Gaussians merge into one of their mass, mean and covariance") {
+  GaussianModel model;
+  const float offset = 0.2f;
+  for (const float side : {-offset, offset}) {
+    model.mean.push_back(glm::vec3(side, 1.0f, 5.0f));
+    model.rotation.push_back(glm::vec4(1.0f, 0.0f, 0.0f, 0.0f));
+    model.log_scale.push_back(glm::log(glm::vec3(0.3f, 0.2f, 0.01f)));
+    model.opacity_logit.push_back(std::log(0.4f / 0.6f));
+    model.sh.push_back(glm::vec3(side, 0.5f, 0.0f));
+  }
+  decimateByMerging(model, 1, {});
+  REQUIRE(model.size() == 1);
+  CHECK(glm::distance(model.mean[0], glm::vec3(0.0f, 1.0f, 5.0f)) < 1e-6f);
+  CHECK(glm::distance(model.sh[0], glm::vec3(0.0f, 0.5f, 0.0f)) < 1e-6f);
+  const float longest = std::sqrt(0.3f * 0.3f + offset * offset);
+  glm::vec3 scale = glm::exp(model.log_scale[0]);
+  std::sort(&scale[0], &scale[0] + 3);
+  CHECK(scale.x == Approx(0.01f));
+  CHECK(scale.y == Approx(0.2f));
+  CHECK(scale.z == Approx(longest));
+  const double opacity = 1.0 / (1.0 + std::exp(-double{model.opacity_logit[0]}));
+  CHECK(opacity == Approx(2.0 * 0.4 * 0.3 / double{longest}));
+}
+
+TEST_CASE("a lower SH degree is the model without its higher coefficients, and back with zeros") {
+  test::TestScene scene = test::makeScene(SceneKind::ordinary, 36, 40, 32, 24);
+  for (int degree = 0; degree <= 3; ++degree) {
+    GaussianModel expected = scene.model, reduced = scene.model;
+    for (std::size_t k = 0; k < expected.sh.size(); ++k) {
+      if (static_cast<int>(k % 16) >= (degree + 1) * (degree + 1)) expected.sh[k] = glm::vec3(0.0f);
+    }
+    setShDegree(reduced, degree);
+    checkModel(reduced, "reduced");
+    CHECK(reduced.sh_degree == degree);
+    CHECK(framePsnr(referenceFrame(expected, scene.camera), referenceFrame(reduced, scene.camera)) > 200.0);
+    setShDegree(reduced, 3);
+    CHECK(reduced.sh == expected.sh);
+  }
+}
+
+TEST_CASE("a texture on a grid that holds the old one is the same function") {
+  Random random(37);
+  const int sizes[][4] = {{2, 3, 3, 5}, {4, 4, 7, 10}, {1, 4, 6, 4}, {5, 1, 9, 3}, {6, 6, 6, 6}};
+  for (const auto& s : sizes) {
+    CAPTURE(s[0], s[1], s[2], s[3]);
+    const std::vector<glm::vec4> texels = randomTexels(random, s[0] * s[1]);
+    const std::vector<glm::vec4> finer = fitTexture(texels, AxisFit(s[0], s[2]), AxisFit(s[1], s[3]));
+    CHECK(weightedError(texels, s[0], s[1], finer, s[2], s[3]) < 1e-8);
+    const std::vector<glm::vec4> back = fitTexture(finer, AxisFit(s[2], s[0]), AxisFit(s[3], s[1]));
+    for (std::size_t k = 0; k < texels.size(); ++k) CHECK(glm::length(back[k] - texels[k]) < 1e-4f);
+  }
+}
+
+TEST_CASE("a smaller texture is the best of its size: no texel can be moved to gain") {
+  Random random(38);
+  for (const auto& [from, to] : {std::pair{8, 4}, std::pair{7, 3}, std::pair{5, 2}, std::pair{4, 1}}) {
+    const std::vector<glm::vec4> texels = randomTexels(random, from * from);
+    std::vector<glm::vec4> fitted = fitTexture(texels, AxisFit(from, to), AxisFit(from, to));
+    const double error = weightedError(texels, from, from, fitted, to, to);
+    for (std::size_t k = 0; k < fitted.size(); ++k) {
+      for (const float step : {-0.02f, 0.02f}) {
+        fitted[k].g += step;
+        CAPTURE(from, to, k, step);
+        CHECK(weightedError(texels, from, from, fitted, to, to) > error * 0.9998);
+        fitted[k].g -= step;
+      }
+    }
+  }
+}
+
+TEST_CASE("resized and dropped textures look as much like the model as their size allows") {
+  const test::TestScene scene = test::makeScene(SceneKind::ordinary, 39, 80, 48, 36);
+  const FrameT<double> before = referenceFrame(scene.model, scene.camera);
+  GaussianModel finer = scene.model;  // 4 x 4
+  resizeTextures(finer, 7, 10);
+  CHECK(framePsnr(before, referenceFrame(finer, scene.camera)) > 90.0);
+  GaussianModel coarser = scene.model, plain = scene.model;
+  resizeTextures(coarser, 2, 2);
+  dropTextures(plain);
+  checkModel(coarser, "coarser");
+  CHECK(plain.texture_mode == TextureMode::none);
+  const double with_two = framePsnr(before, referenceFrame(coarser, scene.camera));
+  const double with_none = framePsnr(before, referenceFrame(plain, scene.camera));
+  CAPTURE(with_two, with_none);
+  CHECK(with_two > with_none);
+  CHECK(with_none > framePsnr(before, referenceFrame(single(scene.model, 0), scene.camera)));
+
+  // Untextured Gaussians stay untextured.
+  GaussianModel mixed = test::makeScene(SceneKind::mixed, 40, 30).model;
+  const std::vector<TextureRect> rects = mixed.atlas.rects;
+  resizeTextures(mixed, 3, 2);
+  for (std::size_t i = 0; i < rects.size(); ++i) {
+    CHECK(mixed.atlas.rects[i].texelCount() == (rects[i].texelCount() == 0 ? 0u : 6u));
+  }
+}

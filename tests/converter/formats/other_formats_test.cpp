@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+// .splat, SPZ and compressed PLY: every number where it belongs, and nothing but errors from broken files.
+#include <cmath>
+#include <limits>
+#include <span>
+
+#include "converter/formats/read_compressed_ply.h"
+#include "converter/formats/read_splat.h"
+#include "converter/formats/read_spz.h"
+#include "converter/scenes.h"
+#include "converter/scratch.h"
+#include "converter/splat_files.h"
+#include "core/system/error.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+namespace {
+
+std::span<const std::uint8_t> bytesOf(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+Bundle spz(const std::string& bytes) { return parseSpz(bytesOf(bytes), "a.spz"); }
+
+// What parsing throws, without the path; "accepted" when it does not.
+template <typename Parse>
+std::string thrown(Parse parse) {
+  try {
+    parse();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+// Every shorter file is refused, and every file with one bit turned is a sound model or an Error.
+template <typename Parse>
+void spoil(const std::string& good, Parse parse, std::size_t step = 1) {
+  for (std::size_t length = 0; length < good.size(); length += step) {
+    CAPTURE(length);
+    CHECK_THROWS_AS(parse(good.substr(0, length)), Error);
+  }
+  for (std::size_t bit = 0; bit < good.size() * 8; bit += 3 * step) {
+    std::string bad = good;
+    bad[bit / 8] = static_cast<char>(bad[bit / 8] ^ (1 << bit % 8));
+    CAPTURE(bit);
+    try {
+      parse(bad);
+    } catch (const Error&) {
+    }
+  }
+}
+
+void checkCloseTo(glm::vec3 found, glm::vec3 expected, float tolerance = 1e-6f) {
+  CAPTURE(found.x, found.y, found.z, expected.x, expected.y, expected.z);
+  CHECK(glm::length(found - expected) < tolerance);
+}
+void checkCloseTo(glm::vec4 found, glm::vec4 expected, float tolerance) {
+  CAPTURE(found.x, found.y, found.z, found.w);
+  CHECK(glm::length(found - expected) < tolerance);
+}
+
+}  // namespace
+
+TEST_CASE("SPZ of every version: every number where it belongs") {
+  for (std::uint32_t version : {2u, 3u, 4u}) {
+    const SpzParts parts(version);
+    const Bundle loaded = spz(version == 4 ? parts.version4() : gzipped(parts.whole()));
+    const GaussianModel& model = loaded.model;
+    CAPTURE(version);
+    REQUIRE(model.size() == 2);
+    REQUIRE(model.sh_degree == 1);
+    CHECK(loaded.warnings.empty());
+    checkCloseTo(model.mean[0], {1.0f, -2.0f, 0.5f});
+    checkCloseTo(model.mean[1], {-1.0f / 4096, 0.0f, 8388607.0f / 4096}, 1e-3f);
+    checkCloseTo(model.log_scale[0], {0.0f, -1.0f, -2.0f});
+    checkCloseTo(model.log_scale[1], {-10.0f, 5.9375f, -9.0f});
+    CHECK(model.opacity_logit[0] == 20.0f);
+    CHECK(model.opacity_logit[1] == Approx(std::log(0.25)));
+    checkCloseTo(model.sh[0], {0.5f / 0.15f, -0.5f / 0.15f, (128 / 255.0f - 0.5f) / 0.15f}, 1e-5f);
+    checkCloseTo(model.sh[1], {-0.5f, -0.4375f, -0.375f});
+    checkCloseTo(model.sh[2], {-0.3125f, -0.25f, -0.1875f});
+    checkCloseTo(model.sh[3], {-0.125f, -0.0625f, 0.0f});
+    if (version == 2) {
+      checkCloseTo(model.rotation[0], {0, 1, 0, 0}, 6e-3f);
+      checkCloseTo(model.rotation[1], {0, 0, -1, 0}, 6e-3f);
+    } else {
+      const float half = std::sqrt(0.5f);
+      checkCloseTo(model.rotation[0], {1, 0, 0, 0}, 1e-6f);
+      checkCloseTo(model.rotation[1], {0, -half, half, 0}, 1e-6f);
+    }
+  }
+}
+
+TEST_CASE("SPZ without gzip around it is read, as some tools write it") {
+  CHECK(spz(SpzParts(2).whole()).model.size() == 2);
+}
+
+TEST_CASE("SPZ: what the model cannot hold is left out with a warning") {
+  SpzParts parts(4);
+  parts.flags = 1 | 2;
+  const Bundle flagged = spz(parts.version4(std::string("\x02\0\xbe\xad\0\0\0\0", 8)));
+  REQUIRE(flagged.warnings.size() == 2);
+  CHECK(flagged.warnings[0].find("antialiasing") != std::string::npos);
+  CHECK(flagged.warnings[1].find("extensions") != std::string::npos);
+
+  SpzParts fourth(4);
+  fourth.degree = 4;
+  fourth.streams[5] = std::string(2 * 72, '\x90');
+  const Bundle cut = spz(fourth.version4());
+  CHECK(cut.model.sh_degree == 3);
+  CHECK(cut.model.sh[16 + 15].x == Approx(0.125));
+  REQUIRE(cut.warnings.size() == 1);
+  CHECK(cut.warnings[0] == "SH of degree 4 is left out");
+}
+
+TEST_CASE("SPZ headers that lie are refused before memory is taken") {
+  const auto refused = [](SpzParts parts) { return thrown([&] { spz(gzipped(parts.whole())); }); };
+  SpzParts parts(3);
+  parts.version = 1;
+  CHECK(refused(parts) == "a.spz: SPZ: version 1 is not supported (expected 2, 3 or 4)");
+  parts = SpzParts(3);
+  parts.count = 0;
+  CHECK(refused(parts) == "a.spz: SPZ: wrong number of splats (expected 1 to 64000000, found 0)");
+  parts.count = 0xFFFFFFFF;
+  CHECK(refused(parts).find("found 4294967295") != std::string::npos);
+  parts.count = 60000000;
+  CHECK(refused(parts).find("the SPZ payload ends early (expected 1740000000 bytes, found ") != std::string::npos);
+  parts = SpzParts(3);
+  parts.degree = 5;
+  CHECK(refused(parts) == "a.spz: SPZ: wrong SH degree (expected 0 to 4, found 5)");
+  parts = SpzParts(3);
+  parts.fraction = 24;
+  CHECK(refused(parts) == "a.spz: SPZ: wrong number of fractional bits (expected 0 to 23, found 24)");
+  CHECK(thrown([&] { spz(gzipped(SpzParts(3).whole() + "more")); }) ==
+        "a.spz: SPZ: 4 bytes follow the splats (expected none)");
+
+  parts = SpzParts(4);
+  parts.count = 60000000;
+  CHECK(thrown([&] { spz(parts.version4()); }).find("the stream of positions has a wrong size") != std::string::npos);
+  parts = SpzParts(4);
+  parts.streams.pop_back();
+  CHECK(thrown([&] { spz(parts.version4()); }) == "a.spz: SPZ: wrong number of streams (expected 6, found 5)");
+  parts = SpzParts(4);
+  std::string broken = parts.version4();
+  broken[32 + 6 * 16] = 'x';  // the first frame's magic number
+  CHECK(thrown([&] { spz(broken); }).find("the stream of positions is broken") != std::string::npos);
+}
+
+TEST_CASE("SPZ: truncated and spoilt files are errors or sound models") {
+  const auto parse = [](const std::string& bytes) { checkModel(spz(bytes).model, "a.spz"); };
+  spoil(gzipped(SpzParts(2).whole()), parse);
+  spoil(gzipped(SpzParts(3).whole()), parse);
+  spoil(SpzParts(3).whole(), parse);
+  spoil(SpzParts(4).version4(), parse);
+}
+
+TEST_CASE("compressed PLY: every number where it belongs") {
+  for (const bool colored : {true, false}) {
+    const GaussianModel model = parseCompressedPly(bytesOf(compressedPly(colored)), "a.ply");
+    REQUIRE(model.size() == 300);
+    REQUIRE(model.sh_degree == 1);
+    checkCloseTo(model.mean[0], {1.0f, -2.0f, -3.0f});
+    checkCloseTo(model.mean[299], {11.0f, 8.0f, 7.0f + 6.0f * 299.0f / 2047.0f}, 1e-5f);  // the second chunk
+    checkCloseTo(model.log_scale[7], {-6.0f, -2.0f, -3.0f});
+    const glm::vec3 color = colored ? glm::vec3(1.5f, 0.0f, 0.55f) : glm::vec3(1.0f, 0.0f, 0.2f);
+    checkCloseTo(model.sh[0], (color - 0.5f) / 0.2820948f, 1e-5f);
+    CHECK(model.opacity_logit[0] == -20.0f);
+    CHECK(model.opacity_logit[255] == 20.0f);
+    CHECK(model.opacity_logit[51] == Approx(std::log(0.25)));
+    // 10 bits from -sqrt(1/2) to sqrt(1/2); index 0 is w.
+    const float a = std::sqrt(0.5f), b = (512 / 1023.0f - 0.5f) * std::sqrt(2.0f);
+    const float c = (511 / 1023.0f - 0.5f) * std::sqrt(2.0f), m = std::sqrt(1 - a * a - b * b - c * c);
+    const glm::vec4 expected[] = {{m, a, b, c}, {a, m, b, c}, {a, b, m, c}, {a, b, c, m}};
+    for (std::size_t i = 0; i < 4; ++i) checkCloseTo(model.rotation[i], expected[i], 1e-6f);
+    // Channel-major bytes: red of the three coefficients, then green, then blue.
+    const auto value = [](int byte) { return ((static_cast<float>(byte) + 0.5f) / 256.0f - 0.5f) * 8.0f; };
+    checkCloseTo(model.sh[1], {-4.0f, value(123), value(126)});
+    checkCloseTo(model.sh[2], {value(121), value(124), value(127)});
+    checkCloseTo(model.sh[3], {value(122), value(125), 4.0f});
+  }
+  CHECK(parseCompressedPly(bytesOf(compressedPly(true, false)), "a.ply").sh_degree == 0);
+}
+
+TEST_CASE("compressed PLY: counts that disagree and columns of other types are refused by name") {
+  const auto refused = [](std::string bytes, const std::string& from, const std::string& to) {
+    const std::size_t at = bytes.find(from);
+    REQUIRE(at != std::string::npos);
+    bytes.replace(at, from.size(), to);
+    return thrown([&] { parseCompressedPly(bytesOf(bytes), "a.ply"); });
+  };
+  const std::string good = compressedPly();
+  CHECK(refused(good, "element chunk 2", "element chunk 1").find("a.ply: ") == 0);
+  CHECK(refused(good, "uint packed_scale", "float packed_scale") ==
+        "a.ply: property packed_scale is not stored as it must be (expected uint in a binary file)");
+  CHECK(refused(good, "uchar f_rest_3", "char f_rest_3") ==
+        "a.ply: property f_rest_3 is not stored as it must be (expected uchar)");
+  CHECK(refused(good, "max_scale_y", "max_scale_q") == "a.ply: missing property max_scale_y");
+  CHECK(refused(good, "f_rest_8", "f_rust_8") ==
+        "a.ply: wrong number of f_rest properties (expected 9, 24 or 45, found 8)");
+  CHECK(refused(good, "binary_little_endian", "ascii").find("a.ply: ") == 0);
+  CHECK(refused(good, "element vertex 300", "element vertex 63000000").find("too short for its counts") !=
+        std::string::npos);
+  CHECK(thrown([&] { parseCompressedPly(bytesOf(good + "x"), "a.ply"); }).find("longer than its counts") !=
+        std::string::npos);
+}
+
+TEST_CASE("compressed PLY: truncated and spoilt files are errors or sound models") {
+  spoil(
+      compressedPly(true, true, 3),
+      [](const std::string& bytes) { checkModel(parseCompressedPly(bytesOf(bytes), "a.ply"), "a.ply"); }, 2);
+}
+
+TEST_CASE(".splat: every number where it belongs, what has no logarithm is repaired or dropped with a warning") {
+  const float infinity = std::numeric_limits<float>::infinity();
+  const SplatRecord records[] = {
+      {{1, 2, 3}, {1, 0.5f, 0.25f}, {255, 0, 128, 51}, {255, 128, 0, 128}},
+      {{infinity, 0, 0}, {1, 1, 1}, {0, 0, 0, 255}, {255, 128, 128, 128}},
+      {{0, 0, 0}, {-1, 0, 1}, {0, 0, 0, 255}, {128, 128, 128, 128}},
+  };
+  const std::string bytes(reinterpret_cast<const char*>(records), sizeof(records));
+  const Bundle loaded = parseSplat(bytesOf(bytes), "a.splat");
+  const GaussianModel& model = loaded.model;
+  REQUIRE(model.size() == 2);
+  checkModel(model, "a.splat");
+  checkCloseTo(model.mean[0], {1, 2, 3});
+  checkCloseTo(model.log_scale[0], {0.0f, std::log(0.5f), std::log(0.25f)});
+  checkCloseTo(model.rotation[0], {127 / 128.0f, 0.0f, -1.0f, 0.0f}, 1e-6f);
+  checkCloseTo(model.sh[0], glm::vec3(0.5f, -0.5f, 128 / 255.0f - 0.5f) / 0.2820948f, 1e-5f);
+  CHECK(model.opacity_logit[0] == Approx(std::log(0.25)));
+  CHECK(model.opacity_logit[1] == 20.0f);
+  checkCloseTo(model.log_scale[1], {0.0f, std::log(1e-4f), 0.0f});
+  CHECK(model.rotation[1] == glm::vec4(1, 0, 0, 0));
+  CHECK(loaded.warnings == std::vector<std::string>{"1 splats with values that are not finite: dropped",
+                                                    "1 splats with a negative scale: sign dropped",
+                                                    "1 splats with a quaternion of length 0: not turned"});
+
+  CHECK(thrown([&] { parseSplat(bytesOf(bytes.substr(0, 33)), "a.splat"); }) ==
+        "a.splat: is no .splat file (expected a multiple of 32 bytes, found 33)");
+  CHECK(thrown([&] { parseSplat(bytesOf(bytes.substr(32, 32)), "a.splat"); }) ==
+        "a.splat: no splat is left: none had finite values");
+}
+
+TEST_CASE("readModel finds the reader and names the format") {
+  const Scratch scratch;
+  const SplatRecord record = {{1, 2, 3}, {1, 0.5f, 0.25f}, {255, 0, 128, 51}, {255, 128, 0, 128}};
+  const std::string splat(reinterpret_cast<const char*>(&record), sizeof(record));
+  CHECK(readModel(scratch.write("a.splat", splat)).format == "splat");
+  CHECK(readModel(scratch.write("b.bin", SpzParts(4).version4())).format == "spz");
+  CHECK(readModel(scratch.write("c.tgz", gzipped(SpzParts(3).whole()))).format == "spz");
+  CHECK(readModel(scratch.write("d.ply", compressedPly())).format == "compressed.ply");
+}

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Splats that a glTF file holds as an SPZ.
+#include "converter/check.h"
+#include "converter/edit/transform.h"
+#include "converter/formats/write_spz.h"
+#include "converter/glb.h"
+#include "converter/registry/read_model.h"
+#include "converter/scenes.h"
+#include "converter/scratch.h"
+#include "converter/splat_files.h"
+#include "support/catch.h"
+
+using namespace tg;
+using tg::test::SceneKind;
+
+namespace {
+
+constexpr const char* kSpz = "KHR_gaussian_splatting_compression_spz_2";
+
+// A GLB of placeholders around an SPZ, as the draft's files are.
+Glb glbAround(const std::string& spz, std::size_t count) {
+  Glb glb;
+  glb.bin = spz;
+  const nlohmann::json vec3 = {{"componentType", 5126}, {"count", count}, {"type", "VEC3"}};
+  nlohmann::json position = vec3, rotation = vec3;
+  position["min"] = {-100, -100, -100};
+  position["max"] = {100, 100, 100};
+  rotation["type"] = "VEC4";
+  glb.json = {{"asset", {{"version", "2.0"}}},
+              {"extensionsUsed", {"KHR_gaussian_splatting", kSpz}},
+              {"extensionsRequired", {"KHR_gaussian_splatting", kSpz}},
+              {"scene", 0},
+              {"scenes", {{{"nodes", {0}}}}},
+              {"nodes", {{{"mesh", 0}}}},
+              {"buffers", {{{"byteLength", spz.size()}}}},
+              {"bufferViews", {{{"buffer", 0}, {"byteLength", spz.size()}}}},
+              {"accessors", {position, vec3, rotation}}};
+  nlohmann::json primitive = {
+      {"mode", 0},
+      {"attributes", {{"POSITION", 0}, {"KHR_gaussian_splatting:SCALE", 1}, {"KHR_gaussian_splatting:ROTATION", 2}}}};
+  primitive["extensions"]["KHR_gaussian_splatting"]["extensions"][kSpz] = {{"bufferView", 0}};
+  glb.json["meshes"] = {{{"primitives", nlohmann::json::array({primitive})}}};
+  return glb;
+}
+
+}  // namespace
+
+TEST_CASE("splats of an SPZ inside a glTF file are turned as the draft says") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::ordinary, 8);
+  GaussianModel model = scene.model;
+  model.texture_mode = TextureMode::none;
+  model.atlas = {};
+  writeSpz(scratch.folder() / "direct.spz", model);
+  const GaussianModel direct = readModel(scratch.folder() / "direct.spz").model;  // as stored: what the bytes can say
+  // SPZ's axes are x right, y up, z backward; ours half a turn about x from them.
+  Similarity turn;
+  turn.rotation = glm::dmat3(1, 0, 0, 0, -1, 0, 0, 0, -1);
+  transformModel(model, turn);
+  writeSpz(scratch.folder() / "turned.spz", model);
+  const std::string spz = Glb::slurp(scratch.folder() / "turned.spz");
+  const auto path = scratch.write("a.glb", glbAround(spz, model.size()).bytes());
+  const Bundle loaded = readModel(path);
+  REQUIRE(loaded.model.size() == direct.size());
+  REQUIRE(loaded.model.sh_degree == 3);
+  CHECK(glm::distance(loaded.model.mean[3], direct.mean[3]) < 1e-3f);
+  // Rotations are rounded on either side of the turn; one coefficient with the wrong sign shows.
+  const double turned = psnr(picture(direct, scene.camera), picture(loaded.model, scene.camera));
+  CHECK(turned > 40.0);
+  for (const std::size_t k : {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}) {
+    GaussianModel wrong = loaded.model;
+    for (std::size_t i = 0; i < wrong.size(); ++i) wrong.sh[i * 16 + k] *= -1.0f;
+    CAPTURE(k);
+    CHECK(psnr(picture(direct, scene.camera), picture(wrong, scene.camera)) < turned - 2.0);
+  }
+  CHECK(checkFile(path).errors.empty());
+}
+
+TEST_CASE("an SPZ inside a glTF file that is broken, cut or of another count is refused") {
+  const Scratch scratch;
+  const GaussianModel model = test::makeScene(SceneKind::ordinary, 9, 12).model;
+  writeSpz(scratch.folder() / "a.spz", model);
+  const std::string spz = Glb::slurp(scratch.folder() / "a.spz");
+  CHECK(refusal(scratch.write("b.glb", glbAround(spz, 13).bytes())) ==
+        "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting/extensions/" + std::string(kSpz) +
+            ": the count differs from POSITION's (expected 13, found 12)");
+  for (std::size_t length = 0; length < spz.size(); length += 3) {
+    const std::string message = refusal(scratch.write("c.glb", glbAround(spz.substr(0, length), 12).bytes()));
+    CAPTURE(length, message);
+    CHECK(message != "accepted");
+  }
+}

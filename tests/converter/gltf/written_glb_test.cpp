@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is written follows KHR_gaussian_splatting and docs/gltf.md to the letter.
+#include <cmath>
+#include <set>
+
+#include "converter/glb.h"
+#include "converter/gltf/axes.h"
+#include "converter/gltf/quantize.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/registry/read_model.h"
+#include "converter/scenes.h"
+#include "converter/scratch.h"
+#include "core/image/image.h"
+#include "support/catch.h"
+
+using namespace tg;
+using tg::test::SceneKind;
+
+namespace {
+
+Glb written(const GaussianModel& model, const Scratch& scratch) {
+  writeGlb(scratch.folder() / "written.glb", {model, {}, glm::vec3(0.0f)});
+  return Glb::read(scratch.folder() / "written.glb");
+}
+
+Image atlasImage(const Glb& glb, int texture) {
+  const auto& image = glb.json["images"][glb.json["textures"][texture]["source"].get<int>()];
+  const auto& view = glb.json["bufferViews"][image["bufferView"].get<int>()];
+  const std::string bytes = glb.bin.substr(view.value("byteOffset", 0), view["byteLength"].get<std::size_t>());
+  return decodeImage({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "atlas");
+}
+
+}  // namespace
+
+TEST_CASE("the base is plain KHR_gaussian_splatting that asks nothing of a reader") {
+  const Scratch scratch;
+  for (int degree = 0; degree <= 3; ++degree) {
+    GaussianModel model = test::makeScene(SceneKind::ordinary, 21, 40).model;
+    const std::vector<glm::vec3> sh = model.sh;
+    model.sh_degree = degree;
+    model.sh.clear();
+    for (std::size_t i = 0; i < model.size(); ++i) {
+      for (int k = 0; k < model.shCount(); ++k) model.sh.push_back(sh[i * 16 + k]);
+    }
+    Glb glb = written(model, scratch);
+    CHECK(glb.json["asset"]["version"] == "2.0");
+    CHECK(glb.json["extensionsUsed"] == nlohmann::json({"KHR_gaussian_splatting", "TG_gaussian_splatting_texture"}));
+    CHECK(!glb.json.contains("extensionsRequired"));
+    CHECK(glb.primitive()["mode"] == 0);
+    CHECK(glb.splatting()["kernel"] == "ellipse");
+    CHECK(glb.splatting()["colorSpace"] == "srgb_rec709_display");
+    const auto& node = glb.json["nodes"][0];
+    for (const char* key : {"matrix", "translation", "rotation", "scale"}) CHECK(!node.contains(key));
+    std::size_t coefficients = 0;
+    for (const auto& [name, accessor] : glb.primitive()["attributes"].items()) {
+      CHECK(glb.accessor(name)["count"] == model.size());
+      if (name.rfind("KHR_gaussian_splatting:SH_DEGREE_", 0) == 0) ++coefficients;
+    }
+    CHECK(coefficients == static_cast<std::size_t>(model.shCount()));
+    for (const auto& view : glb.json["bufferViews"]) CHECK(view.value("byteOffset", 0) % 4 == 0);
+  }
+}
+
+TEST_CASE("a model without textures has no trace of our extension") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(SceneKind::ordinary, 22, 40).model;
+  model.texture_mode = TextureMode::none;
+  Glb glb = written(model, scratch);
+  CHECK(glb.json["extensionsUsed"] == nlohmann::json({"KHR_gaussian_splatting"}));
+  CHECK(!glb.json.contains("images"));
+  CHECK(!glb.splatting().contains("extensions"));
+}
+
+TEST_CASE("values are what the specification asks for: unit quaternions, linear scale, opacity and COLOR_0") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(SceneKind::flat, 23, 100).model;
+  for (std::size_t i = 0; i < model.size(); ++i) model.rotation[i] *= 0.5f + static_cast<float>(i);
+  Glb glb = written(model, scratch);
+  const auto position = glb.values<float>("POSITION", 3);
+  const auto rotation = glb.values<float>("KHR_gaussian_splatting:ROTATION", 4);
+  const auto scale = glb.values<float>("KHR_gaussian_splatting:SCALE", 3);
+  const auto opacity = glb.values<float>("KHR_gaussian_splatting:OPACITY", 1);
+  const auto dc = glb.values<float>("KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", 3);
+  const auto color = glb.values<std::uint16_t>("COLOR_0", 4);
+  std::vector<float> low(3, 1e9f), high(3, -1e9f);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    CAPTURE(i);
+    CHECK(position[i * 3] == -model.mean[i].x);
+    CHECK(position[i * 3 + 1] == -model.mean[i].y);
+    CHECK(position[i * 3 + 2] == model.mean[i].z);
+    double norm = 0.0;
+    for (int k = 0; k < 4; ++k) norm += double{rotation[i * 4 + k]} * rotation[i * 4 + k];
+    CHECK(std::abs(norm - 1.0) < 2e-7);
+    CHECK(scale[i * 3 + 2] <= std::min(scale[i * 3], scale[i * 3 + 1]));  // z is the normal of the texture
+    CHECK((opacity[i] >= 0.0f && opacity[i] <= 1.0f));
+    for (int c = 0; c < 3; ++c) {
+      low[c] = std::min(low[c], position[i * 3 + c]);
+      high[c] = std::max(high[c], position[i * 3 + c]);
+      const double srgb = std::clamp(0.5 + 0.28209479177387814 * dc[i * 3 + c], 0.0, 1.0);
+      const double linear = srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4);
+      CHECK(std::abs(color[i * 4 + c] / 65535.0 - linear) < 1e-5);
+    }
+    CHECK(std::abs(color[i * 4 + 3] / 65535.0 - opacity[i]) < 1e-5);
+  }
+  for (int c = 0; c < 3; ++c) {
+    CHECK(glb.accessor("POSITION")["min"][c].get<double>() == double{low[c]});
+    CHECK(glb.accessor("POSITION")["max"][c].get<double>() == double{high[c]});
+  }
+}
+
+TEST_CASE("the local axes in the file are u, v and a normal that keeps them right-handed") {
+  const Scratch scratch;
+  const GaussianModel model = test::makeScene(SceneKind::ordinary, 24, 60).model;
+  Glb glb = written(model, scratch);
+  const auto rotation = glb.values<float>("KHR_gaussian_splatting:ROTATION", 4);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const glm::dmat3 file =
+        matrixFromQuaternion({rotation[i * 4 + 3], rotation[i * 4], rotation[i * 4 + 1], rotation[i * 4 + 2]});
+    const glm::dmat3 ours = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
+    const glm::vec3 s = model.log_scale[i];
+    const int c = s.x <= s.y && s.x <= s.z ? 0 : (s.y <= s.z ? 1 : 2);
+    CHECK(glm::length(file[0] - turnAxes(ours[c == 0 ? 1 : 0])) < 1e-6);
+    CHECK(glm::length(file[1] - turnAxes(ours[c == 2 ? 1 : 2])) < 1e-6);
+    CHECK(std::abs(std::abs(glm::dot(file[2], turnAxes(ours[c]))) - 1.0) < 1e-6);
+  }
+}
+
+TEST_CASE("atlas bytes: 128 is exactly 0 where a channel is signed, texels lie where RECT says") {
+  const Scratch scratch;
+  test::Random random(25);
+  GaussianModel model = test::makeScene(SceneKind::mixed, 25, 50).model;
+  for (glm::vec4& texel : model.atlas.texels) {
+    texel = glm::vec4(glm::vec3(random.uniformVec3(-0.7, 0.3)), random.uniform());
+    if (random.uniform() < 0.3) texel = glm::vec4(0, 0, 0, 1);
+  }
+  Glb glb = written(model, scratch);
+  const auto& extension = glb.textures();
+  CHECK(extension["mode"] == "rgba");
+  CHECK(extension["intersection"] == "maxResponse");
+  CHECK(extension["extent"] == 3.0);
+  CHECK(extension["filter"] == "bilinear");
+  REQUIRE(extension["atlases"].size() == 1);
+  const auto& atlas = extension["atlases"][0];
+  const Image color = atlasImage(glb, atlas["color"].get<int>());
+  const Image alpha = atlasImage(glb, atlas["alpha"].get<int>());
+  REQUIRE(color.channels == 3);
+  REQUIRE(alpha.width == color.width);
+  const auto rects = glb.values<std::uint16_t>("TG_gaussian_splatting_texture:RECT", 4);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const TextureRect& rect = model.atlas.rects[i];
+    REQUIRE(rects[i * 4 + 2] == rect.width);
+    REQUIRE(rects[i * 4 + 3] == rect.height);
+    for (int v = 0; v < rect.height; ++v) {
+      for (int u = 0; u < rect.width; ++u) {
+        const glm::vec4& texel = model.atlas.texels[rect.offset + v * rect.width + u];
+        const int x = rects[i * 4] + u, y = rects[i * 4 + 1] + v;
+        for (int c = 0; c < 3; ++c) {
+          const double scale = atlas["scale"][c].get<double>(), offset = atlas["offset"][c].get<double>();
+          const double byte = std::round(color.at(x, y, c) * 255.0);
+          CHECK(std::abs(byte / 255.0 * scale + offset - texel[c]) <= 0.5 * scale / 255.0 + 1e-6);
+          if (texel[c] == 0.0f) CHECK(byte == 128.0);
+        }
+        CHECK(std::abs(alpha.at(x, y, 0) - texel.a) <= 0.5 / 255.0 + 1e-6);
+      }
+    }
+  }
+  const GaussianModel read = readModel(scratch.folder() / "written.glb").model;
+  for (std::size_t i = 0; i < model.atlas.texels.size(); ++i) {
+    // The same order: rectangles of both start where the one before ends.
+    if (model.atlas.texels[i].r == 0.0f) CHECK(read.atlas.texels[i].r == 0.0f);
+  }
+}
+
+TEST_CASE("modes write the terms they have") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(SceneKind::ordinary, 26, 20).model;
+  const std::string opacity = "TG_gaussian_splatting_texture:OPACITY";
+  const std::string dc = "TG_gaussian_splatting_texture:SH_DEGREE_0_COEF_0";
+  for (const TextureMode mode : {TextureMode::alpha, TextureMode::rgb, TextureMode::rgba}) {
+    model.texture_mode = mode;
+    Glb glb = written(model, scratch);
+    const auto& attributes = glb.primitive()["attributes"];
+    CHECK(attributes.contains(opacity) == (mode != TextureMode::rgb));
+    CHECK(attributes.contains(dc) == (mode != TextureMode::alpha));
+    CHECK(glb.textures()["atlases"][0].contains("color") == (mode != TextureMode::alpha));
+    CHECK(glb.textures()["atlases"][0].contains("alpha") == (mode != TextureMode::rgb));
+    CHECK(readModel(scratch.folder() / "written.glb").model.texture_mode == mode);
+  }
+}
+
+TEST_CASE("a channel's range is the one that loses less: outliers are clipped and counted, or kept") {
+  AtlasPage page;
+  page.width = 400;
+  page.height = 250;
+  test::Random random(27);
+  for (int i = 0; i < page.width * page.height; ++i) {
+    page.texels.emplace_back(glm::vec3(random.uniformVec3(-0.1, 0.1)), 1.0f);
+  }
+  page.texels[77].g = 0.2f;  // clipping it costs 0.1^2, keeping it 4 times the squared step of 100000 texels
+  const QuantizedPage clipped = quantizePage(page);
+  CHECK(clipped.clipped_texels >= 1);
+  CHECK(clipped.clipped_texels <= 300);
+  CHECK(clipped.scale[1] == Approx(0.2).epsilon(0.02));
+  page.texels[77].g = 1.0f;  // too far out to lose
+  const QuantizedPage kept = quantizePage(page);
+  CHECK(kept.scale[1] == Approx(2.0).epsilon(0.02));
+  CHECK(kept.offset[1] + 128.0 * kept.scale[1] / 255.0 == 0.0);
+}

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pages: the model in them is the one a GLB would hold, and a spoilt page is refused. What a browser shows: tests/web.
+#include <algorithm>
+
+#include "converter/glb.h"
+#include "converter/html/read_html.h"
+#include "converter/html/write_html.h"
+#include "converter/registry/read_model.h"
+#include "converter/scenes.h"
+#include "converter/scratch.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+TEST_CASE("a page holds the GLB of its model, byte for byte, and the same bytes every time") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 61, 300);
+  const std::vector<Camera> cameras = {scene.camera};
+  const GltfContent content{scene.model, cameras, glm::vec3(0.25f), true};
+  writeGlb(scratch.folder() / "a.glb", content);
+  const GltfReport report = writeHtml(scratch.folder() / "a & b <c>.html", content);
+
+  const std::string page = Glb::slurp(scratch.folder() / "a & b <c>.html");
+  CHECK(report.bytes == page.size());
+  CHECK(page.find("<title>a &amp; b &lt;c></title>") != std::string::npos);
+  CHECK(page.find("@PAYLOAD@") == std::string::npos);
+  const std::vector<std::uint8_t> glb = readHtmlGlb(scratch.folder() / "a & b <c>.html");
+  CHECK(std::string(glb.begin(), glb.end()) == Glb::slurp(scratch.folder() / "a.glb"));
+
+  std::filesystem::create_directory(scratch.folder() / "again");
+  writeHtml(scratch.folder() / "again" / "a & b <c>.html", content);
+  CHECK(Glb::slurp(scratch.folder() / "again" / "a & b <c>.html") == page);
+
+  const Bundle loaded = readModel(scratch.folder() / "a & b <c>.html");
+  CHECK(loaded.format == "html");
+  CHECK(loaded.model.size() == 300);
+  CHECK(loaded.model.texture_mode == scene.model.texture_mode);
+  CHECK(loaded.cameras.size() == 1);
+  CHECK(std::distance(std::filesystem::directory_iterator(scratch.folder()), {}) == 3);  // no temporary file
+}
+
+TEST_CASE("a page names nothing outside itself") {
+  const Scratch scratch;
+  writeHtml(scratch.folder() / "a.html",
+            {test::makeScene(test::SceneKind::ordinary, 62, 3).model, {}, glm::vec3(0.0f)});
+  const std::string page = Glb::slurp(scratch.folder() / "a.html");
+  for (const char* mark : {"http:", "https:", "src=", "href=", "import ", "@import", "url("}) {
+    CAPTURE(mark);
+    CHECK(page.find(mark) == std::string::npos);
+  }
+  CHECK(page.find("#include \"") == std::string::npos);  // <...> stand in parts that are for C++
+}
+
+TEST_CASE("spoilt pages are refused with a word") {
+  const Scratch scratch;
+  writeHtml(scratch.folder() / "a.html",
+            {test::makeScene(test::SceneKind::ordinary, 63, 40).model, {}, glm::vec3(0.0f)});
+  const std::string page = Glb::slurp(scratch.folder() / "a.html");
+  const std::size_t model = page.find("class=\"model\">") + 14;
+  const auto with = [&](std::size_t at, char c) {
+    std::string spoilt = page;
+    spoilt[at] = c;
+    return refusal(scratch.write("spoilt.html", spoilt));
+  };
+  CHECK(refusal(scratch.write("foreign.html", "<!doctype html><p>hello")) ==
+        "the page holds no model (expected one that tgconvert wrote)");
+  CHECK(refusal(scratch.write("short.html", page.substr(0, model + 1000))) == "the page ends early");
+  CHECK(with(model + 40, '*') == "the page's model is no base64");
+  CHECK(with(model, 'A').find("gzip stream") != std::string::npos);
+  // Anywhere in the packed bytes: the stream or its checksum notices.
+  for (std::size_t at = model + 20; at + 100 < page.find("</script>", model); at += 997) {
+    CAPTURE(at);
+    CHECK(with(at, page[at] == 'B' ? 'C' : 'B') != "accepted");
+  }
+}

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+// model.tgz: what goes in comes out, the same bytes every time, and the entries are what other tools expect.
+#include <fstream>
+#include <set>
+
+#include "core/bundle/bundle.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "core/tar_file.h"
+#include "core/temporary_folder.h"
+#include "core/tiny_model.h"
+#include "support/catch.h"
+
+using Bytes = std::vector<std::uint8_t>;
+
+namespace {
+
+tg::Bundle tinyBundle() {
+  tg::Bundle bundle;
+  bundle.model = tg::tinyTexturedModel(20);
+  for (int i = 0; i < 3; ++i) {
+    bundle.cameras.push_back(tg::lookAt({1.0 + i, 2.0, 3.3}, {0.1, 0.2, 0.3 * i}, {0, -1, 0}, 0.7, 640, 480));
+    bundle.cameras.back().name = "view_" + std::to_string(i) + ".png";
+    bundle.cameras.back().cx += 1.25;
+    bundle.cameras.back().test = i == 1;
+  }
+  bundle.training_json = "{ \"steps\": 30000 }\n";
+  bundle.preview = tg::Image(6, 4, 3, 51.0f / 255.0f);
+  bundle.background = {0.1f, 0.5f, 1.0f};
+  return bundle;
+}
+
+Bytes read(const std::filesystem::path& path) { return tg::readFile(path, 1 << 26); }
+
+}  // namespace
+
+TEST_CASE("a bundle comes back as it went in") {
+  const tg::TemporaryFolder folder;
+  const tg::Bundle bundle = tinyBundle();
+  tg::writeBundle(folder / "a.tgz", bundle);
+  REQUIRE(tg::looksLikeBundle(folder / "a.tgz"));
+  const tg::Bundle back = tg::readBundle(folder / "a.tgz");
+  REQUIRE(back.warnings.empty());
+  REQUIRE(back.model.mean == bundle.model.mean);
+  REQUIRE(back.model.rotation == bundle.model.rotation);
+  REQUIRE(back.model.log_scale == bundle.model.log_scale);
+  REQUIRE(back.model.opacity_logit == bundle.model.opacity_logit);
+  REQUIRE(back.model.sh == bundle.model.sh);
+  REQUIRE(back.model.sh_degree == 1);
+  REQUIRE(back.model.texture_mode == tg::TextureMode::rgba);
+  REQUIRE(back.model.intersection == tg::IntersectionModel::plane);
+  REQUIRE(back.model.atlas.rects == bundle.model.atlas.rects);
+  REQUIRE(back.model.atlas.texels == bundle.model.atlas.texels);
+  REQUIRE(back.background == bundle.background);
+  REQUIRE(back.training_json == bundle.training_json);
+  REQUIRE(back.preview.data == bundle.preview.data);
+  REQUIRE(back.cameras.size() == 3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    REQUIRE(back.cameras[i].name == bundle.cameras[i].name);
+    REQUIRE(back.cameras[i].cx == bundle.cameras[i].cx);
+    REQUIRE(back.cameras[i].fy == bundle.cameras[i].fy);
+    REQUIRE(back.cameras[i].test == bundle.cameras[i].test);
+    REQUIRE(back.cameras[i].camera_from_world_rotation == bundle.cameras[i].camera_from_world_rotation);
+    REQUIRE(back.cameras[i].camera_from_world_translation == bundle.cameras[i].camera_from_world_translation);
+  }
+}
+
+TEST_CASE("reading and writing again gives the same bytes, for any thread count") {
+  const tg::TemporaryFolder folder;
+  tg::Bundle bundle = tinyBundle();
+  bundle.model.atlas.texels[3].r = 0.1f;  // no half float: rounded once, then stable
+  tg::writeBundle(folder / "a.tgz", bundle);
+  for (int threads : {1, 2, 5}) {
+    tg::setThreadCount(threads);
+    tg::writeBundle(folder / "b.tgz", tg::readBundle(folder / "a.tgz"));
+    REQUIRE(read(folder / "a.tgz") == read(folder / "b.tgz"));
+  }
+  tg::setThreadCount(0);
+}
+
+TEST_CASE("the gzip header holds no time and no name") {
+  const tg::TemporaryFolder folder;
+  tg::writeBundle(folder / "a.tgz", tinyBundle());
+  const Bytes bytes = read(folder / "a.tgz");
+  REQUIRE(Bytes(bytes.begin(), bytes.begin() + 10) == Bytes{0x1f, 0x8b, 8, 0, 0, 0, 0, 0, bytes[8], 3});
+}
+
+TEST_CASE("a model without textures, cameras, training and preview is a bundle of two entries") {
+  const tg::TemporaryFolder folder;
+  tg::Bundle bundle;
+  bundle.model = tg::tinyModel(3, 3);
+  tg::writeBundle(folder / "a.tgz", bundle);
+  std::vector<std::string> names;
+  for (const tg::TarEntry& entry : tg::readTar(folder / "a.tgz")) names.push_back(entry.name);
+  REQUIRE(names == std::vector<std::string>{"manifest.json", "gaussians.ply"});
+  const tg::Bundle back = tg::readBundle(folder / "a.tgz");
+  REQUIRE(back.model.atlas.rects.empty());
+  REQUIRE(back.cameras.empty());
+  REQUIRE(back.training_json.empty());
+  REQUIRE(back.preview.width == 0);
+}
+
+TEST_CASE("an empty model and a model whose textures are all empty survive") {
+  const tg::TemporaryFolder folder;
+  tg::writeBundle(folder / "a.tgz", {});
+  REQUIRE(tg::readBundle(folder / "a.tgz").model.size() == 0);
+  tg::Bundle bundle;
+  bundle.model = tg::tinyModel(4, 0);
+  bundle.model.atlas.rects.resize(4);
+  tg::writeBundle(folder / "b.tgz", bundle);
+  REQUIRE(tg::readBundle(folder / "b.tgz").model.atlas.rects == bundle.model.atlas.rects);
+}
+
+TEST_CASE("gaussians.ply inside is a strict splat PLY, entries are plain files without owner and time") {
+  const tg::TemporaryFolder folder;
+  const tg::Bundle bundle = tinyBundle();
+  tg::writeBundle(folder / "a.tgz", bundle);
+  const std::vector<tg::TarEntry> entries = tg::readTar(folder / "a.tgz");
+  REQUIRE(entries.size() == 8);
+  REQUIRE(entries[0].name == "manifest.json");
+  REQUIRE(entries[1].name == "gaussians.ply");
+  REQUIRE(entries[1].bytes == tg::formatSplatPly(bundle.model));
+  for (const tg::TarEntry& entry : entries) {
+    REQUIRE(entry.type == '0');
+    REQUIRE(entry.mode == 0644);
+    REQUIRE(entry.uid == 0);
+    REQUIRE(entry.mtime == 0);
+  }
+}
+
+TEST_CASE("a failed write leaves the older file as it was and nothing beside it") {
+  const tg::TemporaryFolder folder;
+  tg::writeBundle(folder / "a.tgz", tinyBundle());
+  const Bytes before = read(folder / "a.tgz");
+  tg::Bundle broken = tinyBundle();
+  broken.model.atlas.texels[0].r = 1e6f;  // beyond half floats
+  REQUIRE_THROWS_WITH(tg::writeBundle(folder / "a.tgz", broken),
+                      Catch::Contains("a.tgz: ") && Catch::Contains("half float"));
+  broken = tinyBundle();
+  broken.model.mean[2].x = NAN;
+  REQUIRE_THROWS_WITH(tg::writeBundle(folder / "a.tgz", broken), Catch::Contains("Gaussian 2: mean is not finite"));
+  broken = tinyBundle();
+  broken.training_json = "[1]";
+  REQUIRE_THROWS_AS(tg::writeBundle(folder / "a.tgz", broken), tg::Error);
+  broken.training_json = "{";
+  REQUIRE_THROWS_AS(tg::writeBundle(folder / "a.tgz", broken), tg::Error);
+  broken = tinyBundle();
+  broken.preview = tg::Image(513, 1, 3);
+  REQUIRE_THROWS_AS(tg::writeBundle(folder / "a.tgz", broken), tg::Error);
+  REQUIRE(read(folder / "a.tgz") == before);
+  std::size_t files = 0;
+  for (const auto& file : std::filesystem::directory_iterator(folder.path)) files += file.exists();
+  REQUIRE(files == 1);
+  REQUIRE_THROWS_AS(tg::writeBundle(folder / "missing" / "a.tgz", tinyBundle()), tg::Error);
+}
+
+TEST_CASE("only gzip files look like bundles") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes{0x1f});
+  REQUIRE_FALSE(tg::looksLikeBundle(folder / "a"));
+  tg::writeFileAtomically(folder / "a", Bytes{'p', 'l', 'y'});
+  REQUIRE_FALSE(tg::looksLikeBundle(folder / "a"));
+  REQUIRE_FALSE(tg::looksLikeBundle(folder / "nothing"));
+  REQUIRE_FALSE(tg::looksLikeBundle(folder.path));
+}

@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+// PLY: what other programs write is read, what is broken is refused by name.
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/temporary_folder.h"
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "support/shared_files.h"
+
+using Bytes = std::vector<std::uint8_t>;
+
+namespace {
+
+Bytes toBytes(const std::string& text) { return {text.begin(), text.end()}; }
+
+tg::GaussianModel parse(const std::string& text) { return tg::parseSplatPly(toBytes(text), "a.ply"); }
+
+// Replaces the first `from` of an ASCII file.
+std::string with(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  REQUIRE(at != text.npos);
+  return text.replace(at, from.size(), to);
+}
+
+const std::string kAscii =
+    "ply\nformat ascii 1.0\ncomment by hand\nelement vertex 2\n"
+    "property float opacity\nproperty float x\nproperty float y\nproperty float z\nproperty double f_dc_0\n"
+    "property float f_dc_1\nproperty float f_dc_2\nproperty uchar label\nproperty float scale_0\n"
+    "property float scale_1\nproperty float scale_2\nproperty float rot_0\nproperty float rot_1\n"
+    "property float rot_2\nproperty float rot_3\nend_header\n"
+    "0.5 1 2 3 0.25 -0.5 +1e-2 7 -1 -2 -3 1 0 0 0\n"
+    "-4 -1 -2 -3 1e-60 0 0 255 -1.5 -2.5 -3.5 0 1 0 0\n";
+
+template <typename T>
+void append(Bytes& bytes, T value, bool big) {
+  std::uint8_t raw[sizeof(T)];
+  std::memcpy(raw, &value, sizeof(T));
+  for (std::size_t i = 0; i < sizeof(T); ++i) bytes.push_back(raw[big ? sizeof(T) - 1 - i : i]);
+}
+
+}  // namespace
+
+TEST_CASE("a model survives PLY exactly at every SH degree") {
+  for (int degree = 0; degree <= 3; ++degree) {
+    const tg::GaussianModel model = tg::tinyModel(5, degree);
+    const tg::GaussianModel back = tg::parseSplatPly(tg::formatSplatPly(model), "a.ply");
+    REQUIRE(back.sh_degree == degree);
+    REQUIRE(back.mean == model.mean);
+    REQUIRE(back.rotation == model.rotation);
+    REQUIRE(back.log_scale == model.log_scale);
+    REQUIRE(back.opacity_logit == model.opacity_logit);
+    REQUIRE(back.sh == model.sh);
+    REQUIRE(back.atlas.rects.empty());
+  }
+}
+
+TEST_CASE("the written layout is INRIA's: 62 float properties at degree 3, channel-major rest coefficients") {
+  tg::GaussianModel model = tg::tinyModel(1, 3);
+  for (int k = 0; k < 16; ++k) model.sh[static_cast<std::size_t>(k)] = {100.0f + k, 200.0f + k, 300.0f + k};
+  const Bytes bytes = tg::formatSplatPly(model);
+  const std::string text(bytes.begin(), bytes.end());
+  std::size_t properties = 0;
+  for (std::size_t at = text.find("property float"); at != text.npos; at = text.find("property float", at + 1))
+    ++properties;
+  REQUIRE(properties == 62);
+  const std::size_t body = text.find("end_header\n") + 11;
+  REQUIRE(bytes.size() == body + 62 * 4);
+  float row[62];
+  std::memcpy(row, bytes.data() + body, sizeof(row));
+  REQUIRE(row[6] == 100.0f);                // f_dc_0
+  REQUIRE(row[9] == 101.0f);                // f_rest_0: red of coefficient 1
+  REQUIRE(row[9 + 15] == 201.0f);           // f_rest_15: green of coefficient 1
+  REQUIRE(row[9 + 44] == 315.0f);           // f_rest_44: blue of coefficient 15
+  REQUIRE(row[58] == model.rotation[0].x);  // rot_0 = w
+}
+
+TEST_CASE("an empty model is a valid PLY") { REQUIRE(tg::parseSplatPly(tg::formatSplatPly({}), "a.ply").size() == 0); }
+
+TEST_CASE("ASCII in any property order, with extra properties, is read by name") {
+  const tg::GaussianModel model = parse(kAscii);
+  REQUIRE(model.size() == 2);
+  REQUIRE(model.sh_degree == 0);
+  REQUIRE(model.mean[0] == glm::vec3(1, 2, 3));
+  REQUIRE(model.opacity_logit[0] == 0.5f);
+  REQUIRE(model.sh[0] == glm::vec3(0.25f, -0.5f, 0.01f));
+  REQUIRE(model.sh[1] == glm::vec3(0));
+  REQUIRE(model.log_scale[1] == glm::vec3(-1.5f, -2.5f, -3.5f));
+  REQUIRE(model.rotation[1] == glm::vec4(0, 1, 0, 0));
+}
+
+TEST_CASE("Windows line ends are read") {
+  std::string text;
+  for (char c : kAscii) text += c == '\n' ? "\r\n" : std::string(1, c);
+  REQUIRE(parse(text).mean[0] == glm::vec3(1, 2, 3));
+}
+
+TEST_CASE("big and little endian with doubles and an element before the vertices are read alike") {
+  for (bool big : {false, true}) {
+    std::string header = std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
+                         " 1.0\nelement camera 3\nproperty short id\nproperty uchar on\nelement vertex 1\n";
+    for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+                             "rot_0", "rot_1", "rot_2", "rot_3"})
+      header += std::string("property ") + (name[0] == 's' ? "double " : "float ") + name + "\n";
+    header += "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    Bytes bytes = toBytes(header);
+    bytes.insert(bytes.end(), 9, 0);
+    for (int i = 0; i < 14; ++i) {
+      if (i >= 7 && i < 10)
+        append(bytes, static_cast<double>(i + 1), big);
+      else
+        append(bytes, static_cast<float>(i + 1), big);
+    }
+    bytes.push_back(0);  // the face: an empty list
+    const tg::GaussianModel model = tg::parseSplatPly(bytes, "a.ply");
+    REQUIRE(model.mean[0] == glm::vec3(1, 2, 3));
+    REQUIRE(model.log_scale[0] == glm::vec3(8, 9, 10));
+    REQUIRE(model.rotation[0] == glm::vec4(11, 12, 13, 14));
+  }
+}
+
+TEST_CASE("a 2DGS file without scale_2 becomes flat: 1e-4 of the smaller scale") {
+  std::string text = with(kAscii, "property float scale_2\n", "");
+  text = with(with(text, "-1 -2 -3 1", "-1 -2 1"), "-1.5 -2.5 -3.5", "-1.5 -2.5");
+  const tg::GaussianModel model = parse(text);
+  REQUIRE(model.log_scale[0].z == Approx(-2.0 + std::log(1e-4)));
+  REQUIRE(model.log_scale[1].z == Approx(-2.5 + std::log(1e-4)));
+}
+
+TEST_CASE("values that are not finite are refused with Gaussian and property") {
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "-4 -1", "nan -1")),
+                      Catch::Contains("a.ply: Gaussian 1: opacity is not finite"));
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "1 2 3", "1 inf 3")), Catch::Contains("Gaussian 0: y is not finite"));
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "1 2 3", "1 2 1e39")), Catch::Contains("Gaussian 0: z is not finite"));
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "1 2 3", "1 2 1e999")), Catch::Contains("Gaussian 0: z is not finite"));
+  tg::GaussianModel model = tg::tinyModel(9000, 1);
+  model.sh[8500 * 4 + 2].y = NAN;
+  model.mean[4300].x = INFINITY;
+  REQUIRE_THROWS_WITH(tg::parseSplatPly(tg::formatSplatPly(model), "b.ply"),
+                      Catch::Contains("b.ply: Gaussian 4300: x is not finite"));
+}
+
+TEST_CASE("a quaternion of length zero is refused") {
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "0 1 0 0\n", "0 0 0 0\n")), Catch::Contains("Gaussian 1: rotation"));
+}
+
+TEST_CASE("every truncation of a binary and of an ASCII file is refused") {
+  for (const Bytes& good : {tg::formatSplatPly(tg::tinyModel(2, 1)), toBytes(kAscii)}) {
+    // The last byte of the ASCII file is a line end: not needed; and a shorter last number is still a number.
+    const std::size_t end = good.size() - (good == toBytes(kAscii) ? 2 : 0);
+    for (std::size_t length = 0; length < end; ++length)
+      REQUIRE_THROWS_AS(tg::parseSplatPly(std::span(good).first(length), "cut.ply"), tg::Error);
+  }
+}
+
+TEST_CASE("every flipped bit gives a model or tg::Error") {
+  for (const Bytes& good : {tg::formatSplatPly(tg::tinyModel(1, 0)), toBytes(kAscii)})
+    for (std::size_t i = 0; i < good.size() * 8; ++i) {
+      Bytes bad = good;
+      bad[i / 8] ^= static_cast<std::uint8_t>(1u << (i % 8));
+      try {
+        tg::checkModel(tg::parseSplatPly(bad, "flipped.ply"), "flipped.ply");
+      } catch (const tg::Error&) {
+      }
+    }
+}
+
+TEST_CASE("bytes beyond the last vertex are refused") {
+  Bytes bytes = tg::formatSplatPly(tg::tinyModel(2, 0));
+  bytes.push_back(0);
+  REQUIRE_THROWS_WITH(tg::parseSplatPly(bytes, "a.ply"), Catch::Contains("longer than its counts"));
+  REQUIRE_THROWS_WITH(parse(kAscii + "5\n"), Catch::Contains("longer than its counts"));
+  REQUIRE_NOTHROW(parse(kAscii + " \n\n"));
+}
+
+TEST_CASE("hostile headers are refused before anything is allocated") {
+  const auto vertexCount = [](const std::string& count) { return with(kAscii, "vertex 2", "vertex " + count); };
+  for (const char* count : {"3", "63999999", "64000001", "4294967296", "18446744073709551615", "99999999999999999999",
+                            "-1", "2x", "", "0x2"})
+    REQUIRE_THROWS_AS(parse(vertexCount(count)), tg::Error);
+  const Bytes binary = tg::formatSplatPly(tg::tinyModel(1, 0));
+  const std::string text(binary.begin(), binary.end());
+  // 2^63 / 17 and so on: products with the stride would wrap.
+  for (const char* count : {"2", "64000000", "542551296285575048", "271275648142787524", "18446744073709551615"})
+    REQUIRE_THROWS_AS(parse(with(text, "vertex 1", std::string("vertex ") + count)), tg::Error);
+  REQUIRE_THROWS_AS(
+      parse(with(kAscii, "element vertex 2\n", "element a 99999999999\nproperty int b\nelement vertex 2\n")),
+      tg::Error);
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "property float x", "property list uchar float x")),
+                      Catch::Contains("list property"));
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "property float x", "property quad x")),
+                      Catch::Contains("unknown property type"));
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "property float x", "property float y")), Catch::Contains("given twice"));
+  REQUIRE_THROWS_AS(parse(with(kAscii, "property float x", "property float")), tg::Error);
+  REQUIRE_THROWS_AS(parse(with(kAscii, "ascii", "utf8")), tg::Error);
+  REQUIRE_THROWS_AS(parse(with(kAscii, "1.0", "2.0")), tg::Error);
+  REQUIRE_THROWS_AS(parse(with(kAscii, "format ascii 1.0\n", "")), tg::Error);
+  REQUIRE_THROWS_AS(parse(with(kAscii, "comment", "banana")), tg::Error);
+  REQUIRE_THROWS_AS(parse(with(kAscii, "vertex", "vortex")), tg::Error);
+  REQUIRE_THROWS_AS(parse("ply\n" + std::string(2 << 20, ' ') + "\nend_header\n"), tg::Error);
+  REQUIRE_THROWS_AS(parse(""), tg::Error);
+  REQUIRE_THROWS_AS(parse("PNG"), tg::Error);
+}
+
+TEST_CASE("words that are no numbers are refused with vertex and property") {
+  REQUIRE_THROWS_WITH(parse(with(kAscii, "1 2 3", "1 two 3")),
+                      Catch::Contains("Gaussian 0: y is no number (found \"two\")"));
+  for (const char* word : {"2x", "--2", "+-2", "0x10", "1,5", "."})
+    REQUIRE_THROWS_AS(parse(with(kAscii, "1 2 3", std::string("1 ") + word + " 3")), tg::Error);
+}
+
+TEST_CASE("a missing property and a wrong number of coefficients are named") {
+  REQUIRE_THROWS_WITH(parse(with(kAscii, " opacity", " o")), Catch::Contains("missing property opacity"));
+  REQUIRE_THROWS_WITH(parse(with(kAscii, " rot_3", " r")), Catch::Contains("missing property rot_3"));
+  REQUIRE_THROWS_WITH(parse(with(kAscii, " label", " f_rest_0")), Catch::Contains("expected 0, 9, 24 or 45, found 1"));
+}
+
+TEST_CASE("a point cloud and a compressed PLY are refused as splats with a clear message") {
+  const std::string cloud =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n1 2 3 255 0 51\n";
+  REQUIRE_THROWS_WITH(parse(cloud), Catch::Contains("is a point cloud, not splats"));
+  REQUIRE_THROWS_WITH(parse(with(cloud, "float x", "uint packed_position")), Catch::Contains("compressed splat PLY"));
+
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "cloud.ply", toBytes(cloud));
+  const tg::PointCloud points = tg::readPointCloudPly(folder / "cloud.ply");
+  REQUIRE(points.position == std::vector<glm::vec3>{{1, 2, 3}});
+  REQUIRE(points.color[0].x == 1.0f);
+  REQUIRE(points.color[0].z == Approx(0.2f));
+}
+
+TEST_CASE("a point cloud without colours is grey, one with float colours keeps them") {
+  const tg::TemporaryFolder folder;
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+  tg::writeFileAtomically(folder / "a.ply", toBytes(head + "end_header\n1 2 3\n"));
+  REQUIRE(tg::readPointCloudPly(folder / "a.ply").color[0] == glm::vec3(0.5f));
+  tg::writeFileAtomically(folder / "b.ply",
+                          toBytes(head + "property float red\nproperty float green\nproperty float blue\n"
+                                         "end_header\n1 2 3 0.25 0.5 2\n"));
+  REQUIRE(tg::readPointCloudPly(folder / "b.ply").color[0] == glm::vec3(0.25f, 0.5f, 1.0f));
+}
+
+TEST_CASE("splat PLYs of other programs are read") {
+  TG_SKIP_IF(tg::test::missingShared({"samples/playbot", "samples/jsplat", "samples/gsplat-rs"}));
+  const std::filesystem::path samples = tg::test::sharedFile("samples");
+  struct Expected {
+    const char* file;
+    std::size_t count;
+    int degree;
+  };
+  for (const Expected& e : {Expected{"playbot/playbot_lod3.ply", 31000, 2},
+                            {"playbot/playbot_lod4.ply", 8406, 2},
+                            {"jsplat/unitCube-ascii.ply", 20, 0},
+                            {"gsplat-rs/minimal_ascii.ply", 3, 0},
+                            {"gsplat-rs/minimal_binary.ply", 3, 0}}) {
+    INFO(e.file);
+    const tg::GaussianModel model = tg::readSplatPly(samples / e.file);
+    REQUIRE(model.size() == e.count);
+    REQUIRE(model.sh_degree == e.degree);
+    const Bytes written = tg::formatSplatPly(model);
+    REQUIRE(tg::formatSplatPly(tg::parseSplatPly(written, "again")) == written);
+  }
+  const tg::GaussianModel ascii = tg::readSplatPly(samples / "gsplat-rs/minimal_ascii.ply");
+  const tg::GaussianModel binary = tg::readSplatPly(samples / "gsplat-rs/minimal_binary.ply");
+  REQUIRE(ascii.sh == binary.sh);
+  REQUIRE(ascii.mean == binary.mean);
+}
+
+TEST_CASE("point clouds of the data sets are read") {
+  TG_SKIP_IF(tg::test::missingShared({"data/printshop", "data/fox_270", "data/lego_400"}));
+  const std::filesystem::path data = tg::test::sharedFile("data");
+  REQUIRE(tg::readPointCloudPly(data / "printshop/points3d.ply").position.size() == 40000);
+  REQUIRE(tg::readPointCloudPly(data / "printshop/mesh.ply").position.size() == 86206);
+  REQUIRE(tg::readPointCloudPly(data / "fox_270/points3d.ply").position.size() == 16412);
+  REQUIRE(tg::readPointCloudPly(data / "lego_400/points3d_hull.ply").position.size() > 0);
+}

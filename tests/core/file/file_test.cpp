@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole files: bounds in, all or nothing out.
+#include <stdexcept>
+
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+
+using Bytes = std::vector<std::uint8_t>;
+using Catch::Contains;
+
+namespace {
+
+std::size_t fileCount(const std::filesystem::path& folder) {
+  std::size_t count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) count += entry.exists();
+  return count;
+}
+
+tg::ErrorKind kindOf(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const tg::Error& e) {
+    return e.kind;
+  }
+  throw std::logic_error("expected an error");
+}
+
+}  // namespace
+
+TEST_CASE("bytes survive a file, and a second write replaces the first") {
+  const tg::TemporaryFolder folder;
+  Bytes bytes(100000);
+  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i * 7);
+  tg::writeFileAtomically(folder / "a", Bytes{1, 2, 3});
+  tg::writeFileAtomically(folder / "a", bytes);
+  REQUIRE(tg::readFile(folder / "a", 100000) == bytes);
+  tg::writeFileAtomically(folder / "a", Bytes{});
+  REQUIRE(tg::readFile(folder / "a", 0).empty());
+  REQUIRE(fileCount(folder.path) == 1);
+}
+
+TEST_CASE("missing files, folders and files beyond the bound cannot be read") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes(11));
+  REQUIRE(kindOf([&] { tg::readFile(folder / "b", 10); }) == tg::ErrorKind::cannotRead);
+  REQUIRE(kindOf([&] { tg::readFile(folder.path, 10); }) == tg::ErrorKind::cannotRead);
+  REQUIRE_THROWS_WITH(tg::readFile(folder / "a", 10), Contains("too long (expected at most 10 bytes, found 11)"));
+  REQUIRE_THROWS_WITH(tg::readFile("/dev/zero", 100000), Contains("too long"));
+}
+
+TEST_CASE("a copy is whole or not there") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes{1, 2, 3});
+  tg::writeFileAtomically(folder / "b", Bytes{4});
+  tg::copyFileAtomically(folder / "a", folder / "b");
+  REQUIRE(tg::readFile(folder / "b", 10) == Bytes{1, 2, 3});
+  REQUIRE_THROWS_WITH(tg::copyFileAtomically(folder / "missing", folder / "b"), Contains("cannot copy"));
+  REQUIRE(kindOf([&] { tg::copyFileAtomically(folder / "a", folder / "no/b"); }) == tg::ErrorKind::cannotWrite);
+  REQUIRE(tg::readFile(folder / "b", 10) == Bytes{1, 2, 3});
+  REQUIRE(fileCount(folder.path) == 2);
+}
+
+TEST_CASE("what a signal handler removes is what is half written, and nothing else") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes{7});
+  const auto interrupted = [&] {
+    tg::writeFileAtomically(folder / "a", [&](const std::filesystem::path& outer) {
+      tg::writeFileAtomically(folder / "b", [&](const std::filesystem::path& inner) {
+        tg::removeTemporaryFiles();
+        REQUIRE_FALSE(std::filesystem::exists(outer));
+        REQUIRE_FALSE(std::filesystem::exists(inner));
+      });
+    });
+  };
+  // More often than names are remembered at a time.
+  for (int i = 0; i < 20; ++i) REQUIRE(kindOf(interrupted) == tg::ErrorKind::cannotWrite);
+  REQUIRE(fileCount(folder.path) == 1);
+  tg::removeTemporaryFiles();
+  REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
+}
+
+TEST_CASE("an exception while writing leaves the older file and nothing beside it") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a.txt", Bytes{7});
+  REQUIRE_THROWS_AS(tg::writeFileAtomically(folder / "a.txt",
+                                            [&](const std::filesystem::path& temporary) {
+                                              REQUIRE(temporary.extension() == ".txt");
+                                              REQUIRE(temporary.parent_path() == folder.path);
+                                              tg::writeFileAtomically(temporary, Bytes{8});
+                                              throw std::runtime_error("stop");
+                                            }),
+                    std::runtime_error);
+  REQUIRE(tg::readFile(folder / "a.txt", 10) == Bytes{7});
+  REQUIRE(fileCount(folder.path) == 1);
+}
+
+TEST_CASE("folders, devices and paths into nowhere cannot be written") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(kindOf([&] { tg::writeFileAtomically(folder / "no/a", Bytes{1}); }) == tg::ErrorKind::cannotWrite);
+  REQUIRE(kindOf([&] { tg::writeFileAtomically(folder.path, Bytes{1}); }) == tg::ErrorKind::cannotWrite);
+  REQUIRE(kindOf([&] { tg::writeFileAtomically("/dev/null", Bytes{1}); }) == tg::ErrorKind::cannotWrite);
+  REQUIRE(kindOf([&] { tg::writeFileAtomically(folder / (std::string(300, 'x')), Bytes{1}); }) ==
+          tg::ErrorKind::cannotWrite);
+  REQUIRE(fileCount(folder.path) == 0);
+}
+
+TEST_CASE("a place that cannot be written is known beforehand, and asking leaves nothing") {
+  const tg::TemporaryFolder folder;
+  tg::requireWritable(folder / "a");
+  REQUIRE(fileCount(folder.path) == 0);
+  tg::writeFileAtomically(folder / "a", Bytes{7});
+  tg::requireWritable(folder / "a");
+  REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
+  for (const std::filesystem::path& path : {folder / "no/a", folder.path, std::filesystem::path("/dev/full"),
+                                            folder / std::string(300, 'x'), folder / ""}) {
+    REQUIRE(kindOf([&] { tg::requireWritable(path); }) == tg::ErrorKind::cannotWrite);
+  }
+  REQUIRE(fileCount(folder.path) == 1);
+}
+
+TEST_CASE("a name without folder is written to the working folder") {
+  const tg::TemporaryFolder folder;
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path);
+  tg::writeFileAtomically("plain", Bytes{5});
+  std::filesystem::current_path(before);
+  REQUIRE(tg::readFile(folder / "plain", 10) == Bytes{5});
+}

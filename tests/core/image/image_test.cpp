@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+// Image files: round trips, conversions, and refusal of everything broken.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <random>
+
+#include "core/file/file.h"
+#include "core/image/image.h"
+#include "core/system/error.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+
+using tg::Image;
+
+namespace {
+
+Image bytesImage(int width, int height, int channels) {
+  std::mt19937 random(7);
+  Image image(width, height, channels);
+  for (float& v : image.data) v = static_cast<float>(random() & 255u) / 255.0f;
+  return image;
+}
+
+Image smooth(int width, int height, int channels) {
+  Image image(width, height, channels);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      for (int c = 0; c < channels; ++c) image.at(x, y, c) = 0.2f + 0.5f * x / width + 0.1f * c + 0.1f * y / height;
+  return image;
+}
+
+// Every proper prefix throws tg::Error: no crash, no silent half picture.
+void requireEveryTruncationFails(const std::vector<std::uint8_t>& bytes, std::size_t step) {
+  for (std::size_t length = 0; length < bytes.size(); length += step)
+    REQUIRE_THROWS_AS(tg::decodeImage(std::span(bytes).first(length), "cut"), tg::Error);
+}
+
+}  // namespace
+
+TEST_CASE("8-bit values survive PNG exactly with 1, 3 and 4 channels") {
+  for (int channels : {1, 3, 4}) {
+    const Image image = bytesImage(17, 5, channels);
+    const Image back = tg::decodeImage(tg::encodePng(image), "x.png");
+    REQUIRE(back.channels == channels);
+    REQUIRE(back.data == image.data);
+  }
+}
+
+TEST_CASE("PNG clamps to [0, 1], rounds to nearest, and stores NaN as 0") {
+  Image image(4, 1, 1);
+  image.data = {-3.0f, 2.0f, 0.5f, NAN};
+  const Image back = tg::decodeImage(tg::encodePng(image), "x.png");
+  REQUIRE(back.data == std::vector<float>{0.0f, 1.0f, 128.0f / 255.0f, 0.0f});
+}
+
+TEST_CASE("PNG bytes are the same every time") {
+  REQUIRE(tg::encodePng(bytesImage(31, 9, 3)) == tg::encodePng(bytesImage(31, 9, 3)));
+}
+
+TEST_CASE("a PNG cut anywhere is refused") { requireEveryTruncationFails(tg::encodePng(bytesImage(9, 9, 3)), 1); }
+
+TEST_CASE("a PNG with a flipped bit is refused or still a picture, never a crash") {
+  const std::vector<std::uint8_t> good = tg::encodePng(bytesImage(6, 6, 3));
+  for (std::size_t i = 0; i < good.size() * 8; ++i) {
+    std::vector<std::uint8_t> bad = good;
+    bad[i / 8] ^= static_cast<std::uint8_t>(1u << (i % 8));
+    try {
+      tg::decodeImage(bad, "flipped");
+    } catch (const tg::Error&) {
+    }
+  }
+}
+
+// Files made by hand; each is one line of Python with zlib and struct.
+const std::vector<std::uint8_t> kGrey16WithGamma = {
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00, 0x00,
+    0x00, 0x02, 0x00, 0x00, 0x00, 0x01, 0x10, 0x00, 0x00, 0x00, 0x00, 0x81, 0xd9, 0xfc, 0x15, 0x00, 0x00, 0x00,
+    0x04, 0x67, 0x41, 0x4d, 0x41, 0x00, 0x01, 0x86, 0xa0, 0x31, 0xe8, 0x96, 0x5f, 0x00, 0x00, 0x00, 0x0d, 0x49,
+    0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x60, 0x60, 0x68, 0x60, 0x04, 0x00, 0x01, 0x06, 0x00, 0x82, 0x23, 0xc9,
+    0x17, 0x45, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82,
+};
+const std::vector<std::uint8_t> kPaletteWithTransparency = {
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00,
+    0x00, 0x00, 0x03, 0x00, 0x00, 0x00, 0x01, 0x02, 0x03, 0x00, 0x00, 0x00, 0x66, 0x8e, 0xfc, 0x27, 0x00,
+    0x00, 0x00, 0x09, 0x50, 0x4c, 0x54, 0x45, 0xff, 0x00, 0x00, 0x00, 0xff, 0x00, 0x00, 0x00, 0x33, 0xbf,
+    0x98, 0x43, 0x11, 0x00, 0x00, 0x00, 0x02, 0x74, 0x52, 0x4e, 0x53, 0xff, 0x80, 0x08, 0x0f, 0xb3, 0x6a,
+    0x00, 0x00, 0x00, 0x0a, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x90, 0x00, 0x00, 0x00, 0x1a, 0x00,
+    0x19, 0x2d, 0x88, 0xf4, 0x36, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82,
+};
+const std::vector<std::uint8_t> kGreyAlpha = {
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00,
+    0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x01, 0x08, 0x04, 0x00, 0x00, 0x00, 0xb5, 0x1c, 0x0c, 0x02, 0x00,
+    0x00, 0x00, 0x0b, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x30, 0x4e, 0x03, 0x00, 0x00, 0xcf, 0x00,
+    0x9a, 0x0b, 0xf5, 0xdc, 0x22, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82,
+};
+const std::vector<std::uint8_t> kHeaderOf100000Squared = {
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00, 0x01,
+    0x86, 0xa0, 0x00, 0x01, 0x86, 0xa0, 0x08, 0x02, 0x00, 0x00, 0x00, 0x27, 0x30, 0x9c, 0x9f, 0x00, 0x00, 0x00,
+    0x0c, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x60, 0xa0, 0x3d, 0x00, 0x00, 0x00, 0x64, 0x00, 0x01, 0x86,
+    0x64, 0x3c, 0x35, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82,
+};
+const std::vector<std::uint8_t> kHeaderOf16000Squared = {
+    0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00, 0x00,
+    0x3e, 0x80, 0x00, 0x00, 0x3e, 0x80, 0x08, 0x02, 0x00, 0x00, 0x00, 0xce, 0x1c, 0x48, 0x89, 0x00, 0x00, 0x00,
+    0x0c, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x60, 0xa0, 0x3d, 0x00, 0x00, 0x00, 0x64, 0x00, 0x01, 0x86,
+    0x64, 0x3c, 0x35, 0x00, 0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82,
+};
+
+TEST_CASE("16-bit grey PNG keeps its precision, and a gAMA chunk does not linearise it") {
+  const Image image = tg::decodeImage(kGrey16WithGamma, "x.png");
+  REQUIRE(image.channels == 1);
+  REQUIRE(image.data == std::vector<float>{0.0f, 32769.0f / 65535.0f});
+}
+
+TEST_CASE("a palette with transparency becomes RGBA") {
+  const Image image = tg::decodeImage(kPaletteWithTransparency, "x.png");
+  REQUIRE(image.channels == 4);
+  REQUIRE(image.data == std::vector<float>{1, 0, 0, 1, 0, 1, 0, 128.0f / 255.0f, 0, 0, 0.2f, 1});
+}
+
+TEST_CASE("grey with alpha becomes RGBA") {
+  const Image image = tg::decodeImage(kGreyAlpha, "x.png");
+  REQUIRE(image.data == std::vector<float>{0.2f, 0.2f, 0.2f, 0.4f});
+}
+
+TEST_CASE("a PNG whose header promises more than the limit, or more than its bytes can hold, is refused at once") {
+  REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf100000Squared, "x.png"), Catch::Contains("image size out of range"));
+  REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf16000Squared, "x.png"), Catch::Contains("file is too short"));
+}
+
+TEST_CASE("JPEG keeps a smooth picture within its quality, in colour and grey") {
+  const tg::TemporaryFolder folder;
+  for (int channels : {1, 3}) {
+    const Image image = smooth(33, 18, channels);
+    tg::writeImage(folder / "a.jpg", image);
+    const Image back = tg::readImage(folder / "a.jpg");
+    REQUIRE(back.width == 33);
+    REQUIRE(back.channels == channels);
+    for (std::size_t i = 0; i < image.data.size(); ++i) REQUIRE(back.data[i] == Approx(image.data[i]).margin(0.03));
+  }
+}
+
+TEST_CASE("a JPEG cut anywhere is refused") {
+  const tg::TemporaryFolder folder;
+  tg::writeImage(folder / "a.jpg", bytesImage(40, 24, 3));
+  requireEveryTruncationFails(tg::readFile(folder / "a.jpg", 1 << 20), 1);
+}
+
+TEST_CASE("values that a half float holds survive EXR exactly, whatever the channels are called") {
+  Image image(5, 3, 4);
+  for (std::size_t i = 0; i < image.data.size(); ++i) image.data[i] = (static_cast<float>(i) - 30.0f) / 64.0f;
+  const std::vector<std::string> names = {"R", "G", "B", "alpha"};
+  const std::vector<std::uint8_t> bytes = tg::encodeExr(image, names);
+  REQUIRE(bytes == tg::encodeExr(image, names));
+  REQUIRE(tg::decodeExr(bytes, names, "x.exr").data == image.data);
+  // A subset in another order.
+  const std::vector<std::string> two = {"alpha", "G"};
+  const Image part = tg::decodeExr(bytes, two, "x.exr");
+  REQUIRE(part.at(4, 2, 0) == image.at(4, 2, 3));
+  REQUIRE(part.at(4, 2, 1) == image.at(4, 2, 1));
+  // As a picture: the channel named alpha is straight and stays so.
+  REQUIRE(tg::decodeImage(bytes, "x.exr").data == image.data);
+}
+
+TEST_CASE("EXR pictures store alpha premultiplied and come back straight") {
+  const tg::TemporaryFolder folder;
+  Image image(2, 1, 4);
+  image.data = {1.0f, 0.5f, 0.25f, 0.5f, 1.0f, 1.0f, 1.0f, 1.0f};
+  tg::writeImage(folder / "a.exr", image);
+  REQUIRE(tg::readImage(folder / "a.exr").data == image.data);
+  const std::vector<std::string> premultiplied = {"R"};
+  REQUIRE(tg::decodeExr(tg::readFile(folder / "a.exr", 1 << 20), premultiplied, "a").at(0, 0, 0) == 0.5f);
+}
+
+TEST_CASE("EXR names a missing channel and refuses values beyond half floats") {
+  const Image image(2, 2, 3, 0.5f);
+  const std::vector<std::string> rgb = {"R", "G", "B"}, depth = {"Z"};
+  REQUIRE_THROWS_WITH(tg::decodeExr(tg::encodeExr(image, rgb), depth, "x.exr"),
+                      Catch::Contains("x.exr: missing channel (expected Z, found B, G, R)"));
+  REQUIRE_THROWS_AS(tg::encodeExr(Image(1, 1, 3, 1e6f), rgb), tg::Error);
+  REQUIRE_THROWS_AS(tg::encodeExr(image, depth), tg::Error);
+}
+
+TEST_CASE("an EXR cut anywhere is refused") {
+  const std::vector<std::string> rgb = {"R", "G", "B"};
+  requireEveryTruncationFails(tg::encodeExr(bytesImage(20, 40, 3), rgb), 1);
+}
+
+TEST_CASE("an EXR with a flipped bit is refused or still a picture, never a crash") {
+  const std::vector<std::string> rgb = {"R", "G", "B"};
+  const std::vector<std::uint8_t> good = tg::encodeExr(bytesImage(3, 2, 3), rgb);
+  for (std::size_t i = 0; i < good.size() * 8; ++i) {
+    std::vector<std::uint8_t> bad = good;
+    bad[i / 8] ^= static_cast<std::uint8_t>(1u << (i % 8));
+    try {
+      tg::decodeImage(bad, "flipped");
+    } catch (const tg::Error&) {
+    }
+  }
+}
+
+TEST_CASE("an EXR whose data window is huge is refused before anything is allocated") {
+  const std::vector<std::string> rgb = {"R", "G", "B"};
+  std::vector<std::uint8_t> bytes = tg::encodeExr(Image(2, 2, 3, 0.5f), rgb);
+  const char* attribute = "dataWindow\0box2i\0";
+  const auto found = std::search(bytes.begin(), bytes.end(), attribute, attribute + 17);
+  REQUIRE(found != bytes.end());
+  const std::size_t max_x = static_cast<std::size_t>(found - bytes.begin()) + 17 + 4 + 8;
+  for (std::uint32_t value : {60000u, 0x3fffffffu, 0x7fffffffu, 0xffffffffu}) {
+    for (std::size_t axis : {std::size_t{0}, std::size_t{4}}) std::memcpy(&bytes[max_x + axis], &value, 4);
+    REQUIRE_THROWS_AS(tg::decodeImage(bytes, "x.exr"), tg::Error);
+  }
+}
+
+TEST_CASE("unknown files and extensions are named") {
+  const tg::TemporaryFolder folder;
+  REQUIRE_THROWS_WITH(tg::decodeImage(std::vector<std::uint8_t>{'G', 'I', 'F', '8'}, "a.gif"),
+                      Catch::Contains("a.gif: unknown image format"));
+  try {
+    tg::writeImage(folder / "a.bmp", Image(1, 1, 3));
+    FAIL("expected an error");
+  } catch (const tg::Error& e) {
+    REQUIRE(e.kind == tg::ErrorKind::usage);
+  }
+  REQUIRE_THROWS_AS(tg::writeImage(folder / "a.png", Image(0, 0, 3)), tg::Error);
+  REQUIRE_THROWS_AS(tg::writeImage(folder / "a.png", Image(2, 2, 2)), tg::Error);
+}
+
+TEST_CASE("compositing puts straight alpha over the background") {
+  Image image(2, 1, 4);
+  image.data = {1.0f, 0.0f, 0.5f, 0.25f, 0.2f, 0.4f, 0.6f, 1.0f};
+  const float white[3] = {1, 1, 1};
+  REQUIRE(tg::compositeOver(image, white).data == std::vector<float>{1.0f, 0.75f, 0.875f, 0.2f, 0.4f, 0.6f});
+  REQUIRE(tg::compositeOver(Image(1, 1, 3, 0.3f), white).data == std::vector<float>{0.3f, 0.3f, 0.3f});
+  REQUIRE(tg::compositeOver(Image(1, 1, 1, 0.3f), white).data == std::vector<float>{0.3f, 0.3f, 0.3f});
+}
+
+TEST_CASE("downsampling averages boxes, weighs colour by alpha and cuts partial boxes") {
+  Image grey(5, 2, 1);
+  grey.data = {0, 2, 4, 6, 9, 2, 4, 6, 8, 9};
+  REQUIRE(tg::downsample(grey, 2).data == std::vector<float>{2, 6});
+  Image alpha(2, 2, 4);
+  alpha.data = {1, 0, 0, 1, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 1};
+  REQUIRE(tg::downsample(alpha, 2).data == std::vector<float>{0.5f, 0.5f, 0.0f, 0.5f});
+  REQUIRE_THROWS_AS(tg::downsample(grey, 3), tg::Error);
+  REQUIRE_THROWS_AS(tg::downsample(grey, 0), tg::Error);
+}

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole runs with the CUDA engine beside the CPU's.
+#include <cmath>
+
+#include "core/system/error.h"
+#include "support/catch.h"
+#include "support/cuda_orders.h"
+#include "training/cuda/memory.h"
+#include "training/cuda/renderer.h"
+#include "training/run/trainer.h"
+#include "training/sample_dataset.h"
+
+using namespace tg;
+using test::sameNumbers;
+
+namespace {
+
+Dataset smallDataset() {
+  return test::sampleDataset({.size = 24, .train_views = 4, .test_views = 1, .points = 60, .supersampling = 1});
+}
+
+TrainSettings run(int iterations, int texture_iterations) {
+  TrainSettings settings;
+  settings.iterations = iterations;
+  settings.texture_iterations = texture_iterations;
+  settings.seed = 7;
+  settings.densification = Densification::none;
+  return settings;
+}
+
+// Largest distance between two models' parameters over their size.
+double difference(const GaussianModel& a, const GaussianModel& b) {
+  REQUIRE(a.size() == b.size());
+  double distance = 0, size = 0;
+  const auto add = [&](double x, double y) {
+    distance += (x - y) * (x - y);
+    size += y * y;
+  };
+  for (std::size_t i = 0; i < a.size(); i++) {
+    for (int k = 0; k < 3; k++) {
+      add(a.mean[i][k], b.mean[i][k]);
+      add(a.log_scale[i][k], b.log_scale[i][k]);
+    }
+    add(a.opacity_logit[i], b.opacity_logit[i]);
+  }
+  for (std::size_t i = 0; i < a.sh.size(); i++) {
+    for (int k = 0; k < 3; k++) add(a.sh[i][k], b.sh[i][k]);
+  }
+  for (std::size_t i = 0; i < a.atlas.texels.size(); i++) {
+    for (int k = 0; k < 4; k++) add(a.atlas.texels[i][k], b.atlas.texels[i][k]);
+  }
+  return std::sqrt(distance / size);
+}
+
+}  // namespace
+
+TEST_CASE("100 iterations with CUDA end where the CPU's do") {
+  const Dataset dataset = smallDataset();
+  const TrainSettings settings = run(50, 50);
+  const auto cpu = makeCpuDifferentiableRenderer();
+  const auto cuda = makeCudaDifferentiableRenderer();
+  const TrainResult expected = train(dataset, settings, *cpu);
+  const TrainResult found = train(dataset, settings, *cuda);
+  // Adam divides by the gradient's own size: rounding of gradients near 0 moves their parameters by whole steps.
+  CHECK(difference(found.model, expected.model) < 5e-3);
+  CHECK(found.report.plain.loss == Approx(expected.report.plain.loss).epsilon(1e-3));
+  REQUIRE(found.report.textured);
+  CHECK(found.report.textured->loss == Approx(expected.report.textured->loss).epsilon(1e-3));
+  REQUIRE(found.report.textured->test);
+  CHECK(std::abs(found.report.textured->test->psnr - expected.report.textured->test->psnr) < 0.05);
+}
+
+TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer draws the model") {
+  const Dataset dataset = smallDataset();
+  TrainSettings settings = run(6, 6);
+  settings.filter_3d = true;
+  settings.sh_every = 1000;  // degree 0, and model() has all of them
+  const auto renderer = makeCudaDifferentiableRenderer();
+  Trainer trainer(dataset, settings, *renderer);
+  for (int i = 0; i < 9; i++) REQUIRE(trainer.step());
+  const GaussianModel model = trainer.model();
+  REQUIRE(model.texture_mode == TextureMode::rgba);
+  const std::size_t sent = cuda::bytesToDevice();
+  std::vector<Image> pictures;
+  for (const View& view : dataset.views) pictures.push_back(trainer.picture(view.camera));
+  CHECK(cuda::bytesToDevice() == sent);
+  for (std::size_t i = 0; i < pictures.size(); i++) {
+    const Image expected = renderPicture(*renderer, model, dataset.views[i].camera, dataset.background);
+    CHECK(sameNumbers(pictures[i].data, expected.data));
+  }
+  CHECK(cuda::bytesToDevice() > sent);
+
+  renderer->setModel(model);
+  const std::size_t once = cuda::bytesToDevice();
+  RenderSettings render;
+  render.background = dataset.background;
+  for (std::size_t i = 0; i < pictures.size(); i++) {
+    const Camera& camera = dataset.views[i].camera;
+    CHECK(sameNumbers(imageOf(renderer->forward(camera, render), camera).data, pictures[i].data));
+  }
+  CHECK(cuda::bytesToDevice() == once);
+}
+
+TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run, and it resumes to the same bytes",
+          "[checked]") {
+  const Dataset dataset = smallDataset();
+  for (const Densification how : {Densification::adc, Densification::mcmc}) {
+    TrainSettings settings = run(26, 3);
+    settings.densification = how;
+    settings.filter_3d = true;
+    settings.gaussians = 90;
+    settings.densify_every = 5;
+    settings.densify_from = 4;
+    settings.densify_until = 25;
+    settings.densify_threshold = 1e-5f;
+    settings.reset_every = how == Densification::adc ? 12 : -1;
+    settings.sh_every = 7;
+    const auto cpu = makeCpuDifferentiableRenderer();
+    const auto cuda = makeCudaDifferentiableRenderer();
+    const TrainResult expected = train(dataset, settings, *cpu);
+    Trainer whole(dataset, settings, *cuda);
+    std::optional<RunState> middle;
+    while (whole.step()) {
+      if (whole.progress().stage == Stage::plain && whole.progress().iteration == 17) middle = whole.state();
+    }
+    INFO(name(how));
+    CHECK(whole.state().report.plain.gaussians > whole.state().report.initial_gaussians);
+    CHECK(std::abs(static_cast<double>(whole.model().size()) - static_cast<double>(expected.model.size())) <= 3);
+    CHECK(whole.state().report.plain.loss == Approx(expected.report.plain.loss).epsilon(0.05));
+    REQUIRE(middle);
+    Trainer rest(dataset, settings, *cuda, std::move(*middle));
+    while (rest.step()) continue;
+    CHECK(rest.model().mean == whole.model().mean);
+    CHECK(rest.model().atlas.texels == whole.model().atlas.texels);
+  }
+}

@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgtrain --run: stopped, killed and broken in every way, a run goes on to the same bytes or says why it cannot.
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "core/bundle/bundle.h"
+#include "core/file/file.h"
+#include "core/image/image.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+#include "training/program.h"
+#include "training/run/checkpoint.h"
+#include "training/step/random.h"
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+using tg::test::Outcome;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+using std::chrono::milliseconds;
+
+std::string contents(const fs::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+std::vector<std::string> wordsOf(const std::string& text) {
+  std::istringstream stream(text);
+  return {std::istream_iterator<std::string>(stream), {}};
+}
+
+// tgtrain at work in a folder, without a display; both its streams in log.txt there.
+class Child {
+ public:
+  Child(const tg::TemporaryFolder& folder, const std::string& arguments) : log_(folder / "log.txt") {
+    std::vector<std::string> words = {"env",     "-C", folder.path.string(), "-u",
+                                      "DISPLAY", "-u", "WAYLAND_DISPLAY",    TG_TGTRAIN};
+    for (const std::string& word : wordsOf(arguments)) words.push_back(word);
+    std::vector<char*> pointers;
+    for (std::string& word : words) pointers.push_back(word.data());
+    pointers.push_back(nullptr);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, log_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_APPEND,
+                                     0666);
+    posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
+    REQUIRE(posix_spawnp(&process_, "env", &actions, nullptr, pointers.data(), environ) == 0);
+    posix_spawn_file_actions_destroy(&actions);
+  }
+  ~Child() {
+    if (process_ == 0) return;
+    send(SIGKILL);
+    end();
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  void send(int signal) const { ::kill(process_, signal); }
+  // Exit code, or 128 + signal.
+  int end() {
+    int status = 0;
+    ::waitpid(process_, &status, 0);
+    process_ = 0;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+  bool running() const {
+    siginfo_t info{};
+    return ::waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 && info.si_pid == 0;
+  }
+  // Waits for it, but not for ever.
+  void until(const std::function<bool()>& condition) const {
+    for (int i = 0; i < 3000 && running() && !condition(); i++) std::this_thread::sleep_for(milliseconds(10));
+    INFO(output());
+    REQUIRE(condition());
+  }
+  std::string output() const { return contents(log_); }
+
+ private:
+  fs::path log_;
+  pid_t process_ = 0;
+};
+
+Outcome tgtrain(const tg::TemporaryFolder& folder, const std::string& arguments) {
+  Child child(folder, arguments);
+  const int code = child.end();
+  return {code, child.output()};
+}
+
+Bytes bytesOf(const fs::path& path) { return tg::readFile(path, 1 << 26); }
+
+std::vector<nlohmann::json> linesOf(const fs::path& path) {
+  std::vector<nlohmann::json> lines;
+  std::istringstream stream(contents(path));
+  for (std::string line; std::getline(stream, line);) lines.push_back(nlohmann::json::parse(line));
+  return lines;
+}
+
+const std::string kSample = "make-sample scene --size 32 --views 4 --test-views 2 --points 200 --supersampling 1";
+const std::string kBase =
+    "scene --reproducible --texture-iterations 20 --compare-untextured --densify-every 5 --densify-from 4 "
+    "--gaussians 600 ";
+const std::string kRun = kBase + "--iterations 40 --metrics-every 1 ";
+const std::string kForever = "scene --iterations 1000000 --densification none --threads 1 ";
+
+}  // namespace
+
+TEST_CASE("a run that is killed again and again ends in the bytes of one that is not", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  REQUIRE(tgtrain(folder, kRun + "-o whole.tgz --untextured-output plain.tgz").code == 0);
+  const std::string command =
+      kRun + "-o model.tgz --untextured-output twin.tgz --run run --resume --checkpoint-every 0";
+  tg::Random random(static_cast<std::uint64_t>(::getpid()));
+  int kills = 0;
+  for (; kills < 12; kills++) {
+    Child child(folder, command);
+    std::this_thread::sleep_for(milliseconds(30 + random.below(300)));
+    if (!child.running()) break;
+    child.send(SIGKILL);
+    CHECK(child.end() == 128 + SIGKILL);
+    // Whatever was going on, what is there is whole.
+    if (fs::exists(folder / "run/checkpoint")) CHECK_NOTHROW(tg::readCheckpoint(folder / "run/checkpoint"));
+    if (fs::exists(folder / "run/model.tgz")) CHECK_NOTHROW(tg::readBundle(folder / "run/model.tgz"));
+  }
+  const Outcome last = tgtrain(folder, command);
+  INFO(last.output << kills << " kills");
+  REQUIRE(last.code == 0);
+  CHECK(kills > 1);
+  CHECK(bytesOf(folder / "model.tgz") == bytesOf(folder / "whole.tgz"));
+  CHECK(bytesOf(folder / "run/model.tgz") == bytesOf(folder / "whole.tgz"));
+  CHECK(bytesOf(folder / "twin.tgz") == bytesOf(folder / "plain.tgz"));
+
+  // Every iteration once, and the score of each stage once.
+  std::set<std::string> keys;
+  int scores = 0;
+  for (const nlohmann::json& line : linesOf(folder / "run/metrics.jsonl")) {
+    const bool score = line.contains("test_psnr");
+    scores += score;
+    CHECK(keys.insert(line["stage"].dump() + line["iteration"].dump() + (score ? "score" : "")).second);
+  }
+  CHECK(keys.size() == 40 + 20 + 20 + 3);
+  CHECK(scores == 3);
+  for (const auto& entry : fs::directory_iterator(folder / "run")) {
+    const std::string name = entry.path().filename().string();
+    CHECK((name == "checkpoint" || name == "model.tgz" || name == "metrics.jsonl"));
+  }
+}
+
+TEST_CASE("Ctrl-C leaves a checkpoint and a model, says how to go on, and going on gives the same bytes", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string settings = kBase + "--iterations 400 ";
+  REQUIRE(tgtrain(folder, settings + "-o whole.tgz").code == 0);
+  {
+    Child child(folder, settings + "-o model.tgz --run run");
+    child.until([&] { return fs::exists(folder / "run/model.tgz"); });
+    child.send(SIGINT);
+    CHECK(child.end() == 0);
+    CHECK_THAT(child.output(), Contains("interrupted; wrote model.tgz") && Contains("--resume goes on from"));
+  }
+  const tg::Checkpoint checkpoint = tg::readCheckpoint(folder / "run/checkpoint");
+  CHECK(checkpoint.state.iteration >= 1);
+  CHECK(checkpoint.header.seconds > 0);
+  const tg::Bundle stopped = tg::readBundle(folder / "model.tgz");
+  const nlohmann::json json = nlohmann::json::parse(stopped.training_json);
+  CHECK(json["interrupted"] == true);
+  CHECK(json["stages"]["plain"]["iterations"] == checkpoint.state.iteration);
+  CHECK(bytesOf(folder / "run/model.tgz") == bytesOf(folder / "model.tgz"));
+
+  // The same command again is refused; with --resume it goes on, and may replace what it wrote itself.
+  const Outcome again = tgtrain(folder, settings + "-o other.tgz --run run");
+  CHECK(again.code == 4);
+  CHECK_THAT(again.output, Contains("run: exists already (add --resume to go on with it, or --overwrite"));
+  const Outcome resumed = tgtrain(folder, settings + "-o model.tgz --run run --resume");
+  INFO(resumed.output);
+  REQUIRE(resumed.code == 0);
+  CHECK(bytesOf(folder / "model.tgz") == bytesOf(folder / "whole.tgz"));
+  CHECK(tg::readCheckpoint(folder / "run/checkpoint").header.seconds > checkpoint.header.seconds);
+
+  // A finished run has nothing left to do, and says the same again.
+  REQUIRE(tgtrain(folder, settings + "-o late.tgz --run run --resume").code == 0);
+  CHECK(bytesOf(folder / "late.tgz") == bytesOf(folder / "whole.tgz"));
+}
+
+TEST_CASE("a second signal ends the program at once, with nothing half written", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Child child(folder, kForever + "--run run --checkpoint-every 0");
+  child.until([&] { return fs::exists(folder / "run/model.tgz"); });
+  child.send(SIGINT);
+  child.send(SIGTERM);  // another one: two of the same that wait count once
+  const int code = child.end();
+  CHECK((code == 128 + SIGTERM || code == 128 + SIGINT));
+  CHECK_NOTHROW(tg::readCheckpoint(folder / "run/checkpoint"));
+  CHECK_NOTHROW(tg::readBundle(folder / "run/model.tgz"));
+  for (const auto& entry : fs::directory_iterator(folder / "run")) {
+    CHECK(entry.path().filename().string().front() != '.');
+  }
+}
+
+TEST_CASE("what does not fit a run folder is refused by name", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  REQUIRE(tgtrain(folder, kRun + "--run run -q").code == 0);
+  const Bytes checkpoint = bytesOf(folder / "run/checkpoint");
+  const auto refused = [&](const std::string& arguments, int code, const std::string& message) {
+    const Outcome outcome = tgtrain(folder, arguments);
+    INFO(arguments << '\n' << outcome.output);
+    CHECK(outcome.code == code);
+    CHECK_THAT(outcome.output, Contains(message));
+    CHECK(bytesOf(folder / "run/checkpoint") == checkpoint);
+  };
+  refused(kRun + "--run run --resume --seed 2", 1,
+          "run/checkpoint: is of a run with other settings: --seed (expected 1, found 2)");
+  refused(kRun + "--run run --resume --downscale 2", 1, "other data: image-size (expected 32x32, found 16x16)");
+  refused(kRun + "--run run --resume --background black", 1, "other data: background (expected 1,1,1, found 0,0,0)");
+  refused(kRun + "-o x.tgz --resume", 1, "--resume and --watch expect a run folder");
+  refused(kRun + "--run new --watch", 5, "--watch: no");
+  refused(kRun + "--run scene", 4, "scene: exists already");
+  refused(kRun + "--run scene --resume", 4, "scene: holds files but no checkpoint to resume");
+  refused(kRun + "--run log.txt", 4, "log.txt: cannot make this folder");
+  CHECK_FALSE(fs::exists(folder / "new"));
+
+  for (const std::size_t size : {std::size_t{0}, std::size_t{100}, checkpoint.size() / 2, checkpoint.size() - 1}) {
+    fs::resize_file(folder / "run/checkpoint", size);
+    const Outcome cut = tgtrain(folder, kRun + "--run run --resume");
+    CHECK(cut.code == 3);
+    CHECK_THAT(cut.output, Contains("run/checkpoint: "));
+    tg::writeFileAtomically(folder / "run/checkpoint", checkpoint);
+  }
+
+  // Anew: without a checkpoint, and over an old run.
+  const Outcome fresh = tgtrain(folder, kRun + "--run fresh --resume");
+  CHECK(fresh.code == 0);
+  CHECK_THAT(fresh.output, Contains("fresh: no checkpoint yet: training starts anew"));
+  // So too after a kill before the first checkpoint; what it left is gone.
+  fs::create_directory(folder / "early");
+  std::ofstream(folder / "early/metrics.jsonl") << "{\"stage\":\"plain\",\"iteration\":1}\n";
+  std::ofstream(folder / "early/.tg-123-0") << "half a checkpoint";
+  CHECK(tgtrain(folder, kRun + "--run early").code == 4);
+  REQUIRE(tgtrain(folder, kRun + "--run early --resume -q").code == 0);
+  CHECK(bytesOf(folder / "early/model.tgz") == bytesOf(folder / "fresh/model.tgz"));
+  CHECK(linesOf(folder / "early/metrics.jsonl").size() == linesOf(folder / "fresh/metrics.jsonl").size());
+  CHECK_FALSE(fs::exists(folder / "early/.tg-123-0"));
+  REQUIRE(tgtrain(folder, kRun + "--run run --overwrite --seed 2 -q").code == 0);
+  CHECK(bytesOf(folder / "run/model.tgz") != bytesOf(folder / "fresh/model.tgz"));
+  CHECK(linesOf(folder / "run/metrics.jsonl").size() == linesOf(folder / "fresh/metrics.jsonl").size());
+}
+
+TEST_CASE("a run folder belongs to one process at a time", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Child first(folder, kForever + "--run run");
+  first.until([&] { return fs::exists(folder / "run/model.tgz"); });
+  const Outcome second = tgtrain(folder, kForever + "--run run --resume");
+  CHECK(second.code == 4);
+  CHECK_THAT(second.output, Contains("run: another tgtrain is at work in this folder"));
+}
+
+TEST_CASE("training outlives a checkpoint that cannot be written, but does not end well without one", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Child child(folder, kForever + "--run run --checkpoint-every 0.05");
+  child.until([&] { return fs::exists(folder / "run/model.tgz"); });
+  // Between two writes, so that no rename comes between.
+  while (fs::is_regular_file(folder / "run/checkpoint")) {
+    std::error_code ignored;
+    fs::remove(folder / "run/checkpoint", ignored);
+    fs::create_directory(folder / "run/checkpoint", ignored);
+  }
+  child.until([&] { return child.output().find("(training goes on)") != std::string::npos; });
+  CHECK(child.running());
+  child.send(SIGHUP);
+  CHECK(child.end() == 4);
+  CHECK_THAT(child.output(), Contains("run/checkpoint: exists and is not a regular file"));
+}
+
+TEST_CASE("metrics and previews come as often as asked", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  REQUIRE(tgtrain(folder, kBase + "--iterations 40 --run run --metrics-every 15 --eval-every 10 --preview-every 16 -q")
+              .code == 0);
+  std::vector<std::string> found;
+  for (const nlohmann::json& line : linesOf(folder / "run/metrics.jsonl")) {
+    if (line["stage"] != "plain") continue;
+    found.push_back(line["iteration"].dump() + (line.contains("loss") ? " loss" : "") +
+                    (line.contains("test_ssim") ? " test" : ""));
+    CHECK(line["gaussians"].get<int>() > 0);
+    CHECK(line["seconds"].get<double>() >= 0);
+  }
+  CHECK(found ==
+        std::vector<std::string>{"10 loss test", "15 loss", "20 loss test", "30 loss test", "40 loss", "40 test"});
+  const tg::Image preview = tg::readImage(folder / "run/previews/plain_0000016.png");
+  CHECK(preview.width == 64);
+  CHECK(preview.height == 32);
+  CHECK(fs::exists(folder / "run/previews/textured_0000016.png"));
+  CHECK_FALSE(fs::exists(folder / "run/previews/textured_0000032.png"));
+  const tg::Image truth = tg::readImage(folder / "scene/test/r_0.png");
+  const float white[3] = {1, 1, 1};
+  const tg::Image expected = tg::compositeOver(truth, white);
+  double worst = 0;
+  for (int y = 0; y < 32; y++) {
+    for (int x = 0; x < 32; x++) {
+      worst = std::max(worst, std::abs(double{preview.at(x, y, 1)} - expected.at(x, y, 1)));
+    }
+  }
+  CHECK(worst < 1.5 / 255);
+}

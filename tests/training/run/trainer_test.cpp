@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole recipe on a small built-in scene: it learns, it is deterministic, it stops cleanly.
+#include "training/run/trainer.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "core/temporary_folder.h"
+#include "support/catch.h"
+#include "training/data/sample.h"
+#include "training/run/init.h"
+#include "training/run/report.h"
+#include "training/sample_dataset.h"
+#include "training/settings/schedule.h"
+#include "training/step/optimizer.h"
+#include "training/step/textures.h"
+
+namespace {
+
+constexpr tg::SampleOptions kScene{.size = 48, .train_views = 8, .test_views = 2, .points = 600, .supersampling = 2};
+
+tg::Dataset sampleDataset() { return tg::test::sampleDataset(kScene); }
+
+tg::TrainSettings shortRun() {
+  tg::TrainSettings settings;
+  settings.iterations = 60;
+  settings.texture_iterations = 60;
+  settings.seed = 7;
+  return settings;
+}
+
+void checkSameBytes(const tg::GaussianModel& a, const tg::GaussianModel& b) {
+  CHECK(a.mean == b.mean);
+  CHECK(a.rotation == b.rotation);
+  CHECK(a.log_scale == b.log_scale);
+  CHECK(a.opacity_logit == b.opacity_logit);
+  CHECK(a.sh == b.sh);
+  CHECK(a.atlas.texels == b.atlas.texels);
+  CHECK(a.atlas.rects == b.atlas.rects);
+}
+
+}  // namespace
+
+TEST_CASE("adding textures and SH degrees leaves the picture the same to the last bit", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  tg::TrainingState state;
+  state.model = tg::gaussiansFromPoints(dataset.points);
+  tg::resetMoments(state);
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  for (const tg::IntersectionModel model : {tg::IntersectionModel::plane, tg::IntersectionModel::maxResponse}) {
+    state.model.intersection = model;
+    const tg::Camera& camera = dataset.views[0].camera;
+    const tg::Image plain = tg::renderPicture(*renderer, state.model, camera, dataset.background);
+    for (const tg::TextureMode mode : {tg::TextureMode::alpha, tg::TextureMode::rgb, tg::TextureMode::rgba}) {
+      tg::TrainingState textured = state;
+      tg::growShDegree(textured, 3);
+      tg::addTextures(textured, tg::uniformRects(textured.model.size(), 4, 0), mode, tg::TextureInit::neutral);
+      tg::checkModel(textured.model, "textured");
+      CHECK(tg::renderPicture(*renderer, textured.model, camera, dataset.background).data == plain.data);
+    }
+  }
+}
+
+TEST_CASE("both stages lower the loss, and the report says so", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.compare_untextured = true;
+  double first_loss = 0;
+  int calls = 0;
+  tg::TrainHooks hooks;
+  hooks.after_step = [&](const tg::Trainer& trainer) {
+    const tg::TrainProgress progress = trainer.progress();
+    if (calls++ == 0) first_loss = progress.loss;
+    CHECK(progress.gaussians > 0);
+    CHECK(progress.seconds_left >= 0);
+  };
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer, hooks);
+  CHECK(calls == 180);
+  tg::checkModel(result.model, "model");
+  CHECK(result.model.sh_degree == 3);
+  CHECK(result.model.texture_mode == tg::TextureMode::rgba);
+  CHECK(result.model.atlas.texels.size() == result.model.size() * 16);
+  for (const glm::vec4& texel : result.model.atlas.texels) REQUIRE((texel.a >= 0 && texel.a <= 1));
+
+  const tg::TrainReport& report = result.report;
+  CHECK(report.plain.loss < 0.9 * first_loss);
+  REQUIRE(report.textured);
+  REQUIRE(report.untextured);
+  CHECK(report.textured->loss < report.plain.loss);
+  CHECK(report.textured->gaussians == report.untextured->gaussians);
+  REQUIRE(result.untextured);
+  CHECK(result.untextured->texture_mode == tg::TextureMode::none);
+  REQUIRE(report.plain.test);
+  REQUIRE(report.textured->test);
+  CHECK(report.textured->test->psnr > report.plain.test->psnr);
+  CHECK(report.textured->test->views == 2);
+
+  const std::string text = tg::formatTrainingJson(dataset, settings, report, result.model, {});
+  const nlohmann::json json = nlohmann::json::parse(text);
+  CHECK(json["stages"]["textured"]["test_psnr"].get<double>() == Approx(report.textured->test->psnr).margin(1e-3));
+  CHECK(json["settings"]["seed"] == 7);
+  CHECK(json["gaussians"] == result.model.size());
+  CHECK(text.find('/') == std::string::npos);  // no paths
+}
+
+TEST_CASE("same seed, same model at any thread count, another seed, another model", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  tg::TrainSettings settings = shortRun();
+  const auto trained = [&](int threads) {
+    tg::setThreadCount(threads);
+    const auto renderer = tg::makeCpuDifferentiableRenderer();
+    tg::TrainResult result = tg::train(dataset, settings, *renderer);
+    tg::setThreadCount(0);
+    return result;
+  };
+  const tg::TrainResult one = trained(1);
+  const tg::TrainResult two = trained(2);
+  checkSameBytes(one.model, two.model);
+  tg::TrainingJsonOptions json;
+  json.measurements = false;
+  CHECK(tg::formatTrainingJson(dataset, settings, one.report, one.model, json) ==
+        tg::formatTrainingJson(dataset, settings, two.report, two.model, json));
+  settings.seed = 8;
+  CHECK(trained(2).model.mean != one.model.mean);
+}
+
+TEST_CASE("the untextured twin does not change the textured result", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 20;
+  settings.texture_iterations = 20;
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  const tg::TrainResult alone = tg::train(dataset, settings, *renderer);
+  settings.compare_untextured = true;
+  checkSameBytes(tg::train(dataset, settings, *renderer).model, alone.model);
+}
+
+TEST_CASE("stage 2 on a saved stage-1 model is stage 2 of one run", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = settings.texture_iterations = 20;
+  const tg::TrainResult whole = tg::train(dataset, settings, *renderer);
+  settings.texture_iterations = 0;
+  const tg::GaussianModel plain = tg::train(dataset, settings, *renderer).model;
+  settings.iterations = 0;
+  settings.texture_iterations = 20;
+  checkSameBytes(tg::train(dataset, settings, *renderer, {}, plain).model, whole.model);
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer, {}, whole.model),
+                    Catch::Matchers::Contains("the start model has textures already"));
+}
+
+TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  SECTION("MCMC reaches its cap exactly") {
+    settings.densification = tg::Densification::mcmc;
+    settings.gaussians = 700;
+  }
+  SECTION("magnitudes") { settings.densify_score = tg::DensifyScore::magnitudes; }
+  SECTION("3D filter") { settings.filter_3d = true; }
+  SECTION("random start, fixed count") {
+    settings.start = tg::Start::random;
+    settings.init_count = 900;
+    settings.densification = tg::Densification::none;
+  }
+  SECTION("texels by footprint, plane in stage 2") {
+    settings.texture_sizes = tg::TextureSizes::footprint;
+    settings.texel_budget = 3000;
+    settings.texture_intersection = tg::TextureIntersection::plane;
+  }
+  SECTION("the paper's texels") { settings.texture_init = tg::TextureInit::paper; }
+  SECTION("a share of the default count") {
+    settings.percent = 50;
+    settings.iterations = 120;
+  }
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer);
+  tg::checkModel(result.model, "model");
+  REQUIRE(result.report.textured);
+  CHECK(result.report.textured->loss < result.report.plain.loss);
+  CHECK(result.report.plain.test->psnr > 15);
+  if (settings.densification == tg::Densification::mcmc) CHECK(result.model.size() == 700);
+  if (settings.densification == tg::Densification::none) CHECK(result.model.size() == 900);
+  if (settings.texel_budget > 0) CHECK(result.model.atlas.texels.size() <= 3000);
+  if (settings.texture_intersection == tg::TextureIntersection::plane) {
+    CHECK(result.model.intersection == tg::IntersectionModel::plane);
+  }
+  if (settings.texture_init == tg::TextureInit::paper) {
+    for (const glm::vec4& texel : result.model.atlas.texels) REQUIRE((texel.r >= 0 && texel.r <= 1));
+  }
+  if (settings.percent > 0) {
+    REQUIRE(result.report.count);
+    CHECK(result.model.size() <= (result.report.count->gaussians + 1) / 2);
+    CHECK(result.model.atlas.rects[0].width == 6);
+  }
+}
+
+TEST_CASE("densification obeys the cap, and the start does too", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  settings.texture_iterations = 0;
+  settings.gaussians = 500;
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer);
+  CHECK(result.report.initial_gaussians == 500);
+  CHECK(result.model.size() <= 500);
+  CHECK(result.model.texture_mode == tg::TextureMode::none);
+  settings.gaussians = 700;
+  const std::size_t grown = tg::train(dataset, settings, *renderer).model.size();
+  CHECK(grown > 600);
+  CHECK(grown <= 700);
+}
+
+TEST_CASE("a stop request ends after the current step with a valid model", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  for (const int stop_at : {5, 70}) {
+    std::atomic<bool> stop{false};
+    int steps = 0;
+    tg::TrainHooks hooks;
+    hooks.stop = &stop;
+    hooks.after_step = [&](const tg::Trainer&) { stop = ++steps == stop_at; };
+    const tg::TrainResult result = tg::train(dataset, shortRun(), *renderer, hooks);
+    CHECK(steps == stop_at);
+    CHECK(result.report.interrupted);
+    tg::checkModel(result.model, "model");
+    CHECK(result.model.sh_degree == 3);
+    CHECK((result.model.texture_mode == tg::TextureMode::rgba) == (stop_at == 70));
+  }
+}
+
+TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {
+  tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_size = 0;
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
+                    Catch::Matchers::Contains("--texture-size: expected an integer from 1 to 256, found '0'"));
+  settings = shortRun();
+  settings.iterations = -1;
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
+                    Catch::Matchers::Contains("--iterations: expected an integer from 0 to 10000000, found '-1'"));
+}
+
+TEST_CASE("short schedules keep the shape of long ones", "[trainer]") {
+  const auto schedule = [](int iterations) {
+    tg::TrainSettings settings;
+    settings.iterations = iterations;
+    return tg::makeSchedule(settings);
+  };
+  const tg::Schedule paper = schedule(30000);
+  CHECK(paper.sh_every == 1000);
+  CHECK_FALSE(paper.densifies(500));
+  CHECK(paper.densifies(600));
+  CHECK(paper.densifies(15000));
+  CHECK_FALSE(paper.densifies(15100));
+  CHECK(paper.resetsOpacity(3000));
+  CHECK(paper.resetsOpacity(12000));
+  CHECK(paper.prunesLarge(3100));
+  const tg::Schedule quick = schedule(2000);
+  CHECK(quick.densifies(300));
+  CHECK(quick.densifies(1000));
+  CHECK_FALSE(quick.densifies(1100));
+  for (int i = 1; i <= 2000; i++) CHECK_FALSE(quick.resetsOpacity(i));
+  CHECK(schedule(1).raisesShDegree(1));
+}
