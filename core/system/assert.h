@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Promises between functions: TG_ASSERT(condition, "what was promised") says where one is broken and aborts. On in
 // Debug and where the option TG_ASSERTS is; elsewhere it compiles to nothing. A broken promise is a fault of this
-// program: what comes from a file, a command line or a device is an Error (core/error.h), in every build.
+// program: what comes from a file, a command line or a device is an Error (core/system/error.h), in every build.
 #pragma once
 
 #if defined(TG_ASSERTS) || !defined(NDEBUG)
