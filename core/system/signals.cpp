@@ -3,7 +3,6 @@
 
 #include <csignal>
 
-#include "core/file/file.h"
 #include "core/system/assert.h"
 #include "core/system/temporary_files.h"
 

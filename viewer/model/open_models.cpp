@@ -8,7 +8,6 @@
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/parse.h"
-#include "viewer/view/state.h"
 
 namespace tg {
 

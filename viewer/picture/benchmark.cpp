@@ -9,8 +9,6 @@
 
 #include "core/file/json.h"
 #include "core/system/assert.h"
-#include "core/system/error.h"
-#include "viewer/headless/renderer.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/shot.h"
 

@@ -9,7 +9,6 @@
 #include "core/file/json.h"
 #include "core/model/effective_rank.h"
 #include "core/system/assert.h"
-#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {
