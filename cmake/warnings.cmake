@@ -8,6 +8,10 @@ target_compile_options(tg_warnings INTERFACE "$<${tg_cxx}:-Wall;-Wextra;-Wshadow
 if(TG_ASSERTS STREQUAL ON OR (TG_ASSERTS STREQUAL AUTO AND TG_TESTS))
   target_compile_definitions(tg_warnings INTERFACE TG_ASSERTS)
 endif()
+if(TG_UNITY AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+  # A class of a .cpp file may hold members of its anonymous namespace; in a batch GCC takes that file for a header.
+  target_compile_options(tg_warnings INTERFACE $<${tg_cxx}:-Wno-subobject-linkage>)
+endif()
 if(TG_WERROR)
   target_compile_options(tg_warnings INTERFACE $<${tg_cxx}:-Werror>)
 endif()

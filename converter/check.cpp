@@ -21,7 +21,7 @@
 namespace tg {
 namespace {
 
-using nlohmann::json;
+using JsonNode = nlohmann::json;
 
 constexpr std::uint64_t kMaxFileBytes = 0xFFFFFFFF;  // what a GLB header can say
 
@@ -65,16 +65,16 @@ bool tryRead(const std::filesystem::path& path, bool base_only, CheckReport& rep
   }
 }
 
-bool lists(const json& root, const char* key, std::string_view extension) {
-  const json list = root.value(key, json::array());
-  return std::find(list.begin(), list.end(), json(std::string(extension))) != list.end();
+bool lists(const JsonNode& root, const char* key, std::string_view extension) {
+  const JsonNode list = root.value(key, JsonNode::array());
+  return std::find(list.begin(), list.end(), JsonNode(std::string(extension))) != list.end();
 }
 
 // glTF: elements of attributes start at multiples of 4 bytes.
-void checkAlignment(const json& root, std::size_t index, CheckReport& report) {
-  const json& accessor = root["accessors"][index];
+void checkAlignment(const JsonNode& root, std::size_t index, CheckReport& report) {
+  const JsonNode& accessor = root["accessors"][index];
   if (!accessor.contains("bufferView")) return;
-  const json& view = root["bufferViews"][accessor["bufferView"].get<std::size_t>()];
+  const JsonNode& view = root["bufferViews"][accessor["bufferView"].get<std::size_t>()];
   constexpr std::uint64_t bytes[] = {1, 1, 2, 2, 0, 4, 4};
   const std::string type = accessor["type"].get<std::string>();
   if (type.rfind("MAT", 0) == 0) return;  // no splat attribute
@@ -90,14 +90,14 @@ void checkAlignment(const json& root, std::size_t index, CheckReport& report) {
 }
 
 // What reading gets by without. The document has passed checkGltfJson.
-void checkOverlooked(const json& root, CheckReport& report) {
+void checkOverlooked(const JsonNode& root, CheckReport& report) {
   const std::string khr(kSplatExtension), ours(kTextureExtension);
   bool textured = false;
-  for (const json& mesh : root["meshes"]) {
-    for (const json& primitive : mesh["primitives"]) {
-      const json extensions = primitive.value("extensions", json::object());
+  for (const JsonNode& mesh : root["meshes"]) {
+    for (const JsonNode& primitive : mesh["primitives"]) {
+      const JsonNode extensions = primitive.value("extensions", JsonNode::object());
       if (!extensions.contains(khr)) continue;
-      const json nested = extensions[khr].value("extensions", json::object());
+      const JsonNode nested = extensions[khr].value("extensions", JsonNode::object());
       textured = textured || nested.contains(ours);
       for (const auto& [semantic, accessor] : primitive["attributes"].items()) {
         checkAlignment(root, accessor.get<std::size_t>(), report);
@@ -116,7 +116,7 @@ void checkOverlooked(const json& root, CheckReport& report) {
 }
 
 // The JSON of a file whose structure is sound, in one piece.
-json readStructure(const std::filesystem::path& path, const CheckReport& report) {
+JsonNode readStructure(const std::filesystem::path& path, const CheckReport& report) {
   std::vector<std::uint8_t> bytes = readFile(path, kMaxFileBytes);
   const auto split = [&] {
     GltfParts parts;
@@ -131,7 +131,7 @@ json readStructure(const std::filesystem::path& path, const CheckReport& report)
     bytes = std::move(*resolved);
     parts = split();
   }
-  json root = parseGltfJson(parts.json, report.file);
+  JsonNode root = parseGltfJson(parts.json, report.file);
   checkGltfJson(root, parts, report.file);
   return root;
 }

@@ -13,7 +13,7 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;  // offsets have 32 bits
+constexpr std::uint64_t kMaxMergedTexels = std::uint64_t{1} << 30;  // offsets have 32 bits
 
 bool isTextured(const GaussianModel& model) {
   return model.texture_mode != TextureMode::none && !model.atlas.rects.empty();
@@ -75,9 +75,9 @@ void mergeModel(GaussianModel& model, const GaussianModel& added, const std::str
     model.texture_mode = TextureMode::rgba;  // of two different modes, always the union
   }
   const std::uint64_t texels = std::uint64_t{model.atlas.texels.size()} + other.atlas.texels.size();
-  if (texels > kMaxTexels) {
+  if (texels > kMaxMergedTexels) {
     throw Error(ErrorKind::badData, path,
-                "too many texels in all (expected at most " + std::to_string(kMaxTexels) + ", found " +
+                "too many texels in all (expected at most " + std::to_string(kMaxMergedTexels) + ", found " +
                     std::to_string(texels) + ")");
   }
   for (TextureRect& rect : other.atlas.rects) {

@@ -18,7 +18,7 @@ namespace tg {
 namespace {
 
 constexpr double kRigidTolerance = 1e-5;  // relative: matrices typed with six digits
-constexpr std::int64_t kBlock = 1024;     // Gaussians a thread takes at once
+constexpr std::int64_t kTransformGrain = 1024;  // Gaussians a thread takes at once
 
 // Adds to all three logarithms. Where that leaves the normal's too close to another one, the model's rule
 // (shared/splat.h) might pick another normal: local axes are then permuted so that it picks the same.
@@ -68,7 +68,7 @@ void transformModel(GaussianModel& model, const Similarity& similarity) {
   const glm::dvec4 turn = quaternionFromMatrix(similarity.rotation);
   const double log_factor = std::log(similarity.scale);
   const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
-  parallelFor(static_cast<std::int64_t>(model.size()), kBlock, [&](std::int64_t item) {
+  parallelFor(static_cast<std::int64_t>(model.size()), kTransformGrain, [&](std::int64_t item) {
     const std::size_t i = static_cast<std::size_t>(item);
     model.mean[i] =
         glm::vec3(similarity.scale * (similarity.rotation * glm::dvec3(model.mean[i])) + similarity.translation);

@@ -18,7 +18,8 @@ namespace tg {
 namespace {
 
 constexpr std::size_t kChunkSplats = 256;
-constexpr std::uint64_t kMaxBytes = kMaxGaussians * (4 * 4 + 45 + 1);  // a splat, its SH, its part of a chunk
+constexpr std::uint64_t kMaxCompressedPlyBytes =
+    kMaxGaussians * (4 * 4 + 45 + 1);                                  // a splat, its SH, its part of a chunk
 constexpr float kShRange = 8.0f;                                       // bytes span [-4, 4]
 
 // What the splats of a chunk are interpolated between.
@@ -150,7 +151,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
 }
 
 GaussianModel readCompressedPly(const std::filesystem::path& path) {
-  return parseCompressedPly(readFile(path, kMaxBytes), path.string());
+  return parseCompressedPly(readFile(path, kMaxCompressedPlyBytes), path.string());
 }
 
 }  // namespace tg

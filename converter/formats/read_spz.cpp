@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::uint64_t kMaxBytesPerSplat = 9 + 1 + 3 + 3 + 4 + 72;
 constexpr std::uint64_t kMaxExtensionBytes = std::uint64_t{16} << 20;
-constexpr int kMaxDegree = 3;     // of the model
+constexpr int kMaxModelDegree = 3;  // of the model
 constexpr int kMaxSpzDegree = 4;  // of the format
 constexpr int kMaxFraction = 23;  // bits: positions have 24, one of them the sign
 constexpr std::uint64_t kTocEntryBytes = 16;
@@ -102,7 +102,7 @@ glm::vec4 rotationFrom4(std::span<const std::uint8_t> from) {
 
 GaussianModel decode(const SpzHeader& header, const Streams& streams) {
   GaussianModel model;
-  model.sh_degree = std::min(header.sh_degree, kMaxDegree);
+  model.sh_degree = std::min(header.sh_degree, kMaxModelDegree);
   const std::size_t n = header.count;
   const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
   const std::size_t stored = static_cast<std::size_t>((header.sh_degree + 1) * (header.sh_degree + 1) - 1);
@@ -135,7 +135,7 @@ GaussianModel decode(const SpzHeader& header, const Streams& streams) {
 Bundle finish(const SpzHeader& header, const Streams& streams, const std::string& path) {
   Bundle loaded;
   loaded.model = decode(header, streams);
-  if (header.sh_degree > kMaxDegree) loaded.warnings.push_back("SH of degree 4 is left out");
+  if (header.sh_degree > kMaxModelDegree) loaded.warnings.push_back("SH of degree 4 is left out");
   if ((header.flags & kSpzAntialiased) != 0) {
     loaded.warnings.push_back("trained with antialiasing, which the model has no word for");
   }

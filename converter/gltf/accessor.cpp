@@ -16,7 +16,7 @@
 namespace tg {
 namespace {
 
-constexpr std::size_t kBlock = 4096;  // splats whose bytes are read at once
+constexpr std::size_t kReadBlock = 4096;  // splats whose bytes are read at once
 
 struct StorageName {
   Storage storage;
@@ -169,8 +169,8 @@ std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimit
       static_cast<std::size_t>(components) * tinygltf::GetComponentSizeInBytes(accessor.componentType);
   const std::size_t stride = view.byteStride != 0 ? view.byteStride : element;
   std::vector<std::uint8_t> bytes;
-  for (std::size_t i = 0; i < range.count; i += kBlock) {
-    const std::size_t count = std::min(kBlock, range.count - i);
+  for (std::size_t i = 0; i < range.count; i += kReadBlock) {
+    const std::size_t count = std::min(kReadBlock, range.count - i);
     bytes.resize((count - 1) * stride + element);  // the last one may end with the view
     document.read(accessor.bufferView, accessor.byteOffset + (range.first + i) * stride, bytes);
     decodeAs(accessor.componentType, bytes.data(), stride, count, components, accessor.normalized,

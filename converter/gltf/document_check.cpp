@@ -14,7 +14,7 @@
 namespace tg {
 namespace {
 
-using nlohmann::json;
+using JsonNode = nlohmann::json;
 
 constexpr int kMaxJsonDepth = 64;
 constexpr std::uint32_t kChunkJson = 0x4E4F534A;
@@ -23,7 +23,7 @@ constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 32;  // of accessor elem
 constexpr std::array<std::string_view, 4> kSupportedExtensions = {kSplatExtension, kTextureExtension, kSpzExtension,
                                                                   "KHR_mesh_quantization"};
 
-std::uint32_t readU32(std::span<const std::uint8_t> bytes, std::size_t at) {
+std::uint32_t wordAt(std::span<const std::uint8_t> bytes, std::size_t at) {
   return bytes[at] | std::uint32_t{bytes[at + 1]} << 8 | std::uint32_t{bytes[at + 2]} << 16 |
          std::uint32_t{bytes[at + 3]} << 24;
 }
@@ -33,8 +33,8 @@ std::string expectedFound(const std::string& expected, const std::string& found)
 }
 
 // A JSON value as it should appear in a message: short.
-std::string shown(const json& value) {
-  std::string text = value.dump(-1, ' ', true, json::error_handler_t::replace);
+std::string shown(const JsonNode& value) {
+  std::string text = value.dump(-1, ' ', true, JsonNode::error_handler_t::replace);
   if (text.size() > 40) text = text.substr(0, 37) + "...";
   return text;
 }
@@ -67,10 +67,10 @@ int componentCount(std::string_view type) {
 // A JSON value that knows its pointer; the only way this file looks at the document.
 class Node {
  public:
-  Node(const json& value, std::string pointer, const std::string& path)
+  Node(const JsonNode& value, std::string pointer, const std::string& path)
       : value_(&value), pointer_(std::move(pointer)), path_(&path) {}
 
-  const json& value() const { return *value_; }
+  const JsonNode& value() const { return *value_; }
   [[noreturn]] void fail(const std::string& what) const {
     throw Error(ErrorKind::badData, *path_, (pointer_.empty() ? "/" : pointer_) + ": " + what);
   }
@@ -113,12 +113,12 @@ class Node {
   void numbers(std::size_t count) const {
     array();
     const bool ok =
-        size() == count && std::all_of(value_->begin(), value_->end(), [](const json& v) { return v.is_number(); });
+        size() == count && std::all_of(value_->begin(), value_->end(), [](const JsonNode& v) { return v.is_number(); });
     if (!ok) fail("wrong value" + expectedFound(std::to_string(count) + " numbers", shown(*value_)));
   }
 
  private:
-  const json* value_;
+  const JsonNode* value_;
   std::string pointer_;
   const std::string* path_;
 };
@@ -152,7 +152,7 @@ void checkExtensions(const Node& root) {
 
 // tinygltf cuts integers to 32 bits without a word. Sizes are exempt: it keeps them whole.
 void checkIntegers(const Node& node) {
-  const json& value = node.value();
+  const JsonNode& value = node.value();
   if (value.is_number_integer()) {
     const bool fits = value.is_number_unsigned()
                           ? value.get<std::uint64_t>() <= std::uint64_t{std::numeric_limits<std::int32_t>::max()}
@@ -368,10 +368,10 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes
          expectedFound("at least " + std::to_string(kGlbHeaderBytes + kChunkHeaderBytes) + " bytes",
                        std::to_string(bytes.size())));
   }
-  if (const std::uint32_t version = readU32(bytes, 4); version != 2) {
+  if (const std::uint32_t version = wordAt(bytes, 4); version != 2) {
     fail("another container version" + expectedFound("2", std::to_string(version)));
   }
-  if (const std::uint32_t length = readU32(bytes, 8); length != file_bytes) {
+  if (const std::uint32_t length = wordAt(bytes, 8); length != file_bytes) {
     fail("the length in the header is not the file's" +
          expectedFound(std::to_string(length) + " bytes", std::to_string(file_bytes)));
   }
@@ -381,8 +381,8 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes
   for (int chunk = 0; at < file_bytes; ++chunk) {
     const std::string which = "chunk " + std::to_string(chunk);
     if (file_bytes - at < kChunkHeaderBytes) fail(which + " ends inside its header");
-    const std::uint32_t length = readU32(bytes, at);
-    const std::uint32_t type = readU32(bytes, at + 4);
+    const std::uint32_t length = wordAt(bytes, at);
+    const std::uint32_t type = wordAt(bytes, at + 4);
     at += kChunkHeaderBytes;
     if (length % 4 != 0) fail(which + " has a bad length" + expectedFound("a multiple of 4", std::to_string(length)));
     if (length > file_bytes - at) {
@@ -400,28 +400,28 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes
   return parts;
 }
 
-json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) {
+JsonNode parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) {
   if (text.size() > kMaxJsonBytes) {
     throw Error(ErrorKind::badData, path,
                 "the JSON text is too long" +
                     expectedFound("at most " + std::to_string(kMaxJsonBytes) + " bytes", std::to_string(text.size())));
   }
   try {
-    const auto limit_depth = [&](int depth, json::parse_event_t event, json&) {
-      if (depth > kMaxJsonDepth && event != json::parse_event_t::value) {
+    const auto limit_depth = [&](int depth, JsonNode::parse_event_t event, JsonNode&) {
+      if (depth > kMaxJsonDepth && event != JsonNode::parse_event_t::value) {
         throw Error(ErrorKind::badData, path,
                     "the JSON text nests too deep" +
                         expectedFound("at most " + std::to_string(kMaxJsonDepth) + " levels", "more"));
       }
       return true;
     };
-    return json::parse(text.begin(), text.end(), limit_depth);
-  } catch (const json::exception& error) {
+    return JsonNode::parse(text.begin(), text.end(), limit_depth);
+  } catch (const JsonNode::exception& error) {
     throw Error(ErrorKind::badData, path, std::string("the JSON text is broken: ") + error.what());
   }
 }
 
-void checkGltfJson(const json& value, const GltfParts& parts, const std::string& path) {
+void checkGltfJson(const JsonNode& value, const GltfParts& parts, const std::string& path) {
   const Node root = Node(value, "", path).object();
   checkVersion(root);
   checkExtensions(root);

@@ -10,7 +10,7 @@
 namespace tg {
 namespace {
 
-constexpr double kRigidTolerance = 1e-4;  // relative: transforms written as floats, several levels deep
+constexpr double kNodeTolerance = 1e-4;  // relative: transforms written as floats, several levels deep
 
 std::string pointerOf(int node) { return "/nodes/" + std::to_string(node); }
 
@@ -88,7 +88,7 @@ RigidScale decompose(const GltfDocument& document, const PlacedNode& placed) {
   const glm::dmat3 product = glm::transpose(result.rotation) * result.rotation;
   for (int k = 0; k < 9; ++k) {
     const double expected = k / 3 == k % 3 ? 1.0 : 0.0;
-    if (std::abs(product[k / 3][k % 3] - expected) > kRigidTolerance) fail("the transform shears or stretches");
+    if (std::abs(product[k / 3][k % 3] - expected) > kNodeTolerance) fail("the transform shears or stretches");
   }
   if (m[0][3] != 0.0 || m[1][3] != 0.0 || m[2][3] != 0.0 || m[3][3] != 1.0) fail("the transform is projective");
   return result;

@@ -26,11 +26,11 @@
 namespace tg {
 namespace {
 
-constexpr std::size_t kBlock = 16384;                         // splats whose numbers are held beside the model
+constexpr std::size_t kInstanceBlock = 16384;                 // splats whose numbers are held beside the model
 constexpr float kNormTolerance = 1e-3f;                       // of |q|^2 from 1
 constexpr float kByteNormTolerance = 2e-2f;                   // 8-bit quaternions are off by their rounding alone
-constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;  // of all primitives; offsets have 32 bits
-constexpr int kMaxDegree = 3;
+constexpr std::uint64_t kMaxGltfTexels = std::uint64_t{1} << 30;  // of all primitives; offsets have 32 bits
+constexpr int kMaxGltfDegree = 3;
 
 struct SplatInstance {
   SplatPrimitive splats;
@@ -64,7 +64,7 @@ std::string coefficientName(int degree, int k) {
 // The highest complete degree. Throws when a degree has gaps or stands on a missing one.
 int findDegree(const GltfDocument& document, const SplatPrimitive& splats) {
   int degree = 0;
-  for (int l = 1; l <= kMaxDegree; ++l) {
+  for (int l = 1; l <= kMaxGltfDegree; ++l) {
     int present = 0;
     std::string missing;
     for (int k = 0; k <= 2 * l; ++k) {
@@ -233,7 +233,7 @@ std::size_t blockOf(const GltfDocument& document, const SplatInstance& instance)
   for (const auto& [semantic, accessor] : instance.splats.primitive->attributes) {
     if (document.model.accessors[static_cast<std::size_t>(accessor)].sparse.isSparse) return instance.splats.count;
   }
-  return std::min(kBlock, instance.splats.count);
+  return std::min(kInstanceBlock, instance.splats.count);
 }
 
 BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance, SplatRange range) {
@@ -445,9 +445,9 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
                                                         std::string(name(model.intersection)) + ", found " +
                                                         std::string(name(layer->intersection)) + ")");
       }
-      if (model.atlas.texels.size() + layer->atlas.texels.size() > kMaxTexels) {
+      if (model.atlas.texels.size() + layer->atlas.texels.size() > kMaxGltfTexels) {
         throw document.bad(instance.splats.pointer,
-                           "too many texels in all (expected at most " + std::to_string(kMaxTexels) + ")");
+                           "too many texels in all (expected at most " + std::to_string(kMaxGltfTexels) + ")");
       }
       textured = true;
       model.intersection = layer->intersection;

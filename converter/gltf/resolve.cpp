@@ -20,7 +20,7 @@ namespace {
 using nlohmann::json;
 
 constexpr std::array<const char*, 2> kCodecs = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
-constexpr std::uint64_t kMaxBytes = 0xFFFFFFFFull;  // of the GLB that is made
+constexpr std::uint64_t kMaxResolvedBytes = 0xFFFFFFFFull;  // of the GLB that is made
 constexpr std::uint64_t kMaxUnpackRatio = 64;       // 2 bits of a packed stream stand for 16 bytes at most
 constexpr std::uint64_t kMaxUnpackExtra = 1 << 16;  // [bytes] header and tail of a stream
 
@@ -95,7 +95,7 @@ class Resolver {
   std::uint64_t append(std::span<const std::uint8_t> bytes) {
     bin_.resize((bin_.size() + 3) / 4 * 4);
     const std::uint64_t offset = bin_.size();
-    if (offset + bytes.size() > kMaxBytes) {
+    if (offset + bytes.size() > kMaxResolvedBytes) {
       throw Error(ErrorKind::badData, path_, "the parts are too large (expected at most 4 GiB in all)");
     }
     bin_.insert(bin_.end(), bytes.begin(), bytes.end());
@@ -122,7 +122,7 @@ class Resolver {
     for (const std::filesystem::path& part : std::filesystem::path(name)) safe = safe && part != "..";
     if (!safe) fail(pointer, "no name of a file beside this one (expected a relative path without \"..\")");
     try {
-      return readFile(*folder_ / name, kMaxBytes);
+      return readFile(*folder_ / name, kMaxResolvedBytes);
     } catch (const Error& error) {
       fail(pointer, std::string("external file: ") + error.what());
     }
@@ -206,7 +206,7 @@ class Resolver {
       fail(place, "leaves its buffer (expected at most " + std::to_string(source.bytes) + " bytes, found " +
                       std::to_string(offset) + " + " + std::to_string(bytes) + ")");
     }
-    if (stride > 256 || count > kMaxBytes || count * stride > bytes * kMaxUnpackRatio + kMaxUnpackExtra) {
+    if (stride > 256 || count > kMaxResolvedBytes || count * stride > bytes * kMaxUnpackRatio + kMaxUnpackExtra) {
       fail(place, "more than the stream can hold (found " + std::to_string(count) + " elements of " +
                       std::to_string(stride) + " bytes in " + std::to_string(bytes) + ")");
     }
@@ -260,7 +260,8 @@ class Resolver {
     text.resize((text.size() + 3) / 4 * 4, ' ');
     std::vector<std::uint8_t> glb;
     const std::uint64_t total = 12 + 8 + text.size() + 8 + bin_.size();
-    if (total > kMaxBytes) throw Error(ErrorKind::badData, path_, "the parts are too large (expected at most 4 GiB)");
+    if (total > kMaxResolvedBytes)
+      throw Error(ErrorKind::badData, path_, "the parts are too large (expected at most 4 GiB)");
     glb.reserve(static_cast<std::size_t>(total));
     const auto put = [&](std::uint64_t value) {
       for (int shift = 0; shift < 32; shift += 8) glb.push_back(static_cast<std::uint8_t>(value >> shift));

@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kMaxAtlasSide = 4096;  // [texels]
+constexpr int kMaxBakedSide = 4096;  // [texels]
 
 }  // namespace
 
@@ -25,7 +25,7 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
   const GaussianModel& model = content.model;
   if (content.atlas == AtlasFormat::exr) throw Error(ErrorKind::usage, "a .png holds no EXR (expected png8 or png16)");
   const unsigned mode = static_cast<unsigned>(model.texture_mode);
-  PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxAtlasSide);
+  PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxBakedSide);
   if (mode == kModeNone || packed.pages.empty()) {
     throw Error(ErrorKind::badData, path.string(), "the model has no textures");
   }

@@ -17,8 +17,6 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxPlyBytes = kMaxGaussians * 62 * 8;
-
 // All rows, in blocks on all cores: take(first, count, scratch) fills Gaussians of the model. Whether all of them keep
 // the promises of a model.
 template <typename Take>

@@ -15,6 +15,7 @@ namespace tg {
 struct ReadProgress;
 
 constexpr std::uint64_t kMaxGaussians = 64'000'000;
+constexpr std::uint64_t kMaxPlyBytes = kMaxGaussians * 62 * 8;  // of a file of splats
 
 // Reads by property name, so extra properties and any order are fine; ASCII, binary little and big endian; SH degree
 // 0-3 from the number of f_rest_*. Throws Error(cannotRead / badData): missing property, count and size that disagree

@@ -17,7 +17,6 @@
 namespace tg {
 namespace {
 
-constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 constexpr std::size_t kMaxProperties = 4096;  // of one element; INRIA's layout has 62
 constexpr std::size_t kBlock = 4096;          // vertices a thread takes at once
 static_assert(std::endian::native == std::endian::little, "scalar loads below assume a little-endian machine");
@@ -121,7 +120,7 @@ bool parseNumber(std::string_view word, float& value) {
 }
 
 // Words of a file in a message: short, and printable whatever they are.
-std::string shown(std::string_view word) {
+std::string shownWord(std::string_view word) {
   std::string text = "\"";
   for (char c : word.substr(0, 40)) text += c >= ' ' && c <= '~' ? c : '?';
   return text + "\"";
@@ -202,12 +201,12 @@ void PlyVertices::parseProperty(std::string_view line, Element& element) const {
   }
   const auto type =
       std::find_if(kTypeNames.begin(), kTypeNames.end(), [&](const TypeName& t) { return t.name == type_name; });
-  if (type == kTypeNames.end()) fail("PLY header: unknown property type " + shown(type_name));
+  if (type == kTypeNames.end()) fail("PLY header: unknown property type " + shownWord(type_name));
   const std::string_view name = nextWord(line);
   if (name.empty() || !nextWord(line).empty()) fail("PLY header: property without exactly one name");
   if (std::any_of(element.properties.begin(), element.properties.end(),
                   [&](const PlyProperty& p) { return p.name == name; }))
-    fail("PLY header: property " + shown(name) + " is given twice");
+    fail("PLY header: property " + shownWord(name) + " is given twice");
   if (element.properties.size() == kMaxProperties)
     fail("PLY header: too many properties (expected at most " + std::to_string(kMaxProperties) + ")");
   element.properties.push_back({std::string(name), type->type, element.stride});
@@ -215,7 +214,7 @@ void PlyVertices::parseProperty(std::string_view line, Element& element) const {
 }
 
 void PlyVertices::parseHeader(std::vector<Element>& elements) {
-  std::string_view text(reinterpret_cast<const char*>(body_.data()), std::min(body_.size(), kMaxHeaderBytes));
+  std::string_view text(reinterpret_cast<const char*>(body_.data()), std::min(body_.size(), kMaxPlyHeaderBytes));
   bool has_format = false;
   for (std::size_t line_number = 1;; ++line_number) {
     const std::size_t end = text.find('\n');
@@ -234,8 +233,8 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
       else if (format == "binary_big_endian")
         format_ = Format::big;
       else
-        fail("PLY header: unknown format " + shown(format));
-      if (version != "1.0") fail("PLY header: unknown version (expected 1.0, found " + shown(version) + ")");
+        fail("PLY header: unknown format " + shownWord(format));
+      if (version != "1.0") fail("PLY header: unknown version (expected 1.0, found " + shownWord(version) + ")");
       if (has_format) fail("PLY header: format is given twice");
       has_format = true;
     } else if (keyword == "element") {
@@ -244,7 +243,8 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
       const std::string_view count = nextWord(line);
       const auto [stop, status] = std::from_chars(count.data(), count.data() + count.size(), element.count);
       if (status != std::errc() || stop != count.data() + count.size())
-        fail("PLY header: element " + shown(element.name) + " has no usable count (found " + shown(count) + ")");
+        fail("PLY header: element " + shownWord(element.name) + " has no usable count (found " + shownWord(count) +
+             ")");
       elements.push_back(std::move(element));
     } else if (keyword == "property") {
       if (elements.empty()) fail("PLY header: property before the first element");
@@ -252,7 +252,7 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
     } else if (keyword == "end_header") {
       break;
     } else if (keyword != "comment" && keyword != "obj_info" && !keyword.empty()) {
-      fail("PLY header: unknown keyword " + shown(keyword));
+      fail("PLY header: unknown keyword " + shownWord(keyword));
     }
   }
   if (!has_format) fail("PLY header: no format");
@@ -266,12 +266,12 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
   if (vertex == elements.end()) fail("PLY without element " + std::string(element));
   for (auto e = elements.begin(); e <= vertex; ++e) {
     if (e->has_list)
-      fail("list property in element " + shown(e->name) + " (expected only after " + shown(element) + ")");
+      fail("list property in element " + shownWord(e->name) + " (expected only after " + shownWord(element) + ")");
     // Every ASCII value takes a digit and a separator, but for the last.
     const std::uint64_t size = format_ == Format::ascii ? 2 * e->properties.size() : e->stride;
     const std::uint64_t left = total_ - begin_ + (format_ == Format::ascii ? 1 : 0);
     if (size > 0 && e->count > left / size)
-      fail("file is too short for its counts (expected " + std::to_string(e->count) + " x " + shown(e->name) +
+      fail("file is too short for its counts (expected " + std::to_string(e->count) + " x " + shownWord(e->name) +
            ", found " + std::to_string(total_ - begin_) + " bytes)");
     if (e == vertex) break;
     if (format_ == Format::ascii) {
@@ -284,7 +284,7 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
   }
   if (vertex->properties.empty()) fail("element " + std::string(element) + " has no properties");
   if (vertex->count > kMaxGaussians)
-    fail("too many rows of " + shown(element) + " (expected at most " + std::to_string(kMaxGaussians) + ", found " +
+    fail("too many rows of " + shownWord(element) + " (expected at most " + std::to_string(kMaxGaussians) + ", found " +
          std::to_string(vertex->count) + ")");
   count_ = static_cast<std::size_t>(vertex->count);
   stride_ = vertex->stride;
@@ -315,7 +315,7 @@ void PlyVertices::readAscii(std::span<const int> indices,
       const std::string_view word = nextWord(text);
       if (word.empty()) fail("file ends inside " + label(i) + " (expected " + std::to_string(count_) + ")");
       if (!parseNumber(word, row[p]))
-        fail(label(i) + ": " + properties_[p].name + " is no number (found " + shown(word) + ")");
+        fail(label(i) + ": " + properties_[p].name + " is no number (found " + shownWord(word) + ")");
     }
     for (std::size_t k = 0; k < indices.size(); ++k) {
       values[k] = row[static_cast<std::size_t>(indices[k])];

@@ -10,6 +10,8 @@
 
 namespace tg {
 
+constexpr std::size_t kMaxPlyHeaderBytes = 1 << 20;
+
 enum class PlyType { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
 
 struct PlyProperty {

@@ -17,7 +17,6 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxPlyBytes = kMaxGaussians * 62 * 8;
 constexpr std::size_t kHugeBytes = std::size_t{4} << 20;  // arrays from here on are worth large pages
 constexpr std::uint32_t kExponent = 0x7f800000u;          // all ones: infinite or not a number
 // 2DGS files have two scales. The third is this much thinner than the smaller one: flat, yet not degenerate.

@@ -17,7 +17,6 @@
 
 namespace tg {
 
-constexpr std::size_t kMaxPlyHeaderBytes = 1 << 20;
 constexpr std::size_t kSplatBlockRows = 4096;  // 1 MB of INRIA's rows: stays in a cache between reading and converting
 
 // `n` Gaussians of zeros, without textures.

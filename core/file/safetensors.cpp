@@ -61,7 +61,7 @@ bool readCount(const Json& json, std::int64_t& value) {
   return value >= 0;
 }
 
-std::string shown(const std::string& name) { return "tensor '" + name.substr(0, kMaxNameShown) + "'"; }
+std::string shownTensor(const std::string& name) { return "tensor '" + name.substr(0, kMaxNameShown) + "'"; }
 
 }  // namespace
 
@@ -100,17 +100,18 @@ Safetensors Safetensors::parse(std::vector<std::uint8_t> bytes, const std::strin
     Entry entry;
     const Json& type = part("dtype");
     const std::size_t element = type.is_string() ? elementBytes(type.get<std::string>()) : 0;
-    if (element == 0) file.fail(shown(name) + ": unknown dtype");
+    if (element == 0) file.fail(shownTensor(name) + ": unknown dtype");
     entry.type = type.get<std::string>();
     const Json& shape = part("shape");
-    if (!shape.is_array() || shape.size() > kMaxDimensions) file.fail(shown(name) + ": 'shape' is not a short list");
+    if (!shape.is_array() || shape.size() > kMaxDimensions)
+      file.fail(shownTensor(name) + ": 'shape' is not a short list");
     std::uint64_t elements = 1;
     for (const Json& side : shape) {
       std::int64_t value = 0;
-      if (!readCount(side, value)) file.fail(shown(name) + ": 'shape' holds something that is not a size");
+      if (!readCount(side, value)) file.fail(shownTensor(name) + ": 'shape' holds something that is not a size");
       // Sizes that multiply to more than the file holds are refused at once: no product overflows.
       if (value > 0 && elements > length / element / static_cast<std::uint64_t>(value)) {
-        file.fail(shown(name) + ": the file is too short for its shape");
+        file.fail(shownTensor(name) + ": the file is too short for its shape");
       }
       elements *= static_cast<std::uint64_t>(value);
       entry.shape.push_back(value);
@@ -119,11 +120,12 @@ Safetensors Safetensors::parse(std::vector<std::uint8_t> bytes, const std::strin
     std::int64_t first = 0, last = 0;
     if (!offsets.is_array() || offsets.size() != 2 || !readCount(offsets[0], first) || !readCount(offsets[1], last) ||
         first > last || static_cast<std::uint64_t>(last) > length) {
-      file.fail(shown(name) + ": 'data_offsets' do not lie inside the file's " + std::to_string(length) + " bytes");
+      file.fail(shownTensor(name) + ": 'data_offsets' do not lie inside the file's " + std::to_string(length) +
+                " bytes");
     }
     if (static_cast<std::uint64_t>(last - first) != elements * element) {
-      file.fail(shown(name) + ": shape and data differ in length (expected " + std::to_string(elements * element) +
-                " bytes, found " + std::to_string(last - first) + ")");
+      file.fail(shownTensor(name) + ": shape and data differ in length (expected " +
+                std::to_string(elements * element) + " bytes, found " + std::to_string(last - first) + ")");
     }
     entry.begin = data + static_cast<std::uint64_t>(first);
     entry.end = data + static_cast<std::uint64_t>(last);
@@ -134,7 +136,7 @@ Safetensors Safetensors::parse(std::vector<std::uint8_t> bytes, const std::strin
 
 const Safetensors::Entry& Safetensors::entry(const std::string& name) const {
   const auto found = entries_.find(name);
-  if (found == entries_.end()) fail(shown(name) + " is missing");
+  if (found == entries_.end()) fail(shownTensor(name) + " is missing");
   return found->second;
 }
 
@@ -163,10 +165,10 @@ Tensor Safetensors::tensor(const std::string& name) const {
       tensor.values[i] = floatFromHalf(half);
     }
   } else {
-    fail(shown(name) + ": cannot use this dtype (expected F32 or F16, found " + source.type + ")");
+    fail(shownTensor(name) + ": cannot use this dtype (expected F32 or F16, found " + source.type + ")");
   }
   for (float value : tensor.values) {
-    if (!std::isfinite(value)) fail(shown(name) + " holds a value that is not finite");
+    if (!std::isfinite(value)) fail(shownTensor(name) + " holds a value that is not finite");
   }
   return tensor;
 }

@@ -25,7 +25,8 @@ namespace {
 
 constexpr int kMaxSide = 65536;  // the library buffers up to 256 lines of pixels
 constexpr int kMaxChannels = 32;
-constexpr std::int64_t kMaxRatio = 4096;  // pixels to file: ZIP reaches 1032, PIZ and B44 less, flat DWA pictures more
+constexpr std::int64_t kMaxPixelRatio =
+    4096;  // pixels to file: ZIP reaches 1032, PIZ and B44 less, flat DWA pictures more
 
 class MemoryInput : public Imf::IStream {
  public:
@@ -186,7 +187,7 @@ class HeaderReader {
   void checkSize() const {
     std::int64_t bytes_per_pixel = 0;
     for (const Channel& c : header_.channels) bytes_per_pixel += c.type == Imf::HALF ? 2 : 4;
-    checkImageSize(header_.width, header_.height, bytes_per_pixel, file_bytes_, kMaxRatio, path_);
+    checkImageSize(header_.width, header_.height, bytes_per_pixel, file_bytes_, kMaxPixelRatio, path_);
     // One block of lines is the unit the library allocates, read or not.
     const std::int64_t lines = header_.compression == Imf::DWAB_COMPRESSION ? 256 : 32;
     if (header_.width * bytes_per_pixel * lines > (std::int64_t{1} << 30)) fail("image lines are too wide");

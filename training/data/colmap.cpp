@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kMaxModelBytes = std::uint64_t{4} << 30;
-constexpr std::uint64_t kMaxImageSide = 1 << 20;
+constexpr std::uint64_t kMaxColmapSide = 1 << 20;
 constexpr std::size_t kMaxNameBytes = 4096;
 
 // COLMAP's camera models by id. `parameters` are, in the file's order: f one focal length, x and y two, c the principal
@@ -118,7 +118,7 @@ ColmapCamera makeCamera(const fs::path& path, const std::string& label, const Ca
     fail(path, label + ": wrong number of parameters (expected " + std::to_string(model.count) + ", found " +
                    std::to_string(parameters.size()) + ")");
   }
-  if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide) {
+  if (width < 1 || height < 1 || width > kMaxColmapSide || height > kMaxColmapSide) {
     fail(path,
          label + ": image size out of range (found " + std::to_string(width) + " x " + std::to_string(height) + ")");
   }
@@ -351,7 +351,7 @@ glm::dmat3 rotationMatrix(const fs::path& path, const ColmapImage& image) {
                     glm::dvec3(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)));
 }
 
-bool isFile(const fs::path& path) {
+bool hasFile(const fs::path& path) {
   std::error_code ignored;
   return fs::is_regular_file(path, ignored);
 }
@@ -361,7 +361,7 @@ bool isFile(const fs::path& path) {
 std::optional<fs::path> findColmapModel(const fs::path& folder) {
   for (const char* below : {"sparse/0", "sparse"}) {
     const fs::path model = folder / below;
-    if (isFile(model / "cameras.bin") || isFile(model / "cameras.txt")) return model;
+    if (hasFile(model / "cameras.bin") || hasFile(model / "cameras.txt")) return model;
   }
   return std::nullopt;
 }
@@ -369,7 +369,7 @@ std::optional<fs::path> findColmapModel(const fs::path& folder) {
 DatasetIndex readColmap(const fs::path& folder) {
   const std::optional<fs::path> model = findColmapModel(folder);
   if (!model) fail(folder, "no COLMAP model (expected cameras.bin or cameras.txt in sparse/0 or sparse)");
-  const bool binary = isFile(*model / "cameras.bin");
+  const bool binary = hasFile(*model / "cameras.bin");
   const std::string extension = binary ? ".bin" : ".txt";
   const fs::path images_path = *model / ("images" + extension);
   const fs::path points_path = *model / ("points3D" + extension);
@@ -393,7 +393,7 @@ DatasetIndex readColmap(const fs::path& folder) {
     entry.below_images = image.name;
     index.entries.push_back(std::move(entry));
   }
-  if (isFile(points_path)) {
+  if (hasFile(points_path)) {
     index.points_file = points_path.filename().string();
     index.points = binary ? readPointsBinary(points_path) : readPointsText(points_path);
   }

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using Json = nlohmann::json;
+using JsonNode = nlohmann::json;
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
 constexpr double kMaxImageSide = 1 << 20;
@@ -25,7 +25,7 @@ constexpr std::array<const char*, 8> kExtensions = {"", ".png", ".jpg", ".jpeg",
 
 // A JSON file together with its name, for messages.
 struct Source {
-  Json json;
+  JsonNode json;
   std::string path;
   [[noreturn]] void fail(const std::string& what) const { throw Error(ErrorKind::badData, path, what); }
 };
@@ -38,8 +38,8 @@ Source parse(const fs::path& path) {
 }
 
 // frame[key], else top[key]: nerfstudio lets every frame override the shared intrinsics.
-std::optional<double> number(const Source& source, const Json& frame, const char* key) {
-  for (const Json* object : {&frame, &source.json}) {
+std::optional<double> number(const Source& source, const JsonNode& frame, const char* key) {
+  for (const JsonNode* object : {&frame, &source.json}) {
     const auto found = object->find(key);
     if (found == object->end() || found->is_null()) continue;
     if (!found->is_number() || !std::isfinite(found->get<double>())) {
@@ -50,12 +50,12 @@ std::optional<double> number(const Source& source, const Json& frame, const char
   return std::nullopt;
 }
 
-std::string cameraModel(const Source& source, const Json& frame) {
-  for (const Json* object : {&frame, &source.json}) {
+std::string cameraModel(const Source& source, const JsonNode& frame) {
+  for (const JsonNode* object : {&frame, &source.json}) {
     const auto model = object->find("camera_model");
     if (model != object->end()) return model->is_string() ? model->get<std::string>() : "?";
   }
-  for (const Json* object : {&frame, &source.json}) {
+  for (const JsonNode* object : {&frame, &source.json}) {
     const auto fisheye = object->find("is_fisheye");  // instant-ngp's
     if (fisheye != object->end() && fisheye->is_boolean()) return fisheye->get<bool>() ? "OPENCV_FISHEYE" : "OPENCV";
   }
@@ -63,7 +63,7 @@ std::string cameraModel(const Source& source, const Json& frame) {
 }
 
 // nerfstudio's keys: k1 to k4 of a fisheye; otherwise OpenCV's k1, k2, k3, p1, p2, whatever the model is called.
-Lens readLens(const Source& source, const Json& frame) {
+Lens readLens(const Source& source, const JsonNode& frame) {
   Lens lens;
   lens.model = cameraModel(source, frame);
   lens.fisheye = lens.model == "OPENCV_FISHEYE";
@@ -82,7 +82,7 @@ Lens readLens(const Source& source, const Json& frame) {
     const auto index = static_cast<std::size_t>(name[1] - '1');
     if (name[0] == 's' || index > 3 || (lens.fisheye ? tangential : index > 2)) {
       source.fail("lens distortion '" + std::string(name) + "' is not supported with camera model " + lens.model +
-                  " (expected 0, found " + Json(value).dump() + "): undistort the images first");
+                  " (expected 0, found " + JsonNode(value).dump() + "): undistort the images first");
     }
     (tangential ? lens.tangential[index] : lens.radial[index]) = value;
   }
@@ -90,7 +90,7 @@ Lens readLens(const Source& source, const Json& frame) {
 }
 
 // World-to-camera in OpenCV axes from camera-to-world in OpenGL axes (x right, y up, looks down -z).
-void setPose(const Source& source, const Json& frame, const std::string& label, Camera& camera) {
+void setPose(const Source& source, const JsonNode& frame, const std::string& label, Camera& camera) {
   const auto found = frame.find("transform_matrix");
   if (found == frame.end() || !found->is_array() || (found->size() != 4 && found->size() != 3)) {
     source.fail(label + ": expected a 4 x 4 'transform_matrix'");
@@ -98,7 +98,7 @@ void setPose(const Source& source, const Json& frame, const std::string& label, 
   glm::dmat3 world_from_camera;
   glm::dvec3 position;
   for (int row = 0; row < 3; row++) {
-    const Json& values = (*found)[row];
+    const JsonNode& values = (*found)[row];
     if (!values.is_array() || values.size() != 4) source.fail(label + ": expected a 4 x 4 'transform_matrix'");
     for (int column = 0; column < 4; column++) {
       if (!values[column].is_number()) source.fail(label + ": 'transform_matrix' holds something that is not a number");
@@ -127,7 +127,7 @@ void setPose(const Source& source, const Json& frame, const std::string& label, 
   camera.camera_from_world_translation = -camera.camera_from_world_rotation * position;
 }
 
-void setIntrinsics(const Source& source, const Json& frame, const std::string& label, DatasetIndex::Entry& entry) {
+void setIntrinsics(const Source& source, const JsonNode& frame, const std::string& label, DatasetIndex::Entry& entry) {
   const std::optional<double> width = number(source, frame, "w");
   const std::optional<double> height = number(source, frame, "h");
   const std::optional<double> fl_x = number(source, frame, "fl_x");
@@ -138,7 +138,7 @@ void setIntrinsics(const Source& source, const Json& frame, const std::string& l
   }
   if (fl_x && width && height) {
     if (!(*width >= 1 && *width <= kMaxImageSide && *height >= 1 && *height <= kMaxImageSide)) {
-      source.fail("image size out of range (found " + Json(*width).dump() + " x " + Json(*height).dump() + ")");
+      source.fail("image size out of range (found " + JsonNode(*width).dump() + " x " + JsonNode(*height).dump() + ")");
     }
     Camera& camera = entry.camera;
     camera.width = static_cast<int>(*width);
@@ -183,7 +183,7 @@ std::optional<std::set<std::string>> testFiles(const Source& source, const fs::p
     if (list == source.json.end()) continue;
     if (!list->is_array()) source.fail(std::string("'") + key + "' is not an array");
     std::set<std::string> files;
-    for (const Json& file : *list) {
+    for (const JsonNode& file : *list) {
       if (!file.is_string()) source.fail(std::string("'") + key + "' holds something that is not a string");
       files.insert(fs::path(portable(folder, file.get<std::string>())).lexically_normal().string());
     }
@@ -198,7 +198,7 @@ void readFrames(const Source& source, const fs::path& folder, bool test, Dataset
   const std::optional<std::set<std::string>> test_files = testFiles(source, folder);
   index.has_split |= test_files.has_value();
   for (std::size_t i = 0; i < frames->size(); i++) {
-    const Json& frame = (*frames)[i];
+    const JsonNode& frame = (*frames)[i];
     const std::string label = "frame " + std::to_string(i);
     if (!frame.is_object()) source.fail(label + ": expected an object");
     const auto file_path = frame.find("file_path");

@@ -372,10 +372,10 @@ Checkpoint read(std::FILE* file, std::uint64_t size, const std::string& path) {
   return checkpoint;
 }
 
-using Lines = std::vector<std::pair<std::string, std::string>>;
+using NamedLines = std::vector<std::pair<std::string, std::string>>;
 
-Lines parseLines(const std::string& text) {
-  Lines lines;
+NamedLines parseLines(const std::string& text) {
+  NamedLines lines;
   std::istringstream stream(text);
   for (std::string line; std::getline(stream, line);) {
     const std::size_t space = line.find(' ');
@@ -386,8 +386,8 @@ Lines parseLines(const std::string& text) {
 
 // "NAME (expected OLD, found NEW)" of the first line that is not the same in both; "" when all are.
 std::string firstDifference(const std::string& old_text, const std::string& new_text, const std::string& prefix) {
-  const Lines old_lines = parseLines(old_text), new_lines = parseLines(new_text);
-  const auto valueIn = [](const Lines& lines, const std::string& name) -> const std::string* {
+  const NamedLines old_lines = parseLines(old_text), new_lines = parseLines(new_text);
+  const auto valueIn = [](const NamedLines& lines, const std::string& name) -> const std::string* {
     const auto at = std::find_if(lines.begin(), lines.end(), [&](const auto& line) { return line.first == name; });
     return at == lines.end() ? nullptr : &at->second;
   };

@@ -27,7 +27,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kLargestShare = 0.05;  // of the time for checkpoints
 
-std::string reason() { return std::generic_category().message(errno); }
+std::string systemReason() { return std::generic_category().message(errno); }
 
 // Left by a process that was killed while it wrote.
 bool isTemporary(const fs::path& path) { return path.filename().string().starts_with(".tg-"); }
@@ -103,7 +103,7 @@ RunFolder::RunFolder(RunFolderOptions options) : options_(std::move(options)) {
   if (error) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + error.message());
   lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   try {
-    if (lock_ < 0) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot open this folder: " + reason());
+    if (lock_ < 0) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot open this folder: " + systemReason());
     if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       throw Error(ErrorKind::cannotWrite, folder.string(), "another tgtrain is at work in this folder");
     }
@@ -162,11 +162,11 @@ void RunFolder::openMetrics(std::uint64_t keep_bytes) {
   metrics_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
   struct stat status{};
   if (metrics_ < 0 || ::fstat(metrics_, &status) != 0 || !S_ISREG(status.st_mode)) {
-    throw Error(ErrorKind::cannotWrite, path.string(), "cannot open as a regular file: " + reason());
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot open as a regular file: " + systemReason());
   }
   metrics_bytes_ = std::min(keep_bytes, static_cast<std::uint64_t>(status.st_size));
   if (::ftruncate(metrics_, static_cast<off_t>(metrics_bytes_)) != 0) {
-    throw Error(ErrorKind::cannotWrite, path.string(), "cannot cut: " + reason());
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot cut: " + systemReason());
   }
 }
 
@@ -176,7 +176,7 @@ void RunFolder::writeMetrics(const std::string& line) {
   if (written > 0) metrics_bytes_ += static_cast<std::uint64_t>(written);
   if (written != static_cast<ssize_t>(line.size())) {
     std::fprintf(stderr, "tgtrain: %s: cannot write: %s\n", (options_.folder / "metrics.jsonl").c_str(),
-                 reason().c_str());
+                 systemReason().c_str());
   }
 }
 

@@ -21,16 +21,16 @@ constexpr int kGap = 4;  // [px] between the pictures
 constexpr float kGapGrey = 0.5f;
 
 template <typename... Values>
-std::string format(const char* pattern, Values... values) {
+std::string formatted(const char* pattern, Values... values) {
   char text[256];
   std::snprintf(text, sizeof text, pattern, values...);
   return text;
 }
 
 std::string numbers(const ViewScore& score) {
-  std::string line = format("  %9.3f  %10.3f  %8.5f", score.psnr, score.psnr_float, score.ssim);
-  if (score.flip) line += format("  %8.5f", *score.flip);
-  if (score.lpips) line += format("  %8.5f", *score.lpips);
+  std::string line = formatted("  %9.3f  %10.3f  %8.5f", score.psnr, score.psnr_float, score.ssim);
+  if (score.flip) line += formatted("  %8.5f", *score.flip);
+  if (score.lpips) line += formatted("  %8.5f", *score.lpips);
   return line;
 }
 
@@ -85,17 +85,17 @@ std::string formatScores(const EvalReport& report) {
   text += "\n";
   for (std::size_t i = 0; i < names.size(); i++) text += cell(names[i]) + numbers(views.scores[i]) + "\n";
   if (!views.scores.empty()) text += cell("mean") + numbers(mean) + "\n";
-  text += format("%s split: %zu views, %zu Gaussians, %.3f M parameters, %ju bytes\n", views.split.c_str(),
-                 views.scores.size(), report.gaussians, static_cast<double>(report.parameters) * 1e-6, report.bytes);
-  if (mean.flip) text += format("FLIP at %.4g pixels per degree", views.options.pixels_per_degree);
+  text += formatted("%s split: %zu views, %zu Gaussians, %.3f M parameters, %ju bytes\n", views.split.c_str(),
+                    views.scores.size(), report.gaussians, static_cast<double>(report.parameters) * 1e-6, report.bytes);
+  if (mean.flip) text += formatted("FLIP at %.4g pixels per degree", views.options.pixels_per_degree);
   if (views.options.lpips) {
-    text += format("%sLPIPS %s, input in %s", mean.flip ? "; " : "",
-                   std::string(name(views.options.lpips->network())).c_str(),
-                   std::string(name(views.options.lpips_range)).c_str());
+    text += formatted("%sLPIPS %s, input in %s", mean.flip ? "; " : "",
+                      std::string(name(views.options.lpips->network())).c_str(),
+                      std::string(name(views.options.lpips_range)).c_str());
   }
   if (mean.flip || views.options.lpips) text += "\n";
   if (views.scores.size() < views.asked) {
-    text += format("interrupted: %zu of %zu views were scored\n", views.scores.size(), views.asked);
+    text += formatted("interrupted: %zu of %zu views were scored\n", views.scores.size(), views.asked);
   }
   return text;
 }
@@ -108,12 +108,13 @@ std::string formatRanks(const EffectiveRanks& ranks) {
     const std::size_t count = ranks.bins[static_cast<std::size_t>(bin)];
     const auto bar =
         static_cast<std::size_t>(static_cast<double>(count) / static_cast<double>(highest) * kBarWidth + 0.5);
-    text += format("%.2f to %.2f  %12.2f %%", 1 + bin * width, 1 + (bin + 1) * width,
-                   100.0 * static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(ranks.count, 1)));
+    text += formatted("%.2f to %.2f  %12.2f %%", 1 + bin * width, 1 + (bin + 1) * width,
+                      100.0 * static_cast<double>(count) / static_cast<double>(std::max<std::size_t>(ranks.count, 1)));
     text += (bar > 0 ? "  " + std::string(bar, '#') : "") + "\n";
   }
-  text += format("mean %.3f of %zu Gaussians: %.1f %% needles (below 1.5), %.1f %% flat, %.1f %% round (above 2.5)\n",
-                 ranks.mean, ranks.count, 100 * ranks.needle, 100 * ranks.flat, 100 * ranks.round);
+  text +=
+      formatted("mean %.3f of %zu Gaussians: %.1f %% needles (below 1.5), %.1f %% flat, %.1f %% round (above 2.5)\n",
+                ranks.mean, ranks.count, 100 * ranks.needle, 100 * ranks.flat, 100 * ranks.round);
   return text;
 }
 

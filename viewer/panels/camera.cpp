@@ -11,8 +11,6 @@
 namespace tg {
 namespace {
 
-constexpr double kDegrees = 3.14159265358979323846 / 180.0;
-
 std::string cameraLabel(const Camera& camera, int index) {
   std::string label = std::to_string(index);
   if (!camera.name.empty()) label += "  " + camera.name;

@@ -12,13 +12,11 @@
 namespace tg {
 namespace {
 
-constexpr double kDegrees = 3.14159265358979323846 / 180.0;
-
 std::size_t parseKeyIndex(const ViewerState& state, const std::string& text, const std::string& what) {
   return parseIndex(text, state.path.path.keys.size(), what);
 }
 
-constexpr std::array kVerbs = {
+constexpr std::array kCameraVerbs = {
     Verb{"fov", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
            s.camera.lens.fov_y = std::clamp(parseNumber(w[0], at) * kDegrees, kMinFov, kMaxFov);
@@ -98,6 +96,6 @@ constexpr std::array kVerbs = {
 
 }  // namespace
 
-std::span<const Verb> cameraVerbs() { return kVerbs; }
+std::span<const Verb> cameraVerbs() { return kCameraVerbs; }
 
 }  // namespace tg

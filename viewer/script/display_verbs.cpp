@@ -11,7 +11,7 @@ namespace {
 
 RenderSettings& settings(ViewerState& state) { return state.display.settings; }
 
-constexpr std::array kVerbs = {
+constexpr std::array kDisplayVerbs = {
     Verb{"output", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) { s.display.output = parseShow(w[0], at); }},
     Verb{"textures", 1, 0,
@@ -83,6 +83,6 @@ constexpr std::array kVerbs = {
 
 }  // namespace
 
-std::span<const Verb> displayVerbs() { return kVerbs; }
+std::span<const Verb> displayVerbs() { return kDisplayVerbs; }
 
 }  // namespace tg

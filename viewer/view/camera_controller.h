@@ -41,6 +41,7 @@ struct SceneBounds {
   double radius = 1;
 };
 
+constexpr double kDegrees = 3.14159265358979323846 / 180.0;  // [rad]
 constexpr double kMinFov = 0.05;  // [rad] of the lens, either way
 constexpr double kMaxFov = 2.6;
 

@@ -9,17 +9,17 @@
 namespace tg {
 namespace {
 
-double milliseconds(FrameTimings::Clock::duration duration) {
+double millisecondsOf(FrameTimings::Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
 }  // namespace
 
-void FrameTimings::frameShown() { held_ms_.push_back(milliseconds(std::exchange(held_, Clock::duration{}))); }
+void FrameTimings::frameShown() { held_ms_.push_back(millisecondsOf(std::exchange(held_, Clock::duration{}))); }
 
 void FrameTimings::pictureArrived() {
   const Clock::time_point now = Clock::now();
-  if (last_picture_ != Clock::time_point{}) between_ms_.push_back(milliseconds(now - last_picture_));
+  if (last_picture_ != Clock::time_point{}) between_ms_.push_back(millisecondsOf(now - last_picture_));
   last_picture_ = now;
 }
 
