@@ -20,7 +20,6 @@
 namespace tg {
 namespace {
 
-
 constexpr const char* kFooter =
     "Keys in the window: press ? or F1. Exit codes: 1 usage, 2 cannot read, 3 bad data, 4 cannot write, 5 device.";
 
