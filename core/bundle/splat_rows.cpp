@@ -136,6 +136,7 @@ bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_
   TG_ASSERT(plain_, "only rows of plain floats are converted unchecked");
   TG_ASSERT(first <= last && last <= model.size(), "the model has room for the rows");
   TG_ASSERT(model.sh_degree == sh_degree_, "the model has the file's SH degree");
+  if (first == last) return true;
   for (std::size_t i = first; i < last; ++i, bytes += stride()) {
     set(model, i, [&](std::size_t k) {
       float value;

@@ -138,7 +138,6 @@ int threadCount() {
 void parallelForWorkers(std::int64_t count, std::int64_t grain,
                         const std::function<void(std::int64_t item, int worker)>& body) {
   TG_ASSERT(body != nullptr, "a loop has a body");
-  TG_ASSERT(grain >= 1, "a thread takes an item at least");
   if (count <= 0) return;
   grain = std::clamp<std::int64_t>(grain, 1, count);
   const std::int64_t grabs = (count - 1) / grain + 1;

@@ -5,7 +5,6 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "render/gpu/device.h"
@@ -23,9 +22,6 @@ struct GlOptions {
 // made it.
 struct GlDevice {
   virtual ~GlDevice() = default;
-
-  const std::thread::id thread = std::this_thread::get_id();  // whose it is
-
 
   GpuLimits limits;
   bool software = false;                    // it runs on the CPU

@@ -263,7 +263,7 @@ void GlProgram::run(const ViewUniforms& view) {
 }
 
 BufferPtr GlPassDevice::makeBuffer(const char* name, std::uint64_t bytes) {
-  TG_ASSERT(device_.thread == std::this_thread::get_id(), "a context belongs to the thread that made it");
+  TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
   return std::make_unique<GlBuffer>(device_, name, bytes);
 }
 
@@ -274,7 +274,7 @@ ImagePtr GlPassDevice::makeImage(std::uint32_t width, std::uint32_t height) {
 
 void GlPassDevice::upload(const BufferPtr& target, std::uint64_t bytes, std::uint64_t granularity,
                           const std::function<void(std::uint64_t first, std::span<std::byte>)>& write) {
-  TG_ASSERT(device_.thread == std::this_thread::get_id(), "a context belongs to the thread that made it");
+  TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
   TG_ASSERT(granularity > 0 && bytes % granularity == 0, "whole grains are uploaded");
   TG_ASSERT(bytes <= glBuffer(*target).size(), "the buffer has room");
   const std::uint64_t piece = std::min(bytes, std::max(kStagingBytes / granularity, std::uint64_t{1}) * granularity);
@@ -289,7 +289,7 @@ void GlPassDevice::upload(const BufferPtr& target, std::uint64_t bytes, std::uin
 }
 
 void GlPassDevice::download(const BufferPtr& source, std::span<std::byte> out) {
-  TG_ASSERT(device_.thread == std::this_thread::get_id(), "a context belongs to the thread that made it");
+  TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
   TG_ASSERT(out.size() <= glBuffer(*source).size(), "the buffer holds as much");
   if (out.empty()) return;
   glGetNamedBufferSubData(glBuffer(*source).name(), 0, static_cast<GLsizeiptr>(out.size()), out.data());
@@ -306,12 +306,12 @@ Image GlPassDevice::download(const ImagePtr& source, std::uint32_t width, std::u
 }
 
 std::unique_ptr<PassProgram> GlPassDevice::prepare(const PassList& list) {
-  TG_ASSERT(device_.thread == std::this_thread::get_id(), "a context belongs to the thread that made it");
+  TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
   return std::make_unique<GlProgram>(device_, programs_, list);
 }
 
 void GlPassDevice::run(PassProgram& program, const ViewUniforms& view) {
-  TG_ASSERT(device_.thread == std::this_thread::get_id(), "a context belongs to the thread that made it");
+  TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
   static_cast<GlProgram&>(program).run(view);
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include <epoxy/gl.h>
 #include <map>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -135,6 +136,7 @@ class GlPassDevice final : public GpuDevice {
   void run(PassProgram& program, const ViewUniforms& view) override;
 
  private:
+  const std::thread::id thread_ = std::this_thread::get_id();
   GlDevice& device_;
   GlPrograms programs_;
 };

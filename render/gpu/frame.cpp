@@ -137,7 +137,6 @@ void addPresent(PassList& list, const FrameInputs& in) {
 }  // namespace
 
 FrameVariant variantFor(OutputSet outputs) {
-  TG_ASSERT(outputs != OutputSet{}, "a frame has an output");
   FrameVariant variant;
   variant.all = outputs.hasAny({Output::base, Output::texture, Output::depth, Output::normal, Output::count,
                                 Output::depthMedian, Output::overdraw, Output::texelDensity});
