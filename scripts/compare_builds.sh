@@ -10,7 +10,7 @@ python3 scripts/make_conformance.py "$folder/conformance" >/dev/null
 
 outputs() {  # PROGRAMS: everything into the working folder, by relative names, since some outputs hold the names
   local bin=$1 format backend show
-  "$bin/tgtrain" make-sample scene --size 96 --train-views 24 --test-views 4 --overwrite
+  "$bin/tgtrain" make-sample scene --size 96 --views 24 --test-views 4 --overwrite
   local quick=(--gaussians 1500 --reproducible --quiet --overwrite)
   "$bin/tgtrain" scene -o model.tgz --iterations 250 --texture-iterations 150 --compare-untextured \
     --untextured-output untextured.tgz --json training.json "${quick[@]}"
@@ -39,11 +39,11 @@ outputs() {  # PROGRAMS: everything into the working folder, by relative names, 
   for backend in cpu vulkan opengl; do
     for show in final base texture alpha depth normal count depth-median overdraw ellipsoids centers texel-density; do
       "$bin/tgview" model.tgz --render "$backend-$show.exr" --show "$show" --size 128x96 --backend "$backend" \
-        2> "$backend-$show.err" || true
+        > "$backend-$show.txt" 2>&1 || true
     done
   done
   "$bin/tgview" model.tgz --render compare.png --compare untextured.tgz --size 128x96 --backend cpu > compare.txt
-  "$bin/tgview" model.tgz --turntable 3 --record turn --size 64x64 --backend cpu > turn.txt 2>&1 || true
+  "$bin/tgview" model.tgz --turntable 3 -o turn --size 64x64 --backend cpu > turn.txt 2>&1 || true
   local program
   for program in tgtrain tgeval tgconvert tgview; do "$bin/$program" --help > "help_$program.txt"; done
 }

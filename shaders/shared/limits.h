@@ -19,7 +19,7 @@ const float kEllipsoidAmbient = 0.25f;        // share of the light that a lit e
 const float kCenterRadius = 1.5f;             // [px] of a dot at a Gaussian's mean
 const float kShC0 = 0.28209479177387814f;     // sqrt(1/(4 pi))
 
-// Texture modes and intersection models as they cross host and device (core/model/model.h has the enum classes).
+// Texture modes and intersection models as they cross host and device (core has the enum classes).
 const uint kModeNone = 0u;
 const uint kModeAlpha = 1u;
 const uint kModeRgb = 2u;

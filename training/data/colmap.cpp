@@ -66,7 +66,7 @@ void setParameters(const CameraModel& model, std::span<const double> values, Col
   lens.model = model.name;
   lens.fisheye = model.fisheye;
   std::size_t centers = 0, k = 0, d = 0, p = 0, t = 0;
-  for (std::size_t i = 0; i < values.size(); i++) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
     const double value = values[i];
     switch (model.parameters[i]) {
       case 'f':
@@ -188,7 +188,7 @@ class Lines {
   }
   bool next() {
     while (std::getline(stream_, line_)) {
-      number_++;
+      ++number_;
       if (!line_.empty() && line_.back() == '\r') line_.pop_back();
       if (line_.empty() || line_.front() != '#') {
         fields_ = std::istringstream(line_);
@@ -232,7 +232,7 @@ Cameras readCamerasBinary(const fs::path& path) {
   Reader reader(path);
   Cameras cameras;
   const std::uint64_t count = reader.readCount(24, "cameras");
-  for (std::uint64_t i = 0; i < count; i++) {
+  for (std::uint64_t i = 0; i < count; ++i) {
     const auto id = reader.read<std::uint32_t>("a camera");
     const auto model = reader.read<std::int32_t>("a camera");
     const auto width = reader.read<std::uint64_t>("a camera");
@@ -271,8 +271,8 @@ std::vector<ColmapImage> readImagesBinary(const fs::path& path) {
   std::vector<ColmapImage> images(count);
   for (ColmapImage& image : images) {
     reader.skip(sizeof(std::uint32_t), "an image");
-    for (int i = 0; i < 4; i++) image.rotation[i] = reader.read<double>("an image's rotation");
-    for (int i = 0; i < 3; i++) image.translation[i] = reader.read<double>("an image's translation");
+    for (int i = 0; i < 4; ++i) image.rotation[i] = reader.read<double>("an image's rotation");
+    for (int i = 0; i < 3; ++i) image.translation[i] = reader.read<double>("an image's translation");
     image.camera_id = reader.read<std::uint32_t>("an image");
     image.name = reader.readName();
     reader.skip(reader.readCount(24, "2D points") * 24, "an image's 2D points");
@@ -287,8 +287,8 @@ std::vector<ColmapImage> readImagesText(const fs::path& path) {
     if (lines.blank()) continue;
     ColmapImage& image = images.emplace_back();
     lines.read<std::uint32_t>("an image id");
-    for (int i = 0; i < 4; i++) image.rotation[i] = lines.read<double>("a quaternion");
-    for (int i = 0; i < 3; i++) image.translation[i] = lines.read<double>("a translation");
+    for (int i = 0; i < 4; ++i) image.rotation[i] = lines.read<double>("a quaternion");
+    for (int i = 0; i < 3; ++i) image.translation[i] = lines.read<double>("a translation");
     image.camera_id = lines.read<std::uint32_t>("a camera id");
     image.name = lines.readRestOfLine();
     if (image.name.empty()) fail(path, lines.label() + ": expected an image name");
@@ -311,10 +311,10 @@ PointCloud readPointsBinary(const fs::path& path) {
   const std::uint64_t count = reader.readCount(51, "points");
   points.position.reserve(count);
   points.color.reserve(count);
-  for (std::uint64_t i = 0; i < count; i++) {
+  for (std::uint64_t i = 0; i < count; ++i) {
     reader.skip(sizeof(std::uint64_t), "a point");
     glm::dvec3 position;
-    for (int c = 0; c < 3; c++) position[c] = reader.read<double>("a point's position");
+    for (int c = 0; c < 3; ++c) position[c] = reader.read<double>("a point's position");
     std::array<double, 3> rgb;
     for (double& value : rgb) value = reader.read<std::uint8_t>("a point's colour");
     reader.skip(sizeof(double), "a point's error");
@@ -331,7 +331,7 @@ PointCloud readPointsText(const fs::path& path) {
     if (lines.blank()) continue;
     lines.read<std::uint64_t>("a point id");
     glm::dvec3 position;
-    for (int c = 0; c < 3; c++) position[c] = lines.read<double>("a position");
+    for (int c = 0; c < 3; ++c) position[c] = lines.read<double>("a position");
     std::array<double, 3> rgb;
     for (double& value : rgb) value = std::clamp(lines.read<double>("a colour"), 0.0, 255.0);
     addPoint(path, position, rgb, points);
@@ -360,7 +360,7 @@ bool hasFile(const fs::path& path) {
 
 std::optional<fs::path> findColmapModel(const fs::path& folder) {
   for (const char* below : {"sparse/0", "sparse"}) {
-    const fs::path model = folder / below;
+    fs::path model = folder / below;
     if (hasFile(model / "cameras.bin") || hasFile(model / "cameras.txt")) return model;
   }
   return std::nullopt;
