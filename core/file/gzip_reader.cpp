@@ -4,20 +4,17 @@
 
 #include <zlib.h>
 
-#include <condition_variable>
-#include <deque>
-#include <exception>
 #include <fstream>
 #include <limits>
-#include <mutex>
+#include <optional>
 #include <string>
 #include <system_error>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "core/file/byte_progress.h"
 #include "core/system/error.h"
+#include "core/system/worker.h"
 
 namespace tg {
 namespace {
@@ -65,63 +62,29 @@ struct GzipReader::State {
 // The next pieces, in order. Pieces that have been taken come back to be filled again.
 class GzipReader::Ahead {
  public:
-  explicit Ahead(State& state) : state_(state), thread_([this] { run(); }) {}
-  ~Ahead() {
-    {
-      const std::lock_guard lock(mutex_);
-      stop_ = true;
-    }
-    changed_.notify_all();
-    thread_.join();
-  }
+  explicit Ahead(State& state)
+      : thread_(startWorker(pieces_, [this, &state](const std::stop_token& stop) {
+          Piece piece;
+          do {
+            piece = free_.poll().value_or(Piece());
+            state.inflateNext(piece);
+          } while (!piece.empty() && pieces_.give(std::move(piece), stop));
+        })) {}
 
   // Valid until the next call.
   std::span<const std::uint8_t> next() {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return ended_ || !pieces_.empty(); });
-    if (pieces_.empty()) {
-      if (failure_) std::rethrow_exception(failure_);
-      return {};
-    }
-    free_ = std::exchange(taken_, std::move(pieces_.front()));
-    pieces_.pop_front();
-    lock.unlock();
-    changed_.notify_all();
+    std::optional<Piece> piece = pieces_.take();
+    if (!piece) return {};
+    free_.give(std::exchange(taken_, std::move(*piece)));
     return taken_;
   }
 
  private:
-  void run() {
-    std::unique_lock lock(mutex_);
-    while (!stop_) {
-      std::vector<std::uint8_t> piece = std::move(free_);
-      lock.unlock();
-      std::exception_ptr failure;
-      try {
-        state_.inflateNext(piece);
-      } catch (...) {
-        failure = std::current_exception();
-      }
-      lock.lock();
-      failure_ = failure;
-      ended_ = failure || piece.empty();
-      if (!ended_) pieces_.push_back(std::move(piece));
-      changed_.notify_all();
-      if (ended_) return;
-      changed_.wait(lock, [this] { return stop_ || pieces_.size() < kPiecesAhead; });
-    }
-  }
-
-  State& state_;
-  std::mutex mutex_;  // guards all below but taken_
-  std::condition_variable changed_;
-  std::deque<std::vector<std::uint8_t>> pieces_;
-  std::vector<std::uint8_t> free_;
-  std::exception_ptr failure_;
-  bool ended_ = false;
-  bool stop_ = false;
-  std::vector<std::uint8_t> taken_;  // the reader's
-  std::thread thread_;
+  using Piece = std::vector<std::uint8_t>;
+  Queue<Piece> pieces_{kPiecesAhead - 1};  // and one that waits to be among them
+  LatestValue<Piece> free_;
+  Piece taken_;
+  std::jthread thread_;
 };
 
 GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ByteProgress* progress)

@@ -51,11 +51,11 @@ Workshop::~Workshop() {
 }
 
 ProcessResult Workshop::tgview(const std::vector<std::string>& arguments,
-                               const std::vector<std::string>& prefix) const {
+                               const std::vector<std::string>& prefix, const char* program) const {
   std::ostringstream command;
   command << "cd " << quoted(folder_.string()) << " && env -u DISPLAY -u WAYLAND_DISPLAY";
   for (const std::string& word : prefix) command << ' ' << quoted(word);
-  command << ' ' << quoted(TG_TGVIEW);
+  command << ' ' << quoted(program);
   for (const std::string& word : arguments) command << ' ' << quoted(word);
   command << " >.out 2>.err";
   const int status = std::system(command.str().c_str());

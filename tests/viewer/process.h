@@ -26,8 +26,9 @@ class Workshop {
   Workshop& operator=(const Workshop&) = delete;
 
   // Runs `prefix` (a wrapper or env, as words) and tgview with `arguments` inside the folder, without any display
-  // unless the prefix brings one.
-  ProcessResult tgview(const std::vector<std::string>& arguments, const std::vector<std::string>& prefix = {}) const;
+  // unless the prefix brings one. `program`: tgview, or tgview_under_test, whose scripts have verbs that make it fail.
+  ProcessResult tgview(const std::vector<std::string>& arguments, const std::vector<std::string>& prefix = {},
+                       const char* program = TG_TGVIEW) const;
   std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
   void write(const std::string& name, std::string_view bytes) const;
   Image read(const std::string& name) const { return readImage(folder_ / name); }

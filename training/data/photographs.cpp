@@ -5,7 +5,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
+#include <future>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -169,15 +172,6 @@ std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Phot
 PhotographStore::PhotographStore(std::size_t views, std::uint64_t limit_bytes, Decode decode)
     : limit_(limit_bytes), decode_(std::move(decode)), kept_(views) {}
 
-PhotographStore::~PhotographStore() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  changed_.notify_all();
-  if (thread_.joinable()) thread_.join();
-}
-
 void PhotographStore::offer(std::size_t view, Photograph photograph) {
   TG_ASSERT(view < kept_.size(), "the store has this view");
   const std::uint64_t bytes = photograph.bytes();
@@ -202,78 +196,64 @@ void PhotographStore::finishOffers() {
   }
 }
 
-std::list<PhotographStore::Slot>::iterator PhotographStore::findSlot(std::size_t view) {
-  return std::find_if(slots_.begin(), slots_.end(), [view](const Slot& slot) { return slot.view == view; });
+// Decoded by the thread, or by get() where that is first.
+struct PhotographStore::Ahead {
+  Ahead(std::size_t v, const Decode& file)
+      : view(v), decode([&file, v] { return std::make_shared<const Photograph>(file(v)); }) {}
+
+  const std::size_t view;
+  std::packaged_task<std::shared_ptr<const Photograph>()> decode;
+  std::future<std::shared_ptr<const Photograph>> photograph = decode.get_future();
+  std::atomic_flag begun;
+
+  void run() {
+    if (!begun.test_and_set()) decode();
+  }
+  bool ready() const { return photograph.wait_for(std::chrono::seconds(0)) == std::future_status::ready; }
+};
+
+std::shared_ptr<PhotographStore::Ahead> PhotographStore::takeAhead(std::size_t view) {
+  const auto found = std::ranges::find(ahead_, view, &Ahead::view);
+  if (found == ahead_.end()) return nullptr;
+  const std::shared_ptr<Ahead> taken = *found;
+  ahead_.erase(found);
+  return taken;
 }
 
 std::shared_ptr<const Photograph> PhotographStore::get(std::size_t view) {
   TG_ASSERT(view < kept_.size(), "the store has this view");
   TG_ASSERT(!insideParallelFor(), "photographs are not fetched inside a parallelFor");
+  std::shared_ptr<Ahead> ahead;
   {
-    std::unique_lock lock(mutex_);
+    const std::lock_guard lock(mutex_);
     if (kept_.at(view)) return kept_[view];
-    for (auto slot = findSlot(view); slot != slots_.end(); slot = findSlot(view)) {
-      if (slot->state == State::decoding) {
-        changed_.wait(lock);
-        continue;
-      }
-      const Slot taken = std::move(*slot);
-      slots_.erase(slot);
-      if (taken.error) std::rethrow_exception(taken.error);
-      if (taken.photograph) return taken.photograph;
-      break;  // not begun yet: faster done here than waited for
-    }
+    ahead = takeAhead(view);
   }
-  return std::make_shared<const Photograph>(decode_(view));
+  if (!ahead) return std::make_shared<const Photograph>(decode_(view));
+  ahead->run();  // not begun yet: faster done here than waited for
+  return ahead->photograph.get();
 }
 
 void PhotographStore::prefetch(std::size_t view) {
   TG_ASSERT(view < kept_.size(), "the store has this view");
-  {
-    const std::lock_guard lock(mutex_);
-    if (kept_.at(view) || findSlot(view) != slots_.end()) return;
-    if (slots_.size() >= kReadAhead) {
-      const auto unused =
-          std::find_if(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.state == State::ready; });
-      if (unused == slots_.end()) return;
-      slots_.erase(unused);
-    }
-    if (!thread_.joinable()) {
-      try {
-        thread_ = std::thread([this] { work(); });
-      } catch (const std::system_error&) {
-        return;  // no thread to be had: get() decodes
-      }
-    }
-    slots_.push_back({view, State::queued, nullptr, nullptr});
+  const std::lock_guard lock(mutex_);
+  if (kept_.at(view) || std::ranges::find(ahead_, view, &Ahead::view) != ahead_.end()) return;
+  if (ahead_.size() >= kReadAhead) {
+    const auto unused = std::ranges::find_if(ahead_, &Ahead::ready);
+    if (unused == ahead_.end()) return;
+    ahead_.erase(unused);
   }
-  changed_.notify_all();
-}
-
-void PhotographStore::work() {
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    auto slot = slots_.end();
-    changed_.wait(lock, [&] {
-      slot = std::find_if(slots_.begin(), slots_.end(), [](const Slot& s) { return s.state == State::queued; });
-      return stop_ || slot != slots_.end();
-    });
-    if (stop_) return;
-    slot->state = State::decoding;  // nobody erases it now
-    lock.unlock();
-    std::shared_ptr<const Photograph> photograph;
-    std::exception_ptr error;
+  if (!thread_.joinable()) {
     try {
-      photograph = std::make_shared<const Photograph>(decode_(slot->view));
-    } catch (...) {
-      error = std::current_exception();
+      thread_ = startWorker(queue_, [this](const std::stop_token& stop) {
+        while (const auto next = queue_.take(stop)) (*next)->run();
+      });
+    } catch (const std::system_error&) {
+      return;  // no thread to be had: get() decodes
     }
-    lock.lock();
-    slot->photograph = std::move(photograph);
-    slot->error = error;
-    slot->state = State::ready;
-    changed_.notify_all();
   }
+  ahead_.push_back(std::make_shared<Ahead>(view, decode_));
+  queue_.give(ahead_.back());
 }
 
 std::size_t PhotographStore::keptViews() const {

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The pixels of a data set: decoded in parallel, kept in memory within a limit, beyond it decoded when asked for.
 #pragma once
-#include <condition_variable>
 #include <cstdint>
-#include <exception>
 #include <filesystem>
 #include <functional>
 #include <glm/glm.hpp>
-#include <list>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,6 +12,7 @@
 #include <vector>
 
 #include "core/image/image.h"
+#include "core/system/worker.h"
 #include "training/data/lens.h"
 
 namespace tg {
@@ -63,9 +61,6 @@ class PhotographStore {
   static constexpr int kReadAhead = 2;  // views decoded in advance: one is in work while the other waits
 
   PhotographStore(std::size_t views, std::uint64_t limit_bytes, Decode decode);
-  ~PhotographStore();
-  PhotographStore(const PhotographStore&) = delete;
-  PhotographStore& operator=(const PhotographStore&) = delete;
 
   // Keeps the photograph of a view if the limit allows.
   void offer(std::size_t view, Photograph photograph);
@@ -82,27 +77,20 @@ class PhotographStore {
   std::uint64_t keptBytes() const;
 
  private:
-  enum class State { queued, decoding, ready };
-  struct Slot {
-    std::size_t view;
-    State state = State::queued;
-    std::shared_ptr<const Photograph> photograph;
-    std::exception_ptr error;
-  };
-  std::list<Slot>::iterator findSlot(std::size_t view);
-  void work();
+  struct Ahead;  // a view read ahead
+  // With the lock held; null: it is not read ahead.
+  std::shared_ptr<Ahead> takeAhead(std::size_t view);
 
   const std::uint64_t limit_;
   const Decode decode_;
-  mutable std::mutex mutex_;  // guards everything below
-  std::condition_variable changed_;
+  mutable std::mutex mutex_;  // guards everything below but queue_
   std::vector<std::shared_ptr<const Photograph>> kept_;
   std::uint64_t kept_bytes_ = 0;
   std::uint64_t largest_ = 0;
   bool refused_ = false;
-  std::list<Slot> slots_;
-  bool stop_ = false;
-  std::thread thread_;
+  std::vector<std::shared_ptr<Ahead>> ahead_;  // the oldest first
+  Queue<std::shared_ptr<Ahead>> queue_;
+  std::jthread thread_;
 };
 
 // All photographs in memory, without files.

@@ -6,7 +6,9 @@
 
 #include <array>
 #include <chrono>
+#include <condition_variable>
 #include <exception>
+#include <mutex>
 #include <utility>
 
 namespace tg {
@@ -25,6 +27,14 @@ std::optional<FileIdentity> identityOf(const std::filesystem::path& file) {
                       static_cast<std::int64_t>(status.st_mtim.tv_nsec)};
 }
 
+// False as soon as `stop` is asked for.
+bool sleepUnlessStopped(const std::stop_token& stop, std::chrono::milliseconds time) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
+  return !stop.stop_requested();
+}
+
 }  // namespace
 
 std::filesystem::path followedFile(const std::filesystem::path& path) {
@@ -34,65 +44,37 @@ std::filesystem::path followedFile(const std::filesystem::path& path) {
 }
 
 ModelFollower::ModelFollower(std::filesystem::path file, std::function<void()> wake)
-    : file_(std::move(file)), wake_(std::move(wake)), thread_([this] { run(); }) {}
+    : file_(std::move(file)),
+      news_(std::move(wake)),
+      thread_(startWorker(news_, [this](const std::stop_token& stop) { run(stop); })) {}
 
-ModelFollower::~ModelFollower() {
-  progress_.cancel = true;
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  changed_.notify_all();
-  thread_.join();
-}
-
-void ModelFollower::run() {
+void ModelFollower::run(const std::stop_token& stop) {
+  // A model that nobody has taken yet is worth more than the news that its file is gone.
+  const auto keepModel = [](News& held, News& fresh) {
+    if (!fresh.model) fresh.model = std::move(held.model);
+    held = std::move(fresh);
+  };
   std::optional<FileIdentity> shown;
   bool first = true;
-  for (;;) {
+  do {
     const std::optional<FileIdentity> found = identityOf(file_);
-    if (first || found != shown) {
-      News news;
-      if (!found) {
-        news.problem = "waiting for " + file_.string();
-      } else {
-        try {
-          news.model = readModel(file_, {.progress = &progress_});
-        } catch (const std::exception& error) {
-          news.problem = error.what();
-        }
+    if (!first && found == shown) continue;
+    News news;
+    if (!found) {
+      news.problem = "waiting for " + file_.string();
+    } else {
+      try {
+        news.model = readModel(file_, {.progress = &progress_});
+      } catch (const std::exception& error) {
+        news.problem = error.what();
       }
-      // A file that changed while it was read is read again, without a word about the half of it.
-      const bool stable = identityOf(file_) == found;
-      if (stable || news.model) publish(std::move(news));
-      if (stable) shown = found;
-      first = !stable;
     }
-    std::unique_lock lock(mutex_);
-    if (changed_.wait_for(lock, kPollPause, [this] { return stop_; })) return;
-  }
-}
-
-void ModelFollower::publish(News news) {
-  {
-    const std::lock_guard lock(mutex_);
-    // A model that nobody has taken yet is worth more than the news that its file is gone.
-    if (news_ && news_->model && !news.model) news.model = std::move(news_->model);
-    news_ = std::move(news);
-  }
-  changed_.notify_all();
-  wake_();
-}
-
-std::optional<ModelFollower::News> ModelFollower::take() {
-  const std::lock_guard lock(mutex_);
-  return std::exchange(news_, std::nullopt);
-}
-
-ModelFollower::News ModelFollower::wait() {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return news_.has_value(); });
-  return std::move(*std::exchange(news_, std::nullopt));
+    // A file that changed while it was read is read again, without a word about the half of it.
+    const bool stable = identityOf(file_) == found;
+    if (stable || news.model) news_.give(std::move(news), keepModel);
+    if (stable) shown = found;
+    first = !stable;
+  } while (sleepUnlessStopped(stop, kPollPause));
 }
 
 }  // namespace tg

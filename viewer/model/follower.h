@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // --follow: a model file that is read again whenever it changes, as a training run replaces it.
 #pragma once
-#include <condition_variable>
 #include <filesystem>
 #include <functional>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
 #include "converter/registry/read_model.h"
 #include "core/bundle/read_progress.h"
+#include "core/system/worker.h"
 
 namespace tg {
 
@@ -23,33 +22,26 @@ class ModelFollower {
  public:
   struct News {
     std::optional<Bundle> model;  // a new one
-    std::string problem;               // why there is none; "" once there is
+    std::string problem;          // why there is none; "" once there is
   };
 
   // `wake` is called in that thread whenever there is news.
   ModelFollower(std::filesystem::path file, std::function<void()> wake);
-  ~ModelFollower();
-  ModelFollower(const ModelFollower&) = delete;
-  ModelFollower& operator=(const ModelFollower&) = delete;
+  ~ModelFollower() { progress_.cancel = true; }
 
   const std::filesystem::path& file() const { return file_; }
   // What came since the last call; of several models, the last one.
-  std::optional<News> take();
+  std::optional<News> take() { return news_.poll(); }
   // The same, but waits for it.
-  News wait();
+  News wait() { return news_.take().value(); }
 
  private:
-  void run();
-  void publish(News news);
+  void run(const std::stop_token& stop);
 
   const std::filesystem::path file_;
-  const std::function<void()> wake_;
   ReadProgress progress_;  // stops a read at the end
-  std::mutex mutex_;       // guards news_ and stop_
-  std::condition_variable changed_;
-  std::optional<News> news_;
-  bool stop_ = false;
-  std::thread thread_;
+  LatestValue<News> news_;
+  std::jthread thread_;
 };
 
 }  // namespace tg

@@ -36,89 +36,38 @@ GaussianModel thinned(const GaussianModel& model) {
 
 }  // namespace
 
-ModelLoader::ModelLoader(std::function<void()> wake) : wake_(std::move(wake)), thread_([this] { run(); }) {}
-
-ModelLoader::~ModelLoader() {
-  cancel();
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  changed_.notify_all();
-  thread_.join();
-}
+ModelLoader::ModelLoader(std::function<void()> wake)
+    : news_(news_.kUnlimited, std::move(wake)), thread_(startWorker(news_, [this](const std::stop_token& stop) {
+        while (const auto file = waiting_.take(stop)) news_.give(load(**file));
+      })) {}
 
 void ModelLoader::open(std::filesystem::path path) {
-  {
-    const std::lock_guard lock(mutex_);
-    waiting_.push_back(std::move(path));
-  }
-  changed_.notify_all();
+  opened_.push_back(std::make_shared<File>());
+  opened_.back()->path = std::move(path);
+  waiting_.give(opened_.back());
 }
 
 void ModelLoader::cancel() {
-  const std::lock_guard lock(mutex_);
-  waiting_.clear();
-  if (progress_) progress_->cancel = true;
+  opened_.resize(opened_.size() - waiting_.clear());
+  for (const std::shared_ptr<File>& file : opened_) file->cancel = true;
 }
 
 ModelLoader::Status ModelLoader::status() const {
-  const std::lock_guard lock(mutex_);
-  Status status;
-  status.waiting = waiting_.size();
-  status.news = news_.size();
-  if (progress_) {
-    status.path = reading_;
-    status.done = progress_->done;
-    status.total = progress_->total;
-  } else if (!waiting_.empty()) {
-    status.path = waiting_.front();
-    --status.waiting;
-  }
-  return status;
+  if (opened_.empty()) return {};
+  const File& file = *opened_.front();
+  return {file.path, file.done, file.total, opened_.size() - 1};
 }
 
 std::optional<ModelLoader::News> ModelLoader::take() {
-  const std::lock_guard lock(mutex_);
-  if (news_.empty()) return std::nullopt;
-  News news = std::move(news_.front());
-  news_.pop_front();
+  std::optional<News> news = news_.poll();
+  if (news && news->finished) opened_.pop_front();
   return news;
 }
 
-void ModelLoader::publish(News news) {
-  {
-    const std::lock_guard lock(mutex_);
-    news_.push_back(std::move(news));
-  }
-  wake_();
-}
-
-void ModelLoader::run() {
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    changed_.wait(lock, [this] { return stop_ || !waiting_.empty(); });
-    if (stop_) return;
-    reading_ = std::move(waiting_.front());
-    waiting_.pop_front();
-    progress_ = std::make_shared<ReadProgress>();
-    const std::shared_ptr<ReadProgress> progress = progress_;
-    const std::filesystem::path path = reading_;
-    lock.unlock();
-    News news = load(path, *progress);
-    lock.lock();
-    // What is there at last counts as read even if cancel() came at the same moment.
-    progress_.reset();
-    reading_.clear();
-    news_.push_back(std::move(news));
-    lock.unlock();
-    wake_();
-    lock.lock();
-  }
-}
-
-ModelLoader::News ModelLoader::load(const std::filesystem::path& path, ReadProgress& progress) {
+// What is there at last counts as read even if cancel() came at the same moment.
+ModelLoader::News ModelLoader::load(File& file) {
   const auto start = std::chrono::steady_clock::now();
+  const std::filesystem::path& path = file.path;
   News news;
   news.path = path;
   const auto publishPart = [&](Bundle part) {
@@ -127,15 +76,15 @@ ModelLoader::News ModelLoader::load(const std::filesystem::path& path, ReadProgr
     first.finished = false;
     first.scene = sceneOf(std::move(part), path);
     first.scene->partial = true;
-    publish(std::move(first));
+    news_.give(std::move(first));
   };
-  progress.preview = [&](GaussianModel model) {
+  file.preview = [&](GaussianModel model) {
     Bundle part;
     part.model = std::move(model);
     publishPart(std::move(part));
   };
   try {
-    Bundle loaded = readModel(path, {.progress = &progress});
+    Bundle loaded = readModel(path, {.progress = &file});
     if (loaded.model.size() >= kLargeModel) {
       Bundle part;
       part.model = thinned(loaded.model);
@@ -155,7 +104,7 @@ ModelLoader::News ModelLoader::load(const std::filesystem::path& path, ReadProgr
     news.problem = path.string() + ": " + error.what();
     news.error_kind = static_cast<int>(ErrorKind::badData);
   }
-  news.bytes = progress.total;
+  news.bytes = file.total;
   news.read_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return news;
 }

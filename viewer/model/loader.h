@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads models in a thread of its own, one after another, and says how far it is.
 #pragma once
-#include <condition_variable>
 #include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
 #include "core/bundle/read_progress.h"
+#include "core/system/worker.h"
 #include "viewer/view/scene.h"
 
 namespace tg {
@@ -21,21 +20,17 @@ class ModelLoader {
  public:
   // `wake` is called in the loader's thread whenever there is news.
   explicit ModelLoader(std::function<void()> wake);
-  // Stops reading.
-  ~ModelLoader();
-  ModelLoader(const ModelLoader&) = delete;
-  ModelLoader& operator=(const ModelLoader&) = delete;
+  ~ModelLoader() { cancel(); }
 
   void open(std::filesystem::path path);
   // The file at hand and those that wait.
   void cancel();
 
   struct Status {
-    std::filesystem::path path;  // being read; empty: none
+    std::filesystem::path path;  // the first whose last news has not been taken; empty: none
     std::uint64_t done = 0;      // [bytes]
     std::uint64_t total = 0;     // 0: not known
     std::size_t waiting = 0;     // files after it
-    std::size_t news = 0;        // not taken yet
   };
   Status status() const;
 
@@ -52,19 +47,15 @@ class ModelLoader {
   std::optional<News> take();
 
  private:
-  void run();
-  News load(const std::filesystem::path& path, ReadProgress& progress);
-  void publish(News news);
+  struct File : ReadProgress {
+    std::filesystem::path path;
+  };
+  News load(File& file);
 
-  const std::function<void()> wake_;
-  mutable std::mutex mutex_;  // guards all below but the thread
-  std::condition_variable changed_;
-  std::deque<std::filesystem::path> waiting_;
-  std::filesystem::path reading_;
-  std::shared_ptr<ReadProgress> progress_;
-  std::deque<News> news_;
-  bool stop_ = false;
-  std::thread thread_;
+  std::deque<std::shared_ptr<File>> opened_;  // whose last news has not been taken; the other thread's
+  Queue<std::shared_ptr<File>> waiting_;
+  Queue<News> news_;
+  std::jthread thread_;
 };
 
 }  // namespace tg

@@ -38,14 +38,13 @@ bool OpenModels::update(ViewerState& state) {
     loader_.cancel();
     say(state, "Opening was cancelled");
   }
-  // Before the news is taken: when nothing is being read any more, all that came of it is there.
+  bool changed = takeLoaded(state);
   const ModelLoader::Status status = loader_.status();
   state.loading.active = !status.path.empty() || state.loading.part_owed;
   state.loading.path = status.path;
   state.loading.done = status.done;
   state.loading.total = status.total;
   state.loading.waiting = status.waiting;
-  bool changed = takeLoaded(state);
   changed |= takeFollowed(state);
   if (const auto document = std::exchange(documents.show_request, std::nullopt)) {
     if (*document >= 0 && *document < static_cast<int>(documents.open.size())) {
@@ -97,7 +96,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       if (news->path == options_.compare && !std::exchange(compare_opened_, true)) {
         state.documents.show_request = documentOf(state, options_.model);
       }
-      if (opened_any_ || state.loading.waiting > 0) say(state, "Opened " + news->path.filename().string());
+      if (opened_any_ || loader_.status().waiting > 0) say(state, "Opened " + news->path.filename().string());
       opened_any_ = true;
       if (follower_ && news->path != follower_->file()) {
         follower_.reset();
@@ -106,8 +105,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
     } else {
       if (partial) close(state, document);
       if (!news->problem.empty()) {
-        const ModelLoader::Status left = loader_.status();
-        const bool last = left.path.empty() && left.news == 0;
+        const bool last = loader_.status().path.empty();
         if (last && !opened_any_ && state.documents.open.empty()) {
           throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
         }

@@ -27,7 +27,6 @@
 namespace tg {
 namespace {
 
-constexpr std::size_t kQueuedFrames = 2;  // rendering and compressing overlap; more would only take memory
 constexpr std::array kVideoExtensions = {".mp4", ".mov", ".mkv", ".webm"};
 constexpr std::array kPictureExtensions = {".png", ".jpg", ".exr"};
 
@@ -237,91 +236,45 @@ FrameWriter::FrameWriter(RecordTarget target, glm::ivec2 size, double fps)
                   "a video needs the ffmpeg program (expected ffmpeg in PATH, found none; a folder or frames/####.png "
                   "takes the pictures without it)");
   }
-  thread_ = std::thread([this] { work(); });
-}
-
-FrameWriter::~FrameWriter() {
-  {
-    const std::lock_guard lock(mutex_);
-    closed_ = cancelled_ = true;
-  }
-  changed_.notify_all();
-  if (thread_.joinable()) thread_.join();
-}
-
-bool FrameWriter::ready() const {
-  const std::lock_guard lock(mutex_);
-  return done_ || queue_.size() < kQueuedFrames;
-}
-
-void FrameWriter::rethrow() {
-  if (error_) std::rethrow_exception(error_);
+  thread_ = startWorker(frames_, [this](const std::stop_token& stop) {
+    const NextFrame next = [&] {
+      std::optional<Image> frame = frames_.take(stop);
+      if (stop.stop_requested()) throw Cancelled{};
+      return frame;
+    };
+    try {
+      target_.video ? writeVideo(next) : writePictures(next);
+    } catch (const Cancelled&) {
+      // As asked for: the temporary file is gone.
+    }
+  });
 }
 
 void FrameWriter::add(Image frame) {
   TG_ASSERT(frame.width == size_.x && frame.height == size_.y, "a frame has the recording's size");
   TG_ASSERT(frame.channels == 3 || (!target_.video && frame.channels == 1),
             "a frame has 3 channels, or 1 for pictures");
-  std::unique_lock lock(mutex_);
-  TG_ASSERT(!closed_, "no frame follows finish()");
-  changed_.wait(lock, [this] { return done_ || queue_.size() < kQueuedFrames; });
-  rethrow();
-  queue_.push_back(std::move(frame));
-  changed_.notify_all();
+  [[maybe_unused]] const bool added = frames_.give(std::move(frame));
+  TG_ASSERT(added, "no frame follows finish()");
 }
 
 void FrameWriter::finish() {
-  {
-    const std::lock_guard lock(mutex_);
-    closed_ = true;
+  frames_.close();
+  thread_.join();
+  while (frames_.poll()) {  // left by what stopped the thread, which is thrown behind it
   }
-  changed_.notify_all();
-  if (thread_.joinable()) thread_.join();
-  const std::lock_guard lock(mutex_);
-  rethrow();
 }
 
-bool FrameWriter::take(Image& frame) {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return cancelled_ || closed_ || !queue_.empty(); });
-  if (cancelled_) throw Cancelled{};
-  if (queue_.empty()) return false;
-  frame = std::move(queue_.front());
-  queue_.pop_front();
-  changed_.notify_all();
-  return true;
+void FrameWriter::writePictures(const NextFrame& next) const {
+  for (std::size_t number = 0; const auto frame = next(); ++number) writeImage(framePath(target_, number), *frame);
 }
 
-void FrameWriter::writePictures() {
-  Image frame;
-  for (std::size_t number = 0; take(frame); ++number) writeImage(framePath(target_, number), frame);
-}
-
-void FrameWriter::writeVideo() {
-  writeFileAtomically(target_.path, [this](const std::filesystem::path& temporary) {
+void FrameWriter::writeVideo(const NextFrame& next) const {
+  writeFileAtomically(target_.path, [&](const std::filesystem::path& temporary) {
     Encoder encoder(ffmpeg_, temporary, target_.path, size_, fps_);
-    Image frame;
-    while (take(frame)) encoder.write(rgb8(frame));
+    while (const auto frame = next()) encoder.write(rgb8(*frame));
     encoder.finish();
   });
-}
-
-void FrameWriter::work() {
-  std::exception_ptr error;
-  try {
-    if (target_.video)
-      writeVideo();
-    else
-      writePictures();
-  } catch (const Cancelled&) {
-    // As asked for: the temporary file is gone.
-  } catch (...) {
-    error = std::current_exception();
-  }
-  const std::lock_guard lock(mutex_);
-  error_ = error;
-  done_ = true;
-  changed_.notify_all();
 }
 
 }  // namespace tg

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer/picture/inspector_thread.h"
 
-#include <chrono>
 #include <utility>
 
 #include "viewer/view/inspection.h"
@@ -19,30 +18,35 @@ RenderSettings inspectedSettings(const ViewerState& state) {
 
 }  // namespace
 
+InspectorThread::InspectorThread()
+    : thread_(startWorker(answers_, [this](const std::stop_token& stop) {
+        while (auto asked = asked_.take(stop)) {
+          asked->hits = inspectPixel(*asked->model, asked->camera, asked->settings, asked->pixel);
+          answers_.give(std::move(*asked));
+        }
+      })) {}
+
 bool InspectorThread::update(ViewerState& state, glm::ivec2 size) {
   InspectState& inspection = state.inspect;
   bool fresh = false;
-  if (answer_.valid() && answer_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
-    inspection.busy = false;
-    Answer answer = answer_.get();
-    fresh = answer.model == state.scene.model;
+  if (std::optional<Inspection> answer = answers_.poll()) {
+    busy_ = inspection.busy = false;
+    fresh = answer->model == state.scene.model;
     if (fresh) {
-      inspection.hits = std::move(answer.hits);
-      inspection.camera = answer.camera;
-      inspection.pixel = answer.pixel;
+      inspection.hits = std::move(answer->hits);
+      inspection.camera = answer->camera;
+      inspection.pixel = answer->pixel;
       inspection.inspected = true;
       inspection.isolated = false;
       pickHit(state, 0);
     }
   }
-  if (!inspection.asked || answer_.valid()) return fresh;
+  if (!inspection.asked || busy_) return fresh;
   const glm::ivec2 pixel = *std::exchange(inspection.asked, std::nullopt);
   if (!state.scene.model) return fresh;
-  inspection.busy = true;
-  answer_ = std::async(std::launch::async, [pixel, model = state.scene.model, settings = inspectedSettings(state),
-                                            camera = toCamera(state.camera.pose, state.camera.lens, size.x, size.y)] {
-    return Answer{camera, pixel, model, inspectPixel(*model, camera, settings, pixel)};
-  });
+  busy_ = inspection.busy = true;
+  asked_.give({toCamera(state.camera.pose, state.camera.lens, size.x, size.y), pixel, state.scene.model,
+               inspectedSettings(state), {}});
   return fresh;
 }
 

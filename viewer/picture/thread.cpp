@@ -2,7 +2,7 @@
 // The mailbox, and the way out when a device fails.
 #include "viewer/picture/thread.h"
 
-#include <chrono>
+#include <algorithm>
 #include <limits>
 #include <new>
 #include <utility>
@@ -24,85 +24,50 @@ PictureThread::PictureThread(std::function<std::unique_ptr<PictureDevice>()> mak
     : make_device_(std::move(make_device)),
       frames_in_flight_(static_cast<std::size_t>(frames_in_flight)),
       backend_(std::move(backend)),
-      wake_(std::move(wake)),
-      thread_([this] { run(); }) {}
-
-PictureThread::~PictureThread() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  changed_.notify_all();
-  thread_.join();
-}
+      results_(std::move(wake)),
+      thread_(startWorker(results_, [this](const std::stop_token& stop) { run(stop); })) {}
 
 void PictureThread::ask(PictureRequest request) {
   TG_ASSERT(request.model != nullptr, "a picture is of a model");
   TG_ASSERT(request.camera.width > 0 && request.camera.height > 0, "a picture has pixels");
-  {
-    const std::lock_guard lock(mutex_);
-    asked_ = std::move(request);
-    news_.given_up = false;
-  }
-  changed_.notify_all();
-}
-
-void PictureThread::loseDevice() {
-  const std::lock_guard lock(mutex_);
-  lose_ = true;
-}
-
-void PictureThread::delay(double seconds) {
-  const std::lock_guard lock(mutex_);
-  delay_ = seconds;
-}
-
-bool PictureThread::waiting() const {
-  const std::lock_guard lock(mutex_);
-  return asked_.has_value();
+  asked_.give({std::move(request), ++asked_number_});
 }
 
 PictureThread::News PictureThread::take() {
-  const std::lock_guard lock(mutex_);
-  return std::exchange(news_, {});
+  Result result = results_.poll().value_or(Result());
+  const bool given_up = result.given_up == asked_number_ && asked_number_ > 0;
+  return {std::move(result.picture), std::move(result.problem), given_up};
 }
 
-void PictureThread::run() {
+void PictureThread::run(const std::stop_token& stop) {
   std::unique_ptr<PictureDevice> device;
   std::unique_ptr<PictureMaker> maker;
-  std::optional<PictureRequest> newest;  // of those begun
+  std::optional<Asked> newest;  // of those begun
   const std::size_t most = frames_in_flight_;
-  std::unique_lock lock(mutex_);
-  for (;;) {
+  while (!stop.stop_requested()) {
     const std::size_t under_way = maker ? maker->underWay() : 0;
-    if (under_way == 0) changed_.wait(lock, [this] { return stop_ || asked_; });
-    if (stop_) return;
-    std::optional<PictureRequest> request;
-    if (asked_ && under_way < most && (under_way == 0 || maker->expectedRest() < kRecordAhead)) {
-      request = std::exchange(asked_, std::nullopt);
+    std::optional<Asked> asked;
+    if (under_way == 0) {
+      asked = asked_.take(stop);
+      if (!asked) return;
+    } else if (under_way < most && maker->expectedRest() < kRecordAhead) {
+      asked = asked_.poll();
     }
-    const bool lose = request && std::exchange(lose_, false);
-    const std::chrono::duration<double> delay(request ? std::exchange(delay_, 0) : 0);
-    lock.unlock();
-    std::this_thread::sleep_for(delay);
 
-    std::shared_ptr<const Picture> picture;
-    std::optional<PictureRequest> refused;
-    std::string problem;
-    bool given_up = false;
-    while (!given_up) {
+    Result result;
+    std::optional<Asked> refused;
+    for (;;) {
       std::string reason;
       bool device_failed = true;
       try {
-        if (lose && backend_ != "cpu") throw Error(ErrorKind::device, "device lost, as a script wants it");
         if (!device) device = make_device_();
         if (!maker) maker = std::make_unique<PictureMaker>(*device, backend_);
-        if (request) newest = request;
-        if (request && !maker->begin(*request)) refused = request;
+        if (asked && !maker->begin(asked->request)) refused = std::exchange(asked, std::nullopt);
+        if (asked) newest = asked;
         // With room for another one, it looks up now and then for a request.
         const bool alone = most == 1 || maker->underWay() == most || refused;
         if (auto done = maker->finish(alone ? std::numeric_limits<double>::infinity() : kLook))
-          picture = std::make_shared<const Picture>(std::move(*done));
+          result.picture = std::make_shared<const Picture>(std::move(*done));
         break;
       } catch (const std::bad_alloc&) {
         reason = "not enough memory";
@@ -113,28 +78,24 @@ void PictureThread::run() {
         reason = error.what();
       }
       maker.reset();  // whatever it held makes room
+      if (asked) newest = asked;
       if (backend_ == "cpu" || !device_failed) {
-        problem = "The picture cannot be drawn: " + reason;
-        given_up = true;
-      } else {
-        backend_ = "cpu";
-        problem = "The device failed, the CPU renders from here on: " + reason;
-        request = newest;
+        result.problem = "The picture cannot be drawn: " + reason;
+        result.given_up = newest->number;
+        break;
       }
+      backend_ = "cpu";
+      result.problem = "The device failed, the CPU renders from here on: " + reason;
+      asked = newest;
     }
 
-    lock.lock();
-    if (refused && !asked_) asked_ = std::move(refused);
-    const bool news = picture || given_up || !problem.empty();
-    if (picture)
-      news_.picture = std::move(picture);
-    else if (given_up && !asked_)
-      news_.given_up = true;
-    if (!problem.empty()) news_.problem = std::move(problem);
-    if (!news) continue;
-    lock.unlock();
-    wake_();
-    lock.lock();
+    if (refused) asked_.give(std::move(*refused), [](Asked&, Asked&) {});  // a newer one stays
+    if (!result.picture && result.problem.empty()) continue;
+    results_.give(std::move(result), [](Result& held, Result& fresh) {
+      if (fresh.picture) held.picture = std::move(fresh.picture);
+      if (!fresh.problem.empty()) held.problem = std::move(fresh.problem);
+      held.given_up = std::max(held.given_up, fresh.given_up);
+    });
   }
 }
 

@@ -120,14 +120,7 @@ constexpr std::array kVerbs = {
            s.compare.how.with_sign = w[0] == "signed";
            s.compare.how.gain = static_cast<float>(parseNumber(w[1], 1e-3, kMaxGain, at));
          }},
-    Verb{"lose-device", 0, 1, [](ViewerState& s, const Words&, const std::string&) { s.test.lose_renderer = true; }},
-    Verb{"lose-window-device", 0, 1,
-         [](ViewerState& s, const Words&, const std::string&) { s.test.lose_window = true; }},
     Verb{"wait", 1, 0, nullptr},
-    Verb{"slow-picture", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.test.slow_picture = parseNumber(w[0], 0, kLongestAwait, at);
-         }},
     Verb{"await", 1, kFramesOfPanels, nullptr},
     Verb{"await-file", 1, kFramesOfPanels, nullptr},
     Verb{"size", 1, kFramesAfterResize, nullptr},
@@ -136,8 +129,8 @@ constexpr std::array kVerbs = {
     Verb{"save-camera", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.camera = w[0]; }},
 };
 
-const Verb* findVerb(std::string_view name) {
-  for (const std::span<const Verb> verbs : {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs()}) {
+const Verb* findVerb(std::string_view name, std::span<const Verb> more) {
+  for (const std::span<const Verb> verbs : {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs(), more}) {
     const auto at = std::find_if(verbs.begin(), verbs.end(), [name](const Verb& verb) { return verb.name == name; });
     if (at != verbs.end()) return &*at;
   }
@@ -146,14 +139,15 @@ const Verb* findVerb(std::string_view name) {
 
 }  // namespace
 
-Script readScript(const std::filesystem::path& path) {
+Script readScript(const std::filesystem::path& path, std::span<const Verb> more) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxScriptBytes);
-  return parseScript(std::string(bytes.begin(), bytes.end()), path.string());
+  return parseScript(std::string(bytes.begin(), bytes.end()), path.string(), more);
 }
 
-Script parseScript(const std::string& text, const std::string& path) {
+Script parseScript(const std::string& text, const std::string& path, std::span<const Verb> more) {
   Script script;
   script.path = path;
+  script.more = more;
   std::istringstream lines(text);
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
@@ -163,7 +157,7 @@ Script parseScript(const std::string& text, const std::string& path) {
     if (!(words >> command.verb) || command.verb[0] == '#') continue;
     for (std::string word; words >> word && word[0] != '#';) command.words.push_back(word);
     const std::string at = "line " + std::to_string(number) + ": ";
-    const Verb* verb = findVerb(command.verb);
+    const Verb* verb = findVerb(command.verb, more);
     if (!verb) throw Error(ErrorKind::badData, path, at + "unknown command \"" + command.verb + "\"");
     if (verb->words != command.words.size()) {
       throw Error(ErrorKind::badData, path,
@@ -179,7 +173,7 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
   if (script.wait > 0) --script.wait;
   while (script.wait == 0 && script.next < script.commands.size()) {
     const ScriptCommand& command = script.commands[script.next];
-    const Verb& verb = *findVerb(command.verb);
+    const Verb& verb = *findVerb(command.verb, script.more);
     const std::string at = "line " + std::to_string(command.line) + ": " + command.verb;
     try {
       if (verb.ready && !verb.ready(state)) return std::nullopt;

@@ -3,9 +3,11 @@
 #pragma once
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "viewer/script/verb.h"
 #include "viewer/view/state.h"
 
 namespace tg {
@@ -19,6 +21,7 @@ struct ScriptCommand {
 
 struct Script {
   std::string path;
+  std::span<const Verb> more;  // verbs beside the viewer's own
   std::vector<ScriptCommand> commands;
   std::size_t next = 0;
   int wait = 0;              // frames still to draw before the next command
@@ -26,8 +29,9 @@ struct Script {
 };
 
 // Throws Error(badData) with the line for an unknown command or a wrong number of words; Error(cannotRead).
-Script readScript(const std::filesystem::path& path);
-Script parseScript(const std::string& text, const std::string& path);
+// `more`, which must outlive the script: verbs beside the viewer's own.
+Script readScript(const std::filesystem::path& path, std::span<const Verb> more = {});
+Script parseScript(const std::string& text, const std::string& path, std::span<const Verb> more = {});
 
 // Runs commands up to the first that needs a frame to be drawn; after the last one, asks the viewer to quit. Returns
 // the window size that a command asked for. Throws Error(badData) with the line for a wrong value.

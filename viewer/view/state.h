@@ -120,13 +120,6 @@ struct CaptureRequest {
   std::filesystem::path camera;   // .json: the picture's camera, for --camera
 };
 
-// Failures and delays that tests ask for; the window acts once and clears them.
-struct TestState {
-  bool lose_renderer = false;  // the next picture fails as on a lost device
-  bool lose_window = false;    // the next frame of the window does
-  double slow_picture = 0;     // [s] that the next picture takes longer
-};
-
 struct ViewerState {
   Scene scene;  // the one shown
   DocumentState documents;
@@ -144,7 +137,6 @@ struct ViewerState {
   double time = 0;                  // [s] since the window opened, written by the window
   std::vector<std::string> recent;  // models opened before, the last one first; written by the window
   CaptureRequest capture;
-  TestState test;
   bool quit = false;
 };
 

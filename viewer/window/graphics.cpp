@@ -35,7 +35,7 @@ OpenedScreen open(Api api, glm::ivec2 size, Events& events, const ViewOptions& o
   return opened;
 }
 
-OpenedScreen openScreen(glm::ivec2 size, Events& events, const ViewOptions& options) {
+OpenedScreen openScreen(glm::ivec2 size, Events& events, const ViewOptions& options, const ScreenWrapper& wrap) {
   const DevicePick pick = pickDevice(options.device);
   std::vector<Api> apis = apisFor(options, pick);
   if (apis.empty()) apis.assign(std::begin(kApis), std::end(kApis));
@@ -57,6 +57,7 @@ OpenedScreen openScreen(glm::ivec2 size, Events& events, const ViewOptions& opti
     }
   }
   if (!found.screen) throw Error(ErrorKind::device, missing);
+  if (wrap) found.screen = wrap(std::move(found.screen));
   return found;
 }
 
@@ -73,8 +74,8 @@ PictureBlit column(const std::shared_ptr<const PictureImage>& image, float begin
 
 }  // namespace
 
-Graphics::Graphics(glm::ivec2 size, Events& events, const ViewOptions& options)
-    : opened(openScreen(size, events, options)),
+Graphics::Graphics(glm::ivec2 size, Events& events, const ViewOptions& options, const ScreenWrapper& wrap)
+    : opened(openScreen(size, events, options, wrap)),
       gui(window(), screen()),
       pictures([this] { return screen().makePictureDevice(); }, screen().framesInFlight(), opened.backend,
                glfwPostEmptyEvent) {}

@@ -20,8 +20,9 @@ struct OpenedScreen {
 // Made anew as a whole when the device fails.
 struct Graphics {
   // Opens a window of `size` for the first API that --backend and --device allow: one whose device is a GPU if there is
-  // any, else one that shows what the CPU renders. Throws Error: device, usage.
-  Graphics(glm::ivec2 size, Events& events, const ViewOptions& options);
+  // any, else one that shows what the CPU renders. Its screen goes through `wrap`, which may be empty. Throws Error:
+  // device, usage.
+  Graphics(glm::ivec2 size, Events& events, const ViewOptions& options, const ScreenWrapper& wrap);
 
   GLFWwindow* window() const { return opened.window.get(); }
   Screen& screen() const { return *opened.screen; }

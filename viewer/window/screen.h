@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A window's device as the viewer sees it, whatever its API: what shows pictures and panels.
 #pragma once
+#include <functional>
 #include <glm/glm.hpp>
 #include <memory>
 #include <span>
@@ -49,6 +50,9 @@ class Screen {
   virtual void beginPanels() = 0;
   virtual void stopPanels() = 0;
 };
+
+// Gets a window's screen and returns the one to use: itself, or another one around it.
+using ScreenWrapper = std::function<std::unique_ptr<Screen>(std::unique_ptr<Screen>)>;
 
 // For a window made for that API. Throw Error(device). Which device draws an OpenGL window is the window system's
 // choice: another one than was picked is refused.

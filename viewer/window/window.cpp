@@ -55,7 +55,7 @@ PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
 
 class Viewer {
  public:
-  explicit Viewer(const ViewOptions& options);
+  Viewer(const ViewOptions& options, const WindowAdditions& additions);
   ~Viewer() { awake_ = false; }
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
@@ -97,6 +97,7 @@ class Viewer {
   bool held(int key) const { return glfwGetKey(graphics_->window(), key) == GLFW_PRESS; }
 
   ViewOptions options_;
+  const WindowAdditions additions_;
   std::optional<Script> script_;
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
   std::atomic<bool> awake_{false};  // GLFW may be called from other threads
@@ -122,15 +123,16 @@ class Viewer {
   double last_time_ = 0;
 };
 
-Viewer::Viewer(const ViewOptions& options)
+Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
     : options_(options),
-      script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script))),
+      additions_(additions),
+      script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script, additions.verbs))),
       session_(options),
       documents_(
           options, [this] { wake(); },
           [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }),
       comparison_(options, [this] { wake(); }),
-      graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options)),
+      graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options, additions.wrap_screen)),
       runs_(options, started_, script_.has_value()) {
   awake_ = true;
   session_.start(state_);
@@ -176,13 +178,6 @@ void Viewer::run() {
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
     }
-    if (state_.test.slow_picture > 0) graphics_->pictures.delay(std::exchange(state_.test.slow_picture, 0));
-    if (std::exchange(state_.test.lose_renderer, false)) {
-      graphics_->pictures.loseDevice();
-      asked_.reset();
-      runs_.forget();
-      picture_.reset();
-    }
     handleEvents();
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
@@ -192,8 +187,6 @@ void Viewer::run() {
     askForPicture(moving);
     comparison_.measure(state_.compare, picture_.get(), complete());
     timedOnDevice([&] {
-      if (std::exchange(state_.test.lose_window, false))
-        throw Error(ErrorKind::device, "device lost, as a script wants it");
       drawFrame();
       if ((complete() && !measuring()) || !capturing()) capture();
       graphics_->screen().present();
@@ -232,7 +225,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
   ViewOptions options = options_;
   options.backend = Backend::cpu;
   options.device.clear();
-  graphics_ = std::make_unique<Graphics>(size, events_, options);
+  graphics_ = std::make_unique<Graphics>(size, events_, options, additions_.wrap_screen);
   glfwSetWindowPos(graphics_->window(), place.x, place.y);
   setTitle();
   frames_since_event_ = 0;
@@ -498,12 +491,12 @@ void Viewer::capture() {
 
 }  // namespace
 
-void runWindow(const ViewOptions& options) {
+void runWindow(const ViewOptions& options, const WindowAdditions& additions) {
   // What is no model at all is said without a window.
   if (!options.follow) (void)detectFormat(options.model);
   std::unique_ptr<Viewer> viewer;
   try {
-    viewer = std::make_unique<Viewer>(options);
+    viewer = std::make_unique<Viewer>(options, additions);
   } catch (const Error& error) {
     // A broken file is the better news: it stays broken on a machine with a display.
     if (error.kind == ErrorKind::device && !options.follow) (void)readModel(options.model);

@@ -1,12 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // The interactive viewer.
 #pragma once
+#include <span>
+
+#include "viewer/script/verb.h"
 #include "viewer/view/options.h"
+#include "viewer/window/screen.h"
 
 namespace tg {
 
+// What another program than tgview puts into its window.
+struct WindowAdditions {
+  ScreenWrapper wrap_screen;    // each that opens; empty: as it is
+  std::span<const Verb> verbs;  // of scripts, beside the viewer's own
+};
+
 // Opens the model and a window, and returns when it is closed. Throws Error of every kind; without a display
 // Error(device) that names --render.
-void runWindow(const ViewOptions& options);
+void runWindow(const ViewOptions& options, const WindowAdditions& additions = {});
 
 }  // namespace tg

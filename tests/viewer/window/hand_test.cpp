@@ -27,7 +27,7 @@ std::string noHand() {
 
 // `script` begins after the first picture, saved as ready.png. `hand`: lines of driver.sh.
 void play(const Workshop& shop, const std::string& script, const std::string& hand,
-          std::vector<std::string> models = {"model.tgz"}) {
+          std::vector<std::string> models = {"model.tgz"}, const char* program = TG_TGVIEW) {
   std::filesystem::copy(TG_DRIVER, shop / "driver.sh");
   shop.write("hand.sh", hand);
   shop.write("script.txt", "panel off\nwait 3\nwindow ready.png\n" + script);
@@ -35,7 +35,7 @@ void play(const Workshop& shop, const std::string& script, const std::string& ha
                 {"--script", "script.txt", "--size", "640x480", "--backend", backendOr("cpu"), "--validation"});
   std::vector<std::string> prefix = test::kXServer;
   prefix.insert(prefix.end(), {"sh", "driver.sh"});
-  const ProcessResult result = shop.tgview(models, prefix);
+  const ProcessResult result = shop.tgview(models, prefix, program);
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
 }
@@ -102,7 +102,8 @@ TEST_CASE("the panels answer while a picture takes seconds", "[window]") {
        "save-camera start.json\nwindow before.png\nslow-picture 6\norbit 30 0\nwindow after.png\nhelp off\n"
        "window closed.png\n",
        "reached before.png\nsleep 1\nimport -window \"$window\" PNG24:still.png\nkey question\nsleep 1\n"
-       "import -window \"$window\" PNG24:helped.png\n[ ! -e after.png ] || exit 92\n");
+       "import -window \"$window\" PNG24:helped.png\n[ ! -e after.png ] || exit 92\n",
+       {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
   // The old picture stays until the new one is there; the help lies over it already.
   CHECK(psnr(shop.read("before.png"), shop.read("still.png")) > 60);
   CHECK(psnr(shop.read("still.png"), shop.read("helped.png")) < 30);

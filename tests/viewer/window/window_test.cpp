@@ -26,12 +26,13 @@ namespace {
 
 // Runs a script in a window, under validation.
 void play(const Workshop& shop, const std::string& script, const std::string& size,
-          const std::string& backend = backendOr("vulkan"), const std::vector<std::string>& more = {}) {
+          const std::string& backend = backendOr("vulkan"), const std::vector<std::string>& more = {},
+          const char* program = TG_TGVIEW) {
   shop.write("script.txt", script);
   std::vector<std::string> words = {"model.tgz", "--script",  "script.txt", "--size",
                                     size,        "--backend", backend,      "--validation"};
   words.insert(words.end(), more.begin(), more.end());
-  const ProcessResult result = shop.tgview(words, kXServer);
+  const ProcessResult result = shop.tgview(words, kXServer, program);
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
   CHECK(result.err.find(backendOr("vulkan") + ":") == std::string::npos);
@@ -256,7 +257,7 @@ TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and
     }
     script += "compare side\nwait 2\ncompare off\nsave-camera stormed.json\npicture stormed.png\nwindow window.png\n";
     script += "orbit 5 5\nlose-device\nwait 5\norbit 5 5\nsave-camera lost.json\npicture lost.png\n";
-    play(shop, script, "240x180", backendOr("vulkan"), {"--frames-in-flight", frames});
+    play(shop, script, "240x180", backendOr("vulkan"), {"--frames-in-flight", frames}, TG_TGVIEW_UNDER_TEST);
     INFO(frames << " in flight");
     CHECK(psnr(shop.read("turned.png"), render(shop, {"--camera", "turned.json"})) > 45);
     const Image stormed = render(shop, {"--camera", "stormed.json"});

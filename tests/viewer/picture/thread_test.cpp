@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// The thread that draws pictures, on a device of images in memory.
+#include "viewer/picture/thread.h"
+
+#include <atomic>
+#include <chrono>
+#include <new>
+#include <thread>
+
+#include "core/system/error.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+
+using namespace tg;
+
+namespace {
+
+struct Gate {
+  std::atomic<int> uploads{0};
+  std::atomic<bool> shut{false}, fails{false};
+  void open() {
+    shut = false;
+    shut.notify_all();
+  }
+};
+
+// Takes the CPU's pictures, one at a time through the gate. Has no GPU: drawing there fails as on a lost device.
+class MemoryDevice final : public PictureDevice {
+ public:
+  explicit MemoryDevice(Gate& gate) : gate_(gate) {}
+
+  std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override { return std::make_shared<MemoryImage>(size); }
+  std::unique_ptr<GpuRenderer> makeRenderer() override { throw Error(ErrorKind::device, "lost"); }
+  bool draw(GpuRenderer&, const FrameRequest&, PictureImage&, int) override { return false; }
+  void upload(const Image&, PictureImage&) override {
+    ++gate_.uploads;
+    gate_.uploads.notify_all();
+    gate_.shut.wait(true);
+    if (gate_.fails.exchange(false)) throw std::bad_alloc();
+  }
+  Image download(const PictureImage&) override { return {}; }
+
+ private:
+  struct MemoryImage : PictureImage {
+    explicit MemoryImage(glm::ivec2 s) : PictureImage(s) {}
+  };
+  Gate& gate_;
+};
+
+struct Bench {
+  Gate gate;
+  std::shared_ptr<const GaussianModel> model = std::make_shared<GaussianModel>(test::trainedLikeModel(1, 20));
+  PictureThread thread;
+
+  explicit Bench(const std::string& backend)
+      : thread([this] { return std::make_unique<MemoryDevice>(gate); }, 1, backend, [] {}) {}
+  ~Bench() { gate.open(); }
+  void ask(int width) { thread.ask({.model = model, .camera = test::trainedLikeCamera(width, 24)}); }
+  void awaitUploads(int count) {
+    for (int now = gate.uploads; now < count; now = gate.uploads) gate.uploads.wait(now);
+  }
+  // All news up to the picture of that width, or, with width 0, up to the first that it gives up.
+  PictureThread::News until(int width) {
+    PictureThread::News all;
+    for (int i = 0; i < 5000; ++i) {
+      PictureThread::News news = thread.take();
+      if (!news.problem.empty()) all.problem = news.problem;
+      all.given_up = all.given_up || news.given_up;
+      if (news.picture) all.picture = news.picture;
+      if (width == 0 ? all.given_up : all.picture && all.picture->request.camera.width == width) return all;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    FAIL("no such news");
+    return all;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("of the pictures asked for while one is drawn only the newest comes") {
+  Bench bench("cpu");
+  bench.gate.shut = true;
+  bench.ask(32);
+  bench.awaitUploads(1);
+  CHECK_FALSE(bench.thread.waiting());
+  for (int width = 33; width < 40; ++width) bench.ask(width);
+  CHECK(bench.thread.waiting());
+  bench.gate.open();
+  const PictureThread::News news = bench.until(39);
+  CHECK(news.problem.empty());
+  CHECK_FALSE(news.given_up);
+  CHECK(news.picture->backend == "cpu");
+  CHECK(bench.gate.uploads == 2);
+}
+
+TEST_CASE("the CPU draws the picture on which the device fails, and says so once") {
+  Bench bench("vulkan");
+  bench.ask(32);
+  const PictureThread::News news = bench.until(32);
+  CHECK(news.problem == "The device failed, the CPU renders from here on: lost");
+  CHECK_FALSE(news.given_up);
+  CHECK(news.picture->backend == "cpu");
+  bench.ask(33);
+  CHECK(bench.until(33).problem.empty());
+}
+
+TEST_CASE("a picture that cannot be drawn is given up, unless another one has been asked for") {
+  Bench bench("cpu");
+  bench.gate.fails = true;
+  bench.ask(32);
+  CHECK(bench.until(0).problem == "The picture cannot be drawn: not enough memory");
+  bench.ask(33);
+  CHECK_FALSE(bench.until(33).given_up);
+
+  bench.gate.fails = bench.gate.shut = true;
+  bench.ask(34);
+  bench.awaitUploads(3);
+  bench.ask(35);
+  bench.gate.open();
+  const PictureThread::News news = bench.until(35);
+  CHECK(news.problem == "The picture cannot be drawn: not enough memory");
+  CHECK_FALSE(news.given_up);
+}
+
+TEST_CASE("the thread ends while it draws, and what waits is dropped") {
+  for (int round = 0; round < 20; ++round) {
+    Bench bench("cpu");
+    bench.ask(32);
+    if (round % 2 == 0) bench.awaitUploads(1);
+    bench.ask(33);
+  }
+}

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgview's window on a device that fails or dawdles when a script says so:
+//   lose-device           the next picture on a device fails as on a lost one
+//   lose-window-device    the window's next frame does
+//   slow-picture SECONDS  the next picture takes that much longer
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <thread>
+#include <utility>
+
+#include "core/system/error.h"
+#include "core/system/program.h"
+#include "viewer/flags.h"
+#include "viewer/view/parse.h"
+#include "viewer/window/window.h"
+
+using namespace tg;
+
+namespace {
+
+// Each is met once.
+std::atomic<bool> lose_device{false}, lose_window{false};
+std::atomic<double> slow_picture{0};  // [s]
+
+constexpr std::array kVerbs = {
+    Verb{"lose-device", 0, 1, [](ViewerState&, const Words&, const std::string&) { lose_device = true; }},
+    Verb{"lose-window-device", 0, 1, [](ViewerState&, const Words&, const std::string&) { lose_window = true; }},
+    Verb{"slow-picture", 1, 0,
+         [](ViewerState&, const Words& w, const std::string& at) { slow_picture = parseNumber(w[0], 0, 60, at); }},
+};
+
+void loseIf(std::atomic<bool>& fault) {
+  if (fault.exchange(false)) throw Error(ErrorKind::device, "device lost, as a script wants it");
+}
+
+void dawdle() { std::this_thread::sleep_for(std::chrono::duration<double>(slow_picture.exchange(0))); }
+
+// What the CPU draws is only uploaded, and is not lost with the device.
+class FaultyDevice final : public PictureDevice {
+ public:
+  explicit FaultyDevice(std::unique_ptr<PictureDevice> device) : device_(std::move(device)) {}
+
+  std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override { return device_->makeImage(size); }
+  std::unique_ptr<GpuRenderer> makeRenderer() override { return device_->makeRenderer(); }
+  bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
+    loseIf(lose_device);
+    dawdle();
+    return device_->draw(renderer, request, target, top);
+  }
+  bool begin(GpuRenderer& renderer, const FrameRequest& request, const std::shared_ptr<PictureImage>& target) override {
+    loseIf(lose_device);
+    dawdle();
+    return device_->begin(renderer, request, target);
+  }
+  std::optional<bool> finish(double milliseconds) override { return device_->finish(milliseconds); }
+  void drain() noexcept override { device_->drain(); }
+  void upload(const Image& picture, PictureImage& target) override {
+    dawdle();
+    device_->upload(picture, target);
+  }
+  Image download(const PictureImage& source) override { return device_->download(source); }
+
+ private:
+  const std::unique_ptr<PictureDevice> device_;
+};
+
+class FaultyScreen final : public Screen {
+ public:
+  explicit FaultyScreen(std::unique_ptr<Screen> screen) : screen_(std::move(screen)) {}
+
+  bool software() const override { return screen_->software(); }
+  int framesInFlight() const override { return screen_->framesInFlight(); }
+  std::size_t messages() const override { return screen_->messages(); }
+  std::unique_ptr<PictureDevice> makePictureDevice() override {
+    return std::make_unique<FaultyDevice>(screen_->makePictureDevice());
+  }
+  glm::ivec2 size() const override { return screen_->size(); }
+  bool acquire(glm::ivec2 framebuffer_size) override { return screen_->acquire(framebuffer_size); }
+  void draw(std::span<const PictureBlit> pictures, glm::vec3 clear, bool panels) override {
+    loseIf(lose_window);
+    screen_->draw(pictures, clear, panels);
+  }
+  Image read(const PictureImage& image) override { return screen_->read(image); }
+  Image readWindow() override { return screen_->readWindow(); }
+  void present() override { screen_->present(); }
+  void startPanels() override { screen_->startPanels(); }
+  void beginPanels() override { screen_->beginPanels(); }
+  void stopPanels() override { screen_->stopPanels(); }
+
+ private:
+  const std::unique_ptr<Screen> screen_;
+};
+
+int run(int argc, char** argv) {
+  CommandLine line;
+  if (const std::optional<int> code = readFlags(argc, argv, line)) return *code;
+  const auto wrap = [](std::unique_ptr<Screen> screen) { return std::make_unique<FaultyScreen>(std::move(screen)); };
+  runWindow(line.view, {wrap, kVerbs});
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return runProgram("tgview", [&] { return run(argc, argv); });
+}
