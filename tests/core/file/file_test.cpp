@@ -4,6 +4,7 @@
 
 #include "core/file/file.h"
 #include "core/system/error.h"
+#include "core/system/temporary_files.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
 

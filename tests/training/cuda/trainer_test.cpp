@@ -8,6 +8,7 @@
 #include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
 #include "training/run/trainer.h"
+#include "training/score/evaluate.h"
 #include "training/sample_dataset.h"
 
 using namespace tg;
