@@ -80,7 +80,7 @@ double meanDepth(Renderer& renderer, const Camera& camera) {
 }
 
 Camera drawnBack(Camera camera, double distance) {
-  camera.camera_from_world_translation.z += distance;
+  camera.translation.z += distance;
   return camera;
 }
 
@@ -88,8 +88,8 @@ Camera turned(Camera camera, double radians) {
   const glm::dvec3 eye = camera.position();
   const double c = std::cos(radians), s = std::sin(radians);
   const glm::dmat3 about_y(glm::dvec3(c, 0, -s), glm::dvec3(0, 1, 0), glm::dvec3(s, 0, c));
-  camera.camera_from_world_rotation = about_y * camera.camera_from_world_rotation;
-  camera.camera_from_world_translation = -(camera.camera_from_world_rotation * eye);
+  camera.rotation = about_y * camera.rotation;
+  camera.translation = -(camera.rotation * eye);
   return camera;
 }
 
@@ -123,11 +123,11 @@ void zoom(Renderer& renderer, const Camera& start, const Options& options, glm::
   for (int i = 0; i < options.frames; ++i) {
     const double far = std::pow(options.farthest, static_cast<double>(i) / std::max(options.frames - 1, 1));
     cameras.push_back(drawnBack(start, depth * (far - 1.0)));
-    const Camera fine = resized(cameras.back(), start.width * kSupersampling, start.height * kSupersampling);
+    const Camera fine = resized(cameras.back(), start.size.x * kSupersampling, start.size.y * kSupersampling);
     truth.push_back(downsample(picture(renderer, fine, plain), kSupersampling));
   }
   std::printf("zoom out %g x in %d frames of %d x %d: error, flicker [1/255], processor time\n", options.farthest,
-              options.frames, start.width, start.height);
+              options.frames, start.size.x, start.size.y);
   for (const Choice& choice : kChoices) {
     double error = 0, flicker = 0, ms = 0;
     Image before;
@@ -148,20 +148,21 @@ void zoom(Renderer& renderer, const Camera& start, const Options& options, glm::
 // The pixels of `image`, seen by `from`, as `to` sees them: cameras at one place, whose rays correspond one to one.
 // Bilinear; pixels that `from` does not see are left as `fallback` has them.
 Image rotated(const Image& image, const Camera& from, const Camera& to, const Image& fallback) {
-  const glm::dmat3 from_to = from.camera_from_world_rotation * glm::transpose(to.camera_from_world_rotation);
+  const glm::dmat3 from_to = from.rotation * glm::transpose(to.rotation);
   Image out = fallback;
-  for (int y = 0; y < to.height; ++y) {
-    for (int x = 0; x < to.width; ++x) {
-      const glm::dvec3 ray = from_to * glm::dvec3((x + 0.5 - to.cx) / to.fx, (y + 0.5 - to.cy) / to.fy, 1.0);
-      const double u = from.fx * ray.x / ray.z + from.cx - 0.5, v = from.fy * ray.y / ray.z + from.cy - 0.5;
-      if (!(ray.z > 0 && u >= 0 && v >= 0 && u < from.width - 1 && v < from.height - 1)) continue;
+  for (int y = 0; y < to.size.y; ++y) {
+    for (int x = 0; x < to.size.x; ++x) {
+      const glm::dvec3 along = from_to * ray(to, {x + 0.5, y + 0.5});
+      const glm::dvec2 at = project(from, along) - 0.5;
+      const double u = at.x, v = at.y;
+      if (!(along.z > 0 && u >= 0 && v >= 0 && u < from.size.x - 1 && v < from.size.y - 1)) continue;
       const int u0 = static_cast<int>(u), v0 = static_cast<int>(v);
       const auto fu = static_cast<float>(u - u0), fv = static_cast<float>(v - v0);
       for (int k = 0; k < 3; ++k) {
         const auto at = [&](int px, int py) {
           return image.data[(static_cast<std::size_t>(py) * image.width + px) * 3 + k];
         };
-        out.data[(static_cast<std::size_t>(y) * to.width + x) * 3 + k] =
+        out.data[(static_cast<std::size_t>(y) * to.size.x + x) * 3 + k] =
             glm::mix(glm::mix(at(u0, v0), at(u0 + 1, v0), fu), glm::mix(at(u0, v0 + 1), at(u0 + 1, v0 + 1), fu), fv);
       }
     }
@@ -190,7 +191,7 @@ void turn(Renderer& renderer, const Camera& start, const Options& options, glm::
       const double begin = processorMilliseconds();
       (void)picture(renderer, camera, settings);
       ms += processorMilliseconds() - begin;
-      const Camera fine = resized(camera, start.width * kSupersampling, start.height * kSupersampling);
+      const Camera fine = resized(camera, start.size.x * kSupersampling, start.size.y * kSupersampling);
       Image image = picture(renderer, fine, settings);
       if (i > 0) {
         const Image now = downsample(image, kSupersampling);
@@ -222,8 +223,7 @@ void photographs(Renderer& renderer, const Options& options, glm::vec3 backgroun
   for (const Choice& choice : kChoices) {
     double sum = 0;
     for (std::size_t i = 0; i < dataset.views.size(); ++i) {
-      sum +=
-          psnr(picture(renderer, dataset.views[i].camera, settingsOf(choice, background)), dataset.pixels(i)->image());
+      sum += psnr(picture(renderer, dataset.views[i], settingsOf(choice, background)), dataset.pixels(i)->image());
     }
     std::printf("  %-18s %7.3f\n", choice.name, sum / static_cast<double>(dataset.views.size()));
   }

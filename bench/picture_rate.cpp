@@ -120,7 +120,7 @@ double picturePeakTogether(bool textured) {
 PictureRate pictureRate(const GaussianModel& model, const Camera& camera, const RenderSettings& settings, int frames) {
   const cpu::View view = cpu::makeView(model, camera, settings);
   cpu::enlargePages(model.atlas.texels.data(), model.atlas.texels.size() * sizeof(glm::vec4));  // as the renderer does
-  Frame frame(camera.width, camera.height, settings.outputs);
+  Frame frame(camera.size.x, camera.size.y, settings.outputs);
   cpu::PictureScene scene;
   std::vector<double> seconds;
   for (int i = 0; i < frames; ++i) {

@@ -60,15 +60,7 @@ T named(std::optional<T> value, const char* flag, const std::string& text) {
 
 // The same horizontal field of view with the same shape of pixels: what the peers of a comparison are given, too.
 Camera sized(const Camera& camera, int width, int height) {
-  Camera result = camera;
-  const double scale = static_cast<double>(width) / camera.width;
-  result.width = width;
-  result.height = height;
-  result.fx *= scale;
-  result.fy *= scale;
-  result.cx = width / 2.0 + (camera.cx - camera.width / 2.0) * scale;
-  result.cy = height / 2.0 + (camera.cy - camera.height / 2.0) * scale;
-  return result;
+  return scaled(camera, static_cast<double>(width) / camera.size.x, width, height);
 }
 
 Camera chooseCamera(const Options& options, const Bundle& loaded) {
@@ -181,8 +173,8 @@ double psnrAtPixels(const Image& picture, const GaussianModel& model, const Came
   test::Random random(17);
   std::vector<glm::ivec2> pixels;
   for (int i = 0; i < count; ++i) {
-    pixels.emplace_back(static_cast<int>(random.uniform(0, camera.width)),
-                        static_cast<int>(random.uniform(0, camera.height)));
+    pixels.emplace_back(static_cast<int>(random.uniform(0, camera.size.x)),
+                        static_cast<int>(random.uniform(0, camera.size.y)));
   }
   std::vector<double> errors(pixels.size());
   parallelFor(count, 1, [&](std::int64_t i) {
@@ -290,8 +282,8 @@ void run(const Options& options) {
   result["device"] = device_name;
   result["backend"] = options.backend;
   result["gaussians"] = loaded.model.size();
-  result["width"] = camera.width;
-  result["height"] = camera.height;
+  result["width"] = camera.size.x;
+  result["height"] = camera.size.y;
   result["output"] = options.output;
   result["textures"] = loaded.model.texture_mode == TextureMode::none || settings.textures == TextureMode::none ? "off"
                        : options.textures.empty() ? "the model's"

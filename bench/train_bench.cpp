@@ -51,12 +51,12 @@ GaussianModel cloud(const Options& options, const Camera& camera) {
   GaussianModel model;
   model.sh_degree = options.sh_degree;
   // A splat of opacity 0.1 shows out to radius 2.55 sigma; its area on screen is about 8 sigma_1 sigma_2 pixels.
-  const double pixels = options.splats * camera.width * camera.height / options.gaussians;
-  const double sigma = std::sqrt(pixels / 14.0) / camera.fx * 4.0;
+  const double pixels = options.splats * camera.size.x * camera.size.y / options.gaussians;
+  const double sigma = std::sqrt(pixels / 14.0) / camera.focal.x * 4.0;
   for (int i = 0; i < options.gaussians; ++i) {
     const double z = random.uniform(2.0, 6.0);
-    const glm::dvec3 mean((random.uniform(0.0, 1.0) * camera.width - camera.cx) / camera.fx * z,
-                          (random.uniform(0.0, 1.0) * camera.height - camera.cy) / camera.fy * z, z);
+    const glm::dvec3 mean((random.uniform(0.0, 1.0) * camera.size.x - camera.center.x) / camera.focal.x * z,
+                          (random.uniform(0.0, 1.0) * camera.size.y - camera.center.y) / camera.focal.y * z, z);
     model.mean.push_back(glm::vec3(mean));
     model.rotation.push_back(glm::vec4(random.quaternion()));
     model.log_scale.push_back(glm::vec3(glm::log(sigma * z / 4.0 * glm::dvec3(1.8, 0.6, 0.18))));
@@ -113,7 +113,7 @@ Scene loadScene(const Options& options) {
   }
   Scene scene;
   for (const std::size_t index : dataset.indices(false)) {
-    scene.cameras.push_back(dataset.views[index].camera);
+    scene.cameras.push_back(dataset.views[index]);
     scene.photographs.push_back(dataset.pixels(index)->rgb);
   }
   scene.extent = cameraExtent(dataset);
@@ -229,7 +229,7 @@ void run(const Options& options) {
       const auto& picture = renderer->forward(state.model, camera, {});
       v_picture.resize(picture.size());
       phases.measure("loss", [&] {
-        last = loss.evaluate(camera.width, camera.height, picture, scene.photographs[view], v_picture);
+        last = loss.evaluate(camera.size.x, camera.size.y, picture, scene.photographs[view], v_picture);
       });
       renderer->backward(v_picture, gradient, gradient_options);
       phases.measure("adam", [&] { adamStep(state, gradient, rates); });

@@ -136,15 +136,15 @@ void benchCuda(DifferentiableRenderer& renderer, GaussianModel model, const Cuda
   counts.gaussians = static_cast<double>(model.size());
   counts.texels = static_cast<double>(model.atlas.texels.size());
   counts.floats = counts.gaussians * (11 + 3 * model.shCount()) + 4 * counts.texels;
-  counts.pixels = static_cast<double>(camera.width) * camera.height;
-  counts.tiles = ((camera.width + 15) / 16) * ((camera.height + 15) / 16);
+  counts.pixels = static_cast<double>(camera.size.x) * camera.size.y;
+  counts.tiles = ((camera.size.x + 15) / 16) * ((camera.size.y + 15) / 16);
   counts.blended = bench.blended;
   counts.textured = counts.texels > 0;
   counts.statistics = bench.statistics;
   counts.pairs = static_cast<double>(cuda::countPairs(model, camera));
   std::printf("%s\n", renderer.deviceName().c_str());
-  std::printf("%d x %d px, %.0f Gaussians, %.0f texels, %.2f M (tile, splat) pairs, %.2f M blended\n", camera.width,
-              camera.height, counts.gaussians, counts.texels, counts.pairs * 1e-6, counts.blended * 1e-6);
+  std::printf("%d x %d px, %.0f Gaussians, %.0f texels, %.2f M (tile, splat) pairs, %.2f M blended\n", camera.size.x,
+              camera.size.y, counts.gaussians, counts.texels, counts.pairs * 1e-6, counts.blended * 1e-6);
 
   std::optional<CudaPeak> peak;
   if (bench.measure_peak) {

@@ -46,9 +46,8 @@ struct Folders {
 void undistort(const tg::DatasetIndex& index) {
   for (const tg::DatasetIndex::Entry& entry : index.entries) {
     tg::Camera camera = entry.camera;
-    camera.width = 64;
-    camera.height = 48;
-    if (!(camera.fx > 1e-3 && camera.fx < 1e9 && camera.fy > 1e-3 && camera.fy < 1e9)) continue;
+    camera.size = {64, 48};
+    if (!(camera.focal.x > 1e-3 && camera.focal.x < 1e9 && camera.focal.y > 1e-3 && camera.focal.y < 1e9)) continue;
     try {
       const tg::Undistortion undistortion(entry.lens, camera, "a.png");
       const auto result = undistortion.apply(tg::Image(64, 48, 3, 0.5f), {});

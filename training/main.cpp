@@ -116,7 +116,7 @@ tg::Dataset loadData(const Options& options) {
     data_options.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
   }
   tg::Dataset dataset = tg::loadDataset(options.dataset, data_options);
-  const tg::Camera& camera = dataset.views.front().camera;
+  const tg::Camera& camera = dataset.views.front();
   tg::printNotes(options.dataset, dataset);
   if (!options.quiet) {
     const std::size_t count = dataset.points.position.size();
@@ -124,7 +124,7 @@ tg::Dataset loadData(const Options& options) {
                                : options.start_model.empty() ? "no points: random ones are the start"
                                                              : "no points";
     std::printf("%s: %zu train and %zu test views of %d x %d (%s), %s\n", dataset.name.c_str(),
-                dataset.indices(false).size(), dataset.indices(true).size(), camera.width, camera.height,
+                dataset.indices(false).size(), dataset.indices(true).size(), camera.size.x, camera.size.y,
                 std::string(tg::name(dataset.layout)).c_str(), points.c_str());
     std::fflush(stdout);
   }

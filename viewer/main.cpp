@@ -21,8 +21,8 @@ void listCameras(const std::filesystem::path& path) {
   const tg::Bundle loaded = tg::readModel(path);
   for (std::size_t i = 0; i < loaded.cameras.size(); ++i) {
     const tg::Camera& camera = loaded.cameras[i];
-    std::printf("%4zu  %-5s  %5d x %-5d  fy %8.1f  %s\n", i, camera.test ? "test" : "train", camera.width,
-                camera.height, camera.fy, tg::printable(camera.name).c_str());
+    std::printf("%4zu  %-5s  %5d x %-5d  fy %8.1f  %s\n", i, camera.test ? "test" : "train", camera.size.x,
+                camera.size.y, camera.focal.y, tg::printable(camera.name).c_str());
   }
   if (loaded.cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", path.c_str());
 }

@@ -22,12 +22,11 @@ struct Projected {
 };
 
 std::vector<Projected> project(const GaussianModel& model, const Camera& camera) {
-  const glm::mat3 rotation(camera.camera_from_world_rotation);
-  const glm::vec4 focal_center(camera.fx, camera.fy, camera.cx, camera.cy);
+  const glm::mat3 rotation(camera.rotation);
+  const glm::vec4 focal_center = focalCenter(camera);
   std::vector<Projected> projected;
   for (std::size_t i = 0; i < model.size(); ++i) {
-    const glm::vec3 mean(camera.camera_from_world_rotation * glm::dvec3(model.mean[i]) +
-                         camera.camera_from_world_translation);
+    const glm::vec3 mean(cameraFromWorld(camera, model.mean[i]));
     const float opacity = 1.0f / (1.0f + std::exp(-model.opacity_logit[i]));
     const float radius = visibleRadius(opacity);
     if (mean.z <= kNear || radius <= 0.0f) continue;
@@ -38,7 +37,7 @@ std::vector<Projected> project(const GaussianModel& model, const Camera& camera)
     const glm::mat3 ordered(axes[order.x], axes[order.y], axes[order.z]);
     const glm::vec3 ordered_scale(scale[order.x], scale[order.y], scale[order.z]);
     Projected p;
-    glm::vec4 box(0.0f, 0.0f, camera.width, camera.height);
+    glm::vec4 box(0.0f, 0.0f, camera.size.x, camera.size.y);
     glm::vec4 bounded;
     if (splatBox(mean, ordered, ordered_scale, radius, model.intersection == IntersectionModel::plane, focal_center,
                  bounded)) {
@@ -71,13 +70,13 @@ float textureAlpha(const GaussianModel& model, std::size_t gaussian, glm::vec2 u
 void addView(const GaussianModel& model, const Camera& camera, std::vector<double>& weights) {
   const bool has_alpha = (static_cast<unsigned>(model.texture_mode) & kModeAlpha) != 0 && !model.atlas.rects.empty();
   const auto intersection = static_cast<unsigned>(model.intersection);
-  std::vector<float> transmittance(static_cast<std::size_t>(camera.width) * camera.height, 1.0f);
+  std::vector<float> transmittance(static_cast<std::size_t>(camera.size.x) * camera.size.y, 1.0f);
   for (const Projected& p : project(model, camera)) {
     const Splat& s = p.splat;
     double sum = 0.0;
     for (int y = p.box.y; y < p.box.w; ++y) {
       for (int x = p.box.x; x < p.box.z; ++x) {
-        float& left = transmittance[static_cast<std::size_t>(y) * camera.width + x];
+        float& left = transmittance[static_cast<std::size_t>(y) * camera.size.x + x];
         if (left < kTransmittanceStop) continue;
         const glm::vec2 delta(x + 0.5f - s.center_depth_opacity.x, y + 0.5f - s.center_depth_opacity.y);
         Hit hit;

@@ -28,9 +28,9 @@ constexpr double kTrim = 0.05;        // of the means at either end of an axis: 
 
 Camera shrunk(const Camera& camera, int max_side) {
   TG_ASSERT(max_side >= 1, "a picture has pixels");
-  const double factor = std::min(1.0, static_cast<double>(max_side) / std::max(camera.width, camera.height));
-  return resized(camera, std::max(1, static_cast<int>(std::lround(camera.width * factor))),
-                 std::max(1, static_cast<int>(std::lround(camera.height * factor))));
+  const double factor = std::min(1.0, static_cast<double>(max_side) / std::max(camera.size.x, camera.size.y));
+  return resized(camera, std::max(1, static_cast<int>(std::lround(camera.size.x * factor))),
+                 std::max(1, static_cast<int>(std::lround(camera.size.y * factor))));
 }
 
 // The means between the trimmed ends of each axis.

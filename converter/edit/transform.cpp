@@ -83,9 +83,8 @@ void transformCameras(std::vector<Camera>& cameras, const Similarity& similarity
   TG_ASSERT(similarity.scale > 0.0, "a scale above 0");
   for (Camera& camera : cameras) {
     // x_c = R x + t with x = S^T (y - d) / s; all of camera space grows by s, which no picture shows.
-    camera.camera_from_world_rotation = camera.camera_from_world_rotation * glm::transpose(similarity.rotation);
-    camera.camera_from_world_translation = similarity.scale * camera.camera_from_world_translation -
-                                           camera.camera_from_world_rotation * similarity.translation;
+    camera.rotation = camera.rotation * glm::transpose(similarity.rotation);
+    camera.translation = similarity.scale * camera.translation - camera.rotation * similarity.translation;
   }
 }
 

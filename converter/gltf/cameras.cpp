@@ -40,12 +40,9 @@ bool readExtras(const tinygltf::Value& extras, Camera& camera) {
   const auto fx = number(ours, "fx"), fy = number(ours, "fy"), cx = number(ours, "cx"), cy = number(ours, "cy");
   if (!width || !height || !fx || !fy || !cx || !cy) return false;
   if (!(*width >= 1 && *width <= kMaxSide && *height >= 1 && *height <= kMaxSide && *fx > 0 && *fy > 0)) return false;
-  camera.width = static_cast<int>(*width);
-  camera.height = static_cast<int>(*height);
-  camera.fx = *fx;
-  camera.fy = *fy;
-  camera.cx = *cx;
-  camera.cy = *cy;
+  camera.size = {*width, *height};
+  camera.focal = {*fx, *fy};
+  camera.center = {*cx, *cy};
   camera.test = ours.Has("split") && ours.Get("split").IsString() && ours.Get("split").Get<std::string>() == "test";
   return true;
 }
@@ -56,23 +53,22 @@ void addCameras(nlohmann::ordered_json& root, std::span<const Camera> cameras) {
   for (const Camera& camera : cameras) {
     root["cameras"].push_back({{"type", "perspective"},
                                {"perspective",
-                                {{"aspectRatio", (camera.width / camera.fx) / (camera.height / camera.fy)},
-                                 {"yfov", 2.0 * std::atan(0.5 * camera.height / camera.fy)},
+                                {{"aspectRatio", (camera.size.x / camera.focal.x) / (camera.size.y / camera.focal.y)},
+                                 {"yfov", 2.0 * std::atan(0.5 * camera.size.y / camera.focal.y)},
                                  {"zfar", kZFar},
                                  {"znear", kZNear}}}});
     const glm::dvec3 position = turnAxes(camera.position());
-    const glm::dvec4 q =
-        quaternionFromMatrix(turnWorldAxes(turnCameraAxes(glm::transpose(camera.camera_from_world_rotation))));
+    const glm::dvec4 q = quaternionFromMatrix(turnWorldAxes(turnCameraAxes(glm::transpose(camera.rotation))));
     nlohmann::ordered_json node = {{"name", camera.name},
                                    {"camera", root["cameras"].size() - 1},
                                    {"translation", {position.x, position.y, position.z}},
                                    {"rotation", {q.y, q.z, q.w, q.x}}};
-    node["extras"][kExtrasKey] = {{"width", camera.width},
-                                  {"height", camera.height},
-                                  {"fx", camera.fx},
-                                  {"fy", camera.fy},
-                                  {"cx", camera.cx},
-                                  {"cy", camera.cy},
+    node["extras"][kExtrasKey] = {{"width", camera.size.x},
+                                  {"height", camera.size.y},
+                                  {"fx", camera.focal.x},
+                                  {"fy", camera.focal.y},
+                                  {"cx", camera.center.x},
+                                  {"cy", camera.center.y},
                                   {"split", camera.test ? "test" : "train"}};
     root["scenes"][0]["nodes"].push_back(root["nodes"].size());
     root["nodes"].push_back(std::move(node));
@@ -98,17 +94,15 @@ std::optional<Camera> readCamera(GltfDocument& document, const PlacedNode& place
   Camera camera;
   camera.name = node.name;
   const glm::dmat3 world_from_camera = turnCameraAxes(turnWorldAxes(pose.rotation));
-  camera.camera_from_world_rotation = glm::transpose(world_from_camera);
-  camera.camera_from_world_translation = -camera.camera_from_world_rotation * turnAxes(pose.translation);
+  camera.rotation = glm::transpose(world_from_camera);
+  camera.translation = -camera.rotation * turnAxes(pose.translation);
   if (!readExtras(node.extras, camera)) {
     const double aspect = gltf.perspective.aspectRatio;
-    camera.height = kDefaultRows;
-    camera.width = static_cast<int>(
+    camera.size.y = kDefaultRows;
+    camera.size.x = static_cast<int>(
         std::min(std::max(std::lround(kDefaultRows * (aspect > 0.0 ? aspect : kDefaultAspect)), 1L), long{kMaxSide}));
-    camera.fy = 0.5 * camera.height / std::tan(0.5 * yfov);
-    camera.fx = camera.fy;
-    camera.cx = 0.5 * camera.width;
-    camera.cy = 0.5 * camera.height;
+    camera.focal = glm::dvec2(0.5 * camera.size.y / std::tan(0.5 * yfov));
+    camera.center = 0.5 * glm::dvec2(camera.size);
   }
   return camera;
 }

@@ -44,23 +44,20 @@ glm::dvec3 parseVector(const JsonObject& camera, const char* key) {
 Camera parseCamera(const JsonObject& json) {
   Camera camera;
   camera.name = json.string("img_name");
-  camera.width = static_cast<int>(json.integer("width", 1, kMaxImageSide));
-  camera.height = static_cast<int>(json.integer("height", 1, kMaxImageSide));
-  camera.fx = json.number("fx");
-  camera.fy = json.number("fy");
-  if (camera.fx <= 0.0 || camera.fy <= 0.0) json.fail("\"fx\", \"fy\": expected focal lengths above 0");
-  camera.cx = json.has("cx") ? json.number("cx") : 0.5 * camera.width;
-  camera.cy = json.has("cy") ? json.number("cy") : 0.5 * camera.height;
-  camera.camera_from_world_rotation = parseRotation(json);
+  camera.size = {json.integer("width", 1, kMaxImageSide), json.integer("height", 1, kMaxImageSide)};
+  camera.focal = {json.number("fx"), json.number("fy")};
+  if (camera.focal.x <= 0.0 || camera.focal.y <= 0.0) json.fail("\"fx\", \"fy\": expected focal lengths above 0");
+  camera.center.x = json.has("cx") ? json.number("cx") : 0.5 * camera.size.x;
+  camera.center.y = json.has("cy") ? json.number("cy") : 0.5 * camera.size.y;
+  camera.rotation = parseRotation(json);
   const glm::dvec3 position = parseVector(json, "position");
-  camera.camera_from_world_translation = -camera.camera_from_world_rotation * position;
+  camera.translation = -camera.rotation * position;
   if (json.has("translation")) {
     // The exact value; the position is its rounded image and must not have been edited alone.
     const glm::dvec3 exact = parseVector(json, "translation");
     const double tolerance = 1e-3 * (1.0 + glm::length(exact));
-    if (!(glm::length(exact - camera.camera_from_world_translation) <= tolerance))
-      json.fail("\"translation\" and \"position\" disagree");
-    camera.camera_from_world_translation = exact;
+    if (!(glm::length(exact - camera.translation) <= tolerance)) json.fail("\"translation\" and \"position\" disagree");
+    camera.translation = exact;
   }
   if (json.has("split")) {
     const std::string split = json.string("split");
@@ -90,18 +87,18 @@ std::string formatCameras(const std::vector<Camera>& cameras) {
   std::string text = "[\n";  // a camera a line
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const Camera& camera = cameras[i];
-    const glm::dmat3& r = camera.camera_from_world_rotation;
+    const glm::dmat3& r = camera.rotation;
     const ordered_json json = {{"id", i},
                                {"img_name", camera.name},
-                               {"width", camera.width},
-                               {"height", camera.height},
+                               {"width", camera.size.x},
+                               {"height", camera.size.y},
                                {"position", vector(camera.position())},
                                {"rotation", {vector(r[0]), vector(r[1]), vector(r[2])}},
-                               {"fx", camera.fx},
-                               {"fy", camera.fy},
-                               {"cx", camera.cx},
-                               {"cy", camera.cy},
-                               {"translation", vector(camera.camera_from_world_translation)},
+                               {"fx", camera.focal.x},
+                               {"fy", camera.focal.y},
+                               {"cx", camera.center.x},
+                               {"cy", camera.center.y},
+                               {"translation", vector(camera.translation)},
                                {"split", camera.test ? "test" : "train"}};
     text += dumpJson(json) + (i + 1 < cameras.size() ? ",\n" : "\n");
   }

@@ -20,28 +20,31 @@ Camera lookAt(glm::dvec3 eye, glm::dvec3 target, glm::dvec3 up, double fov_y_rad
   const glm::dvec3 x = glm::normalize(right);
   const glm::dvec3 y = glm::cross(z, x);
   Camera camera;
-  camera.width = width;
-  camera.height = height;
-  camera.fx = camera.fy = 0.5 * height / std::tan(0.5 * fov_y_radians);
-  camera.cx = 0.5 * width;
-  camera.cy = 0.5 * height;
-  camera.camera_from_world_rotation = glm::transpose(glm::dmat3(x, y, z));
-  camera.camera_from_world_translation = -camera.camera_from_world_rotation * eye;
+  camera.size = {width, height};
+  camera.focal = glm::dvec2(0.5 * height / std::tan(0.5 * fov_y_radians));
+  camera.center = 0.5 * glm::dvec2(camera.size);
+  camera.rotation = glm::transpose(glm::dmat3(x, y, z));
+  camera.translation = -camera.rotation * eye;
   return camera;
 }
 
 Camera resized(const Camera& camera, int width, int height) {
-  TG_ASSERT(camera.width > 0 && camera.height > 0, "the camera has a size to scale from");
+  TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "the camera has a size to scale from");
   TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   Camera result = camera;
-  const double sx = static_cast<double>(width) / camera.width;
-  const double sy = static_cast<double>(height) / camera.height;
-  result.width = width;
-  result.height = height;
-  result.fx *= sx;
-  result.cx *= sx;
-  result.fy *= sy;
-  result.cy *= sy;
+  result.size = {width, height};
+  const glm::dvec2 scale = glm::dvec2(result.size) / glm::dvec2(camera.size);
+  result.focal *= scale;
+  result.center *= scale;
+  return result;
+}
+
+Camera scaled(const Camera& camera, double scale, int width, int height) {
+  TG_ASSERT(scale > 0 && width > 0 && height > 0, "a picture has pixels");
+  Camera result = camera;
+  result.size = {width, height};
+  result.focal *= scale;
+  result.center = (camera.center - 0.5 * glm::dvec2(camera.size)) * scale + 0.5 * glm::dvec2(result.size);
   return result;
 }
 

@@ -140,11 +140,12 @@ HWY_INLINE void clear(ColorState& state, int width, int height, std::int32_t lis
 // Calls put(pixel of the image, block, lane) for every pixel of a tile inside the image.
 template <typename Put>
 HWY_INLINE void forEachPixel(const View& view, int tile_x, int tile_y, const Put& put) {
-  const int width = std::min(kTileWidth, view.width - tile_x);
-  const int height = std::min(kTileHeight, view.height - tile_y);
+  const int width = std::min(kTileWidth, view.size.x - tile_x);
+  const int height = std::min(kTileHeight, view.size.y - tile_y);
   for (int row = 0; row < height; ++row) {
     for (int x = 0; x < width; ++x) {
-      put(static_cast<std::size_t>(tile_y + row) * view.width + tile_x + x, x / kLanes * kTileHeight + row, x % kLanes);
+      put(static_cast<std::size_t>(tile_y + row) * view.size.x + tile_x + x, x / kLanes * kTileHeight + row,
+          x % kLanes);
     }
   }
 }
@@ -155,8 +156,8 @@ void blendTile(const BlendArgs& args, int tile) {
   const View& view = args.view;
   const int tile_x = tile % args.lists.tiles_x * kTileWidth;
   const int tile_y = tile / args.lists.tiles_x * kTileHeight;
-  const int width = std::min(kTileWidth, view.width - tile_x);
-  const int height = std::min(kTileHeight, view.height - tile_y);
+  const int width = std::min(kTileWidth, view.size.x - tile_x);
+  const int height = std::min(kTileHeight, view.size.y - tile_y);
   const std::span<const std::uint32_t> list = args.lists.list(tile);
   std::uint64_t* record = nullptr;
   if constexpr (kMode == Mode::training) {
@@ -291,7 +292,7 @@ bool wantsAll(const Frame& frame) {
 }  // namespace
 
 void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& lists, Texels texels, Frame& frame) {
-  TG_ASSERT(frame.width == view.width && frame.height == view.height, "the frame has the view's size");
+  TG_ASSERT(frame.width == view.size.x && frame.height == view.size.y, "the frame has the view's size");
   TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
   TG_ASSERT(!view.footprint || texels.means != nullptr, "the footprint filter needs the textures' means");
   const BlendArgs args{view, screen.splats.data(), lists, texels, &frame, nullptr, nullptr};
@@ -311,7 +312,7 @@ void blendPicture(const View& view, const ScreenSplats& screen, const TileLists&
                   std::vector<glm::vec3>& picture, BlendRecord& record) {
   TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
   TG_ASSERT(view.order == SplatOrder::global, "training blends in the global order");
-  picture.resize(static_cast<std::size_t>(view.width) * view.height);
+  picture.resize(static_cast<std::size_t>(view.size.x) * view.size.y);
   record.transmittance.resize(static_cast<std::size_t>(lists.tiles()) * kTilePixels);
   record.stop.resize(record.transmittance.size());
   record.words_per_pair = HWY_DYNAMIC_DISPATCH(blockWords)();

@@ -126,7 +126,7 @@ HWY_INLINE void rotationColumns(const VD* raw, V3* columns) {
 
 // docs/math.md 1.4
 HWY_INLINE void antialias(const View& view, Geometry& g) {
-  const VD pixel = hn::Div(g.mean_c.z, splat(std::max(view.focal_center.x, view.focal_center.y)));
+  const VD pixel = hn::Div(g.mean_c.z, splat(std::max(view.focal.x, view.focal.y)));
   const VD add_variance = hn::Mul(splat(kScreenVariance), hn::Mul(pixel, pixel));
   const auto wider = [&](VD s) HWY_ATTR { return hn::Sqrt(hn::MulAdd(s, s, add_variance)); };
   const V3 scale = {wider(g.scale.x), wider(g.scale.y), wider(g.scale.z)};
@@ -154,7 +154,7 @@ HWY_INLINE Geometry makeGeometry(const View& view, const Batch& batch) {
   g.shortest_0 = hn::Not(hn::Or(g.shortest_2, g.shortest_1));
   V3 columns[3];
   rotationColumns(batch.rotation, columns);
-  for (V3& column : columns) column = transform(view.camera_from_world_rotation, column);
+  for (V3& column : columns) column = transform(view.rotation, column);
   g.axes_c[0] = select(g.shortest_0, columns[1], columns[0]);
   g.axes_c[1] = select(g.shortest_2, columns[1], columns[2]);
   g.axes_c[2] = select(g.shortest_2, columns[2], select(g.shortest_1, columns[1], columns[0]));
@@ -164,8 +164,8 @@ HWY_INLINE Geometry makeGeometry(const View& view, const Batch& batch) {
   g.scale.z = hn::IfThenElse(g.shortest_2, scale[2], hn::IfThenElse(g.shortest_1, scale[1], scale[0]));
   if (view.splat_scale != 1.0f) g.scale = scaled(g.scale, splat(view.splat_scale));
 
-  const glm::dvec3 t = view.camera_from_world_translation;
-  g.mean_c = add(transform(view.camera_from_world_rotation, batch.mean), {splat(t.x), splat(t.y), splat(t.z)});
+  const glm::dvec3 t = view.translation;
+  g.mean_c = add(transform(view.rotation, batch.mean), {splat(t.x), splat(t.y), splat(t.z)});
   g.opacity_factor = splat(1.0);
   if (view.antialias) antialias(view, g);
   const V3 inverse = {hn::Div(splat(1.0), g.scale.x), hn::Div(splat(1.0), g.scale.y), hn::Div(splat(1.0), g.scale.z)};
@@ -174,8 +174,8 @@ HWY_INLINE Geometry makeGeometry(const View& view, const Batch& batch) {
   g.m[2] = product(inverse, {g.axes_c[0].z, g.axes_c[1].z, g.axes_c[2].z});
   const VD z = g.mean_c.z;
   const VD inverse_z = hn::Div(splat(1.0), z);
-  g.dx = scaled(g.m[0], splat(1.0 / view.focal_center.x));
-  g.dy = scaled(g.m[1], splat(1.0 / view.focal_center.y));
+  g.dx = scaled(g.m[0], splat(1.0 / view.focal.x));
+  g.dy = scaled(g.m[1], splat(1.0 / view.focal.y));
   g.d0 = addScaled(g.m[0], hn::Mul(g.mean_c.x, inverse_z), addScaled(g.m[1], hn::Mul(g.mean_c.y, inverse_z), g.m[2]));
 
   g.unit = hn::Div(splat(1.0), length(g.d0));

@@ -207,8 +207,8 @@ void orderBand(const OrderArgs& args, int tile, int band, std::vector<Candidate>
   const View& view = args.view;
   const int tile_x = tile % args.lists.tiles_x * kTileWidth;
   const int tile_y = tile / args.lists.tiles_x * kTileHeight;
-  const int width = std::min(kTileWidth, view.width - tile_x);
-  const int end = std::min(band + kBandRows, view.height - tile_y);
+  const int width = std::min(kTileWidth, view.size.x - tile_x);
+  const int end = std::min(band + kBandRows, view.size.y - tile_y);
   sortBand(args, tile, band, end, list);
   BandState state;
   state.live = {};
@@ -273,7 +273,7 @@ void orderBand(const OrderArgs& args, int tile, int band, std::vector<Candidate>
       sums.color = glm::vec3(pixels.color[0][lane], pixels.color[1][lane], pixels.color[2][lane]) +
                    transmittance * view.background;
       sums.alpha = 1.0f - transmittance;
-      putPixel(args.frame, static_cast<std::size_t>(tile_y + row) * view.width + tile_x + x, sums);
+      putPixel(args.frame, static_cast<std::size_t>(tile_y + row) * view.size.x + tile_x + x, sums);
     }
   }
 }
@@ -281,7 +281,7 @@ void orderBand(const OrderArgs& args, int tile, int band, std::vector<Candidate>
 template <bool kAll>
 void orderTile(const OrderArgs& args, int tile) {
   std::vector<Candidate> list;
-  const int height = std::min(kTileHeight, args.view.height - tile / args.lists.tiles_x * kTileHeight);
+  const int height = std::min(kTileHeight, args.view.size.y - tile / args.lists.tiles_x * kTileHeight);
   for (int band = 0; band < height; band += kBandRows) orderBand<kAll>(args, tile, band, list);
 }
 
@@ -298,7 +298,7 @@ HWY_EXPORT(orderPictureTile);
 
 void blendInOrder(const View& view, const ScreenSplats& screen, const TileLists& lists, Texels texels, bool all,
                   Frame& frame) {
-  TG_ASSERT(frame.width == view.width && frame.height == view.height, "the frame has the view's size");
+  TG_ASSERT(frame.width == view.size.x && frame.height == view.size.y, "the frame has the view's size");
   TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
   TG_ASSERT(!view.footprint || texels.means != nullptr, "the footprint filter needs the textures' means");
   const OrderArgs args{view, screen.splats.data(), lists, texels, frame};

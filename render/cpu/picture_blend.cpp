@@ -89,7 +89,7 @@ HWY_INLINE void putTile(const PictureArgs& args, int tile_x, int tile_y, int wid
   for (int row = 0; row < height; ++row) {
     for (int c = 0; c * kLanes < width; ++c) {
       const auto lanes = static_cast<std::size_t>(std::min(kLanes, width - c * kLanes));
-      const std::size_t pixel = static_cast<std::size_t>(tile_y + row) * static_cast<std::size_t>(args.view.width) +
+      const std::size_t pixel = static_cast<std::size_t>(tile_y + row) * static_cast<std::size_t>(args.view.size.x) +
                                 static_cast<std::size_t>(tile_x + c * kLanes);
       const PixelBlock& pixels = state.blocks[row * kColumns + c];
       const V left = hn::Abs(hn::Load(df, pixels.transmittance));
@@ -116,8 +116,8 @@ std::uint64_t blendPictureTile(const PictureArgs& args, int tile, DepthQueue& qu
   const PictureScene& scene = args.scene;
   const int tile_x = tile % scene.tiles_x * kTileWidth;
   const int tile_y = tile / scene.tiles_x * kTileHeight;
-  const int width = std::min(kTileWidth, view.width - tile_x);
-  const int height = std::min(kTileHeight, view.height - tile_y);
+  const int width = std::min(kTileWidth, view.size.x - tile_x);
+  const int height = std::min(kTileHeight, view.size.y - tile_y);
   const PictureSplat* splats = scene.splats.data();
   queue.start(scene.pairs.data() + scene.begin[tile], scene.begin[tile + 1] - scene.begin[tile]);
 
@@ -203,7 +203,7 @@ void DepthQueue::sortTo(std::size_t end) {
 }
 
 void blendPicture(const View& view, PictureScene& scene, Texels texels, Frame& frame) {
-  TG_ASSERT(frame.width == view.width && frame.height == view.height, "the frame has the view's size");
+  TG_ASSERT(frame.width == view.size.x && frame.height == view.size.y, "the frame has the view's size");
   TG_ASSERT(scene.begin.size() == static_cast<std::size_t>(scene.tiles_x) * static_cast<std::size_t>(scene.tiles_y) + 1,
             "listPicture() comes first");
   const PictureArgs args{view, scene, texels, frame};

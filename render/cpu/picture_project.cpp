@@ -99,9 +99,8 @@ struct Position {
   V center_x, center_y;  // [px]
 };
 HWY_INLINE Position locate(const View& view, V3 world) {
-  const glm::dmat3& r = view.camera_from_world_rotation;
-  const glm::dvec3 t = view.camera_from_world_translation;
-  const glm::dvec4 c = view.focal_center;
+  const glm::dmat3& r = view.rotation;
+  const glm::dvec3 t = view.translation;
   alignas(64) float in[3][kLanes];
   alignas(64) float out[7][kLanes];
   hn::Store(world.x, f, in[0]);
@@ -122,8 +121,8 @@ HWY_INLINE Position locate(const View& view, V3 world) {
     put(2, z_c);
     put(3, ray_x);
     put(4, ray_y);
-    put(5, hn::MulAdd(ray_x, hn::Set(fd, c.x), hn::Set(fd, c.z)));
-    put(6, hn::MulAdd(ray_y, hn::Set(fd, c.y), hn::Set(fd, c.w)));
+    put(5, hn::MulAdd(ray_x, hn::Set(fd, view.focal.x), hn::Set(fd, view.center.x)));
+    put(6, hn::MulAdd(ray_y, hn::Set(fd, view.focal.y), hn::Set(fd, view.center.y)));
   }
   const auto at = [&](int k) HWY_ATTR { return hn::Load(f, out[k]); };
   return {{at(0), at(1), at(2)}, at(3), at(4), at(5), at(6)};
@@ -317,7 +316,7 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
     hn::LoadInterleaved4(f, rotations.of, w, x, y, q);
     rotationColumns(w, x, y, q, columns);
   }
-  const glm::mat3 r(view.camera_from_world_rotation);
+  const glm::mat3 r(view.rotation);
   const auto ordered = [&](V a, V b, V c) HWY_ATTR {
     return V3{hn::IfThenElse(shortest_0, b, a), hn::IfThenElse(shortest_2, b, c),
               hn::IfThenElse(shortest_2, c, hn::IfThenElse(shortest_1, b, a))};
@@ -331,7 +330,7 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
   V3 scale = scaled(ordered(exp(ls.x), exp(ls.y), exp(ls.z)), set(view.splat_scale));
   V opacity_factor = one;
   if (view.antialias) {  // docs/math.md 1.4
-    const V pixel = hn::Div(z, set(std::max(view.focal_center.x, view.focal_center.y)));
+    const V pixel = hn::Div(z, set(std::max(view.focal.x, view.focal.y)));
     const V add_variance = hn::Mul(set(kScreenVariance), hn::Mul(pixel, pixel));
     const auto wider = [&](V s) HWY_ATTR { return hn::Sqrt(hn::MulAdd(s, s, add_variance)); };
     const V3 wide_scale = {wider(scale.x), wider(scale.y), wider(scale.z)};
@@ -358,7 +357,7 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
   const V3 nz = product(others, rotation[2]);  // m[0] x m[1]
   V3 d0 = addScaled(m[0], ray_x, addScaled(m[1], ray_y, m[2]));
   const V unit = hn::Div(one, length(d0));
-  const V inverse_fx = set(1.0 / view.focal_center.x), inverse_fy = set(1.0 / view.focal_center.y);
+  const V inverse_fx = set(1.0 / view.focal.x), inverse_fy = set(1.0 / view.focal.y);
   const V w_unit = hn::Mul(set(kExponentScale), hn::Div(hn::Mul(unit, z), longest));
   // m[0] x d0 = ray_y nz - ny and m[1] x d0 = nx - ray_x nz
   V3 wx = subtractScaled(nz, ray_y, ny);
@@ -405,14 +404,13 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
   if (plane) extent.z = zero;
   const V3 lz = product(extent, rotation[2]);
   M bounded = hn::Gt(z, zero);
-  const glm::dvec4 c = view.focal_center;
-  const Bounds bx = tangentBounds(ray_x, z, product(extent, rotation[0]), lz, center_x, c.x, bounded);
-  const Bounds by = tangentBounds(ray_y, z, product(extent, rotation[1]), lz, center_y, c.y, bounded);
+  const Bounds bx = tangentBounds(ray_x, z, product(extent, rotation[0]), lz, center_x, view.focal.x, bounded);
+  const Bounds by = tangentBounds(ray_y, z, product(extent, rotation[1]), lz, center_y, view.focal.y, bounded);
   for (const V& side : {bx.low, bx.high, by.low, by.high}) {
     bounded = hn::And(bounded, hn::Lt(hn::Abs(side), set(1e30f)));  // no number: the whole image
   }
-  const PixelRange x_range = pixelRange(bx, bounded, view.width);
-  const PixelRange y_range = pixelRange(by, bounded, view.height);
+  const PixelRange x_range = pixelRange(bx, bounded, view.size.x);
+  const PixelRange y_range = pixelRange(by, bounded, view.size.y);
   visible = hn::And(visible,
                     hn::RebindMask(f, hn::And(hn::Gt(x_range.end, x_range.begin), hn::Gt(y_range.end, y_range.begin))));
   const M is_textured = hn::Gt(hn::Load(f, has_texture), zero);
@@ -475,7 +473,7 @@ HWY_INLINE void putColors(const ProjectArgs& args, const Seen& seen, const std::
                           std::size_t count) {
   const View& view = args.view;
   const GaussianModel& model = args.model;
-  const glm::mat3 r(view.camera_from_world_rotation);
+  const glm::mat3 r(view.rotation);
   const int bands = std::min(model.sh_degree, view.max_sh_degree) + 1;
   const int used = bands * bands, stored = model.shCount();
   using F4 = HWY_CAPPED(float, 4);
@@ -566,14 +564,14 @@ void forEachTile(const PictureTiles& range, int tiles_x, const Visit& visit) {
 }  // namespace
 
 void projectPicture(const View& view, const GaussianModel& model, PictureScene& scene) {
-  TG_ASSERT(std::max(view.width, view.height) <= kMaxPictureSide, "16 bits hold the picture's sides");
+  TG_ASSERT(std::max(view.size.x, view.size.y) <= kMaxPictureSide, "16 bits hold the picture's sides");
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   const std::size_t count = model.size();
   // Few enough chunks that their counters (chunks x tiles) stay small beside the pairs.
   scene.chunk = std::max<std::size_t>(4096, (count / 64 / kPictureBlock + 1) * kPictureBlock);
   const std::size_t chunks = (count + scene.chunk - 1) / scene.chunk;
-  scene.tiles_x = (view.width + kTileWidth - 1) / kTileWidth;
-  scene.tiles_y = (view.height + kTileHeight - 1) / kTileHeight;
+  scene.tiles_x = (view.size.x + kTileWidth - 1) / kTileWidth;
+  scene.tiles_y = (view.size.y + kTileHeight - 1) / kTileHeight;
   const std::size_t tiles = static_cast<std::size_t>(scene.tiles_x) * static_cast<std::size_t>(scene.tiles_y);
   const ProjectArgs args{view,
                          model,

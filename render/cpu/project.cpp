@@ -90,12 +90,12 @@ HWY_INLINE void putBoxes(const View& view, const Geometry& g, VD radius, MD visi
   MD bounded = hn::Gt(z, hn::Zero(dd));
   const Bounds bx = tangentBounds(g.mean_c.x, z, lx, lz, bounded);
   const Bounds by = tangentBounds(g.mean_c.y, z, ly, lz, bounded);
-  const glm::dvec4 f = view.focal_center;
-  VD box[4] = {hn::MulAdd(bx.low, splat(f.x), splat(f.z)), hn::MulAdd(by.low, splat(f.y), splat(f.w)),
-               hn::MulAdd(bx.high, splat(f.x), splat(f.z)), hn::MulAdd(by.high, splat(f.y), splat(f.w))};
+  const glm::dvec2 f = view.focal, c = view.center;
+  VD box[4] = {hn::MulAdd(bx.low, splat(f.x), splat(c.x)), hn::MulAdd(by.low, splat(f.y), splat(c.y)),
+               hn::MulAdd(bx.high, splat(f.x), splat(c.x)), hn::MulAdd(by.high, splat(f.y), splat(c.y))};
   const VD most = splat(1e30);  // beyond it, and for no number at all, the whole image
   for (const VD& side : box) bounded = hn::And(bounded, hn::Lt(hn::Abs(side), most));
-  const double whole[4] = {0.0, 0.0, static_cast<double>(view.width), static_cast<double>(view.height)};
+  const double whole[4] = {0.0, 0.0, static_cast<double>(view.size.x), static_cast<double>(view.size.y)};
   alignas(64) double boxes[4][kBatch];
   for (int side = 0; side < 4; ++side) {
     hn::Store(hn::IfThenElse(bounded, box[side], splat(whole[side])), dd, boxes[side]);
@@ -113,8 +113,8 @@ HWY_INLINE void putBoxes(const View& view, const Geometry& g, VD radius, MD visi
     const double height = boxes[3][lane] - boxes[1][lane];
     s.margin = 0.05f + 1e-3f * static_cast<float>(width);
     if (shows[lane] == 0.0) continue;
-    pixelRange(boxes[0][lane], boxes[2][lane], view.width, s.x0, s.x1);
-    pixelRange(boxes[1][lane], boxes[3][lane], view.height, s.y0, s.y1);
+    pixelRange(boxes[0][lane], boxes[2][lane], view.size.x, s.x0, s.x1);
+    pixelRange(boxes[1][lane], boxes[3][lane], view.size.y, s.y0, s.y1);
     if (s.x0 < s.x1 && s.y0 < s.y1) screen_radius[lane] = static_cast<float>(0.5 * std::max(width, height));
   }
 }
@@ -148,10 +148,9 @@ void projectBatch(const View& view, const GaussianModel& model, const std::uint3
   const SplatWriter out{splats, count};
   const Batch batch = loadBatch(model, gaussians);
   const Geometry g = makeGeometry(view, batch);
-  const glm::dvec4 f = view.focal_center;
   const VD inverse_z = hn::Div(splat(1.0), g.mean_c.z);
-  const VD center_x = hn::MulAdd(hn::Mul(g.mean_c.x, inverse_z), splat(f.x), splat(f.z));
-  const VD center_y = hn::MulAdd(hn::Mul(g.mean_c.y, inverse_z), splat(f.y), splat(f.w));
+  const VD center_x = hn::MulAdd(hn::Mul(g.mean_c.x, inverse_z), splat(view.focal.x), splat(view.center.x));
+  const VD center_y = hn::MulAdd(hn::Mul(g.mean_c.y, inverse_z), splat(view.focal.y), splat(view.center.y));
   const VD t[3] = {hn::Mul(g.mean_c.z, dot(g.power_d[2], g.power_d[0])),
                    hn::Mul(g.mean_c.z, dot(g.power_d[2], g.power_d[1])),
                    hn::Mul(g.mean_c.z, dot(g.power_d[2], g.power_d[2]))};
@@ -249,10 +248,6 @@ bool inside(const CropBox& box, glm::vec3 x) {
   return glm::all(glm::lessThanEqual(box.min, x)) && glm::all(glm::lessThanEqual(x, box.max));
 }
 
-glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
-  return view.camera_from_world_rotation * x + view.camera_from_world_translation;
-}
-
 }  // namespace
 
 float opacity(float logit) { return 1.0f / (1.0f + std::exp(-logit)); }
@@ -260,21 +255,16 @@ float opacity(float logit) { return 1.0f / (1.0f + std::exp(-logit)); }
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   checkSettings(settings);
-  if (camera.width <= 0 || camera.height <= 0 || !(camera.fx > 0.0) || !(camera.fy > 0.0)) {
+  if (camera.size.x <= 0 || camera.size.y <= 0 || !(camera.focal.x > 0.0) || !(camera.focal.y > 0.0)) {
     throw Error(ErrorKind::usage, "camera " + camera.name,
-                "empty image or focal length (expected sizes above 0, found " + std::to_string(camera.width) + " x " +
-                    std::to_string(camera.height) + ", fx " + std::to_string(camera.fx) + ", fy " +
-                    std::to_string(camera.fy) + ")");
+                "empty image or focal length (expected sizes above 0, found " + std::to_string(camera.size.x) + " x " +
+                    std::to_string(camera.size.y) + ", fx " + std::to_string(camera.focal.x) + ", fy " +
+                    std::to_string(camera.focal.y) + ")");
   }
   const unsigned mode = static_cast<unsigned>(model.texture_mode) & static_cast<unsigned>(settings.textures);
-  View view;
-  view.camera_from_world_rotation = camera.camera_from_world_rotation;
-  view.camera_from_world_translation = camera.camera_from_world_translation;
-  view.position = camera.position();
-  view.focal_center = {camera.fx, camera.fy, camera.cx, camera.cy};
+  View view{camera};
+  view.eye = camera.position();
   view.background = settings.background;
-  view.width = camera.width;
-  view.height = camera.height;
   view.texture_rgb = (mode & kModeRgb) != 0u;
   view.texture_alpha = (mode & kModeAlpha) != 0u;
   view.intersection = settings.intersection.value_or(model.intersection);
@@ -291,14 +281,12 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
 }
 
 Frustum makeFrustum(const View& view) {
-  const glm::dvec4 c = view.focal_center;
-  const glm::dvec2 low = -glm::dvec2(c.z, c.w) / glm::dvec2(c);
-  const glm::dvec2 high = (glm::dvec2(view.width, view.height) - glm::dvec2(c.z, c.w)) / glm::dvec2(c);
+  const glm::dvec3 low = ray(view, {0, 0}), high = ray(view, view.size);
   constexpr double kMostRadius = 3.34;  // [sigma] visibleRadius(1), rounded up
   return {{glm::normalize(glm::dvec3(1, 0, -low.x)), glm::normalize(glm::dvec3(-1, 0, high.x)),
            glm::normalize(glm::dvec3(0, 1, -low.y)), glm::normalize(glm::dvec3(0, -1, high.y))},
           kMostRadius * view.splat_scale,
-          2.0 / std::min(c.x, c.y)};
+          2.0 / std::min(view.focal.x, view.focal.y)};
 }
 
 void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out) {

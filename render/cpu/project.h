@@ -12,14 +12,9 @@
 namespace tg::cpu {
 
 // One frame's view, with the switches resolved.
-struct View {
-  glm::dmat3 camera_from_world_rotation{1.0};
-  glm::dvec3 camera_from_world_translation{0.0};
-  glm::dvec3 position{0.0};      // world space
-  glm::dvec4 focal_center{1.0};  // fx, fy, cx, cy [px]
+struct View : Pinhole {
+  glm::dvec3 eye{0.0};  // world space
   glm::vec3 background{0.0f};
-  int width = 0;  // [px]
-  int height = 0;
   bool texture_rgb = false;
   bool texture_alpha = false;
   IntersectionModel intersection = IntersectionModel::maxResponse;
@@ -32,7 +27,7 @@ struct View {
   float splat_scale = 1.0f;
   int max_sh_degree = 3;
   float near = kNear;
-  std::optional<CropBox> crop;
+  std::optional<CropBox> crop{};
   float fixed_radius = 0.0f;  // [sigma] of the screen boxes; 0: what can be seen
 
   bool textured() const { return texture_rgb || texture_alpha; }

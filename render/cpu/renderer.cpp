@@ -34,7 +34,7 @@ class CpuRenderer final : public Renderer {
     if (!shared_) throw Error(ErrorKind::usage, "render", "no model set (expected setModel before render)");
     const GaussianModel& model = *shared_;
     const cpu::View view = cpu::makeView(model, camera, settings);
-    Frame frame(camera.width, camera.height, settings.outputs);
+    Frame frame(camera.size.x, camera.size.y, settings.outputs);
     times_.clear();
     if (view.footprint && texture_means_.empty()) texture_means_ = textureMeans(model.atlas, model.size());
     const cpu::Texels texels{model.atlas.texels.data(), texture_means_.data()};
@@ -65,7 +65,7 @@ class CpuRenderer final : public Renderer {
  private:
   static bool isPicture(const cpu::View& view, const RenderSettings& settings) {
     return OutputSet{Output::final, Output::alpha}.hasAll(settings.outputs) && view.order == SplatOrder::global &&
-           std::max(view.width, view.height) <= cpu::kMaxPictureSide;
+           std::max(view.size.x, view.size.y) <= cpu::kMaxPictureSide;
   }
 
   void drawEllipsoids(cpu::View view, std::vector<glm::vec3>& pixels) {

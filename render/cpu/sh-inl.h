@@ -23,7 +23,7 @@ struct Directions {
 };
 HWY_INLINE Directions directionsTo(const View& view, V3 mean) {
   Directions d;
-  const glm::dvec3 eye = view.position;
+  const glm::dvec3 eye = view.eye;
   const V3 offset = subtract(mean, {splat(eye.x), splat(eye.y), splat(eye.z)});
   d.distance = length(offset);
   d.unit = scaled(offset, hn::Div(splat(1.0), d.distance));

@@ -25,10 +25,9 @@ struct Surface {
 // the length of local_from_camera's column x is known from the scales alone when all three columns are, since |dx|^2
 // fx^2 + |dy|^2 fy^2 + |mz|^2 = sum of 1 / scale^2.
 Surface surfaceOf(const View& view, const Splat& s, glm::dvec3 inverse_scale) {
-  const double fx = view.focal_center.x, fy = view.focal_center.y;
-  const double cx = (s.center_x - view.focal_center.z) / fx, cy = (s.center_y - view.focal_center.w) / fy;
-  const glm::dvec3 mx = fx * glm::dvec3(s.dx), my = fy * glm::dvec3(s.dy);
-  const glm::dvec3 mz = glm::dvec3(s.d0) - cx * mx - cy * my;
+  const glm::dvec3 c = ray(view, {s.center_x, s.center_y});
+  const glm::dvec3 mx = view.focal.x * glm::dvec3(s.dx), my = view.focal.y * glm::dvec3(s.dy);
+  const glm::dvec3 mz = glm::dvec3(s.d0) - c.x * mx - c.y * my;
   const double unit =
       std::sqrt((glm::dot(mx, mx) + glm::dot(my, my) + glm::dot(mz, mz)) / glm::dot(inverse_scale, inverse_scale));
   const auto full = [&](glm::dvec3 v) { return glm::vec3(v / unit); };
@@ -41,12 +40,10 @@ void drawEllipsoids(const View& view, const GaussianModel& model, const ScreenSp
                     std::vector<glm::vec3>& pixels) {
   TG_ASSERT(view.fixed_radius == 1.0f && view.intersection == IntersectionModel::maxResponse,
             "boxes hold the ellipsoids");
-  TG_ASSERT(pixels.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height),
+  TG_ASSERT(pixels.size() == static_cast<std::size_t>(view.size.x) * static_cast<std::size_t>(view.size.y),
             "a colour a pixel");
   std::fill(pixels.begin(), pixels.end(), view.background);
-  const auto fx = static_cast<float>(view.focal_center.x), fy = static_cast<float>(view.focal_center.y);
-  const auto cx = static_cast<float>(view.focal_center.z), cy = static_cast<float>(view.focal_center.w);
-  const float focal = std::max(fx, fy);
+  const glm::vec2 focal(view.focal), center(view.center);
   parallelFor(lists.tiles(), 1, [&](std::int64_t tile) {
     std::array<float, kTilePixels> nearest;
     nearest.fill(std::numeric_limits<float>::infinity());
@@ -56,7 +53,7 @@ void drawEllipsoids(const View& view, const GaussianModel& model, const ScreenSp
       const Splat& s = screen.splats[k];
       glm::dvec3 scale = glm::exp(glm::dvec3(model.log_scale[s.gaussian])) * static_cast<double>(view.splat_scale);
       if (view.antialias) {
-        const double pixel = s.depth / focal;
+        const double pixel = s.depth / std::max(focal.x, focal.y);
         scale = glm::sqrt(scale * scale + kScreenVariance * pixel * pixel);
       }
       const Surface surface = surfaceOf(view, s, 1.0 / scale);
@@ -75,10 +72,11 @@ void drawEllipsoids(const View& view, const GaussianModel& model, const ScreenSp
           if (!(t > view.near) || !(t < depth)) continue;
           depth = t;
           const glm::vec3 p = glm::cross(d, w) / d2 - back * d;
-          const glm::vec3 normal(fx * glm::dot(surface.dx, p), fy * glm::dot(surface.dy, p), glm::dot(surface.mz, p));
-          const glm::vec3 ray((static_cast<float>(x) + 0.5f - cx) / fx, (static_cast<float>(y) + 0.5f - cy) / fy, 1.0f);
-          const float lambert = -glm::dot(normal, ray) / std::sqrt(glm::dot(normal, normal) * glm::dot(ray, ray));
-          pixels[static_cast<std::size_t>(y) * view.width + x] =
+          const glm::vec3 normal(focal.x * glm::dot(surface.dx, p), focal.y * glm::dot(surface.dy, p),
+                                 glm::dot(surface.mz, p));
+          const glm::vec3 along((glm::vec2(x, y) + 0.5f - center) / focal, 1.0f);
+          const float lambert = -glm::dot(normal, along) / std::sqrt(glm::dot(normal, normal) * glm::dot(along, along));
+          pixels[static_cast<std::size_t>(y) * view.size.x + x] =
               s.base * (kEllipsoidAmbient + (1.0f - kEllipsoidAmbient) * std::max(lambert, 0.0f));
         }
       }
@@ -88,7 +86,7 @@ void drawEllipsoids(const View& view, const GaussianModel& model, const ScreenSp
 
 void drawCenters(const View& view, const ScreenSplats& screen, const std::vector<std::uint32_t>& order,
                  std::vector<glm::vec3>& pixels) {
-  TG_ASSERT(pixels.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height),
+  TG_ASSERT(pixels.size() == static_cast<std::size_t>(view.size.x) * static_cast<std::size_t>(view.size.y),
             "a colour a pixel");
   TG_ASSERT(order.size() <= screen.splats.size(), "an order of the splats");
   std::fill(pixels.begin(), pixels.end(), view.background);
@@ -100,13 +98,13 @@ void drawCenters(const View& view, const ScreenSplats& screen, const std::vector
       const float high = std::floor(std::clamp(center + kCenterRadius + 0.5f, 0.0f, static_cast<float>(size)));
       return std::pair(static_cast<int>(low), static_cast<int>(high));
     };
-    const auto [x0, x1] = range(s.center_x, view.width);
-    const auto [y0, y1] = range(s.center_y, view.height);
+    const auto [x0, x1] = range(s.center_x, view.size.x);
+    const auto [y0, y1] = range(s.center_y, view.size.y);
     for (int y = y0; y < y1; ++y) {
       for (int x = x0; x < x1; ++x) {
         const glm::vec2 off(static_cast<float>(x) + 0.5f - s.center_x, static_cast<float>(y) + 0.5f - s.center_y);
         if (glm::dot(off, off) <= kCenterRadius * kCenterRadius) {
-          pixels[static_cast<std::size_t>(y) * view.width + x] = s.base;
+          pixels[static_cast<std::size_t>(y) * view.size.x + x] = s.base;
         }
       }
     }

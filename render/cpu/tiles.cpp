@@ -36,8 +36,8 @@ void buildTileLists(const View& view, const ScreenSplats& screen, const std::vec
   TG_ASSERT(order.size() <= screen.splats.size(), "an order of the splats");
   TG_ASSERT(std::all_of(order.begin(), order.end(), [&](std::uint32_t k) { return k < screen.splats.size(); }),
             "an order of the splats");
-  lists.tiles_x = (view.width + kTileWidth - 1) / kTileWidth;
-  lists.tiles_y = (view.height + kTileHeight - 1) / kTileHeight;
+  lists.tiles_x = (view.size.x + kTileWidth - 1) / kTileWidth;
+  lists.tiles_y = (view.size.y + kTileHeight - 1) / kTileHeight;
   const std::size_t tiles = lists.tiles();
   const std::size_t count = screen.splats.size();
 

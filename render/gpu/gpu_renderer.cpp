@@ -23,11 +23,11 @@ std::uint32_t textureModeOf(const ModelBuffers& model, const RenderSettings& set
 ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const ModelBuffers& model,
                     const ImageBuffers& image, float exposure_stops, const OutputRange& beside) {
   ViewUniforms view{};
-  glm::dmat4 camera_from_world(camera.camera_from_world_rotation);
-  camera_from_world[3] = glm::dvec4(camera.camera_from_world_translation, 1.0);
+  glm::dmat4 camera_from_world(camera.rotation);
+  camera_from_world[3] = glm::dvec4(camera.translation, 1.0);
   view.camera_from_world = glm::mat4(camera_from_world);
   view.camera_position = glm::vec4(glm::vec3(camera.position()), 0.0f);
-  view.focal_center = glm::vec4(camera.fx, camera.fy, camera.cx, camera.cy);
+  view.focal_center = focalCenter(camera);
   view.background = glm::vec4(settings.background, 0.0f);
   view.width = image.width;
   view.height = image.height;
@@ -77,9 +77,9 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   if (outputs.has(Output::final)) outputs = outputs | OutputSet{Output::alpha};
   checkFrame(camera, settings);
   const int rows = rowsAtOnce(camera);
-  if (rows < camera.height) return renderBands(camera, settings, rows);
+  if (rows < camera.size.y) return renderBands(camera, settings, rows);
   fitImage(camera);
-  Frame frame(camera.width, camera.height, outputs);
+  Frame frame(camera.size.x, camera.size.y, outputs);
   if (variant.all || outputs.hasAny({Output::final, Output::alpha}) || !outputs.hasAny(kSolid)) {
     drawOutputs(camera, settings, variant);
     readBlended(variant, frame);
@@ -99,10 +99,10 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
 // Pictures that the device cannot hold at once, from the top down. Times and counts are those of the last band.
 Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& settings, int rows) {
   Frame frame;
-  for (int top = 0; top < camera.height; top += rows) {
+  for (int top = 0; top < camera.size.y; top += rows) {
     Camera band = camera;
-    band.height = std::min(rows, camera.height - top);
-    band.cy -= top;
+    band.size.y = std::min(rows, camera.size.y - top);
+    band.center.y -= top;
     const Frame part = render(band, settings);
     const auto append = [&](auto Frame::* member) {
       const auto& from = part.*member;
@@ -122,14 +122,14 @@ Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& setti
     append(&Frame::centers);
     append(&Frame::texel_density);
   }
-  frame.width = camera.width;
-  frame.height = camera.height;
+  frame.width = camera.size.x;
+  frame.height = camera.size.y;
   return frame;
 }
 
 int GpuRenderer::rowsAtOnce(const Camera& camera) const {
-  return static_cast<int>(tg::rowsAtOnce(device_->limits(), static_cast<std::uint32_t>(camera.width),
-                                         static_cast<std::uint32_t>(camera.height)));
+  return static_cast<int>(tg::rowsAtOnce(device_->limits(), static_cast<std::uint32_t>(camera.size.x),
+                                         static_cast<std::uint32_t>(camera.size.y)));
 }
 
 bool GpuRenderer::draw(const FrameRequest& request) {
@@ -145,7 +145,7 @@ GpuRenderer::Recording GpuRenderer::prepareFrame(const FrameRequest& request) {
 
 bool GpuRenderer::sharesProgram(const FrameRequest& request) const {
   const auto side = [](int pixels) { return static_cast<std::uint32_t>(pixels); };
-  return program_ && image_->width == side(request.camera.width) && image_->height == side(request.camera.height) &&
+  return program_ && image_->width == side(request.camera.size.x) && image_->height == side(request.camera.size.y) &&
          variantOf(request.settings, variantFor(request.output)) == variant_;
 }
 
@@ -195,9 +195,9 @@ bool GpuRenderer::blendedAll(std::uint32_t longest_list) {
 void GpuRenderer::checkFrame(const Camera& camera, const RenderSettings& settings) const {
   if (!pairs_) throw Error(ErrorKind::usage, "a frame needs a model whose buffers fit: setModel() comes first");
   checkSettings(settings);
-  if (camera.width <= 0 || camera.height <= 0) {
+  if (camera.size.x <= 0 || camera.size.y <= 0) {
     throw Error(ErrorKind::usage, "camera \"" + camera.name + "\"",
-                "the image is empty (" + std::to_string(camera.width) + " x " + std::to_string(camera.height) + ")");
+                "the image is empty (" + std::to_string(camera.size.x) + " x " + std::to_string(camera.size.y) + ")");
   }
 }
 
@@ -209,8 +209,8 @@ void GpuRenderer::drawOutputs(const Camera& camera, const RenderSettings& settin
 }
 
 void GpuRenderer::fitImage(const Camera& camera) {
-  const auto width = static_cast<std::uint32_t>(camera.width);
-  const auto height = static_cast<std::uint32_t>(camera.height);
+  const auto width = static_cast<std::uint32_t>(camera.size.x);
+  const auto height = static_cast<std::uint32_t>(camera.size.y);
   if (!image_ || image_->width != width || image_->height != height) {
     program_.reset();
     image_.reset();

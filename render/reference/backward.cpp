@@ -92,9 +92,9 @@ void addHit(const Scene& scene, const ReferenceOptions& options, const Blended& 
   sum.v_m += glm::outerProduct(ray.v_o, eye_from_mean) + glm::outerProduct(ray.v_d, direction);
 
   const Camera& camera = scene.camera;
-  const glm::dvec3 v_mean_c = -camera.camera_from_world_rotation * (glm::transpose(splat.m) * ray.v_o);
-  const glm::dvec2 e(v_mean_c.x * splat.z / camera.fx * camera.width / 2,
-                     v_mean_c.y * splat.z / camera.fy * camera.height / 2);
+  const glm::dvec3 v_mean_c = -camera.rotation * (glm::transpose(splat.m) * ray.v_o);
+  const glm::dvec2 e(v_mean_c.x * splat.z / camera.focal.x * camera.size.x / 2,
+                     v_mean_c.y * splat.z / camera.focal.y * camera.size.y / 2);
   sum.screen += e;
   sum.screen_abs += glm::length(e);
 }
@@ -164,10 +164,10 @@ void finish(const Scene& scene, const Splat& splat, const SplatSums& sum, Refere
 
 ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,
                                     std::span<const glm::dvec3> v_color, const ReferenceOptions& options) {
-  TG_ASSERT(v_color.size() == static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height),
+  TG_ASSERT(v_color.size() == static_cast<std::size_t>(camera.size.x) * static_cast<std::size_t>(camera.size.y),
             "a derivative a pixel");
   TG_ASSERT(model.rects.empty() || model.rects.size() == model.size(), "a rectangle a Gaussian, or none");
-  const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
+  const std::size_t pixels = static_cast<std::size_t>(camera.size.x) * camera.size.y;
   if (v_color.size() != pixels) {
     throw Error(ErrorKind::usage, "reference: picture gradient of the wrong size (expected " + std::to_string(pixels) +
                                       " pixels, found " + std::to_string(v_color.size()) + ")");
@@ -183,9 +183,9 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
     sums.splats.resize(scene.splats.size());
     sums.texels.resize(model.texels.size(), glm::dvec4(0.0));
     std::vector<Blended> list;
-    for (int y = camera.height * band / kBands; y < camera.height * (band + 1) / kBands; ++y) {
-      for (int x = 0; x < camera.width; ++x) {
-        addPixel(scene, options, x, y, v_color[static_cast<std::size_t>(y) * camera.width + x], list, sums);
+    for (int y = camera.size.y * band / kBands; y < camera.size.y * (band + 1) / kBands; ++y) {
+      for (int x = 0; x < camera.size.x; ++x) {
+        addPixel(scene, options, x, y, v_color[static_cast<std::size_t>(y) * camera.size.x + x], list, sums);
       }
     }
   });

@@ -23,7 +23,7 @@ std::vector<std::uint32_t> nearRay(const GaussianModel& model, const Camera& cam
   const glm::dvec3 along = glm::normalize(direction);
   // At distance s from the eye a pixel is at most s / focal; its share of the widened sigma follows.
   const double spread = settings.antialiasing == Antialiasing::screen
-                            ? std::sqrt(reference::kScreenVariance) / std::max(camera.fx, camera.fy)
+                            ? std::sqrt(reference::kScreenVariance) / std::max(camera.focal.x, camera.focal.y)
                             : 0.0;
   const std::size_t chunks = (model.size() + kChunk - 1) / kChunk;
   std::vector<std::vector<std::uint32_t>> found(chunks);

@@ -84,12 +84,9 @@ glm::dvec3 ellipsoidColor(const reference::Scene& scene, glm::dvec3 direction) {
 }
 
 glm::dvec3 centerColor(const reference::Scene& scene, glm::dvec2 position) {
-  const Camera& camera = scene.camera;
   for (const reference::Splat& splat : scene.splats) {  // the nearest mean first
-    const glm::dvec3 mean_c =
-        camera.camera_from_world_rotation * scene.model.mean[splat.gaussian] + camera.camera_from_world_translation;
-    const glm::dvec2 at(mean_c.x / mean_c.z * camera.fx + camera.cx, mean_c.y / mean_c.z * camera.fy + camera.cy);
-    if (glm::distance(at, position) <= reference::kCenterRadius) return splat.base;
+    const glm::dvec3 mean_c = cameraFromWorld(scene.camera, scene.model.mean[splat.gaussian]);
+    if (glm::distance(project(scene.camera, mean_c), position) <= reference::kCenterRadius) return splat.base;
   }
   return scene.background;
 }
@@ -99,10 +96,10 @@ glm::dvec3 centerColor(const reference::Scene& scene, glm::dvec2 position) {
 FrameT<double> renderReference(const ReferenceModel& model, const Camera& camera, const RenderSettings& settings,
                                const ReferenceOptions& options) {
   const reference::Scene scene = reference::makeScene(model, camera, settings, options);
-  FrameT<double> frame(camera.width, camera.height, settings.outputs);
-  parallelFor(camera.height, 1, [&](std::int64_t y) {
-    for (int x = 0; x < camera.width; ++x) {
-      const std::size_t pixel = static_cast<std::size_t>(y) * camera.width + x;
+  FrameT<double> frame(camera.size.x, camera.size.y, settings.outputs);
+  parallelFor(camera.size.y, 1, [&](std::int64_t y) {
+    for (int x = 0; x < camera.size.x; ++x) {
+      const std::size_t pixel = static_cast<std::size_t>(y) * camera.size.x + x;
       const glm::dvec2 position(x + 0.5, y + 0.5);
       const glm::dvec3 direction = reference::rayDirection(camera, position.x, position.y);
       if (settings.outputs.hasAny(kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity})) {

@@ -8,10 +8,6 @@
 namespace tg::reference {
 namespace {
 
-glm::dvec3 cameraFromWorld(const Camera& camera, glm::dvec3 x) {
-  return camera.camera_from_world_rotation * x + camera.camera_from_world_translation;
-}
-
 glm::dmat3 localFromWorld(const glm::dmat3& rotation, glm::dvec3 scale) {
   glm::dmat3 m;
   for (int k = 0; k < 3; ++k) {
@@ -28,7 +24,7 @@ double shadow(const Splat& s, glm::dvec3 scale, glm::dvec3 eye_from_mean, Inters
 
 // docs/math.md 1.4
 void antialias(const Camera& camera, glm::dvec3 eye_from_mean, IntersectionModel model, Splat& s) {
-  const double pixel = s.z / std::max(camera.fx, camera.fy);
+  const double pixel = s.z / std::max(camera.focal.x, camera.focal.y);
   const glm::dvec3 wider = glm::sqrt(s.scale * s.scale + kScreenVariance * pixel * pixel);
   s.opacity *= shadow(s, s.scale, eye_from_mean, model) / shadow(s, wider, eye_from_mean, model);
   s.scale = wider;
@@ -45,9 +41,9 @@ glm::dvec3 moveOfHit(const Splat& s, glm::dvec3 step, IntersectionModel model) {
 double texelDensity(const Scene& scene, const Splat& s) {
   if (s.rect.texelCount() == 0) return 0.0;
   if (scene.intersection == IntersectionModel::plane && std::abs(s.o[s.c] / s.z) < kPlaneMinCosine) return 0.0;
-  const glm::dmat3 world_from_camera = glm::transpose(scene.camera.camera_from_world_rotation);
-  const glm::dvec3 x = moveOfHit(s, world_from_camera[0] / scene.camera.fx, scene.intersection);
-  const glm::dvec3 y = moveOfHit(s, world_from_camera[1] / scene.camera.fy, scene.intersection);
+  const glm::dmat3 world_from_camera = glm::transpose(scene.camera.rotation);
+  const glm::dvec3 x = moveOfHit(s, world_from_camera[0] / scene.camera.focal.x, scene.intersection);
+  const glm::dvec3 y = moveOfHit(s, world_from_camera[1] / scene.camera.focal.y, scene.intersection);
   const double texels = (s.rect.width - 1) * (s.rect.height - 1) / (4 * kTextureExtent * kTextureExtent);
   return std::sqrt(texels * std::abs(x[s.a] * y[s.b] - x[s.b] * y[s.a]));
 }
@@ -88,7 +84,7 @@ Splat makeSplat(const Scene& scene, const RenderSettings& settings, std::uint32_
   }
   s.m = localFromWorld(s.rotation, s.scale);
   s.o = s.m * (scene.eye - model.mean[i]);
-  s.normal = scene.camera.camera_from_world_rotation * s.rotation[s.c];
+  s.normal = scene.camera.rotation * s.rotation[s.c];
   if (glm::dot(s.normal, mean_c) > 0.0) s.normal = -s.normal;
   s.distance = glm::length(model.mean[i] - scene.eye);
   s.direction = (model.mean[i] - scene.eye) / s.distance;
@@ -150,8 +146,7 @@ Scene makeScene(const ReferenceModel& model, const Camera& camera, const RenderS
 }
 
 glm::dvec3 rayDirection(const Camera& camera, double x, double y) {
-  const glm::dvec3 direction_c((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0);
-  return glm::transpose(camera.camera_from_world_rotation) * direction_c;
+  return glm::transpose(camera.rotation) * ray(camera, {x, y});
 }
 
 std::array<double, 16> shBasis(glm::dvec3 direction) {

@@ -281,7 +281,7 @@ TEST_CASE("per-pixel order equals the reference's full sort") {
 
 TEST_CASE("all settings on a trained model equal the reference's") {
   const Bundle bundle = readBundle("docs/sample.tgz");
-  Camera camera = resized(bundle.cameras.front(), bundle.cameras.front().width / 2, bundle.cameras.front().height / 2);
+  Camera camera = resized(bundle.cameras.front(), bundle.cameras.front().size.x / 2, bundle.cameras.front().size.y / 2);
   RenderSettings settings;
   settings.outputs = kEverything;
   settings.texture_filter = TextureFilter::footprint;

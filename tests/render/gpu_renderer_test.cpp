@@ -77,9 +77,9 @@ TestScene facingScene(std::size_t count) {
   scene.model.log_scale.assign(count, glm::vec3(std::log(0.05f)));
   scene.model.opacity_logit.assign(count, 0.0f);
   scene.model.sh.assign(count, glm::vec3(0.0f));
-  scene.camera.width = scene.camera.height = 16;
-  scene.camera.fx = scene.camera.fy = 16;
-  scene.camera.cx = scene.camera.cy = 8;
+  scene.camera.size.x = scene.camera.size.y = 16;
+  scene.camera.focal.x = scene.camera.focal.y = 16;
+  scene.camera.center.x = scene.camera.center.y = 8;
   return scene;
 }
 
@@ -258,12 +258,12 @@ TEST_CASE("a frame without a model or with an empty camera is refused") {
   TestScene scene = facingScene(1);
   CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("setModel() comes first"));
   renderer->setModel(scene.model);
-  scene.camera.height = 0;
+  scene.camera.size.y = 0;
   CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("the image is empty (16 x 0)"));
-  scene.camera.width = scene.camera.height = 1 << 17;
+  scene.camera.size.x = scene.camera.size.y = 1 << 17;
   CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("131072 x 131072 pixels is too large"));
   const BindingLimit limit(~0u);
-  scene.camera.width = scene.camera.height = 4097;
+  scene.camera.size.x = scene.camera.size.y = 4097;
   CHECK_THROWS_WITH(renderer->draw({scene.camera, {}, Output::final, 0.0f}),
                     Catch::Contains("at most 65536 tiles, found 66049"));
 }
@@ -360,11 +360,10 @@ TEST_CASE("what exceeds every binding is an error that names numbers") {
                     Catch::Contains("have 9001 cells between texels, the device binds at most 6000"));
   TestScene wide = facingScene(1000);  // around the camera: each covers every tile, 4 and then 17
   for (glm::vec3& log_scale : wide.model.log_scale) log_scale = glm::vec3(3.0f);
-  wide.camera.width = wide.camera.height = 32;
+  wide.camera.size.x = wide.camera.size.y = 32;
   renderer.setModel(wide.model);
   CHECK_NOTHROW(renderer.render(wide.camera, {}));
-  wide.camera.width = 17 * 16;
-  wide.camera.height = 1;
+  wide.camera.size = {17 * 16, 1};
   CHECK_THROWS_WITH(renderer.render(wide.camera, {}),
                     Catch::Contains("needs 17000 pairs of tile and splat (expected at most 4096)"));
   CHECK(validationMessages() == "");
@@ -374,11 +373,9 @@ TEST_CASE("a frame with more pairs than there is room for is rendered again, or 
   TestScene scene = facingScene(250);                                              // 250 splats x 80 tiles
   for (glm::vec3& log_scale : scene.model.log_scale) log_scale = glm::vec3(3.0f);  // around the camera
   for (float& logit : scene.model.opacity_logit) logit = -4.0f;  // faint, so that no ray ends before the last
-  scene.camera.width = 160;
-  scene.camera.height = 128;
-  scene.camera.fx = scene.camera.fy = 160;
-  scene.camera.cx = 80;
-  scene.camera.cy = 64;
+  scene.camera.size = {160, 128};
+  scene.camera.focal.x = scene.camera.focal.y = 160;
+  scene.camera.center = {80, 64};
   GpuRenderer& renderer = gpuRenderer();
   const auto setModelWithLittleRoom = [&] {
     const BindingLimit limit(64 << 10);  // 16384 pairs
@@ -433,13 +430,13 @@ TEST_CASE("parts of a picture that know the range of the others are the whole on
     bool complete = false;
     const Image whole = recordPicture(gpuRenderer(), scene, {}, output, &complete);
     FrameRequest request{camera, {}, output};
-    request.camera.height = 10;
+    request.camera.size.y = 10;
     OutputRange range;
     float apart = 0, together = 0;
     for (const bool known : {false, true}) {
       request.beside = range;
       for (const int top : {0, 10, 20, 30, 40}) {
-        request.camera.cy = camera.cy - top;
+        request.camera.center.y = camera.center.y - top;
         REQUIRE(gpuRenderer().draw(request));
         const OutputRange seen = gpuRenderer().counts().range;
         range = {std::min(range.least, seen.least), std::max(range.most, seen.most)};

@@ -23,8 +23,8 @@ struct Prepared {
 // As project.comp prepares it; false when nothing of it can be seen.
 bool prepare(const GaussianModel& model, const Camera& camera, IntersectionModel intersection, std::size_t i,
              Prepared& out) {
-  const mat3 rotation_c(camera.camera_from_world_rotation);
-  const vec3 mean_c = rotation_c * model.mean[i] + vec3(camera.camera_from_world_translation);
+  const mat3 rotation_c(camera.rotation);
+  const vec3 mean_c = rotation_c * model.mean[i] + vec3(camera.translation);
   const float opacity = 1.0f / (1.0f + std::exp(-model.opacity_logit[i]));
   const float radius = visibleRadius(opacity);
   if (mean_c.z <= kNear || radius <= 0.0f) return false;
@@ -34,14 +34,14 @@ bool prepare(const GaussianModel& model, const Camera& camera, IntersectionModel
   const int a = axisU(c), b = axisV(c);
   const mat3 axes_c(axes[a], axes[b], axes[c]);
   const vec3 scale_c(scale[a], scale[b], scale[c]);
-  const vec4 focal_center(camera.fx, camera.fy, camera.cx, camera.cy);
+  const vec4 focal_center = focalCenter(camera);
   vec4 box, outline;
   splatOutline(mean_c, axes_c, scale_c, radius, intersection == IntersectionModel::plane, focal_center,
-               vec2(camera.width, camera.height), box, outline);
+               vec2(camera.size.x, camera.size.y), box, outline);
   out.bounded = outline.w != 0.0f;
   const vec2 first = glm::max(glm::ceil(vec2(box) - 0.5f - 1.0f / 64), vec2(0.0f));
   const vec2 last =
-      glm::min(glm::floor(vec2(box.z, box.w) - 0.5f + 1.0f / 64), vec2(camera.width, camera.height) - 1.0f);
+      glm::min(glm::floor(vec2(box.z, box.w) - 0.5f + 1.0f / 64), vec2(camera.size.x, camera.size.y) - 1.0f);
   if (!(first.x <= last.x && first.y <= last.y)) return false;
   out.rect = glm::uvec4(first, last);
   out.splat = makeSplat(mean_c, axes_c, scale_c, focal_center, opacity, vec3(0.25f, 0.5f, 0.75f));
@@ -111,11 +111,11 @@ TEST_CASE("tiles and blocks hold every pixel that a splat can colour, and not tw
     for (uint tile_y = p.rect.y / kTileSize; tile_y <= p.rect.w / kTileSize; ++tile_y) {
       uint first = 0;
       const uint tiles = splatTiles(p.record, p.rect, tile_y, first);
-      for (uint tile_x = 0; tile_x * kTileSize < static_cast<uint>(scene.camera.width); ++tile_x) {
+      for (uint tile_x = 0; tile_x * kTileSize < static_cast<uint>(scene.camera.size.x); ++tile_x) {
         uint exact = 0;
         for (uint k = 0; k < kTileSize * kTileSize; ++k) {
           const uint x = tile_x * kTileSize + k % kTileSize, y = tile_y * kTileSize + k / kTileSize;
-          if (x >= static_cast<uint>(scene.camera.width) || y >= static_cast<uint>(scene.camera.height)) continue;
+          if (x >= static_cast<uint>(scene.camera.size.x) || y >= static_cast<uint>(scene.camera.size.y)) continue;
           const Hit hit = recordHit(p.record, vec2(x + 0.5f, y + 0.5f) - vec2(p.splat.center_depth_opacity));
           const bool seen = hit.t > kNear && p.splat.center_depth_opacity.w * std::exp(-0.5f * hit.power) >= kAlphaMin;
           if (seen) exact |= 1u << (k / kTileSize / 4 * 4 + k % kTileSize / 4);

@@ -15,9 +15,9 @@ double logit(double opacity) { return std::log(opacity / (1.0 - opacity)); }
 // One pixel whose ray is the camera's axis.
 Camera onePixel() {
   Camera camera;
-  camera.width = camera.height = 1;
-  camera.fx = camera.fy = 10;
-  camera.cx = camera.cy = 0.5;
+  camera.size.x = camera.size.y = 1;
+  camera.focal.x = camera.focal.y = 10;
+  camera.center.x = camera.center.y = 0.5;
   return camera;
 }
 
@@ -178,8 +178,8 @@ TEST_CASE("a frame does not depend on where the world's origin is") {
   const glm::dvec3 shift(10, -20, 30);
   for (glm::dvec3& mean : model.mean) mean = turn * mean + shift;
   for (glm::dvec4& rotation : model.rotation) rotation = {0.5, 0.5, 0.5, 0.5};  // turn as a quaternion
-  camera.camera_from_world_rotation = glm::transpose(turn);
-  camera.camera_from_world_translation = -(glm::transpose(turn) * shift);
+  camera.rotation = glm::transpose(turn);
+  camera.translation = -(glm::transpose(turn) * shift);
   const auto after = renderReference(model, camera, {});
   CHECK(near(before.color(0), after.color(0)));
   CHECK(near(before.normal[0], after.normal[0]));

@@ -34,9 +34,9 @@ constexpr double kEightDigitC0 = 0.6;
 
 Camera tableCamera() {
   Camera camera;
-  camera.width = camera.height = 64;
-  camera.fx = camera.fy = 100;
-  camera.cx = camera.cy = 32.5;
+  camera.size.x = camera.size.y = 64;
+  camera.focal.x = camera.focal.y = 100;
+  camera.center.x = camera.center.y = 32.5;
   return camera;
 }
 
@@ -206,8 +206,8 @@ TEST_CASE("an opacity of nearly one is clamped to 0.99 and then has no gradient"
     for (glm::dvec4& texel : model.texels) texel.a = 1.0;
     checkRow(hitAt(model, {32, 32}), {"5", "0", "0", "1", "1.5", "1.5", "1", ".99"});
     Camera camera = tableCamera();
-    camera.cx = camera.cy = 0.5;
-    camera.width = camera.height = 1;
+    camera.center.x = camera.center.y = 0.5;
+    camera.size.x = camera.size.y = 1;
     const glm::dvec3 v_color(1.0);
     const auto gradient = backwardReference(model, camera, {}, {&v_color, 1});
     CHECK(gradient.opacity_logit[0] == 0.0);

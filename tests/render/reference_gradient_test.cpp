@@ -17,8 +17,8 @@ constexpr ReferenceOptions kSmooth{.cutoffs = false};  // the cuts are steps, an
 
 Camera smallCamera() {
   Camera camera = lookAt({0.3, -0.2, -4.0}, {0.0, 0.1, 0.0}, {0.1, -1.0, 0.0}, 0.6, kSide, kSide);
-  camera.fx *= 1.1;
-  camera.cx += 0.4;
+  camera.focal.x *= 1.1;
+  camera.center.x += 0.4;
   return camera;
 }
 
@@ -134,10 +134,10 @@ TEST_CASE("the screen gradient is the mean's gradient through the projection alo
   model.sh_degree = 0;
   const auto g = backwardReference(model, camera, grey(), randomPictureGradient(kSide * kSide));
   for (std::size_t i = 0; i < model.size(); ++i) {
-    const glm::dvec3 v_mean_c = camera.camera_from_world_rotation * g.mean[i];
-    const double z = (camera.camera_from_world_rotation * model.mean[i] + camera.camera_from_world_translation).z;
-    CHECK(g.screen[i].x == Approx(v_mean_c.x * z / camera.fx * kSide / 2).epsilon(1e-10));
-    CHECK(g.screen[i].y == Approx(v_mean_c.y * z / camera.fy * kSide / 2).epsilon(1e-10));
+    const glm::dvec3 v_mean_c = camera.rotation * g.mean[i];
+    const double z = (camera.rotation * model.mean[i] + camera.translation).z;
+    CHECK(g.screen[i].x == Approx(v_mean_c.x * z / camera.focal.x * kSide / 2).epsilon(1e-10));
+    CHECK(g.screen[i].y == Approx(v_mean_c.y * z / camera.focal.y * kSide / 2).epsilon(1e-10));
     CHECK(g.screen_abs[i] > glm::length(g.screen[i]));
   }
 }

@@ -19,9 +19,9 @@ double logit(double opacity) { return std::log(opacity / (1.0 - opacity)); }
 
 Camera axisCamera(int size = 1) {
   Camera camera;
-  camera.width = camera.height = size;
-  camera.fx = camera.fy = kFocal;
-  camera.cx = camera.cy = 0.5 * size;
+  camera.size.x = camera.size.y = size;
+  camera.focal.x = camera.focal.y = kFocal;
+  camera.center.x = camera.center.y = 0.5 * size;
   return camera;
 }
 

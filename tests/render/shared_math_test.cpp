@@ -30,7 +30,7 @@ struct FloatSplat {
   Splat record;
 };
 
-mat3 cameraRotation(const Camera& camera) { return mat3(camera.camera_from_world_rotation); }
+mat3 cameraRotation(const Camera& camera) { return mat3(camera.rotation); }
 
 vec3 baseColor(const GaussianModel& model, std::uint32_t i, vec3 direction) {
   vec4 b[4];
@@ -44,7 +44,7 @@ FloatSplat makeFloatSplat(const GaussianModel& model, const Camera& camera, std:
   FloatSplat s;
   s.gaussian = i;
   const mat3 rotation_c = cameraRotation(camera);
-  s.mean_c = rotation_c * model.mean[i] + vec3(camera.camera_from_world_translation);
+  s.mean_c = rotation_c * model.mean[i] + vec3(camera.translation);
   const mat3 axes = rotation_c * rotationFromQuaternion(model.rotation[i]);
   const vec3 scale = glm::exp(model.log_scale[i]);
   const int c = shortestAxis(scale);
@@ -54,8 +54,7 @@ FloatSplat makeFloatSplat(const GaussianModel& model, const Camera& camera, std:
   s.opacity = 1.0f / (1.0f + std::exp(-model.opacity_logit[i]));
   s.base = baseColor(model, i, glm::normalize(model.mean[i] - vec3(camera.position())));
   s.normal = glm::dot(axes[c], s.mean_c) > 0.0f ? -axes[c] : axes[c];
-  s.record =
-      makeSplat(s.mean_c, s.axes_c, s.scale, vec4(camera.fx, camera.fy, camera.cx, camera.cy), s.opacity, s.base);
+  s.record = makeSplat(s.mean_c, s.axes_c, s.scale, focalCenter(camera), s.opacity, s.base);
   return s;
 }
 
@@ -89,14 +88,13 @@ Frame renderFloat(const GaussianModel& model, const Camera& camera, const Render
   std::vector<vec4> boxes;
   for (const FloatSplat& s : splats) {
     vec4 box;
-    const bool bounded =
-        splatBox(s.mean_c, s.axes_c, s.scale, visibleRadius(s.opacity), intersection == IntersectionModel::plane,
-                 vec4(camera.fx, camera.fy, camera.cx, camera.cy), box);
+    const bool bounded = splatBox(s.mean_c, s.axes_c, s.scale, visibleRadius(s.opacity),
+                                  intersection == IntersectionModel::plane, focalCenter(camera), box);
     boxes.push_back(bounded && boxed ? box : vec4(-1e30f, -1e30f, 1e30f, 1e30f));
   }
-  Frame frame(camera.width, camera.height);
+  Frame frame(camera.size.x, camera.size.y);
   for (std::size_t pixel = 0; pixel < frame.base.size(); ++pixel) {
-    const vec2 position(pixel % camera.width + 0.5f, pixel / camera.width + 0.5f);
+    const vec2 position(pixel % camera.size.x + 0.5f, pixel / camera.size.x + 0.5f);
     float transmittance = 1.0f, weight_sum = 0.0f, depth_sum = 0.0f;
     for (std::size_t k = 0; k < splats.size(); ++k) {
       const FloatSplat& s = splats[k];
@@ -206,7 +204,7 @@ TEST_CASE("splat records reproduce the float64 intersection of every kind of Gau
         const vec3 offset = s.axes_c * (s.scale * vec3(random.uniformVec3(-2.0, 2.0)));
         const vec3 point = s.mean_c + offset;
         if (point.z <= 0.3f) continue;
-        const vec2 focal(camera.fx, camera.fy);
+        const vec2 focal(camera.focal.x, camera.focal.y);
         const vec2 delta = focal * (vec2(point) / point.z - vec2(s.mean_c) / s.mean_c.z);
         const glm::dvec2 center = glm::dvec2(glm::dvec3(s.mean_c)) / double{s.mean_c.z};
         const glm::dvec3 direction(center + glm::dvec2(delta) / glm::dvec2(focal), 1.0);
@@ -289,7 +287,7 @@ TEST_CASE("screen boxes are the exact tangent bounds and contain every point") {
   int bounded = 0;
   for (SceneKind kind : kSceneKinds) {
     const TestScene scene = makeScene(kind, 101, 300);
-    const vec4 focal_center(scene.camera.fx, scene.camera.fy, scene.camera.cx, scene.camera.cy);
+    const vec4 focal_center = focalCenter(scene.camera);
     Random random(8);
     for (const FloatSplat& s : seenSplats(scene)) {
       const float radius = visibleRadius(s.opacity);

@@ -41,8 +41,8 @@ View trainedView() {
   const char* other = std::getenv("TG_MODEL");
   View view{readBundle(other ? other : "docs/sample.tgz"), {}};
   const Camera& seen = view.bundle.cameras.at(view.bundle.cameras.size() / 2);
-  const int longer = std::max(seen.width, seen.height);
-  view.camera = resized(seen, 96 * seen.width / longer, 96 * seen.height / longer);
+  const glm::ivec2 size = 96 * seen.size / std::max(seen.size.x, seen.size.y);
+  view.camera = resized(seen, size.x, size.y);
   return view;
 }
 

@@ -28,8 +28,8 @@ FrameRequest requestFrom(const TestScene& scene, double angle) {
   request.camera = scene.camera;
   const glm::dmat3 turn(glm::dvec3(std::cos(angle), 0, -std::sin(angle)), glm::dvec3(0, 1, 0),
                         glm::dvec3(std::sin(angle), 0, std::cos(angle)));
-  request.camera.camera_from_world_rotation = turn * scene.camera.camera_from_world_rotation;
-  request.camera.camera_from_world_translation = turn * scene.camera.camera_from_world_translation;
+  request.camera.rotation = turn * scene.camera.rotation;
+  request.camera.translation = turn * scene.camera.translation;
   return request;
 }
 
@@ -45,19 +45,19 @@ class Flight {
       stageBarrier(commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT);
       VkBufferImageCopy copy{};
       copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
-      copy.imageExtent = {static_cast<std::uint32_t>(request.camera.width),
-                          static_cast<std::uint32_t>(request.camera.height), 1};
+      copy.imageExtent = {static_cast<std::uint32_t>(request.camera.size.x),
+                          static_cast<std::uint32_t>(request.camera.size.y), 1};
       vkCmdCopyImageToBuffer(commands, renderer.image(), VK_IMAGE_LAYOUT_GENERAL, pixels_.handle(), 1, &copy);
       stageBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT);
     });
   }
   bool ended(std::uint64_t nanoseconds) { return commands_.finish(nanoseconds); }
   Image picture(const Camera& camera) const {
-    return imageFromRgba8({pixels_.data(), 4 * size(camera)}, camera.width, camera.height);
+    return imageFromRgba8({pixels_.data(), 4 * size(camera)}, camera.size.x, camera.size.y);
   }
 
  private:
-  static std::size_t size(const Camera& camera) { return static_cast<std::size_t>(camera.width) * camera.height; }
+  static std::size_t size(const Camera& camera) { return static_cast<std::size_t>(camera.size.x) * camera.size.y; }
   Commands commands_;
   Buffer pixels_;
 };
@@ -82,7 +82,7 @@ TEST_CASE("two frames under way are the frames drawn alone, with their own count
   }
   REQUIRE(counts[0].pairs != counts[1].pairs);
   FrameRequest smaller = requests[0];
-  smaller.camera.width /= 2;
+  smaller.camera.size.x /= 2;
   FrameRequest other_passes = requests[0];
   other_passes.output = Output::depth;
   CHECK(renderer->sharesProgram(requests[1]));

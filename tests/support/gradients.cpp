@@ -37,7 +37,7 @@ bool same(const std::vector<T>& a, const std::vector<T>& b) {
 
 std::vector<glm::dvec3> randomWeights(const Camera& camera, unsigned seed) {
   Random random(seed);
-  std::vector<glm::dvec3> weights(static_cast<std::size_t>(camera.width) * camera.height);
+  std::vector<glm::dvec3> weights(static_cast<std::size_t>(camera.size.x) * camera.size.y);
   for (auto& w : weights) w = glm::dvec3(glm::vec3(random.uniformVec3(-1.0, 1.0)));
   return weights;
 }

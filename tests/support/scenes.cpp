@@ -15,20 +15,19 @@ constexpr std::array<std::string_view, 9> kNames = {"ordinary",     "needles", "
 
 Camera offCentreCamera(int width, int height) {
   Camera camera = lookAt({0.4, -0.3, -4.0}, {0.1, 0.05, 0.0}, {0.1, -1.0, 0.05}, 0.9, width, height);
-  camera.fx *= 1.07;
-  camera.cx += 0.06 * width;
-  camera.cy -= 0.04 * height;
+  camera.focal.x *= 1.07;
+  camera.center.x += 0.06 * width;
+  camera.center.y -= 0.04 * height;
   return camera;
 }
 
 // World position of a point given by pixel and depth.
 glm::dvec3 unproject(const Camera& camera, double x, double y, double z) {
-  const glm::dvec3 point((x - camera.cx) / camera.fx * z, (y - camera.cy) / camera.fy * z, z);
-  return glm::transpose(camera.camera_from_world_rotation) * (point - camera.camera_from_world_translation);
+  return glm::transpose(camera.rotation) * (z * ray(camera, {x, y}) - camera.translation);
 }
 glm::dvec3 randomPoint(Random& random, const Camera& camera, double near, double far) {
-  const double x = random.uniform(-0.1, 1.1) * camera.width;
-  const double y = random.uniform(-0.1, 1.1) * camera.height;
+  const double x = random.uniform(-0.1, 1.1) * camera.size.x;
+  const double y = random.uniform(-0.1, 1.1) * camera.size.y;
   return unproject(camera, x, y, random.uniform(near, far));
 }
 
@@ -134,7 +133,8 @@ void addOfKind(GaussianModel& model, Random& random, const Camera& camera, Scene
       break;
   }
   if (model.size() % 50 == 11) opacity = 0.003;  // below 1/255: never seen
-  if (model.size() % 50 == 12) mean = unproject(camera, 0.5 * camera.width, 0.5 * camera.height, -random.uniform(0, 2));
+  if (model.size() % 50 == 12)
+    mean = unproject(camera, 0.5 * camera.size.x, 0.5 * camera.size.y, -random.uniform(0, 2));
   addGaussian(model, random, mean, rotation, scale, opacity);
   addTexture(model, random, width, height);
 }
@@ -240,11 +240,9 @@ Camera trainedLikeCamera(int width, int height) {
 
 TestScene grazingScene(double degrees, int width, int height) {
   TestScene scene{emptyModel(), {}};
-  scene.camera.width = width;
-  scene.camera.height = height;
-  scene.camera.fx = scene.camera.fy = 1.1 * height;
-  scene.camera.cx = width / 2 + 0.5;
-  scene.camera.cy = height / 2 + 0.5;
+  scene.camera.size = {width, height};
+  scene.camera.focal.x = scene.camera.focal.y = 1.1 * height;
+  scene.camera.center = {width / 2 + 0.5, height / 2 + 0.5};
   GaussianModel& model = scene.model;
   model.sh_degree = 0;
   const double half = glm::radians(degrees) / 2.0;

@@ -21,12 +21,11 @@ inline Dataset sampleDataset(const SampleOptions& options, bool random_backgroun
   std::vector<Photograph> photographs;
   for (const bool test : {false, true}) {
     for (int i = 0; i < (test ? options.test_views : options.train_views); i++) {
-      View view;
-      view.camera = sampleCamera(options, test, i);
-      const Image picture = renderSample(options, view.camera);
+      Camera camera = sampleCamera(options, test, i);
+      const Image picture = renderSample(options, camera);
       Photograph& photograph = photographs.emplace_back();
-      photograph.pixels.width = view.camera.width;
-      photograph.pixels.height = view.camera.height;
+      photograph.pixels.width = camera.size.x;
+      photograph.pixels.height = camera.size.y;
       if (random_background) {
         for (std::size_t p = 0; p < picture.data.size(); p += 4) {
           for (std::size_t c = 0; c < 3; c++) photograph.pixels.rgb.push_back(byte(picture.data[p + c]));
@@ -35,7 +34,7 @@ inline Dataset sampleDataset(const SampleOptions& options, bool random_backgroun
       } else {
         for (const float value : compositeOver(picture, white).data) photograph.pixels.rgb.push_back(byte(value));
       }
-      dataset.views.push_back(std::move(view));
+      dataset.views.push_back(std::move(camera));
     }
   }
   dataset.photographs = storeInMemory(std::move(photographs));

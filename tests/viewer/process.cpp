@@ -81,7 +81,7 @@ void writeSample(const std::filesystem::path& path, int gaussians, const std::st
   for (int i = 0; i < 3; ++i) {
     Camera camera = seen;
     camera.name = "view" + std::to_string(i) + ".png";
-    camera.camera_from_world_translation.x += 0.1 * i;
+    camera.translation.x += 0.1 * i;
     camera.test = i == 1;
     bundle.cameras.push_back(camera);
   }

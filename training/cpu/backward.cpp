@@ -350,8 +350,8 @@ HWY_INLINE void backwardGeometry(const View& view, const Splat& s, const Rows& r
                                  PairTextureSums* texture_sums) {
   const V zero = hn::Zero(df);
   // e_y in units of e_x: NDC are pixels over half the image.
-  const auto size_y = static_cast<float>(view.height);
-  const V aspect = set(static_cast<float>(view.width) / size_y);
+  const auto size_y = static_cast<float>(view.size.y);
+  const V aspect = set(static_cast<float>(view.size.x) / size_y);
   Moments of_b = zeroMoments(), of_u = zeroMoments(), of_v = zeroMoments();
   V sum_aw = zero, sum_aw_x = zero, sum_aw_y = zero, sum_a_y = zero, sum_a_xy = zero, sum_a_yy = zero;
   V sum_abs = zero;
@@ -561,15 +561,15 @@ HWY_INLINE float* openSlot(TexelSlots& slots, const Splat& s, std::uint32_t pair
 }
 
 HWY_INLINE void loadState(const BackwardInput& in, int tile, int tile_x, int tile_y, GradientState& state) {
-  const int width = std::min(kTileWidth, in.view.width - tile_x);
-  const int height = std::min(kTileHeight, in.view.height - tile_y);
+  const int width = std::min(kTileWidth, in.view.size.x - tile_x);
+  const int height = std::min(kTileHeight, in.view.size.y - tile_y);
   std::memset(&state, 0, sizeof(state));  // no splat passes a stop of 0
   for (int row = 0; row < height; ++row) {
     for (int x = 0; x < width; ++x) {
       GradientBlock& pixels = state.blocks[x / kLanes * kTileHeight + row];
       const int lane = x % kLanes;
       const std::size_t recorded = static_cast<std::size_t>(tile) * kTilePixels + row * kTileWidth + x;
-      const glm::vec3 v_color = in.v_color[static_cast<std::size_t>(tile_y + row) * in.view.width + tile_x + x];
+      const glm::vec3 v_color = in.v_color[static_cast<std::size_t>(tile_y + row) * in.view.size.x + tile_x + x];
       pixels.transmittance[lane] = in.record.transmittance[recorded];
       pixels.behind[lane] = in.record.transmittance[recorded] * glm::dot(v_color, in.view.background);
       for (int ch = 0; ch < 3; ++ch) pixels.v_color[ch][lane] = v_color[ch];
@@ -670,7 +670,7 @@ void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, con
   TG_ASSERT(first_tile >= 0 && first_tile <= end_tile && end_tile <= input.lists.tiles(),
             "the picture has these tiles");
   TG_ASSERT(
-      input.v_color.size() == static_cast<std::size_t>(input.view.width) * static_cast<std::size_t>(input.view.height),
+      input.v_color.size() == static_cast<std::size_t>(input.view.size.x) * static_cast<std::size_t>(input.view.size.y),
       "a derivative a pixel");
   TG_ASSERT(out.shows.size() == input.lists.splats.size() && out.sums.size() == input.lists.splats.size(),
             "sums for every pair");

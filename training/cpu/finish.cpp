@@ -179,7 +179,7 @@ void finishBatch(const View& view, const GaussianModel& model, std::span<const S
 
   // D = M d_c with the pixel's ray d_c = (x / fx + mean.x / z, y / fy + mean.y / z, 1), and o = -M mean.
   const VD inverse_z = hn::Div(splat(1.0), z);
-  const glm::dvec2 focal(view.focal_center.x, view.focal_center.y);
+  const glm::dvec2 focal = view.focal;
   V3 v_m[3];
   v_m[0] = addScaled(v_d[0], splat(1.0 / focal.x),
                      subtract(scaled(v_d[2], hn::Mul(g.mean_c.x, inverse_z)), scaled(v_o, g.mean_c.x)));
@@ -195,7 +195,7 @@ void finishBatch(const View& view, const GaussianModel& model, std::span<const S
   V3 v_axes[3];
   for (int k = 0; k < 3; ++k) {
     v_scale[k] = hn::Neg(dot(v_rows[k], rows[k]));
-    v_axes[k] = transformTransposed(view.camera_from_world_rotation, scaled(v_rows[k], hn::Div(splat(1.0), scale[k])));
+    v_axes[k] = transformTransposed(view.rotation, scaled(v_rows[k], hn::Div(splat(1.0), scale[k])));
   }
   const V3 v_log_scale = storedOrder(g, v_scale[0], v_scale[1], v_scale[2]);
   const V3 x = storedOrder(g, v_axes[0].x, v_axes[1].x, v_axes[2].x);
@@ -207,10 +207,10 @@ void finishBatch(const View& view, const GaussianModel& model, std::span<const S
   const VD zero = hn::Zero(dd);
   const V3 v_mean_c = {hn::Sub(zero, dot(g.m[0], v_o)), hn::Sub(zero, dot(g.m[1], v_o)),
                        hn::Sub(zero, dot(g.m[2], v_o))};
-  const V3 v_mean = add(transformTransposed(view.camera_from_world_rotation, v_mean_c),
-                        finishColor(view, model, batch.mean, splats, gradient));
-  const VD e_x = hn::Mul(hn::Mul(v_mean_c.x, z), splat(0.5 * view.width / focal.x));
-  const VD e_y = hn::Mul(hn::Mul(v_mean_c.y, z), splat(0.5 * view.height / focal.y));
+  const V3 v_mean =
+      add(transformTransposed(view.rotation, v_mean_c), finishColor(view, model, batch.mean, splats, gradient));
+  const VD e_x = hn::Mul(hn::Mul(v_mean_c.x, z), splat(0.5 * view.size.x / focal.x));
+  const VD e_y = hn::Mul(hn::Mul(v_mean_c.y, z), splat(0.5 * view.size.y / focal.y));
   const VD screen = hn::Sqrt(hn::MulAdd(e_x, e_x, hn::Mul(e_y, e_y)));
 
   alignas(64) float out[11][kBatch];

@@ -25,8 +25,8 @@ TG_DEVICE Pixel pixelOf(const View& view) {
   Pixel p;
   p.x = tile % view.tiles_x * size + thread % size;
   p.y = tile / view.tiles_x * size + thread / size;
-  p.inside = p.x < view.width && p.y < view.height;
-  p.index = static_cast<std::size_t>(p.y) * view.width + p.x;
+  p.inside = p.x < view.size.x && p.y < view.size.y;
+  p.index = static_cast<std::size_t>(p.y) * view.size.x + p.x;
   return p;
 }
 
@@ -315,8 +315,8 @@ TG_DEVICE void backwardSplat(const BackwardArguments& a, const BlendSplat& s, st
                     b * y * y};
   const float sum = warpSums16(sums, lane);
   if (lane % 2 == 0) warp_sums[lane / 2] = sum;
-  const float size_y = static_cast<float>(view.height);
-  const float aspect = static_cast<float>(view.width) / size_y;
+  const float size_y = static_cast<float>(view.size.y);
+  const float aspect = static_cast<float>(view.size.x) / size_y;
   const float magnitude = kStatistics ? size_y * ::sqrtf(e_x * e_x * aspect * aspect + e_y * e_y) : 0.0f;
   if constexpr (kTexture) {
     float more[16] = {v_u,     v_u * x,     v_u * y,     v_u * x * x, v_u * x * y, v_u * y * y, v_v,  v_v * x,

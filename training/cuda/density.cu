@@ -286,7 +286,7 @@ TG_KERNEL limitKernel(float* values, std::size_t count, float limit) {
   if (i < count) values[i] = min(values[i], limit);
 }
 
-TG_KERNEL pixelSizeKernel(Parameters model, const FilterCamera* cameras, std::size_t camera_count, float* sizes,
+TG_KERNEL pixelSizeKernel(Parameters model, const Pinhole* cameras, std::size_t camera_count, float* sizes,
                           std::uint32_t* largest) {
   const std::size_t i = itemIndex();
   std::uint32_t bits = 0;
@@ -427,7 +427,7 @@ void growShDegree(DeviceState& state, int degree) {
   state.model.sh_count = coefficients;
 }
 
-void updateFilter(DeviceState& state, const Buffer<FilterCamera>& cameras, Buffer<std::uint32_t>& largest) {
+void updateFilter(DeviceState& state, const Buffer<Pinhole>& cameras, Buffer<std::uint32_t>& largest) {
   const std::size_t count = state.model.count;
   state.min_sigma.resize(count);
   largest.resize(1);

@@ -29,6 +29,6 @@ McmcResult relocateAndGrow(DeviceState& state, const McmcSettings& settings, Ran
 void resetOpacity(DeviceState& state);
 void growShDegree(DeviceState& state, int degree);
 // minSigmas(). cameras: on the device. largest: scratch.
-void updateFilter(DeviceState& state, const Buffer<FilterCamera>& cameras, Buffer<std::uint32_t>& largest);
+void updateFilter(DeviceState& state, const Buffer<Pinhole>& cameras, Buffer<std::uint32_t>& largest);
 
 }  // namespace tg::cuda

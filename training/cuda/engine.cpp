@@ -55,7 +55,7 @@ class CudaTrainingEngine final : public TrainingEngine {
     cuda::growShDegree(changing(state), degree);
     state.training.model.sh_degree = degree;
   }
-  void updateFilter(RunState& state, std::span<const FilterCamera> cameras) override {
+  void updateFilter(RunState& state, std::span<const Pinhole> cameras) override {
     if (cameras_.size() == 0) cameras_.upload(cameras);
     cuda::updateFilter(changing(state), cameras_, largest_pixel_);
   }
@@ -142,7 +142,7 @@ class CudaTrainingEngine final : public TrainingEngine {
         photographs_.get(input.view, input.photograph, input.background_varies);
     step.counted = photograph.counted;
     v_picture_.resize(frame_.picture().size());
-    evaluateLoss({input.camera.width, input.camera.height, ssim_weight_, photograph.counted, frame_.picture().data(),
+    evaluateLoss({input.camera.size.x, input.camera.size.y, ssim_weight_, photograph.counted, frame_.picture().data(),
                   photograph.rgb, photograph.mask},
                  loss_, v_picture_.data());
     photographs_.release();
@@ -248,7 +248,7 @@ class CudaTrainingEngine final : public TrainingEngine {
   bool ahead_ = false;  // and has moved on from it
   DeviceState device_;
   DeviceModel gradient_;  // of some Gaussians
-  Buffer<FilterCamera> cameras_;
+  Buffer<Pinhole> cameras_;
   Buffer<std::uint32_t> largest_pixel_;  // updateFilter()
   Buffer<float> effective_log_scale_, effective_opacity_logit_;
   Frame frame_;

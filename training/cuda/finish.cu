@@ -120,7 +120,7 @@ TG_DEVICE glm::dvec4 quaternionGradient(glm::dvec4 raw, const glm::dvec3* g) {
 TG_DEVICE glm::dvec3 finishColor(const FinishArguments& a, std::size_t i, const float* sums) {
   const Parameters& model = a.in.model;
   const BlendSplat& s = a.in.splats[i];
-  const glm::dvec3 offset = readMean(model, i) - a.in.view.position;
+  const glm::dvec3 offset = readMean(model, i) - a.in.view.eye;
   const double distance = glm::length(offset);
   const glm::dvec3 unit = offset / distance;
   const glm::vec3 direction(unit);
@@ -186,13 +186,13 @@ TG_KERNEL finishKernel(FinishArguments a) {
   for (int j = 0; j < 3; ++j) v_d[j] = ray.v_d[j] + glm::cross(ray.v_w[j], o);
 
   // D = M d_c with the pixel's ray d_c = (x / fx + mean.x / z, y / fy + mean.y / z, 1), and o = -M mean.
-  const glm::dvec4 f = view.focal_center;
+  const glm::dvec2 f = view.focal;
   const glm::dvec3 v_m[3] = {v_d[0] / f.x + v_d[2] * (g.mean_c.x / z) - v_o * g.mean_c.x,
                              v_d[1] / f.y + v_d[2] * (g.mean_c.y / z) - v_o * g.mean_c.y, v_d[2] - v_o * z};
 
   // M = diag(1 / scale) axes_c^T.
   const int order[3] = {axisU(g.shortest), axisV(g.shortest), g.shortest};
-  const glm::dmat3 world_from_camera = glm::transpose(view.camera_from_world_rotation);
+  const glm::dmat3 world_from_camera = glm::transpose(view.rotation);
   glm::dvec3 v_axes[3];  // of a, b, c
   for (int k = 0; k < 3; ++k) {
     const glm::dvec3 v_row(v_m[0][k], v_m[1][k], v_m[2][k]);
@@ -211,8 +211,8 @@ TG_KERNEL finishKernel(FinishArguments a) {
   const double opacity = ::exp2(static_cast<double>(a.in.splats[i].log2_opacity));
   a.gradient.opacity_logit[i] = static_cast<float>(sums[3] * (1.0 - opacity));
 
-  const double e_x = v_mean_c.x * z * (0.5 * view.width / f.x);
-  const double e_y = v_mean_c.y * z * (0.5 * view.height / f.y);
+  const double e_x = v_mean_c.x * z * (0.5 * view.size.x / f.x);
+  const double e_y = v_mean_c.y * z * (0.5 * view.size.y / f.y);
   a.screen_gradient[i] = static_cast<float>(sqrt(e_x * e_x + e_y * e_y));
   a.screen_gradient_abs[i] =
       a.in.statistics ? static_cast<float>(kLn2) * (textured ? sums[kMost - 1] : sums[kSums]) : 0.0f;

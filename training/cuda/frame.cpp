@@ -37,22 +37,18 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
   const auto tiles = [](int pixels) {
     return (pixels + static_cast<int>(kTileSize) - 1) / static_cast<int>(kTileSize);
   };
-  View view{from.camera_from_world_rotation,
-            from.camera_from_world_translation,
-            from.position,
-            from.focal_center,
+  View view{from,
+            from.eye,
             from.background,
-            from.width,
-            from.height,
-            tiles(from.width),
-            tiles(from.height),
+            tiles(from.size.x),
+            tiles(from.size.y),
             static_cast<std::uint32_t>(from.intersection),
             from.texture_rgb,
             from.texture_alpha};
-  if (view.width > 65535 || view.height > 65535) {
+  if (view.size.x > 65535 || view.size.y > 65535) {
     throw Error(ErrorKind::usage, "camera " + camera.name,
                 "too large for the CUDA trainer (expected at most 65535 pixels a side, found " +
-                    std::to_string(view.width) + " x " + std::to_string(view.height) + ")");
+                    std::to_string(view.size.x) + " x " + std::to_string(view.size.y) + ")");
   }
   if (model.atlas.rects.empty()) view.texture_rgb = view.texture_alpha = false;
   return view;
@@ -127,7 +123,7 @@ void Frame::forward(const View& view, const Parameters& model) {
 void Frame::forwardAhead(const View& view, const Parameters& model) {
   view_ = view;
   if (room() == 0) makeRoom(kFirstRoom);
-  const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
+  const std::size_t pixels = static_cast<std::size_t>(view.size.x) * view.size.y;
   projectGaussians(view, model, screen_);
   buildLists(view, screen_, primitives_, lists_);
   picture_.resize(3 * pixels);

@@ -56,9 +56,6 @@ TG_DEVICE glm::dvec4 readRotation(const Parameters& model, std::size_t i) {
   return {model.rotation[4 * i], model.rotation[4 * i + 1], model.rotation[4 * i + 2], model.rotation[4 * i + 3]};
 }
 TG_DEVICE glm::vec3 readLogScale(const Parameters& model, std::size_t i) { return readVector(model.log_scale, i); }
-TG_DEVICE glm::dvec3 cameraFromWorld(const View& view, glm::dvec3 x) {
-  return view.camera_from_world_rotation * x + view.camera_from_world_translation;
-}
 
 TG_DEVICE Geometry makeGeometry(const View& view, const Parameters& model, std::size_t i) {
   Geometry g;
@@ -70,15 +67,15 @@ TG_DEVICE Geometry makeGeometry(const View& view, const Parameters& model, std::
   rotationColumns(readRotation(model, i), columns);
   g.mean_c = cameraFromWorld(view, readMean(model, i));
   for (int k = 0; k < 3; ++k) {
-    g.axes_c[k] = view.camera_from_world_rotation * pick(columns, order[k]);
+    g.axes_c[k] = view.rotation * pick(columns, order[k]);
     g.scale[k] = ::exp(static_cast<double>(log_scale[order[k]]));
   }
   for (int j = 0; j < 3; ++j) {
     g.m[j] = glm::dvec3(g.axes_c[0][j], g.axes_c[1][j], g.axes_c[2][j]) / g.scale;
   }
   const double z = g.mean_c.z;
-  g.dx = g.m[0] / view.focal_center.x;
-  g.dy = g.m[1] / view.focal_center.y;
+  g.dx = g.m[0] / view.focal.x;
+  g.dy = g.m[1] / view.focal.y;
   g.d0 = g.m[0] * (g.mean_c.x / z) + g.m[1] * (g.mean_c.y / z) + g.m[2];
 
   g.unit = 1 / glm::length(g.d0);

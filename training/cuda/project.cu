@@ -76,10 +76,10 @@ TG_DEVICE bool projectOne(const ProjectArguments& a, std::size_t i) {
   const Geometry g = makeGeometry(a.view, a.model, i);
 
   const bool plane = a.view.intersection == kIntersectPlane;
-  const glm::vec2 image(static_cast<float>(a.view.width), static_cast<float>(a.view.height));
+  const glm::vec2 image(static_cast<float>(a.view.size.x), static_cast<float>(a.view.size.y));
   glm::vec4 box, outline;
   splatOutline(glm::vec3(g.mean_c), mat3(glm::vec3(g.axes_c[0]), glm::vec3(g.axes_c[1]), glm::vec3(g.axes_c[2])),
-               glm::vec3(g.scale), radius, plane, glm::vec4(a.view.focal_center), image, box, outline);
+               glm::vec3(g.scale), radius, plane, focalCenter(a.view), image, box, outline);
   const float x0 = max(::ceilf(box.x - 0.5f - kBoxMargin), 0.0f);
   const float y0 = max(::ceilf(box.y - 0.5f - kBoxMargin), 0.0f);
   const float x1 = min(::floorf(box.z - 0.5f + kBoxMargin), image.x - 1.0f);
@@ -87,9 +87,9 @@ TG_DEVICE bool projectOne(const ProjectArguments& a, std::size_t i) {
   if (!(x0 <= x1 && y0 <= y1)) return false;  // also where a bound is no number
 
   BlendSplat s;
-  const glm::dvec4 f = a.view.focal_center;
-  s.center_x = static_cast<float>(g.mean_c.x / z * f.x + f.z);
-  s.center_y = static_cast<float>(g.mean_c.y / z * f.y + f.w);
+  const glm::dvec2 center = project(a.view, g.mean_c);
+  s.center_x = static_cast<float>(center.x);
+  s.center_y = static_cast<float>(center.y);
   s.log2_opacity = ::log2f(opacity);
   s.w_xx = static_cast<float>(kExponentScale * g.w_xx);
   s.w_xy = static_cast<float>(kExponentScale * g.w_xy);
@@ -108,7 +108,7 @@ TG_DEVICE bool projectOne(const ProjectArguments& a, std::size_t i) {
   if (plane) extent.z = 0;
   const double reach = glm::length(extent * glm::dvec3(g.axes_c[0].z, g.axes_c[1].z, g.axes_c[2].z));
   s.near = z - reach <= kNear * 1.001 ? kNear : 0.0f;
-  const glm::vec3 base = baseColor(a.model, i, readMean(a.model, i) - a.view.position);
+  const glm::vec3 base = baseColor(a.model, i, readMean(a.model, i) - a.view.eye);
   for (int k = 0; k < 3; ++k) s.base[k] = base[k];
   s.kappa_first = static_cast<float>(kExponentScale * glm::dot(g.kappa, g.w_first));
   s.kappa_second = static_cast<float>(kExponentScale * kExponentScale * glm::dot(g.kappa, g.w_second));

@@ -26,7 +26,7 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
     requireBlendingDefaults(settings, settings.outputs, "training");
     const cuda::View view = cuda::makeView(*host_model_, camera, settings);
     frame_.forward(view, model_.parameters());
-    picture_.resize(static_cast<std::size_t>(view.width) * view.height);
+    picture_.resize(static_cast<std::size_t>(view.size.x) * view.size.y);
     frame_.picture().download(picture_);
     return picture_;
   }

@@ -6,18 +6,15 @@
 #include <glm/glm.hpp>
 
 #include "core/model/atlas.h"
+#include "core/model/pinhole.h"
 #include "shared/limits.h"
 
 namespace tg::cuda {
 
 // One frame's view.
-struct View {
-  glm::dmat3 camera_from_world_rotation;
-  glm::dvec3 camera_from_world_translation;
-  glm::dvec3 position;      // world space
-  glm::dvec4 focal_center;  // fx, fy, cx, cy [px]
+struct View : Pinhole {
+  glm::dvec3 eye;  // world space
   glm::vec3 background;
-  int width, height;  // [px]
   int tiles_x, tiles_y;
   std::uint32_t intersection;  // kIntersect*
   bool texture_rgb, texture_alpha;

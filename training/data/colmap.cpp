@@ -70,16 +70,16 @@ void setParameters(const CameraModel& model, std::span<const double> values, Col
     const double value = values[i];
     switch (model.parameters[i]) {
       case 'f':
-        camera.fx = camera.fy = value;
+        camera.focal = glm::dvec2(value);
         break;
       case 'x':
-        camera.fx = value;
+        camera.focal.x = value;
         break;
       case 'y':
-        camera.fy = value;
+        camera.focal.y = value;
         break;
       case 'c':
-        (centers++ == 0 ? camera.cx : camera.cy) = value;
+        (centers++ == 0 ? camera.center.x : camera.center.y) = value;
         break;
       case 'k':
         lens.radial[k++] = value;
@@ -126,10 +126,9 @@ ColmapCamera makeCamera(const fs::path& path, const std::string& label, const Ca
     if (!std::isfinite(value)) fail(path, label + ": a parameter is not finite");
   }
   ColmapCamera result;
-  result.camera.width = static_cast<int>(width);
-  result.camera.height = static_cast<int>(height);
+  result.camera.size = {width, height};
   setParameters(model, parameters, result);
-  if (!(result.camera.fx > 0 && result.camera.fy > 0)) fail(path, label + ": focal length is not positive");
+  if (!(result.camera.focal.x > 0 && result.camera.focal.y > 0)) fail(path, label + ": focal length is not positive");
   return result;
 }
 
@@ -387,8 +386,8 @@ DatasetIndex readColmap(const fs::path& folder) {
     entry.camera = camera->second.camera;
     entry.lens = camera->second.lens;
     entry.camera.name = image.name;
-    entry.camera.camera_from_world_rotation = rotationMatrix(images_path, image);
-    entry.camera.camera_from_world_translation = image.translation;
+    entry.camera.rotation = rotationMatrix(images_path, image);
+    entry.camera.translation = image.translation;
     entry.image = folder / "images" / image.name;
     entry.below_images = image.name;
     index.entries.push_back(std::move(entry));

@@ -46,22 +46,22 @@ std::string text(double value) {
 
 Camera downscaled(Camera camera, int factor) {
   // The box filter cuts rows and columns that do not fill a box: the scale is exactly 1 / factor.
-  camera.width /= factor;
-  camera.height /= factor;
-  for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *value /= factor;
+  camera.size /= factor;
+  camera.focal /= factor;
+  camera.center /= factor;
   return camera;
 }
 
 // What float cannot hold would train for hours to a model that cannot be written.
 void checkCamera(const fs::path& image, const Camera& camera) {
-  for (const double focal : {camera.fx, camera.fy}) {
+  for (const double focal : {camera.focal.x, camera.focal.y}) {
     if (!(focal >= kShortestFocal && focal <= kLongestFocal)) {
       throw Error(ErrorKind::badData, image.string(),
                   "focal length out of range (expected 0.001 to 1e9 pixels, found " + text(focal) + ")");
     }
   }
   const glm::dvec3 position = camera.position();
-  for (const double value : {camera.cx, camera.cy, position.x, position.y, position.z}) {
+  for (const double value : {camera.center.x, camera.center.y, position.x, position.y, position.z}) {
     if (!(std::abs(value) <= kFarthest)) {
       throw Error(ErrorKind::badData, image.string(),
                   "camera position or principal point out of range (expected -1e9 to 1e9, found " + text(value) + ")");
@@ -109,7 +109,7 @@ bool useReducedFolder(const fs::path& folder, int factor, DatasetIndex& index, s
     return false;
   }
   const Image small = readImage(reduced(*first));
-  glm::ivec2 large(first->camera.width, first->camera.height);
+  glm::ivec2 large = first->camera.size;
   if (large.x == 0 && isFile(first->image)) {
     const Image image = readImage(first->image);
     large = {image.width, image.height};
@@ -181,14 +181,12 @@ PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std:
 // The camera of a photograph of width x height pixels, before it is downscaled.
 Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
   Camera camera = entry.camera;
-  if (camera.width == 0) {
-    camera.width = width;
-    camera.height = height;
-    camera.cx = width / 2.0;
-    camera.cy = height / 2.0;
-    camera.fx = width / 2.0 / std::tan(*entry.field_of_view_x / 2.0);
-    camera.fy = entry.field_of_view_y ? height / 2.0 / std::tan(*entry.field_of_view_y / 2.0) : camera.fx;
-  } else if (camera.width != width || camera.height != height) {
+  if (camera.size.x == 0) {
+    camera.size = {width, height};
+    camera.center = glm::dvec2(camera.size) / 2.0;
+    camera.focal.x = width / 2.0 / std::tan(*entry.field_of_view_x / 2.0);
+    camera.focal.y = entry.field_of_view_y ? height / 2.0 / std::tan(*entry.field_of_view_y / 2.0) : camera.focal.x;
+  } else if (camera.size != glm::ivec2(width, height)) {
     camera = resized(camera, width, height);
   }
   checkCamera(entry.image, camera);
@@ -200,10 +198,10 @@ void noteLenses(const DatasetIndex& index, Dataset& dataset) {
   const auto count = std::ranges::count_if(index.entries, bent);
   if (count == 0) return;
   const auto first = std::ranges::find_if(index.entries, bent);
-  const Camera& camera = dataset.views[static_cast<std::size_t>(first - index.entries.begin())].camera;
+  const Camera& camera = dataset.views[static_cast<std::size_t>(first - index.entries.begin())];
   dataset.notes.push_back(std::to_string(count) + " of " + std::to_string(index.entries.size()) +
                           " photographs are undistorted as they are read (the first: " + first->lens.model + ", to " +
-                          std::to_string(camera.width) + " x " + std::to_string(camera.height) + ")");
+                          std::to_string(camera.size.x) + " x " + std::to_string(camera.size.y) + ")");
 }
 
 Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int height) {
@@ -212,8 +210,8 @@ Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int hei
 
 // Whether a photograph and its camera have sides in the same proportion, but for a reduced one's rounding.
 bool sameShape(const Camera& camera, int width, int height) {
-  if (camera.width == 0) return true;
-  const double proportion = static_cast<double>(camera.height) / camera.width;
+  if (camera.size.x == 0) return true;
+  const double proportion = static_cast<double>(camera.size.y) / camera.size.x;
   return std::abs(width * proportion - height) <= 1 + proportion;
 }
 
@@ -239,14 +237,14 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
     const auto i = static_cast<std::size_t>(item);
     Photograph photograph = decodePhotograph(sources[i]);
     const DatasetIndex::Entry& entry = index.entries[i];
-    dataset.views[i].camera = entry.lens.isPinhole()
-                                  ? cameraOf(entry, photograph.file_width, photograph.file_height)
-                                  : undistortionOf(entry, photograph.file_width, photograph.file_height).pinhole;
-    if (downscale > 1) dataset.views[i].camera = downscaled(dataset.views[i].camera, downscale);
+    dataset.views[i] = entry.lens.isPinhole()
+                           ? cameraOf(entry, photograph.file_width, photograph.file_height)
+                           : undistortionOf(entry, photograph.file_width, photograph.file_height).pinhole;
+    if (downscale > 1) dataset.views[i] = downscaled(dataset.views[i], downscale);
     const Camera& camera = entry.camera;
     if (!sameShape(camera, photograph.file_width, photograph.file_height)) {
-      stretched[i] = sources[i].image.filename().string() + ": expected the shape of " + std::to_string(camera.width) +
-                     " x " + std::to_string(camera.height) + ", found " + std::to_string(photograph.file_width) +
+      stretched[i] = sources[i].image.filename().string() + ": expected the shape of " + std::to_string(camera.size.x) +
+                     " x " + std::to_string(camera.size.y) + ", found " + std::to_string(photograph.file_width) +
                      " x " + std::to_string(photograph.file_height);
     }
     dataset.photographs->offer(i, std::move(photograph));
@@ -311,7 +309,7 @@ std::optional<glm::vec3> parseBackground(std::string_view text) {
 std::vector<std::size_t> Dataset::indices(bool test) const {
   std::vector<std::size_t> result;
   for (std::size_t i = 0; i < views.size(); i++) {
-    if (views[i].camera.test == test) result.push_back(i);
+    if (views[i].test == test) result.push_back(i);
   }
   return result;
 }
@@ -407,9 +405,9 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
 double cameraExtent(const Dataset& dataset) {
   const std::vector<std::size_t> train = dataset.indices(false);
   glm::dvec3 mean(0.0);
-  for (std::size_t i : train) mean += dataset.views[i].camera.position() / static_cast<double>(train.size());
+  for (std::size_t i : train) mean += dataset.views[i].position() / static_cast<double>(train.size());
   double radius = 0;
-  for (std::size_t i : train) radius = std::max(radius, glm::length(dataset.views[i].camera.position() - mean));
+  for (std::size_t i : train) radius = std::max(radius, glm::length(dataset.views[i].position() - mean));
   // One camera, or several at one place, span nothing: fall back to the unit of the world.
   return radius > 0 ? 1.1 * radius : 1.0;
 }

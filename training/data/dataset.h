@@ -24,15 +24,10 @@ std::optional<DatasetLayout> parseDatasetLayout(std::string_view text);
 // "white", "black" or "r,g,b" in [0,1].
 std::optional<glm::vec3> parseBackground(std::string_view text);
 
-// One photograph's camera; its pixels are Dataset::pixels.
-struct View {
-  Camera camera;
-};
-
 struct Dataset {
   std::string name;  // of the folder
   DatasetLayout layout = DatasetLayout::automatic;
-  std::vector<View> views;         // sorted by image name inside train and test; train first
+  std::vector<Camera> views;       // of the photographs: sorted by image name inside train and test; train first
   PointCloud points;               // empty when the data set has none
   glm::vec3 background{0.0f};      // what scores are taken against, and training without random_background
   bool random_background = false;  // transparency is kept: training composites over a new colour every time

@@ -31,13 +31,6 @@ double radialFactor(const Lens& lens, double r2) {
 
 double equidistant(double r) { return r < 1e-8 ? 1.0 : std::atan(r) / r; }
 
-glm::dvec2 planeOf(const Camera& camera, glm::dvec2 pixel) {
-  return {(pixel.x - camera.cx) / camera.fx, (pixel.y - camera.cy) / camera.fy};
-}
-glm::dvec2 pixelOf(const Camera& camera, glm::dvec2 plane) {
-  return {plane.x * camera.fx + camera.cx, plane.y * camera.fy + camera.cy};
-}
-
 // Catmull-Rom weights of the pixels -1, 0, 1, 2 for a position `t` in [0, 1) between 0 and 1.
 std::array<float, 4> catmullRom(float t) {
   const float t2 = t * t, t3 = t2 * t;
@@ -123,14 +116,14 @@ std::optional<glm::dvec2> Lens::undistort(glm::dvec2 distorted, double valid_rad
 Undistortion::Undistortion(Lens of, const Camera& camera, const std::string& label)
     : lens(std::move(of)), distorted(camera), pinhole(camera), valid_radius(lens.validRadius()) {
   // Where the photograph's border lies for the pinhole: the innermost point of each side.
-  const glm::dvec2 size(camera.width, camera.height);
+  const glm::dvec2 size(camera.size);
   glm::dvec2 low = -kMostAdded * size, high = (1 + kMostAdded) * size;
   constexpr int kPoints = 64;  // a side
   for (int i = 0; i <= kPoints; i++) {
     const glm::dvec2 along = 0.5 + (size - 1.0) * (static_cast<double>(i) / kPoints);
     const auto seen = [&](glm::dvec2 pixel) -> std::optional<glm::dvec2> {
-      const auto plane = lens.undistort(planeOf(camera, pixel), valid_radius);
-      return plane ? std::optional(pixelOf(camera, *plane)) : std::nullopt;
+      const auto plane = lens.undistort(glm::dvec2(ray(camera, pixel)), valid_radius);
+      return plane ? std::optional(project(camera, {*plane, 1.0})) : std::nullopt;
     };
     if (const auto left = seen({0.5, along.y})) low.x = std::max(low.x, left->x);
     if (const auto right = seen({size.x - 0.5, along.y})) high.x = std::min(high.x, right->x);
@@ -157,15 +150,13 @@ Undistortion::Undistortion(Lens of, const Camera& camera, const std::string& lab
                     " pixels, found " + text(remains) + ")");
   }
   origin = first;
-  pinhole.width = static_cast<int>(remains.x);
-  pinhole.height = static_cast<int>(remains.y);
-  pinhole.cx -= first.x;
-  pinhole.cy -= first.y;
+  pinhole.size = remains;
+  pinhole.center -= first;
 }
 
 Undistortion::Result Undistortion::apply(const Image& photograph,
                                          const std::vector<std::uint8_t>& photograph_mask) const {
-  TG_ASSERT(photograph.width == distorted.width && photograph.height == distorted.height,
+  TG_ASSERT(photograph.width == distorted.size.x && photograph.height == distorted.size.y,
             "the photograph has its camera's size");
   TG_ASSERT(photograph_mask.empty() || photograph_mask.size() == static_cast<std::size_t>(photograph.width) *
                                                                      static_cast<std::size_t>(photograph.height),
@@ -182,14 +173,14 @@ Undistortion::Result Undistortion::apply(const Image& photograph,
     return !photograph_mask.empty() && photograph_mask[static_cast<std::size_t>(std::clamp(y, 0, height - 1)) * width +
                                                        std::clamp(x, 0, width - 1)] == 0;
   };
-  Result result{Image(pinhole.width, pinhole.height, photograph.channels), {}};
-  result.mask.assign(static_cast<std::size_t>(pinhole.width) * pinhole.height, 255);
-  parallelFor(pinhole.height, 8, [&](std::int64_t row) {
+  Result result{Image(pinhole.size.x, pinhole.size.y, photograph.channels), {}};
+  result.mask.assign(static_cast<std::size_t>(pinhole.size.x) * pinhole.size.y, 255);
+  parallelFor(pinhole.size.y, 8, [&](std::int64_t row) {
     const int y = static_cast<int>(row);
-    for (int x = 0; x < pinhole.width; x++) {
-      const glm::dvec2 plane = planeOf(pinhole, {x + 0.5, y + 0.5});
-      std::uint8_t& counts = result.mask[static_cast<std::size_t>(y) * pinhole.width + x];
-      const glm::dvec2 at = pixelOf(distorted, lens.distort(plane)) - 0.5;
+    for (int x = 0; x < pinhole.size.x; x++) {
+      const glm::dvec2 plane(ray(pinhole, {x + 0.5, y + 0.5}));
+      std::uint8_t& counts = result.mask[static_cast<std::size_t>(y) * pinhole.size.x + x];
+      const glm::dvec2 at = project(distorted, {lens.distort(plane), 1.0}) - 0.5;
       if (!(glm::length(plane) <= valid_radius && at.x >= -0.5 && at.y >= -0.5 && at.x <= width - 0.5 &&
             at.y <= height - 0.5)) {
         counts = 0;

@@ -51,7 +51,7 @@ struct Undistortion {
   Undistortion(Lens lens, const Camera& distorted, const std::string& label);
 
   // The photograph, of the distorted camera's size, as the pinhole sees it: Catmull-Rom, alpha premultiplied meanwhile,
-  // values kept in [0, 1]. `mask` is [pinhole.height, pinhole.width] of 0 and 255: 0 where a pixel lies outside the
+  // values kept in [0, 1]. `mask` is [pinhole.size.y, pinhole.size.x] of 0 and 255: 0 where a pixel lies outside the
   // photograph or touches (among the four nearest) a 0 of `photograph_mask` [height, width], empty: none.
   struct Result {
     Image image;

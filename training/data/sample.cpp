@@ -330,19 +330,17 @@ Image renderSample(const SampleOptions& options, const Camera& camera) {
   checkOptions(options);
   const Scene scene = makeScene();
   const int grid = options.supersampling;
-  const glm::dmat3 world_from_camera = glm::transpose(camera.camera_from_world_rotation);
+  const glm::dmat3 world_from_camera = glm::transpose(camera.rotation);
   const dvec3 origin = camera.position();
-  Image image(camera.width, camera.height, 4);
-  parallelFor(camera.height, 1, [&](std::int64_t row) {
+  Image image(camera.size.x, camera.size.y, 4);
+  parallelFor(camera.size.y, 1, [&](std::int64_t row) {
     const int y = static_cast<int>(row);
-    for (int x = 0; x < camera.width; x++) {
+    for (int x = 0; x < camera.size.x; x++) {
       dvec3 sum(0.0);
       int hits = 0;
       for (int s = 0; s < grid * grid; s++) {
-        const double px = x + (s % grid + 0.5) / grid;
-        const double py = y + (s / grid + 0.5) / grid;
-        const dvec3 direction =
-            world_from_camera * dvec3((px - camera.cx) / camera.fx, (py - camera.cy) / camera.fy, 1.0);
+        const glm::dvec2 pixel(x + (s % grid + 0.5) / grid, y + (s / grid + 0.5) / grid);
+        const dvec3 direction = world_from_camera * ray(camera, pixel);
         const std::optional<SurfaceHit> hit = intersect(scene, origin, direction);
         if (!hit) continue;
         // The light's disc is sampled along its own grid, turned against the pixel's so that they do not correlate.

@@ -123,8 +123,8 @@ void setPose(const Source& source, const JsonNode& frame, const std::string& lab
   glm::dvec3 x = glm::normalize(world_from_camera[0]);
   glm::dvec3 y = glm::normalize(world_from_camera[1] - x * glm::dot(x, world_from_camera[1]));
   world_from_camera = glm::dmat3(x, y, glm::cross(x, y));
-  camera.camera_from_world_rotation = glm::transpose(world_from_camera);
-  camera.camera_from_world_translation = -camera.camera_from_world_rotation * position;
+  camera.rotation = glm::transpose(world_from_camera);
+  camera.translation = -camera.rotation * position;
 }
 
 void setIntrinsics(const Source& source, const JsonNode& frame, const std::string& label, DatasetIndex::Entry& entry) {
@@ -141,13 +141,11 @@ void setIntrinsics(const Source& source, const JsonNode& frame, const std::strin
       source.fail("image size out of range (found " + JsonNode(*width).dump() + " x " + JsonNode(*height).dump() + ")");
     }
     Camera& camera = entry.camera;
-    camera.width = static_cast<int>(*width);
-    camera.height = static_cast<int>(*height);
-    camera.fx = *fl_x;
-    camera.fy = number(source, frame, "fl_y").value_or(*fl_x);
-    camera.cx = number(source, frame, "cx").value_or(*width / 2);
-    camera.cy = number(source, frame, "cy").value_or(*height / 2);
-    if (!(camera.fx > 0 && camera.fy > 0)) source.fail("focal length is not positive");
+    camera.size = {*width, *height};
+    camera.focal = {*fl_x, number(source, frame, "fl_y").value_or(*fl_x)};
+    camera.center = {number(source, frame, "cx").value_or(*width / 2),
+                     number(source, frame, "cy").value_or(*height / 2)};
+    if (!(camera.focal.x > 0 && camera.focal.y > 0)) source.fail("focal length is not positive");
   } else if (!entry.field_of_view_x) {
     source.fail(label + ": no intrinsics (expected fl_x, w and h, or camera_angle_x)");
   }

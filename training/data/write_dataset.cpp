@@ -26,8 +26,8 @@ void createFolder(const fs::path& path) {
 std::vector<std::string> fileNames(const Dataset& dataset) {
   std::vector<std::string> names;
   std::set<std::string> taken;
-  for (const View& view : dataset.views) {
-    fs::path path = fs::path(view.camera.name).lexically_normal();
+  for (const Camera& view : dataset.views) {
+    fs::path path = fs::path(view.name).lexically_normal();
     if (path.is_absolute() || path.empty() || *path.begin() == "..") path = path.filename();
     const std::string stem = (path.parent_path() / path.stem()).string();
     std::string name = stem + ".png";
@@ -60,7 +60,7 @@ void writePhotograph(const fs::path& folder, const std::string& name, const Phot
 }  // namespace
 
 nlohmann::json transformsFrame(const Camera& camera, const std::string& file_path) {
-  const glm::dmat3 world_from_camera = glm::transpose(camera.camera_from_world_rotation);
+  const glm::dmat3 world_from_camera = glm::transpose(camera.rotation);
   const glm::dvec3 position = camera.position();
   nlohmann::json matrix = nlohmann::json::array();
   for (int row = 0; row < 3; row++) {
@@ -96,15 +96,15 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
   const std::vector<std::string> names = fileNames(dataset);
   nlohmann::json frames = nlohmann::json::array(), train = nlohmann::json::array(), test = nlohmann::json::array();
   for (std::size_t i = 0; i < names.size(); i++) {
-    const Camera& camera = dataset.views[i].camera;
+    const Camera& camera = dataset.views[i];
     const std::string file = "images/" + names[i];
     nlohmann::json frame = transformsFrame(camera, file);
-    frame.update({{"w", camera.width},
-                  {"h", camera.height},
-                  {"fl_x", camera.fx},
-                  {"fl_y", camera.fy},
-                  {"cx", camera.cx},
-                  {"cy", camera.cy}});
+    frame.update({{"w", camera.size.x},
+                  {"h", camera.size.y},
+                  {"fl_x", camera.focal.x},
+                  {"fl_y", camera.focal.y},
+                  {"cx", camera.center.x},
+                  {"cy", camera.center.y}});
     frames.push_back(std::move(frame));
     (camera.test ? test : train).push_back(file);
   }

@@ -433,10 +433,10 @@ RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, c
   const auto fact = [&](const char* name, const std::string& value) {
     identity.data += std::string(name) + " " + value + "\n";
   };
-  const Camera& camera = dataset.views.front().camera;
+  const Camera& camera = dataset.views.front();
   fact("train-views", std::to_string(dataset.indices(false).size()));
   fact("test-views", std::to_string(dataset.indices(true).size()));
-  fact("image-size", std::to_string(camera.width) + "x" + std::to_string(camera.height));
+  fact("image-size", std::to_string(camera.size.x) + "x" + std::to_string(camera.size.y));
   fact("points", std::to_string(dataset.points.position.size()));
   const glm::vec3& background = dataset.background;
   fact("background", exactText(background.x) + "," + exactText(background.y) + "," + exactText(background.z));

@@ -99,13 +99,13 @@ Cube startingCube(const Dataset& dataset) {
   // of the identity keeps parallel axes solvable and pulls to the cameras' mean.
   const std::vector<std::size_t> train = dataset.indices(false);
   glm::dvec3 mean(0.0);
-  for (std::size_t i : train) mean += dataset.views[i].camera.position() / static_cast<double>(train.size());
+  for (std::size_t i : train) mean += dataset.views[i].position() / static_cast<double>(train.size());
   constexpr double kPull = 1e-3;
   glm::dmat3 matrix(kPull);
   glm::dvec3 right = kPull * mean;
   for (std::size_t i : train) {
-    const Camera& camera = dataset.views[i].camera;
-    const glm::dvec3 axis = glm::transpose(camera.camera_from_world_rotation)[2];
+    const Camera& camera = dataset.views[i];
+    const glm::dvec3 axis = glm::transpose(camera.rotation)[2];
     const glm::dmat3 projector = glm::dmat3(1.0) - glm::outerProduct(axis, axis);
     matrix += projector;
     right += projector * camera.position();
@@ -114,7 +114,7 @@ Cube startingCube(const Dataset& dataset) {
   cube.center = glm::inverse(matrix) * right;
   cube.half = 0;
   for (std::size_t i : train) {
-    cube.half += glm::length(dataset.views[i].camera.position() - cube.center) / static_cast<double>(train.size());
+    cube.half += glm::length(dataset.views[i].position() - cube.center) / static_cast<double>(train.size());
   }
   cube.half = std::max(cube.half, 1.0);
   return cube;

@@ -142,11 +142,12 @@ double rounded(double value, int decimals) {
 std::string datasetFingerprint(const Dataset& dataset) {
   Fingerprint hash;
   for (std::size_t i = 0; i < dataset.views.size(); i++) {
-    const Camera& camera = dataset.views[i].camera;
-    const double intrinsics[] = {camera.fx, camera.fy, camera.cx, camera.cy, camera.test ? 1.0 : 0.0};
+    const Camera& camera = dataset.views[i];
+    const double intrinsics[] = {camera.focal.x, camera.focal.y, camera.center.x, camera.center.y,
+                                 camera.test ? 1.0 : 0.0};
     hash.add(intrinsics, sizeof intrinsics);
-    hash.add(&camera.camera_from_world_rotation, sizeof camera.camera_from_world_rotation);
-    hash.add(&camera.camera_from_world_translation, sizeof camera.camera_from_world_translation);
+    hash.add(&camera.rotation, sizeof camera.rotation);
+    hash.add(&camera.translation, sizeof camera.translation);
     const std::shared_ptr<const ViewPixels> pixels = dataset.pixels(i);
     hash.add(pixels->rgb.data(), pixels->rgb.size());
     hash.add(pixels->mask.data(), pixels->mask.size());
@@ -157,7 +158,7 @@ std::string datasetFingerprint(const Dataset& dataset) {
 
 std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
                                const GaussianModel& model, const TrainingJsonOptions& options) {
-  const Camera& camera = dataset.views.front().camera;
+  const Camera& camera = dataset.views.front();
   Json json;
   json["program"] = "tgtrain";
   json["dataset"] = {{"name", dataset.name},
@@ -165,8 +166,8 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
                      {"train_views", dataset.indices(false).size()},
                      {"test_views", dataset.indices(true).size()},
                      {"missing_images", dataset.missing_images},
-                     {"width", camera.width},
-                     {"height", camera.height},
+                     {"width", camera.size.x},
+                     {"height", camera.size.y},
                      {"downscale", options.downscale},
                      {"points", dataset.points.position.size()},
                      {"fingerprint", options.fingerprint.empty() ? datasetFingerprint(dataset) : options.fingerprint}};

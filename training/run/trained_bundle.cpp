@@ -22,17 +22,17 @@ std::size_t previewView(const Dataset& dataset) {
 
 Bundle makeTrainedBundle(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
                          GaussianModel model, DifferentiableRenderer& renderer, const TrainingJsonOptions& options) {
-  Camera camera = dataset.views[previewView(dataset)].camera;
-  const int side = std::max(camera.width, camera.height);
+  Camera camera = dataset.views[previewView(dataset)];
+  const int side = std::max(camera.size.x, camera.size.y);
   if (side > kPreviewSide) {
-    camera = resized(camera, std::max(1, camera.width * kPreviewSide / side),
-                     std::max(1, camera.height * kPreviewSide / side));
+    camera = resized(camera, std::max(1, camera.size.x * kPreviewSide / side),
+                     std::max(1, camera.size.y * kPreviewSide / side));
   }
   Bundle bundle;
   bundle.preview = renderPicture(renderer, model, camera, dataset.background);
   bundle.model = std::move(model);
   bundle.background = dataset.background;
-  for (const View& view : dataset.views) bundle.cameras.push_back(view.camera);
+  bundle.cameras = dataset.views;
   bundle.training_json = formatTrainingJson(dataset, settings, report, bundle.model, options);
   return bundle;
 }

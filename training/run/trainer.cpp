@@ -229,7 +229,7 @@ void Trainer::iterate() {
   rates.sh_dc = settings_.rate_sh_dc;
   rates.sh_rest = settings_.rate_sh_rest;
   rates.texels = settings_.rate_texels;
-  StepInput input{.camera = dataset_.views[view].camera,
+  StepInput input{.camera = dataset_.views[view],
                   .view = view,
                   .photograph = photograph,
                   .background = background,
@@ -355,7 +355,7 @@ GaussianModel Trainer::model() const {
 }
 
 Image Trainer::picture(const Camera& camera) const {
-  TG_ASSERT(camera.width > 0 && camera.height > 0, "a picture has pixels");
+  TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "a picture has pixels");
   return imageOf(engine_->picture(state_, camera, dataset_.background), camera);
 }
 

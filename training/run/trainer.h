@@ -94,7 +94,7 @@ class Trainer {
   const TrainSettings settings_;
   const Schedule schedule_;
   const double extent_;
-  const std::vector<FilterCamera> filter_cameras_;
+  const std::vector<Pinhole> filter_cameras_;
   const std::unique_ptr<TrainingEngine> engine_;
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
   mutable RunState state_;

@@ -65,17 +65,17 @@ std::vector<ViewScore> scoreViews(const Dataset& dataset, std::span<const std::s
                                   const RenderFunction& render) {
   std::vector<ViewScore> scores;
   for (std::size_t i : views) {
-    Image picture = render(dataset.views[i].camera);
+    Image picture = render(dataset.views[i]);
     clampToUnit(picture);
-    scores.push_back(scoreView(dataset.views[i].camera.name, *dataset.pixels(i), picture));
+    scores.push_back(scoreView(dataset.views[i].name, *dataset.pixels(i), picture));
   }
   return scores;
 }
 
 Image imageOf(std::span<const glm::vec3> picture, const Camera& camera) {
-  TG_ASSERT(picture.size() == static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height),
+  TG_ASSERT(picture.size() == static_cast<std::size_t>(camera.size.x) * static_cast<std::size_t>(camera.size.y),
             "a colour a pixel");
-  Image image(camera.width, camera.height, 3);
+  Image image(camera.size.x, camera.size.y, 3);
   for (std::size_t i = 0; i < picture.size(); i++) {
     for (int c = 0; c < 3; c++) image.data[i * 3 + static_cast<std::size_t>(c)] = picture[i][c];
   }

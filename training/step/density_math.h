@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/model/pinhole.h"
 #include "shared/limits.h"
 #include "shared/splat.h"
 #include "training/step/random.h"
@@ -107,28 +108,22 @@ TG_FN void shareParameters(int copies, float dead_opacity, float& opacity_logit,
 }
 
 // ---- 3D filter (filter_3d.h)
-struct FilterCamera {
-  glm::dmat3 camera_from_world_rotation;
-  glm::dvec3 camera_from_world_translation;
-  double fx, fy, cx, cy, width, height;  // [px]
-};
 constexpr float kFilterVariance = 0.2f;      // [px^2]
 constexpr double kFilterImageMargin = 0.15;  // of the image, a side
 
 // Size of a pixel at `mean` in the camera that sees it largest; 0: none sees it. [world units]
-TG_FN float pixelSizeAt(glm::vec3 mean, const FilterCamera* cameras, std::size_t count) {
+TG_FN float pixelSizeAt(glm::vec3 mean, const Pinhole* cameras, std::size_t count) {
   double smallest = 0;
   for (std::size_t k = 0; k < count; k++) {
-    const FilterCamera& camera = cameras[k];
-    const glm::dvec3 at = camera.camera_from_world_rotation * glm::dvec3(mean) + camera.camera_from_world_translation;
+    const Pinhole& camera = cameras[k];
+    const glm::dvec3 at = cameraFromWorld(camera, mean);
     if (!(at.z > kNear)) continue;
-    const double x = at.x / at.z * camera.fx + camera.cx;
-    const double y = at.y / at.z * camera.fy + camera.cy;
-    if (std::abs(x / camera.width - 0.5) > 0.5 + kFilterImageMargin ||
-        std::abs(y / camera.height - 0.5) > 0.5 + kFilterImageMargin) {
+    const glm::dvec2 pixel = project(camera, at);
+    if (std::abs(pixel.x / camera.size.x - 0.5) > 0.5 + kFilterImageMargin ||
+        std::abs(pixel.y / camera.size.y - 0.5) > 0.5 + kFilterImageMargin) {
       continue;
     }
-    const double size = at.z / max(camera.fx, camera.fy);
+    const double size = at.z / max(camera.focal.x, camera.focal.y);
     if (smallest == 0 || size < smallest) smallest = size;
   }
   return static_cast<float>(smallest);

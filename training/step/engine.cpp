@@ -57,7 +57,7 @@ class HostTrainingEngine final : public TrainingEngine {
       render.background = input.background;
       const std::vector<glm::vec3>& picture = renderer_.forward(training.model, input.camera, render);
       v_picture_.resize(picture.size());
-      losses_.push_back(loss_.evaluate(input.camera.width, input.camera.height, picture, input.photograph->rgb,
+      losses_.push_back(loss_.evaluate(input.camera.size.x, input.camera.size.y, picture, input.photograph->rgb,
                                        v_picture_, input.photograph->mask));
       if (!std::isfinite(losses_.back().total)) return;
       renderer_.backward(v_picture_, gradient_, input.gradient);
@@ -80,7 +80,7 @@ class HostTrainingEngine final : public TrainingEngine {
   }
   void resetOpacity(RunState& state) override { tg::resetOpacity(state.training); }
   void growShDegree(RunState& state, int degree) override { tg::growShDegree(state.training, degree); }
-  void updateFilter(RunState& state, std::span<const FilterCamera> cameras) override {
+  void updateFilter(RunState& state, std::span<const Pinhole> cameras) override {
     state.min_sigma = minSigmas(cameras, state.training.model);
   }
   std::size_t gaussians(const RunState& state) const override { return state.training.model.size(); }

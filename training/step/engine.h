@@ -56,7 +56,7 @@ class TrainingEngine {
   virtual void resetOpacity(RunState& state) = 0;
   virtual void growShDegree(RunState& state, int degree) = 0;
   // minSigmas(). cameras: the same in every call.
-  virtual void updateFilter(RunState& state, std::span<const FilterCamera> cameras) = 0;
+  virtual void updateFilter(RunState& state, std::span<const Pinhole> cameras) = 0;
 
   // What step() would draw of `state` from `camera`: [height * width], not clamped. Changes nothing.
   virtual const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) = 0;

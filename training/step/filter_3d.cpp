@@ -16,17 +16,13 @@ constexpr std::int64_t kFilterGrain = 1024;
 
 }  // namespace
 
-std::vector<FilterCamera> filterCameras(const Dataset& dataset) {
-  std::vector<FilterCamera> cameras;
-  for (const std::size_t view : dataset.indices(false)) {
-    const Camera& camera = dataset.views[view].camera;
-    cameras.push_back({camera.camera_from_world_rotation, camera.camera_from_world_translation, camera.fx, camera.fy,
-                       camera.cx, camera.cy, static_cast<double>(camera.width), static_cast<double>(camera.height)});
-  }
+std::vector<Pinhole> filterCameras(const Dataset& dataset) {
+  std::vector<Pinhole> cameras;
+  for (const std::size_t view : dataset.indices(false)) cameras.push_back(dataset.views[view]);
   return cameras;
 }
 
-std::vector<float> pixelSizes(std::span<const FilterCamera> cameras, const GaussianModel& model) {
+std::vector<float> pixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   std::vector<float> sizes(model.size(), 0.0f);
   parallelFor(static_cast<std::int64_t>(model.size()), kFilterGrain,
@@ -36,7 +32,7 @@ std::vector<float> pixelSizes(std::span<const FilterCamera> cameras, const Gauss
   return sizes;
 }
 
-std::vector<float> minSigmas(std::span<const FilterCamera> cameras, const GaussianModel& model) {
+std::vector<float> minSigmas(std::span<const Pinhole> cameras, const GaussianModel& model) {
   std::vector<float> sizes = pixelSizes(cameras, model);
   for (float& size : sizes) size *= std::sqrt(kFilterVariance);
   return sizes;

@@ -12,15 +12,15 @@
 namespace tg {
 
 // The training views.
-std::vector<FilterCamera> filterCameras(const Dataset& dataset);
+std::vector<Pinhole> filterCameras(const Dataset& dataset);
 
 // [N] Size of a pixel at the Gaussian's mean, z / focal length, in the training view that sees it largest. Seen: nearer
 // than nothing else matters - z beyond the near plane, and inside the image widened by 15 % a side. Gaussians that no
 // view sees get the largest size of the others, 0 when there is none. [world units]
-std::vector<float> pixelSizes(std::span<const FilterCamera> cameras, const GaussianModel& model);
+std::vector<float> pixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model);
 
 // The filter's standard deviation: sqrt(0.2) pixels. [world units]
-std::vector<float> minSigmas(std::span<const FilterCamera> cameras, const GaussianModel& model);
+std::vector<float> minSigmas(std::span<const Pinhole> cameras, const GaussianModel& model);
 
 // What is drawn (8a).
 struct EffectiveParameters {

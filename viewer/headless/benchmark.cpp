@@ -69,8 +69,8 @@ void benchmarkHeadless(const ViewOptions& options) {
   Benchmark benchmark = benchmarkOf(options, scene);
   benchmark.where = "headless";
   benchmark.read_ms = read_ms;
-  benchmark.width = cameras.front().width;
-  benchmark.height = cameras.front().height;
+  benchmark.width = cameras.front().size.x;
+  benchmark.height = cameras.front().size.y;
 
   const Stopwatch uploading;
   backend.renderer->setModel(scene.model);

@@ -55,7 +55,7 @@ void compareToFile(const ViewOptions& options) {
   const Scene scene = sceneFor(options, readModel(options.model));
   printWarnings(scene, options);
   Camera camera = cameraFor(options, scene);
-  if (how.mode == CompareMode::side) camera = fitted(camera, sideWidth(camera.width), camera.height);
+  if (how.mode == CompareMode::side) camera = fitted(camera, sideWidth(camera.size.x), camera.size.y);
   const glm::vec3 background = options.background.value_or(scene.background);
 
   const HeadlessRenderer backend = makeHeadlessRenderer(options);

@@ -17,9 +17,9 @@ void inspectHeadless(const ViewOptions& options) {
   printWarnings(scene, options);
   const Camera camera = cameraFor(options, scene);
   const glm::ivec2 pixel = *options.inspect;
-  if (pixel.x >= camera.width || pixel.y >= camera.height)
-    throw Error(ErrorKind::usage, "--inspect: expected a pixel of the " + std::to_string(camera.width) + "x" +
-                                      std::to_string(camera.height) + " picture, found " + std::to_string(pixel.x) +
+  if (pixel.x >= camera.size.x || pixel.y >= camera.size.y)
+    throw Error(ErrorKind::usage, "--inspect: expected a pixel of the " + std::to_string(camera.size.x) + "x" +
+                                      std::to_string(camera.size.y) + " picture, found " + std::to_string(pixel.x) +
                                       "," + std::to_string(pixel.y));
   const RenderSettings settings = settingsFor(options, scene.background);
   const std::vector<PixelHit> hits = inspectPixel(*scene.model, camera, settings, pixel);

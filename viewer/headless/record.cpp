@@ -55,7 +55,7 @@ void recordToFile(const ViewOptions& options) {
   printWarnings(scene, options);
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);
   const RenderSettings settings = settingsFor(options, scene.background);
-  FrameWriter writer(target, {cameras.front().width, cameras.front().height}, options.fps);
+  FrameWriter writer(target, cameras.front().size, options.fps);
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   backend.renderer->setModel(scene.model);
 
@@ -72,7 +72,7 @@ void recordToFile(const ViewOptions& options) {
     seconds = progress.seconds();
   }
   std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),
-              cameras.size(), cameras.front().width, cameras.front().height, std::string(name(options.show)).c_str(),
+              cameras.size(), cameras.front().size.x, cameras.front().size.y, std::string(name(options.show)).c_str(),
               texturesName(options.textures).c_str(), scene.gaussians, seconds, backend.renderer->deviceName().c_str());
 }
 

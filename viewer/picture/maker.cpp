@@ -16,8 +16,6 @@ namespace {
 constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and one to compare with or to go back to
 constexpr int kMaxGrowth = 8;             // repeats of a frame whose buffers were too small
 
-glm::ivec2 sizeOf(const PictureRequest& request) { return {request.camera.width, request.camera.height}; }
-
 FrameRequest frameOf(const PictureRequest& request) {
   return {request.camera, request.settings, request.output, request.exposure};
 }
@@ -81,7 +79,7 @@ bool PictureMaker::begin(const PictureRequest& request) {
   }
   if (beside) {
     Loaded& model = loaded(request.model);
-    const std::shared_ptr<PictureImage> image = freeImage(sizeOf(request));
+    const std::shared_ptr<PictureImage> image = freeImage(request.camera.size);
     if (device_.begin(*model.gpu, frameOf(request), image)) {
       begun.model = &model;
       begun.target = image;
@@ -136,7 +134,7 @@ void PictureMaker::draw(Picture& picture) {
   const PictureRequest& request = picture.request;
   const auto pair = request.other ? std::make_shared<PicturePair>() : nullptr;
   Loaded& model = loaded(request.model);
-  const std::shared_ptr<PictureImage> image = freeImage(sizeOf(request));
+  const std::shared_ptr<PictureImage> image = freeImage(request.camera.size);
   drawModel(model, request, *image, pair ? &pair->first : nullptr);
   picture.image = image;
   describe(picture, model);
@@ -148,7 +146,7 @@ void PictureMaker::draw(Picture& picture) {
 
 void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair) {
   const OtherPicture& other = *request.other;
-  const glm::ivec2 size = sizeOf(request);
+  const glm::ivec2 size = request.camera.size;
   const std::shared_ptr<PictureImage> image = freeImage(size);
   if (other.model) {
     drawModel(loaded(other.model), request, *image, &pair.other);
@@ -191,16 +189,16 @@ void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, Pict
 
 void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
   FrameRequest frame = frameOf(request);
-  const int height = request.camera.height, most = loaded.gpu->rowsAtOnce(request.camera);
+  const int height = request.camera.size.y, most = loaded.gpu->rowsAtOnce(request.camera);
   if (most >= height) return drawPart(*loaded.gpu, frame, target, 0);
   // Parts of one height, for which the buffers stay: the last one begins before the end of the one before it.
   const int parts = (height + most - 1) / most;
-  frame.camera.height = (height + parts - 1) / parts;
+  frame.camera.size.y = (height + parts - 1) / parts;
   const auto drawAll = [&] {
     OutputRange range = frame.beside;
     for (int part = 0; part < parts; ++part) {
-      const int top = std::min(part * frame.camera.height, height - frame.camera.height);
-      frame.camera.cy = request.camera.cy - top;
+      const int top = std::min(part * frame.camera.size.y, height - frame.camera.size.y);
+      frame.camera.center.y = request.camera.center.y - top;
       drawPart(*loaded.gpu, frame, target, top);
       const OutputRange seen = loaded.gpu->counts().range;
       range = {std::min(range.least, seen.least), std::max(range.most, seen.most)};

@@ -5,11 +5,7 @@
 namespace tg {
 namespace {
 
-bool sameView(const Camera& a, const Camera& b) {
-  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
-         a.camera_from_world_rotation == b.camera_from_world_rotation &&
-         a.camera_from_world_translation == b.camera_from_world_translation;
-}
+bool sameView(const Pinhole& a, const Pinhole& b) { return a == b; }  // whatever the cameras' names
 
 bool sameOther(const OtherPicture& a, const OtherPicture& b) {
   if (a.model != b.model || a.difference != b.difference) return false;

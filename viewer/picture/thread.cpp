@@ -29,7 +29,7 @@ PictureThread::PictureThread(std::function<std::unique_ptr<PictureDevice>()> mak
 
 void PictureThread::ask(PictureRequest request) {
   TG_ASSERT(request.model != nullptr, "a picture is of a model");
-  TG_ASSERT(request.camera.width > 0 && request.camera.height > 0, "a picture has pixels");
+  TG_ASSERT(request.camera.size.x > 0 && request.camera.size.y > 0, "a picture has pixels");
   asked_.give({std::move(request), ++asked_number_});
 }
 

@@ -83,7 +83,7 @@ SceneBounds sceneBounds(const GaussianModel& model) {
 
 glm::dvec3 sceneUp(std::span<const Camera> cameras) {
   glm::dvec3 sum(0.0);
-  for (const Camera& camera : cameras) sum -= glm::transpose(camera.camera_from_world_rotation)[1];
+  for (const Camera& camera : cameras) sum -= glm::transpose(camera.rotation)[1];
   const double length = glm::length(sum);
   return length > 0.1 * static_cast<double>(cameras.size()) ? sum / length : glm::dvec3(0, -1, 0);
 }
@@ -123,7 +123,7 @@ ViewPose levelPose(glm::dvec3 up, glm::dvec3 position, glm::dvec3 target) {
 }
 
 ViewPose poseOf(const Camera& camera, glm::dvec3 up, const SceneBounds& bounds) {
-  const glm::dmat3 world_from_camera = glm::transpose(camera.camera_from_world_rotation);
+  const glm::dmat3 world_from_camera = glm::transpose(camera.rotation);
   const glm::dvec3 position = camera.position();
   const glm::dvec3 z = world_from_camera[2];
   const double distance = std::max(glm::dot(bounds.center - position, z), 0.1 * bounds.radius);
@@ -141,42 +141,37 @@ ViewPose poseOf(const Camera& camera, glm::dvec3 up, const SceneBounds& bounds) 
 }
 
 Lens lensOf(const Camera& camera, double aspect) {
-  TG_ASSERT(camera.width > 0 && camera.height > 0 && aspect > 0, "a picture has pixels");
-  const double scale = std::min(aspect * camera.height / camera.width, 1.0);  // of the old image in a new height of 1
+  TG_ASSERT(camera.size.x > 0 && camera.size.y > 0 && aspect > 0, "a picture has pixels");
+  const double scale = std::min(aspect * camera.size.y / camera.size.x, 1.0);  // of the old image in a new height of 1
   Lens lens;
-  lens.fov_y = std::clamp(2.0 * std::atan(camera.height / (2.0 * scale * camera.fy)), kMinFov, kMaxFov);
-  lens.pixel_aspect = camera.fx / camera.fy;
-  lens.shift = {(camera.cx - 0.5 * camera.width) / camera.fx, (camera.cy - 0.5 * camera.height) / camera.fy};
+  lens.fov_y = std::clamp(2.0 * std::atan(camera.size.y / (2.0 * scale * camera.focal.y)), kMinFov, kMaxFov);
+  lens.pixel_aspect = camera.focal.x / camera.focal.y;
+  lens.shift = (camera.center - 0.5 * glm::dvec2(camera.size)) / camera.focal;
   return lens;
 }
 
-Camera toCamera(const ViewPose& pose, const Lens& lens, int width, int height) {
+Camera cameraAt(glm::dvec3 position, const glm::dmat3& rotation, const Lens& lens, double scale, int width,
+                int height) {
   TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   TG_ASSERT(lens.fov_y > 0 && lens.fov_y < glm::pi<double>() && lens.pixel_aspect > 0, "a lens of a pinhole");
   Camera camera;
-  camera.width = width;
-  camera.height = height;
-  camera.fy = 0.5 * height / std::tan(0.5 * lens.fov_y);
-  camera.fx = camera.fy * lens.pixel_aspect;
-  camera.cx = 0.5 * width + lens.shift.x * camera.fx;
-  camera.cy = 0.5 * height + lens.shift.y * camera.fy;
-  camera.camera_from_world_rotation = pose.cameraFromWorldRotation();
-  camera.camera_from_world_translation = -camera.camera_from_world_rotation * pose.position;
+  camera.size = {width, height};
+  camera.focal.y = 0.5 * height * scale / std::tan(0.5 * lens.fov_y);
+  camera.focal.x = camera.focal.y * lens.pixel_aspect;
+  camera.center = 0.5 * glm::dvec2(camera.size) + lens.shift * camera.focal;
+  camera.rotation = rotation;
+  camera.translation = -rotation * position;
   return camera;
 }
 
+Camera toCamera(const ViewPose& pose, const Lens& lens, int width, int height) {
+  return cameraAt(pose.position, pose.cameraFromWorldRotation(), lens, 1, width, height);
+}
+
 Camera fitted(const Camera& camera, int width, int height) {
-  TG_ASSERT(camera.width > 0 && camera.height > 0, "the camera has a size to scale from");
-  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
-  const double scale = std::min(static_cast<double>(width) / camera.width, static_cast<double>(height) / camera.height);
-  Camera result = camera;
-  result.width = width;
-  result.height = height;
-  result.fx = camera.fx * scale;
-  result.fy = camera.fy * scale;
-  result.cx = (camera.cx - 0.5 * camera.width) * scale + 0.5 * width;
-  result.cy = (camera.cy - 0.5 * camera.height) * scale + 0.5 * height;
-  return result;
+  TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "the camera has a size to scale from");
+  const glm::dvec2 ratio = glm::dvec2(width, height) / glm::dvec2(camera.size);
+  return scaled(camera, std::min(ratio.x, ratio.y), width, height);
 }
 
 void orbit(ViewPose& pose, double yaw, double pitch) {

@@ -66,6 +66,8 @@ ViewPose poseOf(const Camera& camera, glm::dvec3 up, const SceneBounds& bounds);
 // The lens of a model's camera for another aspect ratio: all the camera saw stays in the image.
 Lens lensOf(const Camera& camera, double aspect);
 
+// `rotation`: camera from world. `scale`: what part of the image's height the lens fills.
+Camera cameraAt(glm::dvec3 position, const glm::dmat3& rotation, const Lens& lens, double scale, int width, int height);
 Camera toCamera(const ViewPose& pose, const Lens& lens, int width, int height);
 // The same view at another size without distortion: scaled until the whole old image fits, more scene beside it.
 Camera fitted(const Camera& camera, int width, int height);

@@ -201,30 +201,20 @@ PathKey at(const CameraPath& path, double seconds) {
 }
 
 PathKey keyOf(const Camera& camera, double time) {
-  TG_ASSERT(camera.width > 0 && camera.height > 0, "a picture has pixels");
+  TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "a picture has pixels");
   PathKey key;
   key.time = time;
   key.position = camera.position();
-  key.world_from_camera = glm::normalize(glm::quat_cast(glm::transpose(camera.camera_from_world_rotation)));
-  key.lens = lensOf(camera, static_cast<double>(camera.width) / camera.height);
+  key.world_from_camera = glm::normalize(glm::quat_cast(glm::transpose(camera.rotation)));
+  key.lens = lensOf(camera, static_cast<double>(camera.size.x) / camera.size.y);
   return key;
 }
 
 Camera toCamera(const PathKey& key, double aspect, int width, int height) {
-  TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   TG_ASSERT(aspect > 0, "a path has an aspect");
   // What lensOf does for a camera: a narrower image is scaled down until the old one fits.
   const double scale = std::min(static_cast<double>(width) / height / aspect, 1.0);
-  Camera camera;
-  camera.width = width;
-  camera.height = height;
-  camera.fy = 0.5 * height * scale / std::tan(0.5 * key.lens.fov_y);
-  camera.fx = camera.fy * key.lens.pixel_aspect;
-  camera.cx = 0.5 * width + key.lens.shift.x * camera.fx;
-  camera.cy = 0.5 * height + key.lens.shift.y * camera.fy;
-  camera.camera_from_world_rotation = glm::transpose(glm::mat3_cast(key.world_from_camera));
-  camera.camera_from_world_translation = -camera.camera_from_world_rotation * key.position;
-  return camera;
+  return cameraAt(key.position, glm::transpose(glm::mat3_cast(key.world_from_camera)), key.lens, scale, width, height);
 }
 
 std::vector<Camera> pathCameras(const CameraPath& path, double fps, int width, int height) {
@@ -263,7 +253,7 @@ CameraPath pathOf(std::span<const Camera> cameras, double seconds, const std::st
                 "too many cameras (expected at most " + std::to_string(kMaxPathKeys) + ", found " +
                     std::to_string(cameras.size()) + ")");
   CameraPath result;
-  result.aspect = static_cast<double>(cameras.front().width) / cameras.front().height;
+  result.aspect = static_cast<double>(cameras.front().size.x) / cameras.front().size.y;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     PathKey key = keyOf(cameras[i], seconds * static_cast<double>(i));
     key.lens = lensOf(cameras[i], result.aspect);

@@ -19,16 +19,16 @@ namespace {
 constexpr std::array<std::string_view, 5> kModeNames = {"off", "side", "wipe", "flicker", "difference"};
 constexpr int kMaxTaps = 16;  // per side and pixel, of a photograph that gets smaller
 
-// Bilinear at (x, y) [px], pixel centres at +0.5, edges repeated.
-glm::vec3 bilinear(const Image& image, double x, double y) {
-  const double fx = std::floor(x - 0.5), fy = std::floor(y - 0.5);
-  const auto u = static_cast<float>(x - 0.5 - fx), v = static_cast<float>(y - 0.5 - fy);
+// Bilinear at a place in the image [px], pixel centres at +0.5, edges repeated.
+glm::vec3 bilinear(const Image& image, glm::dvec2 at) {
+  const glm::dvec2 low = glm::floor(at - 0.5);
+  const glm::vec2 t(at - 0.5 - low);
   const auto tap = [&](int dx, int dy) {
-    const int px = std::clamp(static_cast<int>(fx) + dx, 0, image.width - 1);
-    const int py = std::clamp(static_cast<int>(fy) + dy, 0, image.height - 1);
+    const int px = std::clamp(static_cast<int>(low.x) + dx, 0, image.width - 1);
+    const int py = std::clamp(static_cast<int>(low.y) + dy, 0, image.height - 1);
     return glm::vec3(image.at(px, py, 0), image.at(px, py, 1), image.at(px, py, 2));
   };
-  return glm::mix(glm::mix(tap(0, 0), tap(1, 0), u), glm::mix(tap(0, 1), tap(1, 1), u), v);
+  return glm::mix(glm::mix(tap(0, 0), tap(1, 0), t.x), glm::mix(tap(0, 1), tap(1, 1), t.x), t.y);
 }
 
 Image threeChannels(const Image& image, glm::vec3 background) {
@@ -114,29 +114,27 @@ std::string formatMetrics(const PictureMetrics& metrics) {
 
 ResampledPhotograph resampled(const Image& photograph, const Camera& taken, const Camera& view, glm::vec3 background) {
   TG_ASSERT(hasImageShape(photograph), "the image's data has its size");
-  TG_ASSERT(taken.width > 0 && taken.height > 0, "the photograph's camera has a size");
+  TG_ASSERT(taken.size.x > 0 && taken.size.y > 0, "the photograph's camera has a size");
   const Image source = threeChannels(photograph, background);
   // Pixels of the photograph per pixel of its camera, and then of the view.
-  const glm::dvec2 scale(static_cast<double>(source.width) / taken.width,
-                         static_cast<double>(source.height) / taken.height);
-  const glm::dvec2 step(taken.fx * scale.x / view.fx, taken.fy * scale.y / view.fy);
-  const auto x_of = [&](double x) { return ((x - view.cx) / view.fx * taken.fx + taken.cx) * scale.x; };
-  const auto y_of = [&](double y) { return ((y - view.cy) / view.fy * taken.fy + taken.cy) * scale.y; };
+  const glm::dvec2 scale = glm::dvec2(source.width, source.height) / glm::dvec2(taken.size);
+  const glm::dvec2 step = taken.focal * scale / view.focal;
+  const auto place = [&](double x, double y) { return project(taken, ray(view, {x, y})) * scale; };
   const int taps_x = std::clamp(static_cast<int>(std::ceil(step.x)), 1, kMaxTaps);
   const int taps_y = std::clamp(static_cast<int>(std::ceil(step.y)), 1, kMaxTaps);
 
-  ResampledPhotograph result{Image(view.width, view.height, 3),
-                             std::vector<std::uint8_t>(static_cast<std::size_t>(view.width) * view.height)};
-  parallelFor(view.height, 8, [&](std::int64_t row) {
+  ResampledPhotograph result{Image(view.size.x, view.size.y, 3),
+                             std::vector<std::uint8_t>(static_cast<std::size_t>(view.size.x) * view.size.y)};
+  parallelFor(view.size.y, 8, [&](std::int64_t row) {
     const int y = static_cast<int>(row);
-    for (int x = 0; x < view.width; ++x) {
-      const glm::dvec2 center(x_of(x + 0.5), y_of(y + 0.5));
+    for (int x = 0; x < view.size.x; ++x) {
+      const glm::dvec2 center = place(x + 0.5, y + 0.5);
       const bool inside = center.x >= 0 && center.y >= 0 && center.x < source.width && center.y < source.height;
-      result.mask[static_cast<std::size_t>(y) * view.width + x] = inside;
+      result.mask[static_cast<std::size_t>(y) * view.size.x + x] = inside;
       glm::vec3 sum(0.0f);
       for (int j = 0; j < taps_y && inside; ++j) {
         for (int i = 0; i < taps_x; ++i) {
-          sum += bilinear(source, x_of(x + (i + 0.5) / taps_x), y_of(y + (j + 0.5) / taps_y));
+          sum += bilinear(source, place(x + (i + 0.5) / taps_x, y + (j + 0.5) / taps_y));
         }
       }
       sum = inside ? sum / static_cast<float>(taps_x * taps_y) : background;

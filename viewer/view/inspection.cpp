@@ -105,7 +105,7 @@ std::string formatInspection(const GaussianModel& model, const Camera& camera, c
   const ordered_json json = {{"format", "tgview-inspect"},
                              {"version", kInspectVersion},
                              {"pixel", {pixel.x, pixel.y}},
-                             {"image", {camera.width, camera.height}},
+                             {"image", {camera.size.x, camera.size.y}},
                              {"color", vector(color + left * glm::dvec3(settings.background))},
                              {"transmittance", left},
                              {"hits", std::move(list)}};

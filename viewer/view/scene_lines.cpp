@@ -25,9 +25,8 @@ void appendFrustum(std::vector<SceneLine>& lines, const PathKey& key, double asp
   const glm::dmat3 world_from_camera = glm::mat3_cast(key.world_from_camera);
   std::array<glm::dvec3, 4> corners;
   for (int i = 0; i < 4; ++i) {
-    const double x = (i == 1 || i == 2 ? camera.width : 0) - camera.cx, y = (i >= 2 ? camera.height : 0) - camera.cy;
-    corners[static_cast<std::size_t>(i)] =
-        key.position + world_from_camera * (depth * glm::dvec3(x / camera.fx, y / camera.fy, 1));
+    const glm::dvec2 corner(i == 1 || i == 2 ? camera.size.x : 0, i >= 2 ? camera.size.y : 0);
+    corners[static_cast<std::size_t>(i)] = key.position + world_from_camera * (depth * ray(camera, corner));
   }
   for (std::size_t i = 0; i < 4; ++i) {
     lines.push_back({key.position, corners[i], color, 1});
@@ -70,8 +69,7 @@ void appendGaussian(std::vector<SceneLine>& lines, const ViewerState& state, std
 }  // namespace
 
 std::optional<std::pair<glm::dvec2, glm::dvec2>> projected(const Camera& camera, glm::dvec3 a, glm::dvec3 b) {
-  glm::dvec3 p = camera.camera_from_world_rotation * a + camera.camera_from_world_translation;
-  glm::dvec3 q = camera.camera_from_world_rotation * b + camera.camera_from_world_translation;
+  glm::dvec3 p = cameraFromWorld(camera, a), q = cameraFromWorld(camera, b);
   const double nearest = kNearest * std::max({p.z, q.z, 0.0});
   if (!(nearest > 0) || (p.z < nearest && q.z < nearest)) return std::nullopt;
   const auto cut = [nearest](const glm::dvec3& behind, const glm::dvec3& before) {
@@ -79,10 +77,7 @@ std::optional<std::pair<glm::dvec2, glm::dvec2>> projected(const Camera& camera,
   };
   if (p.z < nearest) p = cut(p, q);
   if (q.z < nearest) q = cut(q, p);
-  const auto pixel = [&camera](const glm::dvec3& v) {
-    return glm::dvec2(camera.fx * v.x / v.z + camera.cx, camera.fy * v.y / v.z + camera.cy);
-  };
-  return std::pair{pixel(p), pixel(q)};
+  return std::pair{project(camera, p), project(camera, q)};
 }
 
 void appendBox(std::vector<SceneLine>& lines, glm::dvec3 low, glm::dvec3 high, glm::vec3 color) {

@@ -47,10 +47,10 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene) {
     return toCamera(startPose(scene.up, scene.bounds, lens, aspect), lens, size.x, size.y);
   }
   const Camera camera = cameraOf(which, scene.cameras, "--camera");
-  if (!isImageSize(camera.width, camera.height)) {
+  if (!isImageSize(camera.size.x, camera.size.y)) {
     throw Error(ErrorKind::badData, "--camera " + which,
-                "image size (expected " + imageSizeLimits() + ", found " + std::to_string(camera.width) + "x" +
-                    std::to_string(camera.height) + ")");
+                "image size (expected " + imageSizeLimits() + ", found " + std::to_string(camera.size.x) + "x" +
+                    std::to_string(camera.size.y) + ")");
   }
   return options.size ? fitted(camera, options.size->x, options.size->y) : camera;
 }
@@ -78,7 +78,7 @@ ViewPose turntableStart(const ViewOptions& options, const Scene& scene, const Ca
 std::vector<Camera> shotCameras(const ViewOptions& options, const Scene& scene, bool even) {
   if (!options.path.empty()) return pathShot(options, even);
   const Camera start = cameraFor(options, scene);
-  const glm::ivec2 size = shotSize({start.width, start.height}, even);
+  const glm::ivec2 size = shotSize(start.size, even);
   const Lens lens = lensOf(start, static_cast<double>(size.x) / size.y);
   return turntableCameras(turntableStart(options, scene, start), lens, options.turntable, size.x, size.y);
 }

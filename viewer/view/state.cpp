@@ -94,7 +94,7 @@ void goToCamera(ViewerState& state, int index) {
 }
 
 void setCamera(ViewerState& state, const Camera& camera) {
-  TG_ASSERT(camera.width > 0 && camera.height > 0, "a picture has pixels");
+  TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "a picture has pixels");
   state.camera.pose = poseOf(camera, upOf(state), state.scene.bounds);
   state.camera.lens = lensOf(camera, state.camera.aspect);
   state.camera.index = -1;

@@ -63,7 +63,7 @@ class GlPictureDevice final : public PictureDevice {
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     const bool complete = renderer.draw(request);
     glCopyImageSubData(static_cast<GlRenderer&>(renderer).texture(), GL_TEXTURE_2D, 0, 0, 0, 0, textureOf(target),
-                       GL_TEXTURE_2D, 0, 0, top, 0, target.size.x, request.camera.height, 1);
+                       GL_TEXTURE_2D, 0, 0, top, 0, target.size.x, request.camera.size.y, 1);
     finish("a picture");
     return complete;
   }

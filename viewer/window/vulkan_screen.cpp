@@ -109,7 +109,7 @@ class VulkanPictureDevice final : public PictureDevice {
   bool begin(GpuRenderer& renderer, const FrameRequest& request, const std::shared_ptr<PictureImage>& target) override {
     auto& vulkan = static_cast<VulkanRenderer&>(renderer);
     if (under_way_.size() == frames_.size()) return false;
-    if (vulkan.rowsAtOnce(request.camera) < request.camera.height) return false;
+    if (vulkan.rowsAtOnce(request.camera) < request.camera.size.y) return false;
     if (!under_way_.empty() && (under_way_.front().renderer != &vulkan || !vulkan.sharesProgram(request))) return false;
     Commands& commands = *frames_[begun_ % frames_.size()];
     commands.start([&](VkCommandBuffer buffer) { record(buffer, vulkan, request, *target, 0); });
@@ -189,7 +189,7 @@ class VulkanPictureDevice final : public PictureDevice {
     copy.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
     copy.dstSubresource = copy.srcSubresource;
     copy.dstOffset = {0, top, 0};
-    copy.extent = wholeCopy({target.size.x, request.camera.height}).imageExtent;
+    copy.extent = wholeCopy({target.size.x, request.camera.size.y}).imageExtent;
     vkCmdCopyImage(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, imageOf(target), VK_IMAGE_LAYOUT_GENERAL, 1,
                    &copy);
   }

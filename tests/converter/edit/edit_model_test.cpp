@@ -209,8 +209,8 @@ TEST_CASE("blend weights are those of the reference") {
     scene.model.intersection = intersection;
     std::vector<double> expected(scene.model.size(), 0.0);
     const ReferenceModel reference(scene.model);
-    for (int y = 0; y < scene.camera.height; ++y) {
-      for (int x = 0; x < scene.camera.width; ++x) {
+    for (int y = 0; y < scene.camera.size.y; ++y) {
+      for (int x = 0; x < scene.camera.size.x; ++x) {
         for (const ReferenceHit& hit : traceReference(reference, scene.camera, {}, x + 0.5, y + 0.5)) {
           expected[hit.gaussian] += hit.transmittance * hit.alpha;
         }

@@ -132,9 +132,9 @@ TEST_CASE("a scene under a node looks as the scene does from a camera moved the 
   rotation[0] = -rotation[0];
   rotation[1] = -rotation[1];
   Camera camera = scene.camera;
-  camera.camera_from_world_rotation = scene.camera.camera_from_world_rotation * glm::transpose(rotation);
+  camera.rotation = scene.camera.rotation * glm::transpose(rotation);
   const glm::dvec3 eye = scale * (rotation * scene.camera.position()) + turnAxes(move);
-  camera.camera_from_world_translation = -camera.camera_from_world_rotation * eye;
+  camera.translation = -camera.rotation * eye;
   CHECK(psnr(picture(still, scene.camera), picture(moved, camera)) > 55.0);
 }
 

@@ -23,7 +23,7 @@ tg::Bundle tinyBundle() {
   for (int i = 0; i < 3; ++i) {
     bundle.cameras.push_back(tg::lookAt({1.0 + i, 2.0, 3.3}, {0.1, 0.2, 0.3 * i}, {0, -1, 0}, 0.7, 640, 480));
     bundle.cameras.back().name = "view_" + std::to_string(i) + ".png";
-    bundle.cameras.back().cx += 1.25;
+    bundle.cameras.back().center.x += 1.25;
     bundle.cameras.back().test = i == 1;
   }
   bundle.training_json = "{ \"steps\": 30000 }\n";
@@ -59,11 +59,11 @@ TEST_CASE("a bundle comes back as it went in") {
   REQUIRE(back.cameras.size() == 3);
   for (std::size_t i = 0; i < 3; ++i) {
     REQUIRE(back.cameras[i].name == bundle.cameras[i].name);
-    REQUIRE(back.cameras[i].cx == bundle.cameras[i].cx);
-    REQUIRE(back.cameras[i].fy == bundle.cameras[i].fy);
+    REQUIRE(back.cameras[i].center.x == bundle.cameras[i].center.x);
+    REQUIRE(back.cameras[i].focal.y == bundle.cameras[i].focal.y);
     REQUIRE(back.cameras[i].test == bundle.cameras[i].test);
-    REQUIRE(back.cameras[i].camera_from_world_rotation == bundle.cameras[i].camera_from_world_rotation);
-    REQUIRE(back.cameras[i].camera_from_world_translation == bundle.cameras[i].camera_from_world_translation);
+    REQUIRE(back.cameras[i].rotation == bundle.cameras[i].rotation);
+    REQUIRE(back.cameras[i].translation == bundle.cameras[i].translation);
   }
 }
 

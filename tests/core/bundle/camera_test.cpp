@@ -30,44 +30,59 @@ void requireNear(const glm::dvec3& found, const glm::dvec3& expected) {
 TEST_CASE("a camera that looks at a target has it in the centre, with up towards smaller y") {
   const tg::Camera camera = tg::lookAt({1, 2, -5}, {1, 2, 3}, {0, -1, 0}, M_PI / 2, 200, 100);
   requireNear(camera.position(), {1, 2, -5});
-  const auto toCamera = [&](glm::dvec3 p) {
-    return camera.camera_from_world_rotation * p + camera.camera_from_world_translation;
-  };
-  requireNear(toCamera({1, 2, 3}), {0, 0, 8});
-  requireNear(toCamera({1, 1, 3}), {0, -1, 8});  // up in the world is up in the image
-  requireNear(toCamera({2, 2, 3}), {1, 0, 8});
-  REQUIRE(camera.fy == Approx(50.0));
-  REQUIRE(camera.fx == Approx(50.0));
-  REQUIRE(camera.cx == 100.0);
-  REQUIRE(glm::determinant(camera.camera_from_world_rotation) == Approx(1.0));
+  requireNear(cameraFromWorld(camera, {1, 2, 3}), {0, 0, 8});
+  requireNear(cameraFromWorld(camera, {1, 1, 3}), {0, -1, 8});  // up in the world is up in the image
+  requireNear(cameraFromWorld(camera, {2, 2, 3}), {1, 0, 8});
+  REQUIRE(camera.focal.y == Approx(50.0));
+  REQUIRE(camera.focal.x == Approx(50.0));
+  REQUIRE(camera.center.x == 100.0);
+  REQUIRE(glm::determinant(camera.rotation) == Approx(1.0));
+}
+
+TEST_CASE("a ray goes through the pixel that its points project to") {
+  tg::Camera camera;
+  camera.focal = {100, 50};
+  camera.center = {30, 20};
+  REQUIRE(project(camera, {1, 2, 4}) == glm::dvec2(55, 45));
+  REQUIRE(ray(camera, {55, 45}) == glm::dvec3(0.25, 0.5, 1));
+  REQUIRE(focalCenter(camera) == glm::vec4(100, 50, 30, 20));
+}
+
+TEST_CASE("scaling around the middle keeps the pixels' shape") {
+  tg::Camera camera = tg::lookAt({0, 0, 1}, {0, 0, 0}, {0, 1, 0}, 1.0, 200, 100);
+  camera.center.x = 90;
+  const tg::Camera half = tg::scaled(camera, 0.5, 300, 40);
+  REQUIRE(half.size == glm::ivec2(300, 40));
+  REQUIRE(half.focal == camera.focal / 2.0);
+  REQUIRE(half.center == glm::dvec2(145, 20));
 }
 
 TEST_CASE("looking along the up vector still gives a rotation") {
   const tg::Camera camera = tg::lookAt({0, 0, 0}, {0, 5, 0}, {0, 1, 0}, 1.0, 10, 10);
-  REQUIRE(glm::determinant(camera.camera_from_world_rotation) == Approx(1.0));
+  REQUIRE(glm::determinant(camera.rotation) == Approx(1.0));
 }
 
 TEST_CASE("resizing scales the intrinsics per axis") {
   tg::Camera camera = tg::lookAt({0, 0, 1}, {0, 0, 0}, {0, 1, 0}, 1.0, 200, 100);
-  camera.cx = 90;
+  camera.center.x = 90;
   const tg::Camera half = tg::resized(camera, 100, 25);
-  REQUIRE(half.width == 100);
-  REQUIRE(half.cx == 45.0);
-  REQUIRE(half.fx == camera.fx / 2);
-  REQUIRE(half.fy == camera.fy / 4);
-  REQUIRE(half.cy == camera.cy / 4);
+  REQUIRE(half.size.x == 100);
+  REQUIRE(half.center.x == 45.0);
+  REQUIRE(half.focal.x == camera.focal.x / 2);
+  REQUIRE(half.focal.y == camera.focal.y / 4);
+  REQUIRE(half.center.y == camera.center.y / 4);
 }
 
 TEST_CASE("INRIA's cameras.json is read: position in the world, rotation by rows of world from camera") {
   const std::vector<tg::Camera> cameras = tg::parseCameras(kInria, "c.json");
   REQUIRE(cameras.size() == 1);
   REQUIRE(cameras[0].name == "00001");
-  REQUIRE(cameras[0].cx == 320.0);
-  REQUIRE(cameras[0].cy == 240.0);
+  REQUIRE(cameras[0].center.x == 320.0);
+  REQUIRE(cameras[0].center.y == 240.0);
   REQUIRE_FALSE(cameras[0].test);
   requireNear(cameras[0].position(), {1, 2, 3});
   // Camera x in the world is the first column of the rows above.
-  requireNear(glm::transpose(cameras[0].camera_from_world_rotation) * glm::dvec3(1, 0, 0), {0, 1, 0});
+  requireNear(glm::transpose(cameras[0].rotation) * glm::dvec3(1, 0, 0), {0, 1, 0});
 }
 
 TEST_CASE("cameras survive their file exactly and give the same text again") {
@@ -77,16 +92,16 @@ TEST_CASE("cameras survive their file exactly and give the same text again") {
                                  0.3 + 0.1 * i, 640, 480));
     cameras.back().name = "im\xc3\xa4ge \"" + std::to_string(i) + "\"";
     cameras.back().test = i % 8 == 0;
-    cameras.back().cx = 1.0 / 3.0 + i;
+    cameras.back().center.x = 1.0 / 3.0 + i;
   }
   const std::string text = tg::formatCameras(cameras);
   const std::vector<tg::Camera> back = tg::parseCameras(text, "c.json");
   REQUIRE(tg::formatCameras(back) == text);
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    REQUIRE(back[i].camera_from_world_rotation == cameras[i].camera_from_world_rotation);
-    REQUIRE(back[i].camera_from_world_translation == cameras[i].camera_from_world_translation);
+    REQUIRE(back[i].rotation == cameras[i].rotation);
+    REQUIRE(back[i].translation == cameras[i].translation);
     REQUIRE(back[i].name == cameras[i].name);
-    REQUIRE(back[i].cx == cameras[i].cx);
+    REQUIRE(back[i].center.x == cameras[i].center.x);
     REQUIRE(back[i].test == cameras[i].test);
   }
   REQUIRE(tg::parseCameras(tg::formatCameras({}), "c.json").empty());

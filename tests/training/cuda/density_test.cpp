@@ -195,12 +195,12 @@ TEST_CASE("CUDA's opacity reset and SH growth are the CPU's", "[checked]") {
 
 TEST_CASE("CUDA's 3D filter has the CPU's sizes", "[checked]") {
   RunState state = randomState(500, 5);
-  std::vector<FilterCamera> cameras;
+  std::vector<Pinhole> cameras;
   for (const double focal : {100.0, 300.0}) {
-    cameras.push_back({glm::dmat3(1.0), {0, 0, focal / 60}, focal, focal * 1.1, 50, 25, 100, 50});
+    cameras.push_back({glm::dmat3(1.0), {0, 0, focal / 60}, {focal, focal * 1.1}, {50, 25}, {100, 50}});
   }
   const std::vector<float> expected = minSigmas(cameras, state.training.model);
-  cuda::Buffer<FilterCamera> device_cameras;
+  cuda::Buffer<Pinhole> device_cameras;
   device_cameras.upload(cameras);
   cuda::Buffer<std::uint32_t> largest;
   onDevice(state, [&](cuda::DeviceState& device) { cuda::updateFilter(device, device_cameras, largest); });

@@ -26,8 +26,8 @@ class Run {
     for (glm::vec3& log_scale : state_.training.model.log_scale) log_scale += 2.0f;
     resetMoments(state_.training);
     state_.statistics.reset(state_.training.model.size());
-    near_ = far_ = dataset_.views[0].camera;
-    far_.camera_from_world_translation.z += 100;
+    near_ = far_ = dataset_.views[0];
+    far_.translation.z += 100;
   }
 
   // Far away every splat lies in one tile, near in several.

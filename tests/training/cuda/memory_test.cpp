@@ -105,8 +105,8 @@ Sizes sizesOf(const GaussianModel& model, const Camera& camera) {
               model.atlas.texels.size(),
               0,
               cuda::countPairs(model, camera),
-              static_cast<Bytes>(camera.width),
-              static_cast<Bytes>(camera.height),
+              static_cast<Bytes>(camera.size.x),
+              static_cast<Bytes>(camera.size.y),
               1};
   for (const TextureRect& rect : model.atlas.rects) {
     sizes.largest_rect = std::max<Bytes>(sizes.largest_rect, rect.texelCount());
@@ -131,8 +131,8 @@ Steps twoSteps(const GaussianModel& model, const Camera& camera, const Sizes& si
   state.statistics.reset(model.size());
   if (sizes.filtered) state.min_sigma.assign(model.size(), 1e-3f);
   auto photograph = std::make_shared<ViewPixels>();
-  photograph->width = camera.width;
-  photograph->height = camera.height;
+  photograph->width = camera.size.x;
+  photograph->height = camera.size.y;
   photograph->rgb.assign(3 * sizes.pixels(), 100);
   StepInput input{.camera = camera,
                   .view = 0,
@@ -196,7 +196,7 @@ TEST_CASE("a CUDA step allocates what the arithmetic says") {
 TEST_CASE("CUDA's rounds of densification hold what the arithmetic says, and leave a step what it needs") {
   // Most lie outside: a round holds more than a step.
   Camera camera = test::trainedLikeCamera(32, 16);
-  camera.camera_from_world_translation.x += 5;
+  camera.translation.x += 5;
   const GaussianModel model = cloud(1500, 0, 2);
   Sizes sizes = sizesOf(model, camera);
   sizes.parts.gaussians = 100;

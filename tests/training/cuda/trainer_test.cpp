@@ -83,10 +83,10 @@ TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer d
   REQUIRE(model.texture_mode == TextureMode::rgba);
   const std::size_t sent = cuda::bytesToDevice();
   std::vector<Image> pictures;
-  for (const View& view : dataset.views) pictures.push_back(trainer.picture(view.camera));
+  for (const Camera& camera : dataset.views) pictures.push_back(trainer.picture(camera));
   CHECK(cuda::bytesToDevice() == sent);
   for (std::size_t i = 0; i < pictures.size(); i++) {
-    const Image expected = renderPicture(*renderer, model, dataset.views[i].camera, dataset.background);
+    const Image expected = renderPicture(*renderer, model, dataset.views[i], dataset.background);
     CHECK(sameNumbers(pictures[i].data, expected.data));
   }
   CHECK(cuda::bytesToDevice() > sent);
@@ -96,7 +96,7 @@ TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer d
   RenderSettings render;
   render.background = dataset.background;
   for (std::size_t i = 0; i < pictures.size(); i++) {
-    const Camera& camera = dataset.views[i].camera;
+    const Camera& camera = dataset.views[i];
     CHECK(sameNumbers(imageOf(renderer->forward(camera, render), camera).data, pictures[i].data));
   }
   CHECK(cuda::bytesToDevice() == once);

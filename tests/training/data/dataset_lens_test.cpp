@@ -68,10 +68,10 @@ TEST_CASE("reads COLMAP's lenses, every model's parameters in their order", "[da
       CHECK(entry.lens.thin_prism[i] == Approx(expected.prism[i]));
     }
     const bool one_focal = expected.lengths == 3;
-    CHECK(entry.camera.fx == 10);
-    CHECK(entry.camera.fy == (one_focal ? 10 : 11));
-    CHECK(entry.camera.cx == (one_focal ? 11 : 12));
-    CHECK(entry.camera.cy == (one_focal ? 12 : 13));
+    CHECK(entry.camera.focal.x == 10);
+    CHECK(entry.camera.focal.y == (one_focal ? 10 : 11));
+    CHECK(entry.camera.center.x == (one_focal ? 11 : 12));
+    CHECK(entry.camera.center.y == (one_focal ? 12 : 13));
   }
   writeText(folder / "sparse/0/cameras.bin", colmapCamera(11, 4, 16));
   CHECK_THAT(refusal(folder.path),
@@ -125,20 +125,20 @@ TEST_CASE("reads the lenses of transforms.json, a frame's before the file's", "[
   json["k1"] = json["frames"][0]["k1"] = -0.8;
   writeText(folder / "transforms.json", json.dump());
   const tg::Dataset dataset = loadDataset(folder.path);
-  const tg::Camera& camera = dataset.views.at(0).camera;
-  CHECK(camera.width > 16);
-  CHECK(camera.fx == 20);
-  CHECK(camera.cx - 7.5 == std::floor(camera.cx - 7.5));
-  CHECK(dataset.pixels(0)->width == camera.width);
-  CHECK(dataset.pixels(0)->height == camera.height);
+  const tg::Camera& camera = dataset.views.at(0);
+  CHECK(camera.size.x > 16);
+  CHECK(camera.focal.x == 20);
+  CHECK(camera.center.x - 7.5 == std::floor(camera.center.x - 7.5));
+  CHECK(dataset.pixels(0)->width == camera.size.x);
+  CHECK(dataset.pixels(0)->height == camera.size.y);
   REQUIRE(dataset.notes.size() == 1);
   CHECK_THAT(dataset.notes[0], Contains("1 of 1 photographs are undistorted as they are read (the first: OPENCV, to "));
   DatasetOptions half;
   half.downscale = 2;
   const tg::Dataset reduced = loadDataset(folder.path, half);
-  CHECK(reduced.views[0].camera.width == camera.width / 2);
-  CHECK(reduced.views[0].camera.cx == camera.cx / 2);
-  CHECK(reduced.pixels(0)->width == camera.width / 2);
+  CHECK(reduced.views[0].size.x == camera.size.x / 2);
+  CHECK(reduced.views[0].center.x == camera.center.x / 2);
+  CHECK(reduced.pixels(0)->width == camera.size.x / 2);
 }
 
 TEST_CASE("masks go through the lens with their photographs", "[dataset]") {

@@ -24,18 +24,18 @@ void checkColmap(const tg::Dataset& dataset) {
   REQUIRE(dataset.views.size() == 10);
   // image0 and image8 are held out; the rest follow in order of their names.
   CHECK(dataset.indices(true) == std::vector<std::size_t>{8, 9});
-  CHECK(dataset.views[0].camera.name == "image1.png");
-  CHECK(dataset.views[8].camera.name == "image0.png");
-  CHECK(dataset.views[9].camera.name == "image8.png");
-  const tg::Camera& camera = dataset.views[0].camera;  // image1 is entry 8
-  CHECK(camera.fx == 20);
-  CHECK(camera.fy == 21);
-  CHECK(camera.cx == 7.5);
-  CHECK(camera.cy == 6.5);
-  CHECK(camera.camera_from_world_translation == glm::dvec3(8, 0, 5));
+  CHECK(dataset.views[0].name == "image1.png");
+  CHECK(dataset.views[8].name == "image0.png");
+  CHECK(dataset.views[9].name == "image8.png");
+  const tg::Camera& camera = dataset.views[0];  // image1 is entry 8
+  CHECK(camera.focal.x == 20);
+  CHECK(camera.focal.y == 21);
+  CHECK(camera.center.x == 7.5);
+  CHECK(camera.center.y == 6.5);
+  CHECK(camera.translation == glm::dvec3(8, 0, 5));
   // Quarter turn about y: world z comes out as camera x, world x as -z.
-  CHECK(glm::length(camera.camera_from_world_rotation * glm::dvec3(0, 0, 1) - glm::dvec3(1, 0, 0)) < 1e-15);
-  CHECK(glm::length(camera.camera_from_world_rotation * glm::dvec3(1, 0, 0) - glm::dvec3(0, 0, -1)) < 1e-15);
+  CHECK(glm::length(camera.rotation * glm::dvec3(0, 0, 1) - glm::dvec3(1, 0, 0)) < 1e-15);
+  CHECK(glm::length(camera.rotation * glm::dvec3(1, 0, 0) - glm::dvec3(0, 0, -1)) < 1e-15);
   REQUIRE(dataset.points.position.size() == 2);
   CHECK(dataset.points.position[0] == glm::vec3(0.5f, -1, 4));
   CHECK(dataset.points.color[0] == glm::vec3(1, 0, 0.2f));
@@ -59,19 +59,17 @@ TEST_CASE("reads the NeRF-synthetic layout: camera angle, straight alpha over wh
   REQUIRE(dataset.views.size() == 2);
   CHECK(dataset.layout == tg::DatasetLayout::nerfSynthetic);
   CHECK(dataset.background == glm::vec3(1.0f));
-  CHECK_FALSE(dataset.views[0].camera.test);
-  CHECK(dataset.views[1].camera.test);
-  const tg::Camera& camera = dataset.views[0].camera;
-  CHECK(camera.fx == Approx(16.0).epsilon(1e-12));
-  CHECK(camera.fy == camera.fx);
-  CHECK(camera.cx == 8);
-  CHECK(camera.cy == 6);
+  CHECK_FALSE(dataset.views[0].test);
+  CHECK(dataset.views[1].test);
+  const tg::Camera& camera = dataset.views[0];
+  CHECK(camera.focal.x == Approx(16.0).epsilon(1e-12));
+  CHECK(camera.focal.y == camera.focal.x);
+  CHECK(camera.center.x == 8);
+  CHECK(camera.center.y == 6);
   CHECK(glm::length(camera.position() - glm::dvec3(1, 2, 3)) < 1e-12);
-  const glm::dvec3 ahead =
-      camera.camera_from_world_rotation * glm::dvec3(0, 2, 3) + camera.camera_from_world_translation;
+  const glm::dvec3 ahead = camera.rotation * glm::dvec3(0, 2, 3) + camera.translation;
   CHECK(glm::length(ahead - glm::dvec3(0, 0, 1)) < 1e-12);  // one unit in front
-  const glm::dvec3 above =
-      camera.camera_from_world_rotation * glm::dvec3(1, 2, 4) + camera.camera_from_world_translation;
+  const glm::dvec3 above = camera.rotation * glm::dvec3(1, 2, 4) + camera.translation;
   CHECK(glm::length(above - glm::dvec3(0, -1, 0)) < 1e-12);  // y points down
   // 128/255 red over white, in 8 bit.
   CHECK(dataset.pixels(0)->rgb[0] == 255);
@@ -105,12 +103,12 @@ TEST_CASE("reads instant-ngp's transforms.json and skips missing images, countin
   CHECK(dataset.notes[0] == "1 of 10 listed images are missing and were skipped (the first: images/3.png)");
   REQUIRE(dataset.views.size() == 9);
   CHECK(dataset.indices(true).size() == 2);  // 0 and, of the nine that exist, the ninth
-  CHECK(dataset.views[7].camera.name == "0.png");
-  CHECK(dataset.views[8].camera.name == "9.png");
-  CHECK(dataset.views[0].camera.fx == 20);
-  CHECK(dataset.views[0].camera.fy == 21);
-  CHECK(dataset.views[3].camera.name == "5.png");
-  CHECK(dataset.views[3].camera.fx == 33);
+  CHECK(dataset.views[7].name == "0.png");
+  CHECK(dataset.views[8].name == "9.png");
+  CHECK(dataset.views[0].focal.x == 20);
+  CHECK(dataset.views[0].focal.y == 21);
+  CHECK(dataset.views[3].name == "5.png");
+  CHECK(dataset.views[3].focal.x == 33);
   CHECK(dataset.background == glm::vec3(0.0f));
   REQUIRE(dataset.points.position.size() == 1);
   CHECK(dataset.points.position[0] == glm::vec3(1, 2, 3));
@@ -126,18 +124,18 @@ TEST_CASE("scales intrinsics to the image's size and by --downscale", "[dataset]
   tg::TemporaryFolder folder;
   writePicture(folder / "a.png", 34, 26);  // the file says 16 x 12
   writeText(folder / "transforms.json", pinhole({frame("a.png")}).dump());
-  const tg::Camera scaled = loadDataset(folder.path).views[0].camera;
-  CHECK(scaled.width == 34);
-  CHECK(scaled.fx == Approx(20.0 * 34 / 16));
-  CHECK(scaled.cy == Approx(6.5 * 26 / 12));
+  const tg::Camera scaled = loadDataset(folder.path).views[0];
+  CHECK(scaled.size.x == 34);
+  CHECK(scaled.focal.x == Approx(20.0 * 34 / 16));
+  CHECK(scaled.center.y == Approx(6.5 * 26 / 12));
 
   DatasetOptions options;
   options.downscale = 4;  // 34 = 8 * 4 + 2: two columns are cut, the scale stays 1/4
   const tg::Dataset small = loadDataset(folder.path, options);
-  CHECK(small.views[0].camera.width == 8);
-  CHECK(small.views[0].camera.height == 6);
-  CHECK(small.views[0].camera.fx == Approx(20.0 * 34 / 16 / 4));
-  CHECK(small.views[0].camera.cx == Approx(7.5 * 34 / 16 / 4));
+  CHECK(small.views[0].size.x == 8);
+  CHECK(small.views[0].size.y == 6);
+  CHECK(small.views[0].focal.x == Approx(20.0 * 34 / 16 / 4));
+  CHECK(small.views[0].center.x == Approx(7.5 * 34 / 16 / 4));
   CHECK(small.pixels(0)->rgb.size() == 8u * 6 * 3);
   CHECK(small.pixels(0)->rgb[0] == 255);
 }
@@ -159,10 +157,10 @@ TEST_CASE("reads COLMAP models straight in sparse, and SIMPLE_PINHOLE", "[datase
   ColmapText text;
   text.cameras = "1 SIMPLE_PINHOLE 16 12 20 7.5 6.5\n";
   text.write(folder.path, "sparse");
-  const tg::Camera camera = loadDataset(folder.path).views[0].camera;
-  CHECK(camera.fx == 20);
-  CHECK(camera.fy == 20);
-  CHECK(camera.cx == 7.5);
+  const tg::Camera camera = loadDataset(folder.path).views[0];
+  CHECK(camera.focal.x == 20);
+  CHECK(camera.focal.y == 20);
+  CHECK(camera.center.x == 7.5);
 }
 
 TEST_CASE("photographs that do not have their camera's shape are named, reduced ones are fine", "[dataset]") {
@@ -192,9 +190,9 @@ TEST_CASE("finds photographs by paths with backslashes and by extensions in capi
   writeText(folder / "transforms.json", json.dump());
   const tg::Dataset dataset = loadDataset(folder.path);
   REQUIRE(dataset.views.size() == 2);
-  CHECK(dataset.views[0].camera.name == "b.PNG");
-  CHECK(dataset.views[1].camera.name == "a.png");
-  CHECK(dataset.views[1].camera.test);
+  CHECK(dataset.views[0].name == "b.PNG");
+  CHECK(dataset.views[1].name == "a.png");
+  CHECK(dataset.views[1].test);
 }
 
 TEST_CASE("refuses a COLMAP file that ends anywhere, without crash or huge allocation", "[dataset]") {
@@ -345,36 +343,36 @@ TEST_CASE("downscaling by N reads images_N where it holds the photographs at tha
   options.downscale = 4;
   reduce(10, 5, 4);  // 18 / 4 and 14 / 4, rounded up by whoever made them
   const tg::Dataset reduced = loadDataset(folder.path, options);
-  const tg::Camera& camera = reduced.views[0].camera;
-  CHECK(camera.width == 5);
-  CHECK(camera.height == 4);
-  CHECK(camera.fx == Approx(20.0 * 5 / 18));
-  CHECK(camera.cy == Approx(6.5 * 4 / 14));
+  const tg::Camera& camera = reduced.views[0];
+  CHECK(camera.size.x == 5);
+  CHECK(camera.size.y == 4);
+  CHECK(camera.focal.x == Approx(20.0 * 5 / 18));
+  CHECK(camera.center.y == Approx(6.5 * 4 / 14));
   REQUIRE(reduced.notes.size() == 1);
   CHECK_THAT(reduced.notes[0], Contains("read from images_4"));
 
   SECTION("the originals need not be there") {
     fs::remove_all(folder / "images");
-    CHECK(loadDataset(folder.path, options).views[0].camera.width == 5);
+    CHECK(loadDataset(folder.path, options).views[0].size.x == 5);
   }
   SECTION("another size is not used") {
     reduce(10, 8, 7);
     const tg::Dataset dataset = loadDataset(folder.path, options);
-    CHECK(dataset.views[0].camera.width == 4);
+    CHECK(dataset.views[0].size.x == 4);
     CHECK_THAT(dataset.notes.at(0), Contains("images_4 is of another size (expected 1/4 of 18 x 14, found 8 x 7)"));
   }
   SECTION("an incomplete folder is not used") {
     reduce(9, 5, 4);
     const tg::Dataset dataset = loadDataset(folder.path, options);
-    CHECK(dataset.views[0].camera.width == 4);
+    CHECK(dataset.views[0].size.x == 4);
     CHECK_THAT(dataset.notes.at(0), Contains("images_4 lacks photographs (found 9 of 10)"));
   }
   SECTION("a folder that is named is read as it is") {
     options.images = "images_4";
     options.downscale = 2;
     const tg::Dataset dataset = loadDataset(folder.path, options);
-    CHECK(dataset.views[0].camera.width == 2);
-    CHECK(dataset.views[0].camera.fx == Approx(20.0 * 5 / 18 / 2));
+    CHECK(dataset.views[0].size.x == 2);
+    CHECK(dataset.views[0].focal.x == Approx(20.0 * 5 / 18 / 2));
     CHECK(dataset.notes.empty());
   }
 }
@@ -460,14 +458,14 @@ TEST_CASE("nerfstudio's points are in the frame of its poses: applied_transform 
   REQUIRE(dataset.points.position.size() == 1);
   CHECK(dataset.points.position[0] == glm::vec3(1, 2, 3));
   REQUIRE(dataset.views.size() == 2);
-  CHECK(dataset.views[0].camera.name == "b.png");
-  CHECK(dataset.views[1].camera.test);  // listed, though the first of all names
-  CHECK(dataset.views[1].camera.name == "a.png");
-  CHECK(glm::length(dataset.views[1].camera.position() - glm::dvec3(4, 5, 6)) < 1e-12);
+  CHECK(dataset.views[0].name == "b.png");
+  CHECK(dataset.views[1].test);  // listed, though the first of all names
+  CHECK(dataset.views[1].name == "a.png");
+  CHECK(glm::length(dataset.views[1].position() - glm::dvec3(4, 5, 6)) < 1e-12);
   DatasetOptions test;
   test.only_test = true;
   CHECK(loadDataset(folder.path, test).views.size() == 1);
-  CHECK(loadDataset(folder.path, test).views[0].camera.name == "a.png");
+  CHECK(loadDataset(folder.path, test).views[0].name == "a.png");
 
   writeText(folder / "sparse_pc.ply", header + "0" + properties);
   CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("sparse_pc.ply holds no points"));
@@ -489,11 +487,11 @@ TEST_CASE("the layout that is asked for is the one that is read", "[dataset]") {
   CHECK_THAT(refusal(folder.path, options), Contains("3 ") && Contains("expected transforms_train.json, found "
                                                                        "transforms.json: use --layout transforms"));
   writeText(folder / "transforms_train.json", pinhole({frame("b.png")}).dump());
-  CHECK(loadDataset(folder.path, options).views[0].camera.name == "b.png");
+  CHECK(loadDataset(folder.path, options).views[0].name == "b.png");
   options.layout = tg::DatasetLayout::transforms;
-  CHECK(loadDataset(folder.path, options).views[0].camera.name == "a.png");
+  CHECK(loadDataset(folder.path, options).views[0].name == "a.png");
   fs::remove(folder / "transforms.json");
-  CHECK(loadDataset(folder.path, options).views[0].camera.name == "b.png");
+  CHECK(loadDataset(folder.path, options).views[0].name == "b.png");
 }
 
 TEST_CASE("a data set reads the same pixels whatever the memory limit, a random background keeps alpha", "[dataset]") {
@@ -522,17 +520,17 @@ TEST_CASE("a data set reads the same pixels whatever the memory limit, a random 
     CHECK(kept.composited(i, glm::vec3(1.0f))->rgb == kept.pixels(i)->rgb);
   }
   // View 1 of the training views is 2.png: 2/6 grey at alpha 2/6, 85 of 255, over white.
-  REQUIRE(random.views[1].camera.name == "2.png");
+  REQUIRE(random.views[1].name == "2.png");
   CHECK(random.composited(1, glm::vec3(1.0f))->rgb[0] == std::lround(85 * (85 / 255.0) + 255 * (1 - 85 / 255.0)));
 }
 
 TEST_CASE("the extent is 1.1 times the largest distance from the training cameras' mean", "[dataset]") {
   tg::Dataset dataset;
   for (double x : {-1.0, 0.0, 4.0, 100.0}) {
-    tg::View view;
-    view.camera.camera_from_world_translation = {-x, 0, 0};
-    view.camera.test = x == 100.0;
-    dataset.views.push_back(view);
+    tg::Camera camera;
+    camera.translation = {-x, 0, 0};
+    camera.test = x == 100.0;
+    dataset.views.push_back(camera);
   }
   CHECK(tg::cameraExtent(dataset) == Approx(3.3));
 }
@@ -549,7 +547,7 @@ TEST_CASE("reads the shared scenes, COLMAP and JSON poses of one scene agree", "
       if (a.camera.name != b.camera.name) continue;
       CHECK(glm::length(a.camera.position() - b.camera.position()) < 1e-5);
       for (int c = 0; c < 3; c++) {
-        CHECK(glm::length(a.camera.camera_from_world_rotation[c] - b.camera.camera_from_world_rotation[c]) < 1e-5);
+        CHECK(glm::length(a.camera.rotation[c] - b.camera.rotation[c]) < 1e-5);
       }
     }
   }

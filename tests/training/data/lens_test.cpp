@@ -55,12 +55,9 @@ std::vector<NamedLens> lenses() {
 
 Camera camera(int width = 96, int height = 64) {
   Camera c;
-  c.width = width;
-  c.height = height;
-  c.fx = 80;
-  c.fy = 78;
-  c.cx = 47.5;
-  c.cy = 33;
+  c.size = {width, height};
+  c.focal = {80, 78};
+  c.center = {47.5, 33};
   return c;
 }
 
@@ -71,11 +68,11 @@ double pattern(glm::dvec2 plane, int channel) {
 
 // What the lens's camera takes of the pattern; black where no point of the plane lands.
 Image photograph(const Lens& lens, const Camera& of, int channels) {
-  Image image(of.width, of.height, channels);
+  Image image(of.size.x, of.size.y, channels);
   const double valid_radius = lens.validRadius();
-  for (int y = 0; y < of.height; y++) {
-    for (int x = 0; x < of.width; x++) {
-      const auto plane = lens.undistort({(x + 0.5 - of.cx) / of.fx, (y + 0.5 - of.cy) / of.fy}, valid_radius);
+  for (int y = 0; y < of.size.y; y++) {
+    for (int x = 0; x < of.size.x; x++) {
+      const auto plane = lens.undistort(glm::dvec2(ray(of, {x + 0.5, y + 0.5})), valid_radius);
       for (int c = 0; plane && c < channels; c++) image.at(x, y, c) = static_cast<float>(pattern(*plane, c));
     }
   }
@@ -128,18 +125,18 @@ TEST_CASE("an undistorted photograph is the pinhole's, in every model and kind o
       Image image = photograph(named.lens, camera(), channels);
       for (std::size_t i = 3; channels == 4 && i < image.data.size(); i += 4) image.data[i] = 0.5f;
       const Undistortion::Result result = undistortion.apply(image, {});
-      REQUIRE(result.image.width == pinhole.width);
-      REQUIRE(result.image.height == pinhole.height);
+      REQUIRE(result.image.width == pinhole.size.x);
+      REQUIRE(result.image.height == pinhole.size.y);
       REQUIRE(result.image.channels == channels);
       double worst = 0;
       std::size_t hidden = 0;
-      for (int y = 0; y < pinhole.height; y++) {
-        for (int x = 0; x < pinhole.width; x++) {
-          const bool shows = result.mask[static_cast<std::size_t>(y) * pinhole.width + x] != 0;
+      for (int y = 0; y < pinhole.size.y; y++) {
+        for (int x = 0; x < pinhole.size.x; x++) {
+          const bool shows = result.mask[static_cast<std::size_t>(y) * pinhole.size.x + x] != 0;
           hidden += !shows;
           // Two pixels from the border, whose neighbours are all there.
-          if (!shows || x < 2 || y < 2 || x >= pinhole.width - 2 || y >= pinhole.height - 2) continue;
-          const glm::dvec2 plane((x + 0.5 - pinhole.cx) / pinhole.fx, (y + 0.5 - pinhole.cy) / pinhole.fy);
+          if (!shows || x < 2 || y < 2 || x >= pinhole.size.x - 2 || y >= pinhole.size.y - 2) continue;
+          const glm::dvec2 plane(ray(pinhole, {x + 0.5, y + 0.5}));
           for (int c = 0; c < std::min(channels, 3); c++) {
             worst = std::max(worst, std::abs(result.image.at(x, y, c) - pattern(plane, c)));
           }
@@ -149,33 +146,33 @@ TEST_CASE("an undistorted photograph is the pinhole's, in every model and kind o
       CHECK(worst < 1.5e-3);
       CHECK(hidden <= result.mask.size() / 100);  // corners at most
       // The pose and the scale are the photograph's; pixels stay on its grid.
-      CHECK(pinhole.fx == camera().fx);
-      CHECK(pinhole.cx + undistortion.origin.x == camera().cx);
-      CHECK(pinhole.cy + undistortion.origin.y == camera().cy);
+      CHECK(pinhole.focal.x == camera().focal.x);
+      CHECK(pinhole.center.x + undistortion.origin.x == camera().center.x);
+      CHECK(pinhole.center.y + undistortion.origin.y == camera().center.y);
     }
   }
 }
 
 TEST_CASE("a barrel lens gives a larger picture, a pincushion a smaller one, a weak one the same pixels", "[lens]") {
   const Undistortion barrel({.model = "OPENCV", .radial = {-0.2}}, camera(), "a.png");
-  CHECK(barrel.pinhole.width > 98);
+  CHECK(barrel.pinhole.size.x > 98);
   CHECK(barrel.origin.x < 0);
   const Undistortion pincushion({.model = "OPENCV", .radial = {0.2}}, camera(), "a.png");
-  CHECK(pincushion.pinhole.width < 94);
+  CHECK(pincushion.pinhole.size.x < 94);
   CHECK(pincushion.origin.x > 0);
   const Undistortion weak({.model = "OPENCV", .radial = {1e-12}}, camera(), "a.png");
-  CHECK(weak.pinhole.width == 96);
-  CHECK(weak.pinhole.height == 64);
+  CHECK(weak.pinhole.size.x == 96);
+  CHECK(weak.pinhole.size.y == 64);
   const Image image = photograph({}, camera(), 3);
   const Undistortion::Result result = weak.apply(image, {});
   for (std::size_t i = 0; i < image.data.size(); i++) REQUIRE(std::abs(result.image.data[i] - image.data[i]) < 1e-6);
   // A fisheye that sees nearly half a sphere: at most half a picture is added at each end.
   Camera wide = camera();
-  wide.fx = wide.fy = 32;
+  wide.focal.x = wide.focal.y = 32;
   const Undistortion fisheye({.model = "OPENCV_FISHEYE", .fisheye = true}, wide, "a.png");
-  CHECK(fisheye.pinhole.width <= 192);
-  CHECK(fisheye.pinhole.height <= 128);
-  CHECK(fisheye.pinhole.width > 150);
+  CHECK(fisheye.pinhole.size.x <= 192);
+  CHECK(fisheye.pinhole.size.y <= 128);
+  CHECK(fisheye.pinhole.size.x > 150);
 }
 
 TEST_CASE("undistorting hides what masks hide and what no photograph shows", "[lens]") {
@@ -186,30 +183,30 @@ TEST_CASE("undistorting hides what masks hide and what no photograph shows", "[l
     for (std::size_t x = 0; x < 30; x++) mask[y * 96 + x] = 0;
   }
   const Undistortion::Result result = undistortion.apply(image, mask);
-  const int row = undistortion.pinhole.height / 2;
+  const int row = undistortion.pinhole.size.y / 2;
   const auto counts = [&](int x) {
-    return result.mask[static_cast<std::size_t>(row) * undistortion.pinhole.width + x] != 0;
+    return result.mask[static_cast<std::size_t>(row) * undistortion.pinhole.size.x + x] != 0;
   };
   // The mask's edge at x = 30 lies at (30 - cx) / fx = r (1 + 0.15 r^2) on the plane.
   const double edge = undistortion.lens.undistort({(30 - 47.5) / 80, 0}, undistortion.valid_radius)->x;
-  const int pixel = static_cast<int>(std::floor(edge * 80 + undistortion.pinhole.cx));
+  const int pixel = static_cast<int>(std::floor(edge * 80 + undistortion.pinhole.center.x));
   CHECK_FALSE(counts(pixel - 1));
   CHECK(counts(pixel + 2));
 
   // Half of the pixels that this lens adds show nothing: their corners lie beyond the photograph.
   Camera narrow = camera();
-  narrow.fx = narrow.fy = 40;
+  narrow.focal.x = narrow.focal.y = 40;
   const Undistortion folding({.model = "SIMPLE_RADIAL", .radial = {-0.3}}, narrow, "a.png");
   const Undistortion::Result corners = folding.apply(image, {});
   CHECK(corners.mask[0] == 0);
-  CHECK(corners.mask[corners.mask.size() / 2 + static_cast<std::size_t>(folding.pinhole.width / 2)] == 255);
+  CHECK(corners.mask[corners.mask.size() / 2 + static_cast<std::size_t>(folding.pinhole.size.x / 2)] == 255);
 }
 
 TEST_CASE("an implausible lens is refused with what would remain", "[lens]") {
   const auto refused = [](const Lens& lens) {
     try {
       const Undistortion undistortion(lens, camera(), "a.png");
-      return std::to_string(undistortion.pinhole.width);
+      return std::to_string(undistortion.pinhole.size.x);
     } catch (const tg::Error& error) {
       return std::string(error.what());
     }

@@ -21,14 +21,11 @@ tg::Dataset dataset() {
   for (int i = 0; i < 3; i++) {
     tg::Camera camera;
     camera.name = names[i];
-    camera.width = 6;
-    camera.height = 4;
-    camera.fx = 7 + i;
-    camera.fy = 8;
-    camera.cx = 2.5;
-    camera.cy = 1.75;
+    camera.size = {6, 4};
+    camera.focal = {7 + i, 8};
+    camera.center = {2.5, 1.75};
     camera.test = i == 2;
-    camera.camera_from_world_translation = {0.1 * i, 0.2, 3};
+    camera.translation = {0.1 * i, 0.2, 3};
     result.views.push_back({camera});
     tg::Photograph& photograph = photographs.emplace_back();
     photograph.pixels.width = 6;
@@ -58,13 +55,13 @@ TEST_CASE("a written data set loads as it was", "[dataset]") {
   REQUIRE(after.views.size() == 3);
   CHECK(after.points.position == before.points.position);
   for (std::size_t i = 0; i < 3; i++) {
-    const tg::Camera& camera = after.views[i].camera;
-    const tg::Camera& original = before.views[i].camera;
+    const tg::Camera& camera = after.views[i];
+    const tg::Camera& original = before.views[i];
     CHECK(camera.test == original.test);
-    CHECK(camera.fx == original.fx);
-    CHECK(camera.fy == original.fy);
-    CHECK(camera.cx == original.cx);
-    CHECK(camera.cy == original.cy);
+    CHECK(camera.focal.x == original.focal.x);
+    CHECK(camera.focal.y == original.focal.y);
+    CHECK(camera.center.x == original.center.x);
+    CHECK(camera.center.y == original.center.y);
     CHECK(glm::length(camera.position() - original.position()) < 1e-12);
     const auto loaded = after.photographs->get(i);
     const auto stored = before.photographs->get(i);

@@ -312,7 +312,7 @@ TEST_CASE("a checkpoint of other settings or data is refused by the first differ
   black.background = glm::vec3(0.0f);
   CHECK_THROWS_WITH(check(black, settings), Contains("background (expected 1,1,1, found 0,0,0)"));
   tg::Dataset moved = dataset;
-  moved.views[2].camera.camera_from_world_translation.x += 1e-6;
+  moved.views[2].translation.x += 1e-6;
   CHECK_THROWS_WITH(check(moved, settings), Contains("other data: fingerprint"));
 
   // A newer program with one more setting.

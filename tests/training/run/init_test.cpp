@@ -65,11 +65,9 @@ TEST_CASE("a random subset keeps order, count and seed", "[init]") {
 TEST_CASE("without points Gaussians start where the cameras look", "[init]") {
   tg::Dataset dataset;
   for (double angle : {0.0, 1.5, 3.0, 4.5}) {
-    tg::View view;
     const glm::dvec3 target(10, 20, 30);
-    view.camera =
-        tg::lookAt(target + 4.0 * glm::dvec3(std::cos(angle), std::sin(angle), 0), target, {0, 0, 1}, 1, 8, 8);
-    dataset.views.push_back(view);
+    dataset.views.push_back(
+        tg::lookAt(target + 4.0 * glm::dvec3(std::cos(angle), std::sin(angle), 0), target, {0, 0, 1}, 1, 8, 8));
   }
   dataset.layout = tg::DatasetLayout::transforms;
   const tg::PointCloud around = tg::randomPoints(dataset, 1000, 1);

@@ -51,7 +51,7 @@ TEST_CASE("adding textures and SH degrees leaves the picture the same to the las
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   for (const tg::IntersectionModel model : {tg::IntersectionModel::plane, tg::IntersectionModel::maxResponse}) {
     state.model.intersection = model;
-    const tg::Camera& camera = dataset.views[0].camera;
+    const tg::Camera& camera = dataset.views[0];
     const tg::Image plain = tg::renderPicture(*renderer, state.model, camera, dataset.background);
     for (const tg::TextureMode mode : {tg::TextureMode::alpha, tg::TextureMode::rgb, tg::TextureMode::rgba}) {
       tg::TrainingState textured = state;

@@ -10,22 +10,20 @@ namespace {
 
 tg::Camera cameraAt(double z, double focal) {
   tg::Camera camera;
-  camera.width = 100;
-  camera.height = 50;
-  camera.fx = camera.fy = focal;
-  camera.cx = 50;
-  camera.cy = 25;
-  camera.camera_from_world_translation = {0, 0, z};  // the world's origin lies z before it
+  camera.size = {100, 50};
+  camera.focal.x = camera.focal.y = focal;
+  camera.center = {50, 25};
+  camera.translation = {0, 0, z};  // the world's origin lies z before it
   return camera;
 }
 
 tg::Dataset twoViews() {
   tg::Dataset dataset;
   dataset.views.resize(3);
-  dataset.views[0].camera = cameraAt(4, 100);
-  dataset.views[1].camera = cameraAt(6, 300);
-  dataset.views[2].camera = cameraAt(1, 1000);  // held out: does not count
-  dataset.views[2].camera.test = true;
+  dataset.views[0] = cameraAt(4, 100);
+  dataset.views[1] = cameraAt(6, 300);
+  dataset.views[2] = cameraAt(1, 1000);  // held out: does not count
+  dataset.views[2].test = true;
   return dataset;
 }
 

@@ -67,7 +67,7 @@ struct Bench {
       if (!news.problem.empty()) all.problem = news.problem;
       all.given_up = all.given_up || news.given_up;
       if (news.picture) all.picture = news.picture;
-      if (width == 0 ? all.given_up : all.picture && all.picture->request.camera.width == width) return all;
+      if (width == 0 ? all.given_up : all.picture && all.picture->request.camera.size.x == width) return all;
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     FAIL("no such news");

@@ -19,17 +19,16 @@ double distance(const glm::dmat3& a, const glm::dmat3& b) {
   return sum;
 }
 
-glm::dvec2 project(const Camera& camera, glm::dvec3 point) {
-  const glm::dvec3 p = camera.camera_from_world_rotation * point + camera.camera_from_world_translation;
-  return {camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy};
+glm::dvec2 placeOf(const Camera& camera, glm::dvec3 point) {
+  return tg::project(camera, cameraFromWorld(camera, point));
 }
 
 Camera randomCamera(test::Random& random) {
   const glm::dvec3 eye = random.uniformVec3(-3, 3);
   Camera camera = lookAt(eye, eye + random.direction(), random.direction(), random.uniform(0.4, 1.5), 640, 480);
-  camera.cx += random.uniform(-40, 40);
-  camera.cy += random.uniform(-40, 40);
-  camera.fx *= random.uniform(0.9, 1.1);
+  camera.center.x += random.uniform(-40, 40);
+  camera.center.y += random.uniform(-40, 40);
+  camera.focal.x *= random.uniform(0.9, 1.1);
   return camera;
 }
 
@@ -48,12 +47,12 @@ TEST_CASE("a model's camera comes back from its pose and lens") {
     const glm::dvec3 up = random.direction();
     const ViewPose pose = poseOf(camera, up, bounds);
     const Camera back = toCamera(pose, lensOf(camera, 640.0 / 480.0), 640, 480);
-    CHECK(distance(back.camera_from_world_rotation, camera.camera_from_world_rotation) < 1e-9);
+    CHECK(distance(back.rotation, camera.rotation) < 1e-9);
     CHECK(glm::length(back.position() - camera.position()) < 1e-9);
-    CHECK(back.fx == Approx(camera.fx));
-    CHECK(back.fy == Approx(camera.fy));
-    CHECK(back.cx == Approx(camera.cx));
-    CHECK(back.cy == Approx(camera.cy));
+    CHECK(back.focal.x == Approx(camera.focal.x));
+    CHECK(back.focal.y == Approx(camera.focal.y));
+    CHECK(back.center.x == Approx(camera.center.x));
+    CHECK(back.center.y == Approx(camera.center.y));
   }
 }
 
@@ -62,7 +61,7 @@ TEST_CASE("a camera that looks straight along the up axis keeps its orientation"
     for (const glm::dvec3 image_up : {glm::dvec3(1, 0, 0), glm::dvec3(0.6, 0, -0.8)}) {
       const Camera camera = lookAt({0, 0, 0}, direction, image_up, 0.8, 100, 100);
       const ViewPose pose = poseOf(camera, {0, -1, 0}, {});
-      CHECK(distance(pose.cameraFromWorldRotation(), camera.camera_from_world_rotation) < 1e-9);
+      CHECK(distance(pose.cameraFromWorldRotation(), camera.rotation) < 1e-9);
     }
   }
 }
@@ -88,9 +87,9 @@ TEST_CASE("orbiting left and right: the scene follows the pointer") {
   ViewPose pose = levelPose({0, 0, 1}, {0, -5, 0}, {0, 0, 0});  // looks north
   const Lens lens;
   const glm::dvec3 near_point(0, -1, 0);
-  const double before = project(toCamera(pose, lens, 400, 400), near_point).x;
+  const double before = placeOf(toCamera(pose, lens, 400, 400), near_point).x;
   orbit(pose, -0.1, 0);  // what a drag to the right asks for
-  CHECK(project(toCamera(pose, lens, 400, 400), near_point).x > before);
+  CHECK(placeOf(toCamera(pose, lens, 400, 400), near_point).x > before);
 }
 
 TEST_CASE("a pitch beyond the limit, from a model's camera, is left only towards the horizon") {
@@ -121,7 +120,7 @@ TEST_CASE("panning moves the pivot's plane by what it says") {
   const glm::dvec3 pivot = pose.pivot();
   const double units_per_pixel = 2 * pose.distance * std::tan(lens.fov_y / 2) / 200;
   pan(pose, -30 * units_per_pixel, -10 * units_per_pixel);
-  const glm::dvec2 moved = project(toCamera(pose, lens, 300, 200), pivot) - project(before, pivot);
+  const glm::dvec2 moved = placeOf(toCamera(pose, lens, 300, 200), pivot) - placeOf(before, pivot);
   CHECK(moved.x == Approx(30));
   CHECK(moved.y == Approx(10));
 }
@@ -149,7 +148,7 @@ TEST_CASE("framing puts the whole sphere into the image, in wide and tall window
     CHECK(glm::length(pose.forward() - forward) < 1e-12);
     const Camera camera = toCamera(pose, lens, size.x, size.y);
     for (int i = 0; i < 200; ++i) {
-      const glm::dvec2 p = project(camera, bounds.center + bounds.radius * random.direction());
+      const glm::dvec2 p = placeOf(camera, bounds.center + bounds.radius * random.direction());
       CHECK(p.x > -1e-6);
       CHECK(p.x < size.x + 1e-6);
       CHECK(p.y > -1e-6);
@@ -170,10 +169,9 @@ TEST_CASE("another image size shows the whole old image, undistorted") {
   for (const glm::ivec2 size : {glm::ivec2(1000, 480), glm::ivec2(300, 700), glm::ivec2(1280, 960)}) {
     const Camera camera = randomCamera(random);
     const Camera other = fitted(camera, size.x, size.y);
-    CHECK(other.fx / other.fy == Approx(camera.fx / camera.fy));
+    CHECK(other.focal.x / other.focal.y == Approx(camera.focal.x / camera.focal.y));
     for (const glm::dvec2 corner : {glm::dvec2(0, 0), glm::dvec2(640, 0), glm::dvec2(0, 480), glm::dvec2(640, 480)}) {
-      const glm::dvec3 ray((corner.x - camera.cx) / camera.fx, (corner.y - camera.cy) / camera.fy, 1);
-      const glm::dvec2 p(ray.x * other.fx + other.cx, ray.y * other.fy + other.cy);
+      const glm::dvec2 p = tg::project(other, ray(camera, corner));
       CHECK(p.x > -1e-6);
       CHECK(p.x < size.x + 1e-6);
       CHECK(p.y > -1e-6);
@@ -182,10 +180,10 @@ TEST_CASE("another image size shows the whole old image, undistorted") {
     // The window's way and the command line's way are one view.
     const Camera window =
         toCamera(poseOf(camera, {0, -1, 0}, {}), lensOf(camera, static_cast<double>(size.x) / size.y), size.x, size.y);
-    CHECK(window.fx == Approx(other.fx));
-    CHECK(window.fy == Approx(other.fy));
-    CHECK(window.cx == Approx(other.cx));
-    CHECK(window.cy == Approx(other.cy));
+    CHECK(window.focal.x == Approx(other.focal.x));
+    CHECK(window.focal.y == Approx(other.focal.y));
+    CHECK(window.center.x == Approx(other.center.x));
+    CHECK(window.center.y == Approx(other.center.y));
   }
 }
 

@@ -136,16 +136,16 @@ TEST_CASE("frames: both ends of an open path, a closed one without its first pic
 TEST_CASE("a key is its camera, at its size and at others as --size fits it") {
   const Camera camera = lookAt({1, 2, -3}, {0, 0, 0.5}, {0, -1, 0.1}, 0.7, 640, 480);
   Camera odd = camera;
-  odd.cx += 12;
-  odd.cy -= 7;
-  odd.fx *= 1.05;
+  odd.center.x += 12;
+  odd.center.y -= 7;
+  odd.focal.x *= 1.05;
   for (const glm::ivec2 size : {glm::ivec2(640, 480), glm::ivec2(1280, 480), glm::ivec2(300, 700)}) {
     const Camera back = toCamera(keyOf(odd, 0), 640.0 / 480.0, size.x, size.y);
     const Camera expected = fitted(odd, size.x, size.y);
-    CHECK(back.fx == Approx(expected.fx));
-    CHECK(back.fy == Approx(expected.fy));
-    CHECK(back.cx == Approx(expected.cx));
-    CHECK(back.cy == Approx(expected.cy));
+    CHECK(back.focal.x == Approx(expected.focal.x));
+    CHECK(back.focal.y == Approx(expected.focal.y));
+    CHECK(back.center.x == Approx(expected.center.x));
+    CHECK(back.center.y == Approx(expected.center.y));
     CHECK(glm::length(back.position() - expected.position()) < 1e-9);
   }
 }

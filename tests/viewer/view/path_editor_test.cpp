@@ -127,7 +127,7 @@ TEST_CASE("a closed path plays on, seeking shows the view of the recording") {
   const Camera shown = currentCamera(state);
   const Camera recorded = pathCameras(state.path.path, 2, shown.width, shown.height)[3];
   CHECK(glm::length(shown.position() - recorded.position()) < 1e-9);
-  CHECK(shown.fy == Approx(recorded.fy).epsilon(1e-3));
+  CHECK(shown.focal.y == Approx(recorded.focal.y).epsilon(1e-3));
 }
 
 TEST_CASE("keys can be set, deleted and cleared") {

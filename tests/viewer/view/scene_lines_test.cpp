@@ -13,8 +13,8 @@ TEST_CASE("a segment before the camera lands where its ends project") {
   const auto line = projected(camera, {0, 0, 0}, {1, 0.5, 0});
   REQUIRE(line);
   CHECK(glm::length(line->first - glm::dvec2(100, 50)) < 1e-9);
-  CHECK(line->second.x == Approx(100 + camera.fx / 4));
-  CHECK(line->second.y == Approx(50 + camera.fy / 8));
+  CHECK(line->second.x == Approx(100 + camera.focal.x / 4));
+  CHECK(line->second.y == Approx(50 + camera.focal.y / 8));
 }
 
 TEST_CASE("a segment through the camera's plane keeps its visible part on its line, one behind is gone") {

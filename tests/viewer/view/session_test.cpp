@@ -67,7 +67,7 @@ TEST_CASE("a session comes back from its file whole") {
   const std::vector<Camera> bookmarks = bookmarksOf(loaded.session, "/models/a b.tgz");
   REQUIRE(bookmarks.size() == 2);
   CHECK(bookmarks[0].name == "view 1");
-  CHECK(bookmarks[0].camera_from_world_translation == session.bookmarks[0].cameras[0].camera_from_world_translation);
+  CHECK(bookmarks[0].translation == session.bookmarks[0].cameras[0].translation);
   CHECK(formatSession(loaded.session) == formatSession(session));
 }
 

@@ -11,8 +11,8 @@ TEST_CASE("without --camera: the first test camera, else the first, else the who
   Scene scene;
   ViewOptions options;
   const Camera whole = cameraFor(options, scene);
-  CHECK(whole.width == 1280);
-  CHECK(whole.height == 720);
+  CHECK(whole.size.x == 1280);
+  CHECK(whole.size.y == 720);
   for (int i = 0; i < 3; ++i) {
     scene.cameras.push_back(lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64 + i, 48));
   }

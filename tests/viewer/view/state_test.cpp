@@ -144,9 +144,9 @@ TEST_CASE("a panned point stays under the pointer") {
   input.drag = {17, -9};
   applyInput(state, input, 480);
   const Camera camera = toCamera(state.camera.pose, state.camera.lens, 640, 480);
-  const glm::dvec3 p = camera.camera_from_world_rotation * pivot + camera.camera_from_world_translation;
-  CHECK(camera.fx * p.x / p.z == Approx(17));
-  CHECK(camera.fy * p.y / p.z == Approx(-9));
+  const glm::dvec3 p = camera.rotation * pivot + camera.translation;
+  CHECK(camera.focal.x * p.x / p.z == Approx(17));
+  CHECK(camera.focal.y * p.y / p.z == Approx(-9));
 }
 
 TEST_CASE("the wheel comes closer, with Ctrl it changes the lens within its limits") {
