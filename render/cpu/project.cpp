@@ -253,7 +253,6 @@ bool inside(const CropBox& box, glm::vec3 x) {
 float opacity(float logit) { return 1.0f / (1.0f + std::exp(-logit)); }
 
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   checkSettings(settings);
   if (camera.size.x <= 0 || camera.size.y <= 0 || !(camera.focal.x > 0.0) || !(camera.focal.y > 0.0)) {
     throw Error(ErrorKind::usage, "camera " + camera.name,

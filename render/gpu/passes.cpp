@@ -57,7 +57,7 @@ void addScan(PassList& list, const char* name, const Scratch& scratch, const Sca
 }
 
 int addSort(PassList& list, const char* name, const Scratch& scratch, const Sort& sort) {
-  TG_ASSERT(sort.bits > 0 && sort.first_bit + sort.bits <= 32, "a sort by bits of the keys");
+  TG_ASSERT(sort.first_bit + sort.bits <= 32, "a sort by bits of the keys");
   PassUniforms uniforms{};
   uniforms.work = sort.work;
   int from = 0;

@@ -94,7 +94,6 @@ void DeviceModel::download(ModelGradient& gradient) const {
 }
 
 void DeviceModel::download(GaussianModel& model) const {
-  TG_ASSERT(model.size() == count && model.shCount() == sh_count, "the model has the device's size");
   mean.downloadAll(model.mean);
   rotation.downloadAll(model.rotation);
   log_scale.downloadAll(model.log_scale);

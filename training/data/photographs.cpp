@@ -222,13 +222,13 @@ std::shared_ptr<PhotographStore::Ahead> PhotographStore::takeAhead(std::size_t v
 
 std::shared_ptr<const Photograph> PhotographStore::get(std::size_t view) {
   TG_ASSERT(view < kept_.size(), "the store has this view");
-  TG_ASSERT(!insideParallelFor(), "photographs are not fetched inside a parallelFor");
   std::shared_ptr<Ahead> ahead;
   {
     const std::lock_guard lock(mutex_);
     if (kept_.at(view)) return kept_[view];
     ahead = takeAhead(view);
   }
+  TG_ASSERT(!ahead || !insideParallelFor(), "a prefetched photograph is not awaited inside a parallelFor");
   if (!ahead) return std::make_shared<const Photograph>(decode_(view));
   ahead->run();  // not begun yet: faster done here than waited for
   return ahead->photograph.get();

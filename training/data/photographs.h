@@ -53,8 +53,8 @@ Photograph decodePhotograph(const PhotographSource& source);
 std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Photograph>& photograph,
                                                 const glm::vec3& background);
 
-// Which views are kept changes how long get() takes, never what it returns. Thread-safe; get() must not be called
-// inside a parallelFor, since decoding may use one.
+// Which views are kept changes how long get() takes, never what it returns. Thread-safe; get() of a view that
+// was prefetched must not be called inside a parallelFor, since decoding may use one.
 class PhotographStore {
  public:
   using Decode = std::function<Photograph(std::size_t view)>;

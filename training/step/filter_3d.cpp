@@ -23,7 +23,6 @@ std::vector<Pinhole> filterCameras(const Dataset& dataset) {
 }
 
 std::vector<float> pixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model) {
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   std::vector<float> sizes(model.size(), 0.0f);
   parallelFor(static_cast<std::int64_t>(model.size()), kFilterGrain,
               [&](std::int64_t i) { sizes[i] = pixelSizeAt(model.mean[i], cameras.data(), cameras.size()); });

@@ -73,7 +73,6 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
 }
 
 void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration) {
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   TG_ASSERT(iteration >= 1, "iterations count from 1");
   parallelFor(static_cast<std::int64_t>(model.size()), kMcmcGrain, [&](std::int64_t i) {
     model.mean[i] += explorationNoise(model.rotation[i], model.log_scale[i], model.opacity_logit[i], strength, seed,
