@@ -246,12 +246,12 @@ void run(const Options& options) {
     pairs_of.push_back(std::lerp(pairs_before[view], pairs_after[view], i / std::max(1.0, options.iterations - 1.0)));
   }
   const double pairs = std::accumulate(pairs_of.begin(), pairs_of.end(), 0.0) / options.iterations;
-  const double pixels = static_cast<double>(scene.cameras[0].width) * scene.cameras[0].height;
+  const double pixels = static_cast<double>(scene.cameras[0].size.x) * scene.cameras[0].size.y;
 
   std::printf("%s, %d lanes; FMA peak of one thread %.1f GFLOP/s\n", makeCpuRenderer()->deviceName().c_str(),
               bench::vectorLanes(), peak * 1e-9);
   std::printf("%d x %d px, %zu Gaussians, %d x %d texels, %.2f M blended pairs (%.1f a pixel), %d iterations\n",
-              scene.cameras[0].width, scene.cameras[0].height, state.model.size(), options.texels, options.texels,
+              scene.cameras[0].size.x, scene.cameras[0].size.y, state.model.size(), options.texels, options.texels,
               pairs * 1e-6, pairs / pixels, options.iterations);
   std::printf("%-15s %10s %10s %16s\n", "phase", "best wall", "median", "best processor");
   double step_wall = 0.0;

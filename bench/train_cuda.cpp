@@ -63,8 +63,8 @@ class Run {
     state_.statistics.reset(state_.training.model.size());
     for (std::size_t i = 0; i < bench.cameras.size(); ++i) {
       auto pixels = std::make_shared<ViewPixels>();
-      pixels->width = bench.cameras[i].width;
-      pixels->height = bench.cameras[i].height;
+      pixels->width = bench.cameras[i].size.x;
+      pixels->height = bench.cameras[i].size.y;
       pixels->rgb = bench.photographs[i];
       photographs_.push_back(std::move(pixels));
     }

@@ -183,7 +183,8 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
     sums.splats.resize(scene.splats.size());
     sums.texels.resize(model.texels.size(), glm::dvec4(0.0));
     std::vector<Blended> list;
-    for (int y = camera.size.y * band / kBands; y < camera.size.y * (band + 1) / kBands; ++y) {
+    const int end = static_cast<int>(camera.size.y * (band + 1) / kBands);
+    for (int y = static_cast<int>(camera.size.y * band / kBands); y < end; ++y) {
       for (int x = 0; x < camera.size.x; ++x) {
         addPixel(scene, options, x, y, v_color[static_cast<std::size_t>(y) * camera.size.x + x], list, sums);
       }

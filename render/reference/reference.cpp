@@ -100,7 +100,7 @@ FrameT<double> renderReference(const ReferenceModel& model, const Camera& camera
   parallelFor(camera.size.y, 1, [&](std::int64_t y) {
     for (int x = 0; x < camera.size.x; ++x) {
       const std::size_t pixel = static_cast<std::size_t>(y) * camera.size.x + x;
-      const glm::dvec2 position(x + 0.5, y + 0.5);
+      const glm::dvec2 position(x + 0.5, static_cast<double>(y) + 0.5);
       const glm::dvec3 direction = reference::rayDirection(camera, position.x, position.y);
       if (settings.outputs.hasAny(kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity})) {
         blendPixel(scene, direction, pixel, frame);

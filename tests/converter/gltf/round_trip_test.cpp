@@ -189,8 +189,8 @@ TEST_CASE("cameras and the background come back from a GLB") {
     const Camera& b = loaded.cameras[i];
     CHECK(b.name == a.name);
     CHECK(b.test == a.test);
-    CHECK(b.width == a.width);
-    CHECK(b.height == a.height);
+    CHECK(b.size.x == a.size.x);
+    CHECK(b.size.y == a.size.y);
     CHECK(b.focal.x == a.focal.x);
     CHECK(b.focal.y == a.focal.y);
     CHECK(b.center.x == a.center.x);

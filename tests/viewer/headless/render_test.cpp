@@ -133,7 +133,7 @@ TEST_CASE("texture terms, intersection, background, camera and size change the p
   shop.write("camera.json", cameras);
   CHECK(std::isinf(psnr8Bit(render({"--camera", "camera.json"}), render({"--camera", "2"}))));
   const Image wide = render({"--size", "200x72"});
-  CHECK(wide.size.x == 200);
+  CHECK(wide.width == 200);
   // The middle of a wider image is the camera's own.
   Image middle(96, 72, 3);
   for (int y = 0; y < 72; ++y) {

@@ -27,7 +27,7 @@ TEST_CASE("a recording takes pictures of the path, or of a turn, in order") {
     while (turn.done() < turn.frames()) {
       const Camera* due = turn.due();
       if (!due) continue;
-      CHECK(due->width == 8);
+      CHECK(due->size.x == 8);
       turn.take({}, [] { return Image(8, 6, 3, 0.5f); });
     }
     CHECK_FALSE(turn.due());

@@ -125,7 +125,7 @@ TEST_CASE("a closed path plays on, seeking shows the view of the recording") {
   seekPath(state, 1.5);
   CHECK_FALSE(state.path.playing);
   const Camera shown = currentCamera(state);
-  const Camera recorded = pathCameras(state.path.path, 2, shown.width, shown.height)[3];
+  const Camera recorded = pathCameras(state.path.path, 2, shown.size.x, shown.size.y)[3];
   CHECK(glm::length(shown.position() - recorded.position()) < 1e-9);
   CHECK(shown.focal.y == Approx(recorded.focal.y).epsilon(1e-3));
 }

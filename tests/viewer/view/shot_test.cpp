@@ -16,12 +16,12 @@ TEST_CASE("without --camera: the first test camera, else the first, else the who
   for (int i = 0; i < 3; ++i) {
     scene.cameras.push_back(lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64 + i, 48));
   }
-  CHECK(cameraFor(options, scene).width == 64);
+  CHECK(cameraFor(options, scene).size.x == 64);
   scene.cameras[2].test = true;
-  CHECK(cameraFor(options, scene).width == 66);
+  CHECK(cameraFor(options, scene).size.x == 66);
   options.size = glm::ivec2(200, 100);
-  CHECK(cameraFor(options, scene).width == 200);
+  CHECK(cameraFor(options, scene).size.x == 200);
   options.size.reset();
-  scene.cameras[2].width = 1 << 20;
+  scene.cameras[2].size.x = 1 << 20;
   CHECK_THROWS_AS(cameraFor(options, scene), Error);
 }
