@@ -3,9 +3,26 @@ option(TG_UNITY "Compile the sources of a target in batches: a cold build takes 
 set(CMAKE_UNITY_BUILD ${TG_UNITY})
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 8)
 
-# tg_add_alone(TARGET FILE...): sources that no batch can hold: what Highway includes once per SIMD target, and what sets up
-# headers that another source wants otherwise.
+# -O2 but for kernels: a tenth of the compile time, and no program is slower for it.
+string(REPLACE "-O3" "-O2" CMAKE_CXX_FLAGS_RELEASE "${CMAKE_CXX_FLAGS_RELEASE}")
+
+# tg_add_alone(TARGET FILE...): sources that no batch can hold, since they set up headers that another wants otherwise.
 function(tg_add_alone target)
   target_sources(${target} PRIVATE ${ARGN})
   set_source_files_properties(${ARGN} TARGET_DIRECTORY ${target} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+endfunction()
+
+# tg_add_kernels(TARGET FILE...): sources whose loops take a program's time, at -O3 and alone: Highway includes such a file
+# once per SIMD target.
+function(tg_add_kernels target)
+  tg_add_alone(${target} ${ARGN})
+  set_source_files_properties(${ARGN} TARGET_DIRECTORY ${target} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:-O3>")
+endfunction()
+
+# tg_compile_lightly(TARGET...): -O1 for what reads flags, prints or checks, and is done in no time: CLI11 and Catch2 cost the
+# optimizer more than a program can win.
+function(tg_compile_lightly)
+  foreach(target ${ARGN})
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+  endforeach()
 endfunction()

@@ -34,6 +34,15 @@ void flushOutput() {
   }
 }
 
+// What the kernels are compiled for at least (cmake/simd.cmake).
+void checkProcessor() {
+#ifdef __x86_64__
+  if (!__builtin_cpu_supports("sse4.2") || !__builtin_cpu_supports("aes") || !__builtin_cpu_supports("pclmul")) {
+    throw Error(ErrorKind::device, "this processor is too old (expected SSE4.2, AES and PCLMUL, as made since 2011)");
+  }
+#endif
+}
+
 }  // namespace
 
 std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
@@ -52,6 +61,7 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
 
 int runProgram(const char* name, const std::function<int()>& body) {
   try {
+    checkProcessor();
     const int code = body();
     if (code == 0) flushOutput();
     return code;

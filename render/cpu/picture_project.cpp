@@ -14,8 +14,6 @@
 #include "render/cpu/bit_places.h"
 #include "render/cpu/picture.h"
 
-// Structs hold vectors here, which the scalable targets forbid.
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/cpu/picture_project.cpp"
 #include <hwy/foreach_target.h>

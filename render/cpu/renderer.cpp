@@ -96,8 +96,9 @@ class CpuRenderer final : public Renderer {
 }  // namespace
 
 std::string cpuName() {
-  const std::int64_t best = hwy::SupportedTargets() & -hwy::SupportedTargets();  // lower bits are better targets
-  return std::string("CPU, ") + hwy::TargetName(best) + ", " + std::to_string(threadCount()) + " threads";
+  const std::int64_t compiled = hwy::SupportedTargets() & HWY_TARGETS;  // lower bits are better targets
+  return std::string("CPU, ") + hwy::TargetName(compiled & -compiled) + ", " + std::to_string(threadCount()) +
+         " threads";
 }
 
 std::unique_ptr<Renderer> makeCpuRenderer() { return std::make_unique<CpuRenderer>(); }

@@ -1,2 +1,2 @@
-tg_add_test(cpu_renderer_test LIBRARIES tg_render hwy::hwy SOURCES
+tg_add_test(cpu_renderer_test LIBRARIES tg_render tg_simd SOURCES
   cpu_renderer_test.cpp cpu_settings_test.cpp)

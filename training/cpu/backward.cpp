@@ -11,8 +11,6 @@
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 
-// Structs hold vectors here, which the scalable targets forbid.
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "training/cpu/backward.cpp"
 #include <hwy/foreach_target.h>
