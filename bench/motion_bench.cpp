@@ -153,8 +153,8 @@ Image rotated(const Image& image, const Camera& from, const Camera& to, const Im
   for (int y = 0; y < to.size.y; ++y) {
     for (int x = 0; x < to.size.x; ++x) {
       const glm::dvec3 along = from_to * ray(to, {x + 0.5, y + 0.5});
-      const glm::dvec2 at = project(from, along) - 0.5;
-      const double u = at.x, v = at.y;
+      const glm::dvec2 pixel = project(from, along) - 0.5;
+      const double u = pixel.x, v = pixel.y;
       if (!(along.z > 0 && u >= 0 && v >= 0 && u < from.size.x - 1 && v < from.size.y - 1)) continue;
       const int u0 = static_cast<int>(u), v0 = static_cast<int>(v);
       const auto fu = static_cast<float>(u - u0), fv = static_cast<float>(v - v0);

@@ -1,5 +1,5 @@
 # tg_simd: Highway, with the SIMD targets that kernels are compiled for: SSE4, AVX2 and AVX-512 on x86, NEON on ARM. The
-# best that a machine has is picked at run time; core/program.cpp refuses one that has not even the first.
+# best that a machine has is picked at run time; core/system/program.cpp refuses one that has not even the first.
 add_library(tg_simd INTERFACE)
 target_link_libraries(tg_simd INTERFACE hwy::hwy)
 # Kernels' structs hold vectors, which the scalable targets forbid. 0xFF: what goes beyond AVX3; not every Highway has names

@@ -3,7 +3,7 @@ add_library(tg_warnings INTERFACE)
 # Contraction off: bit-equality is tested across thread counts and backends (docs/math.md, section "Precision").
 # nvcc knows other options; tests compile the .cu files as C++ with these, too.
 set(tg_cxx $<COMPILE_LANGUAGE:C,CXX>)
-target_compile_options(tg_warnings INTERFACE "$<${tg_cxx}:-Wall;-Wextra;-Wshadow;-ffp-contract=off>")
+target_compile_options(tg_warnings INTERFACE "$<${tg_cxx}:-Wall;-Wextra;-Wshadow;-Wconversion;-Wno-sign-conversion;-ffp-contract=off>")
 # The programs of a build with tests check, too: the tests run them.
 if(TG_ASSERTS STREQUAL ON OR (TG_ASSERTS STREQUAL AUTO AND TG_TESTS))
   target_compile_definitions(tg_warnings INTERFACE TG_ASSERTS)

@@ -78,7 +78,7 @@ void addView(const GaussianModel& model, const Camera& camera, std::vector<doubl
       for (int x = p.box.x; x < p.box.z; ++x) {
         float& left = transmittance[static_cast<std::size_t>(y) * camera.size.x + x];
         if (left < kTransmittanceStop) continue;
-        const glm::vec2 delta(x + 0.5f - s.center_depth_opacity.x, y + 0.5f - s.center_depth_opacity.y);
+        const glm::vec2 delta = glm::vec2(x, y) + 0.5f - glm::vec2(s.center_depth_opacity);
         Hit hit;
         if (!intersectSplat(glm::vec3(s.wx_r), glm::vec3(s.wy_g), glm::vec3(s.dx_b), glm::vec3(s.dy_offset),
                             glm::vec3(s.d0_size), s.center_depth_opacity.z, intersection, delta, hit)) {

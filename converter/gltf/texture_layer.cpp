@@ -54,7 +54,7 @@ std::array<double, 4> readVec4(const Place& place, const std::string& key, doubl
   const tinygltf::Value& list = place.get(key);
   bool ok = list.IsArray() && list.ArrayLen() == 4;
   for (std::size_t k = 0; ok && k < 4; ++k) {
-    const tinygltf::Value& number = list.Get(k);
+    const tinygltf::Value& number = list.Get(static_cast<int>(k));
     ok = number.IsNumber() && std::isfinite(static_cast<float>(number.GetNumberAsDouble()));
     if (ok) numbers[k] = number.GetNumberAsDouble();
   }

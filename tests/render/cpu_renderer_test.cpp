@@ -105,7 +105,7 @@ TEST_CASE("scales and means beyond any picture draw nothing and break nothing") 
   TestScene scene = makeScene(SceneKind::ordinary, 6, 40);
   const float inf_like[] = {-1e30f, -200.0f, 88.0f, 200.0f, 1e30f};
   for (std::size_t i = 0; i < scene.model.size(); ++i) {
-    if (i % 4 == 0) scene.model.log_scale[i][i % 3] = inf_like[i / 4 % 5];
+    if (i % 4 == 0) scene.model.log_scale[i][static_cast<int>(i % 3)] = inf_like[i / 4 % 5];
     if (i % 4 == 1) scene.model.mean[i] *= i % 8 == 1 ? 1e30f : 1e-30f;
     if (i % 4 == 2) scene.model.opacity_logit[i] = i % 8 == 2 ? 1e30f : -1e30f;
     if (i % 4 == 3) scene.model.rotation[i] *= i % 8 == 3 ? 1e-18f : 1e18f;

@@ -71,7 +71,7 @@ PassBench& bench() {
 Numbers randomNumbers(std::size_t count, std::uint32_t most) {
   std::mt19937 random(static_cast<unsigned>(count) + most);
   Numbers numbers(count);
-  for (std::uint32_t& number : numbers) number = random() % (most + 1u);
+  for (std::uint32_t& number : numbers) number = static_cast<std::uint32_t>(random() % (most + 1u));
   return numbers;
 }
 

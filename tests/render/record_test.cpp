@@ -78,7 +78,7 @@ TEST_CASE("the record gives the hit of the full formulas") {
     if (!prepare(scene.model, scene.camera, intersection, i, p)) continue;
     for (uint y = p.rect.y; y <= p.rect.w; ++y) {
       for (uint x = p.rect.x; x <= p.rect.z; ++x) {
-        const vec2 offset = vec2(x + 0.5f, y + 0.5f) - vec2(p.splat.center_depth_opacity);
+        const vec2 offset = (vec2(x, y) + 0.5f) - vec2(p.splat.center_depth_opacity);
         Hit expected;
         const Splat& s = p.splat;
         if (!intersectSplat(vec3(s.wx_r), vec3(s.wy_g), vec3(s.dx_b), vec3(s.dy_offset), vec3(s.d0_size),
@@ -116,7 +116,7 @@ TEST_CASE("tiles and blocks hold every pixel that a splat can colour, and not tw
         for (uint k = 0; k < kTileSize * kTileSize; ++k) {
           const uint x = tile_x * kTileSize + k % kTileSize, y = tile_y * kTileSize + k / kTileSize;
           if (x >= static_cast<uint>(scene.camera.size.x) || y >= static_cast<uint>(scene.camera.size.y)) continue;
-          const Hit hit = recordHit(p.record, vec2(x + 0.5f, y + 0.5f) - vec2(p.splat.center_depth_opacity));
+          const Hit hit = recordHit(p.record, (vec2(x, y) + 0.5f) - vec2(p.splat.center_depth_opacity));
           const bool seen = hit.t > kNear && p.splat.center_depth_opacity.w * std::exp(-0.5f * hit.power) >= kAlphaMin;
           if (seen) exact |= 1u << (k / kTileSize / 4 * 4 + k % kTileSize / 4);
         }

@@ -94,7 +94,7 @@ Frame renderFloat(const GaussianModel& model, const Camera& camera, const Render
   }
   Frame frame(camera.size.x, camera.size.y);
   for (std::size_t pixel = 0; pixel < frame.base.size(); ++pixel) {
-    const vec2 position(pixel % camera.size.x + 0.5f, pixel / camera.size.x + 0.5f);
+    const vec2 position = vec2(pixel % camera.size.x, pixel / camera.size.x) + 0.5f;
     float transmittance = 1.0f, weight_sum = 0.0f, depth_sum = 0.0f;
     for (std::size_t k = 0; k < splats.size(); ++k) {
       const FloatSplat& s = splats[k];

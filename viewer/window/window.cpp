@@ -322,7 +322,7 @@ bool Viewer::handlePointer() {
     input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
   }
   if (!script_) state_.display.textures_held_off = !io.WantTextInput && held(kKeyTab);
-  const double units_high = pictureArea().size.y / std::max(io.DisplayFramebufferScale.y, 1e-3f);
+  const double units_high = static_cast<float>(pictureArea().size.y) / std::max(io.DisplayFramebufferScale.y, 1e-3f);
   const bool moved = applyInput(state_, input, static_cast<int>(units_high));
   const bool advanced = advance(state_, input.seconds);
   const bool active = moved || advanced || input.fly != glm::dvec3(0.0) || input.roll != 0;

@@ -206,7 +206,7 @@ TEST_CASE("any changed byte of the first tar header gives a model or tg::Error")
   tg::TemporaryFolder folder;
   const Bytes tar = tg::formatTar(smallestEntries(folder / "a.tgz"));
   for (std::size_t i = 0; i < 512; ++i)
-    for (std::uint8_t change : {0x01, 0xff}) {
+    for (const std::uint8_t change : {std::uint8_t{0x01}, std::uint8_t{0xff}}) {
       Bytes bad = tar;
       bad[i] ^= change;
       writeQuickly(folder / "a.tgz", tg::gzip(bad, 1));

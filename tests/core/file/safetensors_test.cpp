@@ -44,7 +44,7 @@ std::string refusal(const std::string& header, const std::vector<std::uint8_t>& 
 TEST_CASE("reads F32 and F16 tensors by name", "[safetensors]") {
   std::vector<std::uint8_t> data = floats({1, -2, 3, 4, 5, 6.5f});
   // 1, -2, the smallest subnormal, 65504: the largest half.
-  for (std::uint16_t half : {0x3c00, 0xc000, 0x0001, 0x7bff}) {
+  for (const std::uint16_t half : std::initializer_list<std::uint16_t>{0x3c00, 0xc000, 0x0001, 0x7bff}) {
     data.push_back(static_cast<std::uint8_t>(half & 255));
     data.push_back(static_cast<std::uint8_t>(half >> 8));
   }

@@ -64,7 +64,7 @@ TEST_CASE("FLIP sees a blurred edge where the authors' implementation does", "[f
     for (int x = 0; x < 64; x++) {
       for (int c = 0; c < 3; c++) {
         step.at(x, y, c) = x < 32 ? 0.0f : 0.8f;
-        soft.at(x, y, c) = std::clamp((x - 22) / 20.0f, 0.0f, 1.0f) * 0.8f;
+        soft.at(x, y, c) = std::clamp(static_cast<float>(x - 22) / 20.0f, 0.0f, 1.0f) * 0.8f;
       }
     }
   }

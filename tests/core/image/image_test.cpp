@@ -25,9 +25,11 @@ Image bytesImage(int width, int height, int channels) {
 
 Image smooth(int width, int height, int channels) {
   Image image(width, height, channels);
+  const auto share = [](int part, int whole) { return static_cast<float>(part) / static_cast<float>(whole); };
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
-      for (int c = 0; c < channels; ++c) image.at(x, y, c) = 0.2f + 0.5f * x / width + 0.1f * c + 0.1f * y / height;
+      for (int c = 0; c < channels; ++c)
+        image.at(x, y, c) = 0.2f + 0.5f * share(x, width) + 0.1f * static_cast<float>(c) + 0.1f * share(y, height);
   return image;
 }
 

@@ -39,7 +39,7 @@ GaussianModel coveringModel(IntersectionModel intersection) {
   const glm::dvec4 facing[3] = {{1, 0, 0, 0}, {h, 0, h, 0}, {h, h, 0, 0}};
   for (int i = 0; i < 5; ++i) {
     // Apart along z, or a step would change the order.
-    model.mean.push_back(glm::vec3(random.uniformVec3(-0.2, 0.2) * glm::dvec3(1, 1, 0)) + glm::vec3(0, 0, 0.25f * i));
+    model.mean.push_back(glm::vec3(random.uniformVec3(-0.2, 0.2) * glm::dvec3(1, 1, 0)) + glm::vec3(0, 0, 0.25 * i));
     const glm::dvec4 turn(0.0, random.uniformVec3(-0.15, 0.15));
     model.rotation.push_back(glm::vec4((facing[i % 3] + turn) * random.uniform(0.8, 1.3)));
     model.log_scale.push_back(glm::vec3(glm::log(scales[i % 3])));

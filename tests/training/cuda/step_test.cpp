@@ -92,7 +92,7 @@ TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every b
       INFO(width << " x " << height << (masked ? ", masked" : ""));
       std::vector<glm::vec3> v_picture(p.picture.size());
       const LossValue expected = PhotometricLoss(0.2f).evaluate(width, height, p.picture, p.target, v_picture, p.mask);
-      const auto ignored = std::count(p.mask.begin(), p.mask.end(), 0);
+      const auto ignored = static_cast<double>(std::count(p.mask.begin(), p.mask.end(), 0));
       const double counted = 3.0 * std::max<double>(static_cast<double>(p.picture.size()) - ignored, 1.0);
       const DeviceLoss found = lossCuda(p, counted);
       CHECK(found.sums[0] / counted == Approx(expected.l1).epsilon(1e-6));
