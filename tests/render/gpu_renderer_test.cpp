@@ -133,7 +133,7 @@ TEST_CASE("a model that compact storage holds agrees with the reference from it,
       const glm::vec3 color = glm::clamp(glm::round(glm::vec3(t) / unit), -126.0f, 126.0f);
       t = glm::vec4(unit * color, std::round(t.w * 255.0f) / 255.0f);
     }
-    if (constant) std::fill(texels.begin(), texels.end(), texels[0]);
+    if (constant && !texels.empty()) std::fill(texels.begin(), texels.end(), texels[0]);
   }
   gpuRenderer().setPrecision(ModelPrecision::compact);
   RenderSettings settings;
