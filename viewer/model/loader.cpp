@@ -37,7 +37,8 @@ GaussianModel thinned(const GaussianModel& model) {
 }  // namespace
 
 ModelLoader::ModelLoader(std::function<void()> wake)
-    : news_(news_.kUnlimited, std::move(wake)), thread_(startWorker(news_, [this](const std::stop_token& stop) {
+    : news_(Queue<News>::kUnlimited, std::move(wake)),
+      thread_(startWorker(news_, [this](const std::stop_token& stop) {
         while (const auto file = waiting_.take(stop)) news_.give(load(**file));
       })) {}
 

@@ -15,8 +15,8 @@ namespace tg {
 // Draws the newest request; one that has not begun when the next comes is dropped. Where two pictures may be in
 // flight, the second is recorded shortly before the device is expected to be done with the first: so late,
 // because a request that has begun no longer gives way to a newer one. When the device fails, it goes on with the CPU
-// renderer and says so. All members may be called from one other thread, none of them waits for a picture. Destroyed, it
-// waits for the picture at hand and drops the one asked for.
+// renderer and says so. All members may be called from one other thread, none of them waits for a picture. Its
+// destructor waits for the picture at hand and drops the one asked for.
 class PictureThread {
  public:
   // `make_device` is called in this thread; what it draws on must outlive this and every picture. frames_in_flight: of

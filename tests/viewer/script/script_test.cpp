@@ -21,6 +21,15 @@ TEST_CASE("commands change the state in order and stop where a frame is due") {
   CHECK(state.quit);
 }
 
+TEST_CASE("a program may add verbs to its scripts, and other programs do not know them") {
+  constexpr Verb kMore[] = {{"quit", 0, 0, [](ViewerState& s, const Words&, const std::string&) { s.quit = true; }}};
+  ViewerState state;
+  Script script = parseScript("quit\nwait 1\n", "s", kMore);
+  step(script, state);
+  CHECK(state.quit);
+  CHECK_THROWS_WITH(parseScript("quit\n", "s"), "s: line 1: unknown command \"quit\"");
+}
+
 TEST_CASE("wait draws that many frames") {
   ViewerState state;
   Script script = parseScript("wait 3\noutput base", "s");
