@@ -61,7 +61,7 @@ GaussianModel cloud(const Options& options, const Camera& camera) {
     model.rotation.push_back(glm::vec4(random.quaternion()));
     model.log_scale.push_back(glm::vec3(glm::log(sigma * z / 4.0 * glm::dvec3(1.8, 0.6, 0.18))));
     model.opacity_logit.push_back(static_cast<float>(random.uniform(-3.5, -1.0)));
-    for (int k = 0; k < model.shCount(); ++k) {
+    for (std::size_t k = 0; k < model.shCount(); ++k) {
       model.sh.push_back(glm::vec3(random.uniformVec3(-0.5, 0.5)) * (k == 0 ? 2.0f : 0.2f));
     }
   }
@@ -118,7 +118,7 @@ Scene loadScene(const Options& options) {
   }
   scene.extent = cameraExtent(dataset);
   scene.model = gaussiansFromPoints(dataset.points);
-  growShDegree(scene.model, options.sh_degree);
+  setShDegree(scene.model, options.sh_degree);
   addTextures(scene.model, options.texels);
   return scene;
 }
@@ -276,9 +276,7 @@ void run(const Options& options) {
               1e3 / step_wall, threadCount(), floor, 1e3 / floor);
   std::printf("loss %.5f -> %.5f\n", first.total, last.total);
 
-  const auto floats =
-      static_cast<double>(state.model.size() * (11 + 3 * static_cast<std::size_t>(state.model.shCount())) +
-                          4 * state.model.atlas.texels.size());
+  const auto floats = static_cast<double>(bytesOf(state.model) / sizeof(float));
   double images = 0.0;
   for (const auto& photograph : scene.photographs) images += static_cast<double>(photograph.size());
   const double needed = 3 * 4 * floats + images;  // a parameter and two moments

@@ -135,7 +135,7 @@ void benchCuda(DifferentiableRenderer& renderer, GaussianModel model, const Cuda
   Counts counts{};
   counts.gaussians = static_cast<double>(model.size());
   counts.texels = static_cast<double>(model.atlas.texels.size());
-  counts.floats = counts.gaussians * (11 + 3 * model.shCount()) + 4 * counts.texels;
+  counts.floats = static_cast<double>(bytesOf(model) / sizeof(float));
   counts.pixels = static_cast<double>(camera.size.x) * camera.size.y;
   counts.tiles = ((camera.size.x + 15) / 16) * ((camera.size.y + 15) / 16);
   counts.blended = bench.blended;

@@ -22,6 +22,7 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -45,10 +46,6 @@ OutputFormat outputFormat(const std::filesystem::path& path) {
   throw Error(ErrorKind::usage, path.string(),
               "unknown output format (expected .glb, .gltf, .html, .ply, .png, .splat, .spz or .tgz, found \"" +
                   extension + "\")");
-}
-
-bool isTextured(const GaussianModel& model) {
-  return model.texture_mode != TextureMode::none && !model.atlas.rects.empty();
 }
 
 void checkOutput(const std::filesystem::path& output, bool overwrite) {
@@ -196,11 +193,6 @@ void measure(const std::filesystem::path& output, const Bundle& source, ConvertR
     base.base_only = true;
     report.base_psnr = renderedPsnr(source.model, readModel(output, base).model, views, source.background);
   }
-}
-
-std::uint64_t bytesOf(const GaussianModel& model) {
-  const std::uint64_t floats = 11 + 3 * static_cast<std::uint64_t>(model.shCount());
-  return floats * sizeof(float) * model.size() + sizeof(glm::vec4) * model.atlas.texels.size();
 }
 
 // Whether what is written may look otherwise than the model: not by the last bits of its numbers.

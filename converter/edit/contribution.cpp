@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
@@ -27,7 +28,7 @@ std::vector<Projected> project(const GaussianModel& model, const Camera& camera)
   std::vector<Projected> projected;
   for (std::size_t i = 0; i < model.size(); ++i) {
     const glm::vec3 mean(cameraFromWorld(camera, model.mean[i]));
-    const float opacity = 1.0f / (1.0f + std::exp(-model.opacity_logit[i]));
+    const float opacity = sigmoidf(model.opacity_logit[i]);
     const float radius = visibleRadius(opacity);
     if (mean.z <= kNear || radius <= 0.0f) continue;
     const glm::vec3 scale = glm::exp(model.log_scale[i]);
@@ -68,7 +69,7 @@ float textureAlpha(const GaussianModel& model, std::size_t gaussian, glm::vec2 u
 }
 
 void addView(const GaussianModel& model, const Camera& camera, std::vector<double>& weights) {
-  const bool has_alpha = (static_cast<unsigned>(model.texture_mode) & kModeAlpha) != 0 && !model.atlas.rects.empty();
+  const bool has_alpha = hasAlpha(model.texture_mode) && !model.atlas.rects.empty();
   const auto intersection = static_cast<unsigned>(model.intersection);
   std::vector<float> transmittance(static_cast<std::size_t>(camera.size.x) * camera.size.y, 1.0f);
   for (const Projected& p : project(model, camera)) {

@@ -10,6 +10,7 @@
 
 #include "converter/edit/contribution.h"
 #include "converter/edit/select.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 
@@ -20,7 +21,7 @@ namespace {
 double solidArea(const GaussianModel& model, std::size_t i) {
   glm::dvec3 s(model.log_scale[i]);
   std::sort(&s[0], &s[0] + 3);
-  return std::exp(s.y + s.z) / (1.0 + std::exp(-double{model.opacity_logit[i]}));
+  return sigmoid(model.opacity_logit[i], std::exp(s.y + s.z));
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "converter/edit/decimate.h"
 #include "converter/edit/select.h"
 #include "converter/gltf/axes.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -44,10 +45,9 @@ double areaOf(glm::dvec3 scale) {
 
 Moments momentsOf(const GaussianModel& model, std::size_t i) {
   glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
-  const glm::dvec3 scale = glm::exp(glm::dvec3(model.log_scale[i]));
+  const glm::dvec3 scale = sigmaOf(model, i);
   for (int k = 0; k < 3; ++k) axes[k] *= scale[k];
-  const double opacity = 1.0 / (1.0 + std::exp(-double{model.opacity_logit[i]}));
-  return {std::max(opacity * areaOf(scale), kLeastMass), glm::dvec3(model.mean[i]), axes * glm::transpose(axes)};
+  return {std::max(opacityOf(model, i) * areaOf(scale), kLeastMass), glm::dvec3(model.mean[i]), axes * glm::transpose(axes)};
 }
 
 Moments merged(const Moments& a, const Moments& b) {
@@ -147,10 +147,6 @@ class PairMerger {
   }
 
  private:
-  bool hasTexture(std::size_t i) const {
-    return !model_.atlas.rects.empty() && model_.atlas.rects[i].texelCount() != 0;
-  }
-
   // Pairs of neighbours. The second curve is shifted, so that no place lies on a corner of both.
   std::vector<Pair> candidates() const {
     glm::dvec3 low(moments_.front().mean), high(low);
@@ -165,7 +161,7 @@ class PairMerger {
     for (const double shift : {0.0, 0.37}) {
       order.clear();
       for (std::size_t i = 0; i < moments_.size(); ++i) {
-        if (hasTexture(i)) continue;
+        if (rectOf(model_, i).texelCount() != 0) continue;
         const glm::dvec3 place = shift + 0.6 * (moments_[i].mean - low) / extent;
         order.emplace_back(mortonCode(place), static_cast<std::uint32_t>(i));
       }
@@ -192,11 +188,11 @@ class PairMerger {
     const Moments whole = merged(x, y);
     glm::dmat3 axes;
     const double area = areaOf(scaleOf(whole, axes));
-    const double parts = (x.mass * areaOf(glm::exp(glm::dvec3(model_.log_scale[a]))) +
-                          y.mass * areaOf(glm::exp(glm::dvec3(model_.log_scale[b])))) /
+    const double parts = (x.mass * areaOf(sigmaOf(model_, a)) +
+                          y.mass * areaOf(sigmaOf(model_, b))) /
                          whole.mass;
     const double growth = std::log(std::max(area / std::max(parts, kLeastVariance), 1.0));
-    const std::size_t count = static_cast<std::size_t>(model_.shCount());
+    const std::size_t count = model_.shCount();
     const glm::dvec3 color = double{kShC0} * glm::dvec3(model_.sh[a * count] - model_.sh[b * count]);
     const double sum = weights_[a] + weights_[b];
     const double weight = sum > 0.0 ? weights_[a] * weights_[b] / sum : 0.0;
@@ -208,7 +204,7 @@ class PairMerger {
     const Moments whole = merged(moments_[pair.a], moments_[pair.b]);
     const float part = static_cast<float>(moments_[pair.a].mass / whole.mass);
     setMoments(model_, pair.a, whole);
-    const std::size_t count = static_cast<std::size_t>(model_.shCount());
+    const std::size_t count = model_.shCount();
     for (std::size_t k = 0; k < count; ++k) {
       glm::vec3& to = model_.sh[pair.a * count + k];
       to = glm::mix(model_.sh[pair.b * count + k], to, part);

@@ -10,6 +10,7 @@
 #include "converter/gltf/axes.h"
 #include "core/image/image.h"
 #include "core/image/metrics.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "render/renderer.h"
 #include "shared/limits.h"
@@ -112,17 +113,17 @@ std::optional<Deviation> deviationOf(const GaussianModel& a, const GaussianModel
   Deviation d;
   const auto covariance = [](const GaussianModel& m, std::size_t i) {
     glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(m.rotation[i]));
-    for (int k = 0; k < 3; ++k) axes[k] *= std::exp(double{m.log_scale[i][k]});
+    const glm::dvec3 sigma = sigmaOf(m, i);
+    for (int k = 0; k < 3; ++k) axes[k] *= sigma[k];
     return axes * glm::transpose(axes);
   };
   const auto norm = [](const glm::dmat3& m) {
     return std::sqrt(glm::dot(m[0], m[0]) + glm::dot(m[1], m[1]) + glm::dot(m[2], m[2]));
   };
-  const auto opacity = [](float logit) { return 1.0 / (1.0 + std::exp(-double{logit})); };
   const auto raise = [](double& largest, glm::dvec3 difference) {
     for (int c = 0; c < 3; ++c) largest = std::max(largest, std::abs(difference[c]));
   };
-  const std::size_t ka = static_cast<std::size_t>(a.shCount()), kb = static_cast<std::size_t>(b.shCount());
+  const std::size_t ka = a.shCount(), kb = b.shCount();
   const bool textures = a.texture_mode == b.texture_mode && a.texture_mode != TextureMode::none;
   for (std::size_t i = 0; i < a.size(); ++i) {
     raise(d.mean, glm::dvec3(a.mean[i]) - glm::dvec3(b.mean[i]));
@@ -130,7 +131,7 @@ std::optional<Deviation> deviationOf(const GaussianModel& a, const GaussianModel
       const glm::dmat3 sa = covariance(a, i), sb = covariance(b, i);
       d.shape = std::max(d.shape, norm(sa - sb) / std::max({norm(sa), norm(sb), 1e-300}));
     }
-    d.opacity = std::max(d.opacity, std::abs(opacity(a.opacity_logit[i]) - opacity(b.opacity_logit[i])));
+    d.opacity = std::max(d.opacity, std::abs(opacityOf(a, i) - opacityOf(b, i)));
     raise(d.color, double{kShC0} * (glm::dvec3(a.sh[i * ka]) - glm::dvec3(b.sh[i * kb])));
     for (std::size_t k = 1; k < std::min(ka, kb); ++k) {
       raise(d.sh, glm::dvec3(a.sh[i * ka + k]) - glm::dvec3(b.sh[i * kb + k]));
@@ -139,12 +140,11 @@ std::optional<Deviation> deviationOf(const GaussianModel& a, const GaussianModel
     const TextureRect& ra = a.atlas.rects[i];
     const TextureRect& rb = b.atlas.rects[i];
     if (ra.width != rb.width || ra.height != rb.height) continue;
-    const unsigned mode = static_cast<unsigned>(a.texture_mode);
     for (std::uint32_t t = 0; t < ra.texelCount(); ++t) {
       const glm::dvec4 difference(glm::dvec4(a.atlas.texels[ra.offset + t]) -
                                   glm::dvec4(b.atlas.texels[rb.offset + t]));
-      if ((mode & kModeRgb) != 0) raise(d.texel, glm::dvec3(difference));
-      if ((mode & kModeAlpha) != 0) d.texel = std::max(d.texel, std::abs(difference.a));
+      if (hasColor(a.texture_mode)) raise(d.texel, glm::dvec3(difference));
+      if (hasAlpha(a.texture_mode)) d.texel = std::max(d.texel, std::abs(difference.a));
     }
   }
   return d;

@@ -14,23 +14,6 @@
 
 namespace tg {
 
-void setShDegree(GaussianModel& model, int degree) {
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  if (degree < 0 || degree > 3) {
-    throw Error(ErrorKind::usage, "wrong SH degree (expected 0 to 3, found " + std::to_string(degree) + ")");
-  }
-  if (degree == model.sh_degree) return;
-  const std::size_t before = static_cast<std::size_t>(model.shCount());
-  model.sh_degree = degree;
-  const std::size_t after = static_cast<std::size_t>(model.shCount());
-  std::vector<glm::vec3> sh(model.size() * after, glm::vec3(0.0f));
-  for (std::size_t i = 0; i < model.size(); ++i) {
-    std::copy_n(model.sh.begin() + static_cast<std::ptrdiff_t>(i * before), std::min(before, after),
-                sh.begin() + static_cast<std::ptrdiff_t>(i * after));
-  }
-  model.sh = std::move(sh);
-}
-
 void resizeTextures(GaussianModel& model, int width, int height) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   constexpr int kMaxSide = 1024;

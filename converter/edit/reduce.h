@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes from what every Gaussian carries: SH degrees, texels, textures.
+// Takes from what every Gaussian carries: texels, textures.
 #pragma once
 #include "core/model/model.h"
 
 namespace tg {
-
-// 0 to 3. Coefficients of higher degrees go; those of missing ones are 0.
-void setShDegree(GaussianModel& model, int degree);
 
 // Every texture that there is at width x height texels, 1 to 1024: the texture of that size that is closest in the mean
 // square over the plane, weighted with the square of the Gaussian (converter/edit/texture_fit.h).

@@ -9,6 +9,7 @@
 #include <functional>
 #include <optional>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/limits.h"
@@ -18,10 +19,8 @@ namespace {
 
 using Value = double (*)(const GaussianModel&, std::size_t);
 
-glm::dvec3 scales(const GaussianModel& model, std::size_t i) { return glm::exp(glm::dvec3(model.log_scale[i])); }
-
 double shEnergy(const GaussianModel& model, std::size_t i) {
-  const std::size_t count = static_cast<std::size_t>(model.shCount());
+  const std::size_t count = model.shCount();
   double sum = 0.0;
   for (std::size_t k = 1; k < count; ++k) {
     const glm::dvec3 c(model.sh[i * count + k]);
@@ -31,7 +30,7 @@ double shEnergy(const GaussianModel& model, std::size_t i) {
 }
 
 double baseColor(const GaussianModel& model, std::size_t i, int channel) {
-  return 0.5 + double{kShC0} * model.sh[i * static_cast<std::size_t>(model.shCount())][channel];
+  return 0.5 + double{kShC0} * model.sh[i * model.shCount()][channel];
 }
 
 struct Field {
@@ -42,29 +41,25 @@ constexpr std::array<Field, 13> kFields = {{
     {"x", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].x; }},
     {"y", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].y; }},
     {"z", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].z; }},
-    {"opacity",
-     [](const GaussianModel& m, std::size_t i) { return 1.0 / (1.0 + std::exp(-double{m.opacity_logit[i]})); }},
+    {"opacity", opacityOf},
     {"min_scale",
      [](const GaussianModel& m, std::size_t i) {
-       const glm::dvec3 s = scales(m, i);
+       const glm::dvec3 s = sigmaOf(m, i);
        return std::min({s.x, s.y, s.z});
      }},
     {"max_scale",
      [](const GaussianModel& m, std::size_t i) {
-       const glm::dvec3 s = scales(m, i);
+       const glm::dvec3 s = sigmaOf(m, i);
        return std::max({s.x, s.y, s.z});
      }},
     {"volume",
      [](const GaussianModel& m, std::size_t i) {
-       const glm::dvec3 s = scales(m, i);
+       const glm::dvec3 s = sigmaOf(m, i);
        return s.x * s.y * s.z;
      }},
     {"index", [](const GaussianModel&, std::size_t i) { return static_cast<double>(i); }},
     {"sh_energy", shEnergy},
-    {"texels",
-     [](const GaussianModel& m, std::size_t i) -> double {
-       return m.atlas.rects.empty() ? 0.0 : m.atlas.rects[i].texelCount();
-     }},
+    {"texels", [](const GaussianModel& m, std::size_t i) -> double { return rectOf(m, i).texelCount(); }},
     {"red", [](const GaussianModel& m, std::size_t i) { return baseColor(m, i, 0); }},
     {"green", [](const GaussianModel& m, std::size_t i) { return baseColor(m, i, 1); }},
     {"blue", [](const GaussianModel& m, std::size_t i) { return baseColor(m, i, 2); }},
@@ -167,45 +162,14 @@ Expression parse(std::string_view expression) {
 
 }  // namespace
 
-void compactTexels(TextureAtlas& atlas) {
-  std::uint64_t used = 0;
-  for (const TextureRect& rect : atlas.rects) used += rect.texelCount();
-  std::vector<glm::vec4> texels;
-  texels.reserve(used);
-  for (TextureRect& rect : atlas.rects) {
-    const auto first = atlas.texels.begin() + rect.offset;
-    rect.offset = static_cast<std::uint32_t>(texels.size());
-    texels.insert(texels.end(), first, first + rect.texelCount());
-  }
-  atlas.texels = std::move(texels);
-}
-
 void keepGaussians(GaussianModel& model, std::span<const std::uint8_t> keep) {
   TG_ASSERT(keep.size() == model.size(), "a choice a Gaussian");
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
-  const bool has_rects = !model.atlas.rects.empty();
-  std::size_t to = 0;
-  for (std::size_t from = 0; from < model.size(); ++from) {
-    if (keep[from] == 0) continue;
-    model.mean[to] = model.mean[from];
-    model.rotation[to] = model.rotation[from];
-    model.log_scale[to] = model.log_scale[from];
-    model.opacity_logit[to] = model.opacity_logit[from];
-    std::copy_n(model.sh.begin() + static_cast<std::ptrdiff_t>(from * coefficients), coefficients,
-                model.sh.begin() + static_cast<std::ptrdiff_t>(to * coefficients));
-    if (has_rects) model.atlas.rects[to] = model.atlas.rects[from];
-    ++to;
+  std::vector<std::uint32_t> kept;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    if (keep[i] != 0) kept.push_back(static_cast<std::uint32_t>(i));
   }
-  const bool dropped = to < model.size();
-  model.mean.resize(to);
-  model.rotation.resize(to);
-  model.log_scale.resize(to);
-  model.opacity_logit.resize(to);
-  model.sh.resize(to * coefficients);
-  if (!has_rects || !dropped) return;
-  model.atlas.rects.resize(to);
-  compactTexels(model.atlas);
+  if (kept.size() < model.size()) model = select(model, kept);
 }
 
 std::vector<std::uint8_t> insideBox(const GaussianModel& model, glm::dvec3 low, glm::dvec3 high) {

@@ -16,9 +16,6 @@ namespace tg {
 // Keeps Gaussian i where keep[i] != 0, in their order; texels of the others are dropped. keep: [N].
 void keepGaussians(GaussianModel& model, std::span<const std::uint8_t> keep);
 
-// Copies the texels that rectangles use, in the order of the Gaussians.
-void compactTexels(TextureAtlas& atlas);
-
 // [N] of 0 and 1, by means; bounds belong to the inside. low, high, center: the model's axes [world units].
 std::vector<std::uint8_t> insideBox(const GaussianModel& model, glm::dvec3 low, glm::dvec3 high);
 std::vector<std::uint8_t> insideSphere(const GaussianModel& model, glm::dvec3 center, double radius);

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "shared/limits.h"
 
@@ -58,9 +59,8 @@ std::vector<Distribution> distributions(const GaussianModel& model) {
   add("shortest scale", kWorld, [&](std::size_t i) { return scale(i, 0); });
   add("middle scale", kWorld, [&](std::size_t i) { return scale(i, 1); });
   add("longest scale", kWorld, [&](std::size_t i) { return scale(i, 2); });
-  add("opacity", "",
-      [&](std::size_t i) { return 1.0 / (1.0 + std::exp(-static_cast<double>(model.opacity_logit[i]))); });
-  const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
+  add("opacity", "", [&](std::size_t i) { return opacityOf(model, i); });
+  const std::size_t coefficients = model.shCount();
   const char* channels[] = {"red", "green", "blue"};
   for (int c = 0; c < 3; ++c)
     add(channels[c], "", [&](std::size_t i) { return 0.5f + kShC0 * model.sh[i * coefficients][c]; });
@@ -72,7 +72,7 @@ std::vector<Distribution> distributions(const GaussianModel& model) {
       return largest;
     });
   }
-  if (model.texture_mode == TextureMode::none || model.atlas.rects.empty()) return out;
+  if (!isTextured(model)) return out;
 
   std::vector<float> width, height;
   for (const TextureRect& rect : model.atlas.rects) {
@@ -83,9 +83,8 @@ std::vector<Distribution> distributions(const GaussianModel& model) {
   out.push_back(distributionOf("texture width", "texels", std::move(width)));
   out.push_back(distributionOf("texture height", "texels", std::move(height)));
   const char* terms[] = {"texel red", "texel green", "texel blue", "texel alpha"};
-  const unsigned mode = static_cast<unsigned>(model.texture_mode);
   for (int c = 0; c < 4; ++c) {
-    if ((mode & (c == 3 ? kModeAlpha : kModeRgb)) == 0) continue;
+    if (!(c == 3 ? hasAlpha(model.texture_mode) : hasColor(model.texture_mode))) continue;
     std::vector<float> values;
     for (const TextureRect& rect : model.atlas.rects)
       for (std::uint32_t t = 0; t < rect.texelCount(); ++t) values.push_back(model.atlas.texels[rect.offset + t][c]);

@@ -13,6 +13,7 @@
 #include "converter/edit/contribution.h"
 #include "converter/edit/texture_fit.h"
 #include "converter/gltf/fallback.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -114,7 +115,6 @@ class Sizes {
         for (int k = 0; k < nu; ++k) rows[v * nu + u] += pu.at(u, k) * glm::dvec4(texels[v * nu + k]);
       }
     }
-    const unsigned mode = static_cast<unsigned>(model_.texture_mode);
     double sum = 0.0, weights = 0.0;
     for (int v = 0; v < nv; ++v) {
       for (int u = 0; u < nu; ++u) {
@@ -122,13 +122,13 @@ class Sizes {
         for (int k = 0; k < nv; ++k) left += pv.at(v, k) * rows[k * nu + u];
         const double weight = std::exp(-pu.position(u) * pu.position(u) - pv.position(v) * pv.position(v));
         double square = 0.0;
-        if ((mode & kModeRgb) != 0) square += (left.r * left.r + left.g * left.g + left.b * left.b) / 3.0;
-        if ((mode & kModeAlpha) != 0) square += left.a * left.a;
+        if (hasColor(model_.texture_mode)) square += (left.r * left.r + left.g * left.g + left.b * left.b) / 3.0;
+        if (hasAlpha(model_.texture_mode)) square += left.a * left.a;
         sum += weight * square;
         weights += weight;
       }
     }
-    const double opacity = 1.0 / (1.0 + std::exp(-double{model_.opacity_logit[i]}));
+    const double opacity = opacityOf(model_, i);
     return {{w, h}, opacity * opacity * sum / weights};
   }
 
@@ -136,18 +136,13 @@ class Sizes {
   std::map<std::pair<int, int>, std::unique_ptr<Projection>> projections_;
 };
 
-bool hasTextures(const GaussianModel& model) {
-  return model.texture_mode != TextureMode::none && !model.atlas.rects.empty();
-}
-
 // Resizes; textures that go leave their mean in colour and opacity.
 void giveSizes(GaussianModel& model, const std::vector<glm::ivec2>& sizes) {
   const GaussianModel base = bakeFallback(model);
   for (std::size_t i = 0; i < model.size(); ++i) {
     if (model.atlas.rects[i].texelCount() == 0 || sizes[i].x != 0) continue;
     model.opacity_logit[i] = base.opacity_logit[i];
-    const std::size_t dc = i * static_cast<std::size_t>(model.shCount());
-    model.sh[dc] = base.sh[dc];
+    model.sh[i * model.shCount()] = base.sh[i * model.shCount()];
   }
   const TextureAtlas from = std::move(model.atlas);
   model.atlas = resizedAtlas(from, sizes);
@@ -158,7 +153,7 @@ void giveSizes(GaussianModel& model, const std::vector<glm::ivec2>& sizes) {
 void fitTexturesToError(GaussianModel& model, double error) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   if (!(error >= 0.0)) throw Error(ErrorKind::usage, "wrong texture error (expected a number from 0 on)");
-  if (!hasTextures(model)) return;
+  if (!isTextured(model)) return;
   const Sizes sizes(model);
   std::vector<glm::ivec2> chosen(model.size(), glm::ivec2(0));
   parallelFor(static_cast<std::int64_t>(model.size()), 64, [&](std::int64_t item) {
@@ -175,7 +170,7 @@ void fitTexturesToError(GaussianModel& model, double error) {
 
 void fitTexturesToBudget(GaussianModel& model, std::uint64_t texels, std::span<const Camera> views) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  if (!hasTextures(model)) return;
+  if (!isTextured(model)) return;
   const std::vector<double> weights = blendWeights(model, views);
   const Sizes sizes(model);
   // Steps up the hull of (texels, error) of every texture, each better per texel than the next.

@@ -67,7 +67,7 @@ void transformModel(GaussianModel& model, const Similarity& similarity) {
   const ShRotation sh_rotation(similarity.rotation);
   const glm::dvec4 turn = quaternionFromMatrix(similarity.rotation);
   const double log_factor = std::log(similarity.scale);
-  const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
+  const std::size_t coefficients = model.shCount();
   parallelFor(static_cast<std::int64_t>(model.size()), kTransformGrain, [&](std::int64_t item) {
     const std::size_t i = static_cast<std::size_t>(item);
     model.mean[i] =

@@ -3,6 +3,7 @@
 #include "converter/formats/gaussian_blocks.h"
 
 #include "core/bundle/ply.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 

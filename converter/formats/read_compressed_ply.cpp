@@ -12,6 +12,7 @@
 #include "core/bundle/ply.h"
 #include "core/bundle/ply_vertices.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -105,7 +106,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
   }
   const std::vector<Chunk> bounds = readChunks(chunks);
 
-  GaussianModel model;
+  int sh_degree = 0;
   std::optional<PlyVertices> sh;
   if (splats.hasElement("sh")) {
     sh.emplace(bytes, path, "Gaussian", "sh");
@@ -113,14 +114,11 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
       sh->fail("wrong number of rows of \"sh\" (expected " + std::to_string(n) + ", found " +
                std::to_string(sh->size()) + ")");
     }
-    model.sh_degree = degreeOf(*sh);
+    sh_degree = degreeOf(*sh);
   }
-  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
-  model.mean.resize(n);
-  model.rotation.resize(n);
-  model.log_scale.resize(n);
-  model.opacity_logit.resize(n);
-  model.sh.resize(n * sh_count);
+  GaussianModel model;
+  resizeGaussians(model, n, sh_degree);
+  const std::size_t sh_count = model.shCount();
   for (std::size_t i = 0; i < n; ++i) {
     const Chunk& chunk = bounds[i / kChunkSplats];
     const std::uint32_t rgba = splats.word(i, color);

@@ -8,6 +8,7 @@
 #include "converter/formats/repair.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "shared/limits.h"
 
@@ -37,7 +38,8 @@ Bundle parseSplat(std::span<const std::uint8_t> bytes, const std::string& path) 
   }
   Bundle loaded;
   GaussianModel& model = loaded.model;
-  std::size_t dropped = 0, negative = 0, directionless = 0;
+  resizeGaussians(model, count, 0);
+  std::size_t at = 0, dropped = 0, negative = 0, directionless = 0;
   for (std::size_t i = 0; i < count; ++i) {
     SplatFileRow record;
     std::memcpy(&record, bytes.data() + i * kSplatBytes, sizeof(record));
@@ -56,12 +58,13 @@ Bundle parseSplat(std::span<const std::uint8_t> bytes, const std::string& path) 
     }
     glm::vec3 dc;
     for (int c = 0; c < 3; ++c) dc[c] = (static_cast<float>(record.color[c]) / 255.0f - 0.5f) / kShC0;
-    model.mean.emplace_back(record.position[0], record.position[1], record.position[2]);
-    model.rotation.push_back(q);
-    model.log_scale.push_back(logFromScale(scale));
-    model.opacity_logit.push_back(logitFromOpacity(record.color[3] / 255.0));
-    model.sh.push_back(dc);
+    model.mean[at] = {record.position[0], record.position[1], record.position[2]};
+    model.rotation[at] = q;
+    model.log_scale[at] = logFromScale(scale);
+    model.opacity_logit[at] = logitFromOpacity(record.color[3] / 255.0);
+    model.sh[at++] = dc;
   }
+  resizeGaussians(model, at, 0);
   warnRepair(loaded.warnings, dropped, "with values that are not finite: dropped");
   warnRepair(loaded.warnings, negative, "with a negative scale: sign dropped");
   warnRepair(loaded.warnings, directionless, "with a quaternion of length 0: not turned");

@@ -14,6 +14,7 @@
 #include "converter/formats/spz.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -102,16 +103,11 @@ glm::vec4 rotationFrom4(std::span<const std::uint8_t> from) {
 
 GaussianModel decode(const SpzHeader& header, const Streams& streams) {
   GaussianModel model;
-  model.sh_degree = std::min(header.sh_degree, kMaxModelDegree);
   const std::size_t n = header.count;
-  const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
+  resizeGaussians(model, n, std::min(header.sh_degree, kMaxDegree));
+  const std::size_t coefficients = model.shCount();
   const std::size_t stored = static_cast<std::size_t>((header.sh_degree + 1) * (header.sh_degree + 1) - 1);
   const std::size_t rotation_bytes = header.version == 2 ? 3 : 4;
-  model.mean.resize(n);
-  model.rotation.resize(n);
-  model.log_scale.resize(n);
-  model.opacity_logit.resize(n);
-  model.sh.resize(n * coefficients);
   for (std::size_t i = 0; i < n; ++i) {
     const std::uint8_t* position = streams[kSpzPositions].data() + i * 9;
     glm::vec3* sh = model.sh.data() + i * coefficients;

@@ -8,6 +8,7 @@
 
 #include "converter/formats/read_splat.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "shared/limits.h"
 
@@ -18,14 +19,14 @@ std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(
 
 SplatFileRow rowOf(const GaussianModel& model, std::size_t i) {
   SplatFileRow row;
-  const glm::vec3& dc = model.sh[i * static_cast<std::size_t>(model.shCount())];
+  const glm::vec3& dc = model.sh[i * model.shCount()];
   const glm::dvec4 q = glm::normalize(glm::dvec4(model.rotation[i]));
   for (int k = 0; k < 3; ++k) {
     row.position[k] = model.mean[i][k];
     row.scale[k] = std::exp(model.log_scale[i][k]);
     row.color[k] = toByte(255.0 * (0.5 + double{kShC0} * static_cast<double>(dc[k])));
   }
-  row.color[3] = toByte(255.0 / (1.0 + std::exp(-static_cast<double>(model.opacity_logit[i]))));
+  row.color[3] = toByte(sigmoid(model.opacity_logit[i], 255.0));
   for (int k = 0; k < 4; ++k) row.rotation[k] = toByte(128.0 + 128.0 * q[k]);
   return row;
 }
@@ -38,7 +39,7 @@ std::vector<std::uint8_t> formatSplat(const GaussianModel& model, SplatReport& r
   for (std::size_t i = 0; i < model.size(); ++i) {
     const SplatFileRow row = rowOf(model, i);
     std::memcpy(bytes.data() + i * kSplatBytes, &row, sizeof(row));
-    const glm::vec3 color = 0.5f + kShC0 * model.sh[i * static_cast<std::size_t>(model.shCount())];
+    const glm::vec3 color = 0.5f + kShC0 * model.sh[i * model.shCount()];
     const auto outside = [](float value) { return value < -0.5f / 255.0f || value > 255.5f / 255.0f; };
     report.clipped_colors += outside(color.x) || outside(color.y) || outside(color.z);
   }

@@ -12,6 +12,7 @@
 
 #include "converter/formats/spz.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -114,7 +115,7 @@ Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& 
   header.count = static_cast<std::uint32_t>(model.size());
   header.sh_degree = model.sh_degree;
   header.fractional_bits = report.fractional_bits = fractionalBits(model, path);
-  const std::size_t coefficients = static_cast<std::size_t>(model.shCount());
+  const std::size_t coefficients = model.shCount();
 
   Bytes bytes;
   appendU32(bytes, kSpzMagic);
@@ -130,7 +131,7 @@ Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& 
   }
   bool inside = false;  // alphas always fit
   for (float logit : model.opacity_logit) {
-    bytes.push_back(toByte(255.0 / (1.0 + std::exp(-static_cast<double>(logit))), inside));
+    bytes.push_back(toByte(sigmoid(logit, 255.0), inside));
   }
   for (std::size_t i = 0; i < model.size(); ++i) {
     bool clipped = false;

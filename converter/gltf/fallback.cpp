@@ -7,6 +7,8 @@
 #include <cmath>
 #include <vector>
 
+#include "converter/formats/repair.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shared/texture.h"
@@ -16,7 +18,6 @@ namespace {
 
 // Samples per axis. The midpoint rule on a Gaussian converges faster than any power; 12 over +-3 sigma leave 1e-4.
 constexpr int kSamples = 12;
-constexpr double kLogitLimit = 20.0;  // a texture that is transparent throughout
 
 struct Samples {
   std::array<float, kSamples> position;  // [sigma]
@@ -66,33 +67,21 @@ TextureMean meanOf(const glm::vec4* texels, const TextureRect& rect, bool use_co
   return mean;
 }
 
-float scaledLogit(float opacity_logit, double factor) {
-  const double opacity = factor / (1.0 + std::exp(-static_cast<double>(opacity_logit)));
-  return static_cast<float>(std::clamp(std::log(opacity) - std::log1p(-opacity), -kLogitLimit, kLogitLimit));
-}
-
 }  // namespace
 
 GaussianModel bakeFallback(const GaussianModel& model) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  GaussianModel base;  // all but the textures, which are most of a model
-  base.mean = model.mean;
-  base.rotation = model.rotation;
-  base.log_scale = model.log_scale;
-  base.opacity_logit = model.opacity_logit;
-  base.sh = model.sh;
-  base.sh_degree = model.sh_degree;
-  base.intersection = model.intersection;
-  const unsigned mode = static_cast<unsigned>(model.texture_mode);
-  if (mode == kModeNone || model.atlas.rects.empty()) return base;
+  GaussianModel base = withoutTextures(model);
+  if (!isTextured(model)) return base;
+  const TextureMode mode = model.texture_mode;
   const Samples samples = makeSamples();
   parallelFor(static_cast<std::int64_t>(model.size()), 256, [&](std::int64_t i) {
     const TextureRect& rect = model.atlas.rects[i];
     if (rect.texelCount() == 0) return;
-    const TextureMean mean = meanOf(model.atlas.texels.data() + rect.offset, rect, (mode & kModeRgb) != 0,
-                                    (mode & kModeAlpha) != 0, samples);
+    const TextureMean mean = meanOf(model.atlas.texels.data() + rect.offset, rect, hasColor(mode), hasAlpha(mode),
+                                    samples);
     base.sh[i * model.shCount()] += glm::vec3(mean.color / static_cast<double>(kShC0));
-    if ((mode & kModeAlpha) != 0) base.opacity_logit[i] = scaledLogit(model.opacity_logit[i], mean.alpha);
+    if (hasAlpha(mode)) base.opacity_logit[i] = logitFromOpacity(sigmoid(model.opacity_logit[i], mean.alpha));
   });
   return base;
 }

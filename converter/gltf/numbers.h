@@ -6,6 +6,7 @@
 #include <glm/glm.hpp>
 
 #include "converter/gltf/axes.h"
+#include "core/model/verbs.h"
 
 namespace tg {
 
@@ -24,8 +25,6 @@ inline glm::vec3 gltfScale(glm::vec3 log_scale) {
   return scale;
 }
 
-inline float gltfOpacity(float logit) {
-  return static_cast<float>(1.0 / (1.0 + std::exp(-static_cast<double>(logit))));
-}
+inline float gltfOpacity(float logit) { return static_cast<float>(sigmoid(logit)); }
 
 }  // namespace tg

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "core/system/assert.h"
@@ -44,19 +45,19 @@ bool isClipped(double value, const Range& range, const Levels& levels) {
   return value < range.offset - half_step || value > range.offset + range.scale + half_step;
 }
 
-double squaredError(const AtlasPage& page, int channel, const Range& range, const Levels& levels) {
+double squaredError(const Image& page, int channel, const Range& range, const Levels& levels) {
   double sum = 0.0;
-  for (const glm::vec4& texel : page.texels) {
+  for (const glm::vec4& texel : pageTexels(page)) {
     const double difference = texel[channel] - valueOf(storedFor(texel[channel], range, levels), range, levels);
     sum += difference * difference;
   }
   return sum;
 }
 
-Range chooseRange(const AtlasPage& page, int channel, const Levels& levels) {
+Range chooseRange(const Image& page, int channel, const Levels& levels) {
   std::vector<float> magnitudes;
   bool is_signed = false;
-  for (const glm::vec4& texel : page.texels) {
+  for (const glm::vec4& texel : pageTexels(page)) {
     if (texel[channel] == 0.0f) continue;  // exact in any range; free texels are 0
     magnitudes.push_back(std::abs(texel[channel]));
     is_signed = is_signed || texel[channel] < 0.0f;
@@ -72,10 +73,9 @@ Range chooseRange(const AtlasPage& page, int channel, const Levels& levels) {
 
 }  // namespace
 
-QuantizedPage quantizePage(const AtlasPage& page, int bits) {
+QuantizedPage quantizePage(const Image& page, int bits) {
   TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
-  TG_ASSERT(page.texels.size() == static_cast<std::size_t>(page.width) * static_cast<std::size_t>(page.height),
-            "the page has its size");
+  TG_ASSERT(page.channels == 4, "a page has 4 channels");
   const Levels levels = levelsOf(bits);
   QuantizedPage out;
   out.color = Image(page.width, page.height, 3);
@@ -86,8 +86,9 @@ QuantizedPage quantizePage(const AtlasPage& page, int bits) {
     out.scale[c] = ranges[c].scale;
     out.offset[c] = ranges[c].offset;
   }
-  for (std::size_t i = 0; i < page.texels.size(); ++i) {
-    const glm::vec4& texel = page.texels[i];
+  const std::span texels = pageTexels(page);
+  for (std::size_t i = 0; i < texels.size(); ++i) {
+    const glm::vec4& texel = texels[i];
     bool clipped = false;
     for (int c = 0; c < 4; ++c) {
       const auto stored = static_cast<float>(storedFor(texel[c], ranges[c], levels) / levels.largest);

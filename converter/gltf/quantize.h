@@ -20,6 +20,6 @@ struct QuantizedPage {
 // Colour: a channel with negative values has 128 (32768) stand for exactly 0, any other channel 0. The range is the
 // largest magnitude or the 99.9 percentile of the magnitudes, whichever loses less in the mean square. Alpha: [0, 1].
 // bits: 8 or 16.
-QuantizedPage quantizePage(const AtlasPage& page, int bits = 8);
+QuantizedPage quantizePage(const Image& page, int bits = 8);
 
 }  // namespace tg

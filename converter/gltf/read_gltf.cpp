@@ -208,7 +208,7 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
 BaseArrays unpackedBase(const GaussianModel& model) {
   BaseArrays base;
   base.range = {0, model.size()};
-  const std::size_t count = static_cast<std::size_t>(model.shCount());
+  const std::size_t count = model.shCount();
   base.sh.resize(count);
   for (std::size_t i = 0; i < model.size(); ++i) {
     const glm::vec4& q = model.rotation[i];
@@ -328,8 +328,7 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
   const float norm_tolerance = base.byte_rotation ? kByteNormTolerance : kNormTolerance;
   const ShRotation sh_rotation(instance.place.rotation);
   const glm::dvec4 node_rotation = quaternionFromMatrix(instance.place.rotation);
-  const int coefficients = model.shCount();
-  std::vector<glm::vec3> sh(static_cast<std::size_t>(coefficients));
+  std::vector<glm::vec3> sh(model.shCount());
   const bool ordered = findTextureExtension(*instance.splats.primitive) != nullptr;
   for (std::size_t i = 0; i < base.range.count; ++i) {
     const std::size_t splat = base.range.first + i;
@@ -416,14 +415,6 @@ void readAssetExtras(const GltfDocument& document, Bundle& loaded) {
   }
 }
 
-void reserve(GaussianModel& model, std::size_t count) {
-  model.mean.reserve(count);
-  model.rotation.reserve(count);
-  model.log_scale.reserve(count);
-  model.opacity_logit.reserve(count);
-  model.sh.reserve(count * static_cast<std::size_t>(model.shCount()));
-}
-
 // The model of a document that has been checked.
 Bundle assemble(GltfDocument document, const ReadOptions& options) {
   if (!options.base_only) checkExtensionPlaces(document);
@@ -460,7 +451,12 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
       const SplatRange range{first, std::min(block, instance.splats.count - first)};
       const BaseArrays base = readBase(document, instance, range);
       if (document.errors != nullptr && !document.errors->empty()) continue;  // its arrays may be empty
-      if (model.size() == 0) reserve(model, instance.splats.count);  // whose numbers are there: as much as they ask for
+      if (model.size() == 0) {  // numbers are there: they get as much as they ask for
+        const auto reserve = [&](const Field& field, auto& values) {
+          values.reserve(instance.splats.count * field.values(model.shCount()));
+        };
+        forEachField(reserve, model);
+      }
       append(instance, base, layer ? &*layer : nullptr, model, repairs);
     }
     warnRepairs(document, instance, repairs);

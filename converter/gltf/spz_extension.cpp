@@ -15,7 +15,7 @@ namespace {
 void turnAboutY(GaussianModel& model) {
   // Of degrees 0 to 3, order -l to l.
   constexpr std::array<float, 16> signs = {1, 1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1};
-  const std::size_t count = static_cast<std::size_t>(model.shCount());
+  const std::size_t count = model.shCount();
   for (std::size_t i = 0; i < model.size(); ++i) {
     glm::vec3& mean = model.mean[i];
     mean = {-mean.x, mean.y, -mean.z};

@@ -6,9 +6,11 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "core/image/image.h"
+#include "core/model/verbs.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -22,9 +24,6 @@ constexpr std::size_t kMaxAtlases = 255;
 constexpr std::uint64_t kMaxPageTexels = std::uint64_t{1} << 26;     // 8192 x 8192
 constexpr std::uint64_t kMaxAtlasTexels = std::uint64_t{1} << 28;    // of all pages of a primitive
 constexpr std::uint64_t kFreeSharedTexels = std::uint64_t{1} << 26;  // rectangles may overlap up to this sum of areas
-
-bool hasAlpha(TextureMode mode) { return (static_cast<unsigned>(mode) & kModeAlpha) != 0; }
-bool hasColor(TextureMode mode) { return (static_cast<unsigned>(mode) & kModeRgb) != 0; }
 
 // One object of the extension with its place in the file.
 struct Place {
@@ -121,7 +120,7 @@ float texelValue(float stored, double largest, double scale, double offset) {
 }
 
 // The values themselves, of an atlas whose other images have been checked.
-AtlasPage readValues(const Place& place, TextureMode mode, int width, int height, std::uint64_t& texels) {
+Image readValues(const Place& place, TextureMode mode, int width, int height, std::uint64_t& texels) {
   const tinygltf::Model& model = place.document.model;
   const tinygltf::Value& index = place.get("exr");
   const int source = index.IsInt() ? index.Get<int>() : -1;
@@ -144,13 +143,11 @@ AtlasPage readValues(const Place& place, TextureMode mode, int width, int height
                      std::to_string(height) + ", found " + std::to_string(values.width) + " x " +
                      std::to_string(values.height) + ")");
   }
-  AtlasPage page;
-  page.width = width;
-  page.height = height;
-  page.texels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), glm::vec4(0, 0, 0, 1));
+  Image page = neutralPage(width, height);
+  const std::span page_texels = pageTexels(page);
   const std::size_t n = channels.size();
-  for (std::size_t i = 0; i < page.texels.size(); ++i) {
-    glm::vec4& texel = page.texels[i];
+  for (std::size_t i = 0; i < page_texels.size(); ++i) {
+    glm::vec4& texel = page_texels[i];
     for (int c = 0; c < 3 && hasColor(mode); ++c) texel[c] = values.data[i * n + static_cast<std::size_t>(c)];
     if (hasAlpha(mode)) texel.a = std::clamp(values.data[i * n + n - 1], 0.0f, 1.0f);
     for (int c = 0; c < 4; ++c) {
@@ -160,7 +157,7 @@ AtlasPage readValues(const Place& place, TextureMode mode, int width, int height
   return page;
 }
 
-AtlasPage readAtlas(const Place& place, TextureMode mode, std::uint64_t& texels) {
+Image readAtlas(const Place& place, TextureMode mode, std::uint64_t& texels) {
   const std::array<double, 4> scale = readVec4(place, "scale", 1.0);
   const std::array<double, 4> offset = readVec4(place, "offset", 0.0);
   if (hasColor(mode) && !place.has("color")) place.fail("\"color\" is missing (the mode needs it)");
@@ -173,23 +170,22 @@ AtlasPage readAtlas(const Place& place, TextureMode mode, std::uint64_t& texels)
                std::to_string(color.image.height) + " as color, found " + std::to_string(alpha.image.width) + " x " +
                std::to_string(alpha.image.height) + " for alpha)");
   }
-  AtlasPage page;
-  page.width = std::max(color.image.width, alpha.image.width);
-  page.height = std::max(color.image.height, alpha.image.height);
-  if (place.has("exr")) return readValues(place, mode, page.width, page.height, texels);
-  page.texels.assign(static_cast<std::size_t>(page.width) * static_cast<std::size_t>(page.height),
-                     glm::vec4(0, 0, 0, 1));
+  const int width = std::max(color.image.width, alpha.image.width);
+  const int height = std::max(color.image.height, alpha.image.height);
+  if (place.has("exr")) return readValues(place, mode, width, height, texels);
+  Image page = neutralPage(width, height);
+  const std::span page_texels = pageTexels(page);
   const std::size_t color_channels = static_cast<std::size_t>(color.image.channels);
   const std::size_t alpha_channels = static_cast<std::size_t>(alpha.image.channels);
-  for (std::size_t i = 0; i < page.texels.size(); ++i) {
+  for (std::size_t i = 0; i < page_texels.size(); ++i) {
     for (int c = 0; c < 3 && hasColor(mode); ++c) {
       const std::size_t k = static_cast<std::size_t>(c);
       const float stored = color.image.data[i * color_channels + (color_channels >= 3 ? k : 0)];
-      page.texels[i][c] = texelValue(stored, color.largest, scale[k], offset[k]);
+      page_texels[i][c] = texelValue(stored, color.largest, scale[k], offset[k]);
     }
     if (hasAlpha(mode)) {
       const float stored = alpha.image.data[i * alpha_channels];
-      page.texels[i].a = std::clamp(texelValue(stored, alpha.largest, scale[3], offset[3]), 0.0f, 1.0f);
+      page_texels[i].a = std::clamp(texelValue(stored, alpha.largest, scale[3], offset[3]), 0.0f, 1.0f);
     }
   }
   return page;
@@ -212,7 +208,7 @@ std::vector<AtlasPlacement> readPlacements(const GltfDocument& document, const S
   return placements;
 }
 
-void checkPlacements(const GltfDocument& document, const SplatPrimitive& splats, const std::vector<AtlasPage>& pages,
+void checkPlacements(const GltfDocument& document, const SplatPrimitive& splats, const std::vector<Image>& pages,
                      const std::vector<AtlasPlacement>& placements) {
   for (std::size_t i = 0; i < splats.count; ++i) {
     const AtlasPlacement& p = placements[i];
@@ -223,7 +219,7 @@ void checkPlacements(const GltfDocument& document, const SplatPrimitive& splats,
                                                                        std::to_string(pages.size()) + ", found " +
                                                                        std::to_string(p.page) + ")");
     }
-    const AtlasPage& page = pages[p.page];
+    const Image& page = pages[p.page];
     if (p.x + p.w > page.width || p.y + p.h > page.height) {
       throw document.bad(splats.pointer + "/attributes/" + kRect,
                          splat + ": the rectangle leaves its atlas (expected within " + std::to_string(page.width) +
@@ -234,9 +230,9 @@ void checkPlacements(const GltfDocument& document, const SplatPrimitive& splats,
 }
 
 TextureAtlas copyRectangles(const GltfDocument& document, const SplatPrimitive& splats,
-                            const std::vector<AtlasPage>& pages, const std::vector<AtlasPlacement>& placements) {
+                            const std::vector<Image>& pages, const std::vector<AtlasPlacement>& placements) {
   std::uint64_t page_texels = 0;
-  for (const AtlasPage& page : pages) page_texels += page.texels.size();
+  for (const Image& page : pages) page_texels += pageTexels(page).size();
   std::uint64_t wanted = 0;
   for (const AtlasPlacement& p : placements) wanted += std::uint64_t{p.w} * p.h;
   if (const std::uint64_t limit = std::max(page_texels, kFreeSharedTexels); wanted > limit) {
@@ -248,9 +244,9 @@ TextureAtlas copyRectangles(const GltfDocument& document, const SplatPrimitive& 
   atlas.texels.reserve(wanted);
   for (const AtlasPlacement& p : placements) {
     atlas.rects.push_back({static_cast<std::uint32_t>(atlas.texels.size()), p.w, p.h});
-    const AtlasPage& page = pages[p.page];
+    const Image& page = pages[p.page];
     for (int row = 0; row < p.h; ++row) {
-      const auto first = page.texels.begin() + static_cast<std::ptrdiff_t>(p.y + row) * page.width + p.x;
+      const auto first = pageTexels(page).begin() + static_cast<std::ptrdiff_t>(p.y + row) * page.width + p.x;
       atlas.texels.insert(atlas.texels.end(), first, first + p.w);
     }
   }
@@ -323,7 +319,7 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
   });
   if (!has_mode || !has_atlases) return layer;
   std::uint64_t texels = 0;
-  std::vector<AtlasPage> pages;
+  std::vector<Image> pages;
   bool has_pages = true;
   for (std::size_t i = 0; i < atlases.ArrayLen(); ++i) {
     const Place atlas{document, atlases.Get(static_cast<int>(i)), place.pointer + "/atlases/" + std::to_string(i)};

@@ -9,6 +9,7 @@
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/image/png16.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "shared/limits.h"
 
@@ -24,9 +25,9 @@ constexpr int kMaxBakedSide = 4096;  // [texels]
 GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content) {
   const GaussianModel& model = content.model;
   if (content.atlas == AtlasFormat::exr) throw Error(ErrorKind::usage, "a .png holds no EXR (expected png8 or png16)");
-  const unsigned mode = static_cast<unsigned>(model.texture_mode);
+  const TextureMode mode = model.texture_mode;
   PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxBakedSide);
-  if (mode == kModeNone || packed.pages.empty()) {
+  if (mode == TextureMode::none || packed.pages.empty()) {
     throw Error(ErrorKind::badData, path.string(), "the model has no textures");
   }
   const int bits = content.atlas == AtlasFormat::png16 ? 16 : 8;
@@ -48,9 +49,9 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
     const std::string name = p == 0 ? stem : stem + "_" + std::to_string(p);
     Json atlas;
     // One image has the name that was asked for, whatever the mode.
-    if ((mode & kModeRgb) != 0) atlas["color"] = put(page.color, name + ".png");
-    if ((mode & kModeAlpha) != 0) {
-      atlas["alpha"] = put(page.alpha, name + ((mode & kModeRgb) != 0 ? "_alpha" : "") + ".png");
+    if (hasColor(mode)) atlas["color"] = put(page.color, name + ".png");
+    if (hasAlpha(mode)) {
+      atlas["alpha"] = put(page.alpha, name + (hasColor(mode) ? "_alpha" : "") + ".png");
     }
     atlas["scale"] = page.scale;
     atlas["offset"] = page.offset;

@@ -24,6 +24,7 @@
 #include "converter/gltf/plane_order.h"
 #include "converter/gltf/quantize.h"
 #include "core/image/png16.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
@@ -121,7 +122,7 @@ class Writer {
   Json attributes;
 
  private:
-  Json addAtlas(AtlasPage& page, const std::string& name, GltfReport& report);
+  Json addAtlas(Image& page, const std::string& name, GltfReport& report);
   // Index of a texture that shows the image.
   std::size_t addTexture(std::vector<std::uint8_t> png, const std::string& name);
   MeshoptFilter filter(const MeshoptFilter& lossy) const { return content_.quantize ? lossy : MeshoptFilter{}; }
@@ -221,7 +222,7 @@ void Writer::addColors(Baked baked) {
 }
 
 void Writer::addDc() {
-  const std::size_t count = static_cast<std::size_t>(model_.shCount());
+  const std::size_t count = model_.shCount();
   add<glm::vec3>(
       attributeName(kTextureExtension, "SH_DEGREE_0_COEF_0"), kFloat3,
       [count](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; }, filter(kDcFilter));
@@ -294,28 +295,21 @@ std::size_t Writer::addTexture(std::vector<std::uint8_t> png, const std::string&
 }
 
 // One atlas object. The page's texels are gone afterwards.
-Json Writer::addAtlas(AtlasPage& page, const std::string& name, GltfReport& report) {
-  const unsigned mode = static_cast<unsigned>(model_.texture_mode);
-  for (glm::vec4& texel : page.texels) {  // terms that the mode lacks do not count
-    if ((mode & kModeRgb) == 0) texel = glm::vec4(0.0f, 0.0f, 0.0f, texel.a);
-    if ((mode & kModeAlpha) == 0) texel.a = 1.0f;
-  }
+Json Writer::addAtlas(Image& page, const std::string& name, GltfReport& report) {
+  const TextureMode mode = model_.texture_mode;
+  neutralize(pageTexels(page), mode);
   const int bits = content_.atlas == AtlasFormat::png16 ? 16 : 8;
   const QuantizedPage quantized = quantizePage(page, bits);
   report.clipped_texels += quantized.clipped_texels;
   const auto encode = [&](const Image& image) { return bits == 16 ? encodePng16(image) : encodePng(image); };
   Json atlas;
-  if ((mode & kModeRgb) != 0) atlas["color"] = addTexture(encode(quantized.color), name + "_color");
-  if ((mode & kModeAlpha) != 0) atlas["alpha"] = addTexture(encode(quantized.alpha), name + "_alpha");
+  if (hasColor(mode)) atlas["color"] = addTexture(encode(quantized.color), name + "_color");
+  if (hasAlpha(mode)) atlas["alpha"] = addTexture(encode(quantized.alpha), name + "_alpha");
   if (content_.atlas == AtlasFormat::exr) {
-    Image values(page.width, page.height, 4);
-    for (std::size_t i = 0; i < page.texels.size(); ++i) {
-      for (int c = 0; c < 4; ++c) values.data[i * 4 + static_cast<std::size_t>(c)] = page.texels[i][c];
-    }
     const std::array<std::string, 4> channels = {"R", "G", "B", "alpha"};
-    atlas["exr"] = builder.addImage(encodeExr(values, channels), "image/x-exr", name + "_values");
+    atlas["exr"] = builder.addImage(encodeExr(page, channels), "image/x-exr", name + "_values");
   }
-  page.texels = {};
+  page = {};
   atlas["scale"] = quantized.scale;
   atlas["offset"] = quantized.offset;
   return atlas;
@@ -400,9 +394,8 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   writer.addColors(baked);
   Json nested;
   if (textured) {
-    const unsigned mode = static_cast<unsigned>(model.texture_mode);
-    if ((mode & kModeAlpha) != 0) writer.addOpacity(nullptr, kTextureExtension);
-    if ((mode & kModeRgb) != 0) writer.addDc();
+    if (hasAlpha(model.texture_mode)) writer.addOpacity(nullptr, kTextureExtension);
+    if (hasColor(model.texture_mode)) writer.addDc();
     nested = writer.addTextures(report);
   } else {
     writer.addSource(false, report);

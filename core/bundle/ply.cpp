@@ -10,6 +10,7 @@
 #include "core/bundle/read_progress.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"

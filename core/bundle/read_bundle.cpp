@@ -23,6 +23,7 @@
 #include "core/file/npy.h"
 #include "core/file/sha256.h"
 #include "core/image/codecs.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -277,7 +278,7 @@ class BundleReader {
       stream.add(piece);
       if (!progress_ || !progress_->preview || stream.ready() < next_preview) return;
       next_preview *= 4;
-      progress_->preview(previewOf(stream.model(), stream.ready()));
+      progress_->preview(thinned(stream.model(), stream.ready(), kPreviewGaussians));
     });
     bundle_.model = stream.finish();
   }
@@ -351,7 +352,7 @@ class BundleReader {
     bundle_.model.atlas = unpackAtlas(packed, path_);
   }
 
-  AtlasPage decodePage(int number) const {
+  Image decodePage(int number) const {
     const std::vector<std::uint8_t>& bytes = pages_[static_cast<std::size_t>(number)];
     const std::string path = inside(atlasPageName(number));
     const ExrInfo info = readExrInfo(bytes, path);
@@ -361,11 +362,7 @@ class BundleReader {
                       std::to_string(manifest_.atlas_height) + ", found " + std::to_string(info.width) + " x " +
                       std::to_string(info.height) + ")");
     const std::string channels[] = {"R", "G", "B", "alpha"};
-    const Image image = decodeExr(bytes, channels, path);
-    AtlasPage page{image.width, image.height, std::vector<glm::vec4>(image.data.size() / 4)};
-    for (std::size_t i = 0; i < page.texels.size(); ++i)
-      page.texels[i] = {image.data[4 * i], image.data[4 * i + 1], image.data[4 * i + 2], image.data[4 * i + 3]};
-    return page;
+    return decodeExr(bytes, channels, path);
   }
 
   const std::string path_;

@@ -2,23 +2,21 @@
 // Between the rows of a splat PLY and Gaussians.
 #include "core/bundle/splat_rows.h"
 
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <type_traits>
 
 #include "core/bundle/ply.h"
 #include "core/bundle/read_progress.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 
 namespace tg {
 namespace {
 
-constexpr std::size_t kHugeBytes = std::size_t{4} << 20;  // arrays from here on are worth large pages
-constexpr std::uint32_t kExponent = 0x7f800000u;          // all ones: infinite or not a number
+constexpr std::uint32_t kExponent = 0x7f800000u;  // all ones: infinite or not a number
 // 2DGS files have two scales. The third is this much thinner than the smaller one: flat, yet not degenerate.
 const float kFlatLogScale = std::log(1e-4f);
 
@@ -39,19 +37,6 @@ int shDegreeOf(const PlyVertices& ply) {
   ply.fail("wrong number of f_rest properties (expected 0, 9, 24 or 45, found " + std::to_string(rest) + ")");
 }
 
-// A large array is touched once, 4 KiB at a time: asking for 2 MiB pages takes most of that time away. A hint only.
-template <typename T>
-void resizeLarge(std::vector<T>& values, std::size_t n) {
-  const std::size_t bytes = n * sizeof(T);
-  if (n > values.capacity() && bytes >= kHugeBytes) {
-    values.reserve(n);
-    const std::size_t page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
-    const std::size_t skipped = (page - reinterpret_cast<std::uintptr_t>(values.data()) % page) % page;
-    ::madvise(reinterpret_cast<char*>(values.data()) + skipped, (bytes - skipped) / page * page, MADV_HUGEPAGE);
-  }
-  values.resize(n);
-}
-
 void appendFloats(std::uint8_t*& to, std::initializer_list<float> values) {
   std::memcpy(to, values.begin(), values.size() * sizeof(float));
   to += values.size() * sizeof(float);
@@ -70,34 +55,6 @@ std::vector<std::uint8_t> startOf(const FileReader& file) {
 }
 
 }  // namespace
-
-void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree) {
-  TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "an SH degree from 0 to 3");
-  model.sh_degree = sh_degree;
-  resizeLarge(model.mean, n);
-  resizeLarge(model.rotation, n);
-  resizeLarge(model.log_scale, n);
-  resizeLarge(model.opacity_logit, n);
-  resizeLarge(model.sh, n * static_cast<std::size_t>(model.shCount()));
-}
-
-GaussianModel previewOf(const GaussianModel& model, std::size_t ready) {
-  TG_ASSERT(ready <= model.size(), "no more are ready than there will be");
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  const std::size_t step = std::max<std::size_t>(1, (ready + kPreviewGaussians - 1) / kPreviewGaussians);
-  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
-  GaussianModel part;
-  resizeGaussians(part, ready / step, model.sh_degree);
-  const float growth = previewGrowth(model.size(), part.size());
-  for (std::size_t i = 0; i < part.size(); ++i) {
-    part.mean[i] = model.mean[i * step];
-    part.rotation[i] = model.rotation[i * step];
-    part.log_scale[i] = model.log_scale[i * step] + growth;
-    part.opacity_logit[i] = model.opacity_logit[i * step];
-    std::copy_n(&model.sh[i * step * sh_count], sh_count, &part.sh[i * sh_count]);
-  }
-  return part;
-}
 
 SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, const std::string& path)
     : path_(path), vertices_(start, total, path, "Gaussian") {
@@ -120,7 +77,7 @@ SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, c
 // v(k) is the value of columns_[k].
 template <typename Values>
 void SplatRows::set(GaussianModel& model, std::size_t i, const Values& v) const {
-  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
+  const std::size_t sh_count = model.shCount();
   model.mean[i] = {v(0), v(1), v(2)};
   model.rotation[i] = {v(3), v(4), v(5), v(6)};
   model.opacity_logit[i] = v(7);
@@ -144,15 +101,21 @@ bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_
       return value;
     });
   }
-  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
-  bool good = allFinite(&model.mean[first].x, 3 * (last - first)) &&
-              allFinite(&model.opacity_logit[first], last - first) &&
-              allFinite(&model.log_scale[first].x, 3 * (last - first)) &&
-              allFinite(&model.sh[first * sh_count].x, 3 * sh_count * (last - first));
-  for (std::size_t i = first; i < last; ++i) {
-    const float length_squared = glm::dot(model.rotation[i], model.rotation[i]);
-    good = good && length_squared > 0.0f && std::isfinite(length_squared);
-  }
+  bool good = true;
+  forEachField(
+      [&]<typename T>(const Field& field, const std::vector<T>& all) {
+        const std::size_t count = field.values(model.shCount());
+        const std::span values = std::span(all).subspan(first * count, (last - first) * count);
+        if constexpr (std::is_same_v<T, glm::vec4>) {
+          for (const glm::vec4& quaternion : values) {
+            const float length_squared = glm::dot(quaternion, quaternion);
+            good = good && length_squared > 0.0f && std::isfinite(length_squared);
+          }
+        } else {
+          good = good && allFinite(reinterpret_cast<const float*>(values.data()), field.floats * values.size());
+        }
+      },
+      model);
   return good;
 }
 
@@ -243,7 +206,7 @@ std::size_t splatRowBytes(int sh_degree) {
 
 void formatSplatRows(const GaussianModel& model, std::size_t first, std::size_t count, std::uint8_t* to) {
   TG_ASSERT(first + count <= model.size(), "the model has these Gaussians");
-  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
+  const std::size_t sh_count = model.shCount();
   for (std::size_t i = first; i < first + count; ++i) {
     const glm::vec3* sh = model.sh.data() + i * sh_count;
     appendFloats(to, {model.mean[i].x, model.mean[i].y, model.mean[i].z, 0.0f, 0.0f, 0.0f});

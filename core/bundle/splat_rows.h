@@ -19,13 +19,6 @@ namespace tg {
 
 constexpr std::size_t kSplatBlockRows = 4096;  // 1 MB of INRIA's rows: stays in a cache between reading and converting
 
-// `n` Gaussians of zeros, without textures.
-void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree);
-
-// For whoever waits for a model: at most kPreviewGaussians of the first `ready`, spread evenly, wide enough to stand
-// for all of them.
-GaussianModel previewOf(const GaussianModel& model, std::size_t ready);
-
 // The layout of a file's rows.
 class SplatRows {
  public:

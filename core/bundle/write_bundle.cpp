@@ -61,14 +61,6 @@ int pageSize(const TextureAtlas& atlas) {
   return large ? kMaxAtlasPageSide : 2048;
 }
 
-std::vector<std::uint8_t> encodePage(const AtlasPage& page) {
-  const std::string channels[] = {"R", "G", "B", "alpha"};
-  Image image(page.width, page.height, 4);
-  for (std::size_t i = 0; i < page.texels.size(); ++i)
-    for (int c = 0; c < 4; ++c) image.data[4 * i + static_cast<std::size_t>(c)] = page.texels[i][c];
-  return encodeExr(image, channels);
-}
-
 void addAtlas(const GaussianModel& model, Manifest& manifest, std::vector<Entry>& entries) {
   if (model.atlas.rects.empty()) return;
   const PackedAtlas packed = packAtlas(model.atlas, model.size(), pageSize(model.atlas));
@@ -90,7 +82,9 @@ void addAtlas(const GaussianModel& model, Manifest& manifest, std::vector<Entry>
   const std::size_t first = entries.size();
   for (int page = 0; page < manifest.atlas_pages; ++page) entries.push_back({atlasPageName(page), {}, nullptr});
   parallelFor(manifest.atlas_pages, 1, [&](std::int64_t page) {
-    entries[first + static_cast<std::size_t>(page)].bytes = encodePage(packed.pages[static_cast<std::size_t>(page)]);
+    const std::string channels[] = {"R", "G", "B", "alpha"};
+    const std::size_t p = static_cast<std::size_t>(page);
+    entries[first + p].bytes = encodeExr(packed.pages[p], channels);
   });
 }
 

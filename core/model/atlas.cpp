@@ -94,6 +94,12 @@ std::vector<glm::vec4> textureMeans(const TextureAtlas& atlas, std::size_t gauss
   return means;
 }
 
+Image neutralPage(int width, int height) {
+  Image page(width, height, 4);
+  std::ranges::fill(pageTexels(page), kNeutralTexel);
+  return page;
+}
+
 PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int max_page_size) {
   PackedAtlas packed;
   packed.placements.resize(gaussian_count);
@@ -153,17 +159,11 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
     page_height = std::max(page_height, y + shelf);
   }
 
-  packed.pages.resize(page + 1);
-  for (AtlasPage& p : packed.pages) {
-    p.width = page_width;
-    p.height = page_height;
-    p.texels.assign(static_cast<std::size_t>(page_width) * static_cast<std::size_t>(page_height), kNeutralTexel);
-  }
+  packed.pages.assign(page + 1, neutralPage(page_width, page_height));
   for (std::uint32_t i : order) {
     const AtlasPlacement& at = packed.placements[i];
     const glm::vec4* from = atlas.texels.data() + atlas.rects[i].offset;
-    glm::vec4* to =
-        packed.pages[at.page].texels.data() + std::size_t{at.y} * static_cast<std::size_t>(page_width) + at.x;
+    glm::vec4* to = &pageTexels(packed.pages[at.page])[std::size_t{at.y} * static_cast<std::size_t>(page_width) + at.x];
     for (int row = 0; row < at.h; ++row, from += at.w, to += page_width) std::copy_n(from, at.w, to);
   }
   return packed;
@@ -172,9 +172,9 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
 TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
   std::uint64_t available = 0;
   for (std::size_t p = 0; p < packed.pages.size(); ++p) {
-    const AtlasPage& page = packed.pages[p];
+    const Image& page = packed.pages[p];
     const std::uint64_t size = static_cast<std::uint64_t>(page.width) * static_cast<std::uint64_t>(page.height);
-    if (page.width < 1 || page.height < 1 || page.texels.size() != size)
+    if (page.width < 1 || page.height < 1 || page.data.size() != 4 * size)
       throw Error(ErrorKind::badData, path, "atlas page " + std::to_string(p) + " has no consistent size");
     available += size;
   }
@@ -192,7 +192,7 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
     if (at.page >= packed.pages.size())
       throw fail("texture rectangle lies on a missing page (expected less than " + std::to_string(packed.pages.size()) +
                  ", found " + std::to_string(at.page) + ")");
-    const AtlasPage& page = packed.pages[at.page];
+    const Image& page = packed.pages[at.page];
     if (at.x + at.w > page.width || at.y + at.h > page.height)
       throw fail("texture rectangle leaves its page (expected within " +
                  sizeText(static_cast<std::uint64_t>(page.width), static_cast<std::uint64_t>(page.height)) +
@@ -208,8 +208,8 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
   for (std::size_t i = 0; i < packed.placements.size(); ++i) {
     const AtlasPlacement& at = packed.placements[i];
     if (at.w == 0) continue;
-    const AtlasPage& page = packed.pages[at.page];
-    const glm::vec4* from = page.texels.data() + std::size_t{at.y} * static_cast<std::size_t>(page.width) + at.x;
+    const Image& page = packed.pages[at.page];
+    const glm::vec4* from = &pageTexels(page)[std::size_t{at.y} * static_cast<std::size_t>(page.width) + at.x];
     glm::vec4* to = atlas.texels.data() + atlas.rects[i].offset;
     for (int row = 0; row < at.h; ++row, from += page.width, to += at.w) std::copy_n(from, at.w, to);
   }

@@ -3,8 +3,11 @@
 #pragma once
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <span>
 #include <string>
 #include <vector>
+
+#include "core/image/image.h"
 
 namespace tg {
 
@@ -21,6 +24,7 @@ struct TextureRect {
 struct TextureAtlas {
   std::vector<TextureRect> rects;  // [N], or empty: no Gaussian has a texture
   std::vector<glm::vec4> texels;   // rectangles do not overlap
+  bool operator==(const TextureAtlas&) const = default;
 };
 
 // N rectangles of width x height neutral texels.
@@ -32,19 +36,23 @@ std::vector<double> texelShares(int size);
 // The mean of every Gaussian's texture under it: [N], neutral where there is none.
 std::vector<glm::vec4> textureMeans(const TextureAtlas& atlas, std::size_t gaussian_count);
 
-// One 2D image of packed rectangles, row-major, texel (x, y) at y * width + x.
-struct AtlasPage {
-  int width = 0;
-  int height = 0;
-  std::vector<glm::vec4> texels;
-};
+// Packed rectangles are an image of four channels. An image's texels, and an image of neutral ones:
+inline std::span<glm::vec4> pageTexels(Image& page) {
+  return {reinterpret_cast<glm::vec4*>(page.data.data()), page.data.size() / 4};
+}
+inline std::span<const glm::vec4> pageTexels(const Image& page) {
+  return {reinterpret_cast<const glm::vec4*>(page.data.data()), page.data.size() / 4};
+}
+static_assert(sizeof(glm::vec4) == 4 * sizeof(float) && alignof(glm::vec4) == alignof(float));
+Image neutralPage(int width, int height);
+
 // Where a Gaussian's rectangle lies. w = h = 0: untextured (x = y = page = 0).
 struct AtlasPlacement {
   std::uint16_t x = 0, y = 0, w = 0, h = 0;
   std::uint8_t page = 0;
 };
 struct PackedAtlas {
-  std::vector<AtlasPage> pages;            // at most 255, all of one size
+  std::vector<Image> pages;                // at most 255, all of one size
   std::vector<AtlasPlacement> placements;  // [N]
 };
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -19,6 +20,7 @@ static_assert(static_cast<unsigned>(TextureMode::rgba) == kModeRgba);
 static_assert(static_cast<unsigned>(IntersectionModel::plane) == kIntersectPlane);
 static_assert(static_cast<unsigned>(IntersectionModel::maxResponse) == kIntersectMaxResponse);
 
+bool isFinite(float v) { return std::isfinite(v); }
 bool isFinite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 bool isFinite(const glm::vec4& v) { return isFinite(glm::vec3(v)) && std::isfinite(v.w); }
 
@@ -31,16 +33,23 @@ void checkLength(std::size_t found, std::size_t expected, const char* member, co
 
 // The first promise Gaussian i breaks; "" when it keeps them all.
 std::string brokenPromise(const GaussianModel& model, std::size_t i) {
-  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
-  if (!isFinite(model.mean[i])) return "mean is not finite";
-  if (!isFinite(model.rotation[i])) return "rotation is not finite";
-  const float length_squared = glm::dot(model.rotation[i], model.rotation[i]);
-  if (!(length_squared > 0.0f) || !std::isfinite(length_squared))
-    return "rotation has no usable length (expected a quaternion of length > 0)";
-  if (!isFinite(model.log_scale[i])) return "log_scale is not finite";
-  if (!std::isfinite(model.opacity_logit[i])) return "opacity_logit is not finite";
-  for (std::size_t k = 0; k < sh_count; ++k)
-    if (!isFinite(model.sh[i * sh_count + k])) return "sh coefficient " + std::to_string(k) + " is not finite";
+  std::string broken;
+  forEachField(
+      [&]<typename T>(const Field& field, const std::vector<T>& all) {
+        const std::size_t count = field.values(model.shCount());
+        for (std::size_t k = 0; k < count && broken.empty(); ++k) {
+          const T& value = all[i * count + k];
+          if (!isFinite(value)) {
+            broken = field.name + (field.harmonic ? " coefficient " + std::to_string(k) : "") + " is not finite";
+          } else if constexpr (std::is_same_v<T, glm::vec4>) {
+            const float length_squared = glm::dot(value, value);
+            if (field.quaternion && !(length_squared > 0.0f && std::isfinite(length_squared)))
+              broken = std::string(field.name) + " has no usable length (expected a quaternion of length > 0)";
+          }
+        }
+      },
+      model);
+  if (!broken.empty()) return broken;
   if (model.atlas.rects.empty()) return "";
   const TextureRect& rect = model.atlas.rects[i];
   if ((rect.width == 0) != (rect.height == 0))
@@ -109,10 +118,11 @@ void checkModel(const GaussianModel& model, const std::string& path) {
     throw Error(ErrorKind::badData, path,
                 "wrong SH degree (expected 0 to 3, found " + std::to_string(model.sh_degree) + ")");
   const std::size_t n = model.size();
-  checkLength(model.rotation.size(), n, "rotation", path);
-  checkLength(model.log_scale.size(), n, "log_scale", path);
-  checkLength(model.opacity_logit.size(), n, "opacity_logit", path);
-  checkLength(model.sh.size(), n * static_cast<std::size_t>(model.shCount()), "sh", path);
+  forEachField(
+      [&](const Field& field, const auto& values) {
+        checkLength(values.size(), n * field.values(model.shCount()), field.name, path);
+      },
+      model);
   if (!model.atlas.rects.empty()) checkLength(model.atlas.rects.size(), n, "atlas.rects", path);
 
   // Blocks report the first offender each, so the message does not depend on the thread count.

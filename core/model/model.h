@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/model/atlas.h"
+#include "core/model/fields.h"
 
 namespace tg {
 
@@ -22,20 +23,18 @@ std::string_view name(IntersectionModel model);      // "plane", "maxResponse"
 std::optional<TextureMode> parseTextureMode(std::string_view text);
 std::optional<IntersectionModel> parseIntersectionModel(std::string_view text);
 
+constexpr std::size_t shCountOf(int degree) { return static_cast<std::size_t>((degree + 1) * (degree + 1)); }
+
 // World space: as the data set's, COLMAP axes (x right, y down, z forward for an identity camera).
-struct GaussianModel {
-  std::vector<glm::vec3> mean;        // [N] world units
-  std::vector<glm::vec4> rotation;    // [N] quaternion w, x, y, z in .x .y .z .w; any length > 0
-  std::vector<glm::vec3> log_scale;   // [N] ln(sigma)
-  std::vector<float> opacity_logit;   // [N] opacity = 1 / (1 + exp(-logit))
-  std::vector<glm::vec3> sh;          // [N, K] rgb, coefficient k of Gaussian i at i * K + k, K = shCount()
-  int sh_degree = 0;                  // 0..3
+struct GaussianModel : GaussianFields<Values> {
+  int sh_degree = 0;  // 0..3
   TextureMode texture_mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::maxResponse;
-  TextureAtlas atlas;                 // atlas.rects empty or [N]
+  TextureAtlas atlas;  // atlas.rects empty or [N]
 
   std::size_t size() const { return mean.size(); }
-  int shCount() const { return (sh_degree + 1) * (sh_degree + 1); }
+  std::size_t shCount() const { return shCountOf(sh_degree); }  // K of GaussianFields
+  bool operator==(const GaussianModel&) const = default;
 };
 
 // Whether every array is as long as size(), shCount() and the atlas say: what functions that take a model assert.

@@ -473,7 +473,7 @@ HWY_INLINE void putColors(const ProjectArgs& args, const Seen& seen, const std::
   const GaussianModel& model = args.model;
   const glm::mat3 r(view.rotation);
   const int bands = std::min(model.sh_degree, view.max_sh_degree) + 1;
-  const int used = bands * bands, stored = model.shCount();
+  const int used = bands * bands, stored = static_cast<int>(model.shCount());
   using F4 = HWY_CAPPED(float, 4);
   constexpr F4 f4;
   constexpr std::size_t kParts = 4 / hn::MaxLanes(F4());

@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -134,7 +135,7 @@ HWY_INLINE void putTexture(const View& view, const GaussianModel& model, Splat& 
 // The first `count` coefficients count.
 HWY_INLINE glm::vec3 baseColor(const GaussianModel& model, std::uint32_t gaussian, const ShBasis& basis, int count,
                                int lane) {
-  const glm::vec3* sh = model.sh.data() + static_cast<std::size_t>(gaussian) * model.shCount();
+  const glm::vec3* sh = model.sh.data() + gaussian * model.shCount();
   glm::vec3 color(0.5f);
   for (int k = 0; k < count; ++k) color += basis.at[k][lane] * sh[k];
   return glm::max(color, glm::vec3(0.0f));
@@ -191,7 +192,7 @@ void projectBatch(const View& view, const GaussianModel& model, const std::uint3
   for (int lane = 0; lane < count; ++lane) {
     Splat& s = splats[lane];
     s.gaussian = gaussians[lane];
-    s.opacity = std::min(1.0f, opacity(model.opacity_logit[s.gaussian]) * view.opacity_scale) *
+    s.opacity = std::min(1.0f, sigmoidf(model.opacity_logit[s.gaussian]) * view.opacity_scale) *
                 static_cast<float>(opacity_factor[lane]);
     s.log2_opacity = std::log2(s.opacity);
     radius[lane] = visibleRadius(s.opacity);
@@ -229,7 +230,7 @@ constexpr int kMaxBatch = 8;  // Gaussians in a batch of any target
 // Whether 255 opacity > 1, mostly without computing it.
 bool visible(float logit, float opacity_scale) {
   constexpr float kSurely = -5.0f;  // a logit with 1.7 / 255
-  return (logit > kSurely && opacity_scale >= 1.0f) || opacity(logit) * opacity_scale * 255.0f > 1.0f;
+  return (logit > kSurely && opacity_scale >= 1.0f) || sigmoidf(logit) * opacity_scale * 255.0f > 1.0f;
 }
 
 // Nothing of the Gaussian can be on the image.
@@ -247,8 +248,6 @@ bool inside(const CropBox& box, glm::vec3 x) {
 }
 
 }  // namespace
-
-float opacity(float logit) { return 1.0f / (1.0f + std::exp(-logit)); }
 
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings) {
   checkSettings(settings);

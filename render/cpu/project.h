@@ -84,6 +84,4 @@ void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& ou
 void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& gaussians,
                    ScreenSplats& out);
 
-float opacity(float logit);
-
 }  // namespace tg::cpu

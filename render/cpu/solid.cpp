@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
@@ -51,7 +52,7 @@ void drawEllipsoids(const View& view, const GaussianModel& model, const ScreenSp
     const int tile_y = static_cast<int>(tile) / lists.tiles_x * kTileHeight;
     for (const std::uint32_t k : lists.list(static_cast<int>(tile))) {
       const Splat& s = screen.splats[k];
-      glm::dvec3 scale = glm::exp(glm::dvec3(model.log_scale[s.gaussian])) * static_cast<double>(view.splat_scale);
+      glm::dvec3 scale = sigmaOf(model, s.gaussian) * static_cast<double>(view.splat_scale);
       if (view.antialias) {
         const double pixel = s.depth / std::max(focal.x, focal.y);
         scale = glm::sqrt(scale * scale + kScreenVariance * pixel * pixel);

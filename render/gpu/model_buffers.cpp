@@ -39,7 +39,7 @@ glm::vec4 shElement(const GaussianModel& model, std::size_t element) {
   const std::size_t gaussian = element / row_elements;
   const std::size_t row = element % row_elements / 3;
   const auto channel = static_cast<glm::length_t>(element % 3);
-  const auto count = static_cast<std::size_t>(model.shCount());
+  const std::size_t count = model.shCount();
   glm::vec4 value(0.0f);
   for (glm::length_t k = 0; k < 4; ++k) {
     const std::size_t coefficient = row * 4 + static_cast<std::size_t>(k);

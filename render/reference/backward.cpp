@@ -150,7 +150,7 @@ void finish(const Scene& scene, const Splat& splat, const SplatSums& sum, Refere
   const auto basis = reference::shBasis(splat.direction);
   const auto basis_gradient = reference::shBasisGradient(splat.direction);
   glm::dvec3 v_direction(0.0);
-  for (int k = 0; k < model.shCount(); ++k) {
+  for (std::size_t k = 0; k < model.shCount(); ++k) {
     const std::size_t at = std::size_t{i} * model.shCount() + k;
     gradient.sh[at] = basis[k] * v_base;
     v_direction += basis_gradient[k] * glm::dot(model.sh[at], v_base);
@@ -192,12 +192,11 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
   });
 
   ReferenceGradient gradient;
-  gradient.mean.resize(model.size(), glm::dvec3(0.0));
-  gradient.rotation.resize(model.size(), glm::dvec4(0.0));
-  gradient.log_scale.resize(model.size(), glm::dvec3(0.0));
-  gradient.opacity_logit.resize(model.size(), 0.0);
-  gradient.sh.resize(model.sh.size(), glm::dvec3(0.0));
-  gradient.texels.resize(model.texels.size(), glm::dvec4(0.0));
+  forEachParameter(
+      [](const Field&, auto& v, const auto& values) {
+        v.resize(values.size(), std::remove_reference_t<decltype(v[0])>{});
+      },
+      gradient, model);
   gradient.screen.resize(model.size(), glm::dvec2(0.0));
   gradient.screen_abs.resize(model.size(), 0.0);
   for (std::size_t k = 0; k < scene.splats.size(); ++k) {

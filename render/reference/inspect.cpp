@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "render/reference/reference.h"
@@ -45,29 +46,6 @@ std::vector<std::uint32_t> nearRay(const GaussianModel& model, const Camera& cam
   return all;
 }
 
-GaussianModel pick(const GaussianModel& model, const std::vector<std::uint32_t>& indices) {
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  GaussianModel part;
-  part.sh_degree = model.sh_degree;
-  part.texture_mode = model.texture_mode;
-  part.intersection = model.intersection;
-  for (const std::uint32_t i : indices) {
-    part.mean.push_back(model.mean[i]);
-    part.rotation.push_back(model.rotation[i]);
-    part.log_scale.push_back(model.log_scale[i]);
-    part.opacity_logit.push_back(model.opacity_logit[i]);
-    const auto sh = model.sh.begin() + static_cast<std::ptrdiff_t>(i) * model.shCount();
-    part.sh.insert(part.sh.end(), sh, sh + model.shCount());
-    if (model.atlas.rects.empty()) continue;
-    TextureRect rect = model.atlas.rects[i];
-    const auto texels = model.atlas.texels.begin() + rect.offset;
-    rect.offset = static_cast<std::uint32_t>(part.atlas.texels.size());
-    part.atlas.texels.insert(part.atlas.texels.end(), texels, texels + rect.texelCount());
-    part.atlas.rects.push_back(rect);
-  }
-  return part;
-}
-
 }  // namespace
 
 std::vector<PixelHit> inspectPixel(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
@@ -77,7 +55,7 @@ std::vector<PixelHit> inspectPixel(const GaussianModel& model, const Camera& cam
   const double y = pixel.y + 0.5;
   checkSettings(settings);
   const auto candidates = nearRay(model, camera, settings, reference::rayDirection(camera, x, y));
-  const ReferenceModel part(pick(model, candidates));
+  const ReferenceModel part(select(model, candidates));
   std::vector<PixelHit> hits;
   for (const ReferenceHit& hit : traceReference(part, camera, settings, x, y)) {
     hits.push_back({candidates[hit.gaussian],
@@ -97,7 +75,7 @@ std::vector<PixelHit> inspectPixel(const GaussianModel& model, const Camera& cam
 std::array<glm::dvec3, 4> textureSquare(const GaussianModel& model, std::size_t index, double splat_scale) {
   TG_ASSERT(index < model.size(), "the model has this Gaussian");
   TG_ASSERT(splat_scale > 0.0, "a scale above 0");
-  const glm::dvec3 scale = splat_scale * glm::exp(glm::dvec3(model.log_scale[index]));
+  const glm::dvec3 scale = splat_scale * sigmaOf(model, index);
   const glm::dmat3 rotation = reference::rotationMatrix(model.rotation[index]);
   const reference::LocalAxes axes = reference::localAxes(scale);
   const glm::dvec3 mean = model.mean[index];

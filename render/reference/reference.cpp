@@ -11,17 +11,12 @@
 namespace tg {
 
 ReferenceModel::ReferenceModel(const GaussianModel& model)
-    : mean(model.mean.begin(), model.mean.end()),
-      rotation(model.rotation.begin(), model.rotation.end()),
-      log_scale(model.log_scale.begin(), model.log_scale.end()),
-      opacity_logit(model.opacity_logit.begin(), model.opacity_logit.end()),
-      sh(model.sh.begin(), model.sh.end()),
-      sh_degree(model.sh_degree),
+    : sh_degree(model.sh_degree),
       texture_mode(model.texture_mode),
       intersection(model.intersection),
-      rects(model.atlas.rects),
-      texels(model.atlas.texels.begin(), model.atlas.texels.end()) {
+      rects(model.atlas.rects) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  forEachParameter([](const Field&, auto& to, const auto& from) { to.assign(from.begin(), from.end()); }, *this, model);
 }
 
 namespace {

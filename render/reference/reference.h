@@ -10,22 +10,16 @@
 namespace tg {
 
 // GaussianModel in double precision: finite differences need parameters finer than float.
-struct ReferenceModel {
-  std::vector<glm::dvec3> mean;
-  std::vector<glm::dvec4> rotation;  // w, x, y, z
-  std::vector<glm::dvec3> log_scale;
-  std::vector<double> opacity_logit;
-  std::vector<glm::dvec3> sh;  // [N, K]
+struct ReferenceModel : ModelFields<DoubleValues> {
   int sh_degree = 0;
   TextureMode texture_mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::maxResponse;
   std::vector<TextureRect> rects;  // empty or [N]
-  std::vector<glm::dvec4> texels;
 
   ReferenceModel() = default;
   explicit ReferenceModel(const GaussianModel& model);
   std::size_t size() const { return mean.size(); }
-  int shCount() const { return (sh_degree + 1) * (sh_degree + 1); }
+  std::size_t shCount() const { return shCountOf(sh_degree); }
 };
 
 // One blended contribution at one pixel, front to back.
@@ -55,13 +49,7 @@ std::vector<ReferenceHit> traceReference(const ReferenceModel& model, const Came
                                          const ReferenceOptions& options = {});
 
 // dL/d(parameter) of every parameter as stored (raw quaternion, log scale, logit), same shapes as the model.
-struct ReferenceGradient {
-  std::vector<glm::dvec3> mean;
-  std::vector<glm::dvec4> rotation;
-  std::vector<glm::dvec3> log_scale;
-  std::vector<double> opacity_logit;
-  std::vector<glm::dvec3> sh;
-  std::vector<glm::dvec4> texels;
+struct ReferenceGradient : ModelFields<DoubleValues> {
   std::vector<glm::dvec2> screen;  // [N] sum over pixels of e_j, dL / d(mean in NDC) (docs/math.md 6.9)
   std::vector<double> screen_abs;  // [N] sum over pixels of |e_j|
 };

@@ -41,12 +41,13 @@ std::string messageOf(Work work) {
 }
 
 bool sameBits(const GaussianModel& a, const GaussianModel& b) {
-  const auto same = [](const auto& x, const auto& y) {
-    return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
-  };
-  return same(a.mean, b.mean) && same(a.rotation, b.rotation) && same(a.log_scale, b.log_scale) &&
-         same(a.opacity_logit, b.opacity_logit) && same(a.sh, b.sh) && same(a.atlas.texels, b.atlas.texels) &&
-         a.atlas.rects == b.atlas.rects && a.texture_mode == b.texture_mode && a.intersection == b.intersection;
+  bool same = a.atlas.rects == b.atlas.rects && a.texture_mode == b.texture_mode && a.intersection == b.intersection;
+  forEachParameter(
+      [&](const Field&, const auto& x, const auto& y) {
+        same = same && x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
+      },
+      a, b);
+  return same;
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ GaussianModel manyGaussians(int sh_degree) {
     model.rotation.push_back(glm::vec4(random.uniform(0.1, 1), random.uniform(-1, 1), random.uniform(-1, 1), 0.5f));
     model.log_scale.push_back(glm::vec3(random.uniform(-6, -2), random.uniform(-6, -2), random.uniform(-6, -2)));
     model.opacity_logit.push_back(static_cast<float>(random.uniform(-4, 4)));
-    for (int k = 0; k < model.shCount(); ++k) model.sh.push_back(glm::vec3(random.uniform(-1, 1), 0.25f, -0.5f));
+    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.push_back(glm::vec3(random.uniform(-1, 1), 0.25f, -0.5f));
   }
   return model;
 }
@@ -72,12 +72,7 @@ TEST_CASE("a GLB is the same model read from the file in blocks, all at once, an
     REQUIRE(in_blocks.size() == kMany);
     CHECK(in_blocks.mean == model.mean);
     for (const GaussianModel& other : {at_once, from_memory}) {
-      CHECK(in_blocks.mean == other.mean);
-      CHECK(in_blocks.rotation == other.rotation);
-      CHECK(in_blocks.log_scale == other.log_scale);
-      CHECK(in_blocks.opacity_logit == other.opacity_logit);
-      CHECK(in_blocks.sh == other.sh);
-      CHECK(in_blocks.atlas.texels == other.atlas.texels);
+      CHECK(in_blocks == other);
     }
     CHECK(in_blocks.atlas.rects[5005].texelCount() == 4);
   }

@@ -17,7 +17,7 @@ inline GaussianModel tinyModel(std::size_t count, int sh_degree, unsigned seed =
     model.rotation.push_back({1.5f + value(), value(), value(), value()});
     model.log_scale.push_back({value() - 3.0f, value() - 3.0f, value() - 3.0f});
     model.opacity_logit.push_back(4.0f * value());
-    for (int k = 0; k < model.shCount(); ++k) model.sh.push_back({value(), value(), value()});
+    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.push_back({value(), value(), value()});
   }
   return model;
 }

@@ -171,14 +171,7 @@ TEST_CASE("compact storage changes a picture by less than a screen shows") {
 TEST_CASE("every SH degree agrees with the reference") {
   const int degree = GENERATE(0, 1, 2);
   TestScene scene = bundled(makeScene(SceneKind::ordinary, 11, 100));
-  const int full = scene.model.shCount();
-  scene.model.sh_degree = degree;
-  std::vector<glm::vec3> sh;
-  for (std::size_t i = 0; i < scene.model.size(); ++i) {
-    const auto first = scene.model.sh.begin() + static_cast<std::ptrdiff_t>(i) * full;
-    sh.insert(sh.end(), first, first + scene.model.shCount());
-  }
-  scene.model.sh = sh;
+  setShDegree(scene.model, degree);
   checkAgainstReference(scene, {}, allowed(SceneKind::ordinary, scene.model.intersection));
 }
 

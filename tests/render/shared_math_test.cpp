@@ -36,7 +36,7 @@ vec3 baseColor(const GaussianModel& model, std::uint32_t i, vec3 direction) {
   vec4 b[4];
   shBasis(direction, b[0], b[1], b[2], b[3]);
   vec3 color(0.5f);
-  for (int k = 0; k < model.shCount(); ++k) color += b[k / 4][k % 4] * model.sh[std::size_t{i} * model.shCount() + k];
+  for (std::size_t k = 0; k < model.shCount(); ++k) color += b[k / 4][k % 4] * model.sh[std::size_t{i} * model.shCount() + k];
   return glm::max(color, vec3(0.0f));
 }
 

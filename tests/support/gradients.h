@@ -17,8 +17,10 @@ ModelGradient gradientOf(DifferentiableRenderer& renderer, const GaussianModel& 
                          const GradientOptions& options = {});
 
 // |a - b| / |b| over all components of each array.
-struct BlockErrors {
-  double mean, rotation, log_scale, opacity_logit, sh, texels, screen, screen_abs;
+template <typename>
+using ErrorOf = double;
+struct BlockErrors : ModelFields<ErrorOf> {
+  double screen, screen_abs;
 };
 BlockErrors compare(const ModelGradient& gradient, const ReferenceGradient& reference);
 

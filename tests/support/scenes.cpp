@@ -59,7 +59,7 @@ void addGaussian(GaussianModel& model, Random& random, glm::dvec3 mean, glm::dve
   model.rotation.push_back(glm::vec4(rotation * random.uniform(0.5, 2.0)));
   model.log_scale.push_back(glm::vec3(glm::log(scale)));
   model.opacity_logit.push_back(static_cast<float>(std::log(opacity / (1.0 - opacity))));
-  for (int k = 0; k < model.shCount(); ++k) {
+  for (std::size_t k = 0; k < model.shCount(); ++k) {
     const double size = k == 0 ? 1.5 : 0.25;
     model.sh.push_back(glm::vec3(random.uniformVec3(-size, size)));
   }
@@ -224,7 +224,7 @@ GaussianModel trainedLikeModel(unsigned seed, int gaussians) {
     const glm::dvec3 scale = sigma * glm::dvec3(1.0, random.uniform(0.4, 1.0), 0.02);
     addGaussian(model, random, mean + jitter, rotation, scale, random.uniform(0.6, 0.995));
     model.sh[model.sh.size() - model.shCount()] = glm::vec3((color - 0.5) / 0.28209479177387814);
-    for (int k = 1; k < model.shCount(); ++k) model.sh[model.sh.size() - k] *= 0.2f;
+    for (std::size_t k = 1; k < model.shCount(); ++k) model.sh[model.sh.size() - k] *= 0.2f;
     addTexture(model, random, 4, 4);
     for (std::size_t k = model.atlas.texels.size() - 16; k < model.atlas.texels.size(); ++k) {
       model.atlas.texels[k] *= glm::vec4(0.6f, 0.6f, 0.6f, 0.5f);

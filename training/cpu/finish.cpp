@@ -135,7 +135,7 @@ HWY_INLINE V3 storedOrder(const Geometry& g, VD a, VD b, VD c) {
 // Gradient of the base colours: writes the SH coefficients' and returns the mean's, through the viewing direction.
 HWY_INLINE V3 finishColor(const View& view, const GaussianModel& model, V3 mean, std::span<const SplatSums> splats,
                           ModelGradient& gradient) {
-  const int count = model.shCount();
+  const int count = static_cast<int>(model.shCount());
   const Directions direction = directionsTo(view, mean);
   ShBasis basis, weights;
   shBasis(direction, count, basis);
@@ -145,7 +145,7 @@ HWY_INLINE V3 finishColor(const View& view, const GaussianModel& model, V3 mean,
     glm::vec3 v_base;
     for (int ch = 0; ch < 3; ++ch) v_base[ch] = s.base[ch] > 0.0f ? splats[lane].pairs.base[ch] : 0.0f;  // else cut
     const glm::vec3* sh = model.sh.data() + static_cast<std::size_t>(s.gaussian) * count;
-    glm::vec3* v_sh = gradient.v_sh.data() + static_cast<std::size_t>(s.gaussian) * count;
+    glm::vec3* v_sh = gradient.sh.data() + static_cast<std::size_t>(s.gaussian) * count;
     for (int k = 0; k < count; ++k) {
       v_sh[k] = basis.at[k][lane] * v_base;
       weights.at[k][lane] = sh[k].x * v_base.x + sh[k].y * v_base.y + sh[k].z * v_base.z;
@@ -219,10 +219,10 @@ void finishBatch(const View& view, const GaussianModel& model, std::span<const S
   for (std::size_t lane = 0; lane < splats.size(); ++lane) {
     const std::uint32_t i = gaussians[lane];
     const SplatSums& total = splats[lane];
-    gradient.v_mean[i] = {out[0][lane], out[1][lane], out[2][lane]};
-    gradient.v_log_scale[i] = {out[3][lane], out[4][lane], out[5][lane]};
-    gradient.v_rotation[i] = {out[6][lane], out[7][lane], out[8][lane], out[9][lane]};
-    gradient.v_opacity_logit[i] = total.pairs.opacity * (1.0f - total.splat->opacity);
+    gradient.mean[i] = {out[0][lane], out[1][lane], out[2][lane]};
+    gradient.log_scale[i] = {out[3][lane], out[4][lane], out[5][lane]};
+    gradient.rotation[i] = {out[6][lane], out[7][lane], out[8][lane], out[9][lane]};
+    gradient.opacity_logit[i] = total.pairs.opacity * (1.0f - total.splat->opacity);
     gradient.screen_gradient[i] = out[10][lane];
     gradient.screen_gradient_abs[i] = static_cast<float>(std::numbers::ln2) * total.screen_abs;
   }

@@ -59,7 +59,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     texture_sums_.resize(view_.textured() ? lists_.splats.size() : 0);
     const cpu::BackwardInput input{view_, screen_, lists_, record_, model_->atlas.texels.data(), v_color, options};
     timed(kBackward, [&] {
-      if (view_.textured()) gradient.v_texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
+      if (view_.textured()) gradient.texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
       for (int first = 0; first < lists_.tiles();) {
         const int end = view_.textured() ? makeSlots(first) : lists_.tiles();
         cpu::backwardTiles(input, first, end, {shows_, sums_, screen_abs_, texture_sums_, slots_});
@@ -88,12 +88,8 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   // Gaussians in their own order, so that the gradient is written as one stream.
   void finish(ModelGradient& gradient) {
     const std::size_t n = model_->size();
-    gradient.v_mean.resize(n);
-    gradient.v_rotation.resize(n);
-    gradient.v_log_scale.resize(n);
-    gradient.v_opacity_logit.resize(n);
-    gradient.v_sh.resize(model_->sh.size());
-    if (!view_.textured()) gradient.v_texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
+    forEachField([](const Field&, auto& v, const auto& values) { v.resize(values.size()); }, gradient, *model_);
+    if (!view_.textured()) gradient.texels.assign(model_->atlas.texels.size(), glm::vec4(0.0f));
     gradient.screen_gradient.resize(n);
     gradient.screen_gradient_abs.resize(n);
     gradient.screen_radius.resize(n);
@@ -125,12 +121,12 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
   }
 
   void clear(std::size_t i, ModelGradient& gradient) const {
-    const std::size_t count = static_cast<std::size_t>(model_->shCount());
-    gradient.v_mean[i] = glm::vec3(0.0f);
-    gradient.v_rotation[i] = glm::vec4(0.0f);
-    gradient.v_log_scale[i] = glm::vec3(0.0f);
-    gradient.v_opacity_logit[i] = 0.0f;
-    std::fill_n(gradient.v_sh.begin() + static_cast<std::ptrdiff_t>(i * count), count, glm::vec3(0.0f));
+    forEachField(
+        [&](const Field& field, auto& v) {
+          const std::size_t count = field.values(model_->shCount());
+          std::fill_n(v.data() + i * count, count, std::remove_reference_t<decltype(v[0])>{});
+        },
+        gradient);
     gradient.screen_gradient[i] = 0.0f;
     gradient.screen_gradient_abs[i] = 0.0f;
   }
@@ -167,7 +163,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
                 [&](std::int64_t k) {
                   const cpu::Splat& s = screen_.splats[k];
                   if (s.texture_width == 0) return;
-                  glm::vec4* v_texels = gradient.v_texels.data() + s.texel_offset;
+                  glm::vec4* v_texels = gradient.texels.data() + s.texel_offset;
                   for (std::uint32_t pair = lists_.pair_begin[k]; pair < lists_.pair_begin[k + 1]; ++pair) {
                     if (slots_.begin[pair] == cpu::TexelSlots::kNone) continue;
                     const glm::vec4* slot = slots_.texels.data() + slots_.begin[pair];
@@ -206,7 +202,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
     const std::size_t texels = std::size_t{s.texture_width} * s.texture_height;
     for (std::size_t i = s.texel_offset; i < s.texel_offset + texels; ++i) {
       const float alpha = model_->atlas.texels[i].a;
-      if (!(alpha >= 0.0f && alpha <= 1.0f)) gradient.v_texels[i].a = 0.0f;
+      if (!(alpha >= 0.0f && alpha <= 1.0f)) gradient.texels[i].a = 0.0f;
     }
   }
 

@@ -68,39 +68,28 @@ void changeRows(Buffer<float>& rows, const RowChange& change) {
 
 // The twin of optimizer.h's.
 void selectGaussians(DeviceState& state, const std::uint32_t* source, std::size_t kept, std::size_t count) {
-  forEachParameter(state, [&](Buffer<float>& value, DeviceMoments& moments, unsigned row) {
-    changeRows(value, {source, count, count, row, row});
-    changeRows(moments.first, {source, kept, count, row, row});
-    changeRows(moments.second, {source, kept, count, row, row});
-  });
+  forEachField(
+      [&](const Field& field, Buffer<float>& value, DeviceMoments& moments) {
+        const auto row = static_cast<unsigned>(field.row(state.model.sh_count));
+        changeRows(value, {source, count, count, row, row});
+        changeRows(moments.first, {source, kept, count, row, row});
+        changeRows(moments.second, {source, kept, count, row, row});
+      },
+      state.model, state.moments);
   state.model.count = count;
 }
 
-struct MomentPointers {
-  float* mean[2];
-  float* rotation[2];
-  float* log_scale[2];
-  float* opacity_logit[2];
-  float* sh[2];
-  unsigned sh_row;  // floats
+struct MomentRows {
+  FieldRows first, second;
 };
-MomentPointers pointersOf(const DeviceState& state) {
-  const StateMoments& m = state.moments;
-  return {{m.mean.first.data(), m.mean.second.data()},
-          {m.rotation.first.data(), m.rotation.second.data()},
-          {m.log_scale.first.data(), m.log_scale.second.data()},
-          {m.opacity_logit.first.data(), m.opacity_logit.second.data()},
-          {m.sh.first.data(), m.sh.second.data()},
-          3u * static_cast<unsigned>(state.model.sh_count)};
+MomentRows rowsOf(const DeviceState& state) {
+  const int k = state.model.sh_count;
+  return {cuda::rowsOf(state.moments, k, [](const DeviceMoments& moments) { return moments.first.data(); }),
+          cuda::rowsOf(state.moments, k, [](const DeviceMoments& moments) { return moments.second.data(); })};
 }
-TG_DEVICE void clearMoments(const MomentPointers& moments, std::size_t i) {
-  for (int order = 0; order < 2; ++order) {
-    writeVector(moments.mean[order], i, glm::vec3(0.0f));
-    writeVector(moments.log_scale[order], i, glm::vec3(0.0f));
-    for (int k = 0; k < 4; ++k) moments.rotation[order][4 * i + k] = 0.0f;
-    moments.opacity_logit[order][i] = 0.0f;
-    for (unsigned k = 0; k < moments.sh_row; ++k) moments.sh[order][i * moments.sh_row + k] = 0.0f;
-  }
+TG_DEVICE void clearMoments(const MomentRows& moments, std::size_t i) {
+  clearRows(moments.first, i);
+  clearRows(moments.second, i);
 }
 
 void resetStatistics(DeviceStatistics& statistics, std::size_t count) {
@@ -200,7 +189,7 @@ TG_KERNEL sourceKernel(Places a, std::uint32_t* source) {
 
 // One thread an added Gaussian; those of splits write both children, whose rows are copies of their parent's.
 TG_KERNEL childKernel(Places a, const std::uint32_t* source, std::size_t added, Parameters model,
-                      MomentPointers moments, float log_shrink, Random random) {
+                      MomentRows moments, float log_shrink, Random random) {
   const std::size_t k = itemIndex();
   if (k >= added) return;
   const std::uint32_t parent = source[a.kept + k];
@@ -269,7 +258,7 @@ TG_KERNEL drawKernel(DrawArguments a) {
   atomicAdd(a.copies + low, 1u);
 }
 
-TG_KERNEL shareKernel(Parameters model, MomentPointers moments, const std::uint32_t* source,
+TG_KERNEL shareKernel(Parameters model, MomentRows moments, const std::uint32_t* source,
                       const std::uint32_t* copies, float dead_opacity) {
   const std::size_t i = itemIndex();
   if (i >= model.count || copies[source[i]] == 0) return;
@@ -372,7 +361,7 @@ DensifyResult densify(DeviceState& state, const DensifySettings& settings, Rando
   launch("sources", sourceKernel, blocksFor(count), places, scratch.source.data());
   selectGaussians(state, scratch.source.data(), kept, kept + added);
   launch("children", childKernel, blocksFor(added), places, scratch.source.data(), added, state.model.parameters(),
-         pointersOf(state), std::log(settings.split_shrink), random);
+         rowsOf(state), std::log(settings.split_shrink), random);
   random.skip(std::uint64_t{kNumbersOfASplit} * splits);
   resetStatistics(state.statistics, kept + added);
   return {count - kept, added - splits, splits};
@@ -403,7 +392,7 @@ McmcResult relocateAndGrow(DeviceState& state, const McmcSettings& settings, Ran
                        scratch.source.data(), scratch.copies.data()});
   random.skip(result.relocated + result.added);
   selectGaussians(state, scratch.source.data(), count, target);
-  launch("share", shareKernel, blocksFor(target), state.model.parameters(), pointersOf(state), scratch.source.data(),
+  launch("share", shareKernel, blocksFor(target), state.model.parameters(), rowsOf(state), scratch.source.data(),
          scratch.copies.data(), settings.dead_opacity);
   resetStatistics(state.statistics, target);
   return result;
@@ -417,13 +406,19 @@ void resetOpacity(DeviceState& state) {
 }
 
 void growShDegree(DeviceState& state, int degree) {
-  const int coefficients = (degree + 1) * (degree + 1);
+  const auto coefficients = static_cast<int>(shCountOf(degree));
   if (coefficients <= state.model.sh_count) return;
-  const RowChange change{nullptr, state.model.count, state.model.count,
-                         3u * static_cast<unsigned>(state.model.sh_count), 3u * static_cast<unsigned>(coefficients)};
-  changeRows(state.model.sh, change);
-  changeRows(state.moments.sh.first, change);
-  changeRows(state.moments.sh.second, change);
+  forEachField(
+      [&](const Field& field, Buffer<float>& value, DeviceMoments& moments) {
+        if (!field.harmonic) return;
+        const RowChange change{nullptr, state.model.count, state.model.count,
+                               static_cast<unsigned>(field.row(state.model.sh_count)),
+                               static_cast<unsigned>(field.row(coefficients))};
+        changeRows(value, change);
+        changeRows(moments.first, change);
+        changeRows(moments.second, change);
+      },
+      state.model, state.moments);
   state.model.sh_count = coefficients;
 }
 

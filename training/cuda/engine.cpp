@@ -217,19 +217,12 @@ class CudaTrainingEngine final : public TrainingEngine {
     const float* min_sigma = device_.min_sigma.size() > 0 ? device_.min_sigma.data() + first : nullptr;
     chainGradients({moved, min_sigma, input.mcmc, input.opacity_weight / all, input.scale_weight / all, stop_.data()},
                    gradient);
-    const LearningRates& rates = input.rates;
-    const StateMoments& moments = device_.moments;
-    const auto uniform = [&](float* value, const float* v_value, const DeviceMoments& of, std::size_t floats,
-                             float rate) {
-      cuda::adamStep({value, v_value, of, floats * moved.count, 1, 0, 0, rate, scales, stop_.data(), floats * first});
+    const auto move = [&](const Field& field, float* value, float* v_value, const DeviceMoments& moments, Rate rate) {
+      const auto floats = static_cast<unsigned>(field.row(stored.sh_count));
+      cuda::adamStep({value, v_value, moments, floats * moved.count, field.harmonic ? floats : 1,
+                      field.harmonic ? field.floats : 0, rate.first, rate.rest, scales, stop_.data(), floats * first});
     };
-    uniform(moved.mean, gradient.mean, moments.mean, 3, rates.mean);
-    uniform(moved.rotation, gradient.rotation, moments.rotation, 4, rates.rotation);
-    uniform(moved.log_scale, gradient.log_scale, moments.log_scale, 3, rates.log_scale);
-    uniform(moved.opacity_logit, gradient.opacity_logit, moments.opacity_logit, 1, rates.opacity_logit);
-    const unsigned row = 3 * static_cast<unsigned>(stored.sh_count);
-    cuda::adamStep({moved.sh, gradient.sh, moments.sh, row * moved.count, row, 3, rates.sh_dc, rates.sh_rest, scales,
-                    stop_.data(), row * first});
+    forEachField(move, moved, gradient, device_.moments, input.rates);
   }
 
   LossValue lossOf(const StepRecord& record, double counted) const {

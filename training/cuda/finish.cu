@@ -52,6 +52,7 @@ TG_KERNEL runKernel(RunInput in) {
 struct FinishArguments {
   FinishInput in;
   Parameters gradient;
+  FieldRows rows;  // of the gradient
   float* screen_gradient;
   float* screen_gradient_abs;
 };
@@ -144,11 +145,7 @@ TG_DEVICE glm::dvec3 finishColor(const FinishArguments& a, std::size_t i, const 
 }
 
 TG_DEVICE void clear(const FinishArguments& a, std::size_t i) {
-  for (int k = 0; k < 3; ++k) a.gradient.mean[3 * i + k] = a.gradient.log_scale[3 * i + k] = 0.0f;
-  for (int k = 0; k < 4; ++k) a.gradient.rotation[4 * i + k] = 0.0f;
-  a.gradient.opacity_logit[i] = 0.0f;
-  const std::size_t row = 3 * static_cast<std::size_t>(a.in.model.sh_count);
-  for (std::size_t k = 0; k < row; ++k) a.gradient.sh[i * row + k] = 0.0f;
+  clearRows(a.rows, i);
   a.screen_gradient[i] = a.screen_gradient_abs[i] = 0.0f;
 }
 
@@ -228,7 +225,8 @@ void addRuns(const RunInput& input) {
 void finishGradients(const FinishInput& input, const Parameters& gradient, float* screen_gradient,
                      float* screen_gradient_abs) {
   launch("finish", finishKernel, blocksFor(input.model.count),
-         FinishArguments{input, gradient, screen_gradient, screen_gradient_abs});
+         FinishArguments{input, gradient, rowsOf(gradient, gradient.sh_count, [](float* values) { return values; }),
+                         screen_gradient, screen_gradient_abs});
 }
 
 }  // namespace tg::cuda

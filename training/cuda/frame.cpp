@@ -57,13 +57,8 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
 void DeviceModel::upload(const GaussianModel& model) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   count = model.size();
-  sh_count = model.shCount();
-  mean.upload(model.mean);
-  rotation.upload(model.rotation);
-  log_scale.upload(model.log_scale);
-  opacity_logit.upload(model.opacity_logit);
-  sh.upload(model.sh);
-  texels.upload(model.atlas.texels);
+  sh_count = static_cast<int>(model.shCount());
+  forEachParameter([](const Field&, Buffer<float>& to, const auto& from) { to.upload(from); }, *this, model);
   rects.upload(model.atlas.rects);
   largest_rect = 0;
   for (const TextureRect& rect : model.atlas.rects) {
@@ -76,35 +71,20 @@ void DeviceModel::resizeLike(const DeviceModel& other) { resizeLike(other, other
 void DeviceModel::resizeLike(const DeviceModel& other, std::size_t gaussians, std::size_t texel_count) {
   count = gaussians;
   sh_count = other.sh_count;
-  mean.resize(3 * gaussians);
-  rotation.resize(4 * gaussians);
-  log_scale.resize(3 * gaussians);
-  opacity_logit.resize(gaussians);
-  sh.resize(3 * static_cast<std::size_t>(sh_count) * gaussians);
+  forEachField([&](const Field& field, Buffer<float>& values) { values.resize(field.row(sh_count) * gaussians); },
+               *this);
   texels.resize(4 * texel_count);
 }
 
-void DeviceModel::download(ModelGradient& gradient) const {
-  mean.downloadAll(gradient.v_mean);
-  rotation.downloadAll(gradient.v_rotation);
-  log_scale.downloadAll(gradient.v_log_scale);
-  opacity_logit.downloadAll(gradient.v_opacity_logit);
-  sh.downloadAll(gradient.v_sh);
-  texels.downloadAll(gradient.v_texels);
-}
-
-void DeviceModel::download(GaussianModel& model) const {
-  mean.downloadAll(model.mean);
-  rotation.downloadAll(model.rotation);
-  log_scale.downloadAll(model.log_scale);
-  opacity_logit.downloadAll(model.opacity_logit);
-  sh.downloadAll(model.sh);
-  texels.downloadAll(model.atlas.texels);
-}
-
 Parameters DeviceModel::parameters() const {
-  return {count,     sh_count,      mean.data(),  rotation.data(),   log_scale.data(), opacity_logit.data(),
-          sh.data(), texels.data(), rects.data(), texels.size() / 4, largest_rect};
+  Parameters parameters{};
+  forEachParameter([](const Field&, float*& to, const Buffer<float>& from) { to = from.data(); }, parameters, *this);
+  parameters.count = count;
+  parameters.sh_count = sh_count;
+  parameters.rects = rects.data();
+  parameters.texel_count = texels.size() / 4;
+  parameters.largest_rect = largest_rect;
+  return parameters;
 }
 
 BlendInput Frame::blendInput(const Parameters& model) const {

@@ -18,21 +18,24 @@ namespace tg::cuda {
 // Throws Error(usage) as a renderer does, and for pictures of more than kMaxTiles tiles.
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings);
 
+template <typename>
+using FloatBuffer = Buffer<float>;
 // Parameters, or gradients in their shapes.
-struct DeviceModel {
+struct DeviceModel : ModelFields<FloatBuffer> {
   std::size_t count = 0;
   int sh_count = 1;              // coefficients of each
   std::size_t largest_rect = 0;  // [texels]
-  Buffer<float> mean, rotation, log_scale, opacity_logit, sh, texels;
   Buffer<TextureRect> rects;
 
   void upload(const GaussianModel& model);
   void resizeLike(const DeviceModel& other);  // contents undefined
   // Room for so many Gaussians of the other's kind, and texels; contents undefined.
   void resizeLike(const DeviceModel& other, std::size_t gaussians, std::size_t texel_count);
-  void download(ModelGradient& gradient) const;
-  // sh_degree must be the device's; rectangles do not change.
-  void download(GaussianModel& model) const;
+  // A gradient, or a model whose sh_degree must be the device's; rectangles do not change.
+  template <typename Model>
+  void download(Model& model) const {
+    forEachParameter([](const Field&, const auto& from, auto& to) { from.downloadAll(to); }, *this, model);
+  }
   Parameters parameters() const;
 };
 

@@ -49,6 +49,13 @@ TG_DEVICE void writeVector(float* to, std::size_t i, glm::vec3 v) {
   for (int k = 0; k < 3; ++k) to[3 * i + k] = v[k];
 }
 
+// Zeros for Gaussian i.
+TG_DEVICE void clearRows(const FieldRows& rows, std::size_t i) {
+  for (const FieldRows::Row& field : rows.of) {
+    for (unsigned k = 0; k < field.row; ++k) field.floats[i * field.row + k] = 0.0f;
+  }
+}
+
 TG_DEVICE glm::dvec3 readMean(const Parameters& model, std::size_t i) {
   return {model.mean[3 * i], model.mean[3 * i + 1], model.mean[3 * i + 2]};
 }

@@ -3,28 +3,16 @@
 #include "training/cuda/state.h"
 
 namespace tg::cuda {
-namespace {
-
-// Calls visit(a's moments, b's) for each parameter.
-template <typename A, typename B, typename Visit>
-void forEachMoments(A& a, B& b, const Visit& visit) {
-  visit(a.mean, b.mean);
-  visit(a.rotation, b.rotation);
-  visit(a.log_scale, b.log_scale);
-  visit(a.opacity_logit, b.opacity_logit);
-  visit(a.sh, b.sh);
-  visit(a.texels, b.texels);
-}
-
-}  // namespace
 
 void upload(const RunState& from, DeviceState& to) {
   to = {};  // another stage may need less
   to.model.upload(from.training.model);
-  forEachMoments(to.moments, from.training, [](DeviceMoments& device, const Moments& host) {
-    device.first.upload(host.first);
-    device.second.upload(host.second);
-  });
+  forEachParameter(
+      [](const Field&, DeviceMoments& device, const Moments& host) {
+        device.first.upload(host.first);
+        device.second.upload(host.second);
+      },
+      to.moments, from.training.moments);
   to.step = from.training.step;
   to.min_sigma.upload(from.min_sigma);
   to.statistics.score_sum.upload(from.statistics.score_sum);
@@ -35,10 +23,12 @@ void upload(const RunState& from, DeviceState& to) {
 
 void download(const DeviceState& from, RunState& to) {
   from.model.download(to.training.model);
-  forEachMoments(from.moments, to.training, [](const DeviceMoments& device, Moments& host) {
-    device.first.downloadAll(host.first);
-    device.second.downloadAll(host.second);
-  });
+  forEachParameter(
+      [](const Field&, const DeviceMoments& device, Moments& host) {
+        device.first.downloadAll(host.first);
+        device.second.downloadAll(host.second);
+      },
+      from.moments, to.training.moments);
   to.training.step = from.step;
   from.min_sigma.downloadAll(to.min_sigma);
   from.statistics.score_sum.downloadAll(to.statistics.score_sum);

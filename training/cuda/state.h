@@ -7,9 +7,9 @@
 
 namespace tg::cuda {
 
-struct StateMoments {
-  DeviceMoments mean, rotation, log_scale, opacity_logit, sh, texels;
-};
+template <typename>
+using DeviceMomentsOf = DeviceMoments;
+using StateMoments = ModelFields<DeviceMomentsOf>;
 
 struct DeviceState {
   DeviceModel model;
@@ -22,15 +22,5 @@ struct DeviceState {
 void upload(const RunState& from, DeviceState& to);
 // Everything but the rectangles, which do not change on the device. Arrays get the device's sizes.
 void download(const DeviceState& from, RunState& to);
-
-// Calls visit(parameter, moments, floats a Gaussian) for all parameters but texels.
-template <typename Visit>
-void forEachParameter(DeviceState& state, const Visit& visit) {
-  visit(state.model.mean, state.moments.mean, 3u);
-  visit(state.model.rotation, state.moments.rotation, 4u);
-  visit(state.model.log_scale, state.moments.log_scale, 3u);
-  visit(state.model.opacity_logit, state.moments.opacity_logit, 1u);
-  visit(state.model.sh, state.moments.sh, 3u * static_cast<unsigned>(state.model.sh_count));
-}
 
 }  // namespace tg::cuda

@@ -6,6 +6,7 @@
 #include <glm/glm.hpp>
 
 #include "core/model/atlas.h"
+#include "core/model/fields.h"
 #include "core/model/pinhole.h"
 #include "shared/limits.h"
 
@@ -20,16 +21,12 @@ struct View : Pinhole {
   bool texture_rgb, texture_alpha;
 };
 
-// A model's parameters, or gradients in their shapes.
-struct Parameters {
-  std::size_t count;  // Gaussians
-  int sh_count;       // coefficients of each
-  float* mean;        // [N, 3]
-  float* rotation;    // [N, 4]
-  float* log_scale;   // [N, 3]
-  float* opacity_logit;
-  float* sh;           // [N, sh_count, 3]
-  float* texels;       // [texels, 4]
+template <typename>
+using FloatPointer = float*;
+// A model's parameters, or gradients in their shapes: the floats of GaussianModel's arrays.
+struct Parameters : ModelFields<FloatPointer> {
+  std::size_t count;   // Gaussians
+  int sh_count;        // coefficients of each
   TextureRect* rects;  // [N]; null: no textures
   std::size_t texel_count;
   std::size_t largest_rect;  // [texels]
@@ -38,13 +35,29 @@ struct Parameters {
 // Gaussians [first, first + count) as a model of their own; the texels stay those of all.
 inline Parameters slice(Parameters of, std::size_t first, std::size_t count) {
   of.count = count;
-  of.mean += 3 * first;
-  of.rotation += 4 * first;
-  of.log_scale += 3 * first;
-  of.opacity_logit += first;
-  of.sh += 3 * static_cast<std::size_t>(of.sh_count) * first;
+  forEachField([&](const Field& field, float*& values) { values += field.row(of.sh_count) * first; }, of);
   if (of.rects != nullptr) of.rects += first;
   return of;
+}
+
+// Where the numbers of each field lie, for kernels that treat them all alike: Gaussian i's are floats[i * row] and on.
+struct FieldRows {
+  struct Row {
+    float* floats;
+    unsigned row;
+  } of[kFieldCount];
+};
+// pointer(set's member) is where a field's floats lie.
+template <typename Set, typename Pointer>
+FieldRows rowsOf(const Set& set, int sh_count, const Pointer& pointer) {
+  FieldRows rows;
+  std::size_t next = 0;
+  forEachField(
+      [&](const Field& field, const auto& values) {
+        rows.of[next++] = {pointer(values), static_cast<unsigned>(field.row(sh_count))};
+      },
+      set);
+  return rows;
 }
 
 // What blending evaluates of a splat; names and units as in render/cpu/project.h. (x, y) = pixel - centre [px].

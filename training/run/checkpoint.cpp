@@ -182,6 +182,20 @@ class BlockReader {
 template <typename T, typename Plain>
 concept Is = std::same_as<std::remove_const_t<T>, Plain>;
 
+// Bases and members of an aggregate, for one that no structured binding takes apart since its base has members, too.
+struct Anything {
+  template <typename T>
+  operator T() const;
+};
+template <typename T, typename... Given>
+consteval std::size_t memberCount() {
+  if constexpr (requires { T{Given()..., Anything()}; }) {
+    return memberCount<T, Given..., Anything>();
+  } else {
+    return sizeof...(Given);
+  }
+}
+
 // Names every member of a state. A member that is added to one of these structs breaks its structured binding here.
 template <typename Archive>
 class StateFields {
@@ -210,27 +224,18 @@ class StateFields {
 
  private:
   void trainingState(const std::string& at, Is<TrainingState> auto& state) {
-    auto& [gaussians, mean, rotation, log_scale, opacity_logit, sh, texels, step] = state;
+    auto& [gaussians, model_moments, step] = state;
     model(at + ".model", gaussians);
-    moments(at + ".mean", mean);
-    moments(at + ".rotation", rotation);
-    moments(at + ".log_scale", log_scale);
-    moments(at + ".opacity_logit", opacity_logit);
-    moments(at + ".sh", sh);
-    moments(at + ".texels", texels);
+    forEachParameter([&](const Field& field, auto& each) { moments(at + "." + field.name, each); }, model_moments);
     archive_.value(at + ".step", step);
   }
   void model(const std::string& at, Is<GaussianModel> auto& model) {
-    auto& [mean, rotation, log_scale, opacity_logit, sh, sh_degree, texture_mode, intersection, texture_atlas] = model;
-    archive_.array(at + ".mean", mean);
-    archive_.array(at + ".rotation", rotation);
-    archive_.array(at + ".log_scale", log_scale);
-    archive_.array(at + ".opacity_logit", opacity_logit);
-    archive_.array(at + ".sh", sh);
-    archive_.value(at + ".sh_degree", sh_degree);
-    choice(at + ".texture_mode", texture_mode, TextureMode::rgba);
-    choice(at + ".intersection", intersection, IntersectionModel::maxResponse);
-    auto& [rects, texels] = texture_atlas;
+    static_assert(memberCount<GaussianModel>() == 5, "name the model's new member here: its base and four are");
+    forEachField([&](const Field& field, auto& values) { archive_.array(at + "." + field.name, values); }, model);
+    archive_.value(at + ".sh_degree", model.sh_degree);
+    choice(at + ".texture_mode", model.texture_mode, TextureMode::rgba);
+    choice(at + ".intersection", model.intersection, IntersectionModel::maxResponse);
+    auto& [rects, texels] = model.atlas;
     archive_.array(at + ".rects", rects);
     archive_.array(at + ".texels", texels);
   }
@@ -336,16 +341,13 @@ void checkState(const RunState& state, const std::string& path) {
     checkModel(*model, path);
   const std::size_t count = training.model.size();
   if (count == 0) fail("no Gaussian inside (expected at least 1)");
-  const auto expectMoments = [&](const char* name, const Moments& moments, std::size_t expected) {
-    expect(name, moments.first.size(), expected);
-    expect(name, moments.second.size(), expected);
-  };
-  expectMoments("training.mean", training.mean, count * 3);
-  expectMoments("training.rotation", training.rotation, count * 4);
-  expectMoments("training.log_scale", training.log_scale, count * 3);
-  expectMoments("training.opacity_logit", training.opacity_logit, count);
-  expectMoments("training.sh", training.sh, training.model.sh.size() * 3);
-  expectMoments("training.texels", training.texels, training.model.atlas.texels.size() * 4);
+  forEachParameter(
+      [&](const Field& field, const auto& values, const Moments& moments) {
+        const std::string name = std::string("training.") + field.name;
+        expect(name.c_str(), moments.first.size(), values.size() * field.floats);
+        expect(name.c_str(), moments.second.size(), values.size() * field.floats);
+      },
+      training.model, training.moments);
   if (training.step < 0) fail("training.step: expected 0 or more, found " + std::to_string(training.step));
   if (!state.min_sigma.empty()) expect("min_sigma", state.min_sigma.size(), count);
   expect("statistics.score_sum", state.statistics.score_sum.size(), count);
@@ -405,16 +407,12 @@ std::string firstDifference(const std::string& old_text, const std::string& new_
 // CRC-32 of the lengths and contents of its arrays.
 std::string modelFingerprint(const GaussianModel& model) {
   uLong crc = 0;
-  const auto add = [&crc](const auto& values) {
+  const auto add = [&crc](const Field&, const auto& values) {
     const std::uint64_t bytes = values.size() * sizeof(values[0]);
     crc = crc32_z(crc, reinterpret_cast<const Bytef*>(&bytes), sizeof bytes);
     if (bytes > 0) crc = crc32_z(crc, reinterpret_cast<const Bytef*>(values.data()), bytes);
   };
-  add(model.mean);
-  add(model.rotation);
-  add(model.log_scale);
-  add(model.opacity_logit);
-  add(model.sh);
+  forEachField(add, model);
   return std::to_string(crc);
 }
 

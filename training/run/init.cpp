@@ -8,6 +8,7 @@
 #include <limits>
 #include <numeric>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shaders/shared/limits.h"
@@ -135,12 +136,13 @@ GaussianModel gaussiansFromPoints(const PointCloud& points) {
   const std::size_t count = points.position.size();
   const std::vector<float> distance = meanSquaredNeighborDistance(points.position);
   GaussianModel model;
+  resizeGaussians(model, count, 0);
   model.mean = points.position;
-  model.rotation.assign(count, glm::vec4(1, 0, 0, 0));
-  model.opacity_logit.assign(count, std::log(kFirstOpacity / (1 - kFirstOpacity)));
   for (std::size_t i = 0; i < count; i++) {
-    model.log_scale.emplace_back(0.5f * std::log(std::max(distance[i], kMinSquaredDistance)));
-    model.sh.push_back((points.color[i] - 0.5f) / kShC0);
+    model.rotation[i] = glm::vec4(1, 0, 0, 0);
+    model.log_scale[i] = glm::vec3(0.5f * std::log(std::max(distance[i], kMinSquaredDistance)));
+    model.opacity_logit[i] = std::log(kFirstOpacity / (1 - kFirstOpacity));
+    model.sh[i] = (points.color[i] - 0.5f) / kShC0;
   }
   return model;
 }

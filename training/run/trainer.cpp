@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "training/run/init.h"
@@ -226,8 +227,7 @@ void Trainer::iterate() {
   rates.rotation = settings_.rate_rotation;
   rates.log_scale = settings_.rate_scale;
   rates.opacity_logit = settings_.rate_opacity;
-  rates.sh_dc = settings_.rate_sh_dc;
-  rates.sh_rest = settings_.rate_sh_rest;
+  rates.sh = {settings_.rate_sh_dc, settings_.rate_sh_rest};
   rates.texels = settings_.rate_texels;
   StepInput input{.camera = dataset_.views[view],
                   .view = view,
@@ -344,7 +344,7 @@ bool Trainer::end(const std::atomic<bool>* stop) {
 GaussianModel Trainer::model() const {
   pull();
   GaussianModel drawn = state_.training.model;
-  growShDegree(drawn, settings_.sh_degree);
+  setShDegree(drawn, std::max(drawn.sh_degree, settings_.sh_degree));
   if (!state_.min_sigma.empty()) {
     EffectiveParameters effective;
     applyFilter(drawn, state_.min_sigma, effective);

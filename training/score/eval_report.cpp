@@ -59,14 +59,6 @@ glm::vec3 heat(float x) {
 
 }  // namespace
 
-std::size_t parameterCount(const GaussianModel& model) {
-  const std::size_t channels = model.texture_mode == TextureMode::rgba    ? 4
-                               : model.texture_mode == TextureMode::rgb   ? 3
-                               : model.texture_mode == TextureMode::alpha ? 1
-                                                                          : 0;
-  return model.size() * (11 + 3 * static_cast<std::size_t>(model.shCount())) + model.atlas.texels.size() * channels;
-}
-
 std::string formatScores(const EvalReport& report) {
   const EvalReport::Views& views = *report.views;
   std::vector<std::string> names;

@@ -32,7 +32,6 @@ struct EvalReport {
 
 // Numbers that training fits: 3 mean, 4 rotation, 3 scale, 1 opacity and the SH coefficients of every Gaussian, and the
 // channels of every texel that the mode uses.
-std::size_t parameterCount(const GaussianModel& model);
 
 std::string formatScores(const EvalReport& report);
 std::string formatRanks(const EffectiveRanks& ranks);

@@ -134,8 +134,8 @@ void resetOpacity(TrainingState& state) {
   TG_ASSERT(momentsAgree(state), "moments have the model's size");
   const float limit = std::log(kResetOpacity / (1 - kResetOpacity));
   for (float& logit : state.model.opacity_logit) logit = std::min(logit, limit);
-  std::fill(state.opacity_logit.first.begin(), state.opacity_logit.first.end(), 0.0f);
-  std::fill(state.opacity_logit.second.begin(), state.opacity_logit.second.end(), 0.0f);
+  std::fill(state.moments.opacity_logit.first.begin(), state.moments.opacity_logit.first.end(), 0.0f);
+  std::fill(state.moments.opacity_logit.second.begin(), state.moments.opacity_logit.second.end(), 0.0f);
 }
 
 }  // namespace tg

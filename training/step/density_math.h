@@ -41,7 +41,7 @@ constexpr unsigned kNumbersOfASplit = 12;  // of a Random: two children, three a
 TG_FN float largestScale(glm::vec3 log_scale) { return exp(max(max(log_scale.x, log_scale.y), log_scale.z)); }
 
 TG_FN bool prunable(float opacity_logit, glm::vec3 log_scale, float max_radius, const DensifySettings& settings) {
-  if (1 / (1 + exp(-opacity_logit)) < settings.prune_opacity) return true;
+  if (sigmoidf(opacity_logit) < settings.prune_opacity) return true;
   return settings.prune_large &&
          (largestScale(log_scale) > settings.prune_scale * settings.extent || max_radius > settings.prune_radius);
 }

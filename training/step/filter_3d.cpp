@@ -50,11 +50,11 @@ void applyFilter(const GaussianModel& model, std::span<const float> min_sigma, E
 
 void filterGradient(const GaussianModel& model, std::span<const float> min_sigma, ModelGradient& gradient) {
   TG_ASSERT(min_sigma.size() == model.size(), "a sigma a Gaussian");
-  TG_ASSERT(gradient.v_log_scale.size() == model.size() && gradient.v_opacity_logit.size() == model.size(),
+  TG_ASSERT(gradient.log_scale.size() == model.size() && gradient.opacity_logit.size() == model.size(),
             "the gradient has the model's size");
   parallelFor(static_cast<std::int64_t>(model.size()), kFilterGrain, [&](std::int64_t i) {
-    filterGradientOf(model.log_scale[i], model.opacity_logit[i], min_sigma[i], gradient.v_log_scale[i],
-                     gradient.v_opacity_logit[i]);
+    filterGradientOf(model.log_scale[i], model.opacity_logit[i], min_sigma[i], gradient.log_scale[i],
+                     gradient.opacity_logit[i]);
   });
 }
 

@@ -14,14 +14,8 @@
 
 namespace tg {
 
-// dL/d(parameter) as stored in GaussianModel, same shapes. v_x is dL/dx.
-struct ModelGradient {
-  std::vector<glm::vec3> v_mean;
-  std::vector<glm::vec4> v_rotation;  // of the raw quaternion
-  std::vector<glm::vec3> v_log_scale;
-  std::vector<float> v_opacity_logit;
-  std::vector<glm::vec3> v_sh;      // [N, K]
-  std::vector<glm::vec4> v_texels;  // as atlas.texels; rgb zero in mode alpha, a zero in mode rgb
+// dL/d(parameter) as stored in GaussianModel (of the raw quaternion), same shapes.
+struct ModelGradient : ModelFields<Values> {  // of texels rgb is zero in mode alpha, a in mode rgb
   // Densification statistics of this view (docs/math.md 6.9), NDC units: x * width / 2, y * height / 2.
   std::vector<float> screen_gradient;      // [N] |sum over pixels of e_j|
   std::vector<float> screen_gradient_abs;  // [N] sum over pixels of |e_j|

@@ -87,7 +87,7 @@ void addRegularizerGradient(const GaussianModel& model, float opacity_weight, fl
   const auto count = static_cast<double>(model.size());
   parallelFor(static_cast<std::int64_t>(model.size()), kMcmcGrain, [&](std::int64_t i) {
     addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / count, scale_weight / count,
-                             gradient.v_log_scale[i], gradient.v_opacity_logit[i]);
+                             gradient.log_scale[i], gradient.opacity_logit[i]);
   });
 }
 

@@ -3,9 +3,9 @@
 #include "training/step/optimizer.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "training/step/simd.h"
@@ -47,38 +47,6 @@ std::span<const float> floats(const std::vector<T>& values) {
   return {reinterpret_cast<const float*>(values.data()), values.size() * (sizeof(T) / sizeof(float))};
 }
 
-template <typename T>
-void resetBlock(const std::vector<T>& parameter, Moments& moments) {
-  moments.first.assign(floats(parameter).size(), 0.0f);
-  moments.second.assign(floats(parameter).size(), 0.0f);
-}
-
-template <typename T>
-std::vector<T> gatherRows(const std::vector<T>& rows, std::size_t row_length, std::span<const std::uint32_t> source,
-                          std::size_t count) {
-  std::vector<T> result(source.size() * row_length);
-  for (std::size_t i = 0; i < count; i++) {
-    std::copy_n(rows.data() + source[i] * row_length, row_length, result.data() + i * row_length);
-  }
-  return result;
-}
-
-template <typename T>
-void selectBlock(std::vector<T>& parameter, Moments& moments, std::size_t per_gaussian,
-                 std::span<const std::uint32_t> source, std::size_t kept) {
-  parameter = gatherRows(parameter, per_gaussian, source, source.size());
-  const std::size_t row_length = per_gaussian * (sizeof(T) / sizeof(float));
-  moments.first = gatherRows(moments.first, row_length, source, kept);
-  moments.second = gatherRows(moments.second, row_length, source, kept);
-}
-
-template <typename T>
-std::vector<T> widenRows(const std::vector<T>& rows, std::size_t count, std::size_t from, std::size_t to) {
-  std::vector<T> result(count * to, T{});
-  for (std::size_t i = 0; i < count; i++) std::copy_n(rows.data() + i * from, from, result.data() + i * to);
-  return result;
-}
-
 }  // namespace
 
 double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations) {
@@ -108,72 +76,60 @@ void adamStep(TrainingState& state, const ModelGradient& gradient, const Learnin
   GaussianModel& model = state.model;
   state.step++;
   const AdamScales scales = adamScales(state.step);
-  const auto uniform = [&](auto& value, const auto& v_value, Moments& moments, float rate) {
-    std::array<float, kUniformLane> lane;
-    lane.fill(rate);
+  const auto move = [&](const Field& field, auto& value, const auto& v_value, Moments& moments, Rate rate) {
+    std::vector<float> lane(field.harmonic ? field.row(model.shCount()) : kUniformLane, rate.rest);
+    std::fill_n(lane.begin(), field.floats, rate.first);
     adamBlock(floats(value), floats(v_value), moments, lane, scales);
   };
-  uniform(model.mean, gradient.v_mean, state.mean, rates.mean);
-  uniform(model.rotation, gradient.v_rotation, state.rotation, rates.rotation);
-  uniform(model.log_scale, gradient.v_log_scale, state.log_scale, rates.log_scale);
-  uniform(model.opacity_logit, gradient.v_opacity_logit, state.opacity_logit, rates.opacity_logit);
-  std::vector<float> sh_rates(static_cast<std::size_t>(model.shCount()) * 3, rates.sh_rest);
-  std::fill_n(sh_rates.begin(), 3, rates.sh_dc);
-  adamBlock(floats(model.sh), floats(gradient.v_sh), state.sh, sh_rates, scales);
-  if (model.texture_mode == TextureMode::none) return;
-  uniform(model.atlas.texels, gradient.v_texels, state.texels, rates.texels);
+  if (model.texture_mode == TextureMode::none) return forEachField(move, model, gradient, state.moments, rates);
+  forEachParameter(move, model, gradient, state.moments, rates);
   for (glm::vec4& texel : model.atlas.texels) texel.a = std::clamp(texel.a, 0.0f, 1.0f);
 }
 
 bool momentsAgree(const TrainingState& state) {
-  const auto agree = [](const Moments& moments, std::size_t floats) {
-    return moments.first.size() == floats && moments.second.size() == floats;
-  };
-  const GaussianModel& model = state.model;
-  const std::size_t n = model.size();
-  return lengthsAgree(model) && agree(state.mean, 3 * n) && agree(state.rotation, 4 * n) &&
-         agree(state.log_scale, 3 * n) && agree(state.opacity_logit, n) && agree(state.sh, 3 * model.sh.size()) &&
-         agree(state.texels, 4 * model.atlas.texels.size());
+  bool agree = lengthsAgree(state.model);
+  forEachParameter(
+      [&](const Field&, const auto& values, const Moments& moments) {
+        const std::size_t n = floats(values).size();
+        agree = agree && moments.first.size() == n && moments.second.size() == n;
+      },
+      state.model, state.moments);
+  return agree;
 }
 
 void resetMoments(TrainingState& state) {
-  resetBlock(state.model.mean, state.mean);
-  resetBlock(state.model.rotation, state.rotation);
-  resetBlock(state.model.log_scale, state.log_scale);
-  resetBlock(state.model.opacity_logit, state.opacity_logit);
-  resetBlock(state.model.sh, state.sh);
-  resetBlock(state.model.atlas.texels, state.texels);
+  forEachParameter(
+      [](const Field&, const auto& values, Moments& moments) {
+        moments.first.assign(floats(values).size(), 0.0f);
+        moments.second.assign(floats(values).size(), 0.0f);
+      },
+      state.model, state.moments);
   state.step = 0;
 }
 
 void clearMoments(TrainingState& state, std::size_t gaussian) {
   TG_ASSERT(gaussian < state.model.size(), "the model has this Gaussian");
-  const auto clear = [gaussian](Moments& moments, std::size_t length) {
-    std::fill_n(moments.first.begin() + static_cast<std::ptrdiff_t>(gaussian * length), length, 0.0f);
-    std::fill_n(moments.second.begin() + static_cast<std::ptrdiff_t>(gaussian * length), length, 0.0f);
-  };
-  clear(state.mean, 3);
-  clear(state.rotation, 4);
-  clear(state.log_scale, 3);
-  clear(state.opacity_logit, 1);
-  clear(state.sh, static_cast<std::size_t>(state.model.shCount()) * 3);
-}
-
-void growShDegree(GaussianModel& model, int degree) {
-  TG_ASSERT(degree >= model.sh_degree && degree <= 3, "an SH degree grows, up to 3");
-  if (degree <= model.sh_degree) return;
-  const auto from = static_cast<std::size_t>(model.shCount());
-  model.sh_degree = degree;
-  model.sh = widenRows(model.sh, model.size(), from, static_cast<std::size_t>(model.shCount()));
+  forEachField(
+      [&](const Field& field, Moments& moments) {
+        const std::size_t row = field.row(state.model.shCount());
+        std::fill_n(moments.first.data() + gaussian * row, row, 0.0f);
+        std::fill_n(moments.second.data() + gaussian * row, row, 0.0f);
+      },
+      state.moments);
 }
 
 void growShDegree(TrainingState& state, int degree) {
-  const std::size_t from = 3 * static_cast<std::size_t>(state.model.shCount());
-  growShDegree(state.model, degree);
-  const std::size_t to = 3 * static_cast<std::size_t>(state.model.shCount());
-  if (to == from) return;
-  state.sh.first = widenRows(state.sh.first, state.model.size(), from, to);
-  state.sh.second = widenRows(state.sh.second, state.model.size(), from, to);
+  if (degree <= state.model.sh_degree) return;
+  const std::size_t before = state.model.shCount();
+  setShDegree(state.model, degree);
+  forEachField(
+      [&](const Field& field, Moments& moments) {
+        const std::size_t from = field.row(before), to = field.row(state.model.shCount());
+        if (from == to) return;
+        moments.first = withRowLength(moments.first, from, to);
+        moments.second = withRowLength(moments.second, from, to);
+      },
+      state.moments);
 }
 
 void selectGaussians(TrainingState& state, std::span<const std::uint32_t> source, std::size_t kept) {
@@ -182,12 +138,14 @@ void selectGaussians(TrainingState& state, std::span<const std::uint32_t> source
   TG_ASSERT(std::all_of(source.begin(), source.end(), [&](std::uint32_t i) { return i < state.model.size(); }),
             "the model has the sources");
   TG_ASSERT(momentsAgree(state), "moments have the model's size");
-  GaussianModel& model = state.model;
-  selectBlock(model.mean, state.mean, 1, source, kept);
-  selectBlock(model.rotation, state.rotation, 1, source, kept);
-  selectBlock(model.log_scale, state.log_scale, 1, source, kept);
-  selectBlock(model.opacity_logit, state.opacity_logit, 1, source, kept);
-  selectBlock(model.sh, state.sh, static_cast<std::size_t>(model.shCount()), source, kept);
+  const std::size_t k = state.model.shCount();
+  forEachField(
+      [&](const Field& field, auto& values, Moments& moments) {
+        values = gathered(values, field.values(k), source, source.size());
+        moments.first = gathered(moments.first, field.row(k), source, kept);
+        moments.second = gathered(moments.second, field.row(k), source, kept);
+      },
+      state.model, state.moments);
 }
 
 }  // namespace tg

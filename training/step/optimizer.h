@@ -15,22 +15,32 @@ namespace tg {
 struct Moments {
   std::vector<float> first;
   std::vector<float> second;
+  bool operator==(const Moments&) const = default;
 };
+
+template <typename>
+using MomentsOf = Moments;
+using ModelMoments = ModelFields<MomentsOf>;
 
 struct TrainingState {
   GaussianModel model;
-  Moments mean, rotation, log_scale, opacity_logit, sh, texels;
+  ModelMoments moments;
   std::int64_t step = 0;  // Adam steps done since the moments were reset
 };
 
+// Of a Gaussian's first value of a parameter, and of the others that `sh` has.
+struct Rate {
+  float first, rest;
+  Rate(float all) : first(all), rest(all) {}
+  Rate(float first_value, float others) : first(first_value), rest(others) {}
+};
 // Learning rates of 3DGS; texel rate of the paper's appendix. The mean's rate is in world units.
 struct LearningRates {
   float mean = 0;
   float rotation = 1e-3f;
   float log_scale = 5e-3f;
   float opacity_logit = 5e-2f;
-  float sh_dc = 2.5e-3f;
-  float sh_rest = 2.5e-3f / 20;
+  Rate sh{2.5e-3f, 2.5e-3f / 20};
   float texels = 1e-3f;
 };
 
@@ -54,7 +64,6 @@ void resetMoments(TrainingState& state);
 void clearMoments(TrainingState& state, std::size_t gaussian);
 
 // New SH coefficients are zero, with zero moments: the picture does not change.
-void growShDegree(GaussianModel& model, int degree);
 void growShDegree(TrainingState& state, int degree);
 
 // Gaussian i becomes a copy of the old Gaussian source[i]. The first `kept` take their moments along, the others start

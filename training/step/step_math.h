@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 
+#include "core/model/verbs.h"
 #include "shared/splat.h"
 #include "training/step/random.h"
 
@@ -27,8 +28,6 @@ TG_FN void adamUpdate(float& value, float g, float& first, float& second, float 
   second = v < kTinyMoment ? 0.0f : v;
   value -= rate * (m * scales.correction1) / (sqrt(v) * scales.correction2 + kAdamEpsilon);
 }
-
-TG_FN double sigmoid(double logit) { return 1 / (1 + exp(-logit)); }
 
 // ---- 3D filter (docs/math.md 8)
 // Above it 1 - opacity is all rounding; below the least, the logit leaves float.

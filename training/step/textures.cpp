@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/limits.h"
@@ -75,7 +76,7 @@ void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMo
     rect.offset = offset;
     offset += rect.texelCount();
   }
-  const bool color = init == TextureInit::paper && (static_cast<unsigned>(mode) & kModeRgb) != 0;
+  const bool color = init == TextureInit::paper && hasColor(mode);
   model.texture_mode = mode;
   model.atlas.rects = std::move(rects);
   model.atlas.texels.assign(texels, glm::vec4(glm::vec3(color ? kPaperColor : 0.0f), 1.0f));

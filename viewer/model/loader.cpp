@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "converter/registry/read_model.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
 
@@ -14,25 +15,6 @@ namespace tg {
 namespace {
 
 constexpr std::size_t kLargeModel = 500'000;  // Gaussians: a first picture of a part comes noticeably sooner
-
-// Every k-th Gaussian, without textures, each as wide as the k that it stands for.
-GaussianModel thinned(const GaussianModel& model) {
-  const std::size_t step = (model.size() + kPreviewGaussians - 1) / kPreviewGaussians;
-  const std::size_t sh_count = static_cast<std::size_t>(model.shCount());
-  const float growth = previewGrowth(model.size(), model.size() / step);
-  GaussianModel part;
-  part.sh_degree = model.sh_degree;
-  part.intersection = model.intersection;
-  for (std::size_t i = 0; i < model.size(); i += step) {
-    part.mean.push_back(model.mean[i]);
-    part.rotation.push_back(model.rotation[i]);
-    part.log_scale.push_back(model.log_scale[i] + growth);
-    part.opacity_logit.push_back(model.opacity_logit[i]);
-    part.sh.insert(part.sh.end(), model.sh.begin() + static_cast<std::ptrdiff_t>(i * sh_count),
-                   model.sh.begin() + static_cast<std::ptrdiff_t>((i + 1) * sh_count));
-  }
-  return part;
-}
 
 }  // namespace
 
@@ -88,7 +70,7 @@ ModelLoader::News ModelLoader::load(File& file) {
     Bundle loaded = readModel(path, {.progress = &file});
     if (loaded.model.size() >= kLargeModel) {
       Bundle part;
-      part.model = thinned(loaded.model);
+      part.model = thinned(loaded.model, loaded.model.size(), kPreviewGaussians);
       part.cameras = loaded.cameras;
       part.background = loaded.background;
       publishPart(std::move(part));

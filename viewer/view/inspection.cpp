@@ -8,6 +8,7 @@
 
 #include "core/file/json.h"
 #include "core/model/effective_rank.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "shared/limits.h"
 
@@ -49,13 +50,11 @@ GaussianFacts factsOf(const GaussianModel& model, std::size_t index) {
   TG_ASSERT(index < model.size(), "the model has this Gaussian");
   GaussianFacts facts;
   facts.mean = model.mean[index];
-  facts.sigma = glm::exp(glm::dvec3(model.log_scale[index]));
-  facts.opacity = 1.0 / (1.0 + std::exp(-double{model.opacity_logit[index]}));
+  facts.sigma = sigmaOf(model, index);
+  facts.opacity = opacityOf(model, index);
   facts.effective_rank = effectiveRank(model.log_scale[index]);
-  if (!model.atlas.rects.empty()) {
-    facts.width = model.atlas.rects[index].width;
-    facts.height = model.atlas.rects[index].height;
-  }
+  facts.width = rectOf(model, index).width;
+  facts.height = rectOf(model, index).height;
   return facts;
 }
 

@@ -33,14 +33,14 @@ GaussianModel single(const GaussianModel& model, std::size_t i) {
 }
 
 void checkSame(const GaussianModel& a, std::size_t i, const GaussianModel& b, std::size_t j) {
-  CHECK(a.mean[i] == b.mean[j]);
-  CHECK(a.rotation[i] == b.rotation[j]);
-  CHECK(a.log_scale[i] == b.log_scale[j]);
-  CHECK(a.opacity_logit[i] == b.opacity_logit[j]);
-  for (int k = 0; k < a.shCount(); ++k) {
-    CHECK(a.sh[i * static_cast<std::size_t>(a.shCount()) + static_cast<std::size_t>(k)] ==
-          b.sh[j * static_cast<std::size_t>(b.shCount()) + static_cast<std::size_t>(k)]);
-  }
+  forEachField(
+      [&](const Field& field, const auto& x, const auto& y) {
+        INFO(field.name);
+        for (std::size_t k = 0; k < field.values(a.shCount()); ++k) {
+          CHECK(x[i * field.values(a.shCount()) + k] == y[j * field.values(b.shCount()) + k]);
+        }
+      },
+      a, b);
   const TextureRect& ra = a.atlas.rects[i];
   const TextureRect& rb = b.atlas.rects[j];
   REQUIRE(ra.width == rb.width);
@@ -117,8 +117,8 @@ TEST_CASE("value filters keep what they say") {
     CHECK(kept > 0);
     CHECK(kept < model.size());
   };
-  const auto opacity = [&](std::size_t i) { return 1.0 / (1.0 + std::exp(-double{model.opacity_logit[i]})); };
-  const auto scale = [&](std::size_t i) { return glm::exp(glm::dvec3(model.log_scale[i])); };
+  const auto opacity = [&](std::size_t i) { return opacityOf(model, i); };
+  const auto scale = [&](std::size_t i) { return sigmaOf(model, i); };
   check("opacity > 0.6", [&](std::size_t i) { return opacity(i) > 0.6; });
   check("0.2<=opacity<0.6", [&](std::size_t i) { return opacity(i) >= 0.2 && opacity(i) < 0.6; });
   check("max_scale<0.3", [&](std::size_t i) { return std::max({scale(i).x, scale(i).y, scale(i).z}) < 0.3; });
@@ -306,7 +306,7 @@ TEST_CASE("two equal Gaussians merge into one of their mass, mean and covariance
   CHECK(scale.x == Approx(0.01f));
   CHECK(scale.y == Approx(0.2f));
   CHECK(scale.z == Approx(longest));
-  const double opacity = 1.0 / (1.0 + std::exp(-double{model.opacity_logit[0]}));
+  const double opacity = opacityOf(model, 0);
   CHECK(opacity == Approx(2.0 * 0.4 * 0.3 / double{longest}));
 }
 

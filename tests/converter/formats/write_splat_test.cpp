@@ -30,8 +30,7 @@ TEST_CASE("a model comes back from .splat within the steps of its bytes, without
     CAPTURE(i);
     CHECK(out.mean[i] == in.mean[i]);
     CHECK(glm::length(out.log_scale[i] - in.log_scale[i]) < 1e-6f * (1.0f + glm::length(in.log_scale[i])));
-    const auto opacity = [](float logit) { return 1.0 / (1.0 + std::exp(-static_cast<double>(logit))); };
-    CHECK(std::abs(opacity(in.opacity_logit[i]) - opacity(out.opacity_logit[i])) <= 0.5 / 255 + 1e-6);
+    CHECK(std::abs(opacityOf(in, i) - opacityOf(out, i)) <= 0.5 / 255 + 1e-6);
     const glm::dvec4 a = glm::normalize(glm::dvec4(in.rotation[i])), b = glm::normalize(glm::dvec4(out.rotation[i]));
     CHECK(glm::length(a - b) < 0.011);  // half a step of 1/128 in four components; a component of 1 a whole one
     const glm::vec3 color = 0.5f + 0.28209479f * in.sh[i * 16], found = 0.5f + 0.28209479f * out.sh[i];

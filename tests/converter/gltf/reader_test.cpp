@@ -50,8 +50,8 @@ TEST_CASE("quantised and interleaved attributes are read as their floats") {
     glb.view(kKhr + "OPACITY")["byteStride"] = 4;
     const GaussianModel sixteen = read();
     for (std::size_t i = 1; i < n; ++i) {
-      CHECK(1.0 / (1.0 + std::exp(-eight.opacity_logit[i])) == Approx(static_cast<double>(i * 20) / 255.0).epsilon(1e-5));
-      CHECK(1.0 / (1.0 + std::exp(-sixteen.opacity_logit[i])) == Approx(static_cast<double>(i * 5000) / 65535.0).epsilon(1e-5));
+      CHECK(opacityOf(eight, i) == Approx(static_cast<double>(i * 20) / 255.0).epsilon(1e-5));
+      CHECK(opacityOf(sixteen, i) == Approx(static_cast<double>(i * 5000) / 65535.0).epsilon(1e-5));
     }
   }
   SECTION("SCALE in every integer form, signed ones of early files too") {

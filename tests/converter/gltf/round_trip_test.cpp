@@ -63,7 +63,7 @@ TEST_CASE("a PLY comes back from a GLB bit by bit") {
     model.sh_degree = degree;
     model.sh.clear();
     for (std::size_t i = 0; i < model.size(); ++i) {
-      for (int k = 0; k < model.shCount(); ++k) model.sh.push_back(sh[i * 16 + static_cast<std::size_t>(k)]);
+      for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.push_back(sh[i * 16 + k]);
       model.rotation[i] *= 0.3f + static_cast<float>(i);       // of any length
       model.opacity_logit[i] = static_cast<float>(i) - 15.5f;  // beyond what an opacity can say
     }
@@ -99,8 +99,7 @@ TEST_CASE("a lean GLB brings a PLY back within the rounding of a float") {
     const glm::dvec4 before = glm::normalize(glm::dvec4(in.rotation[i]));
     CHECK(glm::length(before - glm::dvec4(out.rotation[i])) < 1e-7);  // normalised, same sign: half a float step each
     CHECK(glm::length(in.log_scale[i] - out.log_scale[i]) < 2e-6f);   // exp and log round once each
-    const auto opacity = [](float logit) { return 1.0 / (1.0 + std::exp(-double{logit})); };
-    CHECK(std::abs(opacity(in.opacity_logit[i]) - opacity(out.opacity_logit[i])) < 1e-7);
+    CHECK(std::abs(opacityOf(in, i) - opacityOf(out, i)) < 1e-7);
   }
 }
 

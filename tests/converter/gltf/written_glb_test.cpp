@@ -40,7 +40,7 @@ TEST_CASE("the base is plain KHR_gaussian_splatting that asks nothing of a reade
     model.sh_degree = degree;
     model.sh.clear();
     for (std::size_t i = 0; i < model.size(); ++i) {
-      for (int k = 0; k < model.shCount(); ++k) model.sh.push_back(sh[i * 16 + k]);
+      for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.push_back(sh[i * 16 + k]);
     }
     Glb glb = written(model, scratch);
     CHECK(glb.json["asset"]["version"] == "2.0");
@@ -56,7 +56,7 @@ TEST_CASE("the base is plain KHR_gaussian_splatting that asks nothing of a reade
       CHECK(glb.accessor(name)["count"] == model.size());
       if (name.rfind("KHR_gaussian_splatting:SH_DEGREE_", 0) == 0) ++coefficients;
     }
-    CHECK(coefficients == static_cast<std::size_t>(model.shCount()));
+    CHECK(coefficients == model.shCount());
     for (const auto& view : glb.json["bufferViews"]) CHECK(view.value("byteOffset", 0) % 4 == 0);
   }
 }
@@ -189,19 +189,15 @@ TEST_CASE("modes write the terms they have") {
 }
 
 TEST_CASE("a channel's range is the one that loses less: outliers are clipped and counted, or kept") {
-  AtlasPage page;
-  page.width = 400;
-  page.height = 250;
+  Image page(400, 250, 4);
   test::Random random(27);
-  for (int i = 0; i < page.width * page.height; ++i) {
-    page.texels.emplace_back(glm::vec3(random.uniformVec3(-0.1, 0.1)), 1.0f);
-  }
-  page.texels[77].g = 0.2f;  // clipping it costs 0.1^2, keeping it 4 times the squared step of 100000 texels
+  for (glm::vec4& texel : pageTexels(page)) texel = glm::vec4(glm::vec3(random.uniformVec3(-0.1, 0.1)), 1.0f);
+  pageTexels(page)[77].g = 0.2f;  // clipping it costs 0.1^2, keeping it 4 times the squared step of 100000 texels
   const QuantizedPage clipped = quantizePage(page);
   CHECK(clipped.clipped_texels >= 1);
   CHECK(clipped.clipped_texels <= 300);
   CHECK(clipped.scale[1] == Approx(0.2).epsilon(0.02));
-  page.texels[77].g = 1.0f;  // too far out to lose
+  pageTexels(page)[77].g = 1.0f;  // too far out to lose
   const QuantizedPage kept = quantizePage(page);
   CHECK(kept.scale[1] == Approx(2.0).epsilon(0.02));
   CHECK(kept.offset[1] + 128.0 * kept.scale[1] / 255.0 == 0.0);

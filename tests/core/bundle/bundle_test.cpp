@@ -43,16 +43,10 @@ TEST_CASE("a bundle comes back as it went in") {
   REQUIRE(tg::looksLikeBundle(folder / "a.tgz"));
   const tg::Bundle back = tg::readBundle(folder / "a.tgz");
   REQUIRE(back.warnings.empty());
-  REQUIRE(back.model.mean == bundle.model.mean);
-  REQUIRE(back.model.rotation == bundle.model.rotation);
-  REQUIRE(back.model.log_scale == bundle.model.log_scale);
-  REQUIRE(back.model.opacity_logit == bundle.model.opacity_logit);
-  REQUIRE(back.model.sh == bundle.model.sh);
   REQUIRE(back.model.sh_degree == 1);
   REQUIRE(back.model.texture_mode == tg::TextureMode::rgba);
   REQUIRE(back.model.intersection == tg::IntersectionModel::plane);
-  REQUIRE(back.model.atlas.rects == bundle.model.atlas.rects);
-  REQUIRE(back.model.atlas.texels == bundle.model.atlas.texels);
+  REQUIRE(back.model == bundle.model);
   REQUIRE(back.background == bundle.background);
   REQUIRE(back.training_json == bundle.training_json);
   REQUIRE(back.preview.data == bundle.preview.data);

@@ -49,11 +49,6 @@ std::string failure(const std::function<void()>& read) {
   }
 }
 
-bool equal(const tg::GaussianModel& a, const tg::GaussianModel& b) {
-  return a.mean == b.mean && a.rotation == b.rotation && a.log_scale == b.log_scale &&
-         a.opacity_logit == b.opacity_logit && a.sh == b.sh;
-}
-
 }  // namespace
 
 TEST_CASE("a file read in blocks is the model that its bytes are, and all of it counts as progress") {
@@ -62,7 +57,7 @@ TEST_CASE("a file read in blocks is the model that its bytes are, and all of it 
   tg::writeSplatPly(folder / "a.ply", model);
   tg::ReadProgress progress;
   const tg::GaussianModel read = tg::readSplatPly(folder / "a.ply", &progress);
-  CHECK(equal(read, model));
+  CHECK(read == model);
   CHECK(progress.total == std::filesystem::file_size(folder / "a.ply"));
   CHECK(progress.done == 9001u * 62 * 4);
 }
@@ -112,7 +107,7 @@ TEST_CASE("a large bundle shows a part of itself while it is read, wide enough t
   std::vector<tg::GaussianModel> parts;
   progress.preview = [&](tg::GaussianModel part) { parts.push_back(std::move(part)); };
   const tg::Bundle read = tg::readBundle(folder / "a.tgz", {}, &progress);
-  CHECK(equal(read.model, bundle.model));
+  CHECK(read.model == bundle.model);
   CHECK(progress.done == progress.total);
   REQUIRE(parts.size() == 1);
   const tg::GaussianModel& part = parts.front();
@@ -147,7 +142,7 @@ TEST_CASE("a PLY that arrives in pieces of any size is the model that its bytes 
       for (std::size_t i = 0; i < bytes.size(); i += piece) {
         stream.add(std::span(bytes).subspan(i, std::min(piece, bytes.size() - i)));
       }
-      REQUIRE(equal(stream.finish(), model));
+      REQUIRE(stream.finish() == model);
     }
   }
 }

@@ -16,7 +16,7 @@ TEST_CASE("packing and unpacking give every Gaussian its texels back, with conse
   for (int max_page : {8, 16, 64, 4096}) {
     const tg::GaussianModel model = tg::tinyTexturedModel(200);
     const tg::PackedAtlas packed = tg::packAtlas(model.atlas, model.size(), max_page);
-    for (const tg::AtlasPage& page : packed.pages) {
+    for (const tg::Image& page : packed.pages) {
       REQUIRE(page.width <= max_page);
       REQUIRE(page.height <= max_page);
       REQUIRE(page.width == packed.pages[0].width);
@@ -34,7 +34,7 @@ TEST_CASE("packed rectangles never overlap and free texels are neutral") {
   const tg::PackedAtlas packed = tg::packAtlas(model.atlas, model.size(), 32);
   REQUIRE(packed.pages.size() > 1);
   std::vector<std::vector<int>> hits;
-  for (const tg::AtlasPage& page : packed.pages) hits.emplace_back(page.texels.size(), 0);
+  for (const tg::Image& page : packed.pages) hits.emplace_back(tg::pageTexels(page).size(), 0);
   for (const tg::AtlasPlacement& at : packed.placements)
     for (int y = at.y; y < at.y + at.h; ++y)
       for (int x = at.x; x < at.x + at.w; ++x)
@@ -42,7 +42,7 @@ TEST_CASE("packed rectangles never overlap and free texels are neutral") {
   for (std::size_t page = 0; page < hits.size(); ++page)
     for (std::size_t i = 0; i < hits[page].size(); ++i) {
       REQUIRE(hits[page][i] <= 1);
-      REQUIRE(packed.pages[page].texels[i] == (hits[page][i] ? glm::vec4(5) : glm::vec4(0, 0, 0, 1)));
+      REQUIRE(tg::pageTexels(packed.pages[page])[i] == (hits[page][i] ? glm::vec4(5) : glm::vec4(0, 0, 0, 1)));
     }
 }
 
@@ -53,7 +53,7 @@ TEST_CASE("uniform textures waste little") {
   REQUIRE(atlas.rects[3] == tg::TextureRect{48, 4, 4});
   const tg::PackedAtlas packed = tg::packAtlas(atlas, 10000);
   REQUIRE(packed.pages.size() == 1);
-  REQUIRE(packed.pages[0].texels.size() < 164000);
+  REQUIRE(tg::pageTexels(packed.pages[0]).size() < 164000);
 }
 
 TEST_CASE("an atlas without rectangles packs to no pages") {

@@ -29,11 +29,12 @@ RunState randomState(std::size_t count, std::uint64_t seed) {
     for (int k = 0; k < 4; k++) model.sh.emplace_back(value(), value(), value());
   }
   resetMoments(state.training);
-  TrainingState& t = state.training;
-  for (Moments* moments : {&t.mean, &t.rotation, &t.log_scale, &t.opacity_logit, &t.sh}) {
-    for (float& first : moments->first) first = value();
-    for (float& second : moments->second) second = static_cast<float>(random.uniform());
-  }
+  forEachField(
+      [&](const Field&, Moments& moments) {
+        for (float& first : moments.first) first = value();
+        for (float& second : moments.second) second = static_cast<float>(random.uniform());
+      },
+      state.training.moments);
   state.statistics.reset(count);
   for (std::size_t i = 0; i < count; i++) {
     const std::uint64_t views = random.below(4);
@@ -48,16 +49,13 @@ RunState randomState(std::size_t count, std::uint64_t seed) {
 void checkSame(const RunState& found, const RunState& expected) {
   const TrainingState& a = found.training;
   const TrainingState& b = expected.training;
-  CHECK(sameNumbers(numbers(a.model.mean), numbers(b.model.mean)));
-  CHECK(sameNumbers(numbers(a.model.rotation), numbers(b.model.rotation)));
-  CHECK(sameNumbers(numbers(a.model.log_scale), numbers(b.model.log_scale)));
-  CHECK(sameNumbers(numbers(a.model.opacity_logit), numbers(b.model.opacity_logit)));
-  CHECK(sameNumbers(numbers(a.model.sh), numbers(b.model.sh)));
-  for (const auto& moments : {&TrainingState::mean, &TrainingState::rotation, &TrainingState::log_scale,
-                              &TrainingState::opacity_logit, &TrainingState::sh}) {
-    CHECK((a.*moments).first == (b.*moments).first);
-    CHECK((a.*moments).second == (b.*moments).second);
-  }
+  forEachField(
+      [](const Field& field, const auto& x, const auto& y) {
+        INFO(field.name);
+        CHECK(sameNumbers(numbers(x), numbers(y)));
+      },
+      a.model, b.model);
+  CHECK(a.moments == b.moments);
   CHECK(found.statistics.score_sum == expected.statistics.score_sum);
   CHECK(found.statistics.magnitude_sum == expected.statistics.magnitude_sum);
   CHECK(found.statistics.view_count == expected.statistics.view_count);

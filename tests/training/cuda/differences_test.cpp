@@ -210,21 +210,22 @@ void checkDifferences(IntersectionModel intersection, TextureMode mode, bool fil
   step.photograph(model);
   const ModelGradient g = step.gradient(model);
   const auto error = [&](auto& values, const auto& gradient, const std::vector<Part>& parts) {
-    return worstError(step, model, &values[0][0], &gradient[0][0], parts);
+    return worstError(step, model, reinterpret_cast<float*>(values.data()),
+                      reinterpret_cast<const float*>(gradient.data()), parts);
   };
-  const std::size_t n = model.size();
-  CHECK(error(model.mean, g.v_mean, rows(n, 3)) < 1e-3);
-  CHECK(error(model.rotation, g.v_rotation, rows(n, 4)) < 1e-3);
-  CHECK(error(model.log_scale, g.v_log_scale, rows(n, 3)) < 1e-3);
-  CHECK(worstError(step, model, model.opacity_logit.data(), g.v_opacity_logit.data(), rows(n, 1)) < 1e-3);
-  CHECK(error(model.sh, g.v_sh, rows(n, 12)) < 1e-3);
+  forEachField(
+      [&](const Field& field, auto& values, const auto& gradient) {
+        INFO(field.name);
+        CHECK(error(values, gradient, rows(model.size(), field.row(model.shCount()))) < 1e-3);
+      },
+      model, g);
   if (mode == TextureMode::none) return;
   std::vector<Part> textures;
   for (const TextureRect& rect : model.atlas.rects) {
     const std::size_t texels = static_cast<std::size_t>(rect.width) * rect.height;
     if (texels > 0) textures.push_back({4 * rect.offset, 4 * texels});
   }
-  CHECK(error(model.atlas.texels, g.v_texels, textures) < 1e-3);
+  CHECK(error(model.atlas.texels, g.texels, textures) < 1e-3);
 }
 
 }  // namespace

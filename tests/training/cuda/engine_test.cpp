@@ -67,8 +67,8 @@ class Run {
 void checkSame(const RunState& a, const RunState& b) {
   CHECK(a.training.model.mean == b.training.model.mean);
   CHECK(a.training.model.sh == b.training.model.sh);
-  CHECK(a.training.log_scale.first == b.training.log_scale.first);
-  CHECK(a.training.opacity_logit.second == b.training.opacity_logit.second);
+  CHECK(a.training.moments.log_scale.first == b.training.moments.log_scale.first);
+  CHECK(a.training.moments.opacity_logit.second == b.training.moments.opacity_logit.second);
   CHECK(a.training.step == b.training.step);
   CHECK(a.statistics.score_sum == b.statistics.score_sum);
   CHECK(a.statistics.view_count == b.statistics.view_count);

@@ -125,12 +125,12 @@ TEST_CASE("CUDA gradients of splats that fill the picture are the CPU's, in ever
     const ModelGradient cpu = gradientOf(*makeCpuDifferentiableRenderer(), scene.model, scene.camera, {}, weights);
     const ModelGradient cuda = gradientCuda(scene.model, scene.camera, {}, weights);
     CHECK(*std::max_element(cuda.screen_radius.begin(), cuda.screen_radius.end()) > 176);
-    CHECK(relativeDifference(cuda.v_mean, cpu.v_mean) < 1e-4);
-    CHECK(relativeDifference(cuda.v_rotation, cpu.v_rotation) < 1e-4);
-    CHECK(relativeDifference(cuda.v_log_scale, cpu.v_log_scale) < 1e-4);
-    CHECK(relativeDifference(cuda.v_opacity_logit, cpu.v_opacity_logit) < 1e-4);
-    CHECK(relativeDifference(cuda.v_sh, cpu.v_sh) < 1e-4);
-    CHECK(relativeDifference(cuda.v_texels, cpu.v_texels) < 1e-4);
+    forEachParameter(
+        [](const Field& field, const auto& a, const auto& b) {
+          INFO(field.name);
+          CHECK(relativeDifference(a, b) < 1e-4);
+        },
+        cuda, cpu);
     CHECK(relativeDifference(cuda.screen_gradient, cpu.screen_gradient) < 1e-4);
     CHECK(relativeDifference(cuda.screen_gradient_abs, cpu.screen_gradient_abs) < 1e-4);
     if (seed == 1) {
@@ -220,9 +220,9 @@ TEST_CASE("CUDA's screen radii and alpha mask are the CPU's") {
     INFO(i);
     // CUDA drops what its exact outline keeps off every tile, too.
     if (cuda.screen_radius[i] > 0) CHECK(cuda.screen_radius[i] == Approx(cpu.screen_radius[i]).epsilon(1e-3));
-    if (glm::length(cpu.v_mean[i]) > 0) CHECK(cuda.screen_radius[i] > 0);
+    if (glm::length(cpu.mean[i]) > 0) CHECK(cuda.screen_radius[i] > 0);
   }
-  for (std::size_t i = 0; i < cuda.v_texels.size(); i += 2) REQUIRE(cuda.v_texels[i].a == 0.0f);
+  for (std::size_t i = 0; i < cuda.texels.size(); i += 2) REQUIRE(cuda.texels[i].a == 0.0f);
 }
 
 TEST_CASE("CUDA draws nothing, and has no gradient, where no Gaussian is", "[checked]") {
@@ -235,7 +235,7 @@ TEST_CASE("CUDA draws nothing, and has no gradient, where no Gaussian is", "[che
   const auto& picture = renderer->forward(GaussianModel{}, scene.camera, settings);
   for (const glm::vec3& pixel : picture) REQUIRE(pixel == settings.background);
   renderer->backward(std::vector<glm::vec3>(picture.size(), glm::vec3(1.0f)), gradient);
-  CHECK(gradient.v_mean.empty());
+  CHECK(gradient.mean.empty());
   CHECK_THROWS_AS(renderer->backward(std::vector<glm::vec3>(7), gradient), Error);
 }
 

@@ -117,28 +117,23 @@ TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does", "[checke
   TrainingState state = randomState(50, 1);
   Random random(2);
   ModelGradient gradient;
-  const std::size_t n = state.model.size();
-  gradient.v_mean.resize(n);
-  gradient.v_rotation.resize(n);
-  gradient.v_log_scale.resize(n);
-  gradient.v_opacity_logit.resize(n);
-  gradient.v_sh.resize(state.model.sh.size());
-  for (glm::vec3& v : gradient.v_sh) v = glm::vec3(random.normal(), random.normal(), random.normal());
+  forEachField([](const Field&, auto& v, const auto& values) { v.resize(values.size()); }, gradient, state.model);
+  for (glm::vec3& v : gradient.sh) v = glm::vec3(random.normal(), random.normal(), random.normal());
   cuda::Buffer<float> value, v_value;
   cuda::DeviceMoments moments;
   value.upload(state.model.sh);
-  v_value.upload(gradient.v_sh);
-  moments.first.upload(state.sh.first);
-  moments.second.upload(state.sh.second);
+  v_value.upload(gradient.sh);
+  moments.first.upload(state.moments.sh.first);
+  moments.second.upload(state.moments.sh.second);
   const LearningRates rates;
   for (int step = 1; step <= 3; step++) {
     adamStep(state, gradient, rates);
     cuda::adamStep(
-        {value.data(), v_value.data(), moments, value.size(), 12, 3, rates.sh_dc, rates.sh_rest, adamScales(step)});
+        {value.data(), v_value.data(), moments, value.size(), 12, 3, rates.sh.first, rates.sh.rest, adamScales(step)});
   }
   CHECK(sameNumbers(download(value), numbers(state.model.sh)));
-  CHECK(sameNumbers(download(moments.first), numbers(state.sh.first)));
-  CHECK(sameNumbers(download(moments.second), numbers(state.sh.second)));
+  CHECK(sameNumbers(download(moments.first), numbers(state.moments.sh.first)));
+  CHECK(sameNumbers(download(moments.second), numbers(state.moments.sh.second)));
 }
 
 TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterwards, and stay when they must",
@@ -154,34 +149,30 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
     atlas.texels.resize(atlas.texels.size() + atlas.rects.back().texelCount());
   }
   ModelGradient gradient;
-  gradient.v_mean.resize(state.model.size());
-  gradient.v_rotation.resize(state.model.size());
-  gradient.v_log_scale.resize(state.model.size());
-  gradient.v_opacity_logit.resize(state.model.size());
-  gradient.v_sh.resize(state.model.sh.size());
+  forEachField([](const Field&, auto& v, const auto& values) { v.resize(values.size()); }, gradient, state.model);
   std::vector<std::uint32_t> tile_counts;
   std::vector<std::int64_t> sums;
   for (const TextureRect& rect : atlas.rects) {
     const bool drawn = random.below(3) > 0;
     tile_counts.push_back(drawn);
     for (std::uint32_t k = rect.offset; k < rect.offset + rect.texelCount(); k++) {
-      gradient.v_texels.emplace_back(0.0f);
+      gradient.texels.emplace_back(0.0f);
       for (int c = 0; c < 4; c++) {
         atlas.texels[k][c] = static_cast<float>(3 * random.uniform() - 1);
         sums.push_back(drawn ? static_cast<std::int64_t>(random.below(1u << 30)) - (1 << 29) : 0);
         const bool clamped = c == 3 && (atlas.texels[k].a < 0.0f || atlas.texels[k].a > 1.0f);
-        if (!clamped) gradient.v_texels.back()[c] = static_cast<float>(sums.back()) / cuda::kTexelUnits;
+        if (!clamped) gradient.texels.back()[c] = static_cast<float>(sums.back()) / cuda::kTexelUnits;
       }
     }
   }
   resetMoments(state);
-  for (float& first : state.texels.first) first = static_cast<float>(1e-6 * random.normal());
-  for (float& second : state.texels.second) second = static_cast<float>(1e-12 * random.uniform());
+  for (float& first : state.moments.texels.first) first = static_cast<float>(1e-6 * random.normal());
+  for (float& second : state.moments.texels.second) second = static_cast<float>(1e-12 * random.uniform());
   cuda::DeviceModel device;
   device.upload(state.model);
   cuda::DeviceMoments moments;
-  moments.first.upload(state.texels.first);
-  moments.second.upload(state.texels.second);
+  moments.first.upload(state.moments.texels.first);
+  moments.second.upload(state.moments.texels.second);
   cuda::Buffer<std::uint32_t> counts, stop;
   counts.upload(tile_counts);
   stop.upload(std::vector<std::uint32_t>{1});
@@ -196,15 +187,15 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   };
   move(stop.data());
   CHECK(sameNumbers(download(device.texels), numbers(atlas.texels)));
-  CHECK(download(moments.first) == state.texels.first);
+  CHECK(download(moments.first) == state.moments.texels.first);
   move(nullptr);
   adamStep(state, gradient, LearningRates());
   if (clamp_colors) {
     for (glm::vec4& texel : atlas.texels) texel = glm::clamp(texel, glm::vec4(0.0f), glm::vec4(1.0f));
   }
   CHECK(sameNumbers(download(device.texels), numbers(atlas.texels)));
-  CHECK(sameNumbers(download(moments.first), numbers(state.texels.first)));
-  CHECK(sameNumbers(download(moments.second), numbers(state.texels.second)));
+  CHECK(sameNumbers(download(moments.first), numbers(state.moments.texels.first)));
+  CHECK(sameNumbers(download(moments.second), numbers(state.moments.texels.second)));
 }
 
 TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", "[checked]") {
@@ -215,8 +206,8 @@ TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", 
   for (float& sigma : min_sigma) sigma = static_cast<float>(0.1 * random.uniform());
   ModelGradient gradient;
   for (std::size_t i = 0; i < model.size(); i++) {
-    gradient.v_log_scale.emplace_back(random.normal(), random.normal(), random.normal());
-    gradient.v_opacity_logit.push_back(static_cast<float>(random.normal()));
+    gradient.log_scale.emplace_back(random.normal(), random.normal(), random.normal());
+    gradient.opacity_logit.push_back(static_cast<float>(random.normal()));
   }
   cuda::DeviceModel device;
   device.upload(model);
@@ -224,8 +215,8 @@ TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", 
   sigmas.upload(min_sigma);
   log_scale.resize(3 * model.size());
   logit.resize(model.size());
-  v_log_scale.upload(gradient.v_log_scale);
-  v_logit.upload(gradient.v_opacity_logit);
+  v_log_scale.upload(gradient.log_scale);
+  v_logit.upload(gradient.opacity_logit);
 
   EffectiveParameters effective;
   applyFilter(model, min_sigma, effective);
@@ -240,8 +231,8 @@ TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", 
   v.opacity_logit = v_logit.data();
   const auto count = static_cast<double>(model.size());
   cuda::chainGradients({device.parameters(), sigmas.data(), true, 0.5f / count, 0.25f / count}, v);
-  CHECK(sameNumbers(download(v_log_scale), numbers(gradient.v_log_scale)));
-  CHECK(sameNumbers(download(v_logit), numbers(gradient.v_opacity_logit)));
+  CHECK(sameNumbers(download(v_log_scale), numbers(gradient.log_scale)));
+  CHECK(sameNumbers(download(v_logit), numbers(gradient.opacity_logit)));
 
   const std::vector<glm::vec3> before = model.mean;
   addExplorationNoise(model, 100.0f, 77, 5);

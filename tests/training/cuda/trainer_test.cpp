@@ -8,8 +8,8 @@
 #include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
 #include "training/run/trainer.h"
-#include "training/score/evaluate.h"
 #include "training/sample_dataset.h"
+#include "training/score/evaluate.h"
 
 using namespace tg;
 using test::sameNumbers;
@@ -33,23 +33,18 @@ TrainSettings run(int iterations, int texture_iterations) {
 double difference(const GaussianModel& a, const GaussianModel& b) {
   REQUIRE(a.size() == b.size());
   double distance = 0, size = 0;
-  const auto add = [&](double x, double y) {
-    distance += (x - y) * (x - y);
-    size += y * y;
-  };
-  for (std::size_t i = 0; i < a.size(); i++) {
-    for (int k = 0; k < 3; k++) {
-      add(a.mean[i][k], b.mean[i][k]);
-      add(a.log_scale[i][k], b.log_scale[i][k]);
-    }
-    add(a.opacity_logit[i], b.opacity_logit[i]);
-  }
-  for (std::size_t i = 0; i < a.sh.size(); i++) {
-    for (int k = 0; k < 3; k++) add(a.sh[i][k], b.sh[i][k]);
-  }
-  for (std::size_t i = 0; i < a.atlas.texels.size(); i++) {
-    for (int k = 0; k < 4; k++) add(a.atlas.texels[i][k], b.atlas.texels[i][k]);
-  }
+  forEachParameter(
+      [&](const Field& field, const auto& x, const auto& y) {
+        if (field.quaternion) return;
+        REQUIRE(x.size() == y.size());
+        const auto* p = reinterpret_cast<const float*>(x.data());
+        const auto* q = reinterpret_cast<const float*>(y.data());
+        for (std::size_t k = 0; k < x.size() * field.floats; ++k) {
+          distance += (double{p[k]} - q[k]) * (double{p[k]} - q[k]);
+          size += double{q[k]} * q[k];
+        }
+      },
+      a, b);
   return std::sqrt(distance / size);
 }
 

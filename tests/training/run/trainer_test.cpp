@@ -32,13 +32,7 @@ tg::TrainSettings shortRun() {
 }
 
 void checkSameBytes(const tg::GaussianModel& a, const tg::GaussianModel& b) {
-  CHECK(a.mean == b.mean);
-  CHECK(a.rotation == b.rotation);
-  CHECK(a.log_scale == b.log_scale);
-  CHECK(a.opacity_logit == b.opacity_logit);
-  CHECK(a.sh == b.sh);
-  CHECK(a.atlas.texels == b.atlas.texels);
-  CHECK(a.atlas.rects == b.atlas.rects);
+  CHECK(a == b);
 }
 
 }  // namespace

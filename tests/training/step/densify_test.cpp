@@ -21,7 +21,7 @@ tg::TrainingState rowOf(std::size_t count) {
     state.model.sh.emplace_back(0.1f * static_cast<float>(i));
   }
   tg::resetMoments(state);
-  for (std::size_t i = 0; i < count; i++) state.mean.first[3 * i] = static_cast<float>(i + 1);
+  for (std::size_t i = 0; i < count; i++) state.moments.mean.first[3 * i] = static_cast<float>(i + 1);
   return state;
 }
 
@@ -54,9 +54,9 @@ TEST_CASE("small Gaussians with a large screen gradient are cloned at the end, w
   CHECK(result.pruned == 0);
   CHECK(positions(state) == std::vector<float>{0, 1, 2, 3, 1, 2});
   CHECK(state.model.sh[5] == state.model.sh[2]);
-  CHECK(state.mean.first[3] == 2);      // the original keeps its moment
-  CHECK(state.mean.first[3 * 4] == 0);  // the clone does not
-  CHECK(state.mean.first.size() == 18);
+  CHECK(state.moments.mean.first[3] == 2);      // the original keeps its moment
+  CHECK(state.moments.mean.first[3 * 4] == 0);  // the clone does not
+  CHECK(state.moments.mean.first.size() == 18);
   CHECK(statistics.score_sum == std::vector<float>(6, 0.0f));
 }
 
@@ -75,10 +75,10 @@ TEST_CASE("large Gaussians are split in two smaller ones drawn from them", "[den
     CHECK(state.model.mean[child] != glm::vec3(1, 0, 0));
     CHECK(std::abs(state.model.mean[child].x - 1) < 5 * 0.5f);
     CHECK(std::abs(state.model.mean[child].z) < 5 * 1e-4f);
-    CHECK(state.mean.first[3 * child] == 0);
+    CHECK(state.moments.mean.first[3 * child] == 0);
   }
   CHECK(state.model.mean[1] != state.model.mean[3]);
-  CHECK(state.mean.first[6] == 3);
+  CHECK(state.moments.mean.first[6] == 3);
 }
 
 TEST_CASE("children of a split cover their parent's spread", "[densify]") {
@@ -174,9 +174,9 @@ TEST_CASE("scores are means over the views that saw the Gaussian", "[densify]") 
 TEST_CASE("an opacity reset lowers and never raises", "[densify]") {
   tg::TrainingState state = rowOf(2);
   state.model.opacity_logit[1] = logit(0.006f);
-  state.opacity_logit.first = {1, 1};
+  state.moments.opacity_logit.first = {1, 1};
   tg::resetOpacity(state);
   CHECK(state.model.opacity_logit[0] == Approx(logit(0.01f)));
   CHECK(state.model.opacity_logit[1] == Approx(logit(0.006f)));
-  CHECK(state.opacity_logit.first == std::vector<float>{0, 0});
+  CHECK(state.moments.opacity_logit.first == std::vector<float>{0, 0});
 }

@@ -90,18 +90,18 @@ TEST_CASE("the filter's gradient agrees with finite differences", "[filter3d]") 
            double{v_opacity} * effective.opacity_logit[0];
   };
   tg::ModelGradient gradient;
-  gradient.v_log_scale = {v_scale};
-  gradient.v_opacity_logit = {v_opacity};
+  gradient.log_scale = {v_scale};
+  gradient.opacity_logit = {v_opacity};
   tg::filterGradient(model, f, gradient);
   constexpr float kStep = 1.0f / 64;
   for (const int axis : {0, 1, 2}) {
     tg::GaussianModel up = model, down = model;
     up.log_scale[0][axis] += kStep;
     down.log_scale[0][axis] -= kStep;
-    CHECK(gradient.v_log_scale[0][axis] == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(2e-3).margin(1e-4));
+    CHECK(gradient.log_scale[0][axis] == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(2e-3).margin(1e-4));
   }
   tg::GaussianModel up = model, down = model;
   up.opacity_logit[0] += kStep;
   down.opacity_logit[0] -= kStep;
-  CHECK(gradient.v_opacity_logit[0] == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(2e-3));
+  CHECK(gradient.opacity_logit[0] == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(2e-3));
 }

@@ -136,11 +136,11 @@ TEST_CASE("alpha texels outside [0, 1] get no gradient") {
   for (std::size_t i = 0; i < scene.model.atlas.texels.size(); i += 2) scene.model.atlas.texels[i].a = -0.1f;
   const auto gradient = gradientCpu(scene.model, scene.camera, {}, randomWeights(scene.camera, 2));
   float inside = 0.0f;
-  for (std::size_t i = 0; i < gradient.v_texels.size(); ++i) {
+  for (std::size_t i = 0; i < gradient.texels.size(); ++i) {
     if (i % 2 == 0) {
-      REQUIRE(gradient.v_texels[i].a == 0.0f);
+      REQUIRE(gradient.texels[i].a == 0.0f);
     } else {
-      inside += std::abs(gradient.v_texels[i].a);
+      inside += std::abs(gradient.texels[i].a);
     }
   }
   CHECK(inside > 0.0f);

@@ -23,7 +23,7 @@ tg::TrainingState rowOf(const std::vector<float>& opacities) {
     state.model.sh.emplace_back(0.1f * static_cast<float>(i));
   }
   tg::resetMoments(state);
-  std::iota(state.mean.first.begin(), state.mean.first.end(), 1.0f);
+  std::iota(state.moments.mean.first.begin(), state.moments.mean.first.end(), 1.0f);
   return state;
 }
 
@@ -66,10 +66,10 @@ TEST_CASE("dead Gaussians move onto live ones, and all at one place restart", "[
   for (const std::size_t moved : {std::size_t{0}, std::size_t{2}}) {
     const float x = state.model.mean[moved].x;
     CHECK((x == 1 || x == 3));
-    CHECK(state.mean.first[3 * moved] == 0);
+    CHECK(state.moments.mean.first[3 * moved] == 0);
     CHECK(state.model.opacity_logit[moved] == state.model.opacity_logit[static_cast<std::size_t>(x)]);
     CHECK(state.model.log_scale[moved].x < std::log(0.1f));
-    CHECK(state.mean.first[3 * static_cast<std::size_t>(x)] == 0);
+    CHECK(state.moments.mean.first[3 * static_cast<std::size_t>(x)] == 0);
   }
 }
 
@@ -78,7 +78,7 @@ TEST_CASE("the count grows by a share a round and stops at the cap exactly", "[m
   tg::Random random(1);
   CHECK(tg::relocateAndGrow(state, {.max_gaussians = 107, .growth = 0.05f}, random).added == 5);
   CHECK(state.model.size() == 105);
-  CHECK(state.mean.first.size() == 315);
+  CHECK(state.moments.mean.first.size() == 315);
   CHECK(tg::relocateAndGrow(state, {.max_gaussians = 107}, random).added == 2);
   CHECK(tg::relocateAndGrow(state, {.max_gaussians = 107}, random).added == 0);
   CHECK(tg::relocateAndGrow(state, {.max_gaussians = 50}, random).added == 0);
@@ -138,8 +138,8 @@ TEST_CASE("noise follows the Gaussian's own shape and spares opaque ones", "[mcm
 TEST_CASE("regularisers pull by the derivative of their means", "[mcmc]") {
   const tg::TrainingState state = rowOf({0.2f, 0.7f, 0.99f});
   tg::ModelGradient gradient;
-  gradient.v_opacity_logit.assign(3, 1.0f);
-  gradient.v_log_scale.assign(3, glm::vec3(2.0f));
+  gradient.opacity_logit.assign(3, 1.0f);
+  gradient.log_scale.assign(3, glm::vec3(2.0f));
   tg::addRegularizerGradient(state.model, 0.03f, 0.09f, gradient);
   const auto loss = [](const tg::GaussianModel& model) {
     double opacity = 0, sigma = 0;
@@ -154,10 +154,10 @@ TEST_CASE("regularisers pull by the derivative of their means", "[mcmc]") {
     tg::GaussianModel up = state.model, down = state.model;
     up.opacity_logit[i] += kStep;
     down.opacity_logit[i] -= kStep;
-    CHECK(gradient.v_opacity_logit[i] - 1 == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(1e-2).margin(1e-6));
+    CHECK(gradient.opacity_logit[i] - 1 == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(1e-2).margin(1e-6));
     up = down = state.model;
     up.log_scale[i].y += kStep;
     down.log_scale[i].y -= kStep;
-    CHECK(gradient.v_log_scale[i].y - 2 == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(1e-2).margin(1e-6));
+    CHECK(gradient.log_scale[i].y - 2 == Approx((loss(up) - loss(down)) / (2 * kStep)).epsilon(1e-2).margin(1e-6));
   }
 }

@@ -22,7 +22,7 @@ tg::TrainingState randomState(std::size_t count, int sh_degree, std::uint64_t se
     model.rotation.emplace_back(value(), value(), value(), value());
     model.log_scale.emplace_back(value(), value(), value());
     model.opacity_logit.push_back(value());
-    for (int k = 0; k < model.shCount(); k++) model.sh.emplace_back(value(), value(), value());
+    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.emplace_back(value(), value(), value());
   }
   tg::resetMoments(state);
   return state;
@@ -33,14 +33,14 @@ tg::ModelGradient randomGradient(const tg::GaussianModel& model, std::uint64_t s
   const auto value = [&] { return static_cast<float>(random.normal()); };
   tg::ModelGradient gradient;
   for (std::size_t i = 0; i < model.size(); i++) {
-    gradient.v_mean.emplace_back(value(), value(), value());
-    gradient.v_rotation.emplace_back(value(), value(), value(), value());
-    gradient.v_log_scale.emplace_back(value(), value(), value());
-    gradient.v_opacity_logit.push_back(value());
+    gradient.mean.emplace_back(value(), value(), value());
+    gradient.rotation.emplace_back(value(), value(), value(), value());
+    gradient.log_scale.emplace_back(value(), value(), value());
+    gradient.opacity_logit.push_back(value());
   }
-  for (std::size_t i = 0; i < model.sh.size(); i++) gradient.v_sh.emplace_back(value(), value(), value());
+  for (std::size_t i = 0; i < model.sh.size(); i++) gradient.sh.emplace_back(value(), value(), value());
   for (std::size_t i = 0; i < model.atlas.texels.size(); i++) {
-    gradient.v_texels.emplace_back(value(), value(), value(), value());
+    gradient.texels.emplace_back(value(), value(), value(), value());
   }
   return gradient;
 }
@@ -56,7 +56,7 @@ TEST_CASE("Adam follows the published update", "[optimizer]") {
   int t = 0;
   for (double g : {1.0, -2.0, 0.0, 0.5}) {
     tg::ModelGradient gradient = randomGradient(state.model, 2);
-    gradient.v_opacity_logit[0] = static_cast<float>(g);
+    gradient.opacity_logit[0] = static_cast<float>(g);
     tg::adamStep(state, gradient, {});
     t++;
     m = 0.9 * m + 0.1 * g;
@@ -78,23 +78,23 @@ TEST_CASE("every block moves at its own rate", "[optimizer]") {
   // The first bias-corrected step is the rate, against the gradient's sign.
   const auto moved = [](float from, float to, float g) { return (to - from) * (g > 0 ? -1 : 1); };
   for (std::size_t i = 0; i < 37; i++) {
-    CHECK(moved(before.mean[i].y, state.model.mean[i].y, gradient.v_mean[i].y) == Approx(0.01f).margin(1e-6));
-    CHECK(moved(before.rotation[i].w, state.model.rotation[i].w, gradient.v_rotation[i].w) ==
+    CHECK(moved(before.mean[i].y, state.model.mean[i].y, gradient.mean[i].y) == Approx(0.01f).margin(1e-6));
+    CHECK(moved(before.rotation[i].w, state.model.rotation[i].w, gradient.rotation[i].w) ==
           Approx(1e-3f).margin(1e-6));
-    CHECK(moved(before.log_scale[i].z, state.model.log_scale[i].z, gradient.v_log_scale[i].z) ==
+    CHECK(moved(before.log_scale[i].z, state.model.log_scale[i].z, gradient.log_scale[i].z) ==
           Approx(5e-3f).margin(1e-6));
-    CHECK(moved(before.opacity_logit[i], state.model.opacity_logit[i], gradient.v_opacity_logit[i]) ==
+    CHECK(moved(before.opacity_logit[i], state.model.opacity_logit[i], gradient.opacity_logit[i]) ==
           Approx(5e-2f).margin(1e-6));
-    CHECK(moved(before.sh[i * 9].z, state.model.sh[i * 9].z, gradient.v_sh[i * 9].z) == Approx(2.5e-3f).margin(1e-6));
-    CHECK(moved(before.sh[i * 9 + 1].x, state.model.sh[i * 9 + 1].x, gradient.v_sh[i * 9 + 1].x) ==
+    CHECK(moved(before.sh[i * 9].z, state.model.sh[i * 9].z, gradient.sh[i * 9].z) == Approx(2.5e-3f).margin(1e-6));
+    CHECK(moved(before.sh[i * 9 + 1].x, state.model.sh[i * 9 + 1].x, gradient.sh[i * 9 + 1].x) ==
           Approx(1.25e-4f).margin(1e-6));
-    CHECK(moved(before.sh[i * 9 + 8].z, state.model.sh[i * 9 + 8].z, gradient.v_sh[i * 9 + 8].z) ==
+    CHECK(moved(before.sh[i * 9 + 8].z, state.model.sh[i * 9 + 8].z, gradient.sh[i * 9 + 8].z) ==
           Approx(1.25e-4f).margin(1e-6));
   }
   for (std::size_t i = 0; i < before.atlas.texels.size(); i++) {
-    CHECK(moved(0, state.model.atlas.texels[i].g, gradient.v_texels[i].g) == Approx(1e-3f).margin(1e-6));
+    CHECK(moved(0, state.model.atlas.texels[i].g, gradient.texels[i].g) == Approx(1e-3f).margin(1e-6));
     // Alpha starts at 1 and is clamped there.
-    CHECK(state.model.atlas.texels[i].a == Approx(gradient.v_texels[i].a > 0 ? 0.999f : 1.0f).margin(1e-6));
+    CHECK(state.model.atlas.texels[i].a == Approx(gradient.texels[i].a > 0 ? 0.999f : 1.0f).margin(1e-6));
   }
 }
 
@@ -109,7 +109,7 @@ TEST_CASE("a step has the same bytes at any thread count", "[optimizer]") {
   tg::setThreadCount(0);
   CHECK(one.model.sh == two.model.sh);
   CHECK(one.model.rotation == two.model.rotation);
-  CHECK(one.sh.second == two.sh.second);
+  CHECK(one.moments.sh.second == two.moments.sh.second);
 }
 
 TEST_CASE("position rates fall log-linearly from 1.6e-4 to 1.6e-6 of the extent", "[optimizer]") {
@@ -125,11 +125,11 @@ TEST_CASE("a higher SH degree adds zeros behind each Gaussian's coefficients", "
   tg::growShDegree(state, 3);
   CHECK(state.model.sh_degree == 3);
   REQUIRE(state.model.sh.size() == 5 * 16);
-  REQUIRE(state.sh.first.size() == 5 * 48);
+  REQUIRE(state.moments.sh.first.size() == 5 * 48);
   for (std::size_t i = 0; i < 5; i++) {
     for (std::size_t k = 0; k < 16; k++) {
       CHECK(state.model.sh[i * 16 + k] == (k < 4 ? before.model.sh[i * 4 + k] : glm::vec3(0)));
-      CHECK(state.sh.second[i * 48 + k * 3] == (k < 4 ? before.sh.second[i * 12 + k * 3] : 0.0f));
+      CHECK(state.moments.sh.second[i * 48 + k * 3] == (k < 4 ? before.moments.sh.second[i * 12 + k * 3] : 0.0f));
     }
   }
 }
