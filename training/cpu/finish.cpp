@@ -247,7 +247,7 @@ int finishBatchSize() { return HWY_DYNAMIC_DISPATCH(finishLanes)(); }
 void finishSplats(const View& view, const GaussianModel& model, std::span<const SplatSums> splats,
                   ModelGradient& gradient) {
   TG_ASSERT(splats.size() <= static_cast<std::size_t>(finishBatchSize()), "no more splats than a batch");
-  TG_ASSERT(gradient.v_mean.size() == model.size(), "the gradient has the model's size");
+  TG_ASSERT(gradient.mean.size() == model.size(), "the gradient has the model's size");
   HWY_DYNAMIC_DISPATCH(finishBatch)(view, model, splats, gradient);
 }
 

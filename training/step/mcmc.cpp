@@ -82,7 +82,7 @@ void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t see
 
 void addRegularizerGradient(const GaussianModel& model, float opacity_weight, float scale_weight,
                             ModelGradient& gradient) {
-  TG_ASSERT(gradient.v_log_scale.size() == model.size() && gradient.v_opacity_logit.size() == model.size(),
+  TG_ASSERT(gradient.log_scale.size() == model.size() && gradient.opacity_logit.size() == model.size(),
             "the gradient has the model's size");
   const auto count = static_cast<double>(model.size());
   parallelFor(static_cast<std::int64_t>(model.size()), kMcmcGrain, [&](std::int64_t i) {

@@ -65,14 +65,11 @@ AdamScales adamScales(std::int64_t step) {
 
 void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates) {
   TG_ASSERT(momentsAgree(state), "moments have the model's size");
-  TG_ASSERT(gradient.v_mean.size() == state.model.mean.size() && gradient.v_sh.size() == state.model.sh.size(),
-            "the gradient has the model's size");
-  TG_ASSERT(gradient.v_rotation.size() == state.model.rotation.size() &&
-                gradient.v_log_scale.size() == state.model.log_scale.size(),
-            "the gradient has the model's size");
-  TG_ASSERT(gradient.v_opacity_logit.size() == state.model.opacity_logit.size() &&
-                gradient.v_texels.size() == state.model.atlas.texels.size(),
-            "the gradient has the model's size");
+  forEachParameter(
+      [](const Field&, const auto& values, const auto& slopes) {
+        TG_ASSERT(slopes.size() == values.size(), "the gradient has the model's shape");
+      },
+      state.model, gradient);
   GaussianModel& model = state.model;
   state.step++;
   const AdamScales scales = adamScales(state.step);
