@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "converter/registry/file_format.h"
+#include "core/file/json.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -123,7 +124,7 @@ std::string describeJson(const BatchReport& report) {
     }
     list.push_back(std::move(entry));
   }
-  return Json{{"models", std::move(list)}}.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return dumpJson(Json{{"models", std::move(list)}}, 2) + "\n";
 }
 
 }  // namespace tg

@@ -14,7 +14,7 @@ struct Finding {
 
 struct CheckReport {
   std::string file;
-  std::string format;  // as name(FileFormat) has it; "" when not even that could be told
+  std::string format;  // the name of its Format; "" when not even that could be told
   std::size_t gaussians = 0;
   std::vector<Finding> errors;    // a reader refuses the file or its texture layer
   std::vector<Finding> warnings;  // a reader repairs, ignores or guesses

@@ -9,7 +9,7 @@
 
 #include "converter/edit/edit.h"
 #include "converter/edit/quality.h"
-#include "converter/gltf/write_gltf.h"
+#include "converter/registry/file_format.h"
 #include "converter/registry/read_model.h"
 
 namespace tg {
@@ -33,30 +33,22 @@ struct ConvertOptions {
   std::vector<Edit> edits = {};           // in this order, before anything is written
 };
 
-struct ConvertReport {
+struct ConvertReport : Written {
   bool dry_run = false;
   std::string input_format;
   std::string output_format;
   std::uint64_t input_bytes = 0;
-  std::uint64_t output_bytes = 0;
   std::size_t gaussians = 0;
   int sh_degree = 0;
   std::size_t cameras = 0;
-  std::string texture_mode;  // of what was written
-  int atlases = 0;           // glb and html only, as the next four
-  int atlas_width = 0;
-  int atlas_height = 0;
-  std::uint64_t texels = 0;
-  std::uint64_t clipped_texels = 0;
   std::vector<EditReport> edits;
   std::optional<Deviation> deviation;   // of the file read back, where it holds other numbers
   std::size_t views = 0;                // rendered for the two figures below
   std::optional<double> textured_psnr;  // [dB] the file read back against the edited model; infinity when equal
   std::optional<double> base_psnr;      // [dB] what a reader without textures shows; only for textured sources
-  std::vector<std::string> warnings;
 };
 
-// The output's format is its extension: .glb, .gltf, .html, .ply, .splat, .spz, .tgz or .png (an atlas with its JSON).
+// The output's format is its extension (converter/registry/file_format.h).
 // Throws Error(usage / cannotRead / badData / cannotWrite); nothing is written then. A binary PLY becomes a .glb or
 // .gltf block by block where nothing is edited, rendered or packed; other ways hold the model in memory once.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,

@@ -7,6 +7,7 @@
 
 #include "converter/convert.h"
 #include "converter/edit/statistics.h"
+#include "core/file/json.h"
 
 namespace tg {
 namespace {
@@ -53,14 +54,14 @@ Json decibelsJson(const std::optional<double>& psnr) {
   return psnr && std::isfinite(*psnr) ? Json(*psnr) : Json(nullptr);
 }
 
-// File names in warnings may be any bytes.
-std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; }
+std::string dump(const Json& json) { return dumpJson(json, 2) + "\n"; }
 
 constexpr const char* kAxes = "x right, y down, z forward (COLMAP)";
 constexpr const char* kGltfAxes = "+y up, +z forward (glTF)";
 
 std::string axesOf(const std::string& file_format) {
-  return file_format == "glb" || file_format == "gltf" || file_format == "html" ? kGltfAxes : kAxes;
+  const Format* format = findFormat(file_format);
+  return format && format->is_gltf ? kGltfAxes : kAxes;
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "converter/batch.h"
 #include "converter/check.h"
 #include "converter/convert.h"
+#include "converter/registry/file_format.h"
 #include "converter/registry/read_model.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
@@ -26,21 +27,14 @@ struct Arguments {
   std::vector<std::string> files;  // IN..., OUT
   std::string input;
   std::string output;
-  bool overwrite = false;
   bool quiet = false;
   bool json = false;
   bool info = false;
-  bool base_only = false;
   bool psnr = false;
   bool no_psnr = false;
   bool stats = false;
-  bool dry_run = false;
-  bool lean = false;
-  bool quantize = false;
-  bool meshopt = false;
-  tg::AtlasFormat atlas = tg::AtlasFormat::png8;
   std::string to;
-  std::vector<tg::Edit> edits;
+  tg::ConvertOptions options;
 };
 
 void warn(const Arguments& arguments, const std::vector<std::string>& warnings) {
@@ -79,13 +73,13 @@ class ProgressLine {
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-int runBatch(const Arguments& arguments, const tg::ConvertOptions& options) {
+int runBatch(const Arguments& arguments) {
   if (arguments.to.empty())
     throw tg::Error(tg::ErrorKind::usage, "--to is missing (a folder is converted to what format?)");
   tg::BatchReport report;
   {
     const ProgressLine line(!arguments.quiet && !arguments.json);
-    report = tg::convertFolder(arguments.input, arguments.output, arguments.to, options,
+    report = tg::convertFolder(arguments.input, arguments.output, arguments.to, arguments.options,
                                [&](const tg::BatchProgress& progress) { line.show(progress); });
   }
   if (arguments.quiet && !arguments.json) {
@@ -100,27 +94,14 @@ int runBatch(const Arguments& arguments, const tg::ConvertOptions& options) {
 // The exit code.
 int run(const Arguments& arguments) {
   if (arguments.info || arguments.stats || arguments.output == "null") {
-    tg::ReadOptions options;
-    options.base_only = arguments.base_only;
-    const tg::Bundle loaded = tg::readModel(arguments.input, options);
+    const tg::Bundle loaded = tg::readModel(arguments.input, {.base_only = arguments.options.base_only});
     warn(arguments, loaded.warnings);
     print(arguments, tg::describe(loaded, arguments.stats), tg::describeJson(loaded, arguments.stats));
     return 0;
   }
   if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info or --stats)");
-  tg::ConvertOptions options;
-  options.overwrite = arguments.overwrite;
-  options.base_only = arguments.base_only;
-  if (arguments.psnr) options.measure = tg::Measure::always;
-  if (arguments.no_psnr || (arguments.quiet && !arguments.json)) options.measure = tg::Measure::never;
-  options.dry_run = arguments.dry_run;
-  options.lean = arguments.lean;
-  options.quantize = arguments.quantize;
-  options.meshopt = arguments.meshopt;
-  options.atlas = arguments.atlas;
-  options.edits = arguments.edits;
-  if (std::filesystem::is_directory(arguments.input)) return runBatch(arguments, options);
-  const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, options);
+  if (std::filesystem::is_directory(arguments.input)) return runBatch(arguments);
+  const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, arguments.options);
   warn(arguments, report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
   return 0;
@@ -136,7 +117,7 @@ void takeFiles(Arguments& arguments) {
     files.pop_back();
   }
   for (auto file = files.rbegin(); file != files.rend(); ++file) {
-    arguments.edits.insert(arguments.edits.begin(), {"--merge", *file});
+    arguments.options.edits.insert(arguments.options.edits.begin(), {"--merge", *file});
   }
 }
 
@@ -172,6 +153,13 @@ class EditParser {
   const CLI::App& app_;
 };
 
+std::string outputExtensions() {
+  std::vector<std::string> names = tg::outputNames(true);  // models before mere pictures
+  for (const std::string& name : tg::outputNames(false)) names.push_back(name);
+  for (std::string& name : names) name.insert(0, ".");
+  return tg::listed(names);
+}
+
 int checkMain(int argc, char** argv) {
   std::string file;
   bool json = false;
@@ -193,33 +181,33 @@ int convertMain(int argc, char** argv) {
       "tgconvert");
   app.add_option("FILES", arguments.files,
                  "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb, gltf or our html; several "
-                 "are merged. OUT: file to write, .glb, .gltf, .html, .ply, .splat, .spz, .tgz or .png; null writes "
-                 "nothing and prints what IN holds")
+                 "are merged. OUT: file to write, " +
+                     outputExtensions() + "; null writes nothing and prints what IN holds")
       ->required()
       ->type_name("");
-  app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");
+  app.add_flag("--overwrite", arguments.options.overwrite, "replace OUT if it exists");
   app.add_flag("--quiet", arguments.quiet, "print errors only");
   app.add_flag("--json", arguments.json, "print the summary as JSON");
   app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
   app.add_flag("--stats", arguments.stats, "with the distribution of every number; writes nothing");
-  app.add_flag("--dry-run", arguments.dry_run, "say how large OUT would be and write nothing");
-  app.add_flag("--lean", arguments.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
-  app.add_flag("--quantize", arguments.quantize,
+  app.add_flag("--dry-run", arguments.options.dry_run, "say how large OUT would be and write nothing");
+  app.add_flag("--lean", arguments.options.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
+  app.add_flag("--quantize", arguments.options.quantize,
                "glb, gltf: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
-  app.add_flag("--meshopt", arguments.meshopt, "glb, gltf: pack by EXT_meshopt_compression");
+  app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf: pack by EXT_meshopt_compression");
   app.add_option_function<std::string>(
          "--atlas",
          [&](const std::string& text) {
            const auto format = tg::parseAtlasFormat(text);
            if (!format)
              throw CLI::ValidationError("--atlas", "unknown format (expected png8, png16 or exr, found " + text + ")");
-           arguments.atlas = *format;
+           arguments.options.atlas = *format;
          },
          "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")
       ->type_name("FORMAT");
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
-      ->check(CLI::IsMember({"glb", "gltf", "html", "ply", "splat", "spz", "tgz"}));
-  app.add_flag("--base-only", arguments.base_only, "glb: leave the texture layer aside");
+      ->check(CLI::IsMember(tg::outputNames(true)));
+  app.add_flag("--base-only", arguments.options.base_only, "glb: leave the texture layer aside");
   CLI::Option* psnr = app.add_flag("--psnr", arguments.psnr,
                                    "render source and result for the summary also where no number is rounded, and "
                                    "however large the model is");
@@ -228,8 +216,10 @@ int convertMain(int argc, char** argv) {
   const EditParser edit_parser(app);
   app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
   if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
-  arguments.edits = edit_parser.edits();
+  arguments.options.edits = edit_parser.edits();
   takeFiles(arguments);
+  if (arguments.psnr) arguments.options.measure = tg::Measure::always;
+  if (arguments.no_psnr || (arguments.quiet && !arguments.json)) arguments.options.measure = tg::Measure::never;
   return run(arguments);
 }
 

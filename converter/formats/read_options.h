@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a caller asks of the readers of model files.
 #pragma once
+#include <string>
+#include <vector>
 
 namespace tg {
 
@@ -9,6 +11,9 @@ struct ReadProgress;
 struct ReadOptions {
   ReadProgress* progress = nullptr;  // of tgz and PLY; may be null
   bool base_only = false;  // glTF: leave the texture layer aside, as a reader that knows only the Khronos extension
+  // glTF files: gets every error of the base and the layer that can be told apart before the first one is thrown; it
+  // stays empty when the file could not be taken apart. May be null.
+  std::vector<std::string>* errors = nullptr;
 };
 
 }  // namespace tg

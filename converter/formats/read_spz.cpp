@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "converter/formats/inflate.h"
+#include "converter/formats/little_endian.h"
 #include "converter/formats/repair.h"
 #include "converter/formats/spz.h"
 #include "core/bundle/ply.h"
@@ -31,15 +32,6 @@ constexpr std::array<const char*, kSpzStreams> kStreamNames = {"the stream of po
                                                                "the stream of rotations", "the stream of SH"};
 
 using Streams = std::array<std::span<const std::uint8_t>, kSpzStreams>;
-
-std::uint32_t readU32(std::span<const std::uint8_t> bytes, std::size_t at) {
-  return bytes[at] | std::uint32_t{bytes[at + 1]} << 8 | std::uint32_t{bytes[at + 2]} << 16 |
-         std::uint32_t{bytes[at + 3]} << 24;
-}
-
-std::uint64_t readU64(std::span<const std::uint8_t> bytes, std::size_t at) {
-  return readU32(bytes, at) | std::uint64_t{readU32(bytes, at + 4)} << 32;
-}
 
 // The fields that all versions share. `bytes` holds at least kSpzHeaderBytes.
 SpzHeader readHeader(std::span<const std::uint8_t> bytes, const std::string& path) {

@@ -34,7 +34,6 @@ SplatFileRow rowOf(const GaussianModel& model, std::size_t i) {
 }  // namespace
 
 std::vector<std::uint8_t> formatSplat(const GaussianModel& model, SplatReport& report) {
-  report.dropped_sh = model.sh_degree > 0;
   std::vector<std::uint8_t> bytes(model.size() * kSplatBytes);
   for (std::size_t i = 0; i < model.size(); ++i) {
     const SplatFileRow row = rowOf(model, i);

@@ -12,7 +12,6 @@ namespace tg {
 // What the numbers of a .splat could not hold.
 struct SplatReport {
   std::size_t clipped_colors = 0;  // splats whose base colour leaves [0, 1]
-  bool dropped_sh = false;         // degrees above 0 are left out
 };
 
 // Without textures: bake them first (converter/gltf/fallback.h). In the model's order and axes; same model in, same bytes

@@ -10,6 +10,7 @@
 #include <limits>
 #include <new>
 
+#include "converter/formats/little_endian.h"
 #include "converter/formats/spz.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
@@ -75,10 +76,6 @@ std::uint32_t packRotation(glm::vec4 wxyz) {
            static_cast<std::uint32_t>(magnitude);
   }
   return bits;
-}
-
-void appendU32(Bytes& bytes, std::uint32_t value) {
-  for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<std::uint8_t>(value >> shift));
 }
 
 Bytes gzip(const Bytes& bytes) {

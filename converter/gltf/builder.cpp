@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "converter/gltf/container.h"
 #include "converter/gltf/meshopt.h"
 #include "core/file/atomic_files.h"
 #include "core/system/assert.h"
@@ -21,13 +22,8 @@ constexpr std::uint64_t kMaxGlbBytes = 0xFFFFFFFFull;  // the header's 32 bits
 constexpr std::size_t kBlock = 512;                    // Gaussians: with SH of degree 3 they stay in a core's cache
 constexpr std::size_t kWrittenBlock = 64 * kBlock;     // that are written at once
 constexpr int kArrayBuffer = 34962;
-constexpr std::uint32_t kMagic = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinChunk = 0x004E4942;
 
 std::uint64_t aligned(std::uint64_t bytes) { return (bytes + 3) / 4 * 4; }
-
-void putU32(std::vector<std::uint8_t>& to, std::uint64_t value) {
-  for (int shift = 0; shift < 32; shift += 8) to.push_back(static_cast<std::uint8_t>(value >> shift));
-}
 
 // A file's name as a relative URI (RFC 3986).
 std::string uriOf(const std::string& name) {
@@ -230,7 +226,7 @@ std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
   // Bounds are known once the numbers behind this text have been written, and are no longer than the ones in it now.
   const std::uint64_t text_bytes = aligned(textOf(document).size());
   const std::uint64_t binary = aligned(binary_bytes_);
-  const std::uint64_t head_bytes = 12 + 8 + text_bytes + 8;
+  const std::uint64_t head_bytes = kGlbHeaderBytes + 2 * kChunkHeaderBytes + text_bytes;
   const std::uint64_t total = head_bytes + binary;
   if (total > kMaxGlbBytes) {
     throw Error(ErrorKind::badData, path.string(),
@@ -243,13 +239,7 @@ std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
     writeBinary(file, head_bytes, true);
     std::string text = textOf(document);
     text.resize(static_cast<std::size_t>(text_bytes), ' ');
-    std::vector<std::uint8_t> head;
-    for (const std::uint64_t word : {std::uint64_t{kMagic}, std::uint64_t{2}, total, text_bytes}) putU32(head, word);
-    putU32(head, kJsonChunk);
-    head.insert(head.end(), text.begin(), text.end());
-    putU32(head, binary);
-    putU32(head, kBinChunk);
-    file.write(0, head);
+    file.write(0, glbHead(text, binary));
   });
   return total;
 }

@@ -3,6 +3,7 @@
 #include "converter/gltf/cameras.h"
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "converter/gltf/axes.h"
 

@@ -3,14 +3,19 @@
 #include "converter/gltf/document.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <nlohmann/json.hpp>
 
+#include "converter/formats/little_endian.h"
 #include "converter/gltf/document_check.h"
 #include "converter/gltf/resolve.h"
 #include "core/system/assert.h"
 
 namespace tg {
 namespace {
+
+using nlohmann::json;
 
 // tinygltf hands over an image's encoded bytes; they are kept as they are.
 bool keepEncoded(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes,
@@ -55,19 +60,57 @@ std::vector<std::uint8_t> headOf(const FileReader& file) {
   if (file.size() <= kHeaders) return {};
   std::vector<std::uint8_t> head(kGlbHeaderBytes + kChunkHeaderBytes);
   file.read(0, head);
-  const auto u32 = [&head](std::size_t at) {
-    std::uint32_t value;
-    std::memcpy(&value, head.data() + at, sizeof(value));
-    return value;
-  };
-  const std::uint64_t json_bytes = u32(kGlbHeaderBytes);
+  const std::uint64_t json_bytes = readU32(head, kGlbHeaderBytes);
   if (std::memcmp(head.data(), "glTF", 4) != 0 || json_bytes > kMaxJsonBytes || kHeaders + json_bytes > file.size()) {
     return {};
   }
   head.resize(static_cast<std::size_t>(kHeaders + json_bytes));
   file.read(0, head);
-  if (head.size() + u32(head.size() - kChunkHeaderBytes) != file.size()) return {};
+  if (head.size() + readU32(head, head.size() - kChunkHeaderBytes) != file.size()) return {};
   return head;
+}
+
+bool isGlb(std::span<const std::uint8_t> bytes) {
+  return bytes.size() >= 4 && std::memcmp(bytes.data(), "glTF", 4) == 0;
+}
+
+GltfParts partsOf(std::span<const std::uint8_t> bytes, const std::string& path) {
+  GltfParts parts;
+  parts.json = bytes;
+  return isGlb(bytes) ? splitGlb(bytes, bytes.size(), path) : parts;
+}
+
+json parseJsonOf(std::span<const std::uint8_t> bytes, const std::string& path) {
+  return parseGltfJson(partsOf(bytes, path).json, path);
+}
+
+// Resolves and checks the JSON of `bytes`; where there was something to resolve, `bytes` are those of `resolved` then.
+void check(json& root, std::span<const std::uint8_t>& bytes, std::vector<std::uint8_t>& resolved,
+           const std::string& path, const std::optional<std::filesystem::path>& folder) {
+  if (auto made = resolveGltf(root, bytes, partsOf(bytes, path), folder, path)) bytes = resolved = std::move(*made);
+  checkGltfJson(root, partsOf(bytes, path), path);
+}
+
+GltfDocument load(json root, std::span<const std::uint8_t> bytes, const std::string& path,
+                  const std::optional<std::filesystem::path>& folder) {
+  GltfDocument document;
+  document.path = path;
+  std::vector<std::uint8_t> resolved;
+  check(root, bytes, resolved, path, folder);
+  parse(document.model, path, isGlb(bytes), bytes);
+  return document;
+}
+
+std::filesystem::path folderOf(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+}
+
+// A data URI is the library's to decode.
+bool holdsUris(const json& root) {
+  const auto has_uri = [](const json& object) { return object.contains("uri"); };
+  return std::ranges::any_of(std::array{"buffers", "images"}, [&](const char* list) {
+    return root.contains(list) && std::ranges::any_of(root.at(list), has_uri);
+  });
 }
 
 }  // namespace
@@ -83,32 +126,32 @@ void GltfDocument::read(int view, std::uint64_t offset, std::span<std::uint8_t> 
 }
 
 GltfDocument openGltf(const std::filesystem::path& path) {
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
-  const auto whole = [&] { return loadGltf(readFile(path, kMaxGltfBytes), path.string(), folder); };
+  const auto whole = [&] { return loadGltf(readFile(path, kMaxGltfBytes), path.string(), folderOf(path)); };
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) return whole();  // a pipe, or nothing
   GltfDocument document;
   document.path = path.string();
   document.file = std::make_shared<const FileReader>(path, kMaxGltfBytes);
-  const std::vector<std::uint8_t> head = headOf(*document.file);
-  if (head.empty()) return whole();
-  const GltfParts parts = splitGlb(head, document.file->size(), document.path);
-  nlohmann::json root = parseGltfJson(parts.json, document.path);
-  if (needsResolving(root)) return whole();
-  checkGltfJson(root, parts, document.path);
-  // A data URI is the library's to decode.
-  const auto has_uri = [](const nlohmann::json& object) { return object.contains("uri"); };
-  for (const char* list : {"buffers", "images"}) {
-    if (root.contains(list) && std::any_of(root[list].begin(), root[list].end(), has_uri)) return whole();
+  std::vector<std::uint8_t> bytes = headOf(*document.file);
+  if (bytes.empty()) return whole();
+  const GltfParts parts = splitGlb(bytes, document.file->size(), document.path);
+  json root = parseGltfJson(parts.json, document.path);
+  if (needsResolving(root) || holdsUris(root)) {
+    const std::size_t head = bytes.size();
+    bytes.resize(static_cast<std::size_t>(document.file->size()));
+    document.file->read(head, std::span(bytes).subspan(head));
+    return load(std::move(root), bytes, document.path, folderOf(path));
   }
-  const nlohmann::json images = root.value("images", nlohmann::json::array());
+  checkGltfJson(root, parts, document.path);
+  // The library would want the bytes of buffers and images: it gets the rest, which is new text.
+  const json images = root.value("images", json::array());
   root.erase("buffers");
   root.erase("images");
-  const std::string text = root.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const std::string text = root.dump(-1, ' ', false, json::error_handler_t::replace);
   parse(document.model, document.path, false,
         std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
   document.bin_offset = parts.bin_offset;
-  for (const nlohmann::json& entry : images) {
+  for (const json& entry : images) {
     tinygltf::Image& image = document.model.images.emplace_back();
     image.bufferView = entry.at("bufferView").get<int>();
     if (const auto type = entry.find("mimeType"); type != entry.end() && type->is_string()) image.mimeType = *type;
@@ -120,22 +163,16 @@ GltfDocument openGltf(const std::filesystem::path& path) {
 
 GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path,
                       const std::optional<std::filesystem::path>& folder) {
-  GltfDocument document;
-  document.path = path;
-  GltfParts parts;
-  parts.json = bytes;
-  if (bytes.size() >= 4 && std::string_view(reinterpret_cast<const char*>(bytes.data()), 4) == "glTF") {
-    parts = splitGlb(bytes, bytes.size(), document.path);
-  }
-  const std::optional<std::vector<std::uint8_t>> resolved = resolveGltf(bytes, parts, folder, document.path);
-  if (resolved) {
-    bytes = *resolved;
-    parts = splitGlb(bytes, bytes.size(), document.path);
-  }
-  checkGltfJson(parseGltfJson(parts.json, document.path), parts, document.path);
+  return load(parseJsonOf(bytes, path), bytes, path, folder);
+}
 
-  parse(document.model, document.path, parts.binary, bytes);
-  return document;
+json readGltfJson(const std::filesystem::path& path) {
+  const std::vector<std::uint8_t> file = readFile(path, kMaxGltfBytes);
+  std::span<const std::uint8_t> bytes = file;
+  std::vector<std::uint8_t> resolved;
+  json root = parseJsonOf(bytes, path.string());
+  check(root, bytes, resolved, path.string(), folderOf(path));
+  return root;
 }
 
 }  // namespace tg

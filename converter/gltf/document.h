@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -71,5 +72,8 @@ GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& pa
 // The same for a file. The buffer of a GLB stays there, where nothing has to be unpacked, and is read when it is
 // needed. Throws Error(cannotRead), too.
 GltfDocument openGltf(const std::filesystem::path& path);
+
+// The checked JSON of a file, its parts resolved. Throws what openGltf throws.
+nlohmann::json readGltfJson(const std::filesystem::path& path);
 
 }  // namespace tg

@@ -5,140 +5,39 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "converter/gltf/document.h"
 #include "converter/gltf/spz_extension.h"
+#include "core/file/json.h"
 #include "core/system/error.h"
 
 namespace tg {
 namespace {
 
-using JsonNode = nlohmann::json;
+using nlohmann::json;
 
-constexpr int kMaxJsonDepth = 64;
-constexpr std::uint32_t kChunkJson = 0x4E4F534A;
-constexpr std::uint32_t kChunkBin = 0x004E4942;
 constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 32;  // of accessor elements: keeps every product below 2^64
 constexpr std::array<std::string_view, 4> kSupportedExtensions = {kSplatExtension, kTextureExtension, kSpzExtension,
                                                                   "KHR_mesh_quantization"};
 
-std::uint32_t wordAt(std::span<const std::uint8_t> bytes, std::size_t at) {
-  return bytes[at] | std::uint32_t{bytes[at + 1]} << 8 | std::uint32_t{bytes[at + 2]} << 16 |
-         std::uint32_t{bytes[at + 3]} << 24;
-}
-
-std::string expectedFound(const std::string& expected, const std::string& found) {
-  return " (expected " + expected + ", found " + found + ")";
-}
-
-// A JSON value as it should appear in a message: short.
-std::string shown(const JsonNode& value) {
-  std::string text = value.dump(-1, ' ', true, JsonNode::error_handler_t::replace);
-  if (text.size() > 40) text = text.substr(0, 37) + "...";
-  return text;
-}
-
-int componentBytes(std::uint64_t component_type) {
-  switch (component_type) {
-    case 5120:
-    case 5121:
-      return 1;
-    case 5122:
-    case 5123:
-      return 2;
-    case 5125:
-    case 5126:
-      return 4;
-    default:
-      return 0;
-  }
-}
-
-int componentCount(std::string_view type) {
-  constexpr std::array<std::pair<std::string_view, int>, 7> types = {
-      {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 4}, {"MAT3", 9}, {"MAT4", 16}}};
-  for (const auto& [name, count] : types) {
-    if (type == name) return count;
-  }
-  return 0;
-}
-
-// A JSON value that knows its pointer; the only way this file looks at the document.
-class Node {
- public:
-  Node(const JsonNode& value, std::string pointer, const std::string& path)
-      : value_(&value), pointer_(std::move(pointer)), path_(&path) {}
-
-  const JsonNode& value() const { return *value_; }
-  [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ErrorKind::badData, *path_, (pointer_.empty() ? "/" : pointer_) + ": " + what);
-  }
-
-  bool has(const char* key) const { return value_->contains(key); }
-  Node at(const std::string& key) const {
-    if (!value_->contains(key)) fail("\"" + key + "\" is missing");
-    return Node((*value_)[key], pointer_ + "/" + key, *path_);
-  }
-  Node element(std::size_t i) const { return Node((*value_)[i], pointer_ + "/" + std::to_string(i), *path_); }
-  std::size_t size() const { return value_->size(); }
-
-  Node object() const {
-    if (!value_->is_object()) fail("wrong type" + expectedFound("an object", shown(*value_)));
-    return *this;
-  }
-  Node array() const {
-    if (!value_->is_array()) fail("wrong type" + expectedFound("an array", shown(*value_)));
-    return *this;
-  }
-  std::string string() const {
-    if (!value_->is_string()) fail("wrong type" + expectedFound("a string", shown(*value_)));
-    return value_->get<std::string>();
-  }
-  std::uint64_t size64() const {
-    if (!value_->is_number_unsigned()) fail("wrong value" + expectedFound("an integer >= 0", shown(*value_)));
-    return value_->get<std::uint64_t>();
-  }
-  // A key that may be absent.
-  std::uint64_t size64(const char* key, std::uint64_t otherwise) const {
-    return has(key) ? at(key).size64() : otherwise;
-  }
-  std::uint64_t index(std::size_t count, const char* of) const {
-    const std::uint64_t i = size64();
-    if (i >= count) {
-      fail("no such " + std::string(of) + expectedFound("an index below " + std::to_string(count), std::to_string(i)));
-    }
-    return i;
-  }
-  void numbers(std::size_t count) const {
-    array();
-    const bool ok =
-        size() == count && std::all_of(value_->begin(), value_->end(), [](const JsonNode& v) { return v.is_number(); });
-    if (!ok) fail("wrong value" + expectedFound(std::to_string(count) + " numbers", shown(*value_)));
-  }
-
- private:
-  const JsonNode* value_;
-  std::string pointer_;
-  const std::string* path_;
-};
-
 // The elements of a top-level array of objects; none when the key is absent.
-std::vector<Node> elements(const Node& root, const char* key) {
-  std::vector<Node> nodes;
+std::vector<JsonNode> elements(const JsonNode& root, const char* key) {
+  std::vector<JsonNode> nodes;
   if (!root.has(key)) return nodes;
-  const Node list = root.at(key).array();
+  const JsonNode list = root.at(key).array();
   nodes.reserve(list.size());
   for (std::size_t i = 0; i < list.size(); ++i) nodes.push_back(list.element(i).object());
   return nodes;
 }
 
-std::size_t countOf(const Node& root, const char* key) { return root.has(key) ? root.at(key).array().size() : 0; }
+std::size_t countOf(const JsonNode& root, const char* key) { return root.has(key) ? root.at(key).array().size() : 0; }
 
-void checkExtensions(const Node& root) {
+void checkExtensions(const JsonNode& root) {
   for (const char* key : {"extensionsUsed", "extensionsRequired"}) {
     if (!root.has(key)) continue;
-    const Node list = root.at(key).array();
+    const JsonNode list = root.at(key).array();
     for (std::size_t i = 0; i < list.size(); ++i) {
       const std::string extension = list.element(i).string();
       const bool known =
@@ -151,13 +50,13 @@ void checkExtensions(const Node& root) {
 }
 
 // tinygltf cuts integers to 32 bits without a word. Sizes are exempt: it keeps them whole.
-void checkIntegers(const Node& node) {
-  const JsonNode& value = node.value();
+void checkIntegers(const JsonNode& node) {
+  const json& value = node.value;
   if (value.is_number_integer()) {
     const bool fits = value.is_number_unsigned()
                           ? value.get<std::uint64_t>() <= std::uint64_t{std::numeric_limits<std::int32_t>::max()}
                           : value.get<std::int64_t>() >= std::numeric_limits<std::int32_t>::min();
-    if (!fits) node.fail("integer out of range" + expectedFound("at most 32 bits", shown(value)));
+    if (!fits) node.fail("integer out of range" + expectedFound("at most 32 bits", node.shown()));
   } else if (value.is_array()) {
     for (std::size_t i = 0; i < node.size(); ++i) checkIntegers(node.element(i));
   } else if (value.is_object()) {
@@ -181,15 +80,15 @@ struct View {
   std::uint64_t stride = 0;  // 0: tightly packed
 };
 
-std::vector<std::uint64_t> checkBuffers(const Node& root, const GltfParts& parts) {
+std::vector<std::uint64_t> checkBuffers(const JsonNode& root, const GltfParts& parts) {
   std::vector<std::uint64_t> sizes;
-  for (const Node& buffer : elements(root, "buffers")) {
+  for (const JsonNode& buffer : elements(root, "buffers")) {
     const std::uint64_t bytes = buffer.at("byteLength").size64();
     if (buffer.has("uri")) {
       const std::string uri = buffer.at("uri").string();
       if (!tinygltf::IsDataURI(uri)) {
         buffer.at("uri").fail("external buffers are not read" +
-                              expectedFound("a GLB or a base64 data URI", shown(buffer.at("uri").value())));
+                              expectedFound("a GLB or a base64 data URI", buffer.at("uri").shown()));
       }
       if (bytes > uri.size()) {  // base64 needs 4 characters for 3 bytes
         buffer.at("byteLength")
@@ -209,9 +108,9 @@ std::vector<std::uint64_t> checkBuffers(const Node& root, const GltfParts& parts
   return sizes;
 }
 
-std::vector<View> checkViews(const Node& root, const std::vector<std::uint64_t>& buffers) {
+std::vector<View> checkViews(const JsonNode& root, const std::vector<std::uint64_t>& buffers) {
   std::vector<View> views;
-  for (const Node& view : elements(root, "bufferViews")) {
+  for (const JsonNode& view : elements(root, "bufferViews")) {
     const std::uint64_t buffer = view.at("buffer").index(buffers.size(), "buffer");
     const std::uint64_t offset = view.size64("byteOffset", 0);
     const std::uint64_t bytes = view.at("byteLength").size64();
@@ -230,8 +129,8 @@ std::vector<View> checkViews(const Node& root, const std::vector<std::uint64_t>&
   return views;
 }
 
-void checkRange(const Node& where, const View& view, std::uint64_t offset, std::uint64_t count, std::uint64_t element,
-                std::uint64_t stride) {
+void checkRange(const JsonNode& where, const View& view, std::uint64_t offset, std::uint64_t count,
+                std::uint64_t element, std::uint64_t stride) {
   const std::uint64_t bytes = (count - 1) * stride + element;  // count < 2^32, stride < 2^8: no overflow
   if (offset > view.bytes || bytes > view.bytes - offset) {
     where.fail("leaves its bufferView" + expectedFound("at most " + std::to_string(view.bytes) + " bytes",
@@ -239,13 +138,13 @@ void checkRange(const Node& where, const View& view, std::uint64_t offset, std::
   }
 }
 
-void checkSparse(const Node& sparse, const std::vector<View>& views, std::uint64_t count, std::uint64_t element) {
+void checkSparse(const JsonNode& sparse, const std::vector<View>& views, std::uint64_t count, std::uint64_t element) {
   const std::uint64_t substitutes = sparse.at("count").size64();
   if (substitutes == 0 || substitutes > count) {
     sparse.at("count").fail("wrong count" +
                             expectedFound("1 to " + std::to_string(count), std::to_string(substitutes)));
   }
-  const Node indices = sparse.at("indices").object();
+  const JsonNode indices = sparse.at("indices").object();
   const std::uint64_t type = indices.at("componentType").size64();
   if (type != 5121 && type != 5123 && type != 5125) {
     indices.at("componentType").fail("wrong type" + expectedFound("5121, 5123 or 5125", std::to_string(type)));
@@ -258,8 +157,8 @@ void checkSparse(const Node& sparse, const std::vector<View>& views, std::uint64
   }
 }
 
-void checkAccessors(const Node& root, const std::vector<View>& views) {
-  for (const Node& accessor : elements(root, "accessors")) {
+void checkAccessors(const JsonNode& root, const std::vector<View>& views) {
+  for (const JsonNode& accessor : elements(root, "accessors")) {
     const std::uint64_t component_type = accessor.at("componentType").size64();
     const int component = componentBytes(component_type);
     if (component == 0) {
@@ -268,8 +167,8 @@ void checkAccessors(const Node& root, const std::vector<View>& views) {
     }
     const int components = componentCount(accessor.at("type").string());
     if (components == 0) {
-      accessor.at("type").fail("no accessor type of glTF" + expectedFound("SCALAR, VEC2, VEC3, VEC4 or MAT2 to MAT4",
-                                                                          shown(accessor.at("type").value())));
+      accessor.at("type").fail("no accessor type of glTF" +
+                               expectedFound("SCALAR, VEC2, VEC3, VEC4 or MAT2 to MAT4", accessor.at("type").shown()));
     }
     const std::uint64_t count = accessor.at("count").size64();
     if (count == 0 || count >= kMaxCount) {
@@ -295,31 +194,31 @@ void checkAccessors(const Node& root, const std::vector<View>& views) {
   }
 }
 
-void checkImages(const Node& root, const std::vector<View>& views) {
-  for (const Node& image : elements(root, "images")) {
+void checkImages(const JsonNode& root, const std::vector<View>& views) {
+  for (const JsonNode& image : elements(root, "images")) {
     if (image.has("uri") == image.has("bufferView")) image.fail("needs either a uri or a bufferView");
     if (image.has("bufferView")) {
       const View& view = views[image.at("bufferView").index(views.size(), "bufferView")];
       if (view.bytes > std::uint64_t{std::numeric_limits<std::int32_t>::max()}) image.fail("is larger than 2 GiB");
     } else if (!tinygltf::IsDataURI(image.at("uri").string())) {
       image.at("uri").fail("external images are not read" +
-                           expectedFound("a bufferView or a base64 data URI", shown(image.at("uri").value())));
+                           expectedFound("a bufferView or a base64 data URI", image.at("uri").shown()));
     }
   }
   const std::size_t images = countOf(root, "images");
-  for (const Node& texture : elements(root, "textures")) {
+  for (const JsonNode& texture : elements(root, "textures")) {
     if (texture.has("source")) texture.at("source").index(images, "image");
   }
 }
 
-void checkMeshes(const Node& root) {
+void checkMeshes(const JsonNode& root) {
   const std::size_t accessors = countOf(root, "accessors");
-  for (const Node& mesh : elements(root, "meshes")) {
-    const Node primitives = mesh.at("primitives").array();
+  for (const JsonNode& mesh : elements(root, "meshes")) {
+    const JsonNode primitives = mesh.at("primitives").array();
     for (std::size_t p = 0; p < primitives.size(); ++p) {
-      const Node primitive = primitives.element(p).object();
-      const Node attributes = primitive.at("attributes").object();
-      for (const auto& [name, unused] : attributes.value().items()) {
+      const JsonNode primitive = primitives.element(p).object();
+      const JsonNode attributes = primitive.at("attributes").object();
+      for (const auto& [name, unused] : attributes.value.items()) {
         attributes.at(name).index(accessors, "accessor");
       }
       if (primitive.has("indices")) primitive.at("indices").index(accessors, "accessor");
@@ -329,100 +228,65 @@ void checkMeshes(const Node& root) {
   }
 }
 
-void checkNodes(const Node& root) {
+void checkNodes(const JsonNode& root) {
   const std::size_t nodes = countOf(root, "nodes");
   const std::size_t meshes = countOf(root, "meshes");
   const std::size_t cameras = countOf(root, "cameras");
-  for (const Node& node : elements(root, "nodes")) {
+  for (const JsonNode& node : elements(root, "nodes")) {
     if (node.has("mesh")) node.at("mesh").index(meshes, "mesh");
     if (node.has("camera")) node.at("camera").index(cameras, "camera");
-    if (node.has("matrix")) node.at("matrix").numbers(16);
-    if (node.has("translation")) node.at("translation").numbers(3);
-    if (node.has("rotation")) node.at("rotation").numbers(4);
-    if (node.has("scale")) node.at("scale").numbers(3);
+    if (node.has("matrix")) node.at("matrix").expectNumbers(16);
+    if (node.has("translation")) node.at("translation").expectNumbers(3);
+    if (node.has("rotation")) node.at("rotation").expectNumbers(4);
+    if (node.has("scale")) node.at("scale").expectNumbers(3);
     if (!node.has("children")) continue;
-    const Node children = node.at("children").array();
+    const JsonNode children = node.at("children").array();
     for (std::size_t i = 0; i < children.size(); ++i) children.element(i).index(nodes, "node");
   }
-  for (const Node& scene : elements(root, "scenes")) {
+  for (const JsonNode& scene : elements(root, "scenes")) {
     if (!scene.has("nodes")) continue;
-    const Node roots = scene.at("nodes").array();
+    const JsonNode roots = scene.at("nodes").array();
     for (std::size_t i = 0; i < roots.size(); ++i) roots.element(i).index(nodes, "node");
   }
   if (root.has("scene")) root.at("scene").index(countOf(root, "scenes"), "scene");
 }
 
-void checkVersion(const Node& root) {
-  const Node version = root.at("asset").object().at("version");
+void checkVersion(const JsonNode& root) {
+  const JsonNode version = root.at("asset").object().at("version");
   if (version.string().substr(0, 2) != "2.") {
-    version.fail("another version of glTF" + expectedFound("2.x", shown(version.value())));
+    version.fail("another version of glTF" + expectedFound("2.x", version.shown()));
   }
 }
 
 }  // namespace
 
-GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes, const std::string& path) {
-  const auto fail = [&](const std::string& what) { throw Error(ErrorKind::badData, path, "GLB: " + what); };
-  if (bytes.size() < kGlbHeaderBytes + kChunkHeaderBytes) {
-    fail("the file ends inside the header" +
-         expectedFound("at least " + std::to_string(kGlbHeaderBytes + kChunkHeaderBytes) + " bytes",
-                       std::to_string(bytes.size())));
-  }
-  if (const std::uint32_t version = wordAt(bytes, 4); version != 2) {
-    fail("another container version" + expectedFound("2", std::to_string(version)));
-  }
-  if (const std::uint32_t length = wordAt(bytes, 8); length != file_bytes) {
-    fail("the length in the header is not the file's" +
-         expectedFound(std::to_string(length) + " bytes", std::to_string(file_bytes)));
-  }
-  GltfParts parts;
-  parts.binary = true;
-  std::size_t at = kGlbHeaderBytes;
-  for (int chunk = 0; at < file_bytes; ++chunk) {
-    const std::string which = "chunk " + std::to_string(chunk);
-    if (file_bytes - at < kChunkHeaderBytes) fail(which + " ends inside its header");
-    const std::uint32_t length = wordAt(bytes, at);
-    const std::uint32_t type = wordAt(bytes, at + 4);
-    at += kChunkHeaderBytes;
-    if (length % 4 != 0) fail(which + " has a bad length" + expectedFound("a multiple of 4", std::to_string(length)));
-    if (length > file_bytes - at) {
-      fail(which + " leaves the file" +
-           expectedFound("at most " + std::to_string(file_bytes - at) + " bytes", std::to_string(length)));
-    }
-    if (chunk == 0 && type != kChunkJson) fail("the first chunk is not JSON");
-    if (chunk == 1 && type != kChunkBin) fail("the second chunk is not BIN");
-    if (chunk == 0) parts.json = bytes.subspan(at, length);
-    if (chunk == 1 && length == 0) fail("the BIN chunk is empty");
-    if (chunk == 1) parts.bin_bytes = length;
-    if (chunk == 1) parts.bin_offset = at;
-    at += length;
-  }
-  return parts;
+int componentBytes(std::uint64_t component_type) {
+  constexpr std::array<int, 7> bytes = {1, 1, 2, 2, 0, 4, 4};  // from 5120 on
+  return component_type >= 5120 && component_type - 5120 < bytes.size() ? bytes[component_type - 5120] : 0;
 }
 
-JsonNode parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) {
+int componentCount(std::string_view type) {
+  constexpr std::array<std::pair<std::string_view, int>, 7> types = {
+      {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 4}, {"MAT3", 9}, {"MAT4", 16}}};
+  for (const auto& [name, count] : types) {
+    if (type == name) return count;
+  }
+  return 0;
+}
+
+json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) {
   if (text.size() > kMaxJsonBytes) {
     throw Error(ErrorKind::badData, path,
                 "the JSON text is too long" +
                     expectedFound("at most " + std::to_string(kMaxJsonBytes) + " bytes", std::to_string(text.size())));
   }
-  try {
-    const auto limit_depth = [&](int depth, JsonNode::parse_event_t event, JsonNode&) {
-      if (depth > kMaxJsonDepth && event != JsonNode::parse_event_t::value) {
-        throw Error(ErrorKind::badData, path,
-                    "the JSON text nests too deep" +
-                        expectedFound("at most " + std::to_string(kMaxJsonDepth) + " levels", "more"));
-      }
-      return true;
-    };
-    return JsonNode::parse(text.begin(), text.end(), limit_depth);
-  } catch (const JsonNode::exception& error) {
-    throw Error(ErrorKind::badData, path, std::string("the JSON text is broken: ") + error.what());
-  }
+  return parseJson(
+      text, path,
+      {"the JSON text is broken: ", "the JSON text nests too deep (expected at most 64 levels, found more)"});
 }
 
-void checkGltfJson(const JsonNode& value, const GltfParts& parts, const std::string& path) {
-  const Node root = Node(value, "", path).object();
+void checkGltfJson(const json& value, const GltfParts& parts, const std::string& path) {
+  const JsonNode root = JsonNode{value, path, "/"}.object();
   checkVersion(root);
   checkExtensions(root);
   checkIntegers(root);

@@ -2,27 +2,20 @@
 // Checks a glTF file's JSON before a library that trusts its numbers gets it.
 #pragma once
 #include <cstdint>
-#include <nlohmann/json.hpp>
-#include <optional>
+#include <nlohmann/json_fwd.hpp>
 #include <span>
 #include <string>
+#include <string_view>
+
+#include "converter/gltf/container.h"
 
 namespace tg {
 
-// The parts of a GLB container, or the whole file as `json`.
-struct GltfParts {
-  std::span<const std::uint8_t> json;
-  std::optional<std::uint64_t> bin_bytes;  // length of the BIN chunk
-  std::uint64_t bin_offset = 0;            // of its content in the file
-  bool binary = false;
-};
-
-inline constexpr std::size_t kGlbHeaderBytes = 12, kChunkHeaderBytes = 8;
 inline constexpr std::size_t kMaxJsonBytes = std::size_t{256} << 20;
 
-// Of a file of `file_bytes`, of which `bytes` reach to the content of the last chunk or further. Throws Error(badData):
-// magic, version, length, chunk lengths and types.
-GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes, const std::string& path);
+// Of glTF's names for types; 0 for others.
+int componentBytes(std::uint64_t component_type);
+int componentCount(std::string_view type);
 
 // Throws Error(badData) on syntax, on nesting deeper than 64 and on text that is too long.
 nlohmann::json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path);

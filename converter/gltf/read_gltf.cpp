@@ -476,9 +476,9 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
 
 }  // namespace
 
-Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options, std::vector<std::string>* errors) {
+Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options) {
   GltfDocument document = openGltf(path);
-  document.errors = errors;
+  document.errors = options.errors;
   return assemble(std::move(document), options);
 }
 

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "converter/formats/read_options.h"
 #include "core/bundle/bundle.h"
@@ -14,11 +13,8 @@ namespace tg {
 
 // All splat primitives of the scene as one model in the toolchain's axes. Throws Error(cannotRead / badData); a broken
 // texture layer is an error, never a silent fall back to the base.
-// `errors`, if given, gets every error of the base and the layer that can be told apart before the first one is thrown;
-// it stays empty when the file could not be taken apart.
-Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
-                     std::vector<std::string>* errors = nullptr);
-// The same from memory; `path` starts the messages.
+Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {});
+// The same from memory, without options.errors; `path` starts the messages.
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
 
 }  // namespace tg

@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <map>
+#include <nlohmann/json.hpp>
 #include <string_view>
-#include <tuple>
 
 #include "converter/gltf/document.h"
 #include "converter/gltf/meshopt.h"
@@ -49,8 +48,8 @@ const char* codecOf(const json& object) {
 class Resolver {
  public:
   Resolver(std::span<const std::uint8_t> bytes, const GltfParts& parts,
-           const std::optional<std::filesystem::path>& folder, const std::string& path)
-      : parts_(parts), folder_(folder), path_(path), root_(parseGltfJson(parts.json, path)) {
+           const std::optional<std::filesystem::path>& folder, const std::string& path, json& root)
+      : parts_(parts), folder_(folder), path_(path), root_(root) {
     if (parts.bin_bytes) file_bin_ = bytes.subspan(static_cast<std::size_t>(parts.bin_offset), *parts.bin_bytes);
   }
 
@@ -224,7 +223,7 @@ class Resolver {
       fail(pointer + "/byteLength", "differs from what is packed (expected " + std::to_string(out.size()) + ", found " +
                                         std::to_string(length) + ")");
     }
-    view["buffer"] = 0;
+    view["buffer"] = 0u;  // unsigned, as parsing it would make it
     view["byteOffset"] = append(out);
     view["extensions"].erase(codec);
   }
@@ -240,7 +239,7 @@ class Resolver {
       if (!root_.contains("bufferViews")) root_["bufferViews"] = json::array();
       const std::uint64_t offset = append(bytes);
       image["bufferView"] = root_["bufferViews"].size();
-      root_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes.size()}});
+      root_["bufferViews"].push_back({{"buffer", 0u}, {"byteOffset", offset}, {"byteLength", bytes.size()}});
       image.erase("uri");
     }
   }
@@ -258,22 +257,10 @@ class Resolver {
     }
     std::string text = root_.dump(-1, ' ', false, json::error_handler_t::replace);
     text.resize((text.size() + 3) / 4 * 4, ' ');
-    std::vector<std::uint8_t> glb;
-    const std::uint64_t total = 12 + 8 + text.size() + 8 + bin_.size();
-    if (total > kMaxResolvedBytes)
+    if (kGlbHeaderBytes + 2 * kChunkHeaderBytes + text.size() + bin_.size() > kMaxResolvedBytes) {
       throw Error(ErrorKind::badData, path_, "the parts are too large (expected at most 4 GiB)");
-    glb.reserve(static_cast<std::size_t>(total));
-    const auto put = [&](std::uint64_t value) {
-      for (int shift = 0; shift < 32; shift += 8) glb.push_back(static_cast<std::uint8_t>(value >> shift));
-    };
-    put(0x46546C67);
-    put(2);
-    put(total);
-    put(text.size());
-    put(0x4E4F534A);
-    glb.insert(glb.end(), text.begin(), text.end());
-    put(bin_.size());
-    put(0x004E4942);
+    }
+    std::vector<std::uint8_t> glb = glbHead(text, bin_.size());
     glb.insert(glb.end(), bin_.begin(), bin_.end());
     return glb;
   }
@@ -281,7 +268,7 @@ class Resolver {
   const GltfParts& parts_;
   const std::optional<std::filesystem::path>& folder_;
   const std::string& path_;
-  json root_;
+  json& root_;
   std::span<const std::uint8_t> file_bin_;
   std::vector<std::uint8_t> bin_;
   std::vector<Source> sources_;
@@ -301,10 +288,11 @@ bool needsResolving(const json& root) {
   return false;
 }
 
-std::optional<std::vector<std::uint8_t>> resolveGltf(std::span<const std::uint8_t> bytes, const GltfParts& parts,
+std::optional<std::vector<std::uint8_t>> resolveGltf(json& root, std::span<const std::uint8_t> bytes,
+                                                     const GltfParts& parts,
                                                      const std::optional<std::filesystem::path>& folder,
                                                      const std::string& path) {
-  return Resolver(bytes, parts, folder, path).run();
+  return Resolver(bytes, parts, folder, path, root).run();
 }
 
 }  // namespace tg

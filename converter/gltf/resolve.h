@@ -3,22 +3,25 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "converter/gltf/document_check.h"
+#include "converter/gltf/container.h"
 
 namespace tg {
 
 // Whether a document has external files or packed views.
 bool needsResolving(const nlohmann::json& root);
 
-// The same document as a GLB without external files and packed views; nothing when it has neither. `folder`: of the
-// file; without one, external files are refused. Names of files are relative, without "..", scheme and leading slash.
-// Nothing is allocated that the sizes of files and streams do not justify. Throws Error(badData) with a JSON pointer.
-std::optional<std::vector<std::uint8_t>> resolveGltf(std::span<const std::uint8_t> bytes, const GltfParts& parts,
+// Makes a GLB without external files and packed views of the document `root`, which is the GLB's JSON afterwards;
+// nothing when it has neither. `folder`: of the file; without one, external files are refused. Names of files are
+// relative, without "..", scheme and leading slash. Nothing is allocated that the sizes of files and streams do not
+// justify. Throws Error(badData) with a JSON pointer.
+std::optional<std::vector<std::uint8_t>> resolveGltf(nlohmann::json& root, std::span<const std::uint8_t> bytes,
+                                                     const GltfParts& parts,
                                                      const std::optional<std::filesystem::path>& folder,
                                                      const std::string& path);
 

@@ -1,40 +1,165 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells splat files apart by their first bytes.
+// The table of file formats.
 #include "converter/registry/file_format.h"
 
 #include <zlib.h>
 
+#include <algorithm>
 #include <array>
-#include <cstdint>
-#include <cstring>
 #include <fstream>
-#include <string_view>
 
+#include "converter/formats/read_compressed_ply.h"
+#include "converter/formats/read_splat.h"
+#include "converter/formats/read_spz.h"
+#include "converter/formats/repair.h"
+#include "converter/formats/write_splat.h"
+#include "converter/formats/write_spz.h"
+#include "converter/gltf/fallback.h"
+#include "converter/gltf/overlooked.h"
+#include "converter/gltf/read_gltf.h"
+#include "converter/gltf/write_atlas.h"
 #include "converter/html/html_page.h"
+#include "converter/html/read_html.h"
+#include "converter/html/write_html.h"
+#include "core/bundle/ply.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
 namespace {
 
-constexpr std::size_t kSniffBytes = 4096;  // holds the header of every compressed PLY
-constexpr std::string_view kSupported = "tgz, ply, compressed ply, splat, spz, glb, gltf and our html are";
+using Path = std::filesystem::path;
 
-std::string readStart(const std::filesystem::path& path) {
-  std::error_code status;
-  if (!std::filesystem::exists(path, status)) throw Error(ErrorKind::cannotRead, path.string(), "no such file");
-  if (std::filesystem::is_directory(path, status)) {
-    throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
+bool isSpz(const FileStart& start) { return start.begins("NGSP") || start.inside_gzip == "NGSP"; }
+bool isPly(const FileStart& start) { return start.begins("ply\n") || start.begins("ply\r"); }
+bool isPacked(const FileStart& start) { return start.bytes.find("packed_position") != std::string::npos; }
+
+bool isJson(const FileStart& start) {
+  const std::size_t first = start.bytes.find_first_not_of(" \t\r\n", start.begins("\xef\xbb\xbf") ? 3 : 0);
+  return first != std::string::npos && start.bytes[first] == '{';
+}
+
+Bundle bundleOf(GaussianModel model) {
+  Bundle loaded;
+  loaded.model = std::move(model);
+  return loaded;
+}
+
+std::string extensionOf(const Format& format) { return std::string(".").append(format.name); }
+
+Bundle checked(Bundle loaded, const Path& path) {
+  checkModel(loaded.model, path.string());
+  return loaded;
+}
+
+Bundle readAnyGltf(const Path& path, const ReadOptions& options) { return checked(readGltf(path, options), path); }
+
+Bundle readPage(const Path& path, const ReadOptions& options) {
+  return checked(parseGltf(readHtmlGlb(path), path.string(), options), path);
+}
+
+Bundle readPly(const Path& path, const ReadOptions& options) { return bundleOf(readSplatPly(path, options.progress)); }
+
+void writePly(const Path& path, const Bundle& source, const WriteOptions&, Written&) {
+  writeSplatPly(path, source.model);
+}
+
+// Of writeGlb and its kin.
+template <GltfReport (*write)(const Path&, const GltfContent&)>
+void writeScene(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
+  const GltfReport gltf = write(path, {source.model, source.cameras, source.background, options.lean, options.atlas,
+                                       options.quantize, options.meshopt, options.replace, options.gaussians});
+  if (gltf.dropped_source) {
+    written.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
   }
-  if (!std::filesystem::is_regular_file(path, status)) {
-    throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");  // a pipe would block
+  written.output_bytes = gltf.bytes;
+  written.atlases = gltf.atlases;
+  written.atlas_width = gltf.atlas_width;
+  written.atlas_height = gltf.atlas_height;
+  written.texels = gltf.texels;
+  written.clipped_texels = gltf.clipped_texels;
+  written.texture_mode = name(gltf.atlases > 0 ? source.model.texture_mode : TextureMode::none);
+}
+
+void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
+  warnRepair(written.warnings, writeSplat(path, source.model).clipped_colors,
+             "with a colour outside 0 to 255: clipped");
+}
+
+void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
+  const SpzReport spz = writeSpz(path, source.model);
+  warnRepair(written.warnings, spz.clipped_scales, "with a scale outside SPZ's e^-10 to e^5.94: clipped");
+  warnRepair(written.warnings, spz.clipped_colors, "with a colour outside SPZ's range: clipped");
+  warnRepair(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
+}
+
+constexpr Format kFormats[] = {
+    {.name = "tgz",
+     .spoken = "tgz",
+     .keeps = kKeepsAll,
+     .sniff = [](const FileStart& start) { return start.begins("\x1f\x8b") && !isSpz(start); },
+     .read = [](const Path& path, const ReadOptions& options) { return readBundle(path, {}, options.progress); },
+     .write = [](const Path& path, const Bundle& source, const WriteOptions&, Written&) { writeBundle(path, source); }},
+    {.name = "ply",
+     .spoken = "ply",
+     .title = "PLY",
+     .keeps = kKeepsSh | kKeepsFloats,
+     .sniff = [](const FileStart& start) { return isPly(start) && !isPacked(start); },
+     .read = readPly,
+     .write = writePly},
+    {.name = "compressed.ply",
+     .spoken = "compressed ply",
+     .keeps = kKeepsSh,
+     .sniff = [](const FileStart& start) { return isPly(start) && isPacked(start); },
+     .read = [](const Path& path, const ReadOptions&) { return bundleOf(readCompressedPly(path)); }},
+    {.name = "splat",
+     .spoken = "splat",
+     .title = ".splat",
+     .read = [](const Path& path, const ReadOptions&) { return checked(readSplat(path), path); },
+     .write = writeBaseSplat},
+    {.name = "spz",
+     .spoken = "spz",
+     .title = "SPZ",
+     .keeps = kKeepsSh,
+     .sniff = isSpz,
+     .read = [](const Path& path, const ReadOptions&) { return readSpz(path); },
+     .write = writeBaseSpz},
+    {.name = "glb",
+     .spoken = "glb",
+     .keeps = kKeepsAll,
+     .sniff = [](const FileStart& start) { return start.begins("glTF"); },
+     .read = readAnyGltf,
+     .write = writeScene<writeGlb>,
+     .overlooked = findOverlooked,
+     .is_gltf = true,
+     .streams = true},
+    {.name = "gltf",
+     .spoken = "gltf",
+     .keeps = kKeepsAll,
+     .sniff = isJson,
+     .read = readAnyGltf,
+     .write = writeScene<writeGltf>,
+     .overlooked = findOverlooked,
+     .is_gltf = true,
+     .streams = true},
+    {.name = "html",
+     .spoken = "our html",
+     .keeps = kKeepsAll,
+     .sniff = [](const FileStart& start) { return start.begins(kHtmlStart); },
+     .read = readPage,
+     .write = writeScene<writeHtml>,
+     .is_gltf = true},
+    {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
+    {.name = "ksplat", .title = ".ksplat"},
+    {.name = "sog", .title = "SOG"},
+};
+
+std::vector<std::string> spokenNames(bool written) {
+  std::vector<std::string> names;
+  for (const Format& format : kFormats) {
+    if (format.read && (format.write || !written)) names.emplace_back(format.spoken);
   }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot be opened");
-  std::string start(kSniffBytes, '\0');
-  file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  if (file.bad()) throw Error(ErrorKind::cannotRead, path.string(), "cannot be read");
-  start.resize(static_cast<std::size_t>(file.gcount()));
-  return start;
+  return names;
 }
 
 // The first four bytes inside a gzip stream, or fewer when it is broken.
@@ -52,56 +177,104 @@ std::string peekInsideGzip(std::string start) {
   return std::string(out.data(), got);
 }
 
-[[noreturn]] void refuse(const std::filesystem::path& path, std::string_view what) {
-  throw Error(ErrorKind::badData, path.string(),
-              std::string(what) + " is not supported yet (" + std::string(kSupported) + ")");
+FileStart readStart(const Path& path) {
+  constexpr std::size_t kSniffBytes = 4096;  // holds the header of every compressed PLY
+  std::error_code status;
+  if (!std::filesystem::exists(path, status)) throw Error(ErrorKind::cannotRead, path.string(), "no such file");
+  if (std::filesystem::is_directory(path, status)) {
+    throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
+  }
+  if (!std::filesystem::is_regular_file(path, status)) {
+    throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");  // a pipe would block
+  }
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot be opened");
+  FileStart start{std::string(kSniffBytes, '\0'), {}};
+  file.read(start.bytes.data(), static_cast<std::streamsize>(start.bytes.size()));
+  if (file.bad()) throw Error(ErrorKind::cannotRead, path.string(), "cannot be read");
+  start.bytes.resize(static_cast<std::size_t>(file.gcount()));
+  if (start.begins("\x1f\x8b")) start.inside_gzip = peekInsideGzip(start.bytes);
+  return start;
+}
+
+bool isTextured(const GaussianModel& model) {
+  return model.texture_mode != TextureMode::none && !model.atlas.rects.empty();
 }
 
 }  // namespace
 
-std::string_view name(FileFormat format) {
-  switch (format) {
-    case FileFormat::bundle:
-      return "tgz";
-    case FileFormat::ply:
-      return "ply";
-    case FileFormat::compressedPly:
-      return "compressed.ply";
-    case FileFormat::splat:
-      return "splat";
-    case FileFormat::spz:
-      return "spz";
-    case FileFormat::glb:
-      return "glb";
-    case FileFormat::gltf:
-      return "gltf";
-    case FileFormat::html:
-      return "html";
-  }
-  return "";
+std::span<const Format> formats() { return kFormats; }
+
+const Format* findFormat(std::string_view name) {
+  const Format* found = std::ranges::find(kFormats, name, &Format::name);
+  return found == std::end(kFormats) ? nullptr : found;
 }
 
-FileFormat detectFormat(const std::filesystem::path& path) {
-  const std::string start = readStart(path);
-  const auto begins = [&](std::string_view magic) { return start.compare(0, magic.size(), magic) == 0; };
-  if (start.empty()) throw Error(ErrorKind::badData, path.string(), "the file is empty");
-  if (begins("\x1f\x8b")) {
-    return peekInsideGzip(start) == "NGSP" ? FileFormat::spz : FileFormat::bundle;
+std::vector<std::string> outputNames(bool read) {
+  std::vector<std::string> names;
+  for (const Format& format : kFormats) {
+    if (format.write && (format.read != nullptr) == read) names.emplace_back(format.name);
   }
-  if (begins("ply\n") || begins("ply\r")) {
-    return start.find("packed_position") != std::string::npos ? FileFormat::compressedPly : FileFormat::ply;
+  std::ranges::sort(names);
+  return names;
+}
+
+std::string listed(const std::vector<std::string>& names, std::string_view last) {
+  TG_ASSERT(!names.empty(), "something to list");
+  std::string text = names.front();
+  for (std::size_t i = 1; i < names.size(); ++i) {
+    text += i + 1 < names.size() ? ", " : std::string(" ").append(last).append(" ");
+    text += names[i];
   }
-  if (begins("glTF")) return FileFormat::glb;
-  if (begins("NGSP")) return FileFormat::spz;
-  if (begins(kHtmlStart)) return FileFormat::html;
-  const std::size_t first = start.find_first_not_of(" \t\r\n", begins("\xef\xbb\xbf") ? 3 : 0);
-  if (first != std::string::npos && start[first] == '{') return FileFormat::gltf;
-  if (path.extension() == ".splat") return FileFormat::splat;
-  // These have no magic number, or share a container's.
-  if (path.extension() == ".ksplat") refuse(path, "the .ksplat format");
-  if (path.extension() == ".sog") refuse(path, "the SOG format");
+  return text;
+}
+
+const Format& detectFormat(const Path& path) {
+  const FileStart start = readStart(path);
+  if (start.bytes.empty()) throw Error(ErrorKind::badData, path.string(), "the file is empty");
+  for (const Format& format : kFormats) {
+    if (format.sniff && format.sniff(start)) return format;
+  }
+  for (const Format& format : kFormats) {
+    if (format.sniff || path.extension() != extensionOf(format)) continue;
+    if (format.read) return format;
+    if (format.write) continue;
+    throw Error(ErrorKind::badData, path.string(),
+                "the " + std::string(format.title) + " format is not supported yet (" +
+                    listed(spokenNames(false), "and") + " are)");
+  }
   throw Error(ErrorKind::badData, path.string(),
-              "is no splat model (expected a tgz, ply, splat, spz, glb, gltf or our html file)");
+              "is no splat model (expected a " + listed(spokenNames(true)) + " file)");
+}
+
+const Format& outputFormat(const Path& path) {
+  const std::string extension = path.extension().string();
+  std::vector<std::string> known;
+  for (const Format& format : kFormats) {
+    if (!format.write) continue;
+    known.push_back(extensionOf(format));
+    if (extension == known.back()) return format;
+  }
+  std::ranges::sort(known);
+  throw Error(ErrorKind::usage, path.string(),
+              "unknown output format (expected " + listed(known) + ", found \"" + extension + "\")");
+}
+
+void writeModel(const Format& format, const Path& path, const Bundle& source, const WriteOptions& options,
+                Written& written) {
+  const std::string title(format.title);
+  if (format.read && !format.holds(kKeepsCameras) && !source.cameras.empty()) {
+    written.warnings.push_back(title + " holds no cameras: they are left out");
+  }
+  if (format.read && !format.holds(kKeepsSh) && source.model.sh_degree > 0) {
+    written.warnings.push_back(title + " holds no SH: colours are those of degree 0");
+  }
+  written.texture_mode = name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none);
+  if (format.holds(kKeepsTextures) || !isTextured(source.model)) return format.write(path, source, options, written);
+  Bundle base = bundleOf(bakeFallback(source.model));
+  base.cameras = source.cameras;
+  base.background = source.background;
+  format.write(path, base, options, written);
 }
 
 }  // namespace tg

@@ -1,18 +1,98 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells splat files apart by their first bytes.
+// The table of file formats. A new one is a row of file_format.cpp with its reader and writer: converting, checking,
+// help texts and messages follow from the row, and a test shows the line that docs/formats.md then needs.
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
+
+#include "converter/formats/read_options.h"
+#include "converter/gltf/write_gltf.h"
+#include "core/bundle/bundle.h"
 
 namespace tg {
 
-enum class FileFormat { bundle, ply, compressedPly, splat, spz, glb, gltf, html };
+// What a writer is asked for. A format that has no such thing passes over it.
+struct WriteOptions {
+  bool lean = false;  // as all others here: see GltfContent
+  AtlasFormat atlas = AtlasFormat::png8;
+  bool quantize = false;
+  bool meshopt = false;
+  bool replace = true;
+  const GaussianBlocks* gaussians = nullptr;  // only for a format that `streams`
+};
 
-std::string_view name(FileFormat format);  // "tgz", "ply", "compressed.ply", "splat", "spz", "glb", "gltf", "html"
+// What a writer says of its file.
+struct Written {
+  std::uint64_t output_bytes = 0;  // 0: the file's size
+  std::string texture_mode;        // of what was written
+  int atlases = 0;                 // of glTF and png only, as the next four
+  int atlas_width = 0;             // [texels]
+  int atlas_height = 0;
+  std::uint64_t texels = 0;
+  std::uint64_t clipped_texels = 0;
+  std::vector<std::string> warnings;
+};
+
+// The start of a file, by which formats are told apart.
+struct FileStart {
+  std::string bytes;
+  std::string inside_gzip;  // the first four bytes inside a gzip stream; "" for other files and broken streams
+
+  bool begins(std::string_view magic) const { return bytes.starts_with(magic); }
+};
+
+// What a file can hold.
+enum Keeps : unsigned {
+  kKeepsTextures = 1,
+  kKeepsCameras = 2,
+  kKeepsSh = 4,      // above degree 0
+  kKeepsFloats = 8,  // numbers lose no more than last bits, if nobody asks for less
+  kKeepsAll = 15
+};
+
+struct Format {
+  std::string_view name;         // in reports; of what is written also the extension, without its dot
+  std::string_view spoken = {};  // in sentences that list formats: "our html"
+  std::string_view title = {};   // in sentences about what it lacks: "SPZ"
+  unsigned keeps = 0;
+  // Null: there is no magic number, the extension says it of a file that nothing else claims.
+  bool (*sniff)(const FileStart& start) = nullptr;
+  // Null: it is not read.
+  Bundle (*read)(const std::filesystem::path& path, const ReadOptions& options) = nullptr;
+  // Null: it is not written. Atomic; gets a model without textures where the format holds none.
+  void (*write)(const std::filesystem::path& path, const Bundle& source, const WriteOptions& options,
+                Written& written) = nullptr;
+  // What reading gets by without; adds "JSON pointer: message". Null: nothing. Throws Error for a broken structure.
+  void (*overlooked)(const std::filesystem::path& path, std::vector<std::string>& errors,
+                     std::vector<std::string>& warnings) = nullptr;
+  bool is_gltf = false;  // or around it: its axes, and beside the textures a base for readers that know none
+  bool streams = false;  // written from Gaussians that are not in memory as a whole
+
+  bool holds(Keeps what) const { return (keeps & what) != 0; }
+};
+
+// In the order in which they are tried. A row without reader and writer is known by name and refused.
+std::span<const Format> formats();
+const Format* findFormat(std::string_view name);
+// The extensions, without dots and in alphabetical order, of what is written and, if `read`, can be read again; if not
+// `read`, of what cannot.
+std::vector<std::string> outputNames(bool read);
+// "a, b or c".
+std::string listed(const std::vector<std::string>& names, std::string_view last = "or");
 
 // .splat files have no magic number: they are told by their extension. Throws Error(cannotRead) for what is no readable
 // file and Error(badData) for an empty one, for a format that is known but not supported (named in the message) and for
 // anything else.
-FileFormat detectFormat(const std::filesystem::path& path);
+const Format& detectFormat(const std::filesystem::path& path);
+// By the extension. Throws Error(usage).
+const Format& outputFormat(const std::filesystem::path& path);
+
+// `source` as `format` holds it, with warnings for what it does not. Throws what the writers throw.
+void writeModel(const Format& format, const std::filesystem::path& path, const Bundle& source,
+                const WriteOptions& options, Written& written);
 
 }  // namespace tg

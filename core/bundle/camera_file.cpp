@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/system/error.h"
 
 namespace tg {
 namespace {
@@ -17,7 +19,7 @@ constexpr double kRotationTolerance = 1e-3;
 
 // glm stores columns, and camera_from_world[column r] is row r of its transpose, world_from_camera: what the file
 // holds.
-glm::dmat3 parseRotation(const JsonObject& camera) {
+glm::dmat3 parseRotation(const JsonNode& camera) {
   const nlohmann::json& rows = camera.array("rotation", 3);
   glm::dmat3 camera_from_world;
   for (int r = 0; r < 3; ++r) {
@@ -34,14 +36,12 @@ glm::dmat3 parseRotation(const JsonObject& camera) {
   return camera_from_world;
 }
 
-glm::dvec3 parseVector(const JsonObject& camera, const char* key) {
-  const nlohmann::json& values = camera.array(key, 3);
-  glm::dvec3 v;
-  for (int i = 0; i < 3; ++i) v[i] = camera.finite(values[static_cast<std::size_t>(i)], key);
-  return v;
+glm::dvec3 parseVector(const JsonNode& camera, const char* key) {
+  const std::array<double, 3> v = camera.numbers<3>(key);
+  return {v[0], v[1], v[2]};
 }
 
-Camera parseCamera(const JsonObject& json) {
+Camera parseCamera(const JsonNode& json) {
   Camera camera;
   camera.name = json.string("img_name");
   camera.size = {json.integer("width", 1, kMaxImageSide), json.integer("height", 1, kMaxImageSide)};
@@ -77,7 +77,7 @@ std::vector<Camera> parseCameras(const std::string& json, const std::string& pat
   std::vector<Camera> cameras;
   cameras.reserve(root.size());
   for (std::size_t i = 0; i < root.size(); ++i)
-    cameras.push_back(parseCamera({root[i], path, "camera " + std::to_string(i) + ": "}));
+    cameras.push_back(parseCamera({root[i], path, "camera " + std::to_string(i)}));
   return cameras;
 }
 

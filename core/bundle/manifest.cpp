@@ -3,11 +3,14 @@
 #include "core/bundle/manifest.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <unordered_set>
 
 #include "core/file/json.h"
 #include "core/system/assert.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -42,7 +45,7 @@ std::string roleOf(const std::string& name) {
   return "atlas";
 }
 
-void parseFixed(const JsonObject& root) {
+void parseFixed(const JsonNode& root) {
   for (const FixedValue& fixed : kFixed) {
     const std::string found = root.string(fixed.key);
     if (found != fixed.value)
@@ -55,7 +58,7 @@ void parseFixed(const JsonObject& root) {
               std::to_string(extent) + ")");
 }
 
-void parseVersion(const JsonObject& root) {
+void parseVersion(const JsonNode& root) {
   if (!root.value.is_object() || !root.has("format") || root.value["format"] != kFormat)
     root.fail(std::string("not a bundle (expected \"format\": \"") + kFormat + "\")");
   const std::string version = root.string("formatVersion");
@@ -63,22 +66,20 @@ void parseVersion(const JsonObject& root) {
     root.fail("unknown format version (expected 1.x, found " + version.substr(0, 20) + ")");
 }
 
-void parseAtlas(const JsonObject& root, Manifest& manifest) {
-  const JsonObject counts{root.member("counts"), root.path, "counts: "};
+void parseAtlas(const JsonNode& root, Manifest& manifest) {
+  const JsonNode counts{root.member("counts"), root.path, "counts"};
   manifest.atlas_pages = static_cast<int>(counts.integer("atlasPages", 0, kMaxAtlasPages));
   if (manifest.atlas_pages == 0) return;
-  const JsonObject atlas{root.member("atlas"), root.path, "atlas: "};
+  const JsonNode atlas{root.member("atlas"), root.path, "atlas"};
   manifest.atlas_width = static_cast<int>(atlas.integer("width", 1, kMaxAtlasPageSide));
   manifest.atlas_height = static_cast<int>(atlas.integer("height", 1, kMaxAtlasPageSide));
 }
 
-void parseFiles(const JsonObject& root, Manifest& manifest) {
-  const nlohmann::json& files = root.member("files");
-  if (!files.is_array() || files.size() > kMaxFiles)
-    root.fail("\"files\": expected an array of at most " + std::to_string(kMaxFiles));
+void parseFiles(const JsonNode& root, Manifest& manifest) {
+  const nlohmann::json& files = root.list("files", kMaxFiles);
   std::unordered_set<std::string> names;
   for (std::size_t i = 0; i < files.size(); ++i) {
-    const JsonObject file{files[i], root.path, "file " + std::to_string(i) + ": "};
+    const JsonNode file{files[i], root.path, "file " + std::to_string(i)};
     ManifestFile entry{file.string("name"), 0, file.string("sha256")};
     entry.bytes = static_cast<std::uint64_t>(file.integer("bytes", 0, std::int64_t{1} << 53));
     const auto isHex = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
@@ -89,7 +90,7 @@ void parseFiles(const JsonObject& root, Manifest& manifest) {
   }
 }
 
-void checkFiles(const JsonObject& root, const Manifest& manifest) {
+void checkFiles(const JsonNode& root, const Manifest& manifest) {
   const auto requireListed = [&](const std::string& name) {
     if (!manifest.find(name)) root.fail("\"files\": lacks " + name);
   };
@@ -154,11 +155,11 @@ std::string formatManifest(const Manifest& manifest) {
 
 Manifest parseManifest(const std::string& json, const std::string& path) {
   const nlohmann::json value = parseJson(json, path);
-  const JsonObject root{value, path, ""};
+  const JsonNode root{value, path, ""};
   parseVersion(root);
   parseFixed(root);
   Manifest manifest;
-  const JsonObject counts{root.member("counts"), path, "counts: "};
+  const JsonNode counts{root.member("counts"), path, "counts"};
   manifest.gaussians = static_cast<std::uint64_t>(counts.integer("gaussians", 0, kMaxGaussians));
   manifest.cameras = static_cast<std::uint64_t>(counts.integer("cameras", 0, 1 << 24));
   manifest.sh_degree = static_cast<int>(root.integer("shDegree", 0, 3));
@@ -168,9 +169,9 @@ Manifest parseManifest(const std::string& json, const std::string& path) {
   if (!parseIntersectionModel(intersection))
     root.fail("\"intersection\": expected plane or maxResponse, found \"" + intersection + "\"");
   manifest.intersection = *parseIntersectionModel(intersection);
-  const nlohmann::json& background = root.array("background", 3);
+  const std::array<double, 3> background = root.numbers<3>("background");
+  manifest.background = {background[0], background[1], background[2]};
   for (int c = 0; c < 3; ++c) {
-    manifest.background[c] = static_cast<float>(root.finite(background[static_cast<std::size_t>(c)], "background"));
     if (!std::isfinite(manifest.background[c])) root.fail("\"background\": expected a float");
   }
   parseAtlas(root, manifest);

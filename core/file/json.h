@@ -1,76 +1,82 @@
 // SPDX-License-Identifier: Apache-2.0
-// JSON input with bounds and with errors that name the member. Private to core: nlohmann/json is slow to compile.
+// JSON input with bounds, and with errors that name the file and the place in it. nlohmann/json.hpp is slow to compile:
+// a source that looks into values includes it itself.
 #pragma once
-#include <cmath>
-#include <nlohmann/json.hpp>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
-
-#include "core/system/error.h"
+#include <string_view>
 
 namespace tg {
 
 constexpr int kMaxJsonDepth = 64;
 
+// How the errors of parseJson begin: a format's own words.
+struct JsonWords {
+  std::string_view broken = "not valid JSON: ";
+  std::string_view deep = "JSON nests too deep (expected at most 64 levels)";
+};
+
 // Throws Error(badData) on a syntax error, on deeper nesting than kMaxJsonDepth and on trailing text.
-inline nlohmann::json parseJson(const std::string& text, const std::string& path) {
-  const auto bounded = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-    if (depth > kMaxJsonDepth)
-      throw Error(ErrorKind::badData, path,
-                  "JSON nests too deep (expected at most " + std::to_string(kMaxJsonDepth) + " levels)");
-    return true;
-  };
-  try {
-    return nlohmann::json::parse(text, bounded);
-  } catch (const nlohmann::json::exception& e) {
-    throw Error(ErrorKind::badData, path, std::string("not valid JSON: ") + e.what());
-  }
-}
+nlohmann::json parseJson(std::string_view text, const std::string& path, const JsonWords& words = {});
+nlohmann::json parseJson(std::span<const std::uint8_t> text, const std::string& path, const JsonWords& words = {});
 
 // Text for a file; bytes that are no UTF-8 (from image names of another encoding) become U+FFFD.
-inline std::string dumpJson(const nlohmann::ordered_json& value, int indent = -1) {
-  return value.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-}
+std::string dumpJson(const nlohmann::ordered_json& value, int indent = -1);
 
-// One object of a file, for reading members: `where` precedes the key in messages ("camera 3: ").
-struct JsonObject {
+// A value of a file. Getters throw Error(badData) that says where it stands, what was expected and what was found.
+struct JsonNode {
   const nlohmann::json& value;
-  const std::string& path;
-  std::string where;
+  const std::string& path;  // of the file
+  std::string place;        // "camera 3", or a JSON pointer ("/" for its root); "" says nothing
 
-  [[noreturn]] void fail(const std::string& what) const { throw Error(ErrorKind::badData, path, where + what); }
-  bool has(const char* key) const { return value.contains(key); }
-  const nlohmann::json& member(const char* key) const {
-    if (!value.is_object()) fail(std::string("expected an object, found ") + value.type_name());
-    const auto found = value.find(key);
-    if (found == value.end()) fail(std::string("missing key \"") + key + "\"");
-    return *found;
+  [[noreturn]] void fail(const std::string& what) const;
+  bool has(const char* key) const;
+  std::size_t size() const;
+
+  // Of an object: what `key` holds. Numbers are finite and within their limits.
+  const nlohmann::json& member(const char* key) const;
+  double number(const char* key) const;
+  double number(const char* key, double low, double high) const;
+  std::int64_t integer(const char* key, std::int64_t low, std::int64_t high) const;
+  bool boolean(const char* key) const;
+  std::string string(const char* key) const;
+  const nlohmann::json& array(const char* key, std::size_t count) const;  // of exactly `count` elements
+  const nlohmann::json& list(const char* key, std::size_t most) const;
+  double finite(const nlohmann::json& number, const std::string& key) const;  // one of an array's, say
+  template <std::size_t N>
+  std::array<double, N> numbers(const char* key, double low = -std::numeric_limits<double>::infinity(),
+                                double high = std::numeric_limits<double>::infinity()) const {
+    std::array<double, N> values;
+    readNumbers(key, values, low, high);
+    return values;
   }
-  double number(const char* key) const { return finite(member(key), key); }
-  double finite(const nlohmann::json& v, const std::string& key) const {
-    if (!v.is_number()) fail("\"" + key + "\": expected a number, found " + v.type_name());
-    const double d = v.get<double>();
-    if (!std::isfinite(d)) fail("\"" + key + "\": expected a finite number");
-    return d;
-  }
-  std::int64_t integer(const char* key, std::int64_t low, std::int64_t high) const {
-    const double d = number(key);
-    if (d != std::floor(d) || d < static_cast<double>(low) || d > static_cast<double>(high))
-      fail(std::string("\"") + key + "\": expected an integer from " + std::to_string(low) + " to " +
-           std::to_string(high) + ", found " + member(key).dump());
-    return static_cast<std::int64_t>(d);
-  }
-  std::string string(const char* key) const {
-    const nlohmann::json& v = member(key);
-    if (!v.is_string()) fail(std::string("\"") + key + "\": expected a string, found " + v.type_name());
-    return v.get<std::string>();
-  }
-  // An array of exactly `count` elements.
-  const nlohmann::json& array(const char* key, std::size_t count) const {
-    const nlohmann::json& v = member(key);
-    if (!v.is_array() || v.size() != count)
-      fail(std::string("\"") + key + "\": expected an array of " + std::to_string(count));
-    return v;
-  }
+
+  // The value itself and what is below it, for documents whose places are JSON pointers.
+  JsonNode at(const std::string& key) const;
+  JsonNode element(std::size_t i) const;
+  const JsonNode& object() const;
+  const JsonNode& array() const;
+  std::string string() const;
+  std::uint64_t size64() const;                                          // an integer >= 0
+  std::uint64_t size64(const char* key, std::uint64_t otherwise) const;  // of a key that may be absent
+  std::uint64_t index(std::size_t count, const char* of) const;          // below `count`; `of` names what is counted
+  void expectNumbers(std::size_t count) const;                           // an array of them
+  std::string shown() const;                                             // short, for a message
+
+ private:
+  template <typename T>
+  T typed(const char* key, const char* what) const;
+  void expect(bool is, const char* what) const;
+  double within(const nlohmann::json& number, const char* key, double low, double high) const;
+  void readNumbers(const char* key, std::span<double> values, double low, double high) const;
 };
+
+// "what (expected ..., found ...)".
+std::string expectedFound(const std::string& expected, const std::string& found);
 
 }  // namespace tg

@@ -6,8 +6,10 @@
 #include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "converter/gltf/write_gltf.h"
+#include "converter/registry/file_format.h"
 #include "converter/registry/read_model.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
@@ -36,6 +38,19 @@ Result tgconvert(const Scratch& scratch, const std::string& arguments, const std
 }
 
 }  // namespace
+
+TEST_CASE("the help names every format that is read or written") {
+  const Scratch scratch;
+  std::istringstream help(tgconvert(scratch, "--help").out);
+  std::string words;  // lines are broken anywhere
+  for (std::string word; help >> word;) words += " " + word;
+  const std::string in = words.substr(words.find("IN: "), words.find("OUT: ") - words.find("IN: "));
+  for (const Format& format : formats()) {
+    CAPTURE(format.name, words);
+    if (format.read) CHECK(in.find(" " + std::string(format.spoken)) != std::string::npos);
+    if (format.write) CHECK(words.find("." + std::string(format.name)) != std::string::npos);
+  }
+}
 
 TEST_CASE("tgconvert looks without writing: null, --stats and --dry-run") {
   const Scratch scratch;

@@ -66,7 +66,7 @@ TEST_CASE("a GLB is the same model read from the file in blocks, all at once, an
     content.atlas = atlas;
     writeGlb(file, content);
     std::vector<std::string> errors;
-    const GaussianModel in_blocks = readGltf(file).model, at_once = readGltf(file, {}, &errors).model,
+    const GaussianModel in_blocks = readGltf(file).model, at_once = readGltf(file, {.errors = &errors}).model,
                         from_memory = parseGltf(readFile(file, 1 << 28), "a.glb").model;
     CHECK(errors.empty());
     REQUIRE(in_blocks.size() == kMany);

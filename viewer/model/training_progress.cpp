@@ -2,6 +2,8 @@
 // training.json, read without trust.
 #include "viewer/model/training_progress.h"
 
+#include <nlohmann/json.hpp>
+
 #include "core/file/json.h"
 #include "core/system/error.h"
 

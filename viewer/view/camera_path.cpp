@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <glm/gtc/constants.hpp>
+#include <nlohmann/json.hpp>
 
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
@@ -136,40 +137,22 @@ Lens lensFrom(const glm::dvec4& values) {
   return lens;
 }
 
-double bounded(const JsonObject& json, const char* key, const nlohmann::json& value, double low, double high) {
-  const double number = json.finite(value, key);
-  if (!(number >= low && number <= high)) {
-    char limits[64];
-    std::snprintf(limits, sizeof limits, "%g to %g", low, high);
-    json.fail(std::string("\"") + key + "\": expected " + limits + ", found " + value.dump());
-  }
-  return number;
-}
-
-double bounded(const JsonObject& json, const char* key, double low, double high) {
-  return bounded(json, key, json.member(key), low, high);
-}
-
-PathKey parseKey(const JsonObject& json) {
+PathKey parseKey(const JsonNode& json) {
   PathKey key;
-  key.time = bounded(json, "time", 0, kMaxPathSeconds);
-  const nlohmann::json& position = json.array("position", 3);
-  for (int i = 0; i < 3; ++i)
-    key.position[i] = bounded(json, "position", position[static_cast<std::size_t>(i)], -kMaxCoordinate, kMaxCoordinate);
-  const nlohmann::json& rotation = json.array("rotation", 4);
-  double q[4];
-  for (std::size_t i = 0; i < 4; ++i) q[i] = bounded(json, "rotation", rotation[i], -1.5, 1.5);
+  key.time = json.number("time", 0, kMaxPathSeconds);
+  const auto [x, y, z] = json.numbers<3>("position", -kMaxCoordinate, kMaxCoordinate);
+  key.position = {x, y, z};
+  const std::array<double, 4> q = json.numbers<4>("rotation", -1.5, 1.5);
   key.world_from_camera = glm::dquat(q[0], q[1], q[2], q[3]);
   if (std::abs(glm::length(key.world_from_camera) - 1.0) > kUnitTolerance)
-    json.fail("\"rotation\": expected a quaternion of length 1, found " + rotation.dump());
+    json.fail("\"rotation\": expected a quaternion of length 1, found " + json.member("rotation").dump());
   key.world_from_camera = glm::normalize(key.world_from_camera);
-  key.lens.fov_y = bounded(json, "fov_y", kMinFov / kDegrees, kMaxFov / kDegrees) * kDegrees;
+  key.lens.fov_y = json.number("fov_y", kMinFov / kDegrees, kMaxFov / kDegrees) * kDegrees;
   if (json.has("pixel_aspect"))
-    key.lens.pixel_aspect = bounded(json, "pixel_aspect", 1 / kMaxPixelAspect, kMaxPixelAspect);
+    key.lens.pixel_aspect = json.number("pixel_aspect", 1 / kMaxPixelAspect, kMaxPixelAspect);
   if (json.has("shift")) {
-    const nlohmann::json& shift = json.array("shift", 2);
-    for (int i = 0; i < 2; ++i)
-      key.lens.shift[i] = bounded(json, "shift", shift[static_cast<std::size_t>(i)], -kMaxShift, kMaxShift);
+    const auto [right, down] = json.numbers<2>("shift", -kMaxShift, kMaxShift);
+    key.lens.shift = {right, down};
   }
   return key;
 }
@@ -279,19 +262,19 @@ std::vector<Camera> keyCameras(const CameraPath& path, int height) {
 CameraPath parsePath(const std::string& json, const std::string& file) {
   const nlohmann::json root = parseJson(json, file);
   if (root.is_array()) return pathOf(parseCameras(json, file), 1.0, file);
-  const JsonObject object{root, file, ""};
+  const JsonNode object{root, file, ""};
   if (!root.is_object()) object.fail(std::string("expected a camera path, found ") + root.type_name());
   if (object.string("format") != "tgview-path")
     object.fail("\"format\": expected \"tgview-path\", found " + object.member("format").dump());
   (void)object.integer("version", kPathVersion, kPathVersion);
   CameraPath path;
-  path.aspect = bounded(object, "aspect", 1e-3, 1e3);
-  path.closing = object.has("closing") ? bounded(object, "closing", 0, kMaxPathSeconds) : 0;
+  path.aspect = object.number("aspect", 1e-3, 1e3);
+  path.closing = object.has("closing") ? object.number("closing", 0, kMaxPathSeconds) : 0;
   const nlohmann::json& keys = object.member("keys");
   if (!keys.is_array() || keys.empty() || keys.size() > kMaxPathKeys)
     object.fail("\"keys\": expected an array of 1 to " + std::to_string(kMaxPathKeys) + " keys");
   for (std::size_t i = 0; i < keys.size(); ++i) {
-    const JsonObject entry{keys[i], file, "key " + std::to_string(i) + ": "};
+    const JsonNode entry{keys[i], file, "key " + std::to_string(i)};
     path.keys.push_back(parseKey(entry));
     if (i > 0 && !(path.keys[i].time >= path.keys[i - 1].time + 0.999 * kLeastKeySeconds))
       entry.fail("\"time\": expected at least 1 ms after the key before it");

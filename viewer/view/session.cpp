@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
@@ -19,27 +20,13 @@ constexpr std::uint64_t kMaxSessionBytes = std::uint64_t{64} << 20;
 constexpr int kSessionVersion = 1;
 constexpr double kMinSpeed = 0.02, kMaxSpeed = 20;  // the panel's
 
-bool boolean(const JsonObject& json, const char* key) {
-  const nlohmann::json& value = json.member(key);
-  if (!value.is_boolean())
-    json.fail(std::string("\"") + key + "\": expected true or false, found " + value.type_name());
-  return value.get<bool>();
-}
-
 // What `parse` makes of the text of a member.
 template <typename T>
-T named(const JsonObject& json, const char* key, std::optional<T> (*parse)(std::string_view)) {
+T named(const JsonNode& json, const char* key, std::optional<T> (*parse)(std::string_view)) {
   const std::string text = json.string(key);
   const std::optional<T> value = parse(text);
   if (!value) json.fail(std::string("\"") + key + "\": unknown name \"" + text + "\"");
   return *value;
-}
-
-const nlohmann::json& list(const JsonObject& json, const char* key, std::size_t most) {
-  const nlohmann::json& value = json.member(key);
-  if (!value.is_array() || value.size() > most)
-    json.fail(std::string("\"") + key + "\": expected an array of at most " + std::to_string(most));
-  return value;
 }
 
 std::string absoluteName(const std::filesystem::path& path) {
@@ -81,29 +68,28 @@ std::string formatSession(const Session& session) {
 
 Session parseSession(const std::string& json, const std::string& file) {
   const nlohmann::json root = parseJson(json, file);
-  const JsonObject object{root, file, ""};
+  const JsonNode object{root, file, ""};
   if (object.string("format") != "tgview-session") object.fail("\"format\": expected \"tgview-session\"");
   (void)object.integer("version", kSessionVersion, kSessionVersion);
   Session session;
-  const nlohmann::json& window = object.array("window", 2);
-  const double width = object.finite(window[0], "window"), height = object.finite(window[1], "window");
+  const auto [width, height] = object.numbers<2>("window");
   if (!(width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide))
     object.fail("\"window\": expected sides of 1 to " + std::to_string(kMaxImageSide));
   session.window = {static_cast<int>(width), static_cast<int>(height)};
-  session.panel = boolean(object, "panel");
+  session.panel = object.boolean("panel");
   session.tab = named<Tab>(object, "tab", parseTab);
   session.output = named<Output>(object, "output", parseOutput);
   session.textures = parseTextures(object.string("textures"), file + ": \"textures\"");
   session.speed = std::clamp(object.number("speed"), kMinSpeed, kMaxSpeed);
-  session.fly = boolean(object, "fly");
-  for (const nlohmann::json& path : list(object, "recent", kMaxRecentFiles)) {
+  session.fly = object.boolean("fly");
+  for (const nlohmann::json& path : object.list("recent", kMaxRecentFiles)) {
     if (!path.is_string()) object.fail("\"recent\": expected file names");
     session.recent.push_back(path.get<std::string>());
   }
-  for (const nlohmann::json& entry : list(object, "bookmarks", kMaxBookmarkedModels)) {
-    const JsonObject model{entry, file, "bookmarks: "};
+  for (const nlohmann::json& entry : object.list("bookmarks", kMaxBookmarkedModels)) {
+    const JsonNode model{entry, file, "bookmarks"};
     session.bookmarks.push_back(
-        {model.string("model"), parseCameras(list(model, "cameras", kMaxBookmarks).dump(), file)});
+        {model.string("model"), parseCameras(model.list("cameras", kMaxBookmarks).dump(), file)});
   }
   return session;
 }

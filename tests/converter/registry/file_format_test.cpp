@@ -2,27 +2,30 @@
 // Which reader a file goes to, and what the refusals say.
 #include "converter/registry/file_format.h"
 
+#include <set>
 #include <string>
 
 #include "converter/registry/read_model.h"
 #include "converter/scratch.h"
 #include "converter/splat_files.h"
+#include "core/file/file.h"
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/scenes.h"
 
 using namespace tg;
 
 TEST_CASE("a file's first bytes choose its reader, not its name") {
   const Scratch scratch;
-  REQUIRE(detectFormat(scratch.write("a.glb", "ply\nformat ascii 1.0\n")) == FileFormat::ply);
-  REQUIRE(detectFormat(scratch.write("a.ply", std::string("glTF\2\0\0\0", 8))) == FileFormat::glb);
-  REQUIRE(detectFormat(scratch.write("a.splat", "\n {\"asset\": {}}")) == FileFormat::gltf);
-  REQUIRE(detectFormat(scratch.write("a.bin", "NGSP....")) == FileFormat::spz);
-  REQUIRE(detectFormat(scratch.write("b.tgz", gzipped("NGSP...."))) == FileFormat::spz);
-  REQUIRE(detectFormat(scratch.write("b.ply", "ply\nelement vertex 1\nproperty uint packed_position\n")) ==
-          FileFormat::compressedPly);
-  REQUIRE(detectFormat(scratch.write("b.splat", std::string(32, '\1'))) == FileFormat::splat);
-  REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))) == FileFormat::bundle);
+  REQUIRE(detectFormat(scratch.write("a.glb", "ply\nformat ascii 1.0\n")).name == "ply");
+  REQUIRE(detectFormat(scratch.write("a.ply", std::string("glTF\2\0\0\0", 8))).name == "glb");
+  REQUIRE(detectFormat(scratch.write("a.splat", "\n {\"asset\": {}}")).name == "gltf");
+  REQUIRE(detectFormat(scratch.write("a.bin", "NGSP....")).name == "spz");
+  REQUIRE(detectFormat(scratch.write("b.tgz", gzipped("NGSP...."))).name == "spz");
+  REQUIRE(detectFormat(scratch.write("b.ply", "ply\nelement vertex 1\nproperty uint packed_position\n")).name ==
+          "compressed.ply");
+  REQUIRE(detectFormat(scratch.write("b.splat", std::string(32, '\1'))).name == "splat");
+  REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))).name == "tgz");
 }
 
 TEST_CASE("what is no readable file is refused with exit code 2") {
@@ -50,10 +53,81 @@ TEST_CASE("unsupported formats are named and refused with exit code 3") {
     }
     return "accepted";
   };
-  const std::string unsupported = " is not supported yet (tgz, ply, compressed ply, splat, spz, glb, gltf and our html are)";
+  const std::string unsupported =
+      " is not supported yet (tgz, ply, compressed ply, splat, spz, glb, gltf and our html are)";
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
   CHECK(refusal(scratch.write("a.ksplat", std::string(4096, '\0'))) == ": the .ksplat format" + unsupported);
   CHECK(refusal(scratch.write("a.sog", "PK\3\4")) == ": the SOG format" + unsupported);
   CHECK(refusal(scratch.write("a.bin", "hello")) ==
         ": is no splat model (expected a tgz, ply, splat, spz, glb, gltf or our html file)");
+}
+
+TEST_CASE("the rows of the table of formats agree with themselves") {
+  std::set<std::string_view> names;
+  for (const Format& format : formats()) {
+    CAPTURE(format.name);
+    CHECK(names.insert(format.name).second);
+    CHECK(format.spoken.empty() == !format.read);
+    CHECK((format.keeps == kKeepsAll || !format.title.empty() || !format.read || !format.write));
+    CHECK(findFormat(format.name) == &format);
+    CHECK((!format.sniff || format.read));
+    CHECK((!format.is_gltf || format.holds(kKeepsTextures)));
+    CHECK((!format.streams || format.write));
+    if (format.write) CHECK(&outputFormat("a." + std::string(format.name)) == &format);
+  }
+  CHECK(findFormat("obj") == nullptr);
+  CHECK(listed({"a"}) == "a");
+  CHECK(listed({"a", "b", "c"}, "and") == "a, b and c");
+}
+
+TEST_CASE("every format that is written is read again with what its row says that it keeps") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 11, 40);
+  Bundle source;
+  source.model = scene.model;
+  source.cameras = {scene.camera};
+  REQUIRE(source.model.sh_degree > 0);
+  for (const Format& format : formats()) {
+    if (!format.write) continue;
+    CAPTURE(format.name);
+    const std::filesystem::path path = scratch.folder() / ("a." + std::string(format.name));
+    Written written;
+    writeModel(format, path, source, {}, written);
+    CHECK(written.texture_mode == name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none));
+    if (!format.read) continue;
+    CHECK(&detectFormat(path) == &format);
+    const Bundle back = readModel(path);
+    CHECK(back.format == format.name);
+    CHECK(back.model.size() == source.model.size());
+    CHECK((back.model.texture_mode == source.model.texture_mode) == format.holds(kKeepsTextures));
+    CHECK(back.cameras.size() == (format.holds(kKeepsCameras) ? 1 : 0));
+    CHECK(back.model.sh_degree == (format.holds(kKeepsSh) ? source.model.sh_degree : 0));
+    CHECK(written.warnings.empty() == (format.keeps == kKeepsAll || !format.read));
+  }
+}
+
+TEST_CASE("the documents say of every format what its row says") {
+  const auto textOf = [](const char* file) {
+    const std::vector<std::uint8_t> bytes = readFile(file, 1 << 20);
+    return std::string(bytes.begin(), bytes.end());
+  };
+  const std::string text = textOf("docs/formats.md");
+  const auto yes = [](bool value) { return value ? " yes |" : " no |"; };
+  for (const Format& format : formats()) {
+    if (!format.read) continue;
+    // A line that is missing or wrong is shown as it ought to be.
+    const std::string line = "| " + std::string(format.name) + " |" + yes(format.write) +
+                             yes(format.holds(kKeepsTextures)) + yes(format.holds(kKeepsCameras)) +
+                             (format.holds(kKeepsSh) ? " 0 to 3 |" : " 0 |") +
+                             (format.holds(kKeepsFloats) ? " floats |" : " few bits |");
+    CAPTURE(line);
+    CHECK(text.find("\n" + line + "\n") != std::string::npos);
+  }
+  const std::string manual = textOf("docs/converter.md");
+  for (const bool read : {true, false}) {
+    for (const std::string& output : outputNames(read)) {
+      CAPTURE(output);
+      CHECK(manual.find("." + output) != std::string::npos);
+    }
+  }
 }

@@ -2,6 +2,7 @@
 // tgview --output: paths and turntables to pictures and videos.
 #include <cstdlib>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "core/bundle/camera_file.h"
 #include "core/file/json.h"

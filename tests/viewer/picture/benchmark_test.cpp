@@ -2,6 +2,8 @@
 // Medians, and the JSON they end in.
 #include "viewer/picture/benchmark.h"
 
+#include <nlohmann/json.hpp>
+
 #include "core/file/json.h"
 #include "support/catch.h"
 

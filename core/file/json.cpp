@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// JSON input with bounds, and with errors that name the file and the place in it.
+#include "core/file/json.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+std::string inQuotes(std::string_view key) { return std::string("\"").append(key).append("\""); }
+
+}  // namespace
+
+nlohmann::json parseJson(std::string_view text, const std::string& path, const JsonWords& words) {
+  const auto bounded = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+    if (depth > kMaxJsonDepth) throw Error(ErrorKind::badData, path, std::string(words.deep));
+    return true;
+  };
+  try {
+    return nlohmann::json::parse(text, bounded);
+  } catch (const nlohmann::json::exception& e) {
+    throw Error(ErrorKind::badData, path, std::string(words.broken) + e.what());
+  }
+}
+
+nlohmann::json parseJson(std::span<const std::uint8_t> text, const std::string& path, const JsonWords& words) {
+  return parseJson(std::string_view(reinterpret_cast<const char*>(text.data()), text.size()), path, words);
+}
+
+std::string dumpJson(const nlohmann::ordered_json& value, int indent) {
+  return value.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+std::string expectedFound(const std::string& expected, const std::string& found) {
+  return " (expected " + expected + ", found " + found + ")";
+}
+
+void JsonNode::fail(const std::string& what) const {
+  throw Error(ErrorKind::badData, path, place.empty() ? what : place + ": " + what);
+}
+
+bool JsonNode::has(const char* key) const { return value.contains(key); }
+std::size_t JsonNode::size() const { return value.size(); }
+
+const nlohmann::json& JsonNode::member(const char* key) const {
+  if (!value.is_object()) fail(std::string("expected an object, found ") + value.type_name());
+  const auto found = value.find(key);
+  if (found == value.end()) fail("missing key " + inQuotes(key));
+  return *found;
+}
+
+double JsonNode::finite(const nlohmann::json& number, const std::string& key) const {
+  if (!number.is_number()) fail(inQuotes(key) + ": expected a number, found " + number.type_name());
+  const double d = number.get<double>();
+  if (!std::isfinite(d)) fail(inQuotes(key) + ": expected a finite number");
+  return d;
+}
+
+double JsonNode::number(const char* key) const { return finite(member(key), key); }
+double JsonNode::number(const char* key, double low, double high) const { return within(member(key), key, low, high); }
+
+double JsonNode::within(const nlohmann::json& number, const char* key, double low, double high) const {
+  const double d = finite(number, key);
+  if (!(d >= low && d <= high)) {
+    char limits[64];
+    std::snprintf(limits, sizeof limits, "%g to %g", low, high);
+    fail(inQuotes(key) + ": expected " + limits + ", found " + number.dump());
+  }
+  return d;
+}
+
+std::int64_t JsonNode::integer(const char* key, std::int64_t low, std::int64_t high) const {
+  const double d = number(key);
+  if (d != std::floor(d) || d < static_cast<double>(low) || d > static_cast<double>(high)) {
+    fail(inQuotes(key) + ": expected an integer from " + std::to_string(low) + " to " + std::to_string(high) +
+         ", found " + member(key).dump());
+  }
+  return static_cast<std::int64_t>(d);
+}
+
+template <typename T>
+T JsonNode::typed(const char* key, const char* what) const {
+  const nlohmann::json& v = member(key);
+  const T* found = v.get_ptr<const T*>();
+  if (!found) fail(inQuotes(key) + ": expected " + what + ", found " + v.type_name());
+  return *found;
+}
+
+bool JsonNode::boolean(const char* key) const { return typed<bool>(key, "true or false"); }
+std::string JsonNode::string(const char* key) const { return typed<std::string>(key, "a string"); }
+
+const nlohmann::json& JsonNode::array(const char* key, std::size_t count) const {
+  const nlohmann::json& v = member(key);
+  if (!v.is_array() || v.size() != count) fail(inQuotes(key) + ": expected an array of " + std::to_string(count));
+  return v;
+}
+
+const nlohmann::json& JsonNode::list(const char* key, std::size_t most) const {
+  const nlohmann::json& v = member(key);
+  if (!v.is_array() || v.size() > most) fail(inQuotes(key) + ": expected an array of at most " + std::to_string(most));
+  return v;
+}
+
+void JsonNode::readNumbers(const char* key, std::span<double> values, double low, double high) const {
+  const nlohmann::json& from = array(key, values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = within(from[i], key, low, high);
+}
+
+JsonNode JsonNode::at(const std::string& key) const {
+  const auto found = value.is_object() ? value.find(key) : value.end();
+  if (found == value.end()) fail(inQuotes(key) + " is missing");
+  return {*found, path, (place == "/" ? place : place + "/") + key};
+}
+
+JsonNode JsonNode::element(std::size_t i) const { return {value[i], path, place + "/" + std::to_string(i)}; }
+
+void JsonNode::expect(bool is, const char* what) const {
+  if (!is) fail("wrong type" + expectedFound(what, shown()));
+}
+
+const JsonNode& JsonNode::object() const { return expect(value.is_object(), "an object"), *this; }
+const JsonNode& JsonNode::array() const { return expect(value.is_array(), "an array"), *this; }
+std::string JsonNode::string() const { return expect(value.is_string(), "a string"), value.get<std::string>(); }
+
+std::uint64_t JsonNode::size64() const {
+  if (!value.is_number_unsigned()) fail("wrong value" + expectedFound("an integer >= 0", shown()));
+  return value.get<std::uint64_t>();
+}
+
+std::uint64_t JsonNode::size64(const char* key, std::uint64_t otherwise) const {
+  return has(key) ? at(key).size64() : otherwise;
+}
+
+std::uint64_t JsonNode::index(std::size_t count, const char* of) const {
+  const std::uint64_t i = size64();
+  if (i >= count) {
+    fail("no such " + std::string(of) + expectedFound("an index below " + std::to_string(count), std::to_string(i)));
+  }
+  return i;
+}
+
+void JsonNode::expectNumbers(std::size_t count) const {
+  array();
+  if (size() != count || !std::ranges::all_of(value, [](const nlohmann::json& v) { return v.is_number(); })) {
+    fail("wrong value" + expectedFound(std::to_string(count) + " numbers", shown()));
+  }
+}
+
+std::string JsonNode::shown() const {
+  std::string text = value.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  return text.size() > 40 ? text.substr(0, 37) + "..." : text;
+}
+
+}  // namespace tg

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the JSON reader says of values that are not what they should be, and where.
+#include "core/file/json.h"
+
+#include <nlohmann/json.hpp>
+
+#include "core/system/error.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+namespace {
+
+template <typename Step>
+std::string messageOf(const Step& step) {
+  try {
+    step();
+  } catch (const Error& error) {
+    CHECK(error.kind == ErrorKind::badData);
+    return error.what();
+  }
+  return "accepted";
+}
+
+}  // namespace
+
+TEST_CASE("a member that is missing or wrong is named with the file and the place") {
+  const std::string path = "a.json";
+  const nlohmann::json root = parseJson(R"({"s": 1, "n": "x", "i": 1.5, "l": [1, 2], "b": 0, "v": [1, "x"]})", path);
+  const JsonNode node{root, path, "camera 3"};
+  CHECK(messageOf([&] { node.member("q"); }) == "a.json: camera 3: missing key \"q\"");
+  CHECK(messageOf([&] { node.string("s"); }) == "a.json: camera 3: \"s\": expected a string, found number");
+  CHECK(messageOf([&] { node.number("n"); }) == "a.json: camera 3: \"n\": expected a number, found string");
+  CHECK(messageOf([&] { node.number("i", 2, 3); }) == "a.json: camera 3: \"i\": expected 2 to 3, found 1.5");
+  CHECK(messageOf([&] { node.integer("i", 0, 9); }) ==
+        "a.json: camera 3: \"i\": expected an integer from 0 to 9, found 1.5");
+  CHECK(messageOf([&] { node.boolean("b"); }) == "a.json: camera 3: \"b\": expected true or false, found number");
+  CHECK(messageOf([&] { node.array("l", 3); }) == "a.json: camera 3: \"l\": expected an array of 3");
+  CHECK(messageOf([&] { node.list("l", 1); }) == "a.json: camera 3: \"l\": expected an array of at most 1");
+  CHECK(messageOf([&] { node.numbers<2>("v"); }) == "a.json: camera 3: \"v\": expected a number, found string");
+  CHECK(node.numbers<2>("l") == std::array<double, 2>{1, 2});
+  CHECK(messageOf([&] { JsonNode{root["l"], path, ""}.member("q"); }) == "a.json: expected an object, found array");
+}
+
+TEST_CASE("places of a document are JSON pointers") {
+  const std::string path = "a.gltf";
+  const nlohmann::json root = parseJson(R"({"a": [{"b": -1}], "t": [1, "x"]})", path);
+  const JsonNode node{root, path, "/"};
+  CHECK(messageOf([&] { node.at("q"); }) == "a.gltf: /: \"q\" is missing");
+  CHECK(messageOf([&] { node.array(); }).starts_with("a.gltf: /: wrong type (expected an array, found {"));
+  const JsonNode entry = node.at("a").array().element(0).object();
+  CHECK(messageOf([&] { entry.at("b").size64(); }) ==
+        "a.gltf: /a/0/b: wrong value (expected an integer >= 0, found -1)");
+  CHECK(entry.size64("c", 7) == 7);
+  CHECK(messageOf([&] { node.at("t").element(0).index(1, "node"); }) ==
+        "a.gltf: /t/0: no such node (expected an index below 1, found 1)");
+  CHECK(messageOf([&] { node.at("t").expectNumbers(2); }) ==
+        "a.gltf: /t: wrong value (expected 2 numbers, found [1,\"x\"])");
+  CHECK(messageOf([&] { node.at("t").element(0).string(); }) == "a.gltf: /t/0: wrong type (expected a string, found 1)");
+}
+
+TEST_CASE("JSON that is broken or nests deeper than 64 levels is refused in the format's own words") {
+  const auto nested = [](int levels) { return std::string(levels, '[') + "1" + std::string(levels, ']'); };
+  CHECK(messageOf([&] { parseJson(nested(64), "a"); }) == "accepted");
+  CHECK(messageOf([&] { parseJson(nested(65), "a"); }) == "a: JSON nests too deep (expected at most 64 levels)");
+  CHECK(messageOf([&] { parseJson(nested(65), "a", {"broken: ", "deep"}); }) == "a: deep");
+  CHECK(messageOf([&] { parseJson("{", "a"); }).starts_with("a: not valid JSON: "));
+  CHECK(messageOf([&] { parseJson("{} x", "a", {"broken: ", "deep"}); }).starts_with("a: broken: "));
+}
