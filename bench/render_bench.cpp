@@ -17,7 +17,6 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -50,12 +49,6 @@ std::pair<int, int> parseSize(const std::string& text, const char* flag) {
     usage(std::string(flag) + ": not a size (expected WIDTHxHEIGHT, found \"" + text + "\")");
   }
   return {width, height};
-}
-
-template <typename T>
-T named(std::optional<T> value, const char* flag, const std::string& text) {
-  if (!value) usage(std::string(flag) + ": unknown name \"" + text + "\"");
-  return *value;
 }
 
 // The same horizontal field of view with the same shape of pixels: what the peers of a comparison are given, too.
@@ -233,18 +226,17 @@ void report(const Options& options, const nlohmann::ordered_json& result) {
 }
 
 void run(const Options& options) {
-  const Output output = named(parseOutput(options.output), "--output", options.output);
+  const Output output = parse<Output>(options.output, "--output");
   Bundle loaded = readModel(options.model);
   const Camera camera = chooseCamera(options, loaded);
   if (!options.textures.empty()) addTextures(loaded.model, options.textures);
   RenderSettings settings;
   settings.background = loaded.background;
   settings.outputs = {output};
-  settings.textures = named(parseTextureMode(options.mode), "--mode", options.mode);
-  settings.order = named(parseSplatOrder(options.order), "--sort", options.order);
-  if (!options.intersection.empty()) {
-    settings.intersection = named(parseIntersectionModel(options.intersection), "--intersection", options.intersection);
-  }
+  settings.textures = parse<TextureMode>(options.mode, "--mode");
+  settings.order = parse<SplatOrder>(options.order, "--sort");
+  if (!options.intersection.empty())
+    settings.intersection = parse<IntersectionModel>(options.intersection, "--intersection");
 
   nlohmann::ordered_json result;
   Times times;

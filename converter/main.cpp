@@ -198,9 +198,10 @@ int convertMain(int argc, char** argv) {
   app.add_option_function<std::string>(
          "--atlas",
          [&](const std::string& text) {
-           const auto format = tg::parseAtlasFormat(text);
+           const auto format = tg::parse<tg::AtlasFormat>(text);
            if (!format)
-             throw CLI::ValidationError("--atlas", "unknown format (expected png8, png16 or exr, found " + text + ")");
+             throw CLI::ValidationError(
+                 "--atlas", "unknown format (expected " + tg::allNames<tg::AtlasFormat>() + ", found " + text + ")");
            arguments.options.atlas = *format;
          },
          "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")

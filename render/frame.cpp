@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Settings and outputs by name, and the outputs of a frame as numbers and as pictures for people.
+// The outputs of a frame as numbers and as pictures for people.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -11,35 +10,10 @@
 namespace tg {
 namespace {
 
-constexpr std::array<std::string_view, kOutputKinds> kOutputNames = {
-    "final", "base",         "texture",  "alpha",      "depth",   "normal",
-    "count", "depth-median", "overdraw", "ellipsoids", "centers", "texel-density"};
-constexpr std::array<std::string_view, 2> kOrderNames = {"global", "per-pixel"};
-constexpr std::array<std::string_view, 2> kFilterNames = {"bilinear", "footprint"};
-constexpr std::array<std::string_view, 2> kAntialiasingNames = {"off", "screen"};
 constexpr float kFarthestGrey = 0.15f;  // so that the farthest hit still differs from nothing at all
 // [log2(texels / px)] of black and white
 constexpr float kLowestDensity = -6.0f;
 constexpr float kHighestDensity = 2.0f;
-
-template <typename Enum, std::size_t N>
-std::string_view nameIn(const std::array<std::string_view, N>& names, Enum value) {
-  return names.at(static_cast<std::size_t>(value));
-}
-template <typename Enum, std::size_t N>
-std::optional<Enum> findIn(const std::array<std::string_view, N>& names, std::string_view text) {
-  for (std::size_t i = 0; i < N; ++i) {
-    if (names[i] == text) return static_cast<Enum>(i);
-  }
-  return std::nullopt;
-}
-
-[[noreturn]] void refuse(const std::string& what, const std::string& problem) {
-  throw Error(ErrorKind::usage, what, problem);
-}
-void require(bool holds, const std::string& what, const std::string& expected, double found) {
-  if (!holds) refuse(what, "out of range (expected " + expected + ", found " + std::to_string(found) + ")");
-}
 
 // Black, red, yellow, white for x in [0, 1].
 glm::vec3 heat(float x) { return {3.0f * x, 3.0f * x - 1.0f, 3.0f * x - 2.0f}; }
@@ -86,7 +60,8 @@ void requireOutput(const Frame& frame, Output output) {
   const auto* numbers = scalars(frame, output);
   const bool empty = numbers ? numbers->empty() : colors(frame, output).empty();
   if (empty && frame.width > 0 && frame.height > 0) {
-    refuse("frame", "no output \"" + std::string(name(output)) + "\" (expected it in RenderSettings::outputs)");
+    throw Error(ErrorKind::usage, "frame",
+                "no output \"" + std::string(name(output)) + "\" (expected it in RenderSettings::outputs)");
   }
 }
 
@@ -122,50 +97,6 @@ glm::vec3 numberColor(Output output, float x, glm::vec2 range) {
 }
 
 }  // namespace
-
-std::string_view name(Output output) { return nameIn(kOutputNames, output); }
-std::string_view name(SplatOrder order) { return nameIn(kOrderNames, order); }
-std::string_view name(TextureFilter filter) { return nameIn(kFilterNames, filter); }
-std::string_view name(Antialiasing antialiasing) { return nameIn(kAntialiasingNames, antialiasing); }
-
-std::optional<Output> parseOutput(std::string_view text) { return findIn<Output>(kOutputNames, text); }
-std::optional<SplatOrder> parseSplatOrder(std::string_view text) { return findIn<SplatOrder>(kOrderNames, text); }
-std::optional<TextureFilter> parseTextureFilter(std::string_view text) {
-  return findIn<TextureFilter>(kFilterNames, text);
-}
-std::optional<Antialiasing> parseAntialiasing(std::string_view text) {
-  return findIn<Antialiasing>(kAntialiasingNames, text);
-}
-
-void checkSettings(const RenderSettings& settings) {
-  const auto finite = [](float x) { return std::isfinite(x); };
-  require(finite(settings.opacity_scale) && settings.opacity_scale >= 0.0f, "opacity scale", "0 or more",
-          settings.opacity_scale);
-  require(finite(settings.splat_scale) && settings.splat_scale > 0.0f, "splat scale", "above 0", settings.splat_scale);
-  require(settings.max_sh_degree >= 0 && settings.max_sh_degree <= 3, "SH degree", "0 to 3", settings.max_sh_degree);
-  require(finite(settings.near) && settings.near > 0.0f, "near plane", "above 0", settings.near);
-  for (int k = 0; settings.crop && k < 3; ++k) {
-    require(settings.crop->min[k] <= settings.crop->max[k], "crop box", "its minimum below its maximum",
-            settings.crop->min[k]);
-  }
-}
-
-void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend) {
-  const std::string problem = "not supported by " + std::string(backend);
-  for (unsigned k = 0; k < kOutputKinds; ++k) {
-    const auto output = static_cast<Output>(k);
-    if (settings.outputs.has(output) && !outputs.has(output)) refuse("output " + std::string(name(output)), problem);
-  }
-  const RenderSettings usual;
-  if (settings.order != usual.order) refuse("per-pixel order", problem);
-  if (settings.texture_filter != usual.texture_filter) refuse("footprint filter", problem);
-  if (settings.antialiasing != usual.antialiasing) refuse("screen antialiasing", problem);
-  if (settings.opacity_scale != usual.opacity_scale) refuse("opacity scale", problem);
-  if (settings.splat_scale != usual.splat_scale) refuse("splat scale", problem);
-  if (settings.max_sh_degree != usual.max_sh_degree) refuse("SH degree", problem);
-  if (settings.near != usual.near) refuse("near plane", problem);
-  if (settings.crop) refuse("crop box", problem);
-}
 
 Image extract(const Frame& frame, Output output) {
   requireOutput(frame, output);

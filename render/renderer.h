@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Model + camera -> images: what every backend offers.
 #pragma once
-#include <cstdint>
-#include <initializer_list>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,92 +9,9 @@
 #include "core/image/image.h"
 #include "core/model/camera.h"
 #include "core/model/model.h"
-#include "shared/limits.h"
+#include "render/settings.h"
 
 namespace tg {
-
-// Values equal kOutput* of shaders/shared/limits.h.
-enum class Output : unsigned {
-  final = 0,
-  base = 1,
-  texture = 2,
-  alpha = 3,
-  depth = 4,  // expected
-  normal = 5,
-  count = 6,
-  depthMedian = 7,
-  overdraw = 8,
-  ellipsoids = 9,
-  centers = 10,
-  texelDensity = 11,
-};
-constexpr unsigned kOutputKinds = 12;
-
-class OutputSet {
- public:
-  constexpr OutputSet() = default;
-  constexpr OutputSet(std::initializer_list<Output> outputs) {
-    for (Output output : outputs) bits_ |= bit(output);
-  }
-  constexpr bool has(Output output) const { return (bits_ & bit(output)) != 0; }
-  constexpr bool hasAny(OutputSet others) const { return (bits_ & others.bits_) != 0; }
-  constexpr bool hasAll(OutputSet others) const { return (others.bits_ & ~bits_) == 0; }
-  constexpr OutputSet operator|(OutputSet other) const { return OutputSet(bits_ | other.bits_); }
-  constexpr bool operator==(const OutputSet&) const = default;
-
- private:
-  constexpr explicit OutputSet(std::uint32_t bits) : bits_(bits) {}
-  static constexpr std::uint32_t bit(Output output) { return 1u << static_cast<unsigned>(output); }
-  std::uint32_t bits_ = 0;
-};
-// What blending yields anyway, and what every backend gives.
-constexpr OutputSet kBlendedOutputs = {Output::final, Output::base,   Output::texture, Output::alpha,
-                                       Output::depth, Output::normal, Output::count};
-
-// In what order a pixel's splats are blended: by the camera z of their means, one order for all pixels; or by that of
-// the pixel's own hits, so that nothing pops when the camera turns (docs/math.md 5.1).
-enum class SplatOrder { global, perPixel };
-// bilinear, or faded to the texture's mean as its texels get smaller than a pixel (docs/math.md 3.1).
-enum class TextureFilter { bilinear, footprint };
-// screen: no Gaussian is narrower than about a pixel, and its opacity makes up for it (docs/math.md 1.4).
-enum class Antialiasing { off, screen };
-
-// The names on command lines: "depth-median", "per-pixel", ... Nothing for any other text.
-std::string_view name(Output output);
-std::string_view name(SplatOrder order);
-std::string_view name(TextureFilter filter);
-std::string_view name(Antialiasing antialiasing);
-std::optional<Output> parseOutput(std::string_view text);
-std::optional<SplatOrder> parseSplatOrder(std::string_view text);
-std::optional<TextureFilter> parseTextureFilter(std::string_view text);
-std::optional<Antialiasing> parseAntialiasing(std::string_view text);
-
-// World space, faces included.
-struct CropBox {
-  glm::vec3 min{0.0f};
-  glm::vec3 max{0.0f};
-  bool operator==(const CropBox&) const = default;
-};
-
-struct RenderSettings {
-  TextureMode textures = TextureMode::rgba;       // switches terms off; what counts is model mode AND this
-  std::optional<IntersectionModel> intersection;  // default: the model's
-  glm::vec3 background{0.0f};
-
-  OutputSet outputs = kBlendedOutputs;  // what the frame must hold; asking for the picture alone is the fastest
-  SplatOrder order = SplatOrder::global;
-  TextureFilter texture_filter = TextureFilter::bilinear;
-  Antialiasing antialiasing = Antialiasing::off;
-  float opacity_scale = 1.0f;   // >= 0: on the opacity after the sigmoid; the product is cut at 1
-  float splat_scale = 1.0f;     // > 0: on every sigma
-  int max_sh_degree = 3;        // 0..3: higher bands of the model are left out
-  float near = kNear;           // [world units] > 0: no mean and no hit at or before this camera z is drawn
-  std::optional<CropBox> crop;  // Gaussians whose mean lies outside are not drawn
-
-  bool operator==(const RenderSettings&) const = default;
-};
-// Throws Error(usage) naming the first member that breaks a promise above. Every backend calls it.
-void checkSettings(const RenderSettings& settings);
 
 // Everything one pass over the splats yields, row-major, top row first, one entry per pixel. A member holds pixels when
 // its output was asked for and is empty otherwise, unless the backend had it anyway. With w_i = T_i alpha_i of the
@@ -175,10 +89,6 @@ class Renderer {
   virtual std::vector<PassTime> passTimes() const = 0;
   virtual std::string deviceName() const = 0;
 };
-
-// For what has no gradient: training and the backward pass. Throws Error(usage) naming the first output outside of
-// `outputs`, or the first setting beyond textures, intersection and background that is not its default.
-void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend);
 
 std::unique_ptr<Renderer> makeCpuRenderer();  // render/cpu
 // The deviceName() of everything that computes on the CPU: "CPU, AVX2, 2 threads".

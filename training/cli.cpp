@@ -12,8 +12,9 @@
 namespace tg {
 
 void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
+  constexpr auto layouts = namesOf(DatasetLayout{});
   app.add_option("--layout", flags.layout, "How the data set is laid out")
-      ->check(CLI::IsMember({"auto", "nerf-synthetic", "transforms", "colmap"}))
+      ->check(CLI::IsMember(std::vector<std::string>(layouts.begin(), layouts.end())))
       ->capture_default_str();
   app.add_option("--downscale", flags.downscale, "Shrink the photographs by an integer")->capture_default_str();
   app.add_option(
@@ -34,7 +35,7 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
 
 DatasetOptions datasetOptions(const DatasetFlags& flags) {
   DatasetOptions options;
-  options.layout = parseDatasetLayout(flags.layout).value_or(DatasetLayout::automatic);
+  options.layout = parse<DatasetLayout>(flags.layout).value_or(DatasetLayout::automatic);
   options.downscale = flags.downscale;
   options.test_every = flags.test_every;
   options.images = flags.images;

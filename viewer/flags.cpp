@@ -4,7 +4,9 @@
 
 #include <CLI/CLI.hpp>
 
+#include <map>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -28,9 +30,9 @@ struct Flags {
   ViewOptions view;
   std::vector<std::filesystem::path> models;
   std::string compare_mode;
-  std::string show = "final", textures = "rgba", intersection, size, background, backend = "auto", up = "cameras";
-  std::string turntable, elevation, radius, fps = "30";
-  std::string order, filter, antialiasing, opacity_scale, splat_scale, sh_degree, near, crop, exposure, inspect;
+  std::map<std::string_view, std::string> settings;  // by the name of their RenderSetting
+  std::string show = "final", size, backend = "auto", up = "cameras";
+  std::string turntable, elevation, radius, fps = "30", inspect;
   std::filesystem::path benchmark;
   bool list_cameras = false, window = false, no_session = false;
 };
@@ -41,21 +43,15 @@ void declare(CLI::App& app, Flags& flags) {
       ->required();
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
-  app.add_option("--show", flags.show, outputNames())->capture_default_str();
-  app.add_option("--textures", flags.textures, "off, alpha, rgb or rgba: what of the textures counts")
-      ->capture_default_str();
-  app.add_option("--intersection", flags.intersection, "plane or maxResponse instead of the model's own");
-  app.add_option("--sort", flags.order, "global or per-pixel: the order in which a pixel's splats are blended");
-  app.add_option("--texture-filter", flags.filter, "bilinear or footprint, which fades texels smaller than a pixel");
-  app.add_option("--antialiasing", flags.antialiasing, "off or screen: no Gaussian narrower than a pixel");
-  app.add_option("--opacity-scale", flags.opacity_scale, "on every opacity");
-  app.add_option("--splat-scale", flags.splat_scale, "on every sigma");
-  app.add_option("--sh-degree", flags.sh_degree, "0 to 3: higher bands are left out");
-  app.add_option("--near", flags.near, "[world units] nothing nearer than this is drawn");
-  app.add_option("--crop", flags.crop, "x0,y0,z0,x1,y1,z1: only Gaussians whose mean lies in this box");
-  app.add_option("--exposure", flags.exposure, "[stops] brighter or darker, of final and base");
-  app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window");
-  app.add_option("--background", flags.background, "r,g,b in [0,1], white or black instead of the model's own");
+  app.add_option("--show", flags.show, allNames<Output>())->capture_default_str();
+  flags.settings["textures"] = texturesName(RenderSettings().textures);
+  for (const RenderSetting& setting : renderSettings()) {
+    if (setting.name == "background")  // its place in the help
+      app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window");
+    const std::string unit = setting.unit.empty() ? "" : "[" + std::string(setting.unit) + "] ";
+    app.add_option("--" + std::string(setting.name), flags.settings[setting.name], unit + setting.help)
+        ->capture_default_str();
+  }
   app.add_option("--backend", flags.backend,
                  "auto, vulkan, opengl or cpu: what renders; auto is Vulkan or OpenGL on a GPU, else the CPU")
       ->capture_default_str();
@@ -97,25 +93,12 @@ void declare(CLI::App& app, Flags& flags) {
   app.footer(kFooter);
 }
 
-Backend parseBackend(const std::string& text) {
-  if (text == "auto") return Backend::automatic;
-  if (text == "vulkan") return Backend::vulkan;
-  if (text == "opengl") return Backend::opengl;
-  if (text == "cpu") return Backend::cpu;
-  throw Error(ErrorKind::usage, "--backend: expected auto, vulkan, opengl or cpu, found \"" + text + "\"");
-}
-
 void parseSettings(Flags& flags) {
-  RenderSettings& settings = flags.view.settings;
-  if (!flags.order.empty()) settings.order = parseOrder(flags.order, "--sort");
-  if (!flags.filter.empty()) settings.texture_filter = parseFilter(flags.filter, "--texture-filter");
-  if (!flags.antialiasing.empty()) settings.antialiasing = parseAntialias(flags.antialiasing, "--antialiasing");
-  if (!flags.opacity_scale.empty()) settings.opacity_scale = parseScale(flags.opacity_scale, "--opacity-scale");
-  if (!flags.splat_scale.empty()) settings.splat_scale = parseSplatScale(flags.splat_scale, "--splat-scale");
-  if (!flags.sh_degree.empty()) settings.max_sh_degree = parseDegree(flags.sh_degree, "--sh-degree");
-  if (!flags.near.empty()) settings.near = parseNear(flags.near, "--near");
-  if (!flags.crop.empty()) settings.crop = parseCrop(flags.crop, "--crop");
-  if (!flags.exposure.empty()) flags.view.exposure = parseExposure(flags.exposure, "--exposure");
+  for (const RenderSetting& setting : renderSettings()) {
+    const std::string& text = flags.settings[setting.name];
+    if (!text.empty()) setting.set(flags.view.settings, text, "--" + std::string(setting.name));
+  }
+  if (!flags.settings["background"].empty()) flags.view.background = flags.view.settings.background;
 }
 
 void parseShot(Flags& flags) {
@@ -125,7 +108,7 @@ void parseShot(Flags& flags) {
     if (!view.out.empty() || !view.record.empty() || !view.script.empty() || view.follow)
       throw Error(ErrorKind::usage, "--inspect prints (expected no --render, --output, --script or --follow with it)");
   }
-  view.up = parseUp(flags.up, "--up");
+  view.up = parse<UpAxis>(flags.up, "--up");
   view.fps = parseNumber(flags.fps, kMinFps, kMaxFps, "--fps");
   if (!flags.turntable.empty()) {
     const double frames = parseNumber(flags.turntable, 1, kMaxPathFrames, "--turntable");
@@ -163,13 +146,11 @@ void parseValues(Flags& flags) {
   if (!view.more_models.empty() && (!window || view.follow))
     throw Error(ErrorKind::usage,
                 view.more_models.front().string() + ": several models are for the window (expected one model here)");
-  view.show = parseShow(flags.show, "--show");
-  view.textures = parseTextures(flags.textures, "--textures");
-  if (!flags.intersection.empty()) view.intersection = parseIntersection(flags.intersection, "--intersection");
+  view.show = parse<Output>(flags.show, "--show");
+  parseSettings(flags);
   if (!flags.size.empty()) view.size = parseSize(flags.size, "--size");
-  if (!flags.background.empty()) view.background = parseColor(flags.background, "--background");
-  view.backend = parseBackend(flags.backend);
-  if (!flags.compare_mode.empty()) view.compare_mode = parseCompare(flags.compare_mode, "--compare-mode");
+  view.backend = parse<Backend>(flags.backend, "--backend");
+  if (!flags.compare_mode.empty()) view.compare_mode = parse<CompareMode>(flags.compare_mode, "--compare-mode");
   const bool compares = !view.compare.empty() || !view.photographs.empty();
   if (compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow))
     throw Error(ErrorKind::usage,
@@ -178,7 +159,6 @@ void parseValues(Flags& flags) {
     throw Error(ErrorKind::usage, "--compare-mode says how (expected --compare or --photos with it)");
   if (!view.compare.empty() && !view.photographs.empty() && !view.out.empty())
     throw Error(ErrorKind::usage, "--compare and --photos (expected one of them with --render)");
-  parseSettings(flags);
   parseShot(flags);
   if (view.follow) view.model = followedFile(view.model);
   if (!view.out.empty() && !view.script.empty()) {

@@ -403,7 +403,7 @@ void readAssetExtras(const GltfDocument& document, Bundle& loaded) {
   if (!extras.Has(kExtrasKey)) return;
   const tinygltf::Value& ours = extras.Get(kExtrasKey);
   if (ours.Has("intersection") && ours.Get("intersection").IsString()) {
-    const auto intersection = parseIntersectionModel(ours.Get("intersection").Get<std::string>());
+    const auto intersection = parse<IntersectionModel>(ours.Get("intersection").Get<std::string>());
     if (intersection) loaded.model.intersection = *intersection;
   }
   if (!ours.Has("background")) return;

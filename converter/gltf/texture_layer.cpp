@@ -271,7 +271,7 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
   TextureLayer layer;
   const auto attempt = [&](auto step) { return document.attempt(step); };
   const bool has_mode = attempt([&] {
-    const std::optional<TextureMode> mode = parseTextureMode(readChoice(place, "mode", ""));
+    const std::optional<TextureMode> mode = parse<TextureMode>(readChoice(place, "mode", ""));
     if (!mode || *mode == TextureMode::none) {
       place.fail("unknown \"mode\" (expected \"alpha\", \"rgb\" or \"rgba\", found " + quoted(place.get("mode")) + ")");
     }
@@ -279,7 +279,7 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
   });
   attempt([&] {
     const std::optional<IntersectionModel> intersection =
-        parseIntersectionModel(readChoice(place, "intersection", "plane"));
+        parse<IntersectionModel>(readChoice(place, "intersection", "plane"));
     if (!intersection) {
       place.fail("unknown \"intersection\" (expected \"plane\" or \"maxResponse\", found " +
                  quoted(place.get("intersection")) + ")");

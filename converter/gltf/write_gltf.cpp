@@ -407,18 +407,6 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
 
 }  // namespace
 
-std::string_view name(AtlasFormat format) {
-  constexpr std::array<std::string_view, 3> names = {"png8", "png16", "exr"};
-  return names[static_cast<std::size_t>(format)];
-}
-
-std::optional<AtlasFormat> parseAtlasFormat(std::string_view text) {
-  for (const AtlasFormat format : {AtlasFormat::png8, AtlasFormat::png16, AtlasFormat::exr}) {
-    if (name(format) == text) return format;
-  }
-  return std::nullopt;
-}
-
 GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content) {
   return write(path, content, true);
 }

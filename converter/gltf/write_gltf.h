@@ -3,12 +3,11 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <span>
-#include <string_view>
 
 #include "core/model/camera.h"
 #include "core/model/model.h"
+#include "core/system/names.h"
 
 namespace tg {
 
@@ -19,8 +18,7 @@ enum class AtlasFormat {
   png16,  // 16 bits
   exr     // half floats, with 8-bit PNG beside them for readers without EXR
 };
-std::string_view name(AtlasFormat format);  // "png8", "png16", "exr"
-std::optional<AtlasFormat> parseAtlasFormat(std::string_view text);
+constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr"); }
 
 struct GltfContent {
   const GaussianModel& model;  // the toolchain's axes; without Gaussians where `gaussians` are given

@@ -164,11 +164,12 @@ Manifest parseManifest(const std::string& json, const std::string& path) {
   manifest.cameras = static_cast<std::uint64_t>(counts.integer("cameras", 0, 1 << 24));
   manifest.sh_degree = static_cast<int>(root.integer("shDegree", 0, 3));
   const std::string mode = root.string("mode"), intersection = root.string("intersection");
-  if (!parseTextureMode(mode)) root.fail("\"mode\": expected none, alpha, rgb or rgba, found \"" + mode + "\"");
-  manifest.mode = *parseTextureMode(mode);
-  if (!parseIntersectionModel(intersection))
-    root.fail("\"intersection\": expected plane or maxResponse, found \"" + intersection + "\"");
-  manifest.intersection = *parseIntersectionModel(intersection);
+  if (!parse<TextureMode>(mode))
+    root.fail("\"mode\": expected " + allNames<TextureMode>() + ", found \"" + mode + "\"");
+  manifest.mode = *parse<TextureMode>(mode);
+  if (!parse<IntersectionModel>(intersection))
+    root.fail("\"intersection\": expected " + allNames<IntersectionModel>() + ", found \"" + intersection + "\"");
+  manifest.intersection = *parse<IntersectionModel>(intersection);
   const std::array<double, 3> background = root.numbers<3>("background");
   manifest.background = {background[0], background[1], background[2]};
   for (int c = 0; c < 3; ++c) {

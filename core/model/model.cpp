@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names of the modes, and the promises a model keeps.
+// The promises a model keeps.
 #include "core/model/model.h"
 
 #include <cmath>
@@ -69,42 +69,6 @@ std::string brokenPromise(const GaussianModel& model, std::size_t i) {
 }
 
 }  // namespace
-
-std::string_view name(TextureMode mode) {
-  switch (mode) {
-    case TextureMode::none:
-      return "none";
-    case TextureMode::alpha:
-      return "alpha";
-    case TextureMode::rgb:
-      return "rgb";
-    case TextureMode::rgba:
-      return "rgba";
-  }
-  return "unknown";
-}
-
-std::string_view name(IntersectionModel model) {
-  switch (model) {
-    case IntersectionModel::plane:
-      return "plane";
-    case IntersectionModel::maxResponse:
-      return "maxResponse";
-  }
-  return "unknown";
-}
-
-std::optional<TextureMode> parseTextureMode(std::string_view text) {
-  for (TextureMode mode : {TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba})
-    if (text == name(mode)) return mode;
-  return std::nullopt;
-}
-
-std::optional<IntersectionModel> parseIntersectionModel(std::string_view text) {
-  for (IntersectionModel model : {IntersectionModel::plane, IntersectionModel::maxResponse})
-    if (text == name(model)) return model;
-  return std::nullopt;
-}
 
 bool lengthsAgree(const GaussianModel& model) {
   const std::size_t n = model.size();

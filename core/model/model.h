@@ -3,25 +3,21 @@
 #pragma once
 #include <cstddef>
 #include <glm/glm.hpp>
-#include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "core/model/atlas.h"
 #include "core/model/fields.h"
+#include "core/system/names.h"
 
 namespace tg {
 
 // Which texture terms apply. Bit sets: rgba = alpha | rgb. Values equal kMode* of shaders/shared/limits.h.
 enum class TextureMode : unsigned { none = 0, alpha = 1, rgb = 2, rgba = 3 };
+constexpr auto namesOf(TextureMode) { return enumNames("none", "alpha", "rgb", "rgba"); }
 // Where a ray meets a Gaussian (docs/math.md 2). Values equal kIntersect*.
 enum class IntersectionModel : unsigned { plane = 0, maxResponse = 1 };
-
-std::string_view name(TextureMode mode);             // "none", "alpha", "rgb", "rgba"
-std::string_view name(IntersectionModel model);      // "plane", "maxResponse"
-std::optional<TextureMode> parseTextureMode(std::string_view text);
-std::optional<IntersectionModel> parseIntersectionModel(std::string_view text);
+constexpr auto namesOf(IntersectionModel) { return enumNames("plane", "maxResponse"); }
 
 constexpr std::size_t shCountOf(int degree) { return static_cast<std::size_t>((degree + 1) * (degree + 1)); }
 

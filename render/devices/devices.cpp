@@ -2,10 +2,10 @@
 #include "render/devices/devices.h"
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #ifdef TG_VULKAN
 #include "render/vulkan/vulkan_renderer.h"
 #endif
@@ -23,13 +23,6 @@ DeviceInfo unusable(Api api, const std::string& problem) {
   info.api = title(api);
   info.missing = problem;
   return info;
-}
-
-std::optional<std::size_t> numberOf(const std::string& device) {
-  std::size_t number = 0;
-  const auto [end, error] = std::from_chars(device.data(), device.data() + device.size(), number);
-  if (error != std::errc() || end != device.data() + device.size()) return std::nullopt;
-  return number;
 }
 
 #ifdef TG_VULKAN
@@ -83,7 +76,7 @@ std::vector<DeviceInfo> listDevices() {
 }
 
 DevicePick pickDevice(const std::string& device) {
-  const auto number = numberOf(device);
+  const auto number = parseWhole<std::size_t>(device);
   if (!number) return {std::nullopt, device, std::nullopt};
   std::size_t first = 0;
   for (const Api api : kApis) {

@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
+#include "core/system/names.h"
 #include "render/gpu/gpu_renderer.h"
 
 namespace tg {
 
 enum class Api { vulkan, opengl };
 constexpr Api kApis[] = {Api::vulkan, Api::opengl};
-// As --backend has it.
-constexpr const char* name(Api api) { return api == Api::vulkan ? "vulkan" : "opengl"; }
+constexpr auto namesOf(Api) { return enumNames("vulkan", "opengl"); }  // as --backend has it
 
 // What --device names.
 struct DevicePick {

@@ -21,7 +21,7 @@ std::uint32_t textureModeOf(const ModelBuffers& model, const RenderSettings& set
 }
 
 ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const ModelBuffers& model,
-                    const ImageBuffers& image, float exposure_stops, const OutputRange& beside) {
+                    const ImageBuffers& image, const OutputRange& beside) {
   ViewUniforms view{};
   glm::dmat4 camera_from_world(camera.rotation);
   camera_from_world[3] = glm::dvec4(camera.translation, 1.0);
@@ -43,7 +43,7 @@ ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const 
   view.opacity_scale = settings.opacity_scale;
   view.splat_scale = settings.splat_scale;
   view.near = settings.near;
-  view.exposure = std::exp2(exposure_stops);
+  view.exposure = std::exp2(settings.exposure);
   view.sh_used = std::min(model.sh_degree, static_cast<std::uint32_t>(settings.max_sh_degree));
   view.antialiasing = settings.antialiasing == Antialiasing::screen;
   view.range_least = beside.least;
@@ -140,7 +140,7 @@ bool GpuRenderer::draw(const FrameRequest& request) {
 
 GpuRenderer::Recording GpuRenderer::prepareFrame(const FrameRequest& request) {
   checkFrame(request.camera, request.settings);
-  return prepare(request.camera, request.settings, variantFor(request.output), request.exposure_stops, request.beside);
+  return prepare(request.camera, request.settings, variantFor(request.output), request.beside);
 }
 
 bool GpuRenderer::sharesProgram(const FrameRequest& request) const {
@@ -203,7 +203,7 @@ void GpuRenderer::checkFrame(const Camera& camera, const RenderSettings& setting
 
 void GpuRenderer::drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant) {
   do {
-    const Recording recording = prepare(camera, settings, variant, 0.0f);
+    const Recording recording = prepare(camera, settings, variant);
     device_->run(recording.program, recording.view);
   } while (!finishFrame());
 }
@@ -229,9 +229,9 @@ FrameVariant GpuRenderer::variantOf(const RenderSettings& settings, FrameVariant
 
 // Buffers, passes and uniforms of the next frame.
 GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
-                                            float exposure_stops, const OutputRange& beside) {
+                                            const OutputRange& beside) {
   fitImage(camera);
-  const ViewUniforms view = viewOf(camera, settings, *model_, *image_, exposure_stops, beside);
+  const ViewUniforms view = viewOf(camera, settings, *model_, *image_, beside);
   variant = variantOf(settings, variant);
   if (variant != variant_) program_.reset();
   variant_ = variant;

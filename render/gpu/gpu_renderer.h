@@ -24,7 +24,6 @@ struct FrameRequest {
   Camera camera;
   RenderSettings settings;
   Output output = Output::final;  // settings.outputs does not count
-  float exposure_stops = 0.0f;    // as of visualize()
   OutputRange beside{};           // of the other parts, where this is a part of a picture
 };
 
@@ -80,7 +79,7 @@ class GpuRenderer : public Renderer {
   void checkFrame(const Camera& camera, const RenderSettings& settings) const;
   void drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant);
   void fitImage(const Camera& camera);
-  Recording prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant, float exposure_stops,
+  Recording prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
                     const OutputRange& beside = {});
   std::vector<glm::vec4> readPixels(const BufferPtr& buffer);
   void readBlended(const FrameVariant& variant, Frame& frame);

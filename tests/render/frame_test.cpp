@@ -28,19 +28,16 @@ std::vector<float> firstPixel(const Image& image) { return {image.data.begin(), 
 }  // namespace
 
 TEST_CASE("outputs are found by their names and by no others") {
-  for (unsigned k = 0; k < kOutputKinds; ++k) {
-    const auto output = static_cast<Output>(k);
-    CHECK(parseOutput(name(output)) == output);
-  }
+  for (const Output output : valuesOf<Output>()) CHECK(parse<Output>(name(output)) == output);
   CHECK(name(Output::depthMedian) == "depth-median");
   CHECK(name(Output::texelDensity) == "texel-density");
-  CHECK(parseSplatOrder("per-pixel") == SplatOrder::perPixel);
-  CHECK(parseTextureFilter("footprint") == TextureFilter::footprint);
-  CHECK(parseAntialiasing("screen") == Antialiasing::screen);
-  CHECK_FALSE(parseSplatOrder("perPixel"));
+  CHECK(parse<SplatOrder>("per-pixel") == SplatOrder::perPixel);
+  CHECK(parse<TextureFilter>("footprint") == TextureFilter::footprint);
+  CHECK(parse<Antialiasing>("screen") == Antialiasing::screen);
+  CHECK_FALSE(parse<SplatOrder>("perPixel"));
   CHECK(name(Output::final) == "final");
   CHECK(name(Output::count) == "count");
-  for (const char* text : {"", "Final", "final ", "rgb"}) CHECK_FALSE(parseOutput(text));
+  for (const char* text : {"", "Final", "final ", "rgb"}) CHECK_FALSE(parse<Output>(text));
 }
 
 TEST_CASE("extract gives the numbers as they are") {

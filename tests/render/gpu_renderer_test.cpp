@@ -85,8 +85,8 @@ TestScene facingScene(std::size_t count) {
 
 // Records as a window would and copies the picture out.
 Image recordPicture(GpuRenderer& renderer, const TestScene& scene, const RenderSettings& settings, Output output,
-                    bool* complete, float exposure_stops = 0.0f) {
-  *complete = renderer.draw({scene.camera, settings, output, exposure_stops});
+                    bool* complete) {
+  *complete = renderer.draw({scene.camera, settings, output});
   return renderer.picture();
 }
 
@@ -257,7 +257,7 @@ TEST_CASE("a frame without a model or with an empty camera is refused") {
   CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("131072 x 131072 pixels is too large"));
   const BindingLimit limit(~0u);
   scene.camera.size.x = scene.camera.size.y = 4097;
-  CHECK_THROWS_WITH(renderer->draw({scene.camera, {}, Output::final, 0.0f}),
+  CHECK_THROWS_WITH(renderer->draw({scene.camera, {}, Output::final}),
                     Catch::Contains("at most 65536 tiles, found 66049"));
 }
 
@@ -403,7 +403,9 @@ TEST_CASE("the recorded picture of every output is that of visualize()") {
     CHECK(complete);
     CHECK(largestDifference(picture, visualize(frame, output)) <= 0.5f / 255 + 1e-4f);
   }
-  const Image brighter = recordPicture(gpuRenderer(), scene, settings, Output::final, &exposed, 1.5f);
+  settings.exposure = 1.5f;
+  const Image brighter = recordPicture(gpuRenderer(), scene, settings, Output::final, &exposed);
+  settings.exposure = 0.0f;
   CHECK(largestDifference(brighter, visualize(frame, Output::final, 1.5f)) <= 0.5f / 255 + 1e-4f);
   TestScene other = scene;
   other.camera = resized(scene.camera, 33, 17);

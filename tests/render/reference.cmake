@@ -12,6 +12,7 @@ endif()
 
 tg_add_test(reference_test LIBRARIES tg_render tg_goldens nlohmann_json::nlohmann_json SOURCES
   frame_test.cpp golden_test.cpp inspect_test.cpp layout_test.cpp record_test.cpp reference_blend_test.cpp
-  reference_cases_test.cpp reference_gradient_test.cpp reference_settings_test.cpp shared_math_test.cpp
+  reference_cases_test.cpp reference_gradient_test.cpp reference_settings_test.cpp settings_test.cpp
+  shared_math_test.cpp
   ${layout_reflection})
 target_compile_definitions(reference_test PRIVATE TG_LAYOUT_REFLECTION="${layout_reflection}")

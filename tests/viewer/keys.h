@@ -7,10 +7,6 @@
 
 namespace tg::test {
 
-inline void press(ViewerState& state, int key, bool shift = false) {
-  const auto action = actionOf(key, shift);
-  REQUIRE(action);
-  apply(state, *action);
-}
+inline void press(ViewerState& state, int key, bool shift = false) { REQUIRE(pressKey(state, key, shift)); }
 
 }  // namespace tg::test

@@ -270,28 +270,6 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
 
 }  // namespace
 
-std::string_view name(DatasetLayout layout) {
-  switch (layout) {
-    case DatasetLayout::automatic:
-      return "auto";
-    case DatasetLayout::nerfSynthetic:
-      return "nerf-synthetic";
-    case DatasetLayout::transforms:
-      return "transforms";
-    case DatasetLayout::colmap:
-      return "colmap";
-  }
-  return "";
-}
-
-std::optional<DatasetLayout> parseDatasetLayout(std::string_view text) {
-  for (DatasetLayout layout :
-       {DatasetLayout::automatic, DatasetLayout::nerfSynthetic, DatasetLayout::transforms, DatasetLayout::colmap}) {
-    if (text == name(layout)) return layout;
-  }
-  return std::nullopt;
-}
-
 std::optional<glm::vec3> parseBackground(std::string_view text) {
   if (text == "white") return glm::vec3(1.0f);
   if (text == "black") return glm::vec3(0.0f);

@@ -13,13 +13,13 @@
 
 #include "core/bundle/ply.h"
 #include "core/model/camera.h"
+#include "core/system/names.h"
 #include "training/data/photographs.h"
 
 namespace tg {
 
 enum class DatasetLayout { automatic, nerfSynthetic, transforms, colmap };
-std::string_view name(DatasetLayout layout);  // "auto", "nerf-synthetic", "transforms", "colmap"
-std::optional<DatasetLayout> parseDatasetLayout(std::string_view text);
+constexpr auto namesOf(DatasetLayout) { return enumNames("auto", "nerf-synthetic", "transforms", "colmap"); }
 
 // "white", "black" or "r,g,b" in [0,1].
 std::optional<glm::vec3> parseBackground(std::string_view text);

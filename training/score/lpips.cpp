@@ -190,7 +190,4 @@ double Lpips::distance(const Image& reference, const Image& picture, LpipsRange 
   return total;
 }
 
-std::string_view name(LpipsNetwork network) { return network == LpipsNetwork::vgg16 ? "vgg" : "alex"; }
-std::string_view name(LpipsRange range) { return range == LpipsRange::symmetric ? "[-1,1]" : "[0,1]"; }
-
 }  // namespace tg

@@ -4,21 +4,20 @@
 #pragma once
 #include <filesystem>
 #include <memory>
-#include <optional>
-#include <string_view>
 
 #include "core/file/safetensors.h"
 #include "core/image/image.h"
+#include "core/system/names.h"
 
 namespace tg {
 
 enum class LpipsNetwork { vgg16, alexNet };
-std::string_view name(LpipsNetwork network);  // "vgg", "alex"
+constexpr auto namesOf(LpipsNetwork) { return enumNames("vgg", "alex"); }
 
 // What [0, 1] becomes before the network: [-1, 1], for which the weights were made, or [0, 1] as it is, which many
 // papers report by mistake. Numbers of the two cannot be compared.
 enum class LpipsRange { symmetric, unit };
-std::string_view name(LpipsRange range);  // "[-1,1]", "[0,1]"
+constexpr auto namesOf(LpipsRange) { return enumNames("[-1,1]", "[0,1]"); }
 
 class Lpips {
  public:

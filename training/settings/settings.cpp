@@ -2,76 +2,37 @@
 // One table drives flags, configuration files and JSON.
 #include "training/settings/settings.h"
 
-#include <charconv>
 #include <cmath>
 #include <type_traits>
 
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
-
-template <typename Enum>
-struct Named {
-  Enum value;
-  std::string_view name;
-};
-constexpr Named<Densification> kDensifications[] = {
-    {Densification::none, "none"}, {Densification::adc, "adc"}, {Densification::mcmc, "mcmc"}};
-constexpr Named<DensifyScore> kDensifyScores[] = {{DensifyScore::sum, "sum"}, {DensifyScore::magnitudes, "magnitudes"}};
-constexpr Named<Start> kStarts[] = {{Start::points, "points"}, {Start::random, "random"}};
-constexpr Named<TextureSizes> kTextureSizes[] = {{TextureSizes::uniform, "uniform"},
-                                                 {TextureSizes::footprint, "footprint"}};
-constexpr Named<TextureInit> kTextureInits[] = {{TextureInit::neutral, "neutral"}, {TextureInit::paper, "paper"}};
-constexpr Named<TextureIntersection> kTextureIntersections[] = {{TextureIntersection::same, "same"},
-                                                                {TextureIntersection::plane, "plane"},
-                                                                {TextureIntersection::maxResponse, "maxResponse"}};
-constexpr Named<TextureMode> kTextureModes[] = {
-    {TextureMode::none, "none"}, {TextureMode::alpha, "alpha"}, {TextureMode::rgb, "rgb"}, {TextureMode::rgba, "rgba"}};
-constexpr Named<IntersectionModel> kIntersections[] = {{IntersectionModel::plane, "plane"},
-                                                       {IntersectionModel::maxResponse, "maxResponse"}};
-constexpr Named<bool> kSwitch[] = {{true, "on"}, {false, "off"}};
-
-template <typename Enum, std::size_t kCount>
-std::string_view nameOf(const Named<Enum> (&names)[kCount], Enum value) {
-  for (const Named<Enum>& entry : names) {
-    if (entry.value == value) return entry.name;
-  }
-  return "";
-}
 
 [[noreturn]] void refuse(const std::string& entry, const std::string& expected, const std::string& found) {
   throw Error(ErrorKind::usage, "--" + entry + ": expected " + expected + ", found '" + found + "'");
 }
 
-template <typename Enum, std::size_t kCount>
-SettingEntry choice(std::string entry, Enum TrainSettings::* member, const Named<Enum> (&names)[kCount],
-                    std::string help) {
-  if constexpr (!std::is_same_v<Enum, bool>) {
-    for (const Named<Enum>& candidate : names) {
-      help += (&candidate == names ? " (" : ", ") + std::string(candidate.name);
-    }
-    help += ")";
-  }
-  return {entry, "", std::move(help),
-          [member, &names](const TrainSettings& s) { return std::string(nameOf(names, s.*member)); },
-          [entry, member, &names](TrainSettings& s, const std::string& text) {
-            std::string expected;
-            for (const Named<Enum>& candidate : names) {
-              if (candidate.name == text) {
-                s.*member = candidate.value;
-                return;
-              }
-              expected += (expected.empty() ? "" : ", ") + std::string(candidate.name);
-            }
-            refuse(entry, expected, text);
+template <Named Enum>
+SettingEntry choice(std::string entry, Enum TrainSettings::* member, std::string help) {
+  const std::string names = allNames<Enum>(", ");
+  return {entry, "", std::move(help) + " (" + names + ")",
+          [member](const TrainSettings& s) { return std::string(name(s.*member)); },
+          [entry, member, names](TrainSettings& s, const std::string& text) {
+            const std::optional<Enum> value = parse<Enum>(text);
+            if (!value) refuse(entry, names, text);
+            s.*member = *value;
           }};
 }
 
-template <typename Number>
-std::string numberText(Number value) {
-  char text[64];
-  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+SettingEntry onOff(std::string entry, bool TrainSettings::* member, std::string help) {
+  return {entry, "", std::move(help), [member](const TrainSettings& s) { return s.*member ? "on" : "off"; },
+          [entry, member](TrainSettings& s, const std::string& text) {
+            if (text != "on" && text != "off") refuse(entry, "on, off", text);
+            s.*member = text == "on";
+          }};
 }
 
 // Whole numbers without an exponent.
@@ -85,15 +46,12 @@ SettingEntry number(std::string entry, Number TrainSettings::* member, double lo
                     std::string help) {
   return {entry, std::move(unit), std::move(help), [member](const TrainSettings& s) { return numberText(s.*member); },
           [entry, member, low, high](TrainSettings& s, const std::string& text) {
-            Number value{};
-            const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-            const bool good = code == std::errc{} && end == text.data() + text.size() &&
-                              static_cast<double>(value) >= low && static_cast<double>(value) <= high;
-            if (!good) {
+            const std::optional<Number> value = parseWhole<Number>(text);
+            if (!value || !(static_cast<double>(*value) >= low && static_cast<double>(*value) <= high)) {
               const char* kind = std::is_floating_point_v<Number> ? "a number" : "an integer";
               refuse(entry, std::string(kind) + " from " + boundText(low) + " to " + boundText(high), text);
             }
-            s.*member = value;
+            s.*member = *value;
           }};
 }
 
@@ -107,7 +65,7 @@ std::vector<SettingEntry> makeEntries() {
       number("iterations", &S::iterations, 0, kMostIterations, "steps", "Stage 1: plain Gaussians"),
       number("texture-iterations", &S::texture_iterations, 0, kMostIterations, "steps", "Stage 2: with textures"),
       number("seed", &S::seed, 0, 0x1p53, "", "Same seed, same model"),
-      choice("start", &S::start, kStarts, "Start from the data set's points, or from random ones"),
+      choice("start", &S::start, "Start from the data set's points, or from random ones"),
       number("init-count", &S::init_count, 0, kMostGaussians, "points",
              "Points to start from (0: all; 100000 if random)"),
       number("gaussians", &S::gaussians, 0, kMostGaussians, "Gaussians", "Most Gaussians (0: no limit)"),
@@ -116,10 +74,10 @@ std::vector<SettingEntry> makeEntries() {
       number("default-gaussians", &S::default_gaussians, 0, kMostGaussians, "Gaussians",
              "Gaussians that stage 1 reaches without a limit (0: a stage 1 of its own finds out)"),
       number("sh-degree", &S::sh_degree, 0, 3, "", "Highest degree of the spherical harmonics"),
-      choice("intersection", &S::intersection, kIntersections, "Where a ray meets a Gaussian"),
-      choice("filter-3d", &S::filter_3d, kSwitch, "No Gaussian thinner than the training views can resolve"),
-      choice("densification", &S::densification, kDensifications, "How stage 1 adds and removes Gaussians"),
-      choice("densify-score", &S::densify_score, kDensifyScores, "adc: what Gaussians are ranked by"),
+      choice("intersection", &S::intersection, "Where a ray meets a Gaussian"),
+      onOff("filter-3d", &S::filter_3d, "No Gaussian thinner than the training views can resolve"),
+      choice("densification", &S::densification, "How stage 1 adds and removes Gaussians"),
+      choice("densify-score", &S::densify_score, "adc: what Gaussians are ranked by"),
       number("densify-threshold", &S::densify_threshold, 0, 1, "NDC", "adc: mean screen gradient that densifies"),
       number("prune-opacity", &S::prune_opacity, 0, 1, "", "Opacity below which a Gaussian is removed or relocated"),
       number("densify-every", &S::densify_every, 1, kMostIterations, "steps", "Steps between two densifications"),
@@ -133,19 +91,17 @@ std::vector<SettingEntry> makeEntries() {
       number("mcmc-noise", &S::mcmc_noise, 0, 1e9, "", "mcmc: noise on positions, times the position rate"),
       number("mcmc-opacity-weight", &S::mcmc_opacity_weight, 0, 100, "", "mcmc: weight of mean opacity in the loss"),
       number("mcmc-scale-weight", &S::mcmc_scale_weight, 0, 100, "", "mcmc: weight of mean sigma in the loss"),
-      choice("texture-mode", &S::texture_mode, kTextureModes, "What a texture changes"),
+      choice("texture-mode", &S::texture_mode, "What a texture changes"),
       number("texture-size", &S::texture_size, 1, 256, "texels", "Texels along each side"),
       number("texel-budget", &S::texel_budget, 0, 4e9, "texels",
              "Texels of the whole model instead of texture-size (0: off)"),
-      choice("texture-sizes", &S::texture_sizes, kTextureSizes,
-             "One size for all, or in proportion to the pixels a Gaussian covers"),
-      choice("texture-init", &S::texture_init, kTextureInits, "First texels: no change, or the paper's 25/255"),
-      choice("texture-intersection", &S::texture_intersection, kTextureIntersections,
-             "Where a ray meets a Gaussian in stage 2"),
-      choice("texture-gradient-geometry", &S::texture_gradient_geometry, kSwitch,
-             "Texture gradients reach the geometry (off: ablation)"),
-      choice("texture-gradient-suffix", &S::texture_gradient_suffix, kSwitch,
-             "Colour behind a splat includes its texture (off: ablation)"),
+      choice("texture-sizes", &S::texture_sizes, "One size for all, or in proportion to the pixels a Gaussian covers"),
+      choice("texture-init", &S::texture_init, "First texels: no change, or the paper's 25/255"),
+      choice("texture-intersection", &S::texture_intersection, "Where a ray meets a Gaussian in stage 2"),
+      onOff("texture-gradient-geometry", &S::texture_gradient_geometry,
+            "Texture gradients reach the geometry (off: ablation)"),
+      onOff("texture-gradient-suffix", &S::texture_gradient_suffix,
+            "Colour behind a splat includes its texture (off: ablation)"),
       number("ssim-weight", &S::ssim_weight, 0, 1, "", "Loss: (1 - w) L1 + w (1 - SSIM)"),
       number("rate-position", &S::rate_position, 0, kLargestRate, "extent per step", "At the start of a stage"),
       number("rate-position-end", &S::rate_position_end, 0, kLargestRate, "extent per step", "At the end of a stage"),
@@ -155,19 +111,12 @@ std::vector<SettingEntry> makeEntries() {
       number("rate-sh-dc", &S::rate_sh_dc, 0, kLargestRate, "SH per step", "Of the constant colour"),
       number("rate-sh-rest", &S::rate_sh_rest, 0, kLargestRate, "SH per step", "Of the other coefficients"),
       number("rate-texels", &S::rate_texels, 0, kLargestRate, "per step", "Of colour and alpha texels"),
-      choice("compare-untextured", &S::compare_untextured, kSwitch,
-             "Also run stage 2 without textures from the same stage-1 model, and report both"),
+      onOff("compare-untextured", &S::compare_untextured,
+            "Also run stage 2 without textures from the same stage-1 model, and report both"),
   };
 }
 
 }  // namespace
-
-std::string_view name(Densification value) { return nameOf(kDensifications, value); }
-std::string_view name(DensifyScore value) { return nameOf(kDensifyScores, value); }
-std::string_view name(Start value) { return nameOf(kStarts, value); }
-std::string_view name(TextureSizes value) { return nameOf(kTextureSizes, value); }
-std::string_view name(TextureInit value) { return nameOf(kTextureInits, value); }
-std::string_view name(TextureIntersection value) { return nameOf(kTextureIntersections, value); }
 
 TrainSettings presetSettings(std::string_view preset) {
   TrainSettings settings;

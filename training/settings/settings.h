@@ -4,36 +4,35 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/model/model.h"
+#include "core/system/names.h"
 
 namespace tg {
 
 // How stage 1 changes the set of Gaussians: not at all; clone, split and prune by screen gradient (3DGS); relocation
 // and growth to a cap as Markov chain Monte Carlo (Kheradmand et al. 2024).
 enum class Densification { none, adc, mcmc };
+constexpr auto namesOf(Densification) { return enumNames("none", "adc", "mcmc"); }
 // What adc ranks by: |sum of the pixels' gradients| (3DGS), or also the sum of their magnitudes with the quantile rule
 // of GOF (docs/math.md 6.9).
 enum class DensifyScore { sum, magnitudes };
+constexpr auto namesOf(DensifyScore) { return enumNames("sum", "magnitudes"); }
 // Where stage 1 starts: the data set's points, or random ones.
 enum class Start { points, random };
+constexpr auto namesOf(Start) { return enumNames("points", "random"); }
 // How texels are shared out: the same rectangle for all, or in proportion to the pixels each Gaussian covers.
 enum class TextureSizes { uniform, footprint };
+constexpr auto namesOf(TextureSizes) { return enumNames("uniform", "footprint"); }
 // Where a ray meets a Gaussian in stage 2.
 enum class TextureIntersection { same, plane, maxResponse };
+constexpr auto namesOf(TextureIntersection) { return enumNames("same", "plane", "maxResponse"); }
 // Texels that change nothing (colour 0, alpha 1), or the paper's: colour 25/255, kept in [0, 1].
 enum class TextureInit { neutral, paper };
-
-std::string_view name(Densification value);
-std::string_view name(DensifyScore value);
-std::string_view name(Start value);
-std::string_view name(TextureSizes value);
-std::string_view name(TextureInit value);
-std::string_view name(TextureIntersection value);
+constexpr auto namesOf(TextureInit) { return enumNames("neutral", "paper"); }
 
 // Rates are Adam step sizes; "extent" is cameraExtent(). -1 in a schedule entry: chosen from the iterations
 // (schedule.h).

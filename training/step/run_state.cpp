@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names, the order of views and the running mean.
+// The order of views and the running mean.
 #include "training/step/run_state.h"
 
 #include <utility>
@@ -7,20 +7,6 @@
 #include "core/system/assert.h"
 
 namespace tg {
-
-std::string_view name(Stage stage) {
-  switch (stage) {
-    case Stage::count:
-      return "count";
-    case Stage::plain:
-      return "plain";
-    case Stage::textured:
-      return "textured";
-    case Stage::untextured:
-      return "untextured";
-  }
-  return "";
-}
 
 std::size_t ViewOrder::next() {
   TG_ASSERT(!views.empty(), "there is a view to go to");

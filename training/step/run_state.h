@@ -3,9 +3,9 @@
 #pragma once
 #include <cstdint>
 #include <optional>
-#include <string_view>
 #include <vector>
 
+#include "core/system/names.h"
 #include "training/step/densify.h"
 #include "training/step/optimizer.h"
 #include "training/step/random.h"
@@ -14,7 +14,7 @@ namespace tg {
 
 // count: a stage 1 without limit, only to learn how many Gaussians it makes. untextured: stage 2 without textures.
 enum class Stage { count, plain, textured, untextured };
-std::string_view name(Stage stage);
+constexpr auto namesOf(Stage) { return enumNames("count", "plain", "textured", "untextured"); }
 
 // Every view once in random order, then again in another.
 struct ViewOrder {

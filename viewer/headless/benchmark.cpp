@@ -35,12 +35,11 @@ class FrameRunner {
       : renderer_(*backend.renderer), gpu_(dynamic_cast<GpuRenderer*>(backend.renderer.get())) {
     request_.output = benchmark.output;
     request_.settings = benchmark.settings;
-    request_.exposure_stops = benchmark.exposure;
   }
 
   void draw(const Camera& camera) {
     if (!gpu_) {
-      (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.exposure_stops);
+      (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.settings.exposure);
       return;
     }
     request_.camera = camera;

@@ -18,10 +18,9 @@ namespace {
 
 Image pictureOf(Renderer& renderer, const Scene& scene, const Camera& camera, const ViewOptions& options,
                 glm::vec3 background) {
-  RenderSettings settings = settingsFor(options, background);
-  settings.outputs = {options.show};
+  const RenderSettings settings = settingsFor(options, background);
   renderer.setModel(scene.model);
-  return visualize(renderer.render(camera, settings), options.show, options.exposure);
+  return visualize(renderer.render(camera, settings), options.show, settings.exposure);
 }
 
 // The view's photograph, and what it is called.

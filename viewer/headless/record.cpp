@@ -64,7 +64,7 @@ void recordToFile(const ViewOptions& options) {
     Progress progress(cameras.size());
     for (const Camera& camera : cameras) {
       const Frame frame = backend.renderer->render(camera, settings);
-      writer.add(numbers ? extract(frame, options.show) : visualize(frame, options.show, options.exposure));
+      writer.add(numbers ? extract(frame, options.show) : visualize(frame, options.show, settings.exposure));
       progress.step();
     }
     requireNoValidationMessages(backend);
@@ -73,7 +73,8 @@ void recordToFile(const ViewOptions& options) {
   }
   std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),
               cameras.size(), cameras.front().size.x, cameras.front().size.y, std::string(name(options.show)).c_str(),
-              texturesName(options.textures).c_str(), scene.gaussians, seconds, backend.renderer->deviceName().c_str());
+              texturesName(settings.textures).c_str(), scene.gaussians, seconds,
+              backend.renderer->deviceName().c_str());
 }
 
 }  // namespace tg

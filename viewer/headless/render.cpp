@@ -32,12 +32,12 @@ void render(const Scene& scene, const ViewOptions& options, bool numbers, const 
   backend.renderer->setModel(scene.model);
   const Frame frame = backend.renderer->render(camera, settings);
   requireNoValidationMessages(backend);
-  writeImage(options.out, numbers ? extract(frame, options.show) : visualize(frame, options.show, options.exposure));
+  writeImage(options.out, numbers ? extract(frame, options.show) : visualize(frame, options.show, settings.exposure));
 
   double milliseconds = 0;
   for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;
   std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s%s\n", options.out.c_str(), frame.width,
-              frame.height, std::string(name(options.show)).c_str(), texturesName(options.textures).c_str(),
+              frame.height, std::string(name(options.show)).c_str(), texturesName(settings.textures).c_str(),
               scene.gaussians, milliseconds, backend.renderer->deviceName().c_str(),
               options.follow && !scene.training.empty() ? (", " + scene.training).c_str() : "");
 }

@@ -39,10 +39,10 @@ void cameraList(ViewerState& state) {
     ImGui::EndCombo();
   }
   ImGui::SameLine(0, spacing);
-  if (ImGui::ArrowButton("##previous", ImGuiDir_Left)) apply(state, Action::previousCamera);
+  if (ImGui::ArrowButton("##previous", ImGuiDir_Left)) stepCamera(state, -1);
   hint("Previous camera (Shift+Space)");
   ImGui::SameLine(0, spacing);
-  if (ImGui::ArrowButton("##next", ImGuiDir_Right)) apply(state, Action::nextCamera);
+  if (ImGui::ArrowButton("##next", ImGuiDir_Right)) stepCamera(state, 1);
   hint("Next camera (Space)");
 }
 
@@ -71,15 +71,12 @@ void cameraSection(ViewerState& state) {
     state.camera.speed = speed;
   }
   hint("Of flying, in scene radii per second; Shift 4 x, Ctrl 1/4");
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  ImGui::SliderFloat("##near", &state.display.settings.near, 0.001f, 100.0f, "Near plane %.3f",
-                     ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp);
-  hint("Nothing nearer than this is drawn [world units]");
-  if (segment("Frame", false, 0, 3)) apply(state, Action::frameScene);
+  settingWidgets(state, "CAMERA");
+  if (segment("Frame", false, 0, 3)) frameScene(state);
   hint("The whole model in view (F)");
-  if (segment("Reset", false, 1, 3)) apply(state, Action::resetView);
+  if (segment("Reset", false, 1, 3)) resetView(state);
   hint("The first view (Shift+F)");
-  if (segment("Save", false, 2, 3)) apply(state, Action::saveCamera);
+  if (segment("Save", false, 2, 3)) saveCamera(state);
   hint("This camera as JSON, for --camera (C)");
 }
 
@@ -94,12 +91,12 @@ void motionSection(ViewerState& state) {
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   if (segment("Cameras'", camera.up == UpAxis::cameras, 0, 1)) setUp(state, UpAxis::cameras);
   hint("The mean of the model's cameras, or -y where it has none (U: the next)");
-  for (int i = 1; i < kUpAxes; ++i) {
+  for (int i = 1; i < kCount<UpAxis>; ++i) {
     const auto axis = static_cast<UpAxis>(i);
-    if (segment(std::string(name(axis)).c_str(), camera.up == axis, i - 1, kUpAxes - 1)) setUp(state, axis);
+    if (segment(std::string(name(axis)).c_str(), camera.up == axis, i - 1, kCount<UpAxis> - 1)) setUp(state, axis);
   }
   heading("TURNTABLE");
-  if (segment(camera.turntable ? "Stop" : "Turn", camera.turntable, 0, 2)) apply(state, Action::toggleTurntable);
+  if (segment(camera.turntable ? "Stop" : "Turn", camera.turntable, 0, 2)) toggleTurntable(state);
   hint("Round the point in the middle (R)");
   ImGui::SameLine(0, spacing);
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
@@ -112,7 +109,7 @@ void bookmarkSection(ViewerState& state) {
   CameraState& camera = state.camera;
   std::string& file = camera.bookmark_file;
   heading("BOOKMARKS");
-  if (segment("Add", false, 0, 3)) apply(state, Action::addBookmark);
+  if (segment("Add", false, 0, 3)) attempt(state, [&] { addBookmark(state); });
   hint("The view at hand (Shift+B); B goes through them");
   ImGui::BeginDisabled(camera.bookmarks.empty());
   if (segment("Save", false, 1, 3)) {

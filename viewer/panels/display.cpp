@@ -3,12 +3,17 @@
 #include <imgui.h>
 
 #include <array>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
+#include "viewer/view/actions.h"
 
 namespace tg {
+
+constexpr std::size_t kMostButtons = 4;  // in a line
 
 void outputSection(ViewerState& state) {
   struct Choice {
@@ -30,7 +35,7 @@ void outputSection(ViewerState& state) {
       {"Ellipsoid", Output::ellipsoids, "Gaussians as solid surfaces at one sigma (0)"},
       {"Centres", Output::centers, "A dot at every mean (-)"},
   }};
-  constexpr int kColumns = 4;
+  constexpr int kColumns = kMostButtons;
   heading("SHOW");
   for (int i = 0; i < static_cast<int>(choices.size()); ++i) {
     const Choice& choice = choices[static_cast<std::size_t>(i)];
@@ -40,39 +45,57 @@ void outputSection(ViewerState& state) {
   }
 }
 
-void textureSection(ViewerState& state) {
-  constexpr std::array<std::pair<const char*, TextureMode>, 4> choices = {{
-      {"Off", TextureMode::none},
-      {"Alpha", TextureMode::alpha},
-      {"RGB", TextureMode::rgb},
-      {"RGBA", TextureMode::rgba},
-  }};
-  heading("TEXTURES");
-  ImGui::BeginDisabled(state.scene.textured == 0);
-  const TextureMode shown = effectiveSettings(state).textures;
-  for (int i = 0; i < static_cast<int>(choices.size()); ++i) {
-    if (segment(choices[i].first, shown == choices[i].second, i, static_cast<int>(choices.size()))) {
-      state.display.settings.textures = choices[i].second;
-    }
-    hint("T steps through these; hold Tab to compare with none");
+std::size_t settingWidgets(ViewerState& state, std::string_view heading) {
+  using Button = std::pair<const RenderSetting*, const RenderSetting::Choice*>;
+  std::vector<std::vector<Button>> lines;
+  std::vector<const RenderSetting*> sliders;
+  for (const RenderSetting& setting : renderSettings()) {
+    if (setting.section != heading) continue;
+    if (setting.number || setting.whole) sliders.push_back(&setting);
+    if (setting.choices.empty()) continue;
+    if (lines.empty() || lines.back().size() + setting.choices.size() > kMostButtons) lines.emplace_back();
+    for (const RenderSetting::Choice& choice : setting.choices) lines.back().emplace_back(&setting, &choice);
   }
-  TextureFilter& filter = state.display.settings.texture_filter;
-  if (segment("Bilinear", filter == TextureFilter::bilinear, 0, 2)) filter = TextureFilter::bilinear;
-  hint("Texels as they are (Y)");
-  if (segment("Footprint", filter == TextureFilter::footprint, 1, 2)) filter = TextureFilter::footprint;
-  hint("Texels smaller than a pixel fade to the texture's mean: no shimmer far away (Y)");
-  ImGui::EndDisabled();
+  RenderSettings& settings = state.display.settings;
+  const RenderSettings shown = shownSettings(state, effectiveSettings(state));
+  for (const std::vector<Button>& line : lines) {
+    for (std::size_t i = 0; i < line.size(); ++i) {
+      const auto& [setting, choice] = line[i];
+      const bool active = setting->get(shown) == choice->name;
+      if (segment(choice->label, active, static_cast<int>(i), static_cast<int>(line.size())))
+        setting->set(settings, std::string(choice->name), "");
+      const char* trained = choice->name == name(state.scene.intersection) ? "What the model was trained with"
+                                                                           : "Not what the model was trained with";
+      hint(((choice->help ? choice->help : trained) + keyOf(setting->name)).c_str());
+    }
+  }
+  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x, room = ImGui::GetContentRegionAvail().x;
+  for (std::size_t i = 0; i < sliders.size(); ++i) {
+    const RenderSetting::Slider& slider = sliders[i]->slider;
+    const std::string id = "##" + std::string(sliders[i]->name);
+    const ImGuiSliderFlags flags =
+        ImGuiSliderFlags_AlwaysClamp | (slider.logarithmic ? ImGuiSliderFlags_Logarithmic : ImGuiSliderFlags_None);
+    if (i % 2 == 1) ImGui::SameLine(0, spacing);
+    ImGui::SetNextItemWidth(sliders.size() > 1 ? (room - spacing) / 2 : room);
+    if (sliders[i]->number)
+      ImGui::SliderFloat(id.c_str(), &(settings.*sliders[i]->number), slider.low, slider.high, slider.format, flags);
+    else
+      ImGui::SliderInt(id.c_str(), &(settings.*sliders[i]->whole), static_cast<int>(slider.low),
+                       static_cast<int>(slider.high), slider.format, flags);
+    hint(slider.help);
+  }
+  return sliders.size();
 }
 
-void intersectionSection(ViewerState& state) {
-  heading("INTERSECTION");
-  const IntersectionModel current = state.display.settings.intersection.value_or(state.scene.intersection);
-  const auto choose = [&](const char* label, IntersectionModel model, int index) {
-    if (segment(label, current == model, index, 2)) state.display.settings.intersection = model;
-    hint(model == state.scene.intersection ? "What the model was trained with" : "Not what the model was trained with");
-  };
-  choose("Plane", IntersectionModel::plane, 0);
-  choose("Max response", IntersectionModel::maxResponse, 1);
+void settingSection(ViewerState& state, const char* title) {
+  heading(title);
+  settingWidgets(state, title);
+}
+
+void textureSection(ViewerState& state) {
+  ImGui::BeginDisabled(state.scene.textured == 0);
+  settingSection(state, "TEXTURES");
+  ImGui::EndDisabled();
 }
 
 void backgroundSection(ViewerState& state) {
@@ -85,49 +108,16 @@ void backgroundSection(ViewerState& state) {
   if (segment("White", color == glm::vec3(1.0f), 1, 3)) color = glm::vec3(1.0f);
   if (segment("Model's", color == state.scene.background, 2, 3)) color = state.scene.background;
   hint("What the model was trained against");
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  ImGui::SliderFloat("##exposure", &state.display.exposure, -kMaxExposure, kMaxExposure, "Exposure %+.2f stops",
-                     ImGuiSliderFlags_AlwaysClamp);
-  hint("Of final and base, before they are clamped; double click to type");
-}
-
-void blendSection(ViewerState& state) {
-  RenderSettings& settings = state.display.settings;
-  heading("ORDER AND ANTIALIASING");
-  if (segment("Global", settings.order == SplatOrder::global, 0, 4)) settings.order = SplatOrder::global;
-  hint("One order for all pixels: fast, may pop as the camera turns (O)");
-  if (segment("Per pixel", settings.order == SplatOrder::perPixel, 1, 4)) settings.order = SplatOrder::perPixel;
-  hint("Every pixel's own order: no popping, slower (O)");
-  if (segment("AA off", settings.antialiasing == Antialiasing::off, 2, 4)) settings.antialiasing = Antialiasing::off;
-  hint("Gaussians as they are (Shift+Y)");
-  if (segment("Screen", settings.antialiasing == Antialiasing::screen, 3, 4))
-    settings.antialiasing = Antialiasing::screen;
-  hint("No Gaussian narrower than a pixel, its opacity makes up for it (Shift+Y)");
+  settingWidgets(state, "BACKGROUND");
 }
 
 void scaleSection(ViewerState& state) {
-  RenderSettings& settings = state.display.settings;
-  const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
-  const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
-  heading("SCALES");
-  ImGui::SetNextItemWidth(half);
-  ImGui::SliderFloat("##opacity", &settings.opacity_scale, 0.0f, kMaxScale, "Opacity x %.2f",
-                     ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp);
-  hint("On every opacity; double click to type");
-  ImGui::SameLine(0, spacing);
-  ImGui::SetNextItemWidth(half);
-  ImGui::SliderFloat("##splats", &settings.splat_scale, kMinSplatScale, kMaxScale, "Size x %.2f",
-                     ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp);
-  hint("On every sigma");
-  ImGui::SetNextItemWidth(half);
-  ImGui::SliderInt("##degree", &settings.max_sh_degree, 0, 3, "SH degree %d", ImGuiSliderFlags_AlwaysClamp);
-  hint("Higher bands of the model are left out");
-  ImGui::SameLine(0, spacing);
-  if (segment("As trained", false, 0, 1)) {
-    const RenderSettings usual;
-    settings.opacity_scale = usual.opacity_scale;
-    settings.splat_scale = usual.splat_scale;
-    settings.max_sh_degree = usual.max_sh_degree;
+  constexpr const char* kTitle = "SCALES";
+  heading(kTitle);
+  if (settingWidgets(state, kTitle) % 2 == 1) ImGui::SameLine(0, ImGui::GetStyle().ItemInnerSpacing.x);
+  if (!segment("As trained", false, 0, 1)) return;
+  for (const RenderSetting& setting : renderSettings()) {
+    if (setting.section == kTitle) setting.set(state.display.settings, setting.get({}), "");
   }
 }
 

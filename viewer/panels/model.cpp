@@ -4,7 +4,6 @@
 
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
-#include "viewer/view/actions.h"
 
 namespace tg {
 
@@ -20,7 +19,7 @@ void modelSection(ViewerState& state) {
   ImGui::PopClipRect();
   hint(scene.path.string().c_str());
   ImGui::SameLine(right);
-  if (ImGui::Button(keys)) apply(state, Action::toggleHelp);
+  if (ImGui::Button(keys)) state.ui.help = !state.ui.help;
   hint("Keys and mouse; H hides this panel");
   ImGui::TextDisabled("%s%s Gaussian%s, SH degree %d", scene.partial ? "a part: " : "",
                       grouped(scene.gaussians).c_str(), scene.gaussians == 1 ? "" : "s", scene.sh_degree);

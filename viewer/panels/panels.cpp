@@ -16,11 +16,11 @@ constexpr float kPanelFonts = 21;   // panel width in font heights
 constexpr float kNarrowFonts = 46;  // windows below this: the panel lies over the picture
 
 void tabs(ViewerState& state) {
-  constexpr std::array<const char*, kTabs> labels = {"View", "Camera", "Path", "Inspect", "Time"};
+  constexpr std::array<const char*, kCount<Tab>> labels = {"View", "Camera", "Path", "Inspect", "Time"};
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
-  for (int i = 0; i < kTabs; ++i) {
-    const auto tab = static_cast<Tab>(i);
-    if (segment(labels[static_cast<std::size_t>(i)], state.ui.tab == tab, i, kTabs)) state.ui.tab = tab;
+  for (const Tab tab : valuesOf<Tab>()) {
+    const int i = static_cast<int>(tab);
+    if (segment(labels[static_cast<std::size_t>(i)], state.ui.tab == tab, i, kCount<Tab>)) state.ui.tab = tab;
   }
 }
 
@@ -42,8 +42,8 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
     case Tab::view:
       outputSection(state);
       textureSection(state);
-      intersectionSection(state);
-      blendSection(state);
+      settingSection(state, "INTERSECTION");
+      settingSection(state, "ORDER AND ANTIALIASING");
       scaleSection(state);
       backgroundSection(state);
       cropSection(state);

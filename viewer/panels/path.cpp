@@ -6,7 +6,6 @@
 
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
-#include "viewer/view/actions.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/path_editor.h"
 
@@ -70,10 +69,10 @@ void saveTo(ViewerState& state, const std::string& file,
 void keySection(ViewerState& state) {
   PathState& editor = state.path;
   heading("CAMERA PATH");
-  if (segment("Add key", false, 0, 3)) apply(state, Action::addKey);
+  if (segment("Add key", false, 0, 3)) attempt(state, [&] { addKey(state); });
   hint("At the view at hand (K)");
   ImGui::BeginDisabled(editor.path.keys.size() < 2);
-  if (segment(editor.playing ? "Pause" : "Play", editor.playing, 1, 3)) apply(state, Action::togglePlaying);
+  if (segment(editor.playing ? "Pause" : "Play", editor.playing, 1, 3)) togglePlaying(state);
   hint("L");
   ImGui::EndDisabled();
   ImGui::BeginDisabled(editor.path.keys.empty());

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sections of the panel, and what lies over the picture; one function each, called once a frame.
 #pragma once
+#include <cstddef>
+#include <string_view>
+
 #include "viewer/panels/panels.h"
 
 namespace tg {
@@ -14,8 +17,10 @@ void compareSection(ViewerState& state);
 // display.cpp
 void outputSection(ViewerState& state);
 void textureSection(ViewerState& state);
-void intersectionSection(ViewerState& state);
-void blendSection(ViewerState& state);
+void settingSection(ViewerState& state, const char* heading);
+// The render settings of that heading: buttons for names, as many as go into a line, then sliders, two in a line where
+// there are several. Returns the number of sliders.
+std::size_t settingWidgets(ViewerState& state, std::string_view heading);
 void scaleSection(ViewerState& state);
 void backgroundSection(ViewerState& state);
 void cropSection(ViewerState& state);

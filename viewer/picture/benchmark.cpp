@@ -86,7 +86,6 @@ Benchmark benchmarkOf(const ViewOptions& options, const Scene& scene) {
   benchmark.sh_degree = scene.sh_degree;
   benchmark.path = options.path.string();
   benchmark.output = options.show;
-  benchmark.exposure = options.exposure;
   benchmark.settings = settingsFor(options, scene.background);
   return benchmark;
 }
@@ -107,7 +106,7 @@ std::string formatBenchmark(const Benchmark& benchmark) {
   json["image"] = {{"width", benchmark.width}, {"height", benchmark.height}, {"output", name(benchmark.output)}};
   json["settings"] = {
       {"textures", texturesName(settings.textures)},
-      {"exposure", benchmark.exposure},
+      {"exposure", settings.exposure},
       {"intersection", settings.intersection ? ordered_json(name(*settings.intersection)) : ordered_json(nullptr)}};
   const auto known = [](const std::optional<double>& ms) {
     return ms ? ordered_json(rounded(*ms)) : ordered_json(nullptr);

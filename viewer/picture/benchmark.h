@@ -28,7 +28,6 @@ struct Benchmark {
   std::string path;
   int width = 0, height = 0;  // [px]
   Output output = Output::final;
-  float exposure = 0;  // [stops]
   RenderSettings settings;
   // Of the file, to the renderer, and of the first picture, which compiles shaders and sizes buffers; not known apart
   // where these overlap.

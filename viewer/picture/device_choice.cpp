@@ -18,7 +18,8 @@ std::vector<Api> apisFor(const ViewOptions& options, const DevicePick& pick) {
   const Api api = options.backend == Backend::vulkan ? Api::vulkan : Api::opengl;
   if (pick.api && *pick.api != api) {
     throw Error(ErrorKind::usage, "--device " + options.device + " is one of " + title(*pick.api) +
-                                      " (expected one of " + title(api) + " with --backend " + name(api) + ")");
+                                      " (expected one of " + title(api) + " with --backend " + std::string(name(api)) +
+                                      ")");
   }
   return {api};
 }

@@ -16,9 +16,7 @@ namespace {
 constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and one to compare with or to go back to
 constexpr int kMaxGrowth = 8;             // repeats of a frame whose buffers were too small
 
-FrameRequest frameOf(const PictureRequest& request) {
-  return {request.camera, request.settings, request.output, request.exposure};
-}
+FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
 
 double inMilliseconds(std::chrono::steady_clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
@@ -182,7 +180,7 @@ void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, Pict
   }
   RenderSettings settings = request.settings;
   settings.outputs = {request.output};
-  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output, request.exposure);
+  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output, settings.exposure);
   device_.upload(picture, target);
   if (pixels) *pixels = std::move(picture);
 }

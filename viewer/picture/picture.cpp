@@ -17,8 +17,7 @@ bool sameOther(const OtherPicture& a, const OtherPicture& b) {
 
 bool same(const PictureRequest& a, const PictureRequest& b) {
   if (a.other.has_value() != b.other.has_value() || (a.other && !sameOther(*a.other, *b.other))) return false;
-  return a.model == b.model && sameView(a.camera, b.camera) && a.settings == b.settings && a.output == b.output &&
-         a.exposure == b.exposure;
+  return a.model == b.model && sameView(a.camera, b.camera) && a.settings == b.settings && a.output == b.output;
 }
 
 }  // namespace tg

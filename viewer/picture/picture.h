@@ -33,7 +33,6 @@ struct PictureRequest {
   RenderSettings settings;
   Output output = Output::final;
   std::optional<OtherPicture> other;  // seen by the same camera
-  float exposure = 0;                 // [stops] of final and base
 };
 
 // Whether both yield the same picture.

@@ -38,7 +38,7 @@ constexpr std::array kCameraVerbs = {
          }},
     Verb{"fly", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) { s.camera.fly = parseSwitch(w[0], at); }},
-    Verb{"up", 1, 0, [](ViewerState& s, const Words& w, const std::string& at) { setUp(s, parseUp(w[0], at)); }},
+    Verb{"up", 1, 0, [](ViewerState& s, const Words& w, const std::string& at) { setUp(s, parse<UpAxis>(w[0], at)); }},
     Verb{"turntable", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) { s.camera.turntable = parseSwitch(w[0], at); }},
     Verb{"bookmark", 0, 0, [](ViewerState& s, const Words&, const std::string&) { addBookmark(s); }},

@@ -9,49 +9,13 @@
 namespace tg {
 namespace {
 
-RenderSettings& settings(ViewerState& state) { return state.display.settings; }
-
 constexpr std::array kDisplayVerbs = {
     Verb{"output", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.display.output = parseShow(w[0], at); }},
-    Verb{"textures", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { settings(s).textures = parseTextures(w[0], at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) { s.display.output = parse<Output>(w[0], at); }},
     Verb{"hold-textures-off", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
            s.display.textures_held_off = parseSwitch(w[0], at);
          }},
-    Verb{"intersection", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           settings(s).intersection = parseIntersection(w[0], at);
-         }},
-    Verb{"background", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { settings(s).background = parseColor(w[0], at); }},
-    Verb{"exposure", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.display.exposure = parseExposure(w[0], at); }},
-    Verb{"sort", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { settings(s).order = parseOrder(w[0], at); }},
-    Verb{"texture-filter", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           settings(s).texture_filter = parseFilter(w[0], at);
-         }},
-    Verb{"antialiasing", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           settings(s).antialiasing = parseAntialias(w[0], at);
-         }},
-    Verb{"opacity-scale", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           settings(s).opacity_scale = parseScale(w[0], at);
-         }},
-    Verb{"splat-scale", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           settings(s).splat_scale = parseSplatScale(w[0], at);
-         }},
-    Verb{"sh-degree", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           settings(s).max_sh_degree = parseDegree(w[0], at);
-         }},
-    Verb{"near", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { settings(s).near = parseNear(w[0], at); }},
     Verb{"crop", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
            if (w[0] == "fit")
@@ -77,12 +41,23 @@ constexpr std::array kDisplayVerbs = {
     Verb{"continuous", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) { s.ui.continuous = parseSwitch(w[0], at); }},
     Verb{"resolution", 1, 0,
-         [](ViewerState& s, const Words& w,
-            const std::string& at) { s.display.resolution = parseNumber(w[0], kMinResolution, kMaxResolution, at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.display.resolution = parseNumber(w[0], kMinResolution, kMaxResolution, at);
+         }},
 };
 
 }  // namespace
 
 std::span<const Verb> displayVerbs() { return kDisplayVerbs; }
+
+std::span<const Verb> settingVerbs() {
+  static const std::vector<Verb> verbs = [] {
+    std::vector<Verb> rows;
+    for (const RenderSetting& setting : renderSettings())
+      rows.push_back({setting.name, 1, 0, nullptr, nullptr, &setting});
+    return rows;
+  }();
+  return verbs;
+}
 
 }  // namespace tg

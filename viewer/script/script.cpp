@@ -71,16 +71,10 @@ constexpr std::array kVerbs = {
          [](ViewerState& s, const Words& w, const std::string& at) {
            const bool shift = w[0].starts_with("Shift+");
            const int key = parseKey(shift ? w[0].substr(6) : w[0], at);
-           if (const auto action = actionOf(key, shift)) apply(s, *action);
+           pressKey(s, key, shift);
          }},
     Verb{"tab", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           const auto tab = parseTab(w[0]);
-           if (!tab)
-             throw Error(ErrorKind::usage,
-                         at + ": expected view, camera, path, inspect or time, found \"" + w[0] + "\"");
-           s.ui.tab = *tab;
-         }},
+         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.tab = parse<Tab>(w[0], at); }},
     Verb{"panel", 1, kFramesOfPanels,
          [](ViewerState& s, const Words& w, const std::string& at) { s.ui.panel = parseSwitch(w[0], at); }},
     Verb{"help", 1, kFramesOfPanels,
@@ -103,7 +97,9 @@ constexpr std::array kVerbs = {
            s.documents.close_request = parseDocument(w[0], s, at);
          }},
     Verb{"compare", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.compare.how.mode = parseCompare(w[0], at); }},
+         [](ViewerState& s, const Words& w, const std::string& at) {
+           s.compare.how.mode = parse<CompareMode>(w[0], at);
+         }},
     Verb{"compare-with", 1, 0,
          [](ViewerState& s, const Words& w, const std::string& at) {
            s.compare.with_photographs = w[0] == "photographs";
@@ -130,7 +126,8 @@ constexpr std::array kVerbs = {
 };
 
 const Verb* findVerb(std::string_view name, std::span<const Verb> more) {
-  for (const std::span<const Verb> verbs : {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs(), more}) {
+  for (const std::span<const Verb> verbs :
+       {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs(), settingVerbs(), more}) {
     const auto at = std::find_if(verbs.begin(), verbs.end(), [name](const Verb& verb) { return verb.name == name; });
     if (at != verbs.end()) return &*at;
   }
@@ -183,6 +180,7 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
       script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;
       if (command.verb == "size") return parseSize(command.words[0], at);
       if (verb.run) verb.run(state, command.words, at);
+      if (verb.setting) verb.setting->set(state.display.settings, command.words[0], at);
     } catch (const Error& error) {
       throw Error(error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind, script.path, error.what());
     }

@@ -21,11 +21,13 @@ struct Verb {
   void (*run)(ViewerState& state, const Words& words, const std::string& what);
   // Whether it may run yet: asked every frame. Null: at once.
   bool (*ready)(const ViewerState& state) = nullptr;
+  const RenderSetting* setting = nullptr;  // what the word is a value of, instead of `run`
 };
 
 constexpr int kFramesOfPanels = 2;  // an overlay measures itself in its first frame, unseen
 
 std::span<const Verb> cameraVerbs();
 std::span<const Verb> displayVerbs();
+std::span<const Verb> settingVerbs();  // of all render settings; `crop` is one of displayVerbs(), too, and does more
 
 }  // namespace tg

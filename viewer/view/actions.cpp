@@ -13,106 +13,27 @@
 namespace tg {
 namespace {
 
-constexpr std::array kBindings = {
-    KeyBinding{'1', false, Action::final, "1", "Final picture"},
-    KeyBinding{'2', false, Action::base, "2", "Base colour (SH)"},
-    KeyBinding{'3', false, Action::texture, "3", "Texture colour"},
-    KeyBinding{'4', false, Action::alpha, "4", "Alpha"},
-    KeyBinding{'5', false, Action::depth, "5", "Depth"},
-    KeyBinding{'6', false, Action::normal, "6", "Normals"},
-    KeyBinding{'7', false, Action::count, "7", "Splats per pixel"},
-    KeyBinding{'8', false, Action::depthMedian, "8", "Median depth"},
-    KeyBinding{'9', false, Action::overdraw, "9", "Overdraw"},
-    KeyBinding{'0', false, Action::ellipsoids, "0", "Ellipsoids"},
-    KeyBinding{'-', false, Action::centers, "-", "Centres"},
-    KeyBinding{'=', false, Action::texelDensity, "=", "Texel density"},
-    KeyBinding{'T', false, Action::cycleTextures, "T", "Textures: RGBA, RGB, alpha, off"},
-    KeyBinding{'I', false, Action::toggleIntersection, "I", "Intersection: plane / max response"},
-    KeyBinding{'O', false, Action::toggleOrder, "O", "Order: global / per pixel"},
-    KeyBinding{'Y', false, Action::toggleFilter, "Y", "Texture filter: bilinear / footprint"},
-    KeyBinding{'Y', true, Action::toggleAntialiasing, "Shift+Y", "Antialiasing: off / screen"},
-    KeyBinding{'J', false, Action::toggleCrop, "J", "Crop box on / off"},
-    KeyBinding{'F', false, Action::frameScene, "F", "Frame the model"},
-    KeyBinding{'F', true, Action::resetView, "Shift+F", "Back to the first view"},
-    KeyBinding{' ', false, Action::nextCamera, "Space", "Next camera of the model"},
-    KeyBinding{' ', true, Action::previousCamera, "Shift+Space", "Previous camera"},
-    KeyBinding{'.', false, Action::nextTestCamera, ". / ,", "Next, previous test camera"},
-    KeyBinding{',', false, Action::previousTestCamera, "", ""},
-    KeyBinding{'.', true, Action::nextTrainCamera, "Shift+. / ,", "Next, previous training camera"},
-    KeyBinding{',', true, Action::previousTrainCamera, "", ""},
-    KeyBinding{'V', false, Action::cycleCompare, "V", "Compare: side, wipe, flicker, ..."},
-    KeyBinding{'V', true, Action::showOther, "Shift+V", "Flicker: show the other one"},
-    KeyBinding{'G', false, Action::toggleFly, "G", "Left drag: orbit / look around"},
-    KeyBinding{'U', false, Action::nextUp, "U", "Another up axis"},
-    KeyBinding{'R', false, Action::toggleTurntable, "R", "Turntable"},
-    KeyBinding{'B', false, Action::nextBookmark, "B", "Next bookmark"},
-    KeyBinding{'B', true, Action::addBookmark, "Shift+B", "Bookmark this view"},
-    KeyBinding{'K', false, Action::addKey, "K", "Key frame of the path here"},
-    KeyBinding{'L', false, Action::togglePlaying, "L", "Play or pause the path"},
-    KeyBinding{'R', true, Action::toggleRecording, "Shift+R", "Record path or turntable; cancel"},
-    KeyBinding{'M', false, Action::toggleInspecting, "M", "A click inspects its pixel"},
-    KeyBinding{'[', false, Action::previousHit, "[ / ]", "Splat in front, behind"},
-    KeyBinding{']', false, Action::nextHit, "", ""},
-    KeyBinding{'N', false, Action::toggleIsolated, "N", "The picked Gaussian alone"},
-    KeyBinding{'P', false, Action::screenshot, "P", "Save the picture as PNG"},
-    KeyBinding{'P', true, Action::windowShot, "Shift+P", "Save the whole window as PNG"},
-    KeyBinding{'C', false, Action::saveCamera, "C", "Save the camera as JSON"},
-    KeyBinding{kKeyPageDown, false, Action::nextDocument, "Page Down / Up", "Next, previous open model"},
-    KeyBinding{kKeyPageUp, false, Action::previousDocument, "", ""},
-    KeyBinding{kKeyDelete, false, Action::closeDocument, "Delete", "Close the model shown"},
-    KeyBinding{'H', false, Action::togglePanel, "H", "Hide or show the panel"},
-    KeyBinding{'/', true, Action::toggleHelp, "? or F1", "This help"},
-    KeyBinding{290, false, Action::toggleHelp, "", ""},  // F1
-    KeyBinding{kKeyEscape, false, Action::quit, "Esc", "Close this, stop loading, or quit"},
-};
-
-constexpr std::array kMouseHelp = {
-    HelpLine{"Left drag", "Orbit"},
-    HelpLine{"Right drag", "Look around"},
-    HelpLine{"Middle, Shift+left drag", "Pan"},
-    HelpLine{"Alt+click", "Inspect a pixel"},
-    HelpLine{"Wheel", "Closer or farther"},
-    HelpLine{"Ctrl+wheel", "Field of view"},
-    HelpLine{"W A S D, Q E", "Fly; Q down, E up"},
-    HelpLine{"Shift / Ctrl", "Fly 4 x faster / slower"},
-    HelpLine{"Z / X", "Roll"},
-    HelpLine{"Tab, held", "Textures off, to compare"},
-};
-
-void cycleTextures(ViewerState& state) {
-  constexpr std::array order = {TextureMode::rgba, TextureMode::rgb, TextureMode::alpha, TextureMode::none};
-  const auto at = std::find(order.begin(), order.end(), state.display.settings.textures);
-  state.display.settings.textures = order[(at - order.begin() + 1) % order.size()];
-  const auto mode = state.display.settings.textures;
-  notify(state, std::string("Textures: ") + (mode == TextureMode::none ? "off" : std::string(name(mode))));
+template <Output kOutput>
+void show(ViewerState& state) {
+  state.display.output = kOutput;
 }
 
-void toggleIntersection(ViewerState& state) {
-  const auto now = state.display.settings.intersection.value_or(state.scene.intersection);
-  state.display.settings.intersection =
-      now == IntersectionModel::plane ? IntersectionModel::maxResponse : IntersectionModel::plane;
-  notify(state, "Intersection: " + std::string(name(*state.display.settings.intersection)));
+template <Named E>
+E next(E value) {
+  return static_cast<E>((static_cast<int>(value) + 1) % kCount<E>);
 }
 
-void show(ViewerState& state, Output output) { state.display.output = output; }
-
-// Between an enumeration's two values.
-template <typename Choice>
-void toggle(ViewerState& state, Choice& choice, const char* what) {
-  choice = choice == Choice{0} ? Choice{1} : Choice{0};
-  notify(state, what + std::string(name(choice)));
-}
-
-void frameScene(ViewerState& state) {
-  frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds);
-  state.camera.index = -1;
-}
-
-void stepCamera(ViewerState& state, int step) {
-  const int count = static_cast<int>(state.scene.cameras.size());
-  if (count == 0) return notify(state, "This model has no cameras");
-  const int from = state.camera.index >= 0 ? state.camera.index : (step > 0 ? -1 : 0);
-  goToCamera(state, (from + step + count) % count);
+// To the choice before the one at hand, round about.
+void stepSetting(ViewerState& state, const KeyBinding& binding) {
+  const RenderSetting& setting = renderSetting(binding.setting);
+  const auto& choices = setting.choices;
+  const std::string now = setting.get(shownSettings(state, state.display.settings));
+  const auto at =
+      std::find_if(choices.begin(), choices.end(), [&now](const auto& choice) { return choice.name == now; });
+  const std::string name((at == choices.begin() ? choices.back() : *(at - 1)).name);
+  setting.set(state.display.settings, name, "");
+  const std::string_view text = binding.text;
+  notify(state, std::string(text.substr(0, text.find(':'))) + ": " + name);
 }
 
 // Round the cameras of one split.
@@ -137,7 +58,7 @@ bool canCompare(ViewerState& state) {
 void cycleCompare(ViewerState& state) {
   if (!canCompare(state)) return;
   CompareMode& mode = state.compare.how.mode;
-  mode = static_cast<CompareMode>((static_cast<int>(mode) + 1) % 5);
+  mode = next(mode);
   notify(state, "Compare: " + std::string(name(mode)));
 }
 
@@ -145,6 +66,34 @@ void showOther(ViewerState& state) {
   if (!canCompare(state)) return;
   state.compare.how.mode = CompareMode::flicker;
   state.compare.how.shows_other = !state.compare.how.shows_other;
+}
+
+void toggleFly(ViewerState& state) {
+  state.camera.fly = !state.camera.fly;
+  notify(state, state.camera.fly ? "Fly: left drag looks around" : "Orbit: left drag goes round");
+}
+
+void nextUp(ViewerState& state) {
+  setUp(state, next(state.camera.up));
+  notify(state, "Up: " + std::string(name(state.camera.up)));
+}
+
+void toggleInspecting(ViewerState& state) {
+  state.inspect.active = !state.inspect.active;
+  notify(state, state.inspect.active ? "A click inspects its pixel" : "A click no longer inspects");
+}
+
+void toggleIsolated(ViewerState& state) {
+  if (pickedGaussian(state))
+    state.inspect.isolated = !state.inspect.isolated;
+  else
+    notify(state, "Nothing is picked: Alt+click a pixel, or M and click");
+}
+
+void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
+
+void closeDocument(ViewerState& state) {
+  if (state.documents.shown >= 0) state.documents.close_request = state.documents.shown;
 }
 
 void escape(ViewerState& state) {
@@ -163,163 +112,115 @@ std::string stemOf(const ViewerState& state) {
   return stem.empty() ? "tgview" : stem;
 }
 
-}  // namespace
+using S = ViewerState;
 
-void apply(ViewerState& state, Action action) {
-  switch (action) {
-    case Action::final:
-      return show(state, Output::final);
-    case Action::base:
-      return show(state, Output::base);
-    case Action::texture:
-      return show(state, Output::texture);
-    case Action::alpha:
-      return show(state, Output::alpha);
-    case Action::depth:
-      return show(state, Output::depth);
-    case Action::normal:
-      return show(state, Output::normal);
-    case Action::count:
-      return show(state, Output::count);
-    case Action::depthMedian:
-      return show(state, Output::depthMedian);
-    case Action::overdraw:
-      return show(state, Output::overdraw);
-    case Action::ellipsoids:
-      return show(state, Output::ellipsoids);
-    case Action::centers:
-      return show(state, Output::centers);
-    case Action::texelDensity:
-      return show(state, Output::texelDensity);
-    case Action::cycleTextures:
-      cycleTextures(state);
-      break;
-    case Action::toggleIntersection:
-      toggleIntersection(state);
-      break;
-    case Action::toggleOrder:
-      toggle(state, state.display.settings.order, "Order: ");
-      break;
-    case Action::toggleFilter:
-      toggle(state, state.display.settings.texture_filter, "Texture filter: ");
-      break;
-    case Action::toggleAntialiasing:
-      toggle(state, state.display.settings.antialiasing, "Antialiasing: ");
-      break;
-    case Action::toggleCrop:
-      state.display.crop = !state.display.crop;
-      break;
-    case Action::frameScene:
-      frameScene(state);
-      break;
-    case Action::resetView:
-      resetView(state);
-      break;
-    case Action::nextCamera:
-      stepCamera(state, 1);
-      break;
-    case Action::previousCamera:
-      stepCamera(state, -1);
-      break;
-    case Action::toggleFly:
-      state.camera.fly = !state.camera.fly;
-      notify(state, state.camera.fly ? "Fly: left drag looks around" : "Orbit: left drag goes round");
-      break;
-    case Action::toggleTurntable:
-      state.camera.turntable = !state.camera.turntable;
-      state.path.playing = false;
-      break;
-    case Action::nextUp:
-      setUp(state, static_cast<UpAxis>((static_cast<int>(state.camera.up) + 1) % kUpAxes));
-      notify(state, "Up: " + std::string(name(state.camera.up)));
-      break;
-    case Action::addBookmark:
-      attempt(state, [&state] { addBookmark(state); });
-      break;
-    case Action::nextBookmark:
-      stepBookmark(state, 1);
-      break;
-    case Action::addKey:
-      attempt(state, [&state] { addKey(state); });
-      break;
-    case Action::togglePlaying:
-      togglePlaying(state);
-      break;
-    case Action::toggleRecording:
-      state.record.wanted = !state.record.wanted;
-      break;
-    case Action::toggleInspecting:
-      state.inspect.active = !state.inspect.active;
-      notify(state, state.inspect.active ? "A click inspects its pixel" : "A click no longer inspects");
-      break;
-    case Action::previousHit:
-      stepHit(state, -1);
-      break;
-    case Action::nextHit:
-      stepHit(state, 1);
-      break;
-    case Action::toggleIsolated:
-      if (pickedGaussian(state))
-        state.inspect.isolated = !state.inspect.isolated;
-      else
-        notify(state, "Nothing is picked: Alt+click a pixel, or M and click");
-      break;
-    case Action::screenshot:
-      state.capture.picture = freeName(stemOf(state), ".png");
-      break;
-    case Action::windowShot:
-      state.capture.window = freeName(stemOf(state) + "-window", ".png");
-      break;
-    case Action::saveCamera:
-      state.capture.camera = freeName(stemOf(state) + "-camera", ".json");
-      break;
-    case Action::togglePanel:
-      state.ui.panel = !state.ui.panel;
-      break;
-    case Action::toggleHelp:
-      state.ui.help = !state.ui.help;
-      break;
-    case Action::nextTestCamera:
-      stepSplit(state, 1, true);
-      break;
-    case Action::previousTestCamera:
-      stepSplit(state, -1, true);
-      break;
-    case Action::nextTrainCamera:
-      stepSplit(state, 1, false);
-      break;
-    case Action::previousTrainCamera:
-      stepSplit(state, -1, false);
-      break;
-    case Action::cycleCompare:
-      cycleCompare(state);
-      break;
-    case Action::showOther:
-      showOther(state);
-      break;
-    case Action::nextDocument:
-      stepDocument(state, 1);
-      break;
-    case Action::previousDocument:
-      stepDocument(state, -1);
-      break;
-    case Action::closeDocument:
-      if (state.documents.shown >= 0) state.documents.close_request = state.documents.shown;
-      break;
-    case Action::quit:
-      escape(state);
-      break;
-  }
-}
+constexpr std::array kBindings = {
+    KeyBinding{'1', false, "1", "Final picture", show<Output::final>},
+    KeyBinding{'2', false, "2", "Base colour (SH)", show<Output::base>},
+    KeyBinding{'3', false, "3", "Texture colour", show<Output::texture>},
+    KeyBinding{'4', false, "4", "Alpha", show<Output::alpha>},
+    KeyBinding{'5', false, "5", "Depth", show<Output::depth>},
+    KeyBinding{'6', false, "6", "Normals", show<Output::normal>},
+    KeyBinding{'7', false, "7", "Splats per pixel", show<Output::count>},
+    KeyBinding{'8', false, "8", "Median depth", show<Output::depthMedian>},
+    KeyBinding{'9', false, "9", "Overdraw", show<Output::overdraw>},
+    KeyBinding{'0', false, "0", "Ellipsoids", show<Output::ellipsoids>},
+    KeyBinding{'-', false, "-", "Centres", show<Output::centers>},
+    KeyBinding{'=', false, "=", "Texel density", show<Output::texelDensity>},
+    KeyBinding{'T', false, "T", "Textures: RGBA, RGB, alpha, off", nullptr, "textures"},
+    KeyBinding{'I', false, "I", "Intersection: plane / max response", nullptr, "intersection"},
+    KeyBinding{'O', false, "O", "Order: global / per pixel", nullptr, "sort"},
+    KeyBinding{'Y', false, "Y", "Texture filter: bilinear / footprint", nullptr, "texture-filter"},
+    KeyBinding{'Y', true, "Shift+Y", "Antialiasing: off / screen", nullptr, "antialiasing"},
+    KeyBinding{'J', false, "J", "Crop box on / off", [](S& s) { s.display.crop = !s.display.crop; }},
+    KeyBinding{'F', false, "F", "Frame the model", frameScene},
+    KeyBinding{'F', true, "Shift+F", "Back to the first view", resetView},
+    KeyBinding{' ', false, "Space", "Next camera of the model", [](S& s) { stepCamera(s, 1); }},
+    KeyBinding{' ', true, "Shift+Space", "Previous camera", [](S& s) { stepCamera(s, -1); }},
+    KeyBinding{'.', false, ". / ,", "Next, previous test camera", [](S& s) { stepSplit(s, 1, true); }},
+    KeyBinding{',', false, "", "", [](S& s) { stepSplit(s, -1, true); }},
+    KeyBinding{'.', true, "Shift+. / ,", "Next, previous training camera", [](S& s) { stepSplit(s, 1, false); }},
+    KeyBinding{',', true, "", "", [](S& s) { stepSplit(s, -1, false); }},
+    KeyBinding{'V', false, "V", "Compare: side, wipe, flicker, ...", cycleCompare},
+    KeyBinding{'V', true, "Shift+V", "Flicker: show the other one", showOther},
+    KeyBinding{'G', false, "G", "Left drag: orbit / look around", toggleFly},
+    KeyBinding{'U', false, "U", "Another up axis", nextUp},
+    KeyBinding{'R', false, "R", "Turntable", toggleTurntable},
+    KeyBinding{'B', false, "B", "Next bookmark", [](S& s) { stepBookmark(s, 1); }},
+    KeyBinding{'B', true, "Shift+B", "Bookmark this view", [](S& s) { attempt(s, [&s] { addBookmark(s); }); }},
+    KeyBinding{'K', false, "K", "Key frame of the path here", [](S& s) { attempt(s, [&s] { addKey(s); }); }},
+    KeyBinding{'L', false, "L", "Play or pause the path", togglePlaying},
+    KeyBinding{'R', true, "Shift+R", "Record path or turntable; cancel",
+               [](S& s) { s.record.wanted = !s.record.wanted; }},
+    KeyBinding{'M', false, "M", "A click inspects its pixel", toggleInspecting},
+    KeyBinding{'[', false, "[ / ]", "Splat in front, behind", [](S& s) { stepHit(s, -1); }},
+    KeyBinding{']', false, "", "", [](S& s) { stepHit(s, 1); }},
+    KeyBinding{'N', false, "N", "The picked Gaussian alone", toggleIsolated},
+    KeyBinding{'P', false, "P", "Save the picture as PNG",
+               [](S& s) { s.capture.picture = freeName(stemOf(s), ".png"); }},
+    KeyBinding{'P', true, "Shift+P", "Save the whole window as PNG",
+               [](S& s) { s.capture.window = freeName(stemOf(s) + "-window", ".png"); }},
+    KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera},
+    KeyBinding{kKeyPageDown, false, "Page Down / Up", "Next, previous open model", [](S& s) { stepDocument(s, 1); }},
+    KeyBinding{kKeyPageUp, false, "", "", [](S& s) { stepDocument(s, -1); }},
+    KeyBinding{kKeyDelete, false, "Delete", "Close the model shown", closeDocument},
+    KeyBinding{'H', false, "H", "Hide or show the panel", [](S& s) { s.ui.panel = !s.ui.panel; }},
+    KeyBinding{'/', true, "? or F1", "This help", toggleHelp},
+    KeyBinding{290, false, "", "", toggleHelp},  // F1
+    KeyBinding{kKeyEscape, false, "Esc", "Close this, stop loading, or quit", escape},
+};
+
+constexpr std::array kMouseHelp = {
+    HelpLine{"Left drag", "Orbit"},
+    HelpLine{"Right drag", "Look around"},
+    HelpLine{"Middle, Shift+left drag", "Pan"},
+    HelpLine{"Alt+click", "Inspect a pixel"},
+    HelpLine{"Wheel", "Closer or farther"},
+    HelpLine{"Ctrl+wheel", "Field of view"},
+    HelpLine{"W A S D, Q E", "Fly; Q down, E up"},
+    HelpLine{"Shift / Ctrl", "Fly 4 x faster / slower"},
+    HelpLine{"Z / X", "Roll"},
+    HelpLine{"Tab, held", "Textures off, to compare"},
+};
+
+}  // namespace
 
 std::span<const KeyBinding> keyBindings() { return kBindings; }
 std::span<const HelpLine> mouseHelp() { return kMouseHelp; }
 
-std::optional<Action> actionOf(int key, bool shift) {
+bool pressKey(ViewerState& state, int key, bool shift) {
   for (const KeyBinding& binding : kBindings) {
-    if (binding.key == key && binding.shift == shift) return binding.action;
+    if (binding.key != key || binding.shift != shift) continue;
+    binding.run ? binding.run(state) : stepSetting(state, binding);
+    return true;
   }
-  return std::nullopt;
+  return false;
+}
+
+std::string keyOf(std::string_view setting) {
+  for (const KeyBinding& binding : kBindings) {
+    if (binding.setting == setting) return " (" + std::string(binding.keys) + ")";
+  }
+  return "";
+}
+
+void stepCamera(ViewerState& state, int step) {
+  const int count = static_cast<int>(state.scene.cameras.size());
+  if (count == 0) return notify(state, "This model has no cameras");
+  const int from = state.camera.index >= 0 ? state.camera.index : (step > 0 ? -1 : 0);
+  goToCamera(state, (from + step + count) % count);
+}
+
+void frameScene(ViewerState& state) {
+  frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds);
+  state.camera.index = -1;
+}
+
+void saveCamera(ViewerState& state) { state.capture.camera = freeName(stemOf(state) + "-camera", ".json"); }
+
+void toggleTurntable(ViewerState& state) {
+  state.camera.turntable = !state.camera.turntable;
+  state.path.playing = false;
 }
 
 }  // namespace tg

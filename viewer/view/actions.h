@@ -1,73 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// What keys and buttons do, and the table that both the keyboard and the help read.
+// What keys and buttons do: one table that the keyboard and the help read. Keys are GLFW's numbers: ASCII for printable
+// ones.
 #pragma once
-#include <optional>
 #include <span>
+#include <string>
+#include <string_view>
 
 #include "viewer/view/state.h"
 
 namespace tg {
 
-enum class Action {
-  final,
-  base,
-  texture,
-  alpha,
-  depth,
-  normal,
-  count,
-  depthMedian,
-  overdraw,
-  ellipsoids,
-  centers,
-  texelDensity,
-  cycleTextures,
-  toggleIntersection,
-  toggleOrder,
-  toggleFilter,
-  toggleAntialiasing,
-  toggleCrop,
-  frameScene,
-  resetView,
-  nextCamera,
-  previousCamera,
-  toggleFly,
-  toggleTurntable,
-  nextUp,
-  addBookmark,
-  nextBookmark,
-  addKey,
-  togglePlaying,
-  toggleRecording,
-  toggleInspecting,
-  previousHit,
-  nextHit,
-  toggleIsolated,
-  screenshot,
-  windowShot,
-  saveCamera,
-  togglePanel,
-  toggleHelp,
-  nextTestCamera,
-  previousTestCamera,
-  nextTrainCamera,
-  previousTrainCamera,
-  cycleCompare,
-  showOther,
-  nextDocument,
-  previousDocument,
-  closeDocument,
-  quit,
-};
-void apply(ViewerState& state, Action action);
-
-// One table feeds the keyboard and the help overlay. Keys are GLFW's numbers: ASCII for printable ones.
 struct KeyBinding {
   int key = 0;
   bool shift = false;
-  Action action = Action::quit;
   const char* keys = "";  // as the help shows it; "" = an alias that is not listed
   const char* text = "";
+  void (*run)(ViewerState& state) = nullptr;  // null: steps through the choices of
+  std::string_view setting{};                 // a RenderSetting, which `text` calls what it has before its colon
 };
 constexpr int kKeyEscape = 256;
 constexpr int kKeyDelete = 261;
@@ -75,12 +24,21 @@ constexpr int kKeyPageUp = 266;
 constexpr int kKeyPageDown = 267;
 constexpr int kKeyTab = 258;  // held: textures off
 std::span<const KeyBinding> keyBindings();
-std::optional<Action> actionOf(int key, bool shift);
+// False: the key does nothing.
+bool pressKey(ViewerState& state, int key, bool shift);
+std::string keyOf(std::string_view setting);  // " (O)", to follow a text; "" where no key steps through the setting
+
 // What the mouse and held keys do, for help and documentation: pairs of key and text.
 struct HelpLine {
   const char* keys;
   const char* text;
 };
 std::span<const HelpLine> mouseHelp();
+
+// Keys that are buttons, too.
+void stepCamera(ViewerState& state, int step);  // round the model's cameras
+void frameScene(ViewerState& state);
+void saveCamera(ViewerState& state);
+void toggleTurntable(ViewerState& state);
 
 }  // namespace tg

@@ -3,7 +3,6 @@
 #include "viewer/view/camera_controller.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
 
@@ -17,7 +16,6 @@ constexpr double kMaxPitch = 1.55;     // [rad] 88.8 degrees: closer to the pole
 constexpr double kMinDistance = 1e-4;  // [world units]
 constexpr double kMaxDistance = 1e9;
 constexpr std::size_t kBoundsSample = 200'000;
-constexpr std::array<std::string_view, kUpAxes> kUpNames = {"cameras", "+x", "-x", "+y", "-y", "+z", "-z"};
 
 // Columns: two horizontal axes and up.
 glm::dmat3 levelBasis(glm::dvec3 up) {
@@ -86,14 +84,6 @@ glm::dvec3 sceneUp(std::span<const Camera> cameras) {
   for (const Camera& camera : cameras) sum -= glm::transpose(camera.rotation)[1];
   const double length = glm::length(sum);
   return length > 0.1 * static_cast<double>(cameras.size()) ? sum / length : glm::dvec3(0, -1, 0);
-}
-
-std::string_view name(UpAxis axis) { return kUpNames.at(static_cast<std::size_t>(axis)); }
-
-std::optional<UpAxis> parseUpAxis(std::string_view text) {
-  const auto found = std::find(kUpNames.begin(), kUpNames.end(), text);
-  if (found == kUpNames.end()) return std::nullopt;
-  return static_cast<UpAxis>(found - kUpNames.begin());
 }
 
 glm::dvec3 upOf(UpAxis axis, glm::dvec3 cameras_up) {

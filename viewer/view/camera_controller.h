@@ -2,12 +2,11 @@
 // The viewer's camera: a pose that orbits, flies and frames, and a lens; pure functions, no window.
 #pragma once
 #include <glm/glm.hpp>
-#include <optional>
 #include <span>
-#include <string_view>
 
 #include "core/model/camera.h"
 #include "core/model/model.h"
+#include "core/system/names.h"
 
 namespace tg {
 
@@ -52,9 +51,7 @@ glm::dvec3 sceneUp(std::span<const Camera> cameras);
 
 // Which way is up.
 enum class UpAxis { cameras, plusX, minusX, plusY, minusY, plusZ, minusZ };
-constexpr int kUpAxes = 7;
-std::string_view name(UpAxis axis);  // "cameras", "+x", "-x", ...
-std::optional<UpAxis> parseUpAxis(std::string_view text);
+constexpr auto namesOf(UpAxis) { return enumNames("cameras", "+x", "-x", "+y", "-y", "+z", "-z"); }
 glm::dvec3 upOf(UpAxis axis, glm::dvec3 cameras_up);
 // The same view with its horizon kept by another up.
 ViewPose leveled(const ViewPose& pose, glm::dvec3 up);

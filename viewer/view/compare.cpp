@@ -3,7 +3,6 @@
 #include "viewer/view/compare.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -16,7 +15,6 @@
 namespace tg {
 namespace {
 
-constexpr std::array<std::string_view, 5> kModeNames = {"off", "side", "wipe", "flicker", "difference"};
 constexpr int kMaxTaps = 16;  // per side and pixel, of a photograph that gets smaller
 
 // Bilinear at a place in the image [px], pixel centres at +0.5, edges repeated.
@@ -42,14 +40,6 @@ Image threeChannels(const Image& image, glm::vec3 background) {
 }
 
 }  // namespace
-
-std::string_view name(CompareMode mode) { return kModeNames[static_cast<std::size_t>(mode)]; }
-
-std::optional<CompareMode> parseCompareMode(std::string_view text) {
-  const auto at = std::find(kModeNames.begin(), kModeNames.end(), text);
-  if (at == kModeNames.end()) return std::nullopt;
-  return static_cast<CompareMode>(at - kModeNames.begin());
-}
 
 int sideWidth(int width) { return std::max(width / 2, 1); }
 

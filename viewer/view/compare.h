@@ -6,19 +6,18 @@
 #include <glm/glm.hpp>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "core/image/image.h"
 #include "core/model/camera.h"
+#include "core/system/names.h"
 
 namespace tg {
 
 // side: both beside each other, each at half the width. wipe: one left of the divider, the other right of it. flicker:
 // one after the other. difference: how far they are apart at every pixel.
 enum class CompareMode { off, side, wipe, flicker, difference };
-std::string_view name(CompareMode mode);  // "off", "side", ...
-std::optional<CompareMode> parseCompareMode(std::string_view text);
+constexpr auto namesOf(CompareMode) { return enumNames("off", "side", "wipe", "flicker", "difference"); }
 
 constexpr float kMaxGain = 64;
 constexpr double kFastestFlicker = 0.1, kSlowestFlicker = 5;  // [s] that each picture stays

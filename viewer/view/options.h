@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/names.h"
 #include "render/renderer.h"
 #include "viewer/view/camera_controller.h"
 #include "viewer/view/compare.h"
@@ -16,6 +17,7 @@ namespace tg {
 // automatic: Vulkan on a GPU, else OpenGL on a GPU, else the CPU renderer: where these run on the CPU themselves, they
 // are slower.
 enum class Backend { automatic, vulkan, opengl, cpu };
+constexpr auto namesOf(Backend) { return enumNames("auto", "vulkan", "opengl", "cpu"); }
 
 // What the command line asks for, in a window or to a file.
 struct ViewOptions {
@@ -29,12 +31,9 @@ struct ViewOptions {
   bool follow = false;           // the model is a file or a run folder that changes
   std::string camera;            // "": the model's first test camera, else the whole model in view
   Output show = Output::final;
-  TextureMode textures = TextureMode::rgba;
-  std::optional<IntersectionModel> intersection;  // default: the model's
-  RenderSettings settings;                        // order, filters, scales, degree, near plane, crop box
-  float exposure = 0;                             // [stops]
-  std::optional<glm::ivec2> size;                 // default: the camera's
-  std::optional<glm::vec3> background;            // default: the model's
+  RenderSettings settings;              // all but outputs and background
+  std::optional<glm::ivec2> size;       // default: the camera's
+  std::optional<glm::vec3> background;  // default: the model's
   Backend backend = Backend::automatic;
   std::string device;  // a number of --list-devices, or part of a device's name
   bool validation = false;

@@ -11,7 +11,6 @@
 #include "core/file/json.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
-#include "viewer/view/parse.h"
 
 namespace tg {
 namespace {
@@ -20,11 +19,10 @@ constexpr std::uint64_t kMaxSessionBytes = std::uint64_t{64} << 20;
 constexpr int kSessionVersion = 1;
 constexpr double kMinSpeed = 0.02, kMaxSpeed = 20;  // the panel's
 
-// What `parse` makes of the text of a member.
-template <typename T>
-T named(const JsonNode& json, const char* key, std::optional<T> (*parse)(std::string_view)) {
+template <Named T>
+T named(const JsonNode& json, const char* key) {
   const std::string text = json.string(key);
-  const std::optional<T> value = parse(text);
+  const std::optional<T> value = parse<T>(text);
   if (!value) json.fail(std::string("\"") + key + "\": unknown name \"" + text + "\"");
   return *value;
 }
@@ -77,9 +75,11 @@ Session parseSession(const std::string& json, const std::string& file) {
     object.fail("\"window\": expected sides of 1 to " + std::to_string(kMaxImageSide));
   session.window = {static_cast<int>(width), static_cast<int>(height)};
   session.panel = object.boolean("panel");
-  session.tab = named<Tab>(object, "tab", parseTab);
-  session.output = named<Output>(object, "output", parseOutput);
-  session.textures = parseTextures(object.string("textures"), file + ": \"textures\"");
+  session.tab = named<Tab>(object, "tab");
+  session.output = named<Output>(object, "output");
+  RenderSettings settings;
+  renderSetting("textures").set(settings, object.string("textures"), file + ": \"textures\"");
+  session.textures = settings.textures;
   session.speed = std::clamp(object.number("speed"), kMinSpeed, kMaxSpeed);
   session.fly = object.boolean("fly");
   for (const nlohmann::json& path : object.list("recent", kMaxRecentFiles)) {

@@ -57,8 +57,6 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene) {
 
 RenderSettings settingsFor(const ViewOptions& options, glm::vec3 background) {
   RenderSettings settings = options.settings;
-  settings.textures = options.textures;
-  settings.intersection = options.intersection;
   settings.background = options.background.value_or(background);
   settings.outputs = {options.show};
   return settings;

@@ -3,7 +3,6 @@
 #include "viewer/view/state.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "core/system/assert.h"
@@ -14,7 +13,6 @@ namespace tg {
 namespace {
 
 constexpr double kNoticeSeconds = 3;
-constexpr std::array<std::string_view, kTabs> kTabNames = {"view", "camera", "path", "inspect", "time"};
 
 // Leaves out that share of the means at either end of every axis.
 CropBox boxOfMeans(const Scene& scene, double share) {
@@ -36,14 +34,6 @@ CropBox boxOfMeans(const Scene& scene, double share) {
 
 }  // namespace
 
-std::string_view name(Tab tab) { return kTabNames.at(static_cast<std::size_t>(tab)); }
-
-std::optional<Tab> parseTab(std::string_view text) {
-  const auto found = std::find(kTabNames.begin(), kTabNames.end(), text);
-  if (found == kTabNames.end()) return std::nullopt;
-  return static_cast<Tab>(found - kTabNames.begin());
-}
-
 glm::dvec3 upOf(const ViewerState& state) { return upOf(state.camera.up, state.scene.up); }
 
 RenderSettings effectiveSettings(const ViewerState& state) {
@@ -56,6 +46,11 @@ RenderSettings effectiveSettings(const ViewerState& state) {
     const glm::vec3 mean = state.scene.model->mean[*picked];
     settings.crop = CropBox{mean, mean};  // a box around nothing but its mean
   }
+  return settings;
+}
+
+RenderSettings shownSettings(const ViewerState& state, RenderSettings settings) {
+  if (!settings.intersection) settings.intersection = state.scene.intersection;
   return settings;
 }
 

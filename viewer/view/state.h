@@ -6,9 +6,9 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
+#include "core/system/names.h"
 #include "render/reference/inspect.h"
 #include "render/renderer.h"
 #include "viewer/view/camera_controller.h"
@@ -76,22 +76,16 @@ struct DisplayState {
   Output output = Output::final;
   RenderSettings settings;         // all but outputs and crop, which effectiveSettings fills in
   bool textures_held_off = false;  // the A/B key is down
-  float exposure = 0;              // [stops] of final and base
   bool crop = false;               // only what lies in the box is drawn
   CropBox box;                     // world; shown as lines while it crops
   double resolution = 1;           // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
 };
 constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
 constexpr double kMinResolution = 0.1, kMaxResolution = 2;
-constexpr float kMaxExposure = 10;  // [stops] either way
-constexpr float kMaxScale = 10;     // of opacities and sigmas
-constexpr float kMinSplatScale = 0.01f;
 
 // The pages of the panel.
 enum class Tab { view, camera, path, inspect, time };
-constexpr int kTabs = 5;
-std::string_view name(Tab tab);  // "view", "camera", ...
-std::optional<Tab> parseTab(std::string_view text);
+constexpr auto namesOf(Tab) { return enumNames("view", "camera", "path", "inspect", "time"); }
 
 struct UiState {
   bool panel = true;
@@ -143,6 +137,8 @@ struct ViewerState {
 glm::dvec3 upOf(const ViewerState& state);  // what the horizon is kept by
 // What a frame is drawn with.
 RenderSettings effectiveSettings(const ViewerState& state);
+// The same settings, but with what they leave to the model.
+RenderSettings shownSettings(const ViewerState& state, RenderSettings settings);
 
 // The picture's size on an area of the window, at most kMaxImageSide a side.
 glm::ivec2 drawnSize(const ViewerState& state, glm::ivec2 area);

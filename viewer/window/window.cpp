@@ -293,7 +293,7 @@ void Viewer::handleEvents() {
   for (const auto& [key, shift] : events.keys) {
     if (ImGui::GetIO().WantTextInput) break;
     if (key == kKeyEscape && popupIsOpen()) continue;  // closes the list, not the viewer
-    if (const auto action = actionOf(key, shift)) apply(state_, *action);
+    pressKey(state_, key, shift);
   }
   state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
                                         events.dropped.end());
@@ -384,12 +384,8 @@ glm::ivec2 Viewer::pictureSize() const {
 
 PictureRequest Viewer::request(glm::ivec2 size) const {
   std::string ignored;
-  return {state_.scene.model,
-          toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
-          effectiveSettings(state_),
-          state_.display.output,
-          comparison_.other(state_, ignored),
-          state_.display.exposure};
+  return {state_.scene.model, toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+          effectiveSettings(state_), state_.display.output, comparison_.other(state_, ignored)};
 }
 
 bool Viewer::complete() const {

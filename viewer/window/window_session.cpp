@@ -23,9 +23,7 @@ void WindowSession::start(ViewerState& state) const {
   state.display.settings = options_.settings;
   state.display.settings.crop.reset();  // set with the model
   state.display.output = kept && !options_.show_given ? session.output : options_.show;
-  state.display.settings.textures = kept && !options_.textures_given ? session.textures : options_.textures;
-  state.display.settings.intersection = options_.intersection;
-  state.display.exposure = options_.exposure;
+  if (kept && !options_.textures_given) state.display.settings.textures = session.textures;
 }
 
 void WindowSession::adopt(ViewerState& state, Scene scene) {

@@ -109,12 +109,12 @@ TEST_CASE("a valid model passes, and each broken promise is named with its first
 TEST_CASE("mode names are read back") {
   for (unsigned i = 0; i < 4; ++i) {
     const auto mode = static_cast<tg::TextureMode>(i);
-    REQUIRE(tg::parseTextureMode(tg::name(mode)) == mode);
+    REQUIRE(tg::parse<tg::TextureMode>(tg::name(mode)) == mode);
   }
   for (unsigned i = 0; i < 2; ++i) {
     const auto model = static_cast<tg::IntersectionModel>(i);
-    REQUIRE(tg::parseIntersectionModel(tg::name(model)) == model);
+    REQUIRE(tg::parse<tg::IntersectionModel>(tg::name(model)) == model);
   }
-  REQUIRE_FALSE(tg::parseTextureMode("RGBA"));
-  REQUIRE_FALSE(tg::parseIntersectionModel(""));
+  REQUIRE_FALSE(tg::parse<tg::TextureMode>("RGBA"));
+  REQUIRE_FALSE(tg::parse<tg::IntersectionModel>(""));
 }

@@ -12,12 +12,13 @@
 #include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
+#include "viewer/keys.h"
 #include "viewer/model/open_models.h"
-#include "viewer/view/actions.h"
 #include "viewer/view/state.h"
 
 using namespace tg;
 using Catch::Matchers::Contains;
+using test::press;
 
 namespace {
 
@@ -77,11 +78,11 @@ TEST_CASE("several models open in their order, the last one is shown, and keys g
   ViewerState& state = window.state;
   REQUIRE(state.documents.open.size() == 3);
   CHECK(state.scene.gaussians == 5);
-  apply(state, *actionOf(kKeyPageDown, false));
+  press(state, kKeyPageDown);
   window.settle();
   CHECK(state.scene.gaussians == 3);
   CHECK(state.scene.model->size() == 3);
-  apply(state, *actionOf(kKeyPageUp, false));
+  press(state, kKeyPageUp);
   window.settle();
   CHECK(state.scene.gaussians == 5);
 }
@@ -122,12 +123,12 @@ TEST_CASE("closing shows a neighbour, closing the last one leaves nothing to dra
   window.settle();
   window.open(folder / "b.tgz");
   ViewerState& state = window.state;
-  apply(state, Action::closeDocument);
+  press(state, kKeyDelete);
   window.settle();
   REQUIRE(state.documents.open.size() == 1);
   CHECK(state.documents.shown == 0);
   CHECK(state.scene.gaussians == 3);
-  apply(state, Action::closeDocument);
+  press(state, kKeyDelete);
   window.settle();
   CHECK(state.documents.open.empty());
   CHECK_FALSE(state.scene.model);
@@ -194,7 +195,7 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   window.settle();
   ViewerState& state = window.state;
   state.loading.active = true;
-  apply(state, *actionOf(kKeyEscape, false));
+  press(state, kKeyEscape);
   CHECK(state.loading.cancel);
   CHECK_FALSE(state.quit);
   // A list of files is dropped as a whole.
@@ -203,6 +204,6 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   window.settle();
   CHECK(state.scene.gaussians <= 4);
   CHECK(state.messages.error.empty());
-  apply(state, *actionOf(kKeyEscape, false));
+  press(state, kKeyEscape);
   CHECK(state.quit);
 }

@@ -205,8 +205,8 @@ TEST_CASE("an axis as up: by name and back, and the view keeps its pivot under i
   CHECK(upOf(UpAxis::plusX, cameras_up) == glm::dvec3(1, 0, 0));
   CHECK(upOf(UpAxis::minusY, cameras_up) == glm::dvec3(0, -1, 0));
   CHECK(upOf(UpAxis::plusZ, cameras_up) == glm::dvec3(0, 0, 1));
-  for (int i = 0; i < kUpAxes; ++i) CHECK(parseUpAxis(name(static_cast<UpAxis>(i))) == static_cast<UpAxis>(i));
-  CHECK_FALSE(parseUpAxis("z"));
+  for (const UpAxis axis : valuesOf<UpAxis>()) CHECK(parse<UpAxis>(name(axis)) == axis);
+  CHECK_FALSE(parse<UpAxis>("z"));
   const ViewPose pose = levelPose({0, -1, 0}, {3, 1, 2}, {0.5, 0, 0});
   const ViewPose other = leveled(pose, {0, 0, 1});
   CHECK(other.position == pose.position);

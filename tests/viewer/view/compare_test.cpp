@@ -41,9 +41,9 @@ Camera camera(int width, int height) { return lookAt({0, 0, -4}, {0, 0, 0}, {0, 
 TEST_CASE("mode names come back from text") {
   for (CompareMode mode :
        {CompareMode::off, CompareMode::side, CompareMode::wipe, CompareMode::flicker, CompareMode::difference}) {
-    CHECK(parseCompareMode(name(mode)) == mode);
+    CHECK(parse<CompareMode>(name(mode)) == mode);
   }
-  CHECK_FALSE(parseCompareMode("both"));
+  CHECK_FALSE(parse<CompareMode>("both"));
 }
 
 TEST_CASE("side by side keeps every pixel of both, a wipe takes each side of the divider from its own") {

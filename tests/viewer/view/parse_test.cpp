@@ -3,7 +3,9 @@
 #include "viewer/view/parse.h"
 
 #include "core/system/error.h"
+#include "render/settings.h"
 #include "support/catch.h"
+#include "viewer/view/camera_controller.h"
 
 using namespace tg;
 
@@ -15,50 +17,18 @@ TEST_CASE("sizes: both numbers, whole, in range") {
   }
 }
 
-TEST_CASE("colours: three numbers in [0,1] or a name") {
-  CHECK(parseColor("white", "--background") == glm::vec3(1));
-  CHECK(parseColor("black", "--background") == glm::vec3(0));
-  CHECK(parseColor("0.25,0.5,1", "--background") == glm::vec3(0.25f, 0.5f, 1));
-  for (const char* bad : {"", "red", "1", "1,1", "1,1,", ",,", "1,1,1,1", "2,0,0", "-0.1,0,0", "nan,0,0", "inf,0,0"}) {
-    CHECK_THROWS_AS(parseColor(bad, "--background"), Error);
-  }
-}
-
-TEST_CASE("names: a wrong one says what was expected") {
-  CHECK(parseTextures("off", "--textures") == TextureMode::none);
-  CHECK(parseTextures("rgb", "--textures") == TextureMode::rgb);
-  CHECK(parseIntersection("plane", "--intersection") == IntersectionModel::plane);
-  CHECK(parseShow("count", "--show") == Output::count);
-  CHECK_THROWS_WITH(parseShow("colour", "--show"),
-                    "--show: expected final, base, texture, alpha, depth, normal, count, depth-median, overdraw, "
-                    "ellipsoids, centers or texel-density, found \"colour\"");
-  CHECK_THROWS_AS(parseTextures("on", "--textures"), Error);
-  CHECK_THROWS_AS(parseNumber("1 2", "fov"), Error);
-  CHECK_THROWS_AS(parseNumber("nan", "fov"), Error);
-}
-
-TEST_CASE("settings: names, ranges and boxes") {
-  CHECK(parseOrder("per-pixel", "--sort") == SplatOrder::perPixel);
-  CHECK(parseFilter("footprint", "--texture-filter") == TextureFilter::footprint);
-  CHECK(parseAntialias("screen", "--antialiasing") == Antialiasing::screen);
-  CHECK(parseUp("-y", "--up") == UpAxis::minusY);
-  CHECK(parseDegree("2", "--sh-degree") == 2);
+TEST_CASE("pixels, numbers and names: a wrong one says what was expected") {
   CHECK(parsePixel("3,40", "--inspect") == glm::ivec2(3, 40));
-  const CropBox box = parseCrop("1,-2,3,0.5,2,-3", "--crop");
-  CHECK(box.min == glm::vec3(0.5f, -2, -3));
-  CHECK(box.max == glm::vec3(1, 2, 3));
-  CHECK_THROWS_WITH(parseOrder("pixel", "--sort"), "--sort: expected global or per-pixel, found \"pixel\"");
-  CHECK_THROWS_AS(parseFilter("nearest", "--texture-filter"), Error);
-  CHECK_THROWS_AS(parseAntialias("on", "--antialiasing"), Error);
-  for (const char* bad : {"", "1,2,3", "1,2,3,4,5,", "1,2,3,4,5,x", "1,2,3,4,5,6,7", "1,2,3,4,5,inf"})
-    CHECK_THROWS_AS(parseCrop(bad, "--crop"), Error);
-  for (const char* bad : {"4", "-1", "1.5", ""}) CHECK_THROWS_AS(parseDegree(bad, "--sh-degree"), Error);
   for (const char* bad : {"", "3", "3,", "-1,2", "1,2,3", "1.5,2"})
     CHECK_THROWS_AS(parsePixel(bad, "--inspect"), Error);
-  CHECK_THROWS_AS(parseSplatScale("0", "--splat-scale"), Error);
-  CHECK_THROWS_AS(parseScale("-1", "--opacity-scale"), Error);
-  CHECK_THROWS_AS(parseNear("0", "--near"), Error);
-  CHECK_THROWS_AS(parseExposure("11", "--exposure"), Error);
+  CHECK(parse<Output>("count", "--show") == Output::count);
+  CHECK_THROWS_WITH(parse<Output>("colour", "--show"),
+                    "--show: expected final, base, texture, alpha, depth, normal, count, depth-median, overdraw, "
+                    "ellipsoids, centers or texel-density, found \"colour\"");
+  CHECK(parse<UpAxis>("-y", "--up") == UpAxis::minusY);
+  CHECK_THROWS_WITH(parse<UpAxis>("y", "--up"), "--up: expected cameras, +x, -x, +y, -y, +z or -z, found \"y\"");
+  CHECK_THROWS_AS(parseNumber("1 2", "fov"), Error);
+  CHECK_THROWS_AS(parseNumber("nan", "fov"), Error);
 }
 
 TEST_CASE("a camera's number must exist") {

@@ -178,7 +178,7 @@ TEST_CASE("the turntable turns by its speed, another up axis keeps position and 
   CHECK(std::abs(std::remainder(state.camera.pose.yaw - yaw - state.camera.turntable_speed, 6.283185307179586)) < 1e-9);
   CHECK(glm::length(state.camera.pose.pivot() - pivot) < 1e-9);
   const glm::dvec3 position = state.camera.pose.position;
-  for (int i = 0; i < kUpAxes; ++i) {
+  for (int i = 0; i < kCount<UpAxis>; ++i) {
     press(state, 'U');
     CHECK(state.camera.pose.position == position);
     CHECK(glm::length(state.camera.pose.pivot() - pivot) < 1e-9);

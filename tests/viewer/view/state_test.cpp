@@ -58,7 +58,8 @@ TEST_CASE("no key has two meanings, and every listed key has a text") {
     CHECK((*binding.keys == 0) == (*binding.text == 0));
     for (char fly : std::string("WASDQEZX")) CHECK(binding.key != fly);
   }
-  CHECK_FALSE(actionOf('W', false));
+  ViewerState state = stateWithCameras(1);
+  CHECK_FALSE(pressKey(state, 'W', false));
 }
 
 TEST_CASE("the number keys choose the output") {

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a frame holds and how it is drawn: every choice by name, with its unit, as flags, scripts and panels share it.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <initializer_list>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/model/model.h"
+#include "core/system/names.h"
+#include "shared/limits.h"
+
+namespace tg {
+
+// Values equal kOutput* of shaders/shared/limits.h.
+enum class Output : unsigned {
+  final = 0,
+  base = 1,
+  texture = 2,
+  alpha = 3,
+  depth = 4,  // expected
+  normal = 5,
+  count = 6,
+  depthMedian = 7,
+  overdraw = 8,
+  ellipsoids = 9,
+  centers = 10,
+  texelDensity = 11,
+};
+constexpr auto namesOf(Output) {
+  return enumNames("final", "base", "texture", "alpha", "depth", "normal", "count", "depth-median", "overdraw",
+                   "ellipsoids", "centers", "texel-density");
+}
+constexpr unsigned kOutputKinds = kCount<Output>;
+
+class OutputSet {
+ public:
+  constexpr OutputSet() = default;
+  constexpr OutputSet(std::initializer_list<Output> outputs) {
+    for (Output output : outputs) bits_ |= bit(output);
+  }
+  constexpr bool has(Output output) const { return (bits_ & bit(output)) != 0; }
+  constexpr bool hasAny(OutputSet others) const { return (bits_ & others.bits_) != 0; }
+  constexpr bool hasAll(OutputSet others) const { return (others.bits_ & ~bits_) == 0; }
+  constexpr OutputSet operator|(OutputSet other) const { return OutputSet(bits_ | other.bits_); }
+  constexpr bool operator==(const OutputSet&) const = default;
+
+ private:
+  constexpr explicit OutputSet(std::uint32_t bits) : bits_(bits) {}
+  static constexpr std::uint32_t bit(Output output) { return 1u << static_cast<unsigned>(output); }
+  std::uint32_t bits_ = 0;
+};
+// What blending yields anyway, and what every backend gives.
+constexpr OutputSet kBlendedOutputs = {Output::final, Output::base,   Output::texture, Output::alpha,
+                                       Output::depth, Output::normal, Output::count};
+
+// In what order a pixel's splats are blended: by the camera z of their means, one order for all pixels; or by that of
+// the pixel's own hits, so that nothing pops when the camera turns (docs/math.md 5.1).
+enum class SplatOrder { global, perPixel };
+constexpr auto namesOf(SplatOrder) { return enumNames("global", "per-pixel"); }
+// bilinear, or faded to the texture's mean as its texels get smaller than a pixel (docs/math.md 3.1).
+enum class TextureFilter { bilinear, footprint };
+constexpr auto namesOf(TextureFilter) { return enumNames("bilinear", "footprint"); }
+// screen: no Gaussian is narrower than about a pixel, and its opacity makes up for it (docs/math.md 1.4).
+enum class Antialiasing { off, screen };
+constexpr auto namesOf(Antialiasing) { return enumNames("off", "screen"); }
+
+// World space, faces included.
+struct CropBox {
+  glm::vec3 min{0.0f};
+  glm::vec3 max{0.0f};
+  bool operator==(const CropBox&) const = default;
+};
+
+// settings.cpp has a row for each member, and does not compile before it knows a new one.
+struct RenderSettings {
+  TextureMode textures = TextureMode::rgba;       // switches terms off; what counts is model mode AND this
+  std::optional<IntersectionModel> intersection;  // default: the model's
+  glm::vec3 background{0.0f};
+
+  OutputSet outputs = kBlendedOutputs;  // what the frame must hold; asking for the picture alone is the fastest
+  SplatOrder order = SplatOrder::global;
+  TextureFilter texture_filter = TextureFilter::bilinear;
+  Antialiasing antialiasing = Antialiasing::off;
+  float opacity_scale = 1.0f;   // >= 0: on the opacity after the sigmoid; the product is cut at 1
+  float splat_scale = 1.0f;     // > 0: on every sigma
+  int max_sh_degree = 3;        // 0..3: higher bands of the model are left out
+  float near = kNear;           // [world units] > 0: no mean and no hit at or before this camera z is drawn
+  std::optional<CropBox> crop;  // Gaussians whose mean lies outside are not drawn
+  float exposure = 0.0f;        // [stops] of final and base where they become pictures: visualize(), never of a frame
+
+  bool operator==(const RenderSettings&) const = default;
+};
+// Throws Error(usage) naming the first member that breaks a promise above. Every backend calls it.
+void checkSettings(const RenderSettings& settings);
+
+// One member of RenderSettings. Values travel as text: numbers in the C locale, enumerators by name.
+struct RenderSetting {
+  // A value as a button of the panel.
+  struct Choice {
+    std::string_view name;  // the value as text
+    const char* label;
+    const char* help;  // nullptr: the panel knows more
+  };
+  // A number as a slider of the panel; text may be beyond its ends.
+  struct Slider {
+    const char* format = "";  // printf's, of the number
+    const char* help = "";
+    float low = 0, high = 0;
+    bool logarithmic = false;
+  };
+
+  std::string_view name;   // of the flag, without --, and of the script's command
+  std::string_view unit;   // "" for names and pure numbers
+  std::string help;        // of the flag
+  std::string_view title;  // in errors: what is out of range, or not supported; "": neither can be
+  std::function<std::string(const RenderSettings&)> get{};  // "": the model's, or none
+  // Throws Error(usage): `what: expected X, found "text"`.
+  std::function<void(RenderSettings&, const std::string& text, const std::string& what)> set{};
+  std::function<void(const RenderSettings&)> check{};  // the part of checkSettings(); empty: there is none
+  std::string_view section{};                          // heading in the panel; "": widgets of its own
+  std::vector<Choice> choices{};                       // in the enumeration's order
+  float RenderSettings::* number = nullptr;            // what the slider moves, or
+  int RenderSettings::* whole = nullptr;
+  Slider slider{};
+};
+// In the order of the help.
+const std::vector<RenderSetting>& renderSettings();
+const RenderSetting& renderSetting(std::string_view name);  // throws Error(usage) for another name
+
+std::string texturesName(TextureMode mode);                           // as --textures has it: "off" instead of "none"
+CropBox parseCrop(const std::string& text, const std::string& what);  // x0,y0,z0,x1,y1,z1; either corner first
+
+// For what has no gradient: training and the backward pass. Throws Error(usage) naming the first output outside of
+// `outputs`, or the first setting with a title that is not its default.
+void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend);
+
+}  // namespace tg
