@@ -96,7 +96,7 @@ glm::vec4 rotationFrom4(std::span<const std::uint8_t> from) {
 GaussianModel decode(const SpzHeader& header, const Streams& streams) {
   GaussianModel model;
   const std::size_t n = header.count;
-  resizeGaussians(model, n, std::min(header.sh_degree, kMaxDegree));
+  resizeGaussians(model, n, std::min(header.sh_degree, kMaxModelDegree));
   const std::size_t coefficients = model.shCount();
   const std::size_t stored = static_cast<std::size_t>((header.sh_degree + 1) * (header.sh_degree + 1) - 1);
   const std::size_t rotation_bytes = header.version == 2 ? 3 : 4;

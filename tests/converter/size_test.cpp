@@ -19,7 +19,7 @@ using tg::test::SceneKind;
 
 namespace {
 
-std::uint64_t texelsOf(const GaussianModel& model) { return model.atlas.texels.size(); }
+std::uint64_t texelCountOf(const GaussianModel& model) { return model.atlas.texels.size(); }
 
 // Texels as a bundle stores them.
 void roundToHalf(GaussianModel& model) {
@@ -59,18 +59,18 @@ TEST_CASE("textures get the fewest texels that keep their error") {
   fitTexturesToError(exact, 0.0);
   checkModel(exact, "exact");
   CHECK(framePsnr(before, referenceFrame(exact, scene.camera)) > 100.0);
-  std::uint64_t texels = texelsOf(exact);
+  std::uint64_t texels = texelCountOf(exact);
   double last = 1e9;
   for (const double error : {0.02, 0.1, 10.0}) {
     GaussianModel model = scene.model;
     fitTexturesToError(model, error);
     checkModel(model, "model");
     const double psnr = framePsnr(before, referenceFrame(model, scene.camera));
-    CAPTURE(error, psnr, texelsOf(model), texels);
-    CHECK(texelsOf(model) < texels);
+    CAPTURE(error, psnr, texelCountOf(model), texels);
+    CHECK(texelCountOf(model) < texels);
     CHECK(psnr < last);
     CHECK(psnr > -20.0 * std::log10(error));  // errors of textures add up to no more than that here
-    texels = texelsOf(model);
+    texels = texelCountOf(model);
     last = psnr;
   }
   CHECK(texels == 0);
@@ -83,7 +83,7 @@ TEST_CASE("textures get the fewest texels that keep their error") {
   }
   const FrameT<double> flat_before = referenceFrame(flat, scene.camera);
   fitTexturesToError(flat, 1e-5);
-  CHECK(texelsOf(flat) == 0);
+  CHECK(texelCountOf(flat) == 0);
   CHECK(framePsnr(flat_before, referenceFrame(flat, scene.camera)) >
         45.0);  // textures end at 3 sigma, the base does not
 }
@@ -98,15 +98,15 @@ TEST_CASE("a texel budget is kept and spent where pictures show it") {
   GaussianModel uniform = sample.model;
   resizeTextures(uniform, 2, 2);
   GaussianModel adaptive = sample.model;
-  fitTexturesToBudget(adaptive, texelsOf(uniform), views);
+  fitTexturesToBudget(adaptive, texelCountOf(uniform), views);
   checkModel(adaptive, "adaptive");
-  CHECK(texelsOf(adaptive) <= texelsOf(uniform));
-  CHECK(texelsOf(adaptive) > texelsOf(uniform) * 9 / 10);
+  CHECK(texelCountOf(adaptive) <= texelCountOf(uniform));
+  CHECK(texelCountOf(adaptive) > texelCountOf(uniform) * 9 / 10);
   CAPTURE(psnr(adaptive), psnr(uniform));
   CHECK(psnr(adaptive) > psnr(uniform) + 3.0);
   GaussianModel none = sample.model, all = sample.model;
   fitTexturesToBudget(none, 0, views);
-  CHECK(texelsOf(none) == 0);
+  CHECK(texelCountOf(none) == 0);
   fitTexturesToBudget(all, 1u << 30, views);
   CHECK(psnr(all) > 70.0);
 }

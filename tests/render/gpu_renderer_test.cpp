@@ -7,6 +7,7 @@
 #include <limits>
 #include <span>
 
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "gpu_device.h"
 #include "render/reference/reference.h"

@@ -69,9 +69,9 @@ Frame rounded(const FrameT<double>& exact) {
 
 std::vector<Backend> drawnByAll(const View& view, const RenderSettings& settings) {
   std::vector<Backend> backends;
-  const auto add = [&](const std::string& name, Renderer& renderer) {
+  const auto add = [&](std::string_view name, Renderer& renderer) {
     renderer.setModel(view.bundle.model);
-    backends.push_back({name, renderer.render(view.camera, settings)});
+    backends.push_back({std::string(name), renderer.render(view.camera, settings)});
   };
   backends.push_back({"reference", rounded(renderReference(ReferenceModel(view.bundle.model), view.camera, settings))});
   add("cpu", *makeCpuRenderer());

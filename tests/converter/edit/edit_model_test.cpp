@@ -14,6 +14,7 @@
 #include "converter/edits.h"
 #include "converter/gltf/fallback.h"
 #include "core/bundle/bundle.h"
+#include "core/model/verbs.h"
 #include "shared/texture.h"
 #include "support/catch.h"
 

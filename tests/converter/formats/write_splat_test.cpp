@@ -9,6 +9,7 @@
 #include "converter/formats/read_splat.h"
 #include "converter/scratch.h"
 #include "core/bundle/bundle.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/scenes.h"

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "converter/formats/read_spz.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/scenes.h"

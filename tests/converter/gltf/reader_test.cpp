@@ -9,6 +9,7 @@
 #include "converter/registry/read_model.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
+#include "core/model/verbs.h"
 #include "support/catch.h"
 
 using namespace tg;

@@ -11,6 +11,7 @@
 #include "converter/scratch.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
+#include "core/model/verbs.h"
 #include "support/catch.h"
 
 using namespace tg;

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "core/system/error.h"
+#include "core/tiny_model.h"
 #include "support/catch.h"
-#include "tiny_model.h"
 
 using Catch::Contains;
 

@@ -110,7 +110,7 @@ TEST_CASE("transparent Gaussians are pruned, large ones only once asked to", "[d
   tg::DensityStatistics copy = statistics;
   CHECK(tg::densify(early, copy, {}, random).pruned == 1);
   CHECK(positions(early) == std::vector<float>{1, 2, 3, 4});
-  CHECK(early.mean.first[0] == 2);
+  CHECK(early.moments.mean.first[0] == 2);
   tg::DensifySettings settings;
   settings.prune_large = true;
   CHECK(tg::densify(state, statistics, settings, random).pruned == 3);
