@@ -3,7 +3,7 @@ option(TG_UNITY "Compile the sources of a target in batches: a cold build takes 
 set(CMAKE_UNITY_BUILD ${TG_UNITY})
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 8)
 
-# -O2 but for kernels: a tenth of the compile time, and no program is slower for it.
+# -O2 where nobody asks for more or less (tg_optimize).
 string(REPLACE "-O3" "-O2" CMAKE_CXX_FLAGS_RELEASE "${CMAKE_CXX_FLAGS_RELEASE}")
 
 # tg_add_alone(TARGET FILE...): sources that no batch can hold, since they set up headers that another wants otherwise.
@@ -19,10 +19,11 @@ function(tg_add_kernels target)
   set_source_files_properties(${ARGN} TARGET_DIRECTORY ${target} PROPERTIES COMPILE_OPTIONS "$<$<CONFIG:Release>:-O3>")
 endfunction()
 
-# tg_compile_lightly(TARGET...): -O1 for what reads flags, prints or checks, and is done in no time: CLI11 and Catch2 cost the
+# tg_optimize(LEVEL TARGET...): another level than -O2 for a release of these targets: 3 where loops over pixels, Gaussians or
+# texels take a program's time, 1 for what reads flags, draws widgets or checks, since CLI11, Dear ImGui and Catch2 cost the
 # optimizer more than a program can win.
-function(tg_compile_lightly)
+function(tg_optimize level)
   foreach(target ${ARGN})
-    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+    target_compile_options(${target} PRIVATE $<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:-O${level}>)
   endforeach()
 endfunction()
