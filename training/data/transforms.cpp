@@ -80,7 +80,7 @@ Lens readLens(const JsonNode& top, const JsonNode& frame) {
 }
 
 // World-to-camera in OpenCV axes from camera-to-world in OpenGL axes (x right, y up, looks down -z).
-void setPose(const JsonNode& top, const JsonNode& frame, Camera& camera) {
+void setPose(const JsonNode& frame, Camera& camera) {
   const auto found = frame.value.find("transform_matrix");
   if (found == frame.value.end() || !found->is_array() || (found->size() != 4 && found->size() != 3)) {
     frame.fail("expected a 4 x 4 'transform_matrix'");
@@ -205,7 +205,7 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
       entry.mask = folder / portable(folder, mask->get<std::string>());
     }
     setIntrinsics(top, frame, entry);
-    setPose(top, frame, entry.camera);
+    setPose(frame, entry.camera);
     index.entries.push_back(std::move(entry));
   }
 }

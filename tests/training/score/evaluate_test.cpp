@@ -108,7 +108,8 @@ TEST_CASE("the report says what was measured and how", "[evaluate]") {
   report.gaussians = 7;
   report.parameters = 1'500'000;
   report.bytes = 42;
-  tg::EvalReport::Views& views = report.views.emplace();
+  report.views = tg::EvalReport::Views{};
+  tg::EvalReport::Views& views = *report.views;
   views.dataset = "fox";
   views.split = "test";
   views.asked = 3;
