@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"

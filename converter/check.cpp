@@ -47,12 +47,7 @@ void tryRead(const Format& format, const std::filesystem::path& path, bool base_
 
 Json toJson(const std::vector<Finding>& findings) {
   Json list = Json::array();
-  for (const Finding& finding : findings) {
-    Json entry;
-    entry["pointer"] = finding.pointer;
-    entry["message"] = finding.message;
-    list.push_back(std::move(entry));
-  }
+  for (const Finding& finding : findings) list.push_back({{"pointer", finding.pointer}, {"message", finding.message}});
   return list;
 }
 
@@ -97,13 +92,9 @@ std::string describe(const CheckReport& report) {
 }
 
 std::string describeJson(const CheckReport& report) {
-  Json json;
-  json["file"] = report.file;
-  json["format"] = report.format;
-  json["valid"] = report.errors.empty();
-  json["gaussians"] = report.gaussians;
-  json["errors"] = toJson(report.errors);
-  json["warnings"] = toJson(report.warnings);
+  const Json json = {
+      {"file", report.file},           {"format", report.format},         {"valid", report.errors.empty()},
+      {"gaussians", report.gaussians}, {"errors", toJson(report.errors)}, {"warnings", toJson(report.warnings)}};
   return dumpJson(json, 2) + "\n";
 }
 

@@ -11,15 +11,6 @@
 #include <utility>
 
 #include "converter/formats/gaussian_blocks.h"
-#include "converter/formats/repair.h"
-#include "converter/formats/write_splat.h"
-#include "converter/formats/write_spz.h"
-#include "converter/gltf/fallback.h"
-#include "converter/gltf/write_atlas.h"
-#include "converter/gltf/write_gltf.h"
-#include "converter/html/write_html.h"
-#include "converter/registry/file_format.h"
-#include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"

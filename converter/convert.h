@@ -10,7 +10,6 @@
 #include "converter/edit/edit.h"
 #include "converter/edit/quality.h"
 #include "converter/registry/file_format.h"
-#include "converter/registry/read_model.h"
 
 namespace tg {
 

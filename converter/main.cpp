@@ -16,7 +16,6 @@
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/registry/file_format.h"
-#include "converter/registry/read_model.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"

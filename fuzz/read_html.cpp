@@ -9,8 +9,7 @@
 #include <vector>
 
 #include "converter/gltf/read_gltf.h"
-#include "converter/html/html_page.h"
-#include "converter/html/read_html.h"
+#include "converter/html/html.h"
 #include "core/system/error.h"
 
 namespace {

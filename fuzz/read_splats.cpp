@@ -2,8 +2,8 @@
 // Any bytes are an SPZ, a compressed PLY, a .splat or an Error; what was read is a sound model. The first byte chooses
 // the reader.
 #include "converter/formats/read_compressed_ply.h"
-#include "converter/formats/read_splat.h"
-#include "converter/formats/read_spz.h"
+#include "converter/formats/splat.h"
+#include "converter/formats/spz.h"
 #include "core/system/error.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

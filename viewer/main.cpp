@@ -3,16 +3,12 @@
 #include <cstdio>
 #include <optional>
 
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"
 #include "viewer/flags.h"
-#include "viewer/headless/benchmark.h"
-#include "viewer/headless/compare.h"
-#include "viewer/headless/inspect.h"
-#include "viewer/headless/record.h"
-#include "viewer/headless/render.h"
+#include "viewer/headless/headless.h"
 #include "viewer/window/window.h"
 
 namespace {

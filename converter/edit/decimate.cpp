@@ -1,21 +1,219 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fewer Gaussians for nearly the same pictures.
+// The least seen ones go, or pairs are merged by matching their moments.
 #include "converter/edit/decimate.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "converter/edit/contribution.h"
 #include "converter/edit/select.h"
+#include "converter/gltf/axes.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "shared/limits.h"
 
 namespace tg {
 namespace {
+
+constexpr std::size_t kNeighbours = 12;  // looked at along each of two space-filling curves
+constexpr double kColorPart = 4.0;       // of a pair's cost, for a squared difference of 1 in colour
+constexpr double kMostOpacity = 0.999;
+constexpr double kRoundPart = 0.2;        // of the Gaussians merged before neighbours are looked for again
+constexpr double kLeastVariance = 1e-20;  // [world units^2] where Gaussians lie on one spot
+constexpr double kLeastMass = 1e-200;
+constexpr double kUnseenPart = 1e-12;  // orders pairs that no view shows
+
+struct Moments {
+  double mass = 0.0;  // opacity times the area of the two longer axes
+  glm::dvec3 mean{0.0};
+  glm::dmat3 covariance{0.0};
+};
+
+// Of the two longer axes [world units^2], as sigmas.
+double areaOf(glm::dvec3 scale) {
+  std::sort(&scale[0], &scale[0] + 3);
+  return scale.y * scale.z;
+}
+
+Moments momentsOf(const GaussianModel& model, std::size_t i) {
+  glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
+  const glm::dvec3 scale = sigmaOf(model, i);
+  for (int k = 0; k < 3; ++k) axes[k] *= scale[k];
+  return {std::max(opacityOf(model, i) * areaOf(scale), kLeastMass), glm::dvec3(model.mean[i]),
+          axes * glm::transpose(axes)};
+}
+
+Moments merged(const Moments& a, const Moments& b) {
+  Moments m;
+  m.mass = a.mass + b.mass;
+  const double p = a.mass / m.mass, q = b.mass / m.mass;
+  m.mean = p * a.mean + q * b.mean;
+  const glm::dvec3 d = a.mean - b.mean;
+  m.covariance = p * a.covariance + q * b.covariance + p * q * glm::outerProduct(d, d);
+  return m;
+}
+
+// Eigenvalues, and eigenvectors as columns, of a symmetric matrix: cyclic Jacobi rotations.
+glm::dvec3 eigen(glm::dmat3 m, glm::dmat3& vectors) {
+  vectors = glm::dmat3(1.0);
+  for (int sweep = 0; sweep < 12; ++sweep) {
+    for (const auto& [p, q] : {std::array<int, 2>{0, 1}, {0, 2}, {1, 2}}) {
+      if (m[p][q] == 0.0) continue;
+      const double theta = 0.5 * (m[q][q] - m[p][p]) / m[p][q];
+      const double t = (theta >= 0.0 ? 1.0 : -1.0) / (std::abs(theta) + std::sqrt(theta * theta + 1.0));
+      const double c = 1.0 / std::sqrt(t * t + 1.0), s = t * c;
+      glm::dmat3 turn(1.0);
+      turn[p][p] = turn[q][q] = c;
+      turn[q][p] = s;  // column q, row p
+      turn[p][q] = -s;
+      m = glm::transpose(turn) * m * turn;
+      vectors = vectors * turn;
+    }
+  }
+  return {m[0][0], m[1][1], m[2][2]};
+}
+
+glm::dvec3 scaleOf(const Moments& moments, glm::dmat3& axes) {
+  return glm::sqrt(glm::max(eigen(moments.covariance, axes), glm::dvec3(kLeastVariance)));
+}
+
+void setMoments(GaussianModel& model, std::size_t i, const Moments& moments) {
+  glm::dmat3 axes;
+  const glm::dvec3 scale = scaleOf(moments, axes);
+  if (glm::determinant(axes) < 0.0) axes[2] = -axes[2];
+  model.mean[i] = glm::vec3(moments.mean);
+  model.rotation[i] = glm::vec4(quaternionFromMatrix(axes));
+  model.log_scale[i] = glm::vec3(glm::log(scale));
+  const double opacity = std::min(moments.mass / areaOf(scale), kMostOpacity);
+  model.opacity_logit[i] = static_cast<float>(std::log(opacity) - std::log1p(-opacity));
+}
+
+// p in [0, 1]^3 on a space-filling curve: 21 bits an axis, interleaved.
+std::uint64_t mortonCode(glm::dvec3 p) {
+  constexpr int bits = 21;
+  const glm::dvec3 scaled = glm::clamp(p, 0.0, 1.0) * static_cast<double>((1 << bits) - 1);
+  std::uint64_t code = 0;
+  for (int bit = bits - 1; bit >= 0; --bit) {
+    for (int k = 0; k < 3; ++k) code = code << 1 | (static_cast<std::uint64_t>(scaled[k]) >> bit & 1);
+  }
+  return code;
+}
+
+struct Pair {
+  double cost;
+  std::uint32_t a, b;  // a < b
+  bool operator<(const Pair& other) const {
+    if (cost != other.cost) return cost < other.cost;
+    return a != other.a ? a < other.a : b < other.b;
+  }
+};
+
+class PairMerger {
+ public:
+  PairMerger(GaussianModel& model, std::span<const Camera> views)
+      : model_(model), weights_(blendWeights(model, views)) {}
+
+  // Merges up to `most` pairs of Gaussians that are in none yet; how many.
+  std::size_t round(std::size_t most) {
+    const std::size_t n = model_.size();
+    moments_.resize(n);
+    for (std::size_t i = 0; i < n; ++i) moments_[i] = momentsOf(model_, i);
+    std::vector<Pair> pairs = candidates();
+    std::sort(pairs.begin(), pairs.end());
+    std::vector<std::uint8_t> keep(n, 1), used(n, 0);
+    std::size_t done = 0;
+    for (const Pair& pair : pairs) {
+      if (done == most) break;
+      if (used[pair.a] || used[pair.b]) continue;
+      used[pair.a] = used[pair.b] = 1;
+      keep[pair.b] = 0;
+      merge(pair);
+      ++done;
+    }
+    std::size_t to = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (keep[i]) weights_[to++] = weights_[i];
+    }
+    weights_.resize(to);
+    keepGaussians(model_, keep);
+    return done;
+  }
+
+ private:
+  // Pairs of neighbours. The second curve is shifted, so that no place lies on a corner of both.
+  std::vector<Pair> candidates() const {
+    glm::dvec3 low(moments_.front().mean), high(low);
+    for (const Moments& m : moments_) {
+      low = glm::min(low, m.mean);
+      high = glm::max(high, m.mean);
+    }
+    const glm::dvec3 size = high - low;
+    const double extent = std::max({size.x, size.y, size.z, 1e-30});
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> order;
+    std::vector<Pair> pairs;
+    for (const double shift : {0.0, 0.37}) {
+      order.clear();
+      for (std::size_t i = 0; i < moments_.size(); ++i) {
+        if (rectOf(model_, i).texelCount() != 0) continue;
+        const glm::dvec3 place = shift + 0.6 * (moments_[i].mean - low) / extent;
+        order.emplace_back(mortonCode(place), static_cast<std::uint32_t>(i));
+      }
+      std::sort(order.begin(), order.end());
+      const std::size_t first = pairs.size();
+      pairs.resize(first + order.size() * kNeighbours, Pair{0.0, 0, 0});
+      parallelFor(static_cast<std::int64_t>(order.size()), 256, [&](std::int64_t item) {
+        const std::size_t k = static_cast<std::size_t>(item);
+        for (std::size_t j = k + 1; j < std::min(order.size(), k + 1 + kNeighbours); ++j) {
+          const auto [a, b] = std::minmax(order[k].second, order[j].second);
+          pairs[first + k * kNeighbours + j - k - 1] = {cost(a, b), a, b};
+        }
+      });
+    }
+    std::erase_if(pairs, [](const Pair& pair) { return pair.a == pair.b; });
+    return pairs;
+  }
+
+  // What pictures would show of the change: how much larger the whole is than its parts, and how their colours differ,
+  // where the views show both.
+  double cost(std::size_t a, std::size_t b) const {
+    const Moments& x = moments_[a];
+    const Moments& y = moments_[b];
+    const Moments whole = merged(x, y);
+    glm::dmat3 axes;
+    const double area = areaOf(scaleOf(whole, axes));
+    const double parts = (x.mass * areaOf(sigmaOf(model_, a)) + y.mass * areaOf(sigmaOf(model_, b))) / whole.mass;
+    const double growth = std::log(std::max(area / std::max(parts, kLeastVariance), 1.0));
+    const std::size_t count = model_.shCount();
+    const glm::dvec3 color = double{kShC0} * glm::dvec3(model_.sh[a * count] - model_.sh[b * count]);
+    const double sum = weights_[a] + weights_[b];
+    const double weight = sum > 0.0 ? weights_[a] * weights_[b] / sum : 0.0;
+    return weight * (growth + kColorPart * glm::dot(color, color)) + kUnseenPart * growth;
+  }
+
+  // Into the place of pair.a.
+  void merge(const Pair& pair) {
+    const Moments whole = merged(moments_[pair.a], moments_[pair.b]);
+    const float part = static_cast<float>(moments_[pair.a].mass / whole.mass);
+    setMoments(model_, pair.a, whole);
+    const std::size_t count = model_.shCount();
+    for (std::size_t k = 0; k < count; ++k) {
+      glm::vec3& to = model_.sh[pair.a * count + k];
+      to = glm::mix(model_.sh[pair.b * count + k], to, part);
+    }
+    weights_[pair.a] += weights_[pair.b];
+  }
+
+  GaussianModel& model_;
+  std::vector<double> weights_;  // [N] of converter/edit/contribution.h
+  std::vector<Moments> moments_;
+};
 
 // Opacity times the area of the two longer axes [world units^2].
 double solidArea(const GaussianModel& model, std::size_t i) {
@@ -48,6 +246,18 @@ void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> v
   std::vector<std::uint8_t> keep(model.size(), 0);
   for (std::size_t r = 0; r < count; ++r) keep[ranks[r].gaussian] = 1;
   keepGaussians(model, keep);
+}
+
+void decimateByMerging(GaussianModel& model, std::size_t count, std::span<const Camera> views) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  if (count == 0) throw Error(ErrorKind::usage, "decimation to no Gaussians at all (expected at least 1)");
+  if (count >= model.size()) return;
+  PairMerger merger(model, views);
+  while (model.size() > count) {
+    const auto part = static_cast<std::size_t>(kRoundPart * static_cast<double>(model.size()));
+    if (merger.round(std::min(model.size() - count, std::max<std::size_t>(1, part))) == 0) break;
+  }
+  decimate(model, count, views);  // what has textures
 }
 
 }  // namespace tg

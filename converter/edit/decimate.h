@@ -13,4 +13,9 @@ namespace tg {
 // the opaque and large first. No change when there are no more than that. Throws Error(usage) for a count of 0.
 void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> views);
 
+// Leaves `count` Gaussians by merging pairs without textures, first those whose difference pictures from `views` show
+// least: one Gaussian with their mass (opacity times area), mean and covariance. Where no pair is left, as `decimate`
+// does. No change when there are no more than `count`. Throws Error(usage) for a count of 0.
+void decimateByMerging(GaussianModel& model, std::size_t count, std::span<const Camera> views);
+
 }  // namespace tg

@@ -9,13 +9,12 @@
 
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
-#include "converter/edit/merge_pairs.h"
 #include "converter/edit/quality.h"
-#include "converter/edit/reduce.h"
 #include "converter/edit/select.h"
 #include "converter/edit/texture_budget.h"
 #include "converter/edit/transform.h"
 #include "converter/gltf/axes.h"
+#include "converter/gltf/fallback.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -165,7 +164,7 @@ void texelBudget(Bundle& loaded, const Edit& edit) {
                       contributionViews(loaded.model, loaded.cameras));
 }
 
-void noTextures(Bundle& loaded, const Edit&) { dropTextures(loaded.model); }
+void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model); }
 
 struct Command {
   EditOption option;

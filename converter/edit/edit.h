@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 
 namespace tg {
 

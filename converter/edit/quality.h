@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 
 namespace tg {
 

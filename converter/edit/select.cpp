@@ -65,37 +65,17 @@ constexpr std::array<Field, 13> kFields = {{
     {"blue", [](const GaussianModel& m, std::size_t i) { return baseColor(m, i, 2); }},
 }};
 
-enum class Relation { less, lessEqual, greater, greaterEqual, equal, notEqual };
-
-struct RelationName {
+struct Relation {
   std::string_view text;
-  Relation relation;
+  bool (*holds)(double a, double b);
 };
 // Longer ones first: "<" is the start of "<=".
-constexpr std::array<RelationName, 6> kRelations = {{{"<=", Relation::lessEqual},
-                                                     {">=", Relation::greaterEqual},
-                                                     {"==", Relation::equal},
-                                                     {"!=", Relation::notEqual},
-                                                     {"<", Relation::less},
-                                                     {">", Relation::greater}}};
-
-bool holds(double a, Relation relation, double b) {
-  switch (relation) {
-    case Relation::less:
-      return a < b;
-    case Relation::lessEqual:
-      return a <= b;
-    case Relation::greater:
-      return a > b;
-    case Relation::greaterEqual:
-      return a >= b;
-    case Relation::equal:
-      return a == b;
-    case Relation::notEqual:
-      return a != b;
-  }
-  return false;
-}
+constexpr std::array<Relation, 6> kRelations = {{{"<=", [](double a, double b) { return a <= b; }},
+                                                 {">=", [](double a, double b) { return a >= b; }},
+                                                 {"==", [](double a, double b) { return a == b; }},
+                                                 {"!=", [](double a, double b) { return a != b; }},
+                                                 {"<", [](double a, double b) { return a < b; }},
+                                                 {">", [](double a, double b) { return a > b; }}}};
 
 // A term of "a < b < c": a number or a field.
 struct Term {
@@ -139,15 +119,14 @@ Expression parse(std::string_view expression) {
   Expression result;
   std::size_t begin = 0;
   for (std::size_t at = 0; at < text.size();) {
-    const auto relation = std::find_if(kRelations.begin(), kRelations.end(), [&](const RelationName& r) {
-      return text.compare(at, r.text.size(), r.text) == 0;
-    });
+    const auto relation = std::find_if(kRelations.begin(), kRelations.end(),
+                                       [&](const Relation& r) { return text.compare(at, r.text.size(), r.text) == 0; });
     if (relation == kRelations.end()) {
       ++at;
       continue;
     }
     result.terms.push_back(parseTerm(std::string_view(text).substr(begin, at - begin), expression));
-    result.relations.push_back(relation->relation);
+    result.relations.push_back(*relation);
     at += relation->text.size();
     begin = at;
   }
@@ -197,7 +176,7 @@ std::vector<std::uint8_t> whereValue(const GaussianModel& model, std::string_vie
   for (std::size_t i = 0; i < model.size(); ++i) {
     bool ok = true;
     for (std::size_t r = 0; r < expression.relations.size(); ++r) {
-      ok = ok && holds(expression.terms[r].of(model, i), expression.relations[r], expression.terms[r + 1].of(model, i));
+      ok = ok && expression.relations[r].holds(expression.terms[r].of(model, i), expression.terms[r + 1].of(model, i));
     }
     keep[i] = ok;
   }

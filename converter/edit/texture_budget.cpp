@@ -150,6 +150,21 @@ void giveSizes(GaussianModel& model, const std::vector<glm::ivec2>& sizes) {
 
 }  // namespace
 
+void resizeTextures(GaussianModel& model, int width, int height) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  constexpr int kMaxSide = 1024;
+  if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
+    throw Error(ErrorKind::usage, "wrong texture size (expected 1 to " + std::to_string(kMaxSide) + " a side, found " +
+                                      std::to_string(width) + " x " + std::to_string(height) + ")");
+  }
+  const TextureAtlas from = std::move(model.atlas);
+  std::vector<glm::ivec2> sizes(from.rects.size());
+  for (std::size_t i = 0; i < from.rects.size(); ++i) {
+    if (from.rects[i].texelCount() != 0) sizes[i] = {width, height};
+  }
+  model.atlas = resizedAtlas(from, sizes);
+}
+
 void fitTexturesToError(GaussianModel& model, double error) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   if (!(error >= 0.0)) throw Error(ErrorKind::usage, "wrong texture error (expected a number from 0 on)");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A texture size for every Gaussian, by what its trained texels show.
+// A texture size for every Gaussian.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -8,6 +8,12 @@
 #include "core/model/model.h"
 
 namespace tg {
+
+// Every texture that there is at width x height texels, 1 to 1024: the texture of that size that is closest in the mean
+// square over the plane, weighted with the square of the Gaussian (converter/edit/texture_fit.h).
+void resizeTextures(GaussianModel& model, int width, int height);
+
+// ---- By what its trained texels show
 
 // Sides are 1, 2, 4, 8, ... 512 texels up to the texture's own, its own, or none at all: the texture's mean goes into
 // colour and opacity then (converter/gltf/fallback.h). The error of a size is that of the best texture of it

@@ -8,7 +8,6 @@
 #include <span>
 
 #include "converter/gltf/axes.h"
-#include "converter/gltf/plane_order.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"

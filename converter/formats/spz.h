@@ -1,40 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers of the SPZ format that reader and writer share.
+// SPZ. Reads versions 2 and 3 (one gzip stream, or that stream's bytes in the clear) and 4 (a Zstandard stream an
+// attribute); writes version 3, which every SPZ reader since 2025 knows.
 #pragma once
-#include <array>
-#include <cstddef>
 #include <cstdint>
+#include <filesystem>
+#include <span>
 #include <string>
+#include <vector>
+
+#include "core/bundle/bundle.h"
 
 namespace tg {
 
-constexpr std::uint32_t kSpzMagic = 0x5053474e;  // "NGSP"
-constexpr std::size_t kSpzHeaderBytes = 16;      // versions 2 and 3, the first bytes inside the gzip stream
-constexpr std::size_t kSpz4HeaderBytes = 32;     // version 4, in the clear
-constexpr float kSpzColorScale = 0.15f;          // byte = (DC coefficient * 0.15 + 0.5) * 255
-constexpr float kSpzScaleStep = 1.0f / 16.0f;    // log scale = byte / 16 - 10
-constexpr float kSpzLowestScale = -10.0f;
-constexpr float kSpzShStep = 1.0f / 128.0f;  // SH coefficient = (byte - 128) / 128
-constexpr int kSpzRotationBits = 9;          // magnitude of a component of at most sqrt(1/2), version 3 and later
+// The numbers as stored: in practice those of the PLY the file was made from (docs/formats.md). Vendor extensions and
+// SH of degree 4 are left out with a warning. Throws Error(cannotRead / badData).
+Bundle readSpz(const std::filesystem::path& path);
+Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path);
 
-enum SpzFlags : std::uint8_t { kSpzAntialiased = 1, kSpzExtensions = 2 };
-
-// Attributes in file order.
-enum SpzStream { kSpzPositions, kSpzAlphas, kSpzColors, kSpzScales, kSpzRotations, kSpzSh, kSpzStreams };
-
-struct SpzHeader {
-  std::uint32_t version = 0;
-  std::uint32_t count = 0;
-  int sh_degree = 0;        // 0..4
-  int fractional_bits = 0;  // of the 24-bit positions
-  std::uint8_t flags = 0;
-
-  // [bytes] of each stream.
-  std::array<std::uint64_t, kSpzStreams> sizes() const {
-    const std::uint64_t n = count;
-    const std::uint64_t rest = static_cast<std::uint64_t>((sh_degree + 1) * (sh_degree + 1) - 1);
-    return {9 * n, n, 3 * n, 3 * n, (version == 2 ? 3 : 4) * n, 3 * rest * n};
-  }
+// What the 8 bits of a number could not hold.
+struct SpzReport {
+  int fractional_bits = 0;         // positions are multiples of 2^-fractional_bits
+  std::size_t clipped_scales = 0;  // splats with a log scale outside [-10, 5.9375]
+  std::size_t clipped_colors = 0;  // splats with a DC coefficient outside +-3.33
+  std::size_t clipped_sh = 0;      // splats with a coefficient of degree 1 to 3 outside [-1, 1]
 };
+
+// Without textures: bake them first (converter/gltf/fallback.h). Same model in, same bytes out. Throws Error(badData)
+// when a mean is too far out for 24 bits; `path` starts the message.
+std::vector<std::uint8_t> formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report);
+SpzReport writeSpz(const std::filesystem::path& path, const GaussianModel& model);
 
 }  // namespace tg

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -15,9 +16,9 @@
 #include "converter/gltf/axes.h"
 #include "converter/gltf/cameras.h"
 #include "converter/gltf/document.h"
+#include "converter/gltf/document_check.h"
 #include "converter/gltf/nodes.h"
 #include "converter/gltf/numbers.h"
-#include "converter/gltf/plane_order.h"
 #include "converter/gltf/spz_extension.h"
 #include "converter/gltf/texture_layer.h"
 #include "core/bundle/ply.h"
@@ -25,6 +26,8 @@
 
 namespace tg {
 namespace {
+
+using nlohmann::json;
 
 constexpr std::size_t kInstanceBlock = 16384;                 // splats whose numbers are held beside the model
 constexpr float kNormTolerance = 1e-3f;                       // of |q|^2 from 1
@@ -474,6 +477,29 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
   return loaded;
 }
 
+bool lists(const json& root, const char* key, std::string_view extension) {
+  const json list = root.value(key, json::array());
+  return std::find(list.begin(), list.end(), json(std::string(extension))) != list.end();
+}
+
+// glTF: elements of attributes start at multiples of 4 bytes.
+void checkAlignment(const json& root, std::size_t index, std::vector<std::string>& errors) {
+  const json& accessor = root["accessors"][index];
+  if (!accessor.contains("bufferView")) return;
+  const json& view = root["bufferViews"][accessor["bufferView"].get<std::size_t>()];
+  const std::string type = accessor["type"].get<std::string>();
+  if (type.rfind("MAT", 0) == 0) return;  // no splat attribute
+  const std::uint64_t element = std::uint64_t(componentBytes(accessor["componentType"].get<std::uint64_t>())) *
+                                static_cast<std::uint64_t>(componentCount(type));
+  const std::uint64_t stride = view.value("byteStride", element);
+  const std::uint64_t offset =
+      accessor.value("byteOffset", std::uint64_t{0}) + view.value("byteOffset", std::uint64_t{0});
+  if (offset % 4 == 0 && stride % 4 == 0) return;
+  errors.push_back("/accessors/" + std::to_string(index) +
+                   ": elements of an attribute do not start at multiples of 4 bytes (found offset " +
+                   std::to_string(offset) + ", stride " + std::to_string(stride) + ")");
+}
+
 }  // namespace
 
 Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options) {
@@ -484,6 +510,33 @@ Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options) {
 
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {
   return assemble(loadGltf(bytes, path), options);
+}
+
+void findOverlooked(const std::filesystem::path& path, std::vector<std::string>& errors,
+                    std::vector<std::string>& warnings) {
+  const json root = readGltfJson(path);
+  const std::string khr(kSplatExtension), ours(kTextureExtension);
+  bool textured = false;
+  for (const json& mesh : root.value("meshes", json::array())) {
+    for (const json& primitive : mesh["primitives"]) {
+      const json extensions = primitive.value("extensions", json::object());
+      if (!extensions.contains(khr)) continue;
+      const json nested = extensions[khr].value("extensions", json::object());
+      textured = textured || nested.contains(ours);
+      for (const auto& [semantic, accessor] : primitive["attributes"].items()) {
+        checkAlignment(root, accessor.get<std::size_t>(), errors);
+      }
+    }
+  }
+  for (const std::string& extension : {khr, ours}) {
+    if ((extension == khr || textured) && !lists(root, "extensionsUsed", extension)) {
+      errors.push_back("/extensionsUsed: " + extension + " is used and not listed");
+    }
+    if (lists(root, "extensionsRequired", extension)) {
+      warnings.push_back("/extensionsRequired: " + extension +
+                         " is listed: loaders that could show the rest refuse the file");
+    }
+  }
 }
 
 }  // namespace tg

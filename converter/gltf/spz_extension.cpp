@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "converter/formats/read_spz.h"
+#include "converter/formats/spz.h"
 
 namespace tg {
 namespace {

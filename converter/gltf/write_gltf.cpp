@@ -21,8 +21,8 @@
 #include "converter/gltf/document.h"
 #include "converter/gltf/fallback.h"
 #include "converter/gltf/numbers.h"
-#include "converter/gltf/plane_order.h"
 #include "converter/gltf/quantize.h"
+#include "core/file/atomic_files.h"
 #include "core/image/png16.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -87,7 +87,7 @@ class Writer {
  public:
   // `limited`: the file ends at 4 GiB.
   Writer(const GltfContent& content, const GaussianBlocks& gaussians, bool limited)
-      : builder(gaussians, content.meshopt),
+      : builder(gaussians, content.options.meshopt),
         content_(content),
         model_(content.model),
         gaussians_(gaussians),
@@ -125,7 +125,7 @@ class Writer {
   Json addAtlas(Image& page, const std::string& name, GltfReport& report);
   // Index of a texture that shows the image.
   std::size_t addTexture(std::vector<std::uint8_t> png, const std::string& name);
-  MeshoptFilter filter(const MeshoptFilter& lossy) const { return content_.quantize ? lossy : MeshoptFilter{}; }
+  MeshoptFilter filter(const MeshoptFilter& lossy) const { return content_.options.quantize ? lossy : MeshoptFilter{}; }
 
   const GltfContent& content_;
   const GaussianModel& model_;
@@ -149,7 +149,7 @@ void Writer::addShape(bool textured) {
     return glm::vec4(q.y, q.z, q.w, q.x);
   };
   const std::string rotation_name = attributeName(kSplatExtension, "ROTATION");
-  if (content_.quantize && !content_.meshopt) {
+  if (content_.options.quantize && !content_.options.meshopt) {
     add<std::array<std::int16_t, 4>>(rotation_name, kShort4, [xyzw](const GaussianModel& model, std::size_t i) {
       const glm::vec4 q = xyzw(model, i);
       std::array<std::int16_t, 4> out;
@@ -174,7 +174,7 @@ void Writer::addShape(bool textured) {
 void Writer::addOpacity(Baked baked, std::string_view extension) {
   const std::string semantic = attributeName(extension, "OPACITY");
   const auto opacity = [](const GaussianModel& model, std::size_t i) { return gltfOpacity(model.opacity_logit[i]); };
-  if (content_.quantize) {
+  if (content_.options.quantize) {
     const auto rounded = [opacity](const GaussianModel& model, std::size_t i) {
       return static_cast<std::uint16_t>(std::lround(opacity(model, i) * 65535.0f));
     };
@@ -210,7 +210,7 @@ void Writer::addColors(Baked baked) {
       out[static_cast<std::size_t>(c)] = static_cast<T>(color(model, i, c) * std::numeric_limits<T>::max() + 0.5);
     return out;
   };
-  if (content_.quantize) {
+  if (content_.options.quantize) {
     add<std::array<std::uint8_t, 4>>(
         "COLOR_0", kUnsignedByte4,
         [rounded](const GaussianModel& model, std::size_t i) { return rounded(std::uint8_t{}, model, i); }, {}, baked);
@@ -269,7 +269,7 @@ Changed changedByGltf(const GaussianBlocks& gaussians, const GaussianModel& whol
 // The numbers the model came with, beside those glTF has words for. An attribute is left out where nothing would
 // change.
 void Writer::addSource(bool textured, GltfReport& report) {
-  if (content_.lean || content_.quantize) return;
+  if (content_.options.lean || content_.options.quantize) return;
   const Changed changed = changedByGltf(gaussians_, model_, textured);
   if (limited_ && builder.binaryBytes() + kSourceBytes * gaussians_.size() > kMaxBinaryBytes) {
     report.dropped_source = changed.rotation || changed.log_scale || changed.opacity;
@@ -298,14 +298,14 @@ std::size_t Writer::addTexture(std::vector<std::uint8_t> png, const std::string&
 Json Writer::addAtlas(Image& page, const std::string& name, GltfReport& report) {
   const TextureMode mode = model_.texture_mode;
   neutralize(pageTexels(page), mode);
-  const int bits = content_.atlas == AtlasFormat::png16 ? 16 : 8;
+  const int bits = content_.options.atlas == AtlasFormat::png16 ? 16 : 8;
   const QuantizedPage quantized = quantizePage(page, bits);
   report.clipped_texels += quantized.clipped_texels;
   const auto encode = [&](const Image& image) { return bits == 16 ? encodePng16(image) : encodePng(image); };
   Json atlas;
   if (hasColor(mode)) atlas["color"] = addTexture(encode(quantized.color), name + "_color");
   if (hasAlpha(mode)) atlas["alpha"] = addTexture(encode(quantized.alpha), name + "_alpha");
-  if (content_.atlas == AtlasFormat::exr) {
+  if (content_.options.atlas == AtlasFormat::exr) {
     const std::array<std::string, 4> channels = {"R", "G", "B", "alpha"};
     atlas["exr"] = builder.addImage(encodeExr(page, channels), "image/x-exr", name + "_values");
   }
@@ -358,7 +358,7 @@ void Writer::addScene(Json nested) {
     splatting["extensions"][std::string(kTextureExtension)] = std::move(nested);
   }
   Json& root = builder.document;
-  if (content_.meshopt) {
+  if (content_.options.meshopt) {
     used.push_back("EXT_meshopt_compression");
     root["extensionsRequired"] = {"EXT_meshopt_compression"};
   }
@@ -379,9 +379,9 @@ void Writer::addScene(Json nested) {
 GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {
   const GaussianModel& model = content.model;
   const ModelBlocks own(model);
-  const GaussianBlocks& gaussians = content.gaussians ? *content.gaussians : own;
+  const GaussianBlocks& gaussians = content.options.gaussians ? *content.options.gaussians : own;
   if (gaussians.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
-  const bool textured = !content.gaussians && model.texture_mode != TextureMode::none &&
+  const bool textured = !content.options.gaussians && model.texture_mode != TextureMode::none &&
                         std::any_of(model.atlas.rects.begin(), model.atlas.rects.end(),
                                     [](const TextureRect& r) { return r.texelCount() != 0; });
   GltfReport report;
@@ -401,7 +401,8 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
     writer.addSource(false, report);
   }
   writer.addScene(std::move(nested));
-  report.bytes = binary ? writer.builder.writeGlb(path) : writer.builder.writeGltf(path, content.replace);
+  report.output_bytes =
+      binary ? writer.builder.writeGlb(path) : writer.builder.writeGltf(path, content.options.replace);
   return report;
 }
 
@@ -413,6 +414,63 @@ GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& conten
 
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content) {
   return write(path, content, false);
+}
+
+GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content) {
+  const GaussianModel& model = content.model;
+  if (content.options.atlas == AtlasFormat::exr)
+    throw Error(ErrorKind::usage, "a .png holds no EXR (expected png8 or png16)");
+  const TextureMode mode = model.texture_mode;
+  PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxAtlasSide);
+  if (mode == TextureMode::none || packed.pages.empty()) {
+    throw Error(ErrorKind::badData, path.string(), "the model has no textures");
+  }
+  const int bits = content.options.atlas == AtlasFormat::png16 ? 16 : 8;
+  const std::string stem = path.stem().string();
+  GltfReport report;
+  AtomicFiles files(content.options.replace);
+  Json atlases = Json::array();
+  const auto put = [&](const Image& image, const std::string& name) {
+    const std::vector<std::uint8_t> png = bits == 16 ? encodePng16(image) : encodePng(image);
+    files.add(path.parent_path() / name, png);
+    report.output_bytes += png.size();
+    return name;
+  };
+  for (std::size_t p = 0; p < packed.pages.size(); ++p) {
+    const QuantizedPage page = quantizePage(packed.pages[p], bits);
+    report.clipped_texels += page.clipped_texels;
+    report.atlas_width = packed.pages[p].width;
+    report.atlas_height = packed.pages[p].height;
+    const std::string name = p == 0 ? stem : stem + "_" + std::to_string(p);
+    Json atlas;
+    // One image has the name that was asked for, whatever the mode.
+    if (hasColor(mode)) atlas["color"] = put(page.color, name + ".png");
+    if (hasAlpha(mode)) {
+      atlas["alpha"] = put(page.alpha, name + (hasColor(mode) ? "_alpha" : "") + ".png");
+    }
+    atlas["scale"] = page.scale;
+    atlas["offset"] = page.offset;
+    atlases.push_back(std::move(atlas));
+  }
+  report.atlases = static_cast<int>(packed.pages.size());
+  Json rectangles = Json::array();
+  for (const AtlasPlacement& at : packed.placements) {
+    report.texels += std::uint64_t{at.w} * at.h;
+    rectangles.push_back({at.x, at.y, at.w, at.h, at.page});
+  }
+  const Json root = {
+      {"mode", name(model.texture_mode)},
+      {"intersection", name(model.intersection)},
+      {"extent", double{kTextureExtent}},
+      {"filter", "bilinear"},
+      {"atlases", std::move(atlases)},
+      {"rectangles", {{"columns", {"x", "y", "width", "height", "atlas"}}, {"rows", std::move(rectangles)}}}};
+  const std::string text = root.dump() + "\n";
+  files.add(path.parent_path() / (stem + ".json"),
+            std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  files.commit();
+  report.output_bytes += text.size();
+  return report;
 }
 
 }  // namespace tg

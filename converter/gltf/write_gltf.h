@@ -20,21 +20,26 @@ enum class AtlasFormat {
 };
 constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr"); }
 
-struct GltfContent {
-  const GaussianModel& model;  // the toolchain's axes; without Gaussians where `gaussians` are given
-  std::span<const Camera> cameras;
-  glm::vec3 background{0.0f};
+// What a writer is asked for. A format that has no such thing passes over it.
+struct WriteOptions {
   bool lean = false;  // without the source numbers of converter/gltf/numbers.h
   AtlasFormat atlas = AtlasFormat::png8;
-  bool quantize =
-      false;  // integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean
+  // Integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean.
+  bool quantize = false;
   bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
   bool replace = true;                        // gltf, png: the files beside it where they are there already
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };
 
+struct GltfContent {
+  const GaussianModel& model;  // the toolchain's axes; without Gaussians where `options.gaussians` are given
+  std::span<const Camera> cameras;
+  glm::vec3 background{0.0f};
+  WriteOptions options = {};
+};
+
 struct GltfReport {
-  std::uint64_t bytes = 0;
+  std::uint64_t output_bytes = 0;
   int atlases = 0;
   int atlas_width = 0;  // [texels]
   int atlas_height = 0;
@@ -49,5 +54,10 @@ struct GltfReport {
 GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content);
 // The same as NAME.gltf with NAME.bin and NAME_atlas_*.png beside it.
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content);
+// The textures alone, for programs that know neither glTF nor the bundle: NAME.png and NAME_alpha.png as far as the
+// mode has them (NAME_1.png, ... for further atlases), and NAME.json: mode, intersection, extent, atlases with file
+// names, scale and offset as in the glTF extension, and a rectangle per Gaussian. content.atlas: png8 or png16. Throws
+// Error(badData) for a model without textures, Error(usage) for exr.
+GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content);
 
 }  // namespace tg

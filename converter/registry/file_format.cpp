@@ -2,26 +2,20 @@
 // The table of file formats.
 #include "converter/registry/file_format.h"
 
-#include <zlib.h>
-
 #include <algorithm>
-#include <array>
 #include <fstream>
 
+#include "converter/formats/inflate.h"
 #include "converter/formats/read_compressed_ply.h"
-#include "converter/formats/read_splat.h"
-#include "converter/formats/read_spz.h"
 #include "converter/formats/repair.h"
-#include "converter/formats/write_splat.h"
-#include "converter/formats/write_spz.h"
+#include "converter/formats/splat.h"
+#include "converter/formats/spz.h"
 #include "converter/gltf/fallback.h"
-#include "converter/gltf/overlooked.h"
 #include "converter/gltf/read_gltf.h"
-#include "converter/gltf/write_atlas.h"
-#include "converter/html/html_page.h"
-#include "converter/html/read_html.h"
-#include "converter/html/write_html.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/html/html.h"
 #include "core/bundle/ply.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 
@@ -67,18 +61,11 @@ void writePly(const Path& path, const Bundle& source, const WriteOptions&, Writt
 // Of writeGlb and its kin.
 template <GltfReport (*write)(const Path&, const GltfContent&)>
 void writeScene(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  const GltfReport gltf = write(path, {source.model, source.cameras, source.background, options.lean, options.atlas,
-                                       options.quantize, options.meshopt, options.replace, options.gaussians});
-  if (gltf.dropped_source) {
+  static_cast<GltfReport&>(written) = write(path, {source.model, source.cameras, source.background, options});
+  if (written.dropped_source) {
     written.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
   }
-  written.output_bytes = gltf.bytes;
-  written.atlases = gltf.atlases;
-  written.atlas_width = gltf.atlas_width;
-  written.atlas_height = gltf.atlas_height;
-  written.texels = gltf.texels;
-  written.clipped_texels = gltf.clipped_texels;
-  written.texture_mode = name(gltf.atlases > 0 ? source.model.texture_mode : TextureMode::none);
+  written.texture_mode = name(written.atlases > 0 ? source.model.texture_mode : TextureMode::none);
 }
 
 void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
@@ -162,19 +149,15 @@ std::vector<std::string> spokenNames(bool written) {
   return names;
 }
 
-// The first four bytes inside a gzip stream, or fewer when it is broken.
-std::string peekInsideGzip(std::string start) {
-  z_stream stream{};
-  if (inflateInit2(&stream, 15 + 16) != Z_OK) return {};
-  std::array<char, 4> out{};
-  stream.next_in = reinterpret_cast<Bytef*>(start.data());
-  stream.avail_in = static_cast<uInt>(start.size());
-  stream.next_out = reinterpret_cast<Bytef*>(out.data());
-  stream.avail_out = static_cast<uInt>(out.size());
-  inflate(&stream, Z_SYNC_FLUSH);
-  const std::size_t got = out.size() - stream.avail_out;
-  inflateEnd(&stream);
-  return std::string(out.data(), got);
+// The first four bytes inside a gzip stream, or none when it is broken.
+std::string peekInsideGzip(const std::string& start) {
+  try {
+    const std::vector<std::uint8_t> first =
+        GzipBytes({reinterpret_cast<const std::uint8_t*>(start.data()), start.size()}, {}).take(4, {});
+    return {first.begin(), first.end()};
+  } catch (const Error&) {
+    return {};
+  }
 }
 
 FileStart readStart(const Path& path) {
@@ -195,10 +178,6 @@ FileStart readStart(const Path& path) {
   start.bytes.resize(static_cast<std::size_t>(file.gcount()));
   if (start.begins("\x1f\x8b")) start.inside_gzip = peekInsideGzip(start.bytes);
   return start;
-}
-
-bool isTextured(const GaussianModel& model) {
-  return model.texture_mode != TextureMode::none && !model.atlas.rects.empty();
 }
 
 }  // namespace
@@ -258,6 +237,13 @@ const Format& outputFormat(const Path& path) {
   std::ranges::sort(known);
   throw Error(ErrorKind::usage, path.string(),
               "unknown output format (expected " + listed(known) + ", found \"" + extension + "\")");
+}
+
+Bundle readModel(const Path& path, const ReadOptions& options) {
+  const Format& format = detectFormat(path);
+  Bundle loaded = format.read(path, options);
+  loaded.format = format.name;
+  return loaded;
 }
 
 void writeModel(const Format& format, const Path& path, const Bundle& source, const WriteOptions& options,

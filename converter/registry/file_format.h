@@ -15,25 +15,10 @@
 
 namespace tg {
 
-// What a writer is asked for. A format that has no such thing passes over it.
-struct WriteOptions {
-  bool lean = false;  // as all others here: see GltfContent
-  AtlasFormat atlas = AtlasFormat::png8;
-  bool quantize = false;
-  bool meshopt = false;
-  bool replace = true;
-  const GaussianBlocks* gaussians = nullptr;  // only for a format that `streams`
-};
-
-// What a writer says of its file.
-struct Written {
-  std::uint64_t output_bytes = 0;  // 0: the file's size
-  std::string texture_mode;        // of what was written
-  int atlases = 0;                 // of glTF and png only, as the next four
-  int atlas_width = 0;             // [texels]
-  int atlas_height = 0;
-  std::uint64_t texels = 0;
-  std::uint64_t clipped_texels = 0;
+// What a writer says of its file: output_bytes of 0 stand for the file's size, the rest of GltfReport is of glTF and
+// png only.
+struct Written : GltfReport {
+  std::string texture_mode;  // of what was written
   std::vector<std::string> warnings;
 };
 
@@ -90,6 +75,10 @@ std::string listed(const std::vector<std::string>& names, std::string_view last 
 const Format& detectFormat(const std::filesystem::path& path);
 // By the extension. Throws Error(usage).
 const Format& outputFormat(const std::filesystem::path& path);
+
+// A model from any file the toolchain reads. The model has passed checkModel. Throws what detectFormat throws, and
+// Error(cannotRead / badData). ReadCancelled: options.progress said so.
+Bundle readModel(const std::filesystem::path& path, const ReadOptions& options = {});
 
 // `source` as `format` holds it, with warnings for what it does not. Throws what the writers throw.
 void writeModel(const Format& format, const std::filesystem::path& path, const Bundle& source,

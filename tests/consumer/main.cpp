@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws a model's first camera: `consumer MODEL OUT.png`.
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "core/image/image.h"
 #include "render/renderer.h"
 

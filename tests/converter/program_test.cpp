@@ -10,7 +10,6 @@
 
 #include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
-#include "converter/registry/read_model.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "glb.h"

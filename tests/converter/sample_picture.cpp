@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "render/reference/reference.h"
 
 namespace tg::test {

@@ -3,7 +3,6 @@
 #include <cstring>
 
 #include "converter/convert.h"
-#include "converter/edit/reduce.h"
 #include "converter/edit/texture_budget.h"
 #include "converter/gltf/meshopt.h"
 #include "converter/gltf/read_gltf.h"
@@ -169,7 +168,7 @@ TEST_CASE("integers and packed attributes cost what they are said to cost") {
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 54, 400);
   const auto write = [&](bool quantize, bool meshopt, const char* file) {
     const GltfContent content = {scene.model, {}, glm::vec3(0.0f), false, AtlasFormat::png8, quantize, meshopt};
-    return writeGlb(scratch.folder() / file, content).bytes;
+    return writeGlb(scratch.folder() / file, content).output_bytes;
   };
   const std::uint64_t plain = write(false, false, "plain.glb");
   const std::uint64_t integers = write(true, false, "integers.glb");

@@ -63,7 +63,7 @@ TEST_CASE("a GLB is the same model read from the file in blocks, all at once, an
   }
   for (const AtlasFormat atlas : {AtlasFormat::png8, AtlasFormat::exr}) {
     GltfContent content{.model = model, .cameras = {}};
-    content.atlas = atlas;
+    content.options.atlas = atlas;
     writeGlb(file, content);
     std::vector<std::string> errors;
     const GaussianModel in_blocks = readGltf(file).model, at_once = readGltf(file, {.errors = &errors}).model,
@@ -91,8 +91,8 @@ TEST_CASE("a PLY becomes the same GLB block by block as from memory, byte for by
         const ConvertReport report =
             convert(ply, streamed, {.overwrite = true, .measure = Measure::never, .lean = lean, .quantize = quantize});
         GltfContent content = {model, {}};
-        content.lean = lean;
-        content.quantize = quantize;
+        content.options.lean = lean;
+        content.options.quantize = quantize;
         writeGlb(whole, content);
         CHECK(Glb::slurp(streamed) == Glb::slurp(whole));
         CHECK(report.input_format == "ply");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times frames one after the other.
-#include "viewer/headless/benchmark.h"
+#include "viewer/headless/headless.h"
 
 #include <chrono>
 #include <cstdio>
@@ -9,7 +9,6 @@
 
 #include "core/system/error.h"
 #include "viewer/headless/renderer.h"
-#include "viewer/model/scene_of.h"
 #include "viewer/picture/benchmark.h"
 #include "viewer/view/shot.h"
 
@@ -18,14 +17,9 @@ namespace {
 
 constexpr int kMaxGrowth = 8;  // repeats of a frame whose buffers were too small
 
-class Stopwatch {
- public:
-  double milliseconds() const {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+struct Stopwatch {
+  const std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+  double read() const { return milliseconds(std::chrono::steady_clock::now() - start); }
 };
 
 // Draws one picture and waits for it.
@@ -61,9 +55,8 @@ void benchmarkHeadless(const ViewOptions& options) {
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   const Stopwatch reading;
   Bundle loaded = readModel(options.model);
-  const double read_ms = reading.milliseconds();
+  const double read_ms = reading.read();
   const Scene scene = sceneFor(options, std::move(loaded));
-  printWarnings(scene, options);
   const std::vector<Camera> cameras = shotCameras(options, scene, false);
   Benchmark benchmark = benchmarkOf(options, scene);
   benchmark.where = "headless";
@@ -73,20 +66,20 @@ void benchmarkHeadless(const ViewOptions& options) {
 
   const Stopwatch uploading;
   backend.renderer->setModel(scene.model);
-  benchmark.upload_ms = uploading.milliseconds();
+  benchmark.upload_ms = uploading.read();
   benchmark.device = backend.renderer->deviceName();
   FrameRunner runner(backend, benchmark);
   benchmark.backend = backend.backend;
   const Stopwatch first;
   runner.draw(cameras.front());
-  benchmark.first_frame_ms = first.milliseconds();
+  benchmark.first_frame_ms = first.read();
   benchmark.load_ms = *benchmark.read_ms + *benchmark.upload_ms + *benchmark.first_frame_ms;
   for (const Camera& camera : cameras) {
     BenchmarkFrame frame;
     const Stopwatch wall;
     const double cpu = processMilliseconds();
     runner.draw(camera);
-    frame.wall_ms = wall.milliseconds();
+    frame.wall_ms = wall.read();
     frame.cpu_ms = processMilliseconds() - cpu;
     frame.passes = backend.renderer->passTimes();
     benchmark.frames.push_back(std::move(frame));

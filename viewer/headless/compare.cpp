@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Comparisons without a window.
-#include "viewer/headless/compare.h"
+#include "viewer/headless/headless.h"
 
 #include <cstdio>
 #include <utility>
 
-#include "converter/registry/read_model.h"
 #include "core/system/error.h"
 #include "viewer/headless/renderer.h"
-#include "viewer/model/scene_of.h"
 #include "viewer/picture/photographs.h"
 #include "viewer/view/compare.h"
 #include "viewer/view/shot.h"
@@ -51,8 +49,7 @@ void compareToFile(const ViewOptions& options) {
     throw Error(ErrorKind::usage, "--compare-mode",
                 "expected side, wipe or difference with --render, found \"" + std::string(name(how.mode)) + "\"");
 
-  const Scene scene = sceneFor(options, readModel(options.model));
-  printWarnings(scene, options);
+  const Scene scene = readScene(options);
   Camera camera = cameraFor(options, scene);
   if (how.mode == CompareMode::side) camera = fitted(camera, sideWidth(camera.size.x), camera.size.y);
   const glm::vec3 background = options.background.value_or(scene.background);

@@ -1,20 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "viewer/headless/inspect.h"
+#include "viewer/headless/headless.h"
 
 #include <cstdio>
 
 #include "core/system/error.h"
 #include "render/reference/inspect.h"
 #include "viewer/headless/renderer.h"
-#include "viewer/model/scene_of.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/shot.h"
 
 namespace tg {
 
 void inspectHeadless(const ViewOptions& options) {
-  const Scene scene = sceneFor(options, readModel(options.model));
-  printWarnings(scene, options);
+  const Scene scene = readScene(options);
   const Camera camera = cameraFor(options, scene);
   const glm::ivec2 pixel = *options.inspect;
   if (pixel.x >= camera.size.x || pixel.y >= camera.size.y)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Renders frame after frame while the writer compresses the ones before.
-#include "viewer/headless/record.h"
+#include "viewer/headless/headless.h"
 
 #include <unistd.h>
 
@@ -8,7 +8,6 @@
 #include <cstdio>
 
 #include "viewer/headless/renderer.h"
-#include "viewer/model/scene_of.h"
 #include "viewer/picture/frame_writer.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/shot.h"
@@ -50,9 +49,7 @@ class Progress {
 void recordToFile(const ViewOptions& options) {
   const RecordTarget target = parseRecordTarget(options.record, "--output");
   const bool numbers = target.path.extension() == ".exr";
-  Bundle loaded = readModel(options.model);
-  const Scene scene = sceneFor(options, std::move(loaded));
-  printWarnings(scene, options);
+  const Scene scene = readScene(options);
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);
   const RenderSettings settings = settingsFor(options, scene.background);
   FrameWriter writer(target, cameras.front().size, options.fps);

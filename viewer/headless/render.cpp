@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // --render: model in, one image out.
-#include "viewer/headless/render.h"
+#include "viewer/headless/headless.h"
 
 #include <cstdio>
 
 #include "core/system/error.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/follower.h"
-#include "viewer/model/scene_of.h"
-#include "viewer/model/training_progress.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/shot.h"
 
@@ -25,7 +23,6 @@ bool writesNumbers(const std::filesystem::path& path) {
 }
 
 void render(const Scene& scene, const ViewOptions& options, bool numbers, const HeadlessRenderer& backend) {
-  printWarnings(scene, options);
   const Camera camera = cameraFor(options, scene);
   const RenderSettings settings = settingsFor(options, scene.background);
 
@@ -62,7 +59,7 @@ void followToFile(const ViewOptions& options, bool numbers) {
 void renderToFile(const ViewOptions& options) {
   const bool numbers = writesNumbers(options.out);
   if (options.follow) return followToFile(options, numbers);
-  const Scene scene = sceneFor(options, readModel(options.model));
+  const Scene scene = readScene(options);
   render(scene, options, numbers, makeHeadlessRenderer(options));
 }
 

@@ -3,10 +3,11 @@
 #include "viewer/headless/renderer.h"
 
 #include <cstdio>
+#include <utility>
 #include <vector>
 
 #include "core/system/error.h"
-#include "viewer/picture/device_choice.h"
+#include "viewer/picture/device.h"
 
 namespace tg {
 namespace {
@@ -67,10 +68,15 @@ void printDevices() {
   std::printf("-  %s: always there, --backend cpu\n", makeCpuRenderer()->deviceName().c_str());
 }
 
-void printWarnings(const Scene& scene, const ViewOptions& options) {
+Scene readScene(const ViewOptions& options) { return sceneFor(options, readModel(options.model)); }
+
+Scene sceneFor(const ViewOptions& options, Bundle loaded) {
+  Scene scene = sceneOf(std::move(loaded), options.model);
+  scene.up = upOf(options.up, scene.up);
   for (const std::string& warning : scene.warnings) {
     std::fprintf(stderr, "%s: warning: %s\n", options.model.c_str(), warning.c_str());
   }
+  return scene;
 }
 
 void requireNoValidationMessages(const HeadlessRenderer& backend) {

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "render/devices/devices.h"
+#include "viewer/model/scene_of.h"
 #include "viewer/view/options.h"
-#include "viewer/view/scene.h"
 
 namespace tg {
 
@@ -20,8 +20,9 @@ struct HeadlessRenderer {
 // What --backend, --device and --validation ask for; says so on stderr when it must be the CPU for want of any
 // device. Throws Error(device).
 HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options);
-// The model's warnings, a line each, to stderr.
-void printWarnings(const Scene& scene, const ViewOptions& options);
+// options.model; its warnings go to stderr, a line each.
+Scene readScene(const ViewOptions& options);
+Scene sceneFor(const ViewOptions& options, Bundle loaded);  // the same of a model that has been read
 // Writes the devices of every API with their limits to stdout.
 void printDevices();
 // Throws Error(device) when validation has said anything.

@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "core/bundle/read_progress.h"
 #include "core/system/worker.h"
 

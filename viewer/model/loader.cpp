@@ -6,7 +6,7 @@
 #include <new>
 #include <utility>
 
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"

@@ -1,14 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model's numbers, counted once.
+// A model's numbers, counted once, and training.json, read without trust.
 #include "viewer/model/scene_of.h"
 
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "viewer/model/training_progress.h"
+#include "core/file/json.h"
+#include "core/system/error.h"
 
 namespace tg {
+namespace {
+
+int whole(const nlohmann::json& object, const char* key) {
+  const auto found = object.find(key);
+  if (found == object.end() || !found->is_number()) return 0;
+  const double value = found->get<double>();
+  return value >= 0 && value <= 1e9 ? static_cast<int>(value) : 0;
+}
+
+const nlohmann::json* member(const nlohmann::json& object, const char* key) {
+  if (!object.is_object()) return nullptr;
+  const auto found = object.find(key);
+  return found == object.end() || !found->is_object() ? nullptr : &*found;
+}
+
+}  // namespace
 
 Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   const GaussianModel& model = loaded.model;
@@ -38,10 +56,43 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   return scene;
 }
 
-Scene sceneFor(const ViewOptions& options, Bundle loaded) {
-  Scene scene = sceneOf(std::move(loaded), options.model);
-  scene.up = upOf(options.up, scene.up);
-  return scene;
+TrainingProgress trainingProgress(const std::string& training_json) {
+  TrainingProgress progress;
+  if (training_json.empty()) return progress;
+  nlohmann::json json;
+  try {
+    json = parseJson(training_json, "training.json");
+  } catch (const Error&) {
+    return progress;
+  }
+  const nlohmann::json* stages = member(json, "stages");
+  if (!stages) return progress;
+  const auto interrupted = json.find("interrupted");
+  progress.finished = interrupted == json.end() || !interrupted->is_boolean() || !interrupted->get<bool>();
+  // The stage that the run is in is the last one with steps; stages not begun have none. Stage untextured trains
+  // another model for comparison: what this file holds is no part of it.
+  for (const std::string stage : {"count", "plain", "textured", "untextured"}) {
+    const nlohmann::json* report = member(*stages, stage.c_str());
+    if (!report || (progress.finished && stage == "untextured") ||
+        (!progress.stage.empty() && whole(*report, "iterations") == 0))
+      continue;
+    progress.stage = stage;
+    progress.iteration = whole(*report, "iterations");
+    const auto psnr = report->find("train_psnr");
+    progress.psnr = psnr != report->end() && psnr->is_number() ? psnr->get<double>() : 0;
+  }
+  if (const nlohmann::json* settings = member(json, "settings")) {
+    const bool second = progress.stage == "textured" || progress.stage == "untextured";
+    progress.iterations = whole(*settings, second ? "texture-iterations" : "iterations");
+  }
+  return progress;
+}
+
+std::string formatProgress(const TrainingProgress& progress) {
+  if (progress.stage.empty()) return "";
+  std::string text = progress.stage + " " + std::to_string(progress.iteration);
+  if (progress.iterations > 0) text += " / " + std::to_string(progress.iterations);
+  return text;
 }
 
 }  // namespace tg

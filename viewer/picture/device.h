@@ -4,9 +4,11 @@
 #include <glm/glm.hpp>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "core/image/image.h"
 #include "render/devices/devices.h"
+#include "viewer/view/options.h"
 
 namespace tg {
 
@@ -40,5 +42,9 @@ class PictureDevice {
   virtual void upload(const Image& picture, PictureImage& target) = 0;  // 3 channels in [0, 1]
   virtual Image download(const PictureImage& source) = 0;               // 3 channels
 };
+
+// The APIs that --backend and --device leave, the first choice first; none for the CPU. Throws Error(usage) when they
+// contradict each other.
+std::vector<Api> apisFor(const ViewOptions& options, const DevicePick& pick);
 
 }  // namespace tg

@@ -9,6 +9,7 @@
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "viewer/picture/benchmark.h"
 
 namespace tg {
 namespace {
@@ -17,10 +18,6 @@ constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and o
 constexpr int kMaxGrowth = 8;             // repeats of a frame whose buffers were too small
 
 FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
-
-double inMilliseconds(std::chrono::steady_clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
 
 }  // namespace
 
@@ -96,7 +93,7 @@ double PictureMaker::expectedRest() const {
   if (begun_.empty()) return 0;
   if (!last_ms_ || !begun_.front().model) return std::numeric_limits<double>::infinity();
   const Clock::time_point start = std::max(begun_.front().start, device_free_);
-  return *last_ms_ * static_cast<double>(begun_.size()) - inMilliseconds(Clock::now() - start);
+  return *last_ms_ * static_cast<double>(begun_.size()) - milliseconds(Clock::now() - start);
 }
 
 std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
@@ -114,7 +111,7 @@ std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
   }
   Picture picture = std::move(oldest.picture);
   const Clock::time_point now = Clock::now();
-  picture.milliseconds = inMilliseconds(now - std::max(oldest.start, device_free_));
+  picture.milliseconds = milliseconds(now - std::max(oldest.start, device_free_));
   last_ms_ = oldest.model ? std::optional(picture.milliseconds) : std::nullopt;
   device_free_ = now;
   begun_.pop_front();

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "viewer/picture/frame_writer.h"
-#include "viewer/picture/run.h"
+#include "viewer/picture/runs.h"
 #include "viewer/view/state.h"
 
 namespace tg {

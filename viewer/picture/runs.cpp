@@ -1,12 +1,81 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer/picture/runs.h"
 
+#include <cstdio>
+#include <optional>
+#include <vector>
+
 #include "core/system/assert.h"
 #include "core/system/error.h"
-#include "viewer/picture/benchmark_run.h"
+#include "viewer/picture/benchmark.h"
 #include "viewer/picture/recording_run.h"
+#include "viewer/view/shot.h"
 
 namespace tg {
+namespace {
+
+// A benchmark in the window: each picture of options.path as it is shown, timed from the request to its arrival.
+class BenchmarkRun final : public PictureRun {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  // At that picture size. `started`: when the program was. Throws what shotCameras throws.
+  BenchmarkRun(const ViewOptions& options, const Scene& scene, glm::ivec2 size, Clock::time_point started);
+
+  const Camera* due() override;
+  void take(const Picture& picture, const std::function<Image()>& read) override;
+  std::size_t done() const override { return benchmark_.frames.size(); }
+  std::size_t frames() const override { return cameras_.size(); }
+  std::string finish() override;  // prints the JSON to stdout
+
+ private:
+  Benchmark benchmark_;
+  std::vector<Camera> cameras_;
+  const Clock::time_point started_;
+  std::optional<Clock::time_point> asked_;  // when the picture that is due was asked for
+  double cpu_ = 0;                          // [ms] of the process then
+  bool warm_ = false;
+};
+
+BenchmarkRun::BenchmarkRun(const ViewOptions& options, const Scene& scene, glm::ivec2 size, Clock::time_point started)
+    : benchmark_(benchmarkOf(options, scene)), started_(started) {
+  ViewOptions shot = options;
+  shot.size = size;
+  cameras_ = shotCameras(shot, scene, false);
+  benchmark_.where = "window";
+  benchmark_.width = size.x;
+  benchmark_.height = size.y;
+}
+
+const Camera* BenchmarkRun::due() {
+  if (done() == frames()) return nullptr;
+  if (!asked_) {
+    asked_ = Clock::now();
+    cpu_ = processMilliseconds();
+  }
+  return &cameras_[done()];
+}
+
+void BenchmarkRun::take(const Picture& picture, const std::function<Image()>&) {
+  const Clock::time_point now = Clock::now();
+  if (!warm_) {
+    // The first picture of all: not counted, but it ends the loading.
+    warm_ = true;
+    benchmark_.load_ms = milliseconds(now - started_);
+    benchmark_.device = picture.device;
+    benchmark_.backend = picture.backend;
+  } else {
+    benchmark_.frames.push_back({milliseconds(now - *asked_), processMilliseconds() - cpu_, picture.passes});
+  }
+  asked_.reset();
+}
+
+std::string BenchmarkRun::finish() {
+  std::fputs(formatBenchmark(benchmark_).c_str(), stdout);
+  return "";
+}
+
+}  // namespace
 
 bool PictureRuns::update(ViewerState& state, glm::ivec2 area) {
   try {

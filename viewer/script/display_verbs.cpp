@@ -4,46 +4,35 @@
 
 #include "viewer/script/verb.h"
 #include "viewer/view/inspection.h"
-#include "viewer/view/parse.h"
 
 namespace tg {
 namespace {
 
 constexpr std::array kDisplayVerbs = {
-    Verb{"output", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.display.output = parse<Output>(w[0], at); }},
-    Verb{"hold-textures-off", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.display.textures_held_off = parseSwitch(w[0], at);
-         }},
+    Verb{"output", 1, 0, [](const Call& c) { c.state.display.output = c.named<Output>(); }},
+    Verb{"hold-textures-off", 1, 0, [](const Call& c) { c.state.display.textures_held_off = c.on(); }},
     Verb{"crop", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           if (w[0] == "fit")
-             fitCrop(s);
-           else if (w[0] == "reset")
-             resetCrop(s);
-           else if (w[0] != "on" && w[0] != "off")
-             s.display.box = parseCrop(w[0], at);
-           s.display.crop = w[0] != "off";
+         [](const Call& c) {
+           if (c[0] == "fit")
+             fitCrop(c.state);
+           else if (c[0] == "reset")
+             resetCrop(c.state);
+           else if (c[0] != "on" && c[0] != "off")
+             c.state.display.box = parseCrop(c[0], c.what);
+           c.state.display.crop = c[0] != "off";
          }},
     Verb{"inspect", 2, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           inspect(s, {static_cast<int>(parseNumber(w[0], 0, kMaxImageSide - 1, at)),
-                       static_cast<int>(parseNumber(w[1], 0, kMaxImageSide - 1, at))});
+         [](const Call& c) {
+           inspect(c.state, {static_cast<int>(c.number(0, 0, kMaxImageSide - 1)),
+                             static_cast<int>(c.number(1, 0, kMaxImageSide - 1))});
          }},
     Verb{"pick", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           pickHit(s, static_cast<int>(parseIndex(w[0], s.inspect.hits.size(), at)));
-         }},
-    Verb{"isolate", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.inspect.isolated = parseSwitch(w[0], at); }},
-    Verb{"clear-inspection", 0, 0, [](ViewerState& s, const Words&, const std::string&) { clearInspection(s); }},
-    Verb{"continuous", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.continuous = parseSwitch(w[0], at); }},
+         [](const Call& c) { pickHit(c.state, static_cast<int>(c.index(c.state.inspect.hits.size()))); }},
+    Verb{"isolate", 1, 0, [](const Call& c) { c.state.inspect.isolated = c.on(); }},
+    Verb{"clear-inspection", 0, 0, [](const Call& c) { clearInspection(c.state); }},
+    Verb{"continuous", 1, 0, [](const Call& c) { c.state.ui.continuous = c.on(); }},
     Verb{"resolution", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.display.resolution = parseNumber(w[0], kMinResolution, kMaxResolution, at);
-         }},
+         [](const Call& c) { c.state.display.resolution = c.number(0, kMinResolution, kMaxResolution); }},
 };
 
 }  // namespace

@@ -11,7 +11,6 @@
 #include "core/system/error.h"
 #include "viewer/script/verb.h"
 #include "viewer/view/actions.h"
-#include "viewer/view/parse.h"
 
 namespace tg {
 namespace {
@@ -23,9 +22,7 @@ constexpr double kLongestAwait = 60;   // [s]
 
 int parseFrames(const std::string& text, const std::string& what) {
   const double count = parseNumber(text, what);
-  if (!(count >= 1 && count <= 100000)) {
-    throw Error(ErrorKind::usage, what + ": expected 1 to 100000 frames, found \"" + text + "\"");
-  }
+  if (!(count >= 1 && count <= 100000)) refuseValue(what, text, "1 to 100000 frames");
   return static_cast<int>(count);
 }
 
@@ -36,18 +33,14 @@ int parseKey(const std::string& text, const std::string& what) {
   if (text == "PageDown") return kKeyPageDown;
   if (text == "Delete") return kKeyDelete;
   if (text.size() == 1 && text[0] > ' ' && text[0] <= ']') return text[0];
-  throw Error(ErrorKind::usage,
-              what + ": expected a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown or Delete, found \"" +
-                  text + "\"");
+  refuseValue(what, text, "a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown or Delete");
 }
 
-int parseDocument(const std::string& text, const ViewerState& state, const std::string& what) {
-  const double number = parseNumber(text, what);
-  const auto count = static_cast<double>(state.documents.open.size());
-  if (!(number >= 0 && number < count) || number != static_cast<int>(number)) {
-    throw Error(ErrorKind::usage, what + ": expected one of " + std::to_string(state.documents.open.size()) +
-                                      " open models, counted from 0, found \"" + text + "\"");
-  }
+int parseDocument(const Call& call) {
+  const double number = call.number(0);
+  const std::size_t count = call.state.documents.open.size();
+  if (!(number >= 0 && number < static_cast<double>(count)) || number != static_cast<int>(number))
+    refuseValue(call.what, call[0], "one of " + std::to_string(count) + " open models, counted from 0");
   return static_cast<int>(number);
 }
 
@@ -68,61 +61,44 @@ bool arrived(Script& script, const ViewerState& state, const ScriptCommand& comm
 
 constexpr std::array kVerbs = {
     Verb{"key", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           const bool shift = w[0].starts_with("Shift+");
-           const int key = parseKey(shift ? w[0].substr(6) : w[0], at);
-           pressKey(s, key, shift);
+         [](const Call& c) {
+           const bool shift = c[0].starts_with("Shift+");
+           const int key = parseKey(shift ? c[0].substr(6) : c[0], c.what);
+           pressKey(c.state, key, shift);
          }},
-    Verb{"tab", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.tab = parse<Tab>(w[0], at); }},
-    Verb{"panel", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.panel = parseSwitch(w[0], at); }},
-    Verb{"help", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) { s.ui.help = parseSwitch(w[0], at); }},
-    Verb{"open", 1, kFramesOfOpening,
-         [](ViewerState& s, const Words& w, const std::string&) { s.documents.open_requests.emplace_back(w[0]); }},
+    Verb{"tab", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.tab = c.named<Tab>(); }},
+    Verb{"panel", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.panel = c.on(); }},
+    Verb{"help", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.help = c.on(); }},
+    Verb{"open", 1, kFramesOfOpening, [](const Call& c) { c.state.documents.open_requests.emplace_back(c[0]); }},
     Verb{"begin-open", 1, 1,
-         [](ViewerState& s, const Words& w, const std::string&) {
-           s.documents.open_requests.emplace_back(w[0]);
-           s.loading.script_goes_on = true;
+         [](const Call& c) {
+           c.state.documents.open_requests.emplace_back(c[0]);
+           c.state.loading.script_goes_on = true;
          }},
-    Verb{"await-open", 0, 1,
-         [](ViewerState& s, const Words&, const std::string&) { s.loading.script_goes_on = false; }},
-    Verb{"document", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.documents.show_request = parseDocument(w[0], s, at);
-         }},
+    Verb{"await-open", 0, 1, [](const Call& c) { c.state.loading.script_goes_on = false; }},
+    Verb{"document", 1, kFramesOfPanels, [](const Call& c) { c.state.documents.show_request = parseDocument(c); }},
     Verb{"close-document", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.documents.close_request = parseDocument(w[0], s, at);
-         }},
-    Verb{"compare", 1, kFramesOfPanels,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.compare.how.mode = parse<CompareMode>(w[0], at);
-         }},
+         [](const Call& c) { c.state.documents.close_request = parseDocument(c); }},
+    Verb{"compare", 1, kFramesOfPanels, [](const Call& c) { c.state.compare.how.mode = c.named<CompareMode>(); }},
     Verb{"compare-with", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.compare.with_photographs = w[0] == "photographs";
-           if (!s.compare.with_photographs) s.compare.other = s.documents.open[parseDocument(w[0], s, at)].path;
+         [](const Call& c) {
+           c.state.compare.with_photographs = c[0] == "photographs";
+           if (!c.state.compare.with_photographs) c.state.compare.other = c.state.documents.open[parseDocument(c)].path;
          }},
-    Verb{"divider", 1, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           s.compare.how.divider = static_cast<float>(parseNumber(w[0], 0, 1, at));
-         }},
+    Verb{"divider", 1, 0, [](const Call& c) { c.state.compare.how.divider = static_cast<float>(c.number(0, 0, 1)); }},
     Verb{"difference", 2, 0,
-         [](ViewerState& s, const Words& w, const std::string& at) {
-           if (w[0] != "signed" && w[0] != "absolute")
-             throw Error(ErrorKind::usage, at + ": expected signed or absolute, found \"" + w[0] + "\"");
-           s.compare.how.with_sign = w[0] == "signed";
-           s.compare.how.gain = static_cast<float>(parseNumber(w[1], 1e-3, kMaxGain, at));
+         [](const Call& c) {
+           if (c[0] != "signed" && c[0] != "absolute") refuseValue(c.what, c[0], "signed or absolute");
+           c.state.compare.how.with_sign = c[0] == "signed";
+           c.state.compare.how.gain = static_cast<float>(c.number(1, 1e-3, kMaxGain));
          }},
     Verb{"wait", 1, 0, nullptr},
     Verb{"await", 1, kFramesOfPanels, nullptr},
     Verb{"await-file", 1, kFramesOfPanels, nullptr},
     Verb{"size", 1, kFramesAfterResize, nullptr},
-    Verb{"picture", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.picture = w[0]; }},
-    Verb{"window", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.window = w[0]; }},
-    Verb{"save-camera", 1, 1, [](ViewerState& s, const Words& w, const std::string&) { s.capture.camera = w[0]; }},
+    Verb{"picture", 1, 1, [](const Call& c) { c.state.capture.picture = c[0]; }},
+    Verb{"window", 1, 1, [](const Call& c) { c.state.capture.window = c[0]; }},
+    Verb{"save-camera", 1, 1, [](const Call& c) { c.state.capture.camera = c[0]; }},
 };
 
 const Verb* findVerb(std::string_view name, std::span<const Verb> more) {
@@ -179,7 +155,7 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
       ++script.next;
       script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;
       if (command.verb == "size") return parseSize(command.words[0], at);
-      if (verb.run) verb.run(state, command.words, at);
+      if (verb.run) verb.run({state, command.words, at});
       if (verb.setting) verb.setting->set(state.display.settings, command.words[0], at);
     } catch (const Error& error) {
       throw Error(error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind, script.path, error.what());

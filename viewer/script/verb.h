@@ -6,19 +6,35 @@
 #include <string_view>
 #include <vector>
 
+#include "viewer/view/parse.h"
 #include "viewer/view/state.h"
 
 namespace tg {
 
-using Words = std::vector<std::string>;
+// A command that runs. Its getters throw Error(usage) that begins with `what`.
+struct Call {
+  ViewerState& state;
+  const std::vector<std::string>& words;
+  const std::string& what;
+
+  const std::string& operator[](std::size_t word) const { return words[word]; }
+  bool on() const { return parseSwitch(words[0], what); }
+  double number(std::size_t word) const { return parseNumber(words[word], what); }
+  double number(std::size_t word, double low, double high) const { return parseNumber(words[word], low, high, what); }
+  std::size_t index(std::size_t count) const { return parseIndex(words[0], count, what); }
+  template <Named E>
+  E named() const {
+    return parse<E>(words[0], what);
+  }
+};
 
 // A command: its words, and what it does.
 struct Verb {
   std::string_view name;
   std::size_t words;
   int wait;  // frames to draw before the next one
-  // Throws Error that begins with `what`. Null: script.cpp sees to it.
-  void (*run)(ViewerState& state, const Words& words, const std::string& what);
+  // Throws Error that begins with Call::what. Null: script.cpp sees to it.
+  void (*run)(const Call& call);
   // Whether it may run yet: asked every frame. Null: at once.
   bool (*ready)(const ViewerState& state) = nullptr;
   const RenderSetting* setting = nullptr;  // what the word is a value of, instead of `run`

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "viewer/window/captures.h"
 
-#include <span>
 #include <string>
 #include <utility>
 
@@ -35,8 +34,7 @@ std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, 
   if (!capture.camera.empty()) {
     Camera camera = toCamera(state.camera.pose, state.camera.lens, size.x, size.y);
     camera.name = state.scene.path.stem().string();
-    const std::string text = formatCameras({camera});
-    writeFileAtomically(capture.camera, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+    writeTextAtomically(capture.camera, formatCameras({camera}));
     saved = capture.camera;
   }
   return saved;

@@ -11,7 +11,7 @@
 #include "viewer/picture/picture.h"
 #include "viewer/view/options.h"
 #include "viewer/view/state.h"
-#include "viewer/window/pixel_rect.h"
+#include "viewer/window/screen.h"
 
 namespace tg {
 

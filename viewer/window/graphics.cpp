@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "core/system/error.h"
-#include "viewer/picture/device_choice.h"
+#include "viewer/picture/device.h"
 
 namespace tg {
 namespace {

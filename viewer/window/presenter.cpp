@@ -36,26 +36,6 @@ VkSurfaceFormatKHR chooseFormat(VkPhysicalDevice physical, VkSurfaceKHR surface)
 constexpr VkImageSubresourceRange kColor{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
 constexpr VkImageSubresourceLayers kColorLayer{VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
 
-// One side of an image barrier.
-struct Use {
-  VkPipelineStageFlags stage;
-  VkAccessFlags access;
-  VkImageLayout layout;
-};
-
-void barrier(VkCommandBuffer commands, VkImage image, Use before, Use after) {
-  VkImageMemoryBarrier info{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER};
-  info.srcAccessMask = before.access;
-  info.dstAccessMask = after.access;
-  info.oldLayout = before.layout;
-  info.newLayout = after.layout;
-  info.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-  info.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-  info.image = image;
-  info.subresourceRange = kColor;
-  vkCmdPipelineBarrier(commands, before.stage, after.stage, 0, 0, nullptr, 0, nullptr, 1, &info);
-}
-
 constexpr VkPipelineStageFlags kTransfer = VK_PIPELINE_STAGE_TRANSFER_BIT;
 constexpr VkPipelineStageFlags kColorStage = VK_PIPELINE_STAGE_COLOR_ATTACHMENT_OUTPUT_BIT;
 
@@ -67,6 +47,19 @@ VkSemaphore makeSemaphore(VkDevice device) {
 }
 
 }  // namespace
+
+void imageBarrier(VkCommandBuffer commands, VkImage image, ImageUse before, ImageUse after) {
+  VkImageMemoryBarrier info{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER};
+  info.srcAccessMask = before.access;
+  info.dstAccessMask = after.access;
+  info.oldLayout = before.layout;
+  info.newLayout = after.layout;
+  info.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+  info.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+  info.image = image;
+  info.subresourceRange = kColor;
+  vkCmdPipelineBarrier(commands, before.stage, after.stage, 0, 0, nullptr, 0, nullptr, 1, &info);
+}
 
 Presenter::Presenter(VulkanDevice& device, int frames_in_flight) : device_(device) {
   format_ = chooseFormat(device_.physical, device_.surface);
@@ -143,7 +136,7 @@ void Presenter::await(Submission& submission) {
   TG_VK(waited);
   TG_VK(vkResetFences(device_.device, 1, &submission.fence));
   submission.under_way = false;
-  submission.owners.clear();
+  submission.pictures.clear();
 }
 
 // Pictures that no frame reads any more are the picture thread's again.
@@ -279,22 +272,24 @@ VkCommandBuffer Presenter::beginFrame() {
   return frames_[frame_].commands;
 }
 
-void Presenter::recordPictures(std::span<const ImageBlit> pictures, glm::vec3 clear) {
+void Presenter::recordPictures(std::span<const PictureBlit> pictures, VkImage (*image_of)(const PictureImage&),
+                               glm::vec3 clear) {
   Submission& frame = frames_[frame_];
   const VkCommandBuffer commands = frame.commands;
   const VkImage target = targets_[index_].image;
   // The stage is the one that the acquire semaphore holds back.
-  barrier(commands, target, {kTransfer, 0, VK_IMAGE_LAYOUT_UNDEFINED},
-          {kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL});
+  imageBarrier(commands, target, {kTransfer, 0, VK_IMAGE_LAYOUT_UNDEFINED},
+               {kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL});
   const VkClearColorValue color{{clear.r, clear.g, clear.b, 1.0f}};
   vkCmdClearColorImage(commands, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &color, 1, &kColor);
-  const Use cleared{kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL};
-  for (const ImageBlit& picture : pictures) {
-    barrier(commands, target, cleared, cleared);
+  const ImageUse cleared{kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL};
+  for (const PictureBlit& picture : pictures) {
+    const VkImage image = image_of(*picture.image);
+    imageBarrier(commands, target, cleared, cleared);
     // Written by another submission, perhaps of another queue, that a fence has told the end of.
-    barrier(commands, picture.image, {kTransfer, VK_ACCESS_MEMORY_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL},
-            {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_GENERAL});
-    frame.owners.push_back(picture.owner);
+    imageBarrier(commands, image, {kTransfer, VK_ACCESS_MEMORY_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL},
+                 {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_GENERAL});
+    frame.pictures.push_back(picture.image);
     const auto corner = [](glm::ivec2 at, std::int32_t z) { return VkOffset3D{at.x, at.y, z}; };
     VkImageBlit blit{};
     blit.srcSubresource = kColorLayer;
@@ -303,12 +298,12 @@ void Presenter::recordPictures(std::span<const ImageBlit> pictures, glm::vec3 cl
     blit.dstSubresource = kColorLayer;
     blit.dstOffsets[0] = corner(picture.to.origin, 0);
     blit.dstOffsets[1] = corner(picture.to.origin + picture.to.size, 1);
-    vkCmdBlitImage(commands, picture.image, VK_IMAGE_LAYOUT_GENERAL, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1,
-                   &blit, picture.from.size == picture.to.size ? VK_FILTER_NEAREST : VK_FILTER_LINEAR);
+    vkCmdBlitImage(commands, image, VK_IMAGE_LAYOUT_GENERAL, target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &blit,
+                   picture.from.size == picture.to.size ? VK_FILTER_NEAREST : VK_FILTER_LINEAR);
   }
-  barrier(commands, target, cleared,
-          {kColorStage, VK_ACCESS_COLOR_ATTACHMENT_READ_BIT | VK_ACCESS_COLOR_ATTACHMENT_WRITE_BIT,
-           VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL});
+  imageBarrier(commands, target, cleared,
+               {kColorStage, VK_ACCESS_COLOR_ATTACHMENT_READ_BIT | VK_ACCESS_COLOR_ATTACHMENT_WRITE_BIT,
+                VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL});
 }
 
 void Presenter::beginPanels() {
@@ -352,27 +347,22 @@ Image Presenter::copyOut(VkImage image, VkImageLayout layout, VkImageLayout layo
   const std::size_t pixels = static_cast<std::size_t>(size.x) * size.y;
   const Buffer buffer(device_, "a screenshot", pixels * 4, Memory::host);
   runOnce([&](VkCommandBuffer commands) {
-    barrier(commands, image, {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_WRITE_BIT, layout},
-            {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL});
+    imageBarrier(commands, image, {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_WRITE_BIT, layout},
+                 {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL});
     VkBufferImageCopy copy{};
     copy.imageSubresource = kColorLayer;
     copy.imageExtent = {static_cast<std::uint32_t>(size.x), static_cast<std::uint32_t>(size.y), 1};
     vkCmdCopyImageToBuffer(commands, image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, buffer.handle(), 1, &copy);
-    barrier(commands, image, {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
-            {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_READ_BIT, layout_after});
+    imageBarrier(commands, image, {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL},
+                 {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_READ_BIT, layout_after});
     VkMemoryBarrier to_host{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
     to_host.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
     to_host.dstAccessMask = VK_ACCESS_HOST_READ_BIT;
     vkCmdPipelineBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &to_host, 0, nullptr, 0, nullptr);
   });
 
-  const auto* bytes = reinterpret_cast<const std::uint8_t*>(buffer.data());
-  Image result(size.x, size.y, 3);
-  for (std::size_t i = 0; i < pixels; ++i) {
-    for (int c = 0; c < 3; ++c) {
-      result.data[i * 3 + c] = static_cast<float>(bytes[i * 4 + (bgr ? 2 - c : c)]) / 255.0f;
-    }
-  }
+  Image result = imageFromRgba8({buffer.data(), pixels * 4}, size.x, size.y);
+  for (std::size_t i = 0; i < pixels && bgr; ++i) std::swap(result.data[i * 3], result.data[i * 3 + 2]);
   return result;
 }
 

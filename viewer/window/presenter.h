@@ -10,17 +10,18 @@
 
 #include "core/image/image.h"
 #include "render/vulkan/vulkan_renderer.h"
-#include "viewer/window/pixel_rect.h"
+#include "viewer/window/screen.h"
 
 namespace tg {
 
-// A part of an image in layout GENERAL, whose writes have finished, and where in the window it goes.
-struct ImageBlit {
-  VkImage image;
-  std::shared_ptr<const void> owner;  // of the image, held until the frame has ended
-  PixelRect from;
-  PixelRect to;
+// One side of an image barrier.
+struct ImageUse {
+  VkPipelineStageFlags stage;
+  VkAccessFlags access;
+  VkImageLayout layout;
 };
+// Makes writes of `before` visible to `after` on the whole image and changes its layout.
+void imageBarrier(VkCommandBuffer commands, VkImage image, ImageUse before, ImageUse after);
 
 // Use: acquire, beginFrame, ..., submit, read, present. Pictures come from another thread, so that a frame is a few
 // copies and the panels; but where the device has one queue it also waits for the picture under way. The host waits
@@ -39,8 +40,9 @@ class Presenter {
   // (Re)makes the swapchain where needed. False: the window shows nothing now (minimised); try again later.
   bool acquire(glm::ivec2 framebuffer_size);
   VkCommandBuffer beginFrame();
-  // Clears the window and scales the pictures into it, in their order.
-  void recordPictures(std::span<const ImageBlit> pictures, glm::vec3 clear);
+  // Clears the window and scales the pictures into it, in their order. Their images, as `image_of` has them, are in
+  // layout GENERAL and no longer written; they are held until the frame has ended.
+  void recordPictures(std::span<const PictureBlit> pictures, VkImage (*image_of)(const PictureImage&), glm::vec3 clear);
   void beginPanels();  // render pass over what is there
   void endPanels();
   void submit();
@@ -62,7 +64,7 @@ class Presenter {
     VkFence fence = VK_NULL_HANDLE;
     bool under_way = false;
     VkSemaphore acquired = VK_NULL_HANDLE;            // a frame's: its image may be written
-    std::vector<std::shared_ptr<const void>> owners;  // a frame's: of the images that it reads
+    std::vector<std::shared_ptr<const PictureImage>> pictures;  // a frame's: those that it reads
   };
   // An image of the swapchain.
   struct Target {

@@ -10,11 +10,16 @@
 #include "render/devices/devices.h"
 #include "viewer/picture/device.h"
 #include "viewer/view/options.h"
-#include "viewer/window/pixel_rect.h"
 
 struct GLFWwindow;
 
 namespace tg {
+
+// [px] of the window, top left first.
+struct PixelRect {
+  glm::ivec2 origin{0};
+  glm::ivec2 size{0};
+};
 
 // A part of an image and where in the window it goes.
 struct PictureBlit {

@@ -58,25 +58,12 @@ class VulkanPictureImage final : public PictureImage {
 
 VkImage imageOf(const PictureImage& image) { return static_cast<const VulkanPictureImage&>(image).storage.handle(); }
 
-// Makes writes of `before` visible to `after` on the whole image and changes its layout.
-void barrier(VkCommandBuffer commands, VkImage image, VkImageLayout old_layout, VkPipelineStageFlags before,
-             VkAccessFlags written, VkImageLayout new_layout, VkPipelineStageFlags after, VkAccessFlags used) {
-  VkImageMemoryBarrier info{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER};
-  info.srcAccessMask = written;
-  info.dstAccessMask = used;
-  info.oldLayout = old_layout;
-  info.newLayout = new_layout;
-  info.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-  info.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-  info.image = image;
-  info.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
-  vkCmdPipelineBarrier(commands, before, after, 0, 0, nullptr, 0, nullptr, 1, &info);
-}
+constexpr ImageUse kWritten{kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL};
+constexpr ImageUse kRead{kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_GENERAL};
 
 // The old contents may go.
 void beginWrite(VkCommandBuffer commands, VkImage image) {
-  barrier(commands, image, VK_IMAGE_LAYOUT_UNDEFINED, kTransfer, 0, VK_IMAGE_LAYOUT_GENERAL, kTransfer,
-          VK_ACCESS_TRANSFER_WRITE_BIT);
+  imageBarrier(commands, image, {kTransfer, 0, VK_IMAGE_LAYOUT_UNDEFINED}, kWritten);
 }
 
 VkBufferImageCopy wholeCopy(glm::ivec2 size) {
@@ -158,8 +145,7 @@ class VulkanPictureDevice final : public PictureDevice {
   Image download(const PictureImage& source) override {
     const std::span<std::byte> bytes = staging(source.size);
     frames_[0]->run([&](VkCommandBuffer commands) {
-      barrier(commands, imageOf(source), VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT,
-              VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
+      imageBarrier(commands, imageOf(source), kWritten, kRead);
       const VkBufferImageCopy copy = wholeCopy(source.size);
       vkCmdCopyImageToBuffer(commands, imageOf(source), VK_IMAGE_LAYOUT_GENERAL, staging_.handle(), 1, &copy);
       stageBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT);
@@ -177,14 +163,12 @@ class VulkanPictureDevice final : public PictureDevice {
   static void record(VkCommandBuffer commands, VulkanRenderer& vulkan, const FrameRequest& request,
                      const PictureImage& target, int top) {
     vulkan.record(commands, request);
-    barrier(commands, vulkan.image(), VK_IMAGE_LAYOUT_GENERAL, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
-            VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_READ_BIT);
-    if (top == 0) {
+    imageBarrier(commands, vulkan.image(),
+                 {VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL}, kRead);
+    if (top == 0)
       beginWrite(commands, imageOf(target));
-    } else {
-      barrier(commands, imageOf(target), VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT,
-              VK_IMAGE_LAYOUT_GENERAL, kTransfer, VK_ACCESS_TRANSFER_WRITE_BIT);
-    }
+    else
+      imageBarrier(commands, imageOf(target), kWritten, kWritten);
     VkImageCopy copy{};
     copy.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
     copy.dstSubresource = copy.srcSubresource;
@@ -234,11 +218,7 @@ class VulkanScreen final : public Screen {
   bool acquire(glm::ivec2 framebuffer_size) override { return presenter_.acquire(framebuffer_size); }
   void draw(std::span<const PictureBlit> pictures, glm::vec3 clear, bool panels) override {
     const VkCommandBuffer commands = presenter_.beginFrame();
-    std::vector<ImageBlit> blits;
-    for (const PictureBlit& blit : pictures) {
-      blits.push_back({imageOf(*blit.image), blit.image, blit.from, blit.to});
-    }
-    presenter_.recordPictures(blits, clear);
+    presenter_.recordPictures(pictures, imageOf, clear);
     presenter_.beginPanels();
     if (panels) ImGui_ImplVulkan_RenderDrawData(ImGui::GetDrawData(), commands);
     presenter_.endPanels();

@@ -14,7 +14,6 @@
 #include <utility>
 
 #include "converter/registry/file_format.h"
-#include "converter/registry/read_model.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
 #include "viewer/model/open_models.h"
@@ -29,9 +28,8 @@
 #include "viewer/view/state.h"
 #include "viewer/window/captures.h"
 #include "viewer/window/comparison_control.h"
-#include "viewer/window/frame_timings.h"
 #include "viewer/window/graphics.h"
-#include "viewer/window/load_timings.h"
+#include "viewer/window/timings.h"
 #include "viewer/window/window_session.h"
 
 namespace tg {
@@ -351,14 +349,7 @@ void Viewer::openCameraFiles() {
                                            [](const auto& path) { return path.extension() != ".json"; });
   const std::vector<std::filesystem::path> files(first, requests.end());
   requests.erase(first, requests.end());
-  for (const std::filesystem::path& path : files) {
-    try {
-      openJson(path);
-    } catch (const Error& error) {
-      state_.messages.error = error.what();
-      state_.messages.notice_until = 0;
-    }
-  }
+  for (const std::filesystem::path& path : files) attempt(state_, [&] { openJson(path); });
 }
 
 void Viewer::openJson(const std::filesystem::path& path) {

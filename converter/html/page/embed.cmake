@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Makes the page of html/page.html: every @FILE@ is replaced by that file, with its #include "shared/..." written out
-# where it stands, once each. @TITLE@ and @PAYLOAD@ stay for write_html.cpp. Writes the page and, for the program, its
+# where it stands, once each. @TITLE@ and @PAYLOAD@ stay for html.cpp. Writes the page and, for the program, its
 # bytes as a C++ source.
 #   cmake -D SHADERS=... -D OUT_PAGE=... -D OUT_SOURCE=... -P embed.cmake
 cmake_minimum_required(VERSION 3.24)
@@ -45,7 +45,7 @@ file(READ "${OUT_PAGE}" hex HEX)
 string(REGEX REPLACE "(................................................................)" "\\1\n" hex "${hex}")
 string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," hex "${hex}")
 file(WRITE "${OUT_SOURCE}" "// Made by converter/html/page/embed.cmake.
-#include \"converter/html/html_page.h\"
+#include \"converter/html/html.h\"
 namespace tg {
 namespace {
 constexpr unsigned char kPage[] = {

@@ -7,9 +7,8 @@
 #include "converter/edit/contribution.h"
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
-#include "converter/edit/merge_pairs.h"
-#include "converter/edit/reduce.h"
 #include "converter/edit/select.h"
+#include "converter/edit/texture_budget.h"
 #include "converter/edit/texture_fit.h"
 #include "converter/edits.h"
 #include "converter/gltf/fallback.h"
@@ -261,7 +260,7 @@ TEST_CASE("decimation by what pictures show beats decimation by chance") {
 TEST_CASE("merged pairs are worth more than what removal leaves, and textured Gaussians stay as they are") {
   const Bundle sample = readBundle("docs/sample.tgz");
   GaussianModel plain = sample.model;
-  dropTextures(plain);
+  plain = bakeFallback(plain);
   const std::vector<Camera> views = contributionViews(plain, sample.cameras);
   const std::vector<Camera> judges = qualityViews(plain, sample.cameras);
   for (const double part : {0.75, 0.5, 0.25}) {
@@ -365,7 +364,7 @@ TEST_CASE("resized and dropped textures look as much like the model as their siz
   CHECK(framePsnr(before, referenceFrame(finer, scene.camera)) > 90.0);
   GaussianModel coarser = scene.model, plain = scene.model;
   resizeTextures(coarser, 2, 2);
-  dropTextures(plain);
+  plain = bakeFallback(plain);
   checkModel(coarser, "coarser");
   CHECK(plain.texture_mode == TextureMode::none);
   const double with_two = framePsnr(before, referenceFrame(coarser, scene.camera));

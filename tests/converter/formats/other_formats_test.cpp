@@ -5,8 +5,8 @@
 #include <span>
 
 #include "converter/formats/read_compressed_ply.h"
-#include "converter/formats/read_splat.h"
-#include "converter/formats/read_spz.h"
+#include "converter/formats/splat.h"
+#include "converter/formats/spz.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "converter/splat_files.h"

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // .splat comes back within its bytes, and says what they could not hold.
-#include "converter/formats/write_splat.h"
+#include "converter/formats/splat.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "converter/convert.h"
-#include "converter/formats/read_splat.h"
 #include "converter/scratch.h"
 #include "core/bundle/bundle.h"
 #include "core/model/verbs.h"

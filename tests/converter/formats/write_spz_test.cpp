@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPZ comes back within its bits, and says what they could not hold.
-#include "converter/formats/write_spz.h"
+#include "converter/formats/spz.h"
 
 #include <cmath>
 
-#include "converter/formats/read_spz.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "support/catch.h"

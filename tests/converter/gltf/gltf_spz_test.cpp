@@ -2,9 +2,9 @@
 // Splats that a glTF file holds as an SPZ.
 #include "converter/check.h"
 #include "converter/edit/transform.h"
-#include "converter/formats/write_spz.h"
+#include "converter/formats/spz.h"
 #include "converter/glb.h"
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "converter/splat_files.h"

@@ -6,7 +6,7 @@
 #include "converter/glb.h"
 #include "converter/gltf/axes.h"
 #include "converter/gltf/write_gltf.h"
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "core/model/verbs.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "converter/check.h"
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "converter/sample_picture.h"
 #include "converter/scenes.h"
 #include "support/catch.h"

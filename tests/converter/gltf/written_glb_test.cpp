@@ -7,7 +7,7 @@
 #include "converter/gltf/axes.h"
 #include "converter/gltf/quantize.h"
 #include "converter/gltf/write_gltf.h"
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "core/image/image.h"

@@ -3,9 +3,8 @@
 #include <algorithm>
 
 #include "converter/glb.h"
-#include "converter/html/read_html.h"
-#include "converter/html/write_html.h"
-#include "converter/registry/read_model.h"
+#include "converter/html/html.h"
+#include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "support/catch.h"
@@ -21,7 +20,7 @@ TEST_CASE("a page holds the GLB of its model, byte for byte, and the same bytes 
   const GltfReport report = writeHtml(scratch.folder() / "a & b <c>.html", content);
 
   const std::string page = Glb::slurp(scratch.folder() / "a & b <c>.html");
-  CHECK(report.bytes == page.size());
+  CHECK(report.output_bytes == page.size());
   CHECK(page.find("<title>a &amp; b &lt;c></title>") != std::string::npos);
   CHECK(page.find("@PAYLOAD@") == std::string::npos);
   const std::vector<std::uint8_t> glb = readHtmlGlb(scratch.folder() / "a & b <c>.html");

@@ -5,7 +5,6 @@
 #include <set>
 #include <string>
 
-#include "converter/registry/read_model.h"
 #include "converter/scratch.h"
 #include "converter/splat_files.h"
 #include "core/file/file.h"

@@ -6,7 +6,7 @@
 #include "converter/convert.h"
 #include "converter/glb.h"
 #include "converter/gltf/meshopt.h"
-#include "converter/html/html_page.h"
+#include "converter/html/html.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "converter/splat_files.h"

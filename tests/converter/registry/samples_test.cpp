@@ -4,7 +4,7 @@
 #include <iterator>
 
 #include "converter/convert.h"
-#include "converter/registry/read_model.h"
+#include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "core/bundle/ply.h"

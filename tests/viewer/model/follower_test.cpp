@@ -10,7 +10,6 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "viewer/model/scene_of.h"
-#include "viewer/model/training_progress.h"
 #include "viewer/view/state.h"
 
 using namespace tg;

@@ -22,7 +22,7 @@ TEST_CASE("commands change the state in order and stop where a frame is due") {
 }
 
 TEST_CASE("a program may add verbs to its scripts, and other programs do not know them") {
-  constexpr Verb kMore[] = {{"quit", 0, 0, [](ViewerState& s, const Words&, const std::string&) { s.quit = true; }}};
+  constexpr Verb kMore[] = {{"quit", 0, 0, [](const Call& c) { c.state.quit = true; }}};
   ViewerState state;
   Script script = parseScript("quit\nwait 1\n", "s", kMore);
   step(script, state);

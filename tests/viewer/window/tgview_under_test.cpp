@@ -25,10 +25,9 @@ std::atomic<bool> lose_device{false}, lose_window{false};
 std::atomic<double> slow_picture{0};  // [s]
 
 constexpr std::array kVerbs = {
-    Verb{"lose-device", 0, 1, [](ViewerState&, const Words&, const std::string&) { lose_device = true; }},
-    Verb{"lose-window-device", 0, 1, [](ViewerState&, const Words&, const std::string&) { lose_window = true; }},
-    Verb{"slow-picture", 1, 0,
-         [](ViewerState&, const Words& w, const std::string& at) { slow_picture = parseNumber(w[0], 0, 60, at); }},
+    Verb{"lose-device", 0, 1, [](const Call&) { lose_device = true; }},
+    Verb{"lose-window-device", 0, 1, [](const Call&) { lose_window = true; }},
+    Verb{"slow-picture", 1, 0, [](const Call& c) { slow_picture = c.number(0, 0, 60); }},
 };
 
 void loseIf(std::atomic<bool>& fault) {

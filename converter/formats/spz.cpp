@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads SPZ.
-#include "converter/formats/read_spz.h"
+// SPZ in and out.
+#include "converter/formats/spz.h"
+
+#include <zlib.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <new>
 #include <numeric>
-#include <string_view>
-#include <vector>
 
 #include "converter/formats/inflate.h"
 #include "converter/formats/little_endian.h"
 #include "converter/formats/repair.h"
-#include "converter/formats/spz.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
@@ -21,11 +22,40 @@
 namespace tg {
 namespace {
 
+constexpr std::uint32_t kSpzMagic = 0x5053474e;  // "NGSP"
+constexpr std::size_t kSpzHeaderBytes = 16;      // versions 2 and 3, the first bytes inside the gzip stream
+constexpr std::size_t kSpz4HeaderBytes = 32;     // version 4, in the clear
+constexpr float kSpzColorScale = 0.15f;          // byte = (DC coefficient * 0.15 + 0.5) * 255
+constexpr float kSpzScaleStep = 1.0f / 16.0f;    // log scale = byte / 16 - 10
+constexpr float kSpzLowestScale = -10.0f;
+constexpr float kSpzShStep = 1.0f / 128.0f;  // SH coefficient = (byte - 128) / 128
+constexpr int kSpzRotationBits = 9;          // magnitude of a component of at most sqrt(1/2), version 3 and later
+
+enum SpzFlags : std::uint8_t { kSpzAntialiased = 1, kSpzExtensions = 2 };
+
+// Attributes in file order.
+enum SpzStream { kSpzPositions, kSpzAlphas, kSpzColors, kSpzScales, kSpzRotations, kSpzSh, kSpzStreams };
+
+struct SpzHeader {
+  std::uint32_t version = 0;
+  std::uint32_t count = 0;
+  int sh_degree = 0;        // 0..4
+  int fractional_bits = 0;  // of the 24-bit positions
+  std::uint8_t flags = 0;
+
+  // [bytes] of each stream.
+  std::array<std::uint64_t, kSpzStreams> sizes() const {
+    const std::uint64_t n = count;
+    const std::uint64_t rest = static_cast<std::uint64_t>((sh_degree + 1) * (sh_degree + 1) - 1);
+    return {9 * n, n, 3 * n, 3 * n, (version == 2 ? 3 : 4) * n, 3 * rest * n};
+  }
+};
+
 constexpr std::uint64_t kMaxBytesPerSplat = 9 + 1 + 3 + 3 + 4 + 72;
 constexpr std::uint64_t kMaxExtensionBytes = std::uint64_t{16} << 20;
 constexpr int kMaxModelDegree = 3;  // of the model
-constexpr int kMaxSpzDegree = 4;  // of the format
-constexpr int kMaxFraction = 23;  // bits: positions have 24, one of them the sign
+constexpr int kMaxSpzDegree = 4;    // of the format
+constexpr int kMaxFraction = 23;    // bits: positions have 24, one of them the sign
 constexpr std::uint64_t kTocEntryBytes = 16;
 constexpr std::array<const char*, kSpzStreams> kStreamNames = {"the stream of positions", "the stream of alphas",
                                                                "the stream of colours",   "the stream of scales",
@@ -200,6 +230,90 @@ Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes
   return finish(header, views, path);
 }
 
+constexpr int kUsualFraction = 12;  // bits: 0.24 mm where the unit is a metre
+constexpr int kExtentBits = 16;     // but at least so many of the largest coordinate, for small scenes
+constexpr double kLargestFixed = 8388607.0;
+constexpr int kSh1Bits = 5;  // of degree 1, as the format's own library has it: fewer bits pack better
+constexpr int kShRestBits = 4;
+
+using Bytes = std::vector<std::uint8_t>;
+
+int fractionalBits(const GaussianModel& model, const std::string& path) {
+  double extent = 0.0;
+  for (const glm::vec3& p : model.mean) {
+    for (int k = 0; k < 3; ++k) extent = std::max(extent, std::abs(static_cast<double>(p[k])));
+  }
+  if (extent > kLargestFixed) {
+    throw Error(
+        ErrorKind::badData, path,
+        "a mean is too far out for SPZ (expected coordinates below 8388607, found " + std::to_string(extent) + ")");
+  }
+  if (extent == 0.0) return kUsualFraction;
+  int exponent = 0;  // extent < 2^exponent
+  std::frexp(extent * (1.0 + 1e-6), &exponent);
+  return std::clamp(std::max(kUsualFraction, kExtentBits - exponent), 0, std::clamp(23 - exponent, 0, 23));
+}
+
+// Rounds to a byte; counts what does not fit by setting `clipped`.
+std::uint8_t toByte(double value, bool& clipped) {
+  const double rounded = std::floor(value + 0.5);
+  if (rounded < 0.0 || rounded > 255.0) clipped = true;
+  return static_cast<std::uint8_t>(std::clamp(rounded, 0.0, 255.0));
+}
+
+// Only the upper bits of the byte are used; 128 stays 0.
+std::uint8_t shByte(float coefficient, int bits, bool& clipped) {
+  const int step = 1 << (8 - bits);
+  if (std::abs(coefficient) > 1.0f) clipped = true;
+  const double clamped = std::clamp(static_cast<double>(coefficient), -1.0, 1.0);
+  const int byte = static_cast<int>(std::floor(clamped * 128.0 + 0.5)) + 128;
+  return static_cast<std::uint8_t>(std::clamp((byte + step / 2) / step * step, 0, 255));
+}
+
+std::uint32_t packRotation(glm::vec4 wxyz) {
+  const glm::dvec4 q = glm::normalize(glm::dvec4(wxyz));
+  const std::array<double, 4> xyzw = {q.y, q.z, q.w, q.x};
+  int largest = 0;
+  for (int k = 1; k < 4; ++k) {
+    if (std::abs(xyzw[k]) > std::abs(xyzw[largest])) largest = k;
+  }
+  constexpr double mask = (1u << kSpzRotationBits) - 1;
+  std::uint32_t bits = static_cast<std::uint32_t>(largest);
+  for (int k = 0; k < 4; ++k) {
+    if (k == largest) continue;
+    const bool negative = (xyzw[k] < 0.0) != (xyzw[largest] < 0.0);
+    const double magnitude = std::min(std::floor(std::abs(xyzw[k]) * std::sqrt(2.0) * mask + 0.5), mask);
+    bits = bits << (kSpzRotationBits + 1) | std::uint32_t{negative} << kSpzRotationBits |
+           static_cast<std::uint32_t>(magnitude);
+  }
+  return bits;
+}
+
+Bytes gzip(const Bytes& bytes) {
+  z_stream stream{};
+  // The best level makes trained models 0 to 2.3 % smaller in four to seven times the time.
+  if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY) != Z_OK) {
+    throw std::bad_alloc();
+  }
+  Bytes packed;
+  std::array<std::uint8_t, 1 << 16> piece;
+  std::size_t done = 0;
+  for (int result = Z_OK; result != Z_STREAM_END;) {
+    if (stream.avail_in == 0) {
+      const std::size_t next = std::min<std::size_t>(bytes.size() - done, std::numeric_limits<uInt>::max());
+      stream.next_in = const_cast<std::uint8_t*>(bytes.data() + done);
+      stream.avail_in = static_cast<uInt>(next);
+      done += next;
+    }
+    stream.next_out = piece.data();
+    stream.avail_out = static_cast<uInt>(piece.size());
+    result = deflate(&stream, done == bytes.size() ? Z_FINISH : Z_NO_FLUSH);
+    packed.insert(packed.end(), piece.data(), piece.data() + piece.size() - stream.avail_out);
+  }
+  deflateEnd(&stream);
+  return packed;
+}
+
 }  // namespace
 
 Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
@@ -219,6 +333,64 @@ Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
 
 Bundle readSpz(const std::filesystem::path& path) {
   return parseSpz(readFile(path, kMaxGaussians * kMaxBytesPerSplat + kMaxExtensionBytes), path.string());
+}
+
+Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report) {
+  if (model.size() == 0) throw Error(ErrorKind::badData, path, "the model has no Gaussians");
+  SpzHeader header;
+  header.version = 3;
+  header.count = static_cast<std::uint32_t>(model.size());
+  header.sh_degree = model.sh_degree;
+  header.fractional_bits = report.fractional_bits = fractionalBits(model, path);
+  const std::size_t coefficients = model.shCount();
+
+  Bytes bytes;
+  appendU32(bytes, kSpzMagic);
+  appendU32(bytes, header.version);
+  appendU32(bytes, header.count);
+  for (int value : {header.sh_degree, header.fractional_bits, 0, 0}) bytes.push_back(static_cast<std::uint8_t>(value));
+  for (const glm::vec3& p : model.mean) {
+    for (int k = 0; k < 3; ++k) {
+      const double fixed = std::floor(std::ldexp(static_cast<double>(p[k]), header.fractional_bits) + 0.5);
+      const auto bits = static_cast<std::int32_t>(std::clamp(fixed, -kLargestFixed, kLargestFixed));
+      for (int shift : {0, 8, 16}) bytes.push_back(static_cast<std::uint8_t>(bits >> shift));
+    }
+  }
+  bool inside = false;  // alphas always fit
+  for (float logit : model.opacity_logit) {
+    bytes.push_back(toByte(sigmoid(logit, 255.0), inside));
+  }
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    bool clipped = false;
+    for (int k = 0; k < 3; ++k) {
+      bytes.push_back(toByte((model.sh[i * coefficients][k] * double{kSpzColorScale} + 0.5) * 255.0, clipped));
+    }
+    report.clipped_colors += clipped;
+  }
+  for (const glm::vec3& log_scale : model.log_scale) {
+    bool clipped = false;
+    for (int k = 0; k < 3; ++k) {
+      bytes.push_back(toByte((static_cast<double>(log_scale[k]) - kSpzLowestScale) / kSpzScaleStep, clipped));
+    }
+    report.clipped_scales += clipped;
+  }
+  for (const glm::vec4& rotation : model.rotation) appendU32(bytes, packRotation(rotation));
+  for (std::size_t i = 0; i < model.size() && coefficients > 1; ++i) {
+    bool clipped = false;
+    for (std::size_t k = 1; k < coefficients; ++k) {
+      for (int c = 0; c < 3; ++c) {
+        bytes.push_back(shByte(model.sh[i * coefficients + k][c], k < 4 ? kSh1Bits : kShRestBits, clipped));
+      }
+    }
+    report.clipped_sh += clipped;
+  }
+  return gzip(bytes);
+}
+
+SpzReport writeSpz(const std::filesystem::path& path, const GaussianModel& model) {
+  SpzReport report;
+  writeFileAtomically(path, formatSpz(model, path.string(), report));
+  return report;
 }
 
 }  // namespace tg

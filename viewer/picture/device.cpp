@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "viewer/picture/device_choice.h"
+#include "viewer/picture/device.h"
 
 #include <string>
 
