@@ -18,42 +18,32 @@ constexpr float kHighestDensity = 2.0f;
 // Black, red, yellow, white for x in [0, 1].
 glm::vec3 heat(float x) { return {3.0f * x, 3.0f * x - 1.0f, 3.0f * x - 2.0f}; }
 
+template <typename T>
+struct Plane {
+  Output output;
+  std::vector<T> Frame::* pixels;
+};
+constexpr Plane<float> kScalars[] = {
+    {Output::alpha, &Frame::alpha},       {Output::depth, &Frame::depth},
+    {Output::count, &Frame::count},       {Output::depthMedian, &Frame::depth_median},
+    {Output::overdraw, &Frame::overdraw}, {Output::texelDensity, &Frame::texel_density}};
+constexpr Plane<glm::vec3> kColors[] = {{Output::base, &Frame::base},
+                                        {Output::texture, &Frame::texture},
+                                        {Output::normal, &Frame::normal},
+                                        {Output::ellipsoids, &Frame::ellipsoids},
+                                        {Output::centers, &Frame::centers}};
+
 // The pixels of an output that has one number each; null for colours and normals.
 const std::vector<float>* scalars(const Frame& frame, Output output) {
-  switch (output) {
-    case Output::alpha:
-      return &frame.alpha;
-    case Output::depth:
-      return &frame.depth;
-    case Output::count:
-      return &frame.count;
-    case Output::depthMedian:
-      return &frame.depth_median;
-    case Output::overdraw:
-      return &frame.overdraw;
-    case Output::texelDensity:
-      return &frame.texel_density;
-    default:
-      return nullptr;
-  }
+  const auto* plane = std::ranges::find(kScalars, output, &Plane<float>::output);
+  return plane == std::end(kScalars) ? nullptr : &(frame.*plane->pixels);
 }
 
 // The pixels of an output that has three; final is their sum where base and texture lie apart.
 const std::vector<glm::vec3>& colors(const Frame& frame, Output output) {
-  switch (output) {
-    case Output::base:
-      return frame.base;
-    case Output::texture:
-      return frame.texture;
-    case Output::normal:
-      return frame.normal;
-    case Output::ellipsoids:
-      return frame.ellipsoids;
-    case Output::centers:
-      return frame.centers;
-    default:
-      return frame.base.empty() ? frame.picture : frame.base;
-  }
+  const auto* plane = std::ranges::find(kColors, output, &Plane<glm::vec3>::output);
+  if (plane != std::end(kColors)) return frame.*plane->pixels;
+  return frame.base.empty() ? frame.picture : frame.base;
 }
 
 void requireOutput(const Frame& frame, Output output) {
@@ -82,18 +72,10 @@ glm::vec3 depthGrey(float z, glm::vec2 range) {
 }
 
 glm::vec3 numberColor(Output output, float x, glm::vec2 range) {
-  switch (output) {
-    case Output::depth:
-    case Output::depthMedian:
-      return depthGrey(x, range);
-    case Output::count:
-    case Output::overdraw:
-      return heat(range.y > 0.0f ? x / range.y : 0.0f);
-    case Output::texelDensity:
-      return heat(x > 0.0f ? (std::log2(x) - kLowestDensity) / (kHighestDensity - kLowestDensity) : 0.0f);
-    default:
-      return glm::vec3(x);
-  }
+  if (output == Output::depth || output == Output::depthMedian) return depthGrey(x, range);
+  if (output == Output::count || output == Output::overdraw) return heat(range.y > 0.0f ? x / range.y : 0.0f);
+  if (output != Output::texelDensity) return glm::vec3(x);
+  return heat(x > 0.0f ? (std::log2(x) - kLowestDensity) / (kHighestDensity - kLowestDensity) : 0.0f);
 }
 
 }  // namespace
@@ -129,23 +111,11 @@ Image visualize(const Frame& frame, Output output, float exposure_stops) {
   const std::vector<glm::vec3>& values = colors(frame, output);
   const float exposure = std::exp2(exposure_stops);
   for (std::size_t i = 0; i < pixels; ++i) {
-    switch (output) {
-      case Output::final:
-        put(i, exposure * frame.color(i));
-        break;
-      case Output::base:
-        put(i, exposure * values[i]);
-        break;
-      case Output::texture:
-        put(i, 0.5f + 0.5f * values[i]);
-        break;
-      case Output::normal:
-        put(i, 0.5f + 0.5f * glm::vec3(1, -1, -1) * values[i]);
-        break;
-      default:
-        put(i, values[i]);
-        break;
-    }
+    glm::vec3 value = output == Output::final ? frame.color(i) : values[i];
+    if (output == Output::final || output == Output::base) value *= exposure;
+    if (output == Output::normal) value *= glm::vec3(1, -1, -1);
+    if (output == Output::normal || output == Output::texture) value = 0.5f + 0.5f * value;
+    put(i, value);
   }
   return image;
 }

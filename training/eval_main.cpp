@@ -3,10 +3,8 @@
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <cstdio>
-#include <numeric>
 #include <optional>
 #include <set>
-#include <span>
 
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
@@ -193,10 +191,7 @@ int run(const Options& options) {
     report.views = score(options, scene, lpips);
     std::fputs(tg::formatScores(report).c_str(), stdout);
   }
-  if (!options.json.empty()) {
-    const std::string json = tg::formatEvalJson(report);
-    tg::writeFileAtomically(options.json, std::span(reinterpret_cast<const std::uint8_t*>(json.data()), json.size()));
-  }
+  if (!options.json.empty()) tg::writeTextAtomically(options.json, tg::formatEvalJson(report));
   return 0;
 }
 

@@ -8,7 +8,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <span>
 #include <utility>
 
 #include "core/bundle/bundle.h"
@@ -203,9 +202,7 @@ int runTraining(const Options& options) {
   if (!options.untextured_output.empty() && result.untextured) {
     save(options.untextured_output, std::move(*result.untextured));
   }
-  if (!options.json.empty()) {
-    tg::writeFileAtomically(options.json, std::span(reinterpret_cast<const std::uint8_t*>(json.data()), json.size()));
-  }
+  if (!options.json.empty()) tg::writeTextAtomically(options.json, json);
   if (!options.quiet) {
     const std::string written = options.output.empty() ? run->model().string() : options.output;
     std::fputs(tg::formatSummary(result.report, json_options.total_seconds).c_str(), stdout);

@@ -23,7 +23,7 @@
 #include "converter/gltf/numbers.h"
 #include "converter/gltf/quantize.h"
 #include "core/file/atomic_files.h"
-#include "core/image/png16.h"
+#include "core/image/image.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"

@@ -10,7 +10,6 @@
 
 #include "core/file/json.h"
 #include "core/system/assert.h"
-#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {

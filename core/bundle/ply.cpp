@@ -12,7 +12,6 @@
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
-#include "core/system/error.h"
 #include "core/system/parallel.h"
 
 namespace tg {

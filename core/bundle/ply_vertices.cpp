@@ -21,45 +21,6 @@ constexpr std::size_t kMaxProperties = 4096;  // of one element; INRIA's layout 
 constexpr std::size_t kBlock = 4096;          // vertices a thread takes at once
 static_assert(std::endian::native == std::endian::little, "scalar loads below assume a little-endian machine");
 
-struct TypeName {
-  std::string_view name;
-  PlyType type;
-};
-constexpr std::array<TypeName, 16> kTypeNames{{{"char", PlyType::int8},
-                                               {"int8", PlyType::int8},
-                                               {"uchar", PlyType::uint8},
-                                               {"uint8", PlyType::uint8},
-                                               {"short", PlyType::int16},
-                                               {"int16", PlyType::int16},
-                                               {"ushort", PlyType::uint16},
-                                               {"uint16", PlyType::uint16},
-                                               {"int", PlyType::int32},
-                                               {"int32", PlyType::int32},
-                                               {"uint", PlyType::uint32},
-                                               {"uint32", PlyType::uint32},
-                                               {"float", PlyType::float32},
-                                               {"float32", PlyType::float32},
-                                               {"double", PlyType::float64},
-                                               {"float64", PlyType::float64}}};
-
-std::size_t sizeOf(PlyType type) {
-  switch (type) {
-    case PlyType::int8:
-    case PlyType::uint8:
-      return 1;
-    case PlyType::int16:
-    case PlyType::uint16:
-      return 2;
-    case PlyType::int32:
-    case PlyType::uint32:
-    case PlyType::float32:
-      return 4;
-    case PlyType::float64:
-      return 8;
-  }
-  return 0;
-}
-
 template <typename T>
 float load(const std::uint8_t* from, bool swap) {
   std::uint8_t raw[sizeof(T)];
@@ -70,27 +31,21 @@ float load(const std::uint8_t* from, bool swap) {
   return static_cast<float>(value);
 }
 
-float loadAs(PlyType type, const std::uint8_t* from, bool swap) {
-  switch (type) {
-    case PlyType::int8:
-      return load<std::int8_t>(from, swap);
-    case PlyType::uint8:
-      return load<std::uint8_t>(from, swap);
-    case PlyType::int16:
-      return load<std::int16_t>(from, swap);
-    case PlyType::uint16:
-      return load<std::uint16_t>(from, swap);
-    case PlyType::int32:
-      return load<std::int32_t>(from, swap);
-    case PlyType::uint32:
-      return load<std::uint32_t>(from, swap);
-    case PlyType::float32:
-      return load<float>(from, swap);
-    case PlyType::float64:
-      return load<double>(from, swap);
-  }
-  return 0.0f;
+struct Type {
+  std::array<std::string_view, 2> names;
+  std::size_t bytes;
+  float (*load)(const std::uint8_t* from, bool swap);
+};
+template <typename T>
+constexpr Type typeOf(std::string_view name, std::string_view sized_name) {
+  return {{name, sized_name}, sizeof(T), load<T>};
 }
+constexpr std::array<Type, 8> kTypes{// as PlyType
+                                     typeOf<std::int8_t>("char", "int8"),    typeOf<std::uint8_t>("uchar", "uint8"),
+                                     typeOf<std::int16_t>("short", "int16"), typeOf<std::uint16_t>("ushort", "uint16"),
+                                     typeOf<std::int32_t>("int", "int32"),   typeOf<std::uint32_t>("uint", "uint32"),
+                                     typeOf<float>("float", "float32"),      typeOf<double>("double", "float64")};
+const Type& typeOf(PlyType type) { return kTypes.at(static_cast<std::size_t>(type)); }
 
 bool isSpace(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f'; }
 
@@ -200,8 +155,8 @@ void PlyVertices::parseProperty(std::string_view line, Element& element) const {
     return;
   }
   const auto type =
-      std::find_if(kTypeNames.begin(), kTypeNames.end(), [&](const TypeName& t) { return t.name == type_name; });
-  if (type == kTypeNames.end()) fail("PLY header: unknown property type " + shownWord(type_name));
+      std::ranges::find_if(kTypes, [&](const Type& t) { return std::ranges::count(t.names, type_name) > 0; });
+  if (type == kTypes.end()) fail("PLY header: unknown property type " + shownWord(type_name));
   const std::string_view name = nextWord(line);
   if (name.empty() || !nextWord(line).empty()) fail("PLY header: property without exactly one name");
   if (std::any_of(element.properties.begin(), element.properties.end(),
@@ -209,8 +164,8 @@ void PlyVertices::parseProperty(std::string_view line, Element& element) const {
     fail("PLY header: property " + shownWord(name) + " is given twice");
   if (element.properties.size() == kMaxProperties)
     fail("PLY header: too many properties (expected at most " + std::to_string(kMaxProperties) + ")");
-  element.properties.push_back({std::string(name), type->type, element.stride});
-  element.stride += sizeOf(type->type);
+  element.properties.push_back({std::string(name), static_cast<PlyType>(type - kTypes.begin()), element.stride});
+  element.stride += type->bytes;
 }
 
 void PlyVertices::parseHeader(std::vector<Element>& elements) {
@@ -342,7 +297,7 @@ void PlyVertices::readBinary(std::span<const int> indices,
       const std::uint8_t* vertex = body_.data() + i * stride_;
       for (std::size_t k = 0; k < indices.size(); ++k) {
         const PlyProperty& property = properties_[static_cast<std::size_t>(indices[k])];
-        values[k] = loadAs(property.type, vertex + property.offset, swap);
+        values[k] = typeOf(property.type).load(vertex + property.offset, swap);
         if (!std::isfinite(values[k])) {
           offenders[static_cast<std::size_t>(block)] = {i, indices[k]};
           return;

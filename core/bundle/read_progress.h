@@ -3,9 +3,8 @@
 #pragma once
 #include <functional>
 
-#include "core/file/byte_progress.h"
+#include "core/file/file.h"
 #include "core/model/model.h"
-#include "core/system/assert.h"
 
 namespace tg {
 

@@ -5,7 +5,6 @@
 #include <archive_entry.h>
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <span>

@@ -17,8 +17,7 @@ class AtomicFiles {
   // `replace`: files that are there already; otherwise add() refuses them.
   explicit AtomicFiles(bool replace = true);
   ~AtomicFiles();
-  AtomicFiles(const AtomicFiles&) = delete;
-  AtomicFiles& operator=(const AtomicFiles&) = delete;
+  AtomicFiles& operator=(AtomicFiles&&) = delete;
 
   // Both forms as writeFileAtomically. Throws Error(cannotWrite).
   void add(const std::filesystem::path& path, const std::function<void(const std::filesystem::path& temporary)>& write);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole files in and out: bounded reads, atomic writes.
 #pragma once
+#include <atomic>
 #include <cstdint>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <span>
@@ -13,14 +15,31 @@ namespace tg {
 // Throws Error(cannotRead) when missing, a folder, unreadable, or longer than max_bytes.
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes);
 
+// Thrown out of a reader that was told to stop.
+struct ReadCancelled : std::exception {
+  const char* what() const noexcept override { return "reading was cancelled"; }
+};
+
+// How far a file has been read, for whoever waits for it in another thread; and the way to stop.
+struct ByteProgress {
+  std::atomic<std::uint64_t> done{0};   // [bytes] of the file
+  std::atomic<std::uint64_t> total{0};  // [bytes]; 0: not known yet
+  std::atomic<bool> cancel{false};
+
+  // Throws ReadCancelled when told to.
+  void advance(std::uint64_t bytes) {
+    done += bytes;
+    if (cancel) throw ReadCancelled();
+  }
+};
+
 // A regular file, read piece by piece, from several threads at once if need be.
 class FileReader {
  public:
   // Throws as readFile does, and for what is no regular file.
   FileReader(const std::filesystem::path& path, std::uint64_t max_bytes);
   ~FileReader();
-  FileReader(const FileReader&) = delete;
-  FileReader& operator=(const FileReader&) = delete;
+  FileReader& operator=(FileReader&&) = delete;
 
   std::uint64_t size() const { return size_; }  // [bytes] when it was opened
   // Throws Error(cannotRead), also when the file has become too short.
@@ -38,8 +57,7 @@ class FileWriter {
   // `reported` is the name in messages. Throws Error(cannotWrite).
   FileWriter(const std::filesystem::path& file, const std::filesystem::path& reported);
   ~FileWriter();
-  FileWriter(const FileWriter&) = delete;
-  FileWriter& operator=(const FileWriter&) = delete;
+  FileWriter& operator=(FileWriter&&) = delete;
 
   void resize(std::uint64_t bytes) const;
   void write(std::uint64_t offset, std::span<const std::uint8_t> bytes) const;

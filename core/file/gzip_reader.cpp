@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/file/byte_progress.h"
+#include "core/file/file.h"
 #include "core/system/error.h"
 #include "core/system/worker.h"
 

@@ -16,8 +16,7 @@ class GzipReader {
   // `progress`, which may be null, hears of the file's bytes. Throws Error(cannotRead) when the file cannot be opened.
   GzipReader(const std::filesystem::path& path, std::uint64_t max_inflated_bytes, ByteProgress* progress = nullptr);
   ~GzipReader();
-  GzipReader(const GzipReader&) = delete;
-  GzipReader& operator=(const GzipReader&) = delete;
+  GzipReader& operator=(GzipReader&&) = delete;
 
   // The next piece, valid until the next call; empty at the end. Throws Error(badData) when the stream is broken or
   // cut, fails its checksum, inflates more than 1000 : 1 after the first MiB, or beyond the limit; ReadCancelled.

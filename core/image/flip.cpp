@@ -8,7 +8,6 @@
 #include <cmath>
 #include <glm/glm.hpp>
 #include <numbers>
-#include <span>
 #include <string>
 #include <vector>
 

@@ -98,8 +98,7 @@ Image downsample(const Image& image, int factor) {
                                         std::to_string(factor) + " a side, found " + std::to_string(image.width) +
                                         " x " + std::to_string(image.height) + ")");
   Image result(image.width / factor, image.height / factor, image.channels);
-  parallelFor(result.height, 8, [&](std::int64_t row) {
-    const int y = static_cast<int>(row);
+  parallelFor(result.height, 8, [&](int y) {
     for (int x = 0; x < result.width; ++x) {
       double sum[4] = {};
       double alpha_sum = 0.0;

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "core/image/codecs.h"
-#include "core/image/png16.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"

@@ -27,9 +27,6 @@ struct TextureAtlas {
   bool operator==(const TextureAtlas&) const = default;
 };
 
-// N rectangles of width x height neutral texels.
-TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height);
-
 // The share of every texel of one axis in a texture's mean under its Gaussian: the integral of the texel's hat function
 // times the normal density over +-3 sigma. Sums to 1. size >= 1.
 std::vector<double> texelShares(int size);

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <utility>
 
 #include "core/system/assert.h"
 #include "core/system/error.h"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The one exception that programs show to users, and the exit code it maps to.
 #pragma once
-#include <cstdlib>
 #include <stdexcept>
 #include <string>
 

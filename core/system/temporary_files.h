@@ -10,8 +10,7 @@ class RemovedBySignal {
  public:
   explicit RemovedBySignal(const std::filesystem::path& path);
   ~RemovedBySignal();
-  RemovedBySignal(const RemovedBySignal&) = delete;
-  RemovedBySignal& operator=(const RemovedBySignal&) = delete;
+  RemovedBySignal& operator=(RemovedBySignal&&) = delete;
 
   struct Slot;
 

@@ -19,8 +19,7 @@ namespace tg {
 template <typename T>
 class Mailbox {
  public:
-  Mailbox(const Mailbox&) = delete;
-  Mailbox& operator=(const Mailbox&) = delete;
+  Mailbox& operator=(Mailbox&&) = delete;
 
   // Waits for a value. None: `stop` was asked for, or the box is closed and empty. Throws what closed it, if anything.
   std::optional<T> take(const std::stop_token& stop = {}) {

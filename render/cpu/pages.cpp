@@ -2,7 +2,6 @@
 #include "render/cpu/pages.h"
 
 #include <cstdint>
-#include <new>
 
 #ifdef __linux__
 #include <linux/mman.h>

@@ -21,8 +21,7 @@ class Room {
 
  public:
   Room() = default;
-  Room(const Room&) = delete;
-  Room& operator=(const Room&) = delete;
+  Room& operator=(Room&&) = delete;
   ~Room() { freePages(data_, size_ * sizeof(T)); }
   T* reserve(std::size_t count) {
     if (count > size_) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/devices/devices.h"
 
-#include <algorithm>
 #include <optional>
 
 #include "core/system/error.h"

@@ -4,10 +4,9 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
-#include <functional>
 
 #include "core/system/error.h"
-#include "render/gl/context.h"
+#include "render/gl/gl_device.h"
 
 namespace tg {
 namespace {
@@ -119,8 +118,7 @@ class CurrentContext {
     draw_ = eglGetCurrentSurface(EGL_DRAW);
     read_ = eglGetCurrentSurface(EGL_READ);
   }
-  CurrentContext(const CurrentContext&) = delete;
-  CurrentContext& operator=(const CurrentContext&) = delete;
+  CurrentContext& operator=(CurrentContext&&) = delete;
   ~CurrentContext() {
     if (context_ != EGL_NO_CONTEXT) eglMakeCurrent(display_, draw_, read_, context_);
   }

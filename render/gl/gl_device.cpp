@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <utility>
 
 #include "core/system/error.h"
-#include "render/gl/context.h"
 
 namespace tg {
 namespace {
@@ -49,21 +49,15 @@ void GLAPIENTRY keepMessage(GLenum source, GLenum type, GLuint, GLenum severity,
   std::fprintf(stderr, "opengl: %s\n", said.c_str());
 }
 
+constexpr std::pair<GLenum, const char*> kErrors[] = {{GL_INVALID_ENUM, "invalid enum"},
+                                                      {GL_INVALID_VALUE, "invalid value"},
+                                                      {GL_INVALID_OPERATION, "invalid operation"},
+                                                      {GL_OUT_OF_MEMORY, "out of memory"},
+                                                      {GL_CONTEXT_LOST, "context lost"}};
+
 const char* errorName(GLenum error) {
-  switch (error) {
-    case GL_INVALID_ENUM:
-      return "invalid enum";
-    case GL_INVALID_VALUE:
-      return "invalid value";
-    case GL_INVALID_OPERATION:
-      return "invalid operation";
-    case GL_OUT_OF_MEMORY:
-      return "out of memory";
-    case GL_CONTEXT_LOST:
-      return "context lost";
-    default:
-      return "error";
-  }
+  const auto* found = std::ranges::find(kErrors, error, &std::pair<GLenum, const char*>::first);
+  return found == std::end(kErrors) ? "error" : found->second;
 }
 
 }  // namespace

@@ -43,6 +43,11 @@ std::unique_ptr<GlDevice> wrapGlContext(const GlOptions& options);
 // Those that createGlDevice() chooses from, each once.
 std::vector<DeviceInfo> listGlDevices();
 
+// For the makers of contexts: why the current one cannot run the passes, or empty.
+std::string whatIsMissing();
+// Fills in all of `device` from the current context, and listens to its messages when options.debug.
+void describeContext(GlDevice& device, const GlOptions& options);
+
 // Throws Error(device) for the first error that OpenGL has noted, or when the context is lost; `what` was being done.
 void checkGl(const GlDevice& device, const char* what);
 

@@ -25,18 +25,8 @@ struct TexelFormat {
   std::uint32_t bytes;
 };
 
-TexelFormat formatOf(Texels texels) {
-  switch (texels) {
-    case Texels::r32ui:
-      return {GL_R32UI, 4};
-    case Texels::rgba32ui:
-      return {GL_RGBA32UI, 16};
-    case Texels::rgba16f:
-      return {GL_RGBA16F, 8};
-    default:
-      return {GL_RGBA32F, 16};
-  }
-}
+constexpr TexelFormat kTexelFormats[] = {
+    {}, {GL_R32UI, 4}, {GL_RGBA32UI, 16}, {GL_RGBA32F, 16}, {GL_RGBA16F, 8}};  // as Texels
 
 std::string logOf(GLuint object, decltype(glGetProgramiv) parameters, decltype(glGetProgramInfoLog) log) {
   GLint length = 0;
@@ -103,7 +93,7 @@ GLuint GlBuffer::texture(Texels format) const {
   for (const auto& [known, texture] : textures_) {
     if (known == format) return texture;
   }
-  const TexelFormat texels = formatOf(format);
+  const TexelFormat& texels = kTexelFormats[static_cast<std::size_t>(format)];
   if (size_ / texels.bytes > device_.limits.texel_elements) {
     throw Error(ErrorKind::device, device_.limits.device,
                 std::string(label_) + ": " + std::to_string(size_ / texels.bytes) + " elements (expected at most " +

@@ -15,8 +15,7 @@ namespace tg {
 class GlBuffer final : public GpuBuffer {
  public:
   GlBuffer(const GlDevice& device, const char* name, std::uint64_t bytes);
-  GlBuffer(const GlBuffer&) = delete;
-  GlBuffer& operator=(const GlBuffer&) = delete;
+  GlBuffer& operator=(GlBuffer&&) = delete;
   ~GlBuffer() override;
 
   GLuint name() const { return buffer_; }
@@ -36,8 +35,7 @@ class GlBuffer final : public GpuBuffer {
 class GlImage final : public GpuImage {
  public:
   GlImage(const GlDevice& device, std::uint32_t width, std::uint32_t height);
-  GlImage(const GlImage&) = delete;
-  GlImage& operator=(const GlImage&) = delete;
+  GlImage& operator=(GlImage&&) = delete;
   ~GlImage() override;
   GLuint name() const { return texture_; }
 
@@ -49,8 +47,7 @@ class GlImage final : public GpuImage {
 class GlPrograms {
  public:
   explicit GlPrograms(const GlDevice& device) : device_(device) {}
-  GlPrograms(const GlPrograms&) = delete;
-  GlPrograms& operator=(const GlPrograms&) = delete;
+  GlPrograms& operator=(GlPrograms&&) = delete;
   ~GlPrograms();
   // constants[i] specializes constant_id i. Throws Error(device) with the driver's log.
   GLuint get(Shader shader, std::span<const std::uint32_t> constants);
@@ -65,8 +62,7 @@ class GlPrograms {
 class GlTimer {
  public:
   explicit GlTimer(const GlDevice& device) : device_(device) {}
-  GlTimer(const GlTimer&) = delete;
-  GlTimer& operator=(const GlTimer&) = delete;
+  GlTimer& operator=(GlTimer&&) = delete;
   ~GlTimer();
 
   void begin();

@@ -72,8 +72,7 @@ class StorageImage final : public GpuImage {
 class Commands {
  public:
   explicit Commands(const VulkanDevice& device);
-  Commands(const Commands&) = delete;
-  Commands& operator=(const Commands&) = delete;
+  Commands& operator=(Commands&&) = delete;
   ~Commands();
 
   // Records, submits and waits.

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Instance, device, queue and validation messages.
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <optional>
+#include <utility>
 
 #include "core/system/error.h"
 #include "render/vulkan/check.h"
@@ -19,33 +19,21 @@ constexpr std::uint32_t kStorageBuffersPerStage = 16;  // the most that a pass b
 constexpr std::uint32_t kGroupSize = 256;              // threads of the widest pass
 constexpr std::uint32_t kSharedMemory = 20 * 1024;     // [bytes] of the pass with the most (sort_scatter)
 
+constexpr std::pair<VkResult, const char*> kResults[] = {{VK_ERROR_OUT_OF_HOST_MEMORY, "out of host memory"},
+                                                         {VK_ERROR_OUT_OF_DEVICE_MEMORY, "out of device memory"},
+                                                         {VK_ERROR_INITIALIZATION_FAILED, "initialization failed"},
+                                                         {VK_ERROR_DEVICE_LOST, "device lost"},
+                                                         {VK_ERROR_MEMORY_MAP_FAILED, "memory map failed"},
+                                                         {VK_ERROR_LAYER_NOT_PRESENT, "layer not present"},
+                                                         {VK_ERROR_EXTENSION_NOT_PRESENT, "extension not present"},
+                                                         {VK_ERROR_FEATURE_NOT_PRESENT, "feature not present"},
+                                                         {VK_ERROR_INCOMPATIBLE_DRIVER, "no Vulkan driver"},
+                                                         {VK_ERROR_TOO_MANY_OBJECTS, "too many objects"},
+                                                         {VK_ERROR_SURFACE_LOST_KHR, "surface lost"}};
+
 const char* resultName(VkResult result) {
-  switch (result) {
-    case VK_ERROR_OUT_OF_HOST_MEMORY:
-      return "out of host memory";
-    case VK_ERROR_OUT_OF_DEVICE_MEMORY:
-      return "out of device memory";
-    case VK_ERROR_INITIALIZATION_FAILED:
-      return "initialization failed";
-    case VK_ERROR_DEVICE_LOST:
-      return "device lost";
-    case VK_ERROR_MEMORY_MAP_FAILED:
-      return "memory map failed";
-    case VK_ERROR_LAYER_NOT_PRESENT:
-      return "layer not present";
-    case VK_ERROR_EXTENSION_NOT_PRESENT:
-      return "extension not present";
-    case VK_ERROR_FEATURE_NOT_PRESENT:
-      return "feature not present";
-    case VK_ERROR_INCOMPATIBLE_DRIVER:
-      return "no Vulkan driver";
-    case VK_ERROR_TOO_MANY_OBJECTS:
-      return "too many objects";
-    case VK_ERROR_SURFACE_LOST_KHR:
-      return "surface lost";
-    default:
-      return "error";
-  }
+  const auto* found = std::ranges::find(kResults, result, &std::pair<VkResult, const char*>::first);
+  return found == std::end(kResults) ? "error" : found->second;
 }
 
 // A device plus what only its destruction needs.
@@ -180,20 +168,10 @@ std::string whatIsMissing(VkPhysicalDevice physical, const VkPhysicalDevicePrope
   return {};
 }
 
-int rank(VkPhysicalDeviceType type) {
-  switch (type) {
-    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
-      return 4;
-    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
-      return 3;
-    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
-      return 2;
-    case VK_PHYSICAL_DEVICE_TYPE_CPU:
-      return 1;
-    default:
-      return 0;
-  }
-}
+// The best kind of device first.
+constexpr VkPhysicalDeviceType kKinds[] = {VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU, VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU,
+                                           VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU, VK_PHYSICAL_DEVICE_TYPE_CPU};
+std::ptrdiff_t rank(VkPhysicalDeviceType type) { return std::end(kKinds) - std::ranges::find(kKinds, type); }
 
 std::vector<VkPhysicalDevice> physicalDevices(const VulkanDevice& device) {
   std::uint32_t count = 0;
@@ -206,7 +184,7 @@ std::vector<VkPhysicalDevice> physicalDevices(const VulkanDevice& device) {
 
 void pickPhysicalDevice(const VulkanOptions& options, VulkanDevice& device) {
   std::string refused;
-  int best = -1;
+  std::ptrdiff_t best = -1;
   const std::vector<VkPhysicalDevice> candidates = physicalDevices(device);
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     VkPhysicalDeviceProperties properties;

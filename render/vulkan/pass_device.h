@@ -2,7 +2,6 @@
 // Lists of passes on Vulkan: command buffers with barriers and time stamps.
 #pragma once
 #include <array>
-#include <map>
 #include <memory>
 #include <vector>
 
@@ -16,8 +15,7 @@ namespace tg {
 class Timer {
  public:
   explicit Timer(const VulkanDevice& device);
-  Timer(const Timer&) = delete;
-  Timer& operator=(const Timer&) = delete;
+  Timer& operator=(Timer&&) = delete;
   ~Timer();
 
   void begin(VkCommandBuffer commands);

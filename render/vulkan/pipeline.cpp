@@ -2,7 +2,6 @@
 // Embedded SPIR-V to pipelines, buffers to descriptor sets.
 #include "render/vulkan/pipeline.h"
 
-#include <algorithm>
 #include <array>
 
 #include "render/vulkan/check.h"
@@ -14,20 +13,8 @@ namespace {
 constexpr std::uint32_t kMostBuffers = 16;
 constexpr std::uint32_t kSetsPerPool = 64;
 
-VkFormat formatOf(Texels texels) {
-  switch (texels) {
-    case Texels::r32ui:
-      return VK_FORMAT_R32_UINT;
-    case Texels::rgba32ui:
-      return VK_FORMAT_R32G32B32A32_UINT;
-    case Texels::rgba32f:
-      return VK_FORMAT_R32G32B32A32_SFLOAT;
-    case Texels::rgba16f:
-      return VK_FORMAT_R16G16B16A16_SFLOAT;
-    default:
-      return VK_FORMAT_UNDEFINED;
-  }
-}
+constexpr VkFormat kFormats[] = {VK_FORMAT_UNDEFINED, VK_FORMAT_R32_UINT, VK_FORMAT_R32G32B32A32_UINT,
+                                 VK_FORMAT_R32G32B32A32_SFLOAT, VK_FORMAT_R16G16B16A16_SFLOAT};  // as Texels
 
 VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const ShaderModule& module) {
   std::vector<VkDescriptorSetLayoutBinding> bindings;
@@ -142,7 +129,7 @@ VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, const Pass& pass)
     const Binding& binding = pass.buffers[i];
     const auto& buffer = static_cast<const Buffer&>(*binding.buffer);
     infos[i] = {buffer.handle(), binding.offset, binding.bytes ? binding.bytes : buffer.size()};
-    if (binding.texels != Texels::none) views[i] = buffer.view(formatOf(binding.texels));
+    if (binding.texels != Texels::none) views[i] = buffer.view(kFormats[static_cast<std::size_t>(binding.texels)]);
   }
   const VkDescriptorBufferInfo view{view_.handle(), 0, sizeof(ViewUniforms)};
   const VkDescriptorBufferInfo slot{pass_slots_.handle(), 0, sizeof(PassUniforms)};

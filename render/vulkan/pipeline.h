@@ -25,8 +25,7 @@ struct Pipeline {
 class Pipelines {
  public:
   explicit Pipelines(const VulkanDevice& device) : device_(device) {}
-  Pipelines(const Pipelines&) = delete;
-  Pipelines& operator=(const Pipelines&) = delete;
+  Pipelines& operator=(Pipelines&&) = delete;
   ~Pipelines();
 
   // constants[i] specializes constant_id i.
@@ -42,8 +41,7 @@ class Pipelines {
 class DescriptorSets {
  public:
   DescriptorSets(const VulkanDevice& device, const Buffer& view, const Buffer& pass_slots);
-  DescriptorSets(const DescriptorSets&) = delete;
-  DescriptorSets& operator=(const DescriptorSets&) = delete;
+  DescriptorSets& operator=(DescriptorSets&&) = delete;
   ~DescriptorSets();
 
   // With the buffers and the image of `pass`, which `pipeline` runs.

@@ -24,8 +24,7 @@ class LaunchTimer {
  public:
   explicit LaunchTimer(const char* name);
   ~LaunchTimer();
-  LaunchTimer(const LaunchTimer&) = delete;
-  LaunchTimer& operator=(const LaunchTimer&) = delete;
+  LaunchTimer& operator=(LaunchTimer&&) = delete;
 };
 
 }  // namespace tg::cuda

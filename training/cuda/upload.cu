@@ -40,8 +40,7 @@ struct StreamedBuffer::State {
     if (stream) cudaStreamDestroy(stream);
     if (staging) cudaFreeHost(staging);
   }
-  State(const State&) = delete;
-  State& operator=(const State&) = delete;
+  State& operator=(State&&) = delete;
 
   void reserve(std::size_t bytes) {
     if (bytes <= staging_bytes) return;

@@ -15,8 +15,7 @@ class StreamedBuffer {
  public:
   StreamedBuffer();
   ~StreamedBuffer();
-  StreamedBuffer(const StreamedBuffer&) = delete;
-  StreamedBuffer& operator=(const StreamedBuffer&) = delete;
+  StreamedBuffer& operator=(StreamedBuffer&&) = delete;
 
   // Starts to copy both parts, one after the other; they may change when this returns, which is when the copy begun
   // before is done. The copy itself waits for the kernels before the last release().

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <glm/gtc/type_ptr.hpp>
 #include <locale>
 #include <map>
 #include <span>
@@ -65,39 +66,18 @@ void setParameters(const CameraModel& model, std::span<const double> values, Col
   Lens& lens = result.lens;
   lens.model = model.name;
   lens.fisheye = model.fisheye;
-  std::size_t centers = 0, k = 0, d = 0, p = 0, t = 0;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const double value = values[i];
-    switch (model.parameters[i]) {
-      case 'f':
-        camera.focal = glm::dvec2(value);
-        break;
-      case 'x':
-        camera.focal.x = value;
-        break;
-      case 'y':
-        camera.focal.y = value;
-        break;
-      case 'c':
-        (centers++ == 0 ? camera.center.x : camera.center.y) = value;
-        break;
-      case 'k':
-        lens.radial[k++] = value;
-        break;
-      case 'd':
-        lens.radial_divisor[d++] = value;
-        break;
-      case 'p':
-        lens.tangential[p++] = value;
-        break;
-      case 't':
-        lens.thin_prism[t++] = value;
-        break;
-      case 'o':
-        lens.fov = value;
-        break;
-    }
-  }
+  // Where the next value of a kind goes.
+  std::map<char, double*> next = {{'f', &camera.focal.x},
+                                  {'x', &camera.focal.x},
+                                  {'y', &camera.focal.y},
+                                  {'c', glm::value_ptr(camera.center)},
+                                  {'k', lens.radial.data()},
+                                  {'d', lens.radial_divisor.data()},
+                                  {'p', lens.tangential.data()},
+                                  {'t', lens.thin_prism.data()},
+                                  {'o', &lens.fov}};
+  for (std::size_t i = 0; i < values.size(); ++i) *next.at(model.parameters[i])++ = values[i];
+  if (model.parameters[0] == 'f') camera.focal.y = camera.focal.x;
 }
 
 std::string supportedModels() {

@@ -233,8 +233,7 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
   std::mutex counting;
   std::size_t decoded = 0;
   std::vector<std::string> stretched(sources.size());
-  parallelFor(count, 1, [&](std::int64_t item) {
-    const auto i = static_cast<std::size_t>(item);
+  parallelFor(count, 1, [&](std::size_t i) {
     Photograph photograph = decodePhotograph(sources[i]);
     const DatasetIndex::Entry& entry = index.entries[i];
     dataset.views[i] = entry.lens.isPinhole()

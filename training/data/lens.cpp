@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -175,8 +173,7 @@ Undistortion::Result Undistortion::apply(const Image& photograph,
   };
   Result result{Image(pinhole.size.x, pinhole.size.y, photograph.channels), {}};
   result.mask.assign(static_cast<std::size_t>(pinhole.size.x) * pinhole.size.y, 255);
-  parallelFor(pinhole.size.y, 8, [&](std::int64_t row) {
-    const int y = static_cast<int>(row);
+  parallelFor(pinhole.size.y, 8, [&](int y) {
     for (int x = 0; x < pinhole.size.x; x++) {
       const glm::dvec2 plane(ray(pinhole, {x + 0.5, y + 0.5}));
       std::uint8_t& counts = result.mask[static_cast<std::size_t>(y) * pinhole.size.x + x];

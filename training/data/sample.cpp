@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
@@ -333,8 +332,7 @@ Image renderSample(const SampleOptions& options, const Camera& camera) {
   const glm::dmat3 world_from_camera = glm::transpose(camera.rotation);
   const dvec3 origin = camera.position();
   Image image(camera.size.x, camera.size.y, 4);
-  parallelFor(camera.size.y, 1, [&](std::int64_t row) {
-    const int y = static_cast<int>(row);
+  parallelFor(camera.size.y, 1, [&](int y) {
     for (int x = 0; x < camera.size.x; x++) {
       dvec3 sum(0.0);
       int hits = 0;

@@ -109,10 +109,8 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
     (camera.test ? test : train).push_back(file);
   }
   createFolder(folder);
-  parallelFor(static_cast<std::int64_t>(names.size()), 1, [&](std::int64_t item) {
-    const auto i = static_cast<std::size_t>(item);
-    writePhotograph(folder, names[i], *dataset.photographs->get(i));
-  });
+  parallelFor(static_cast<std::int64_t>(names.size()), 1,
+              [&](std::size_t i) { writePhotograph(folder, names[i], *dataset.photographs->get(i)); });
   nlohmann::json json = {
       {"camera_model", "PINHOLE"}, {"frames", frames}, {"train_filenames", train}, {"test_filenames", test}};
   if (!dataset.points.position.empty()) {

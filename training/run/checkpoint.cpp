@@ -16,7 +16,6 @@
 #include <cstring>
 #include <memory>
 #include <new>
-#include <optional>
 #include <sstream>
 #include <system_error>
 #include <type_traits>

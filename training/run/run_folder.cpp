@@ -54,7 +54,7 @@ std::string previewName(Stage stage, int iteration) {
 }
 
 bool isPreviewName(const std::string& file) {
-  for (const Stage stage : {Stage::count, Stage::plain, Stage::textured, Stage::untextured}) {
+  for (const Stage stage : valuesOf<Stage>()) {
     const std::string model = previewName(stage, 0);
     const std::size_t digits = model.find('_') + 1;
     if (file.size() == model.size() && file.compare(0, digits, model, 0, digits) == 0 && file.ends_with(".png") &&
@@ -77,21 +77,6 @@ void addScore(Json& line, const Score& score) {
   line["test_psnr"] = rounded(score.psnr, 4);
   line["test_ssim"] = rounded(score.ssim, 5);
   line["test_views"] = score.views;
-}
-
-const StageReport* reportOf(const TrainReport& report, Stage stage) {
-  const auto pointer = [](const std::optional<StageReport>& r) { return r ? &*r : nullptr; };
-  switch (stage) {
-    case Stage::count:
-      return pointer(report.count);
-    case Stage::plain:
-      return &report.plain;
-    case Stage::textured:
-      return pointer(report.textured);
-    case Stage::untextured:
-      return pointer(report.untextured);
-  }
-  return nullptr;
 }
 
 }  // namespace
@@ -198,7 +183,7 @@ void RunFolder::writeStepMetrics(const Trainer& trainer, int iteration, bool las
 
 // Test scores of the stages that have ended since the last step.
 void RunFolder::writeStageMetrics(const Trainer& trainer) {
-  for (const Stage stage : {Stage::count, Stage::plain, Stage::textured, Stage::untextured}) {
+  for (const Stage stage : valuesOf<Stage>()) {
     const StageReport* report = reportOf(trainer.report(), stage);
     const bool ended = stage < trainer.stage() || (stage == trainer.stage() && trainer.finished());
     if (stage < stage_ || !ended || !report || !report->test) continue;

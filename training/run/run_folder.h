@@ -40,8 +40,7 @@ class RunFolder {
   // Makes and locks the folder. Throws Error(cannotWrite) when it is in use or holds what must not be replaced.
   explicit RunFolder(RunFolderOptions options);
   ~RunFolder();
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
+  RunFolder& operator=(RunFolder&&) = delete;
 
   const std::filesystem::path& folder() const { return options_.folder; }
   std::filesystem::path model() const { return options_.folder / "model.tgz"; }

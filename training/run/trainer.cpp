@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numeric>
 #include <string>
 #include <utility>
 
@@ -317,27 +316,17 @@ bool Trainer::end(const std::atomic<bool>* stop) {
     if (!report.test) return false;
   }
   const bool textured = settings_.texture_mode != TextureMode::none && settings_.texture_iterations > 0;
-  switch (state_.stage) {
-    case Stage::count:
-      state_.report.count = report;
-      state_.default_gaussians = report.gaussians;
-      begin(Stage::plain, {});
-      return true;
-    case Stage::plain:
-      state_.report.plain = report;
-      if (!textured) break;
-      begin(Stage::textured, {});
-      return true;
-    case Stage::textured:
-      state_.report.textured = report;
-      if (!settings_.compare_untextured) break;
-      begin(Stage::untextured, {});
-      return true;
-    case Stage::untextured:
-      state_.report.untextured = report;
-      break;
+  setReport(state_.report, state_.stage, report);
+  if (state_.stage == Stage::count) {
+    state_.default_gaussians = report.gaussians;
+    begin(Stage::plain, {});
+  } else if (state_.stage == Stage::plain && textured) {
+    begin(Stage::textured, {});
+  } else if (state_.stage == Stage::textured && settings_.compare_untextured) {
+    begin(Stage::untextured, {});
+  } else {
+    state_.finished = true;
   }
-  state_.finished = true;
   return true;
 }
 
@@ -376,24 +365,8 @@ TrainResult Trainer::result() const {
   TrainResult result;
   result.report = state_.report;
   result.report.interrupted = !state_.finished;
-  if (!state_.finished) {
-    // The stage that was cut short, so far.
-    StageReport report = stageReport();
-    switch (state_.stage) {
-      case Stage::count:
-        result.report.count = report;
-        break;
-      case Stage::plain:
-        result.report.plain = report;
-        break;
-      case Stage::textured:
-        result.report.textured = report;
-        break;
-      case Stage::untextured:
-        result.report.untextured = report;
-        break;
-    }
-  }
+  // The stage that was cut short, so far.
+  if (!state_.finished) setReport(result.report, state_.stage, stageReport());
   if (state_.stage == Stage::untextured) {
     result.model = state_.textured;
     result.untextured = model();
@@ -401,15 +374,6 @@ TrainResult Trainer::result() const {
     result.model = model();
   }
   return result;
-}
-
-TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
-                  const TrainHooks& hooks, std::optional<GaussianModel> start) {
-  Trainer trainer(dataset, settings, renderer, std::move(start));
-  while (!trainer.finished() && !(hooks.stop && hooks.stop->load(std::memory_order_relaxed))) {
-    if (trainer.step(hooks.stop) && hooks.after_step) hooks.after_step(trainer);
-  }
-  return trainer.result();
 }
 
 Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,

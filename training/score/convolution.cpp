@@ -168,8 +168,7 @@ FeatureMap maxPool(const FeatureMap& input, int kernel, int stride, int output_b
   TG_ASSERT(std::min(input.width, input.height) >= kernel, "the input holds a window at least");
   FeatureMap output((input.width - kernel) / stride + 1, (input.height - kernel) / stride + 1, input.channels,
                     output_border);
-  parallelFor(output.height, 4, [&](std::int64_t item) {
-    const int y = static_cast<int>(item);
+  parallelFor(output.height, 4, [&](int y) {
     for (int x = 0; x < output.width; x++) {
       float* target = output.at(x, y);
       std::fill_n(target, output.channels, -std::numeric_limits<float>::infinity());

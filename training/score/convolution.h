@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two-dimensional convolutions and pooling over feature maps: forward only, all cores, no copies of windows.
 #pragma once
-#include <cstdint>
 #include <vector>
 
 namespace tg {

@@ -3,11 +3,9 @@
 #pragma once
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 
 #include "core/model/effective_rank.h"
-#include "core/model/model.h"
 #include "training/score/evaluate.h"
 
 namespace tg {
@@ -29,9 +27,6 @@ struct EvalReport {
   std::size_t parameters = 0;
   std::uintmax_t bytes = 0;  // of the model's file
 };
-
-// Numbers that training fits: 3 mean, 4 rotation, 3 scale, 1 opacity and the SH coefficients of every Gaussian, and the
-// channels of every texel that the mode uses.
 
 std::string formatScores(const EvalReport& report);
 std::string formatRanks(const EffectiveRanks& ranks);

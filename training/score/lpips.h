@@ -2,7 +2,6 @@
 // LPIPS: distance of two pictures in the features of a trained network (Zhang et al., CVPR 2018). The weights come from
 // a file of the user's.
 #pragma once
-#include <filesystem>
 #include <memory>
 
 #include "core/file/safetensors.h"

@@ -19,8 +19,7 @@ class DrawnModel {
     exchange();
   }
   ~DrawnModel() { exchange(); }
-  DrawnModel(const DrawnModel&) = delete;
-  DrawnModel& operator=(const DrawnModel&) = delete;
+  DrawnModel& operator=(DrawnModel&&) = delete;
 
  private:
   void exchange() {

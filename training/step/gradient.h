@@ -2,7 +2,6 @@
 // What a training step needs from a renderer: a picture, and the gradient of a loss on it. training/cpu implements it,
 // and training/cuda; the trainer does not notice which.
 #pragma once
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>

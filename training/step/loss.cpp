@@ -149,8 +149,7 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
 
   // A channel at a time: a third of the memory, which is 20 bytes a pixel.
   for (int c = 0; c < 3; c++) {
-    parallelFor(height, 8, [&](std::int64_t row) {
-      const int y = static_cast<int>(row);
+    parallelFor(height, 8, [&](int y) {
       float* a = plane(0, y);
       float* b = plane(1, y);
       RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + y];

@@ -2,11 +2,30 @@
 // The order of views and the running mean.
 #include "training/step/run_state.h"
 
-#include <utility>
-
 #include "core/system/assert.h"
 
 namespace tg {
+namespace {
+
+// By stage; the plain one always has a report.
+constexpr std::optional<StageReport> TrainReport::* kReports[] = {&TrainReport::count, nullptr, &TrainReport::textured,
+                                                                  &TrainReport::untextured};
+
+}  // namespace
+
+const StageReport* reportOf(const TrainReport& report, Stage stage) {
+  const auto member = kReports[static_cast<std::size_t>(stage)];
+  if (!member) return &report.plain;
+  return report.*member ? &*(report.*member) : nullptr;
+}
+
+void setReport(TrainReport& report, Stage stage, const StageReport& of) {
+  if (const auto member = kReports[static_cast<std::size_t>(stage)]) {
+    report.*member = of;
+  } else {
+    report.plain = of;
+  }
+}
 
 std::size_t ViewOrder::next() {
   TG_ASSERT(!views.empty(), "there is a view to go to");

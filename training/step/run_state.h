@@ -62,6 +62,10 @@ struct TrainReport {
   bool interrupted = false;
 };
 
+// Null where there is none.
+const StageReport* reportOf(const TrainReport& report, Stage stage);
+void setReport(TrainReport& report, Stage stage, const StageReport& of);
+
 struct RunState {
   Stage stage = Stage::plain;
   int iteration = 0;  // done in the stage

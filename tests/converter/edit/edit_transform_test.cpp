@@ -10,6 +10,7 @@
 #include "converter/gltf/axes.h"
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/scenes.h"
 
 using namespace tg;
 using tg::test::Random;

@@ -13,6 +13,7 @@
 #include "core/bundle/ply.h"
 #include "core/model/verbs.h"
 #include "support/catch.h"
+#include "support/scenes.h"
 
 using namespace tg;
 using tg::test::Random;
