@@ -235,8 +235,9 @@ void run(const Options& options) {
   settings.outputs = {output};
   settings.textures = parse<TextureMode>(options.mode, "--mode");
   settings.order = parse<SplatOrder>(options.order, "--sort");
-  if (!options.intersection.empty())
+  if (!options.intersection.empty()) {
     settings.intersection = parse<IntersectionModel>(options.intersection, "--intersection");
+  }
 
   nlohmann::ordered_json result;
   Times times;

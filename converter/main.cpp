@@ -73,8 +73,9 @@ class ProgressLine {
 };
 
 int runBatch(const Arguments& arguments) {
-  if (arguments.to.empty())
+  if (arguments.to.empty()) {
     throw tg::Error(tg::ErrorKind::usage, "--to is missing (a folder is converted to what format?)");
+  }
   tg::BatchReport report;
   {
     const ProgressLine line(!arguments.quiet && !arguments.json);
@@ -198,9 +199,10 @@ int convertMain(int argc, char** argv) {
          "--atlas",
          [&](const std::string& text) {
            const auto format = tg::parse<tg::AtlasFormat>(text);
-           if (!format)
+           if (!format) {
              throw CLI::ValidationError(
                  "--atlas", "unknown format (expected " + tg::allNames<tg::AtlasFormat>() + ", found " + text + ")");
+           }
            arguments.options.atlas = *format;
          },
          "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")

@@ -134,10 +134,11 @@ RenderSetting background() {
   row.set = [](S& s, const std::string& text, const std::string& what) {
     std::array<float, 3> color{};
     const auto outside = [](float x) { return !(x >= 0 && x <= 1); };
-    if (text == "white" || text == "black")
+    if (text == "white" || text == "black") {
       color.fill(text == "white" ? 1.0f : 0.0f);
-    else if (!parseList<float>(text, color) || std::any_of(color.begin(), color.end(), outside))
+    } else if (!parseList<float>(text, color) || std::any_of(color.begin(), color.end(), outside)) {
       refuseValue(what, text, "r,g,b in [0,1], white or black");
+    }
     s.background = {color[0], color[1], color[2]};
   };
   return row;
@@ -208,8 +209,9 @@ std::string texturesName(TextureMode mode) { return mode == TextureMode::none ? 
 
 CropBox parseCrop(const std::string& text, const std::string& what) {
   std::array<float, 6> at{};
-  if (!parseList<float>(text, at) || !std::all_of(at.begin(), at.end(), [](float x) { return std::isfinite(x); }))
+  if (!parseList<float>(text, at) || !std::all_of(at.begin(), at.end(), [](float x) { return std::isfinite(x); })) {
     refuseValue(what, text, "two corners of a box x0,y0,z0,x1,y1,z1");
+  }
   const glm::vec3 first(at[0], at[1], at[2]), second(at[3], at[4], at[5]);
   return {glm::min(first, second), glm::max(first, second)};
 }

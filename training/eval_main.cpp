@@ -85,10 +85,10 @@ std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset&
   fs::create_directories(folder, code);
   if (code) throw tg::Error(tg::ErrorKind::cannotWrite, folder, "cannot make this folder: " + code.message());
   std::set<std::string> taken;
-  for (std::size_t view = 0; view < files.size(); view++) {
+  for (std::size_t view = 0; view < files.size(); ++view) {
     const std::string stem = fs::path(dataset.views[view].name).stem().string();
     std::string name = stem;
-    for (int number = 2; !taken.insert(name).second; number++) name = stem + "-" + std::to_string(number);
+    for (int number = 2; !taken.insert(name).second; ++number) name = stem + "-" + std::to_string(number);
     files[view] = fs::path(folder) / (name + ".png");
     tg::refuseExisting(files[view].string(), overwrite);
   }
@@ -143,7 +143,7 @@ tg::EvalReport::Views score(const Options& options, const Scene& scene, const st
   tg::handleStopSignals(requestStop);
   tg::ProgressLine progress;
   progress.show("scoring views", 0, views.asked);
-  for (std::size_t i = 0; i < views.asked && !stop_requested; i++) {
+  for (std::size_t i = 0; i < views.asked && !stop_requested; ++i) {
     if (i + 1 < views.asked) dataset.prefetch(i + 1);
     const tg::Camera& camera = dataset.views[i];
     const tg::Image picture = renderer.draw(camera);

@@ -60,7 +60,7 @@ struct Options {
 // Before hours of training: what could not be written at their end.
 void checkOutputs(const Options& options, bool overwrite) {
   const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
-  for (std::size_t i = 0; i < paths.size(); i++) {
+  for (std::size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
     if (path.empty()) continue;
     const bool model = &path != &paths.back();
@@ -68,7 +68,7 @@ void checkOutputs(const Options& options, bool overwrite) {
       throw tg::Error(tg::ErrorKind::usage, path,
                       "unknown model format (expected .tgz, found \"" + fs::path(path).extension().string() + "\")");
     }
-    for (std::size_t j = 0; j < i; j++) {
+    for (std::size_t j = 0; j < i; ++j) {
       if (fs::path(path).lexically_normal() == fs::path(paths[j]).lexically_normal()) {
         throw tg::Error(tg::ErrorKind::usage, path, "is named for two outputs (expected different files)");
       }

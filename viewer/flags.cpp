@@ -46,8 +46,9 @@ void declare(CLI::App& app, Flags& flags) {
   app.add_option("--show", flags.show, allNames<Output>())->capture_default_str();
   flags.settings["textures"] = texturesName(RenderSettings().textures);
   for (const RenderSetting& setting : renderSettings()) {
-    if (setting.name == "background")  // its place in the help
+    if (setting.name == "background") {  // its place in the help
       app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window");
+    }
     const std::string unit = setting.unit.empty() ? "" : "[" + std::string(setting.unit) + "] ";
     app.add_option("--" + std::string(setting.name), flags.settings[setting.name], unit + setting.help)
         ->capture_default_str();
@@ -105,8 +106,9 @@ void parseShot(Flags& flags) {
   ViewOptions& view = flags.view;
   if (!flags.inspect.empty()) {
     view.inspect = parsePixel(flags.inspect, "--inspect");
-    if (!view.out.empty() || !view.record.empty() || !view.script.empty() || view.follow)
+    if (!view.out.empty() || !view.record.empty() || !view.script.empty() || view.follow) {
       throw Error(ErrorKind::usage, "--inspect prints (expected no --render, --output, --script or --follow with it)");
+    }
   }
   view.up = parse<UpAxis>(flags.up, "--up");
   view.fps = parseNumber(flags.fps, kMinFps, kMaxFps, "--fps");
@@ -118,24 +120,30 @@ void parseShot(Flags& flags) {
   if (!flags.radius.empty()) view.radius = parseNumber(flags.radius, 1e-4, 1e9, "--radius");
   if (!flags.benchmark.empty()) {
     if (!view.record.empty() || !view.out.empty() || view.follow || !view.script.empty() || !view.path.empty() ||
-        view.turntable > 0)
+        view.turntable > 0) {
       throw Error(ErrorKind::usage,
                   "--benchmark times (expected no --render, --output, --path, --turntable, --follow or --script)");
+    }
     view.path = flags.benchmark;
     view.benchmark = true;
     return;
   }
-  if (!view.path.empty() && view.turntable > 0)
+  if (!view.path.empty() && view.turntable > 0) {
     throw Error(ErrorKind::usage, "--path and --turntable (expected one of them)");
-  if (!view.record.empty() && view.path.empty() && view.turntable == 0)
+  }
+  if (!view.record.empty() && view.path.empty() && view.turntable == 0) {
     throw Error(ErrorKind::usage, "--output records a camera path (expected --path or --turntable with it)");
+  }
   if (flags.window) throw Error(ErrorKind::usage, "--window says how to time (expected --benchmark with it)");
-  if (view.record.empty() && view.turntable > 0)
+  if (view.record.empty() && view.turntable > 0) {
     throw Error(ErrorKind::usage, "--turntable makes frames (expected --output with it)");
-  if (!view.path.empty() && !view.out.empty())
+  }
+  if (!view.path.empty() && !view.out.empty()) {
     throw Error(ErrorKind::usage, "--path goes through a scene (expected no --render with it)");
-  if (!view.record.empty() && (!view.out.empty() || view.follow || !view.script.empty()))
+  }
+  if (!view.record.empty() && (!view.out.empty() || view.follow || !view.script.empty())) {
     throw Error(ErrorKind::usage, "--output records (expected no --render, --follow or --script with it)");
+  }
 }
 
 void parseValues(Flags& flags) {
@@ -143,22 +151,26 @@ void parseValues(Flags& flags) {
   view.model = flags.models.front();
   view.more_models.assign(flags.models.begin() + 1, flags.models.end());
   const bool window = view.out.empty() && view.record.empty() && flags.benchmark.empty() && !flags.list_cameras;
-  if (!view.more_models.empty() && (!window || view.follow))
+  if (!view.more_models.empty() && (!window || view.follow)) {
     throw Error(ErrorKind::usage,
                 view.more_models.front().string() + ": several models are for the window (expected one model here)");
+  }
   view.show = parse<Output>(flags.show, "--show");
   parseSettings(flags);
   if (!flags.size.empty()) view.size = parseSize(flags.size, "--size");
   view.backend = parse<Backend>(flags.backend, "--backend");
   if (!flags.compare_mode.empty()) view.compare_mode = parse<CompareMode>(flags.compare_mode, "--compare-mode");
   const bool compares = !view.compare.empty() || !view.photographs.empty();
-  if (compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow))
+  if (compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow)) {
     throw Error(ErrorKind::usage,
                 "--compare and --photos are for windows and pictures (expected no --output, --benchmark, --follow)");
-  if (!flags.compare_mode.empty() && !compares)
+  }
+  if (!flags.compare_mode.empty() && !compares) {
     throw Error(ErrorKind::usage, "--compare-mode says how (expected --compare or --photos with it)");
-  if (!view.compare.empty() && !view.photographs.empty() && !view.out.empty())
+  }
+  if (!view.compare.empty() && !view.photographs.empty() && !view.out.empty()) {
     throw Error(ErrorKind::usage, "--compare and --photos (expected one of them with --render)");
+  }
   parseShot(flags);
   if (view.follow) view.model = followedFile(view.model);
   if (!view.out.empty() && !view.script.empty()) {
@@ -177,8 +189,9 @@ std::optional<int> readFlags(int argc, char** argv, CommandLine& line) {
   flags.view.textures_given = app.count("--textures") > 0;
   parseValues(flags);
   // A script's run must not depend on what someone did before.
-  if (flags.view.session.empty() && flags.view.script.empty() && flags.benchmark.empty())
+  if (flags.view.session.empty() && flags.view.script.empty() && flags.benchmark.empty()) {
     flags.view.session = sessionFile();
+  }
   if (flags.no_session) flags.view.session.clear();
   line = {std::move(flags.view), flags.list_cameras, flags.window};
   return std::nullopt;

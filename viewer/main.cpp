@@ -28,20 +28,21 @@ int run(int argc, char** argv) {
   if (const std::optional<int> code = tg::readFlags(argc, argv, line)) return *code;
   tg::handleStopSignals(tg::endAtOnce);  // no temporary file of a video stays behind
   const tg::ViewOptions& view = line.view;
-  if (line.list_cameras)
+  if (line.list_cameras) {
     listCameras(view.model);
-  else if (view.inspect)
+  } else if (view.inspect) {
     tg::inspectHeadless(view);
-  else if (!view.out.empty() && (!view.compare.empty() || !view.photographs.empty()))
+  } else if (!view.out.empty() && (!view.compare.empty() || !view.photographs.empty())) {
     tg::compareToFile(view);
-  else if (!view.out.empty())
+  } else if (!view.out.empty()) {
     tg::renderToFile(view);
-  else if (view.benchmark && !line.window)
+  } else if (view.benchmark && !line.window) {
     tg::benchmarkHeadless(view);
-  else if (!view.record.empty())
+  } else if (!view.record.empty()) {
     tg::recordToFile(view);
-  else
+  } else {
     tg::runWindow(view);
+  }
   return 0;
 }
 

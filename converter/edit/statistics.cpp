@@ -62,13 +62,15 @@ std::vector<Distribution> distributions(const GaussianModel& model) {
   add("opacity", "", [&](std::size_t i) { return opacityOf(model, i); });
   const std::size_t coefficients = model.shCount();
   const char* channels[] = {"red", "green", "blue"};
-  for (int c = 0; c < 3; ++c)
+  for (int c = 0; c < 3; ++c) {
     add(channels[c], "", [&](std::size_t i) { return 0.5f + kShC0 * model.sh[i * coefficients][c]; });
+  }
   if (coefficients > 1) {
     add("largest SH coefficient", "", [&](std::size_t i) {
       float largest = 0.0f;
-      for (std::size_t k = 1; k < coefficients; ++k)
+      for (std::size_t k = 1; k < coefficients; ++k) {
         for (int c = 0; c < 3; ++c) largest = std::max(largest, std::abs(model.sh[i * coefficients + k][c]));
+      }
       return largest;
     });
   }
@@ -86,8 +88,9 @@ std::vector<Distribution> distributions(const GaussianModel& model) {
   for (int c = 0; c < 4; ++c) {
     if (!(c == 3 ? hasAlpha(model.texture_mode) : hasColor(model.texture_mode))) continue;
     std::vector<float> values;
-    for (const TextureRect& rect : model.atlas.rects)
+    for (const TextureRect& rect : model.atlas.rects) {
       for (std::uint32_t t = 0; t < rect.texelCount(); ++t) values.push_back(model.atlas.texels[rect.offset + t][c]);
+    }
     out.push_back(distributionOf(terms[c], "", std::move(values)));
   }
   return out;

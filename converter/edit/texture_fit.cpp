@@ -94,8 +94,9 @@ std::vector<glm::vec4> fitTexture(std::span<const glm::vec4> texels, const AxisF
   for (int j = 0; j < v.from(); ++j) {
     for (int i = 0; i < u.to(); ++i) {
       glm::dvec4& sum = rows[static_cast<std::size_t>(j) * u.to() + i];
-      for (int k = 0; k < u.from(); ++k)
+      for (int k = 0; k < u.from(); ++k) {
         sum += u.at(i, k) * glm::dvec4(texels[static_cast<std::size_t>(j) * u.from() + k]);
+      }
     }
   }
   std::vector<glm::vec4> out(static_cast<std::size_t>(u.to()) * v.to());

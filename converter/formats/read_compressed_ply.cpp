@@ -20,8 +20,8 @@ namespace {
 
 constexpr std::size_t kChunkSplats = 256;
 constexpr std::uint64_t kMaxCompressedPlyBytes =
-    kMaxGaussians * (4 * 4 + 45 + 1);                                  // a splat, its SH, its part of a chunk
-constexpr float kShRange = 8.0f;                                       // bytes span [-4, 4]
+    kMaxGaussians * (4 * 4 + 45 + 1);  // a splat, its SH, its part of a chunk
+constexpr float kShRange = 8.0f;       // bytes span [-4, 4]
 
 // What the splats of a chunk are interpolated between.
 struct Bounds {
@@ -60,8 +60,9 @@ glm::vec4 unpackRotation(std::uint32_t value) {
 std::vector<Chunk> readChunks(const PlyVertices& chunks) {
   std::vector<int> columns;
   const auto add = [&](const std::string& group, std::string_view axes) {
-    for (const char* side : {"min_", "max_"})
+    for (const char* side : {"min_", "max_"}) {
       for (const char axis : axes) columns.push_back(chunks.require(side + group + axis));
+    }
   };
   add("", "xyz");
   add("scale_", "xyz");
@@ -81,8 +82,9 @@ std::vector<Chunk> readChunks(const PlyVertices& chunks) {
 
 int degreeOf(const PlyVertices& sh) {
   const std::size_t rest = sh.countPrefix("f_rest_");
-  for (int degree = 1; degree <= 3; ++degree)
+  for (int degree = 1; degree <= 3; ++degree) {
     if (rest == static_cast<std::size_t>(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
+  }
   sh.fail("wrong number of f_rest properties (expected 9, 24 or 45, found " + std::to_string(rest) + ")");
 }
 
@@ -139,9 +141,11 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
       }
     }
     sh->read(columns, [&](std::size_t i, std::span<const float> v) {  // channel-major, as in INRIA's layout
-      for (std::size_t k = 0; k < rest; ++k)
-        for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < rest; ++k) {
+        for (std::size_t c = 0; c < 3; ++c) {
           model.sh[i * sh_count + 1 + k][static_cast<int>(c)] = shFromByte(v[c * rest + k]);
+        }
+      }
     });
   }
   checkModel(model, path);

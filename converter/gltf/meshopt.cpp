@@ -62,8 +62,9 @@ std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std
                                         std::string_view mode, std::string_view filter, const std::string& path) {
   const auto fail = [&](const std::string& what) -> Error { return Error(ErrorKind::badData, path, what); };
   if (mode != "ATTRIBUTES") throw fail("wrong \"mode\" for an attribute (expected \"ATTRIBUTES\")");
-  if (stride == 0 || stride % 4 != 0 || stride > 256)
+  if (stride == 0 || stride % 4 != 0 || stride > 256) {
     throw fail("wrong \"byteStride\" (expected a multiple of 4 up to 256)");
+  }
   std::vector<std::uint8_t> out(count * stride);
   if (meshopt_decodeVertexBuffer(out.data(), count, stride, bytes.data(), bytes.size()) != 0) {
     throw fail("the packed stream is broken");

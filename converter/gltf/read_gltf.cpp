@@ -29,9 +29,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kInstanceBlock = 16384;                 // splats whose numbers are held beside the model
-constexpr float kNormTolerance = 1e-3f;                       // of |q|^2 from 1
-constexpr float kByteNormTolerance = 2e-2f;                   // 8-bit quaternions are off by their rounding alone
+constexpr std::size_t kInstanceBlock = 16384;                     // splats whose numbers are held beside the model
+constexpr float kNormTolerance = 1e-3f;                           // of |q|^2 from 1
+constexpr float kByteNormTolerance = 2e-2f;                       // 8-bit quaternions are off by their rounding alone
 constexpr std::uint64_t kMaxGltfTexels = std::uint64_t{1} << 30;  // of all primitives; offsets have 32 bits
 constexpr int kMaxGltfDegree = 3;
 
@@ -279,8 +279,9 @@ bool isFinite(const BaseArrays& base, const TextureLayer* layer, std::size_t i) 
   if (layer && layer->opacity) ok = ok && std::isfinite((*layer->opacity)[splat]);
   for (int k = 0; k < 3 && layer && layer->dc; ++k) ok = ok && std::isfinite((*layer->dc)[splat * 3 + k]);
   for (int k = 0; k < 4; ++k) ok = ok && std::isfinite(base.rotation[i * 4 + k]);
-  for (int k = 0; k < 3; ++k)
+  for (int k = 0; k < 3; ++k) {
     ok = ok && std::isfinite(base.position[i * 3 + k]) && std::isfinite(base.scale[i * 3 + k]);
+  }
   for (const std::vector<float>& coefficient : base.sh) {
     for (int k = 0; k < 3; ++k) ok = ok && std::isfinite(coefficient[i * 3 + k]);
   }

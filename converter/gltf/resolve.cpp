@@ -20,8 +20,8 @@ using nlohmann::json;
 
 constexpr std::array<const char*, 2> kCodecs = {"EXT_meshopt_compression", "KHR_meshopt_compression"};
 constexpr std::uint64_t kMaxResolvedBytes = 0xFFFFFFFFull;  // of the GLB that is made
-constexpr std::uint64_t kMaxUnpackRatio = 64;       // 2 bits of a packed stream stand for 16 bytes at most
-constexpr std::uint64_t kMaxUnpackExtra = 1 << 16;  // [bytes] header and tail of a stream
+constexpr std::uint64_t kMaxUnpackRatio = 64;               // 2 bits of a packed stream stand for 16 bytes at most
+constexpr std::uint64_t kMaxUnpackExtra = 1 << 16;          // [bytes] header and tail of a stream
 
 const json& none() {
   static const json value = json::object();
@@ -56,8 +56,9 @@ class Resolver {
   std::optional<std::vector<std::uint8_t>> run() {
     if (!root_.is_object() || !needsResolving(root_)) return std::nullopt;
     for (const char* list : {"buffers", "bufferViews", "images", "extensionsRequired"}) {
-      if (root_.contains(list) && !root_[list].is_array())
+      if (root_.contains(list) && !root_[list].is_array()) {
         fail(std::string("/").append(list), "wrong type (expected an array)");
+      }
     }
     buffers();
     views();

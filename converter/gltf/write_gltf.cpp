@@ -153,8 +153,9 @@ void Writer::addShape(bool textured) {
     add<std::array<std::int16_t, 4>>(rotation_name, kShort4, [xyzw](const GaussianModel& model, std::size_t i) {
       const glm::vec4 q = xyzw(model, i);
       std::array<std::int16_t, 4> out;
-      for (int k = 0; k < 4; ++k)
+      for (int k = 0; k < 4; ++k) {
         out[static_cast<std::size_t>(k)] = static_cast<std::int16_t>(std::lround(q[k] * 32767.0f));
+      }
       return out;
     });
   } else {
@@ -206,8 +207,9 @@ void Writer::addColors(Baked baked) {
   };
   const auto rounded = [color]<typename T>(T, const GaussianModel& model, std::size_t i) {
     std::array<T, 4> out;
-    for (int c = 0; c < 4; ++c)
+    for (int c = 0; c < 4; ++c) {
       out[static_cast<std::size_t>(c)] = static_cast<T>(color(model, i, c) * std::numeric_limits<T>::max() + 0.5);
+    }
     return out;
   };
   if (content_.options.quantize) {
@@ -418,8 +420,9 @@ GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& conte
 
 GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content) {
   const GaussianModel& model = content.model;
-  if (content.options.atlas == AtlasFormat::exr)
+  if (content.options.atlas == AtlasFormat::exr) {
     throw Error(ErrorKind::usage, "a .png holds no EXR (expected png8 or png16)");
+  }
   const TextureMode mode = model.texture_mode;
   PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxAtlasSide);
   if (mode == TextureMode::none || packed.pages.empty()) {

@@ -29,8 +29,9 @@ glm::dmat3 parseRotation(const JsonNode& camera) {
   }
   const glm::dmat3 gram = glm::transpose(camera_from_world) * camera_from_world;
   double error = 0.0;
-  for (int r = 0; r < 3; ++r)
+  for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) error = std::max(error, std::abs(gram[r][c] - (r == c ? 1.0 : 0.0)));
+  }
   if (!(error <= kRotationTolerance)) camera.fail("\"rotation\": rows are not orthonormal");
   if (glm::determinant(camera_from_world) < 0.0) camera.fail("\"rotation\": is a reflection (determinant -1)");
   return camera_from_world;
@@ -61,8 +62,9 @@ Camera parseCamera(const JsonNode& json) {
   }
   if (json.has("split")) {
     const std::string split = json.string("split");
-    if (split != "train" && split != "test")
+    if (split != "train" && split != "test") {
       json.fail("\"split\": expected \"train\" or \"test\", found \"" + split + "\"");
+    }
     camera.test = split == "test";
   }
   return camera;
@@ -72,12 +74,14 @@ Camera parseCamera(const JsonNode& json) {
 
 std::vector<Camera> parseCameras(const std::string& json, const std::string& path) {
   const nlohmann::json root = parseJson(json, path);
-  if (!root.is_array())
+  if (!root.is_array()) {
     throw Error(ErrorKind::badData, path, std::string("expected an array of cameras, found ") + root.type_name());
+  }
   std::vector<Camera> cameras;
   cameras.reserve(root.size());
-  for (std::size_t i = 0; i < root.size(); ++i)
+  for (std::size_t i = 0; i < root.size(); ++i) {
     cameras.push_back(parseCamera({root[i], path, "camera " + std::to_string(i)}));
+  }
   return cameras;
 }
 

@@ -47,22 +47,26 @@ std::string roleOf(const std::string& name) {
 void parseFixed(const JsonNode& root) {
   for (const FixedValue& fixed : kFixed) {
     const std::string found = root.string(fixed.key);
-    if (found != fixed.value)
+    if (found != fixed.value) {
       root.fail(std::string("\"") + fixed.key + "\": not supported (expected \"" + fixed.value + "\", found \"" +
                 found + "\")");
+    }
   }
   const double extent = root.number("extent");
-  if (extent != double{kTextureExtent})
+  if (extent != double{kTextureExtent}) {
     root.fail("\"extent\": not supported (expected " + std::to_string(kTextureExtent) + ", found " +
               std::to_string(extent) + ")");
+  }
 }
 
 void parseVersion(const JsonNode& root) {
-  if (!root.value.is_object() || !root.has("format") || root.value["format"] != kFormat)
+  if (!root.value.is_object() || !root.has("format") || root.value["format"] != kFormat) {
     root.fail(std::string("not a bundle (expected \"format\": \"") + kFormat + "\")");
+  }
   const std::string version = root.string("formatVersion");
-  if (version.substr(0, version.find('.')) != "1")
+  if (version.substr(0, version.find('.')) != "1") {
     root.fail("unknown format version (expected 1.x, found " + version.substr(0, 20) + ")");
+  }
 }
 
 void parseAtlas(const JsonNode& root, Manifest& manifest) {
@@ -82,8 +86,9 @@ void parseFiles(const JsonNode& root, Manifest& manifest) {
     ManifestFile entry{file.string("name"), 0, file.string("sha256")};
     entry.bytes = static_cast<std::uint64_t>(file.integer("bytes", 0, std::int64_t{1} << 53));
     const auto isHex = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
-    if (entry.sha256.size() != 64 || !std::all_of(entry.sha256.begin(), entry.sha256.end(), isHex))
+    if (entry.sha256.size() != 64 || !std::all_of(entry.sha256.begin(), entry.sha256.end(), isHex)) {
       file.fail("\"sha256\": expected 64 lower-case hexadecimal digits");
+    }
     if (!names.insert(entry.name).second) file.fail("is listed twice");
     manifest.files.push_back(std::move(entry));
   }
@@ -94,15 +99,17 @@ void checkFiles(const JsonNode& root, const Manifest& manifest) {
     if (!manifest.find(name)) root.fail("\"files\": lacks " + name);
   };
   requireListed(kGaussiansName);
-  if ((manifest.find(kRectsName) != nullptr) != (manifest.find(kAtlasIdName) != nullptr))
+  if ((manifest.find(kRectsName) != nullptr) != (manifest.find(kAtlasIdName) != nullptr)) {
     root.fail(std::string("\"files\": ") + kRectsName + " and " + kAtlasIdName + " belong together");
+  }
   if (manifest.atlas_pages > 0) requireListed(kRectsName);
   int pages = 0;
   for (const ManifestFile& file : manifest.files) pages += atlasPageNumber(file.name).has_value();
   for (int page = 0; page < manifest.atlas_pages; ++page) requireListed(atlasPageName(page));
-  if (pages != manifest.atlas_pages)
+  if (pages != manifest.atlas_pages) {
     root.fail("\"files\": wrong number of atlas pages (expected " + std::to_string(manifest.atlas_pages) + ", found " +
               std::to_string(pages) + ")");
+  }
   if (manifest.cameras > 0) requireListed(kCamerasName);
 }
 
@@ -116,8 +123,9 @@ std::string atlasPageName(int page) {
 }
 
 std::optional<int> atlasPageNumber(const std::string& name) {
-  for (int page = 0; page < kMaxAtlasPages; ++page)
+  for (int page = 0; page < kMaxAtlasPages; ++page) {
     if (name == atlasPageName(page)) return page;
+  }
   return std::nullopt;
 }
 
@@ -140,15 +148,17 @@ std::string formatManifest(const Manifest& manifest) {
   for (const FixedValue& fixed : kFixed) root[fixed.key] = fixed.value;
   root["units"] = "dataset";
   root["background"] = {manifest.background.r, manifest.background.g, manifest.background.b};
-  if (manifest.atlas_pages > 0)
+  if (manifest.atlas_pages > 0) {
     root["atlas"] = {{"width", manifest.atlas_width},
                      {"height", manifest.atlas_height},
                      {"channels", {"R", "G", "B", "alpha"}},
                      {"associatedAlpha", false}};
+  }
   root["files"] = nlohmann::ordered_json::array();
-  for (const ManifestFile& file : manifest.files)
+  for (const ManifestFile& file : manifest.files) {
     root["files"].push_back(
         {{"name", file.name}, {"role", roleOf(file.name)}, {"bytes", file.bytes}, {"sha256", file.sha256}});
+  }
   return dumpJson(root, 1) + "\n";
 }
 
@@ -163,11 +173,13 @@ Manifest parseManifest(const std::string& json, const std::string& path) {
   manifest.cameras = static_cast<std::uint64_t>(counts.integer("cameras", 0, 1 << 24));
   manifest.sh_degree = static_cast<int>(root.integer("shDegree", 0, 3));
   const std::string mode = root.string("mode"), intersection = root.string("intersection");
-  if (!parse<TextureMode>(mode))
+  if (!parse<TextureMode>(mode)) {
     root.fail("\"mode\": expected " + allNames<TextureMode>() + ", found \"" + mode + "\"");
+  }
   manifest.mode = *parse<TextureMode>(mode);
-  if (!parse<IntersectionModel>(intersection))
+  if (!parse<IntersectionModel>(intersection)) {
     root.fail("\"intersection\": expected " + allNames<IntersectionModel>() + ", found \"" + intersection + "\"");
+  }
   manifest.intersection = *parse<IntersectionModel>(intersection);
   const std::array<double, 3> background = root.numbers<3>("background");
   manifest.background = {background[0], background[1], background[2]};

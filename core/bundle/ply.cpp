@@ -104,12 +104,13 @@ PointCloud readPointCloudPly(const std::filesystem::path& path) {
   if (colored) {
     for (const char* name : {"red", "green", "blue"}) columns.push_back(ply.find(name));
     const PlyType type = ply.properties()[static_cast<std::size_t>(columns[3])].type;
-    if (type == PlyType::uint8)
+    if (type == PlyType::uint8) {
       scale = 1.0f / 255.0f;
-    else if (type == PlyType::uint16)
+    } else if (type == PlyType::uint16) {
       scale = 1.0f / 65535.0f;
-    else if (type != PlyType::float32 && type != PlyType::float64)
+    } else if (type != PlyType::float32 && type != PlyType::float64) {
       ply.fail("unsupported type of property red (expected uchar, ushort or float)");
+    }
   }
   PointCloud cloud;
   cloud.position.resize(ply.size());

@@ -66,10 +66,11 @@ bool parseNumber(std::string_view word, float& value) {
   double number = 0.0;
   const auto [end, status] = std::from_chars(word.data(), word.data() + word.size(), number);
   if (end != word.data() + word.size() || word.empty()) return false;
-  if (status == std::errc::result_out_of_range)
+  if (status == std::errc::result_out_of_range) {
     number = word.find("e-") != word.npos || word.find("E-") != word.npos ? 0.0 : HUGE_VAL;
-  else if (status != std::errc())
+  } else if (status != std::errc()) {
     return false;
+  }
   value = static_cast<float>(number);
   return true;
 }
@@ -114,8 +115,9 @@ bool PlyVertices::plainFloats(std::span<const int> indices) const {
 
 int PlyVertices::requireWord(std::string_view name) const {
   const int index = require(name);
-  if (format_ == Format::ascii || properties_[static_cast<std::size_t>(index)].type != PlyType::uint32)
+  if (format_ == Format::ascii || properties_[static_cast<std::size_t>(index)].type != PlyType::uint32) {
     fail("property " + std::string(name) + " is not stored as it must be (expected uint in a binary file)");
+  }
   return index;
 }
 
@@ -132,8 +134,9 @@ std::uint32_t PlyVertices::word(std::size_t vertex, int index) const {
 void PlyVertices::fail(const std::string& what) const { throw Error(ErrorKind::badData, path_, what); }
 
 int PlyVertices::find(std::string_view name) const {
-  for (std::size_t i = 0; i < properties_.size(); ++i)
+  for (std::size_t i = 0; i < properties_.size(); ++i) {
     if (properties_[i].name == name) return static_cast<int>(i);
+  }
   return -1;
 }
 
@@ -160,10 +163,12 @@ void PlyVertices::parseProperty(std::string_view line, Element& element) const {
   const std::string_view name = nextWord(line);
   if (name.empty() || !nextWord(line).empty()) fail("PLY header: property without exactly one name");
   if (std::any_of(element.properties.begin(), element.properties.end(),
-                  [&](const PlyProperty& p) { return p.name == name; }))
+                  [&](const PlyProperty& p) { return p.name == name; })) {
     fail("PLY header: property " + shownWord(name) + " is given twice");
-  if (element.properties.size() == kMaxProperties)
+  }
+  if (element.properties.size() == kMaxProperties) {
     fail("PLY header: too many properties (expected at most " + std::to_string(kMaxProperties) + ")");
+  }
   element.properties.push_back({std::string(name), static_cast<PlyType>(type - kTypes.begin()), element.stride});
   element.stride += type->bytes;
 }
@@ -181,14 +186,15 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
       if (keyword != "ply") fail("not a PLY file (expected \"ply\" in the first line)");
     } else if (keyword == "format") {
       const std::string_view format = nextWord(line), version = nextWord(line);
-      if (format == "ascii")
+      if (format == "ascii") {
         format_ = Format::ascii;
-      else if (format == "binary_little_endian")
+      } else if (format == "binary_little_endian") {
         format_ = Format::little;
-      else if (format == "binary_big_endian")
+      } else if (format == "binary_big_endian") {
         format_ = Format::big;
-      else
+      } else {
         fail("PLY header: unknown format " + shownWord(format));
+      }
       if (version != "1.0") fail("PLY header: unknown version (expected 1.0, found " + shownWord(version) + ")");
       if (has_format) fail("PLY header: format is given twice");
       has_format = true;
@@ -197,9 +203,10 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
       element.name = nextWord(line);
       const std::string_view count = nextWord(line);
       const auto [stop, status] = std::from_chars(count.data(), count.data() + count.size(), element.count);
-      if (status != std::errc() || stop != count.data() + count.size())
+      if (status != std::errc() || stop != count.data() + count.size()) {
         fail("PLY header: element " + shownWord(element.name) + " has no usable count (found " + shownWord(count) +
              ")");
+      }
       elements.push_back(std::move(element));
     } else if (keyword == "property") {
       if (elements.empty()) fail("PLY header: property before the first element");
@@ -220,14 +227,16 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
       std::find_if(elements.begin(), elements.end(), [&](const Element& e) { return e.name == element; });
   if (vertex == elements.end()) fail("PLY without element " + std::string(element));
   for (auto e = elements.begin(); e <= vertex; ++e) {
-    if (e->has_list)
+    if (e->has_list) {
       fail("list property in element " + shownWord(e->name) + " (expected only after " + shownWord(element) + ")");
+    }
     // Every ASCII value takes a digit and a separator, but for the last.
     const std::uint64_t size = format_ == Format::ascii ? 2 * e->properties.size() : e->stride;
     const std::uint64_t left = total_ - begin_ + (format_ == Format::ascii ? 1 : 0);
-    if (size > 0 && e->count > left / size)
+    if (size > 0 && e->count > left / size) {
       fail("file is too short for its counts (expected " + std::to_string(e->count) + " x " + shownWord(e->name) +
            ", found " + std::to_string(total_ - begin_) + " bytes)");
+    }
     if (e == vertex) break;
     if (format_ == Format::ascii) {
       tokens_before_ += e->count * e->properties.size();
@@ -238,16 +247,18 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
     }
   }
   if (vertex->properties.empty()) fail("element " + std::string(element) + " has no properties");
-  if (vertex->count > kMaxGaussians)
+  if (vertex->count > kMaxGaussians) {
     fail("too many rows of " + shownWord(element) + " (expected at most " + std::to_string(kMaxGaussians) + ", found " +
          std::to_string(vertex->count) + ")");
+  }
   count_ = static_cast<std::size_t>(vertex->count);
   stride_ = vertex->stride;
   properties_ = vertex->properties;
   last_element_ = vertex + 1 == elements.end();
-  if (format_ != Format::ascii && last_element_ && total_ - begin_ != count_ * stride_)
+  if (format_ != Format::ascii && last_element_ && total_ - begin_ != count_ * stride_) {
     fail("file is longer than its counts say (expected " + std::to_string(count_ * stride_) +
          " bytes after the header, found " + std::to_string(total_ - begin_) + ")");
+  }
 }
 
 std::string PlyVertices::label(std::size_t vertex) const {
@@ -261,16 +272,18 @@ void PlyVertices::failNotFinite(std::size_t vertex, int property) const {
 void PlyVertices::readAscii(std::span<const int> indices,
                             const std::function<void(std::size_t, std::span<const float>)>& visit) const {
   std::string_view text(reinterpret_cast<const char*>(body_.data()), body_.size());
-  for (std::uint64_t i = 0; i < tokens_before_; ++i)
+  for (std::uint64_t i = 0; i < tokens_before_; ++i) {
     if (nextWord(text).empty()) fail("file ends before the vertices");
+  }
   std::vector<float> row(properties_.size());
   std::vector<float> values(indices.size());
   for (std::size_t i = 0; i < count_; ++i) {
     for (std::size_t p = 0; p < row.size(); ++p) {
       const std::string_view word = nextWord(text);
       if (word.empty()) fail("file ends inside " + label(i) + " (expected " + std::to_string(count_) + ")");
-      if (!parseNumber(word, row[p]))
+      if (!parseNumber(word, row[p])) {
         fail(label(i) + ": " + properties_[p].name + " is no number (found " + shownWord(word) + ")");
+      }
     }
     for (std::size_t k = 0; k < indices.size(); ++k) {
       values[k] = row[static_cast<std::size_t>(indices[k])];
@@ -306,18 +319,20 @@ void PlyVertices::readBinary(std::span<const int> indices,
       visit(i, values);
     }
   });
-  for (const Offender& o : offenders)
+  for (const Offender& o : offenders) {
     if (o.property >= 0) failNotFinite(o.vertex, o.property);
+  }
 }
 
 void PlyVertices::read(std::span<const int> indices,
                        const std::function<void(std::size_t, std::span<const float>)>& visit) const {
   TG_ASSERT(hasProperties(indices), "the file has these properties");
   TG_ASSERT(begin_ + body_.size() == total_, "all of the file is at hand");
-  if (format_ == Format::ascii)
+  if (format_ == Format::ascii) {
     readAscii(indices, visit);
-  else
+  } else {
     readBinary(indices, visit);
+  }
 }
 
 }  // namespace tg

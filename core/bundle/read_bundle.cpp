@@ -37,16 +37,17 @@ bool isUtf8(const std::string& text) {
   for (std::size_t i = 0; i < text.size();) {
     const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(i + k < text.size() ? text[i + k] : 0); };
     const auto follows = [&](std::size_t k) { return (byte(k) & 0xc0) == 0x80; };
-    if (byte(0) < 0x80)
+    if (byte(0) < 0x80) {
       i += 1;
-    else if (byte(0) >= 0xc2 && byte(0) < 0xe0 && follows(1))
+    } else if (byte(0) >= 0xc2 && byte(0) < 0xe0 && follows(1)) {
       i += 2;
-    else if (byte(0) >= 0xe0 && byte(0) < 0xf0 && follows(1) && follows(2))
+    } else if (byte(0) >= 0xe0 && byte(0) < 0xf0 && follows(1) && follows(2)) {
       i += 3;
-    else if (byte(0) >= 0xf0 && byte(0) < 0xf5 && follows(1) && follows(2) && follows(3))
+    } else if (byte(0) >= 0xf0 && byte(0) < 0xf5 && follows(1) && follows(2) && follows(3)) {
       i += 4;
-    else
+    } else {
       return false;
+    }
   }
   return true;
 }
@@ -115,8 +116,9 @@ class BundleReader {
     while (!gzip_.next().empty()) {
     }  // to the checksum at the end
     if (gzip_.hasTrailingBytes()) warn("ignored bytes after the end of the gzip stream");
-    for (const ManifestFile& file : manifest_.files)
+    for (const ManifestFile& file : manifest_.files) {
       if (!names_.contains(file.name)) fail("lacks " + shown(file.name) + ", which its manifest lists");
+    }
     finishAtlas();
     bundle_.model.texture_mode = manifest_.mode;
     bundle_.model.intersection = manifest_.intersection;
@@ -128,8 +130,9 @@ class BundleReader {
  private:
   static std::uint64_t saturatingSum(std::uint64_t a, std::uint64_t b) { return a + b < a ? ~std::uint64_t{0} : a + b; }
   static std::string folded(std::string name) {
-    for (char& c : name)
+    for (char& c : name) {
       if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    }
     return name;
   }
 
@@ -166,8 +169,9 @@ class BundleReader {
   }
 
   void readEntry(archive_entry* entry) {
-    if (++entries_ > limits_.entries)
+    if (++entries_ > limits_.entries) {
       fail("too many entries (expected at most " + std::to_string(limits_.entries) + ")");
+    }
     const char* raw_name = archive_entry_pathname(entry);
     if (!raw_name) raw_name = archive_entry_pathname_utf8(entry);
     const std::string name = raw_name ? raw_name : "";
@@ -176,18 +180,21 @@ class BundleReader {
     if (!problem.empty()) fail("entry " + std::to_string(entries_) + ", " + shown(name) + ": name " + problem);
     names_.insert(name);
     if (!folded_names_.insert(folded(name)).second) fail("entry " + shown(name) + " is there twice");
-    if (!archive_entry_size_is_set(entry) || archive_entry_size(entry) < 0)
+    if (!archive_entry_size_is_set(entry) || archive_entry_size(entry) < 0) {
       fail("entry " + shown(name) + " has no valid size");
+    }
     const auto size = static_cast<std::uint64_t>(archive_entry_size(entry));
     total_ = saturatingSum(total_, size);
-    if (size > limits_.entry_bytes || total_ > limits_.total_bytes)
+    if (size > limits_.entry_bytes || total_ > limits_.total_bytes) {
       fail("entry " + shown(name) + " exceeds the limits (expected at most " + std::to_string(limits_.entry_bytes) +
            " bytes, " + std::to_string(limits_.total_bytes) + " in total, found " + std::to_string(size) + " and " +
            std::to_string(total_) + ")");
+    }
 
     if (!has_manifest_) {
-      if (name != kManifestName)
+      if (name != kManifestName) {
         fail("wrong first entry (expected \"" + std::string(kManifestName) + "\", found " + shown(name) + ")");
+      }
       const std::vector<std::uint8_t> bytes = readBytes(name, size, kMaxManifestBytes);
       manifest_ = parseManifest({bytes.begin(), bytes.end()}, inside(name));
       checkTexels();
@@ -204,9 +211,10 @@ class BundleReader {
     const std::uint64_t texels = static_cast<std::uint64_t>(manifest_.atlas_pages) *
                                  static_cast<std::uint64_t>(manifest_.atlas_width) *
                                  static_cast<std::uint64_t>(manifest_.atlas_height);
-    if (texels > limits_.max_texels)
+    if (texels > limits_.max_texels) {
       fail("too many texels (expected at most " + std::to_string(limits_.max_texels) + ", found " +
            std::to_string(texels) + ")");
+    }
   }
 
   // False: a name this version does not know.
@@ -232,8 +240,9 @@ class BundleReader {
     } else if (name == kTrainingName) {
       const auto bytes = readListed(name, size, kMaxTrainingBytes);
       bundle_.training_json.assign(bytes.begin(), bytes.end());
-      if (!parseJson(bundle_.training_json, inside(name)).is_object())
+      if (!parseJson(bundle_.training_json, inside(name)).is_object()) {
         throw Error(ErrorKind::badData, inside(name), "expected a JSON object");
+      }
     } else if (name == kPreviewName) {
       readPreview(readListed(name, size, kMaxPreviewBytes), inside(name));
     } else {
@@ -243,30 +252,34 @@ class BundleReader {
   }
 
   void checkCount(const std::string& name, const char* what, std::size_t expected, std::size_t found) const {
-    if (expected != found)
+    if (expected != found) {
       throw Error(ErrorKind::badData, inside(name),
                   std::string("disagrees with the manifest on ") + what + " (expected " + std::to_string(expected) +
                       ", found " + std::to_string(found) + ")");
+    }
   }
 
   void readPreview(const std::vector<std::uint8_t>& bytes, const std::string& path) {
     // Width and height of the IHDR chunk, which must come first.
     constexpr std::uint8_t magic[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
-    if (bytes.size() < 24 || std::memcmp(bytes.data(), magic, sizeof(magic)) != 0)
+    if (bytes.size() < 24 || std::memcmp(bytes.data(), magic, sizeof(magic)) != 0) {
       throw Error(ErrorKind::badData, path, "not a PNG file");
+    }
     for (std::size_t at : {std::size_t{16}, std::size_t{20}}) {
       const std::uint32_t side = static_cast<std::uint32_t>(bytes[at]) << 24 |
                                  static_cast<std::uint32_t>(bytes[at + 1]) << 16 |
                                  static_cast<std::uint32_t>(bytes[at + 2]) << 8 | bytes[at + 3];
-      if (side < 1 || side > kMaxPreviewSide)
+      if (side < 1 || side > kMaxPreviewSide) {
         throw Error(ErrorKind::badData, path,
                     "image size out of range (expected 1 to " + std::to_string(kMaxPreviewSide) + ", found " +
                         std::to_string(side) + ")");
+      }
     }
     bundle_.preview = decodeImage(bytes, path);
-    if (bundle_.preview.channels != 3)
+    if (bundle_.preview.channels != 3) {
       throw Error(ErrorKind::badData, path,
                   "wrong number of channels (expected 3, found " + std::to_string(bundle_.preview.channels) + ")");
+    }
   }
 
   // The Gaussians, without their file being in memory as a whole.
@@ -302,9 +315,10 @@ class BundleReader {
       visit(piece);
     });
     const std::string hash = digest.hex();
-    if (hash != listed->sha256)
+    if (hash != listed->sha256) {
       throw Error(ErrorKind::badData, inside(name),
                   "is damaged (expected SHA-256 " + listed->sha256 + ", found " + hash + ")");
+    }
   }
 
   std::vector<std::uint8_t> readBytes(const std::string& name, std::uint64_t size, std::uint64_t max_bytes) {
@@ -317,10 +331,11 @@ class BundleReader {
   // Calls visit(span of bytes) for the content of the current entry, which is not empty at once and `size` in the end.
   template <typename Visit>
   void readPieces(const std::string& name, std::uint64_t size, std::uint64_t max_bytes, const Visit& visit) {
-    if (size > max_bytes)
+    if (size > max_bytes) {
       throw Error(
           ErrorKind::badData, inside(name),
           "is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " + std::to_string(size) + ")");
+    }
     if (size > gzip_.inflatedBound()) throw Error(ErrorKind::badData, inside(name), "is longer than the file can hold");
     std::uint64_t read = 0;
     for (;;) {
@@ -330,8 +345,9 @@ class BundleReader {
       const int result = archive_read_data_block(archive_.get(), &data, &length, &offset);
       checkArchive(result);
       if (result == ARCHIVE_EOF) break;
-      if (offset != static_cast<la_int64_t>(read) || length > size - read)
+      if (offset != static_cast<la_int64_t>(read) || length > size - read) {
         throw Error(ErrorKind::badData, inside(name), "has a wrong size");
+      }
       read += length;
       visit(std::span(static_cast<const std::uint8_t*>(data), length));
     }
@@ -343,8 +359,9 @@ class BundleReader {
     const std::size_t n = bundle_.model.size();
     PackedAtlas packed;
     packed.placements.resize(n);
-    for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t i = 0; i < n; ++i) {
       packed.placements[i] = {rects_[4 * i], rects_[4 * i + 1], rects_[4 * i + 2], rects_[4 * i + 3], page_ids_[i]};
+    }
     packed.pages.resize(static_cast<std::size_t>(manifest_.atlas_pages));
     parallelFor(manifest_.atlas_pages, 1,
                 [&](std::int64_t i) { packed.pages[static_cast<std::size_t>(i)] = decodePage(static_cast<int>(i)); });
@@ -355,11 +372,12 @@ class BundleReader {
     const std::vector<std::uint8_t>& bytes = pages_[static_cast<std::size_t>(number)];
     const std::string path = inside(atlasPageName(number));
     const ExrInfo info = readExrInfo(bytes, path);
-    if (info.width != manifest_.atlas_width || info.height != manifest_.atlas_height)
+    if (info.width != manifest_.atlas_width || info.height != manifest_.atlas_height) {
       throw Error(ErrorKind::badData, path,
                   "disagrees with the manifest on its size (expected " + std::to_string(manifest_.atlas_width) + " x " +
                       std::to_string(manifest_.atlas_height) + ", found " + std::to_string(info.width) + " x " +
                       std::to_string(info.height) + ")");
+    }
     const std::string channels[] = {"R", "G", "B", "alpha"};
     return decodeExr(bytes, channels, path);
   }

@@ -23,17 +23,20 @@ const float kFlatLogScale = std::log(1e-4f);
 // Explains what a PLY without splats is, as far as its properties tell.
 void requireSplats(const PlyVertices& ply) {
   if (ply.find("f_dc_0") >= 0) return;
-  if (ply.find("packed_position") >= 0)
+  if (ply.find("packed_position") >= 0) {
     ply.fail("is a compressed splat PLY (expected float properties, found packed_position)");
-  if (ply.find("red") >= 0 || ply.find("diffuse_red") >= 0)
+  }
+  if (ply.find("red") >= 0 || ply.find("diffuse_red") >= 0) {
     ply.fail("is a point cloud, not splats (expected property f_dc_0, found red)");
+  }
   ply.fail("holds no splats (missing property f_dc_0)");
 }
 
 int shDegreeOf(const PlyVertices& ply) {
   const std::size_t rest = ply.countPrefix("f_rest_");
-  for (int degree = 0; degree <= 3; ++degree)
+  for (int degree = 0; degree <= 3; ++degree) {
     if (rest == static_cast<std::size_t>(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
+  }
   ply.fail("wrong number of f_rest properties (expected 0, 9, 24 or 45, found " + std::to_string(rest) + ")");
 }
 
@@ -61,8 +64,9 @@ SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, c
   requireSplats(vertices_);
   sh_degree_ = shDegreeOf(vertices_);
   const auto add = [&](const std::string& name) { columns_.push_back(vertices_.require(name)); };
-  for (const char* name : {"x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "opacity", "scale_0", "scale_1"})
+  for (const char* name : {"x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "opacity", "scale_0", "scale_1"}) {
     add(name);
+  }
   flat_ = vertices_.find("scale_2") < 0;
   if (!flat_) add("scale_2");
   dc_ = columns_.size();
@@ -211,8 +215,9 @@ void formatSplatRows(const GaussianModel& model, std::size_t first, std::size_t 
     const glm::vec3* sh = model.sh.data() + i * sh_count;
     appendFloats(to, {model.mean[i].x, model.mean[i].y, model.mean[i].z, 0.0f, 0.0f, 0.0f});
     appendFloats(to, {sh[0].x, sh[0].y, sh[0].z});
-    for (int c = 0; c < 3; ++c)
+    for (int c = 0; c < 3; ++c) {
       for (std::size_t k = 1; k < sh_count; ++k) appendFloats(to, {sh[k][c]});
+    }
     appendFloats(to, {model.opacity_logit[i], model.log_scale[i].x, model.log_scale[i].y, model.log_scale[i].z});
     const glm::vec4& q = model.rotation[i];
     appendFloats(to, {q.x, q.y, q.z, q.w});

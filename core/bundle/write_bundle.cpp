@@ -120,21 +120,24 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
 
 void checkWritable(const Bundle& bundle, const std::string& path) {
   const auto fail = [&](const std::string& what) { return Error(ErrorKind::cannotWrite, path, what); };
-  if (bundle.model.size() > kMaxGaussians)
+  if (bundle.model.size() > kMaxGaussians) {
     throw fail("too many Gaussians (expected at most " + std::to_string(kMaxGaussians) + ", found " +
                std::to_string(bundle.model.size()) + ")");
+  }
   checkModel(bundle.model, path);
   if (!bundle.training_json.empty()) {
-    if (!parseJson(bundle.training_json, path + "/" + kTrainingName).is_object())
+    if (!parseJson(bundle.training_json, path + "/" + kTrainingName).is_object()) {
       throw fail(std::string(kTrainingName) + ": expected a JSON object");
+    }
     if (bundle.training_json.size() > kMaxTrainingBytes) throw fail(std::string(kTrainingName) + ": too long");
   }
   const Image& preview = bundle.preview;
   if (preview.width > 0 &&
-      (preview.channels != 3 || preview.width > kMaxPreviewSide || preview.height > kMaxPreviewSide))
+      (preview.channels != 3 || preview.width > kMaxPreviewSide || preview.height > kMaxPreviewSide)) {
     throw fail("preview does not fit (expected 3 channels and at most " + std::to_string(kMaxPreviewSide) +
                " px a side, found " + std::to_string(preview.width) + " x " + std::to_string(preview.height) + " x " +
                std::to_string(preview.channels) + ")");
+  }
 }
 
 class TarWriter {

@@ -41,8 +41,9 @@ void requireFileName(const std::filesystem::path& path) {
   std::error_code ignored;
   const auto type = std::filesystem::status(path, ignored).type();
   if (type != std::filesystem::file_type::not_found && type != std::filesystem::file_type::regular &&
-      type != std::filesystem::file_type::none)
+      type != std::filesystem::file_type::none) {
     throw Error(ErrorKind::cannotWrite, path.string(), "exists and is not a regular file");
+  }
   if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
 }
 
@@ -76,8 +77,9 @@ class TemporaryFile {
 
 void syncFile(const std::filesystem::path& file, const std::filesystem::path& reported) {
   const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
-  if (descriptor.fd < 0 || ::fsync(descriptor.fd) != 0)
+  if (descriptor.fd < 0 || ::fsync(descriptor.fd) != 0) {
     throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write to disk: " + reason());
+  }
 }
 
 }  // namespace
@@ -128,10 +130,11 @@ FileReader::FileReader(const std::filesystem::path& path, std::uint64_t max_byte
   if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is a folder (expected a file)");
   if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is no regular file");
   size_ = static_cast<std::uint64_t>(status.st_size);
-  if (size_ > max_bytes)
+  if (size_ > max_bytes) {
     throw Error(ErrorKind::cannotRead, path_,
                 "file is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " +
                     std::to_string(size_) + ")");
+  }
   descriptor_ = std::exchange(file.fd, -1);
 }
 
@@ -156,8 +159,9 @@ FileWriter::FileWriter(const std::filesystem::path& file, const std::filesystem:
 FileWriter::~FileWriter() { ::close(descriptor_); }
 
 void FileWriter::resize(std::uint64_t bytes) const {
-  if (::ftruncate(descriptor_, static_cast<off_t>(bytes)) != 0)
+  if (::ftruncate(descriptor_, static_cast<off_t>(bytes)) != 0) {
     throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + reason());
+  }
 }
 
 void FileWriter::write(std::uint64_t offset, std::span<const std::uint8_t> bytes) const {
@@ -175,8 +179,9 @@ void requireWritable(const std::filesystem::path& path) {
   requireFileName(path);
   // The final name itself: the temporary one is shorter than a name the file system may refuse.
   struct stat status{};
-  if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT)
+  if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT) {
     throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
+  }
   const TemporaryFile removed(path);
 }
 
@@ -193,8 +198,9 @@ void AtomicFiles::add(const std::filesystem::path& path,
                       const std::function<void(const std::filesystem::path& temporary)>& write) {
   requireFileName(path);
   std::error_code ignored;
-  if (!replace_ && std::filesystem::exists(path, ignored))
+  if (!replace_ && std::filesystem::exists(path, ignored)) {
     throw Error(ErrorKind::cannotWrite, path.string(), "exists already (--overwrite replaces it)");
+  }
   const Entry& entry = *entries_.emplace_back(std::make_unique<Entry>(path));
   write(entry.temporary.path);
   syncFile(entry.temporary.path, path);
@@ -206,8 +212,9 @@ void AtomicFiles::add(const std::filesystem::path& path, std::span<const std::ui
 
 void AtomicFiles::commit() {
   for (const std::unique_ptr<Entry>& entry : entries_) {
-    if (::rename(entry->temporary.path.c_str(), entry->path.c_str()) != 0)
+    if (::rename(entry->temporary.path.c_str(), entry->path.c_str()) != 0) {
       throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + reason());
+    }
     entry->temporary.released = true;
     // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.
     const Descriptor folder(::open(folderOf(entry->path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -237,8 +244,9 @@ void copyFileAtomically(const std::filesystem::path& source, const std::filesyst
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
     std::error_code error;
     std::filesystem::copy_file(source, temporary, std::filesystem::copy_options::overwrite_existing, error);
-    if (error)
+    if (error) {
       throw Error(ErrorKind::cannotWrite, path.string(), "cannot copy " + source.string() + ": " + error.message());
+    }
   });
 }
 

@@ -93,8 +93,9 @@ GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_infl
   s.path = path.string();
   s.max_inflated = max_inflated_bytes;
   std::error_code status;
-  if (std::filesystem::is_directory(path, status))
+  if (std::filesystem::is_directory(path, status)) {
     throw Error(ErrorKind::cannotRead, s.path, "is a folder (expected a file)");
+  }
   s.file.open(path, std::ios::binary);
   if (!s.file) throw Error(ErrorKind::cannotRead, s.path, "cannot open");
   s.file_size = std::filesystem::file_size(path, status);
@@ -134,17 +135,20 @@ void GzipReader::State::inflateNext(std::vector<std::uint8_t>& output) {
     const uInt before = stream.avail_in;
     const int result = inflate(&stream, Z_NO_FLUSH);
     bytes_in += before - stream.avail_in;
-    if (result == Z_STREAM_END)
+    if (result == Z_STREAM_END) {
       finished = true;
-    else if (result != Z_OK)
+    } else if (result != Z_OK) {
       fail(std::string("broken gzip stream: ") + (stream.msg ? stream.msg : "unexpected data"));
+    }
   }
   output.resize(output.size() - stream.avail_out);
   bytes_out += output.size();
-  if (bytes_out > kRatioFreeBytes && bytes_out / kMaxRatio > bytes_in)
+  if (bytes_out > kRatioFreeBytes && bytes_out / kMaxRatio > bytes_in) {
     fail("inflates more than " + std::to_string(kMaxRatio) + " : 1");
-  if (bytes_out > max_inflated)
+  }
+  if (bytes_out > max_inflated) {
     fail("inflates to more than the limit (expected at most " + std::to_string(max_inflated) + " bytes)");
+  }
 }
 
 }  // namespace tg

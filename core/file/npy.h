@@ -51,14 +51,16 @@ std::vector<T> parseNpy(std::span<const std::uint8_t> bytes, std::size_t rows, s
                         const std::string& path) {
   const auto fail = [&](const std::string& what) -> Error { return Error(ErrorKind::badData, path, what); };
   constexpr std::uint8_t magic[] = {0x93, 'N', 'U', 'M', 'P', 'Y', 1};
-  if (bytes.size() < 10 || std::memcmp(bytes.data(), magic, sizeof(magic)) != 0)
+  if (bytes.size() < 10 || std::memcmp(bytes.data(), magic, sizeof(magic)) != 0) {
     throw fail("not a NumPy file (expected version 1)");
+  }
   const std::size_t header_size = static_cast<std::size_t>(bytes[8] | bytes[9] << 8);
   if (bytes.size() < 10 + header_size) throw fail("NumPy header ends early");
   const auto withoutSpace = [](std::string_view text) {
     std::string kept;
-    for (char c : text)
+    for (char c : text) {
       if (c != ' ' && c != '\n') kept += c;
+    }
     return kept;
   };
   const std::string expected = npyDescription<T>(rows, columns);
@@ -71,9 +73,10 @@ std::vector<T> parseNpy(std::span<const std::uint8_t> bytes, std::size_t rows, s
   }
   const std::size_t count = rows * (columns == 0 ? 1 : columns);
   const std::span<const std::uint8_t> body = bytes.subspan(10 + header_size);
-  if (body.size() != count * sizeof(T))
+  if (body.size() != count * sizeof(T)) {
     throw fail("wrong length of NumPy data (expected " + std::to_string(count * sizeof(T)) + " bytes, found " +
                std::to_string(body.size()) + ")");
+  }
   std::vector<T> values(count);
   if (count > 0) std::memcpy(values.data(), body.data(), body.size());
   return values;

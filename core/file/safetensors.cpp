@@ -103,8 +103,9 @@ Safetensors Safetensors::parse(std::vector<std::uint8_t> bytes, const std::strin
     if (element == 0) file.fail(shownTensor(name) + ": unknown dtype");
     entry.type = type.get<std::string>();
     const Json& shape = part("shape");
-    if (!shape.is_array() || shape.size() > kMaxDimensions)
+    if (!shape.is_array() || shape.size() > kMaxDimensions) {
       file.fail(shownTensor(name) + ": 'shape' is not a short list");
+    }
     std::uint64_t elements = 1;
     for (const Json& side : shape) {
       std::int64_t value = 0;
@@ -159,7 +160,7 @@ Tensor Safetensors::tensor(const std::string& name) const {
     if (bytes > 0) std::memcpy(tensor.values.data(), from, bytes);
   } else if (source.type == "F16") {
     tensor.values.resize(bytes / 2);
-    for (std::size_t i = 0; i < tensor.values.size(); i++) {
+    for (std::size_t i = 0; i < tensor.values.size(); ++i) {
       std::uint16_t half = 0;
       std::memcpy(&half, from + 2 * i, sizeof half);
       tensor.values[i] = floatFromHalf(half);

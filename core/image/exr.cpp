@@ -32,8 +32,9 @@ class MemoryInput : public Imf::IStream {
  public:
   explicit MemoryInput(std::span<const std::uint8_t> bytes) : IStream("memory"), bytes_(bytes) {}
   bool read(char* to, int count) override {
-    if (count < 0 || static_cast<std::uint64_t>(count) > bytes_.size() - position_)
+    if (count < 0 || static_cast<std::uint64_t>(count) > bytes_.size() - position_) {
       throw std::runtime_error("file ends early");
+    }
     std::memcpy(to, bytes_.data() + position_, static_cast<std::size_t>(count));
     position_ += static_cast<std::size_t>(count);
     return position_ < bytes_.size();
@@ -109,8 +110,9 @@ class HeaderReader {
         value.checkAttribute(name, type);
       }
     }
-    if (!has_window || header_.channels.empty() || header_.compression < 0)
+    if (!has_window || header_.channels.empty() || header_.compression < 0) {
       fail("EXR header lacks dataWindow, channels or compression");
+    }
     checkSize();
     return header_;
   }
@@ -143,9 +145,10 @@ class HeaderReader {
     constexpr std::int64_t far = 1 << 30;
     if (std::min(min_x, min_y) < -far || std::max(max_x, max_y) > far) fail("EXR data window is out of range");
     const std::int64_t width = max_x - min_x + 1, height = max_y - min_y + 1;
-    if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide)
+    if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
       fail("image size out of range (expected 1 to " + std::to_string(kMaxSide) + " a side, found " +
            std::to_string(width) + " x " + std::to_string(height) + ")");
+    }
     header.min_x = static_cast<int>(min_x);
     header.min_y = static_cast<int>(min_y);
     header.width = static_cast<int>(width);
@@ -161,8 +164,9 @@ class HeaderReader {
       if (channel.type < 0 || channel.type > 2) fail("channel " + name + " has an unknown type");
       if (x_sampling != 1 || y_sampling != 1) fail("channel " + name + " is subsampled (expected full resolution)");
       header.channels.push_back(std::move(channel));
-      if (header.channels.size() > kMaxChannels)
+      if (header.channels.size() > kMaxChannels) {
         fail("too many channels (expected at most " + std::to_string(kMaxChannels) + ")");
+      }
     }
   }
 
@@ -211,14 +215,16 @@ Image readChannels(std::span<const std::uint8_t> bytes, const Header& header, st
     Imf::InputFile file(input, 0);
     const Imath::Box2i& window = file.header().dataWindow();
     if (window.min.x != header.min_x || window.min.y != header.min_y ||
-        window.max.x - window.min.x + 1 != header.width || window.max.y - window.min.y + 1 != header.height)
+        window.max.x - window.min.x + 1 != header.width || window.max.y - window.min.y + 1 != header.height) {
       throw std::runtime_error("the data window is given twice");
+    }
     if (!file.isComplete()) throw std::runtime_error("file ends early");
     Imf::FrameBuffer frame;
     const std::size_t x_stride = names.size() * sizeof(float);
-    for (std::size_t c = 0; c < names.size(); ++c)
+    for (std::size_t c = 0; c < names.size(); ++c) {
       frame.insert(names[c], Imf::Slice::Make(Imf::FLOAT, image.data.data() + c, window, x_stride,
                                               x_stride * static_cast<std::size_t>(header.width)));
+    }
     file.setFrameBuffer(frame);
     file.readPixels(window.min.y, window.max.y);
   } catch (const std::exception& e) {
@@ -256,18 +262,21 @@ Image decodeExrPicture(std::span<const std::uint8_t> bytes, const std::string& p
   std::vector<std::string> names;
   if (hasChannel(header, "R") || hasChannel(header, "G") || hasChannel(header, "B")) {
     names = {"R", "G", "B"};
-    if (hasChannel(header, "alpha"))
+    if (hasChannel(header, "alpha")) {
       names.push_back("alpha");
-    else if (hasChannel(header, "A"))
+    } else if (hasChannel(header, "A")) {
       names.push_back("A");
+    }
   } else {
     names = {"Y"};
   }
   Image image = decodeExr(bytes, names, path);
   if (names.back() == "A") {
-    for (std::size_t i = 0; i < image.data.size(); i += 4)
-      if (image.data[i + 3] > 0.0f)
+    for (std::size_t i = 0; i < image.data.size(); i += 4) {
+      if (image.data[i + 3] > 0.0f) {
         for (std::size_t c = 0; c < 3; ++c) image.data[i + c] /= image.data[i + 3];
+      }
+    }
   }
   return image;
 }
@@ -275,17 +284,19 @@ Image decodeExrPicture(std::span<const std::uint8_t> bytes, const std::string& p
 std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::string> channel_names) {
   TG_ASSERT(hasImageShape(image), "the image's data has its size");
   const std::string path = "EXR";
-  if (image.width < 1 || image.height < 1 || channel_names.size() != static_cast<std::size_t>(image.channels))
+  if (image.width < 1 || image.height < 1 || channel_names.size() != static_cast<std::size_t>(image.channels)) {
     throw Error(ErrorKind::cannotWrite, path,
                 "image and channel names disagree (expected " + std::to_string(channel_names.size()) +
                     " channels, found " + std::to_string(image.channels) + ")");
+  }
   std::vector<half> halves(image.data.size());
   for (std::size_t i = 0; i < halves.size(); ++i) {
     halves[i] = half(image.data[i]);
-    if (!halves[i].isFinite() && std::isfinite(image.data[i]))
+    if (!halves[i].isFinite() && std::isfinite(image.data[i])) {
       throw Error(
           ErrorKind::cannotWrite, path,
           "value does not fit a half float (expected at most 65504, found " + std::to_string(image.data[i]) + ")");
+    }
   }
   try {
     Imf::Header header(image.width, image.height);
@@ -316,8 +327,9 @@ std::vector<std::uint8_t> encodeExrPicture(const Image& image) {
   if (image.channels == 1) return encodeExr(image, std::vector<std::string>{"Y"});
   if (image.channels == 3) return encodeExr(image, std::vector<std::string>{"R", "G", "B"});
   Image premultiplied = image;
-  for (std::size_t i = 0; i < premultiplied.data.size(); i += 4)
+  for (std::size_t i = 0; i < premultiplied.data.size(); i += 4) {
     for (std::size_t c = 0; c < 3; ++c) premultiplied.data[i + c] *= premultiplied.data[i + 3];
+  }
   return encodeExr(premultiplied, std::vector<std::string>{"R", "G", "B", "A"});
 }
 

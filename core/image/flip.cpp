@@ -86,7 +86,7 @@ double colorDistance(const glm::dvec3& a, const glm::dvec3& b) {
 
 Kernel gaussian(double variance, int radius) {
   Kernel kernel(static_cast<std::size_t>(2 * radius + 1));
-  for (int i = -radius; i <= radius; i++) {
+  for (int i = -radius; i <= radius; ++i) {
     kernel[static_cast<std::size_t>(i + radius)] = static_cast<float>(std::exp(-i * i / (2 * variance)));
   }
   return kernel;
@@ -129,19 +129,19 @@ void convolve(const Plane& in, Size size, const Kernel& along_x, const Kernel& a
     std::fill(padded.end() - rx, padded.end(), source[width - 1]);
     float* target = rows.data() + static_cast<std::size_t>(y) * width;
     std::fill(target, target + width, 0.0f);
-    for (std::size_t k = 0; k < along_x.size(); k++) {
+    for (std::size_t k = 0; k < along_x.size(); ++k) {
       const float weight = along_x[along_x.size() - 1 - k];
-      for (std::size_t x = 0; x < width; x++) target[x] += weight * padded[x + k];
+      for (std::size_t x = 0; x < width; ++x) target[x] += weight * padded[x + k];
     }
   });
   parallelFor(size.height, 8, [&](std::int64_t y) {
     float* target = out.data() + static_cast<std::size_t>(y) * width;
     std::fill(target, target + width, 0.0f);
-    for (int k = -ry; k <= ry; k++) {
+    for (int k = -ry; k <= ry; ++k) {
       const int v = std::clamp(static_cast<int>(y) - k, 0, size.height - 1);
       const float weight = along_y[static_cast<std::size_t>(k + ry)];
       const float* source = rows.data() + static_cast<std::size_t>(v) * width;
-      for (std::size_t x = 0; x < width; x++) target[x] += weight * source[x];
+      for (std::size_t x = 0; x < width; ++x) target[x] += weight * source[x];
     }
   });
 }
@@ -174,7 +174,7 @@ void blurBySensitivity(Plane& plane, Size size, const Sensitivity& s, double pix
   convolve(plane, size, kernel1, kernel1, rows, scratch);
   const float w1 = static_cast<float>(mass1 / (mass1 + mass2));
   const float w2 = static_cast<float>(mass2 / (mass1 + mass2));
-  for (std::size_t i = 0; i < plane.size(); i++) plane[i] = w1 * scratch[i] + w2 * second[i];
+  for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = w1 * scratch[i] + w2 * second[i];
 }
 
 void findFeatures(const Plane& lightness, Size size, double pixels_per_degree, Picture& picture) {
@@ -182,7 +182,7 @@ void findFeatures(const Plane& lightness, Size size, double pixels_per_degree, P
   const int radius = static_cast<int>(std::ceil(3 * sigma));
   const Kernel smooth = normalized(gaussian(sigma * sigma, radius));
   Kernel first = smooth, second = smooth;
-  for (int i = -radius; i <= radius; i++) {
+  for (int i = -radius; i <= radius; ++i) {
     first[static_cast<std::size_t>(i + radius)] *= static_cast<float>(-i);
     second[static_cast<std::size_t>(i + radius)] *= static_cast<float>(i * i / (sigma * sigma) - 1);
   }
@@ -191,7 +191,7 @@ void findFeatures(const Plane& lightness, Size size, double pixels_per_degree, P
     convolve(lightness, size, derivative, smooth, rows, along_x);
     convolve(lightness, size, smooth, derivative, rows, along_y);
     out.resize(size.pixels());
-    for (std::size_t i = 0; i < out.size(); i++) out[i] = std::hypot(along_x[i], along_y[i]);
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = std::hypot(along_x[i], along_y[i]);
   };
   magnitude(balanced(first), picture.edges);
   magnitude(balanced(second), picture.points);
@@ -204,11 +204,11 @@ Picture process(const Image& image, double pixels_per_degree) {
   Plane lightness(size.pixels());  // in [0, 1]
   parallelFor(size.height, 8, [&](std::int64_t y) {
     for (std::size_t i = static_cast<std::size_t>(y) * size.width, x = 0; x < static_cast<std::size_t>(size.width);
-         x++, i++) {
+         ++x, ++i) {
       glm::dvec3 rgb;
-      for (int c = 0; c < 3; c++) rgb[c] = linearFromSrgb(std::clamp(image.data[i * 3 + c], 0.0f, 1.0f));
+      for (int c = 0; c < 3; ++c) rgb[c] = linearFromSrgb(std::clamp(image.data[i * 3 + c], 0.0f, 1.0f));
       const glm::dvec3 opponent = opponentFromXyz(kXyzFromRgb * rgb);
-      for (int c = 0; c < 3; c++) picture.opponent[c][i] = static_cast<float>(opponent[c]);
+      for (int c = 0; c < 3; ++c) picture.opponent[c][i] = static_cast<float>(opponent[c]);
       lightness[i] = static_cast<float>((opponent.x + 16) / 116);
     }
   });
@@ -218,13 +218,13 @@ Picture process(const Image& image, double pixels_per_degree) {
       static_cast<int>(std::ceil(3 * std::sqrt(kWidestSensitivity / (2 * kPi * kPi)) * pixels_per_degree));
   Plane rows, scratch;
   const Sensitivity* sensitivities[3] = {&kAchromatic, &kRedGreen, &kBlueYellow};
-  for (int c = 0; c < 3; c++) {
+  for (int c = 0; c < 3; ++c) {
     blurBySensitivity(picture.opponent[c], size, *sensitivities[c], pixels_per_degree, radius, rows, scratch);
   }
   picture.lab.resize(size.pixels());
   parallelFor(size.height, 8, [&](std::int64_t y) {
     for (std::size_t i = static_cast<std::size_t>(y) * size.width, x = 0; x < static_cast<std::size_t>(size.width);
-         x++, i++) {
+         ++x, ++i) {
       const glm::dvec3 opponent(picture.opponent[0][i], picture.opponent[1][i], picture.opponent[2][i]);
       picture.lab[i] = huntLab(glm::clamp(kRgbFromXyz * xyzFromOpponent(opponent), 0.0, 1.0));
     }
@@ -259,7 +259,7 @@ Image flipMap(const Image& reference, const Image& test, double pixels_per_degre
   Image map(reference.width, reference.height, 1);
   parallelFor(map.height, 8, [&](std::int64_t y) {
     for (std::size_t i = static_cast<std::size_t>(y) * map.width, x = 0; x < static_cast<std::size_t>(map.width);
-         x++, i++) {
+         ++x, ++i) {
       const double feature = std::max(std::abs(a.edges[i] - b.edges[i]), std::abs(a.points[i] - b.points[i]));
       const double feature_error = std::pow(feature / std::numbers::sqrt2, kFeatureExponent);
       const double error = std::pow(colorError(a.lab[i], b.lab[i], largest), 1 - feature_error);
@@ -274,10 +274,10 @@ double flip(const Image& map, Mask mask) {
   TG_ASSERT(mask.empty() || mask.size() == map.data.size(), "a mask has the picture's size");
   double total = 0;
   std::size_t counted = 0;
-  for (std::size_t i = 0; i < map.data.size(); i++) {
+  for (std::size_t i = 0; i < map.data.size(); ++i) {
     if (!mask.empty() && mask[i] == 0) continue;
     total += map.data[i];
-    counted++;
+    ++counted;
   }
   return total / static_cast<double>(std::max<std::size_t>(counted, 1));
 }

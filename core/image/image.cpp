@@ -26,11 +26,12 @@ void checkWritable(const Image& image, const std::string& path) {
   const std::int64_t pixels = std::int64_t{image.width} * image.height;
   const bool size_ok = image.width > 0 && image.height > 0 && pixels <= kMaxImagePixels;
   if (!size_ok || (image.channels != 1 && image.channels != 3 && image.channels != 4) ||
-      image.data.size() != static_cast<std::size_t>(pixels * image.channels))
+      image.data.size() != static_cast<std::size_t>(pixels * image.channels)) {
     throw Error(ErrorKind::cannotWrite, path,
                 "image cannot be stored (expected 1, 3 or 4 channels and some pixels, found " +
                     std::to_string(image.width) + " x " + std::to_string(image.height) + " x " +
                     std::to_string(image.channels) + ")");
+  }
 }
 
 }  // namespace
@@ -39,15 +40,17 @@ void checkImageSize(std::int64_t width, std::int64_t height, std::int64_t bytes_
                     std::int64_t max_ratio, const std::string& path) {
   const std::string found = std::to_string(width) + " x " + std::to_string(height);
   if (width < 1 || height < 1 || width > kMaxImagePixels || height > kMaxImagePixels ||
-      width * height > kMaxImagePixels)
+      width * height > kMaxImagePixels) {
     throw Error(
         ErrorKind::badData, path,
         "image size out of range (expected 1 to " + std::to_string(kMaxImagePixels) + " pixels, found " + found + ")");
+  }
   const std::int64_t raw = width * height * bytes_per_pixel;
-  if (raw > kAlwaysAllowedBytes && raw / max_ratio > static_cast<std::int64_t>(file_bytes))
+  if (raw > kAlwaysAllowedBytes && raw / max_ratio > static_cast<std::int64_t>(file_bytes)) {
     throw Error(ErrorKind::badData, path,
                 "file is too short for its image size (found " + std::to_string(file_bytes) + " bytes for " + found +
                     " pixels)");
+  }
 }
 
 Image decodeImage(std::span<const std::uint8_t> bytes, const std::string& path) {
@@ -81,35 +84,40 @@ Image compositeOver(const Image& image, const float background[3]) {
   for (std::size_t i = 0; i < pixels; ++i) {
     const float* from = image.data.data() + i * image.channels;
     const float alpha = image.channels == 4 ? from[3] : 1.0f;
-    for (std::size_t c = 0; c < 3; ++c)
+    for (std::size_t c = 0; c < 3; ++c) {
       result.data[i * 3 + c] = from[image.channels == 1 ? 0 : c] * alpha + background[c] * (1.0f - alpha);
+    }
   }
   return result;
 }
 
 Image downsample(const Image& image, int factor) {
   TG_ASSERT(hasImageShape(image), "the image's data has its size");
-  if (factor < 1)
+  if (factor < 1) {
     throw Error(ErrorKind::usage,
                 "reduction factor out of range (expected at least 1, found " + std::to_string(factor) + ")");
+  }
   if (factor == 1) return image;
-  if (image.width < factor || image.height < factor)
+  if (image.width < factor || image.height < factor) {
     throw Error(ErrorKind::badData, "image is smaller than one box of the reduction (expected at least " +
                                         std::to_string(factor) + " a side, found " + std::to_string(image.width) +
                                         " x " + std::to_string(image.height) + ")");
+  }
   Image result(image.width / factor, image.height / factor, image.channels);
   parallelFor(result.height, 8, [&](int y) {
     for (int x = 0; x < result.width; ++x) {
       double sum[4] = {};
       double alpha_sum = 0.0;
-      for (int v = y * factor; v < (y + 1) * factor; ++v)
+      for (int v = y * factor; v < (y + 1) * factor; ++v) {
         for (int u = x * factor; u < (x + 1) * factor; ++u) {
           const double alpha = image.channels == 4 ? image.at(u, v, 3) : 1.0;
           alpha_sum += alpha;
           for (int c = 0; c < std::min(image.channels, 3); ++c) sum[c] += alpha * image.at(u, v, c);
         }
-      for (int c = 0; c < std::min(image.channels, 3); ++c)
+      }
+      for (int c = 0; c < std::min(image.channels, 3); ++c) {
         result.at(x, y, c) = alpha_sum > 0.0 ? static_cast<float>(sum[c] / alpha_sum) : 0.0f;
+      }
       if (image.channels == 4) result.at(x, y, 3) = static_cast<float>(alpha_sum / (double(factor) * factor));
     }
   });

@@ -147,12 +147,14 @@ Image decodeJpeg(std::span<const std::uint8_t> bytes, const std::string& path) {
     return Error(ErrorKind::badData, path, std::string("broken JPEG: ") + decoder.errors.message);
   };
   if (!decoder.readHeader(bytes)) throw fail();
-  if (decoder.info.arith_code)
+  if (decoder.info.arith_code) {
     throw Error(ErrorKind::badData, path, "JPEG with arithmetic coding (expected Huffman coding)");
+  }
   const int channels = decoder.info.num_components;
-  if (channels != 1 && channels != 3)
+  if (channels != 1 && channels != 3) {
     throw Error(ErrorKind::badData, path,
                 "unsupported JPEG colours (expected 1 or 3 components, found " + std::to_string(channels) + ")");
+  }
   decoder.info.out_color_space = channels == 1 ? JCS_GRAYSCALE : JCS_RGB;
   // Huffman codes spend at least one bit on a block of 8 x 8 pixels.
   checkImageSize(decoder.info.image_width, decoder.info.image_height, 1, bytes.size(), 512, path);
@@ -178,12 +180,13 @@ std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality) {
   if (!encoder.start(image, channels, quality)) throw fail();
   std::vector<JSAMPLE> row(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(channels));
   for (int y = 0; y < image.height; ++y) {
-    for (int x = 0; x < image.width; ++x)
+    for (int x = 0; x < image.width; ++x) {
       for (int c = 0; c < channels; ++c) {
         const float v = image.at(x, y, c);
         row[static_cast<std::size_t>(x * channels + c)] =
             v > 0.0f ? static_cast<JSAMPLE>(std::min(v, 1.0f) * 255.0f + 0.5f) : JSAMPLE{0};
       }
+    }
     if (!encoder.writeRow(row.data())) throw fail();
   }
   if (!encoder.finish()) throw fail();

@@ -24,8 +24,9 @@ void checkSameSize(const Image& a, const Image& b) {
   const auto size = [](const Image& i) {
     return std::to_string(i.width) + " x " + std::to_string(i.height) + " x " + std::to_string(i.channels);
   };
-  if (a.width != b.width || a.height != b.height || a.channels != b.channels)
+  if (a.width != b.width || a.height != b.height || a.channels != b.channels) {
     throw Error(ErrorKind::badData, "images of different sizes (expected " + size(a) + ", found " + size(b) + ")");
+  }
   if (a.data.empty()) throw Error(ErrorKind::badData, "images without pixels (expected at least one)");
 }
 
@@ -33,9 +34,10 @@ void checkSameSize(const Image& a, const Image& b) {
 std::size_t countPixels(const Image& image, Mask mask) {
   const std::size_t pixels = static_cast<std::size_t>(image.width) * image.height;
   if (mask.empty()) return pixels;
-  if (mask.size() != pixels)
+  if (mask.size() != pixels) {
     throw Error(ErrorKind::badData, "mask of another size than the image (expected " + std::to_string(pixels) +
                                         " pixels, found " + std::to_string(mask.size()) + ")");
+  }
   const std::size_t counted = pixels - static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
   if (counted == 0) throw Error(ErrorKind::badData, "the mask hides every pixel");
   return counted;

@@ -82,8 +82,9 @@ bool readHeader(PngState& state, PngHeader& header) {
   png_set_expand(state.png);  // palettes, 1-4 bit grey, tRNS
   if (png_get_color_type(state.png, state.info) == PNG_COLOR_TYPE_GRAY_ALPHA ||
       (png_get_color_type(state.png, state.info) == PNG_COLOR_TYPE_GRAY &&
-       png_get_valid(state.png, state.info, PNG_INFO_tRNS)))
+       png_get_valid(state.png, state.info, PNG_INFO_tRNS))) {
     png_set_gray_to_rgb(state.png);
+  }
   png_set_interlace_handling(state.png);
   png_read_update_info(state.png, state.info);
   header.channels = png_get_channels(state.png, state.info);
@@ -142,8 +143,9 @@ Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path) {
     const std::uint8_t* from = rows[static_cast<std::size_t>(y)];
     float* to = image.data.data() + static_cast<std::size_t>(y) * row_values;
     if (header.bit_depth == 16) {
-      for (std::size_t i = 0; i < row_values; ++i)
+      for (std::size_t i = 0; i < row_values; ++i) {
         to[i] = static_cast<float>(from[2 * i] << 8 | from[2 * i + 1]) / 65535.0f;
+      }
     } else {
       for (std::size_t i = 0; i < row_values; ++i) to[i] = static_cast<float>(from[i]) / 255.0f;
     }
@@ -156,9 +158,10 @@ namespace {
 std::vector<std::uint8_t> encode(const Image& image, int bits) {
   TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
   const std::string name = "PNG";
-  if (image.channels != 1 && image.channels != 3 && image.channels != 4)
+  if (image.channels != 1 && image.channels != 3 && image.channels != 4) {
     throw Error(ErrorKind::cannotWrite, name,
                 "wrong number of channels (expected 1, 3 or 4, found " + std::to_string(image.channels) + ")");
+  }
   PngWriter state;
   begin(state, ErrorKind::cannotWrite, name);
   const std::size_t sample_bytes = bits == 16 ? 2 : 1;

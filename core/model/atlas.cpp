@@ -86,9 +86,10 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
   PackedAtlas packed;
   packed.placements.resize(gaussian_count);
   if (atlas.rects.empty()) return packed;
-  if (atlas.rects.size() != gaussian_count)
+  if (atlas.rects.size() != gaussian_count) {
     throw Error(ErrorKind::badData, "wrong number of texture rectangles (expected " + std::to_string(gaussian_count) +
                                         ", found " + std::to_string(atlas.rects.size()) + ")");
+  }
   max_page_size = std::clamp(max_page_size, 1, 65535);
 
   std::uint64_t texels = 0;
@@ -97,12 +98,14 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
   for (std::size_t i = 0; i < gaussian_count; ++i) {
     const TextureRect& rect = atlas.rects[i];
     if (rect.texelCount() == 0) continue;
-    if (rect.width > max_page_size || rect.height > max_page_size)
+    if (rect.width > max_page_size || rect.height > max_page_size) {
       throw Error(ErrorKind::badData,
                   "Gaussian " + std::to_string(i) + ": texture does not fit a page (expected at most " +
                       std::to_string(max_page_size) + " a side, found " + sizeText(rect.width, rect.height) + ")");
-    if (std::uint64_t{rect.offset} + rect.texelCount() > atlas.texels.size())
+    }
+    if (std::uint64_t{rect.offset} + rect.texelCount() > atlas.texels.size()) {
       throw Error(ErrorKind::badData, "Gaussian " + std::to_string(i) + ": texture rectangle leaves the atlas");
+    }
     texels += rect.texelCount();
     widest = std::max<int>(widest, rect.width);
     order.push_back(static_cast<std::uint32_t>(i));
@@ -129,11 +132,12 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
     }
     if (y + shelf > max_page_size) {
       x = y = 0;
-      if (++page == kMaxPages)
+      if (++page == kMaxPages) {
         throw Error(ErrorKind::badData,
                     "textures need more than " + std::to_string(kMaxPages) + " pages of " +
                         sizeText(static_cast<std::uint64_t>(max_page_size), static_cast<std::uint64_t>(max_page_size)) +
                         " texels");
+      }
     }
     packed.placements[i] = {static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), rect.width, rect.height,
                             static_cast<std::uint8_t>(page)};
@@ -156,8 +160,9 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
   for (std::size_t p = 0; p < packed.pages.size(); ++p) {
     const Image& page = packed.pages[p];
     const std::uint64_t size = static_cast<std::uint64_t>(page.width) * static_cast<std::uint64_t>(page.height);
-    if (page.width < 1 || page.height < 1 || page.data.size() != 4 * size)
+    if (page.width < 1 || page.height < 1 || page.data.size() != 4 * size) {
       throw Error(ErrorKind::badData, path, "atlas page " + std::to_string(p) + " has no consistent size");
+    }
     available += size;
   }
   TextureAtlas atlas;
@@ -168,23 +173,27 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
     const auto fail = [&](const std::string& what) {
       return Error(ErrorKind::badData, path, "Gaussian " + std::to_string(i) + ": " + what);
     };
-    if ((at.w == 0) != (at.h == 0))
+    if ((at.w == 0) != (at.h == 0)) {
       throw fail("texture rectangle has one empty side (found " + sizeText(at.w, at.h) + ")");
+    }
     if (at.w == 0) continue;
-    if (at.page >= packed.pages.size())
+    if (at.page >= packed.pages.size()) {
       throw fail("texture rectangle lies on a missing page (expected less than " + std::to_string(packed.pages.size()) +
                  ", found " + std::to_string(at.page) + ")");
+    }
     const Image& page = packed.pages[at.page];
-    if (at.x + at.w > page.width || at.y + at.h > page.height)
+    if (at.x + at.w > page.width || at.y + at.h > page.height) {
       throw fail("texture rectangle leaves its page (expected within " +
                  sizeText(static_cast<std::uint64_t>(page.width), static_cast<std::uint64_t>(page.height)) +
                  ", found " + sizeText(at.w, at.h) + " at " + std::to_string(at.x) + ", " + std::to_string(at.y) + ")");
+    }
     atlas.rects[i] = {static_cast<std::uint32_t>(used), at.w, at.h};
     used += atlas.rects[i].texelCount();
     // Also the bound on what is allocated below.
-    if (used > available || used > kMaxTexels)
+    if (used > available || used > kMaxTexels) {
       throw fail("texture rectangles overlap (they hold more texels than the pages' " + std::to_string(available) +
                  ")");
+    }
   }
   atlas.texels.resize(used);
   for (std::size_t i = 0; i < packed.placements.size(); ++i) {

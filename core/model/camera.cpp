@@ -15,8 +15,9 @@ Camera lookAt(glm::dvec3 eye, glm::dvec3 target, glm::dvec3 up, double fov_y_rad
   const glm::dvec3 z = glm::normalize(target - eye);
   glm::dvec3 right = glm::cross(z, up);
   // Looking along `up`: any horizontal direction will do, but always the same one.
-  if (glm::length(right) < 1e-9 * glm::length(up))
+  if (glm::length(right) < 1e-9 * glm::length(up)) {
     right = glm::cross(z, std::abs(z.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 0, 1));
+  }
   const glm::dvec3 x = glm::normalize(right);
   const glm::dvec3 y = glm::cross(z, x);
   Camera camera;

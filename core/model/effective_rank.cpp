@@ -12,9 +12,9 @@ double effectiveRank(const glm::vec3& log_scale) {
   const double largest = std::max({log_scale.x, log_scale.y, log_scale.z});
   double total = 0;
   glm::dvec3 squared;
-  for (int axis = 0; axis < 3; axis++) total += squared[axis] = std::exp(2 * (log_scale[axis] - largest));
+  for (int axis = 0; axis < 3; ++axis) total += squared[axis] = std::exp(2 * (log_scale[axis] - largest));
   double entropy = 0;
-  for (int axis = 0; axis < 3; axis++) {
+  for (int axis = 0; axis < 3; ++axis) {
     const double share = squared[axis] / total;
     if (share > 0) entropy -= share * std::log(share);
   }

@@ -43,8 +43,9 @@ std::string brokenPromise(const GaussianModel& model, std::size_t i) {
             broken = field.name + (field.harmonic ? " coefficient " + std::to_string(k) : "") + " is not finite";
           } else if constexpr (std::is_same_v<T, glm::vec4>) {
             const float length_squared = glm::dot(value, value);
-            if (field.quaternion && !(length_squared > 0.0f && std::isfinite(length_squared)))
+            if (field.quaternion && !(length_squared > 0.0f && std::isfinite(length_squared))) {
               broken = std::string(field.name) + " has no usable length (expected a quaternion of length > 0)";
+            }
           }
         }
       },
@@ -52,18 +53,21 @@ std::string brokenPromise(const GaussianModel& model, std::size_t i) {
   if (!broken.empty()) return broken;
   if (model.atlas.rects.empty()) return "";
   const TextureRect& rect = model.atlas.rects[i];
-  if ((rect.width == 0) != (rect.height == 0))
+  if ((rect.width == 0) != (rect.height == 0)) {
     return "texture rectangle has one empty side (found " + std::to_string(rect.width) + " x " +
            std::to_string(rect.height) + ")";
+  }
   const std::uint64_t end = std::uint64_t{rect.offset} + rect.texelCount();
-  if (rect.texelCount() > 0 && end > model.atlas.texels.size())
+  if (rect.texelCount() > 0 && end > model.atlas.texels.size()) {
     return "texture rectangle leaves the atlas (ends at texel " + std::to_string(end) + " of " +
            std::to_string(model.atlas.texels.size()) + ")";
+  }
   for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
     const glm::vec4& texel = model.atlas.texels[rect.offset + t];
     if (!isFinite(texel)) return "texel " + std::to_string(t) + " is not finite";
-    if (texel.a < 0.0f || texel.a > 1.0f)
+    if (texel.a < 0.0f || texel.a > 1.0f) {
       return "texel " + std::to_string(t) + " has an alpha outside [0, 1] (found " + std::to_string(texel.a) + ")";
+    }
   }
   return "";
 }
@@ -78,9 +82,10 @@ bool lengthsAgree(const GaussianModel& model) {
 }
 
 void checkModel(const GaussianModel& model, const std::string& path) {
-  if (model.sh_degree < 0 || model.sh_degree > 3)
+  if (model.sh_degree < 0 || model.sh_degree > 3) {
     throw Error(ErrorKind::badData, path,
                 "wrong SH degree (expected 0 to 3, found " + std::to_string(model.sh_degree) + ")");
+  }
   const std::size_t n = model.size();
   forEachField(
       [&](const Field& field, const auto& values) {
@@ -101,9 +106,11 @@ void checkModel(const GaussianModel& model, const std::string& path) {
       return;
     }
   });
-  for (std::size_t i : offender)
-    if (i != none)
+  for (std::size_t i : offender) {
+    if (i != none) {
       throw Error(ErrorKind::badData, path, "Gaussian " + std::to_string(i) + ": " + brokenPromise(model, i));
+    }
+  }
 }
 
 }  // namespace tg

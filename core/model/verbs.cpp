@@ -38,11 +38,9 @@ GaussianModel emptyLike(const GaussianModel& model) {
 
 GaussianModel selectBare(const GaussianModel& model, std::span<const std::uint32_t> source) {
   GaussianModel part = emptyLike(model);
-  forEachField(
-      [&](const Field& field, auto& to, const auto& from) {
-        to = gathered(from, field.values(model.shCount()), source, source.size());
-      },
-      part, model);
+  forEachField([&](const Field& field, auto& to,
+                   const auto& from) { to = gathered(from, field.values(model.shCount()), source, source.size()); },
+               part, model);
   return part;
 }
 
@@ -75,8 +73,9 @@ void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree) {
 
 void setShDegree(GaussianModel& model, int degree) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  if (degree < 0 || degree > 3)
+  if (degree < 0 || degree > 3) {
     throw Error(ErrorKind::usage, "wrong SH degree (expected 0 to 3, found " + std::to_string(degree) + ")");
+  }
   if (degree == model.sh_degree) return;
   const std::size_t before = model.shCount();
   model.sh_degree = degree;

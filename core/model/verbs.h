@@ -57,8 +57,9 @@ template <typename T>
 std::vector<T> gathered(const std::vector<T>& rows, std::size_t length, std::span<const std::uint32_t> source,
                         std::size_t kept) {
   std::vector<T> result(source.size() * length);
-  for (std::size_t j = 0; j < kept; ++j)
+  for (std::size_t j = 0; j < kept; ++j) {
     std::copy_n(rows.data() + source[j] * length, length, result.data() + j * length);
+  }
   return result;
 }
 // Rows of `from` values become rows of `to`, cut or with zeros behind.
@@ -66,8 +67,9 @@ template <typename T>
 std::vector<T> withRowLength(const std::vector<T>& rows, std::size_t from, std::size_t to) {
   const std::size_t count = rows.size() / from;
   std::vector<T> result(count * to, T{});
-  for (std::size_t i = 0; i < count; ++i)
+  for (std::size_t i = 0; i < count; ++i) {
     std::copy_n(rows.data() + i * from, std::min(from, to), result.data() + i * to);
+  }
   return result;
 }
 

@@ -104,10 +104,11 @@ class LatestValue : public Mailbox<T> {
     {
       const std::lock_guard lock(this->mutex_);
       if (!this->takesMore()) return;
-      if (this->values_.empty())
+      if (this->values_.empty()) {
         this->values_.push_back(std::move(value));
-      else
+      } else {
         merge(this->values_.front(), value);
+      }
     }
     this->announce(true);
   }

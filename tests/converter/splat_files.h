@@ -97,15 +97,20 @@ struct SpzParts {
 inline std::string compressedPly(bool colored = true, bool sh = true, std::size_t count = 300) {
   const std::size_t chunks = (count + 255) / 256;
   std::string header = "ply\nformat binary_little_endian 1.0\nelement chunk " + std::to_string(chunks) + "\n";
-  for (const char* group : {"", "scale_"})
-    for (const char* side : {"min_", "max_"})
+  for (const char* group : {"", "scale_"}) {
+    for (const char* side : {"min_", "max_"}) {
       for (const char* axis : {"x", "y", "z"}) header += std::string("property float ") + side + group + axis + "\n";
-  if (colored)
-    for (const char* side : {"min_", "max_"})
+    }
+  }
+  if (colored) {
+    for (const char* side : {"min_", "max_"}) {
       for (const char* axis : {"r", "g", "b"}) header += std::string("property float ") + side + axis + "\n";
+    }
+  }
   header += "element vertex " + std::to_string(count) + "\n";
-  for (const char* name : {"position", "rotation", "scale", "color"})
+  for (const char* name : {"position", "rotation", "scale", "color"}) {
     header += std::string("property uint packed_") + name + "\n";
+  }
   if (sh) {
     header += "element sh " + std::to_string(count) + "\n";
     for (int k = 0; k < 9; ++k) header += "property uchar f_rest_" + std::to_string(k) + "\n";
@@ -116,8 +121,9 @@ inline std::string compressedPly(bool colored = true, bool sh = true, std::size_
     const float base = static_cast<float>(c) * 10.0f;
     for (float value : {-1.0f, -2.0f, -3.0f, 1.0f, 2.0f, 3.0f}) out.add(base + value);
     for (float value : {-6.0f, -5.0f, -4.0f, -1.0f, -2.0f, -3.0f}) out.add(value);
-    if (colored)
+    if (colored) {
       for (float value : {-0.5f, 0.0f, 0.5f, 1.5f, 1.0f, 0.75f}) out.add(value);
+    }
   }
   for (std::uint32_t i = 0; i < count; ++i) {
     out.add(2047u << 21 | 0u << 11 | (i & 2047u));
@@ -125,9 +131,11 @@ inline std::string compressedPly(bool colored = true, bool sh = true, std::size_
     out.add(0u << 21 | 1023u << 11 | 2047u);
     out.add(255u << 24 | 0u << 16 | 51u << 8 | (i & 255u));
   }
-  if (sh)
-    for (std::uint32_t i = 0; i < count; ++i)
+  if (sh) {
+    for (std::uint32_t i = 0; i < count; ++i) {
       for (std::uint32_t k = 0; k < 9; ++k) out.add(static_cast<std::uint8_t>(k == 0 ? 0 : k == 8 ? 255 : 120 + k));
+    }
+  }
   return out.bytes;
 }
 

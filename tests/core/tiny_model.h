@@ -37,10 +37,11 @@ inline GaussianModel tinyTexturedModel(std::size_t count, unsigned seed = 1) {
     }
     model.atlas.rects.push_back(rect);
     // Multiples of 1/1024 up to 1 are exact as half floats.
-    for (std::uint32_t t = 0; t < rect.texelCount(); ++t)
+    for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
       model.atlas.texels.push_back(
           {static_cast<float>(random() % 2049) / 1024.0f - 1.0f, static_cast<float>(random() % 2049) / 1024.0f - 1.0f,
            static_cast<float>(random() % 2049) / 1024.0f - 1.0f, static_cast<float>(random() % 1025) / 1024.0f});
+    }
   }
   return model;
 }

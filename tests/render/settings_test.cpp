@@ -56,8 +56,9 @@ TEST_CASE("every member of the render settings has a row in the table") {
 TEST_CASE("what a panel shows of a setting is a value of it") {
   for (const RenderSetting& row : renderSettings()) {
     INFO(row.name);
-    for (const RenderSetting::Choice& choice : row.choices)
+    for (const RenderSetting::Choice& choice : row.choices) {
       CHECK(row.get(with(row.name, std::string(choice.name))) == choice.name);
+    }
     CHECK(row.section.empty() == (row.choices.empty() && !row.number && !row.whole));
     if (!row.number && !row.whole) continue;
     for (const float end : {row.slider.low, row.slider.high}) {
@@ -71,9 +72,10 @@ TEST_CASE("colours: three numbers in [0,1] or a name") {
   CHECK(with("background", "white").background == glm::vec3(1));
   CHECK(with("background", "black").background == glm::vec3(0));
   CHECK(with("background", "0.25,0.5,1").background == glm::vec3(0.25f, 0.5f, 1));
-  for (const char* bad : {"", "red", "1", "1,1", "1,1,", ",,", "1,1,1,1", "2,0,0", "-0.1,0,0", "nan,0,0", "inf,0,0"})
+  for (const char* bad : {"", "red", "1", "1,1", "1,1,", ",,", "1,1,1,1", "2,0,0", "-0.1,0,0", "nan,0,0", "inf,0,0"}) {
     CHECK_THROWS_WITH(with("background", bad),
                       "--background: expected r,g,b in [0,1], white or black, found \"" + std::string(bad) + "\"");
+  }
 }
 
 TEST_CASE("settings: a wrong name, number or box says what was expected") {
@@ -90,8 +92,9 @@ TEST_CASE("settings: a wrong name, number or box says what was expected") {
   refuses("sort", "pixel", "global or per-pixel");
   refuses("texture-filter", "nearest", "bilinear or footprint");
   refuses("antialiasing", "on", "off or screen");
-  for (const char* bad : {"", "1,2,3", "1,2,3,4,5,", "1,2,3,4,5,x", "1,2,3,4,5,6,7", "1,2,3,4,5,inf"})
+  for (const char* bad : {"", "1,2,3", "1,2,3,4,5,", "1,2,3,4,5,x", "1,2,3,4,5,6,7", "1,2,3,4,5,inf"}) {
     refuses("crop", bad, "two corners of a box x0,y0,z0,x1,y1,z1");
+  }
   for (const char* bad : {"4", "-1", "1.5", ""}) refuses("sh-degree", bad, "a degree from 0 to 3");
   refuses("splat-scale", "0", "a number from 0.01 to 10");
   refuses("opacity-scale", "-1", "a number from 0 to 10");

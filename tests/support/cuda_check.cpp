@@ -204,7 +204,7 @@ void checkRegion(Region& region, std::uintptr_t at, std::size_t bytes, Kind kind
       if (region.single.empty()) region.single.resize((region.bytes + kWord - 1) / kWord * kWord);
       checkCell(word, region, region.begin + byte, kind, false, code);
       checkCell(region.single[byte], region, region.begin + byte, kind, true, code);
-      byte++;
+      ++byte;
     }
   }
 }
@@ -279,7 +279,7 @@ void reads(const void* memory, std::size_t bytes) {
 }
 
 void beginLaunch() {
-  launch_number++;
+  ++launch_number;
   running = true;
 }
 void endLaunch() {

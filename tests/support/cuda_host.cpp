@@ -159,7 +159,7 @@ const std::uint64_t* exchangeInWarp(WarpOperation operation, unsigned mask, std:
   values[running % kWarp] = value;
   if (++warp.arrived == kWarp) {
     warp.arrived = 0;
-    warp.generation++;
+    ++warp.generation;
     if (operation == WarpOperation::barrier) check::warpBarrier(running / kWarp);
   } else {
     waitFor(warp.generation, generation);
@@ -224,7 +224,7 @@ void setSchedule(Schedule s, std::uint64_t seed) {
 std::size_t launchCount() { return launches; }
 
 void runBlocks(const char* name, std::size_t blocks, void (*kernel)(const void*), const void* of) {
-  launches++;
+  ++launches;
   body = kernel;
   body_of = of;
   check::beginLaunch();
@@ -269,7 +269,7 @@ int blockBarrier(int value) {
   count += value != 0;
   if (++barrier.arrived == kThreads) {
     barrier.arrived = 0;
-    barrier.generation++;
+    ++barrier.generation;
     check::blockBarrier();
   } else {
     waitFor(barrier.generation, generation);
@@ -349,7 +349,7 @@ void Primitives::sortPairs(const std::uint32_t* keys, std::uint32_t* sorted_keys
   std::iota(order.begin(), order.end(), 0u);
   std::stable_sort(order.begin(), order.end(),
                    [&](std::uint32_t a, std::uint32_t b) { return (keys[a] & mask) < (keys[b] & mask); });
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     sorted_keys[i] = keys[order[i]];
     sorted_values[i] = values[order[i]];
   }
@@ -394,7 +394,7 @@ LaunchTimer::LaunchTimer(const char* name) {
 }
 LaunchTimer::~LaunchTimer() {
   if (!timing) return;
-  times[launched].launches++;
+  ++times[launched].launches;
   times[launched].milliseconds += std::chrono::duration<double, std::milli>(Clock::now() - launch_start).count();
 }
 

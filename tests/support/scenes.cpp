@@ -148,8 +148,9 @@ void addOfKind(GaussianModel& model, Random& random, const Camera& camera, Scene
       break;
   }
   if (model.size() % 50 == 11) opacity = 0.003;  // below 1/255: never seen
-  if (model.size() % 50 == 12)
+  if (model.size() % 50 == 12) {
     mean = unproject(camera, 0.5 * camera.size.x, 0.5 * camera.size.y, -random.uniform(0, 2));
+  }
   addGaussian(model, random, mean, rotation, scale, opacity);
   addTexture(model, random, width, height);
 }

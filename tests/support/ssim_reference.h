@@ -12,20 +12,20 @@ namespace tg::test {
 inline double referenceSsim(std::vector<double> a, std::vector<double> b, int width, int height,
                             const std::vector<std::uint8_t>& mask = {}) {
   int windows = 0;
-  for (std::size_t i = 0; i < mask.size(); i++) {
+  for (std::size_t i = 0; i < mask.size(); ++i) {
     if (mask[i] == 0) a[i] = b[i] = 0;
   }
   double weights[11];
   double norm = 0;
-  for (int i = 0; i < 11; i++) norm += weights[i] = std::exp(-(i - 5) * (i - 5) / 4.5);
+  for (int i = 0; i < 11; ++i) norm += weights[i] = std::exp(-(i - 5) * (i - 5) / 4.5);
   double total = 0;
-  for (int y = 0; y < height; y++) {
-    for (int x = 0; x < width; x++) {
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
       if (!mask.empty() && mask[static_cast<std::size_t>(y) * width + x] == 0) continue;
-      windows++;
+      ++windows;
       double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
-      for (int j = std::max(0, y - 5); j <= std::min(height - 1, y + 5); j++) {
-        for (int i = std::max(0, x - 5); i <= std::min(width - 1, x + 5); i++) {
+      for (int j = std::max(0, y - 5); j <= std::min(height - 1, y + 5); ++j) {
+        for (int i = std::max(0, x - 5); i <= std::min(width - 1, x + 5); ++i) {
           const double w = weights[j - y + 5] * weights[i - x + 5] / (norm * norm);
           const double p = a[static_cast<std::size_t>(j) * width + i];
           const double q = b[static_cast<std::size_t>(j) * width + i];

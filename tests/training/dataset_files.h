@@ -25,8 +25,8 @@ inline void writeText(const fs::path& path, const std::string& text) {
 inline void writePicture(const fs::path& path, int width, int height, int channels = 3) {
   fs::create_directories(path.parent_path());
   tg::Image image(width, height, channels);
-  for (int y = 0; y < height; y++) {
-    for (int x = 0; x < width; x++) {
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
       image.at(x, y, x < width / 2 ? 0 : 1) = 1.0f;
       if (channels == 4) image.at(x, y, 3) = 128.0f / 255.0f;
     }
@@ -65,7 +65,7 @@ struct ColmapText {
   std::string images;
   std::string points = "# comment\n1 0.5 -1 4 255 0 51 0.1 1 0\n7 1 2 3 0 255 0 0.1\n";
   ColmapText() {
-    for (int i = 0; i < 10; i++) {
+    for (int i = 0; i < 10; ++i) {
       // A quarter turn about y, not normalised; even images have no 2D points, hence an empty line.
       images += std::to_string(i + 1) + " 2 0 2 0 " + std::to_string(i) + " 0 5 1 image" + std::to_string(9 - i) +
                 ".png\n" + (i % 2 ? "3.5 4.5 1 6 7 -1\n" : "\n");
@@ -75,7 +75,7 @@ struct ColmapText {
     writeText(folder / model / "cameras.txt", cameras);
     writeText(folder / model / "images.txt", images);
     writeText(folder / model / "points3D.txt", points);
-    for (int i = 0; i < 10; i++) writePicture(folder / "images" / ("image" + std::to_string(i) + ".png"), 16, 12);
+    for (int i = 0; i < 10; ++i) writePicture(folder / "images" / ("image" + std::to_string(i) + ".png"), 16, 12);
   }
 };
 
@@ -105,7 +105,7 @@ struct ColmapBinary {
     cameras = c.data();
     Bytes i;
     i.add<std::uint64_t>(10);
-    for (std::uint32_t n = 0; n < 10; n++) {
+    for (std::uint32_t n = 0; n < 10; ++n) {
       i.add(n + 1);
       for (double value : {2.0, 0.0, 2.0, 0.0, double(n), 0.0, 5.0}) i.add(value);
       i.add<std::uint32_t>(1).text("image" + std::to_string(9 - n) + ".png").add<std::uint64_t>(n % 2);
@@ -125,7 +125,7 @@ struct ColmapBinary {
     writeText(folder / "sparse/0/cameras.bin", cameras);
     writeText(folder / "sparse/0/images.bin", images);
     writeText(folder / "sparse/0/points3D.bin", points);
-    for (int i = 0; i < 10; i++) writePicture(folder / "images" / ("image" + std::to_string(i) + ".png"), 16, 12);
+    for (int i = 0; i < 10; ++i) writePicture(folder / "images" / ("image" + std::to_string(i) + ".png"), 16, 12);
   }
 };
 

@@ -81,15 +81,15 @@ TEST_CASE("tgeval leaves masked pixels out, and says that there are masks", "[pr
   tg::Image photograph = tg::readImage(folder / "scene/test/r_0.png");
   REQUIRE(tgeval(folder, "model.ply scene --json whole.json").code == 0);
   tg::Image mask(32, 32, 1, 1.0f);
-  for (int y = 0; y < 32; y++) {
-    for (int x = 0; x < 16; x++) mask.at(x, y, 0) = 0;
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 16; ++x) mask.at(x, y, 0) = 0;
   }
   fs::create_directories(folder / "scene/masks/test");
   tg::writeImage(folder / "scene/masks/test/r_0.png", mask);
   const Outcome masked = tgeval(folder, "model.ply scene --json masked.json");
   CHECK_THAT(masked.output, Contains("scene: 1 of 1 photographs have a mask"));
-  for (int y = 0; y < 32; y++) {
-    for (int x = 0; x < 16; x++) photograph.at(x, y, 0) = 1 - photograph.at(x, y, 0);
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 16; ++x) photograph.at(x, y, 0) = 1 - photograph.at(x, y, 0);
   }
   tg::writeImage(folder / "scene/test/r_0.png", photograph);
   REQUIRE(tgeval(folder, "model.ply scene --json changed.json").code == 0);

@@ -18,7 +18,7 @@ inline std::shared_ptr<PhotographStore> storeInMemory(std::vector<Photograph> ph
   auto store = std::make_shared<PhotographStore>(
       photographs.size(), std::numeric_limits<std::uint64_t>::max(),
       [](std::size_t) -> Photograph { throw std::logic_error("every photograph is in memory"); });
-  for (std::size_t i = 0; i < photographs.size(); i++) store->offer(i, std::move(photographs[i]));
+  for (std::size_t i = 0; i < photographs.size(); ++i) store->offer(i, std::move(photographs[i]));
   return store;
 }
 
@@ -34,7 +34,7 @@ inline Dataset sampleDataset(const SampleOptions& options, bool random_backgroun
   const float white[3] = {1, 1, 1};
   std::vector<Photograph> photographs;
   for (const bool test : {false, true}) {
-    for (int i = 0; i < (test ? options.test_views : options.train_views); i++) {
+    for (int i = 0; i < (test ? options.test_views : options.train_views); ++i) {
       Camera camera = sampleCamera(options, test, i);
       const Image picture = renderSample(options, camera);
       Photograph& photograph = photographs.emplace_back();
@@ -42,7 +42,7 @@ inline Dataset sampleDataset(const SampleOptions& options, bool random_backgroun
       photograph.pixels.height = camera.size.y;
       if (random_background) {
         for (std::size_t p = 0; p < picture.data.size(); p += 4) {
-          for (std::size_t c = 0; c < 3; c++) photograph.pixels.rgb.push_back(byte(picture.data[p + c]));
+          for (std::size_t c = 0; c < 3; ++c) photograph.pixels.rgb.push_back(byte(picture.data[p + c]));
           photograph.alpha.push_back(byte(picture.data[p + 3]));
         }
       } else {

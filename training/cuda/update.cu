@@ -70,7 +70,7 @@ TG_KERNEL statisticsKernel(StatisticsArguments a) {
   a.score_sum[i] += a.screen_gradient[i];
   a.magnitude_sum[i] += a.screen_gradient_abs[i];
   a.max_radius[i] = max(a.max_radius[i], a.screen_radius[i]);
-  a.view_count[i]++;
+  ++a.view_count[i];
 }
 
 // One thread.

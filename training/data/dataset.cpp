@@ -70,8 +70,8 @@ void checkCamera(const fs::path& image, const Camera& camera) {
 }
 
 void checkPoints(const fs::path& folder, const PointCloud& points) {
-  for (std::size_t i = 0; i < points.position.size(); i++) {
-    for (int axis = 0; axis < 3; axis++) {
+  for (std::size_t i = 0; i < points.position.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
       if (!(std::abs(points.position[i][axis]) <= kFarthest)) {
         throw Error(ErrorKind::badData, folder.string(),
                     "point " + std::to_string(i) + " is out of range (expected -1e9 to 1e9, found " +
@@ -275,7 +275,7 @@ std::optional<glm::vec3> parseBackground(std::string_view text) {
   glm::vec3 color;
   std::istringstream stream{std::string(text)};
   stream.imbue(std::locale::classic());
-  for (int c = 0; c < 3; c++) {
+  for (int c = 0; c < 3; ++c) {
     char comma = ',';
     if (c > 0) stream >> comma;
     if (!(stream >> color[c]) || comma != ',' || !(color[c] >= 0 && color[c] <= 1)) return std::nullopt;
@@ -285,7 +285,7 @@ std::optional<glm::vec3> parseBackground(std::string_view text) {
 
 std::vector<std::size_t> Dataset::indices(bool test) const {
   std::vector<std::size_t> result;
-  for (std::size_t i = 0; i < views.size(); i++) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
     if (views[i].test == test) result.push_back(i);
   }
   return result;

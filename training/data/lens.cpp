@@ -39,26 +39,26 @@ template <int kChannels>
 void sample(const Image& from, int x, int y, const std::array<float, 4>& wx, const std::array<float, 4>& wy,
             float* result) {
   std::array<float, kChannels> sum{};
-  for (int v = 0; v < 4; v++) {
+  for (int v = 0; v < 4; ++v) {
     const float* row =
         from.data.data() + static_cast<std::size_t>(std::clamp(y + v - 1, 0, from.height - 1)) * from.width * kChannels;
-    for (int u = 0; u < 4; u++) {
+    for (int u = 0; u < 4; ++u) {
       const float weight = wx[u] * wy[v];
       const float* pixel = row + std::size_t{kChannels} * std::clamp(x + u - 1, 0, from.width - 1);
-      for (int c = 0; c < kChannels; c++) sum[c] += weight * pixel[c];
+      for (int c = 0; c < kChannels; ++c) sum[c] += weight * pixel[c];
     }
   }
-  for (int c = 0; c < kChannels; c++) result[c] = std::clamp(sum[c], 0.0f, 1.0f);
+  for (int c = 0; c < kChannels; ++c) result[c] = std::clamp(sum[c], 0.0f, 1.0f);
 }
 
 void premultiply(Image& image) {
   if (image.channels != 4) return;
   for (std::size_t i = 0; i < image.data.size(); i += 4) {
-    for (std::size_t c = 0; c < 3; c++) image.data[i + c] *= image.data[i + 3];
+    for (std::size_t c = 0; c < 3; ++c) image.data[i + c] *= image.data[i + 3];
   }
 }
 void unpremultiply(float* pixel) {
-  for (int c = 0; c < 3; c++) pixel[c] = pixel[3] > 0 ? std::min(pixel[c] / pixel[3], 1.0f) : 0.0f;
+  for (int c = 0; c < 3; ++c) pixel[c] = pixel[3] > 0 ? std::min(pixel[c] / pixel[3], 1.0f) : 0.0f;
 }
 
 }  // namespace
@@ -80,7 +80,7 @@ glm::dvec2 Lens::distort(glm::dvec2 p) const {
 double Lens::validRadius() const {
   constexpr int kSteps = 4000;
   double before = 0;
-  for (int i = 1; i <= kSteps; i++) {
+  for (int i = 1; i <= kSteps; ++i) {
     const double angle = kLargestAngle * i / kSteps;
     const double r = fisheye ? angle : std::tan(angle);
     const double bent = r * radialFactor(*this, r * r);
@@ -94,7 +94,7 @@ std::optional<glm::dvec2> Lens::undistort(glm::dvec2 distorted, double valid_rad
   const double bent = glm::length(distorted);
   glm::dvec2 p = fisheye && bent > 0 ? distorted * (std::tan(std::min(bent, 1.4)) / bent) : distorted;
   if (glm::length(p) > valid_radius) p *= 0.9 * valid_radius / glm::length(p);
-  for (int i = 0; i < 50; i++) {
+  for (int i = 0; i < 50; ++i) {
     const glm::dvec2 error = distort(p) - distorted;
     if (glm::length(error) < 1e-10) break;
     const double h = 1e-6 * std::max(1.0, glm::length(p));
@@ -117,7 +117,7 @@ Undistortion::Undistortion(Lens of, const Camera& camera, const std::string& lab
   const glm::dvec2 size(camera.size);
   glm::dvec2 low = -kMostAdded * size, high = (1 + kMostAdded) * size;
   constexpr int kPoints = 64;  // a side
-  for (int i = 0; i <= kPoints; i++) {
+  for (int i = 0; i <= kPoints; ++i) {
     const glm::dvec2 along = 0.5 + (size - 1.0) * (static_cast<double>(i) / kPoints);
     const auto seen = [&](glm::dvec2 pixel) -> std::optional<glm::dvec2> {
       const auto plane = lens.undistort(glm::dvec2(ray(camera, pixel)), valid_radius);
@@ -174,7 +174,7 @@ Undistortion::Result Undistortion::apply(const Image& photograph,
   Result result{Image(pinhole.size.x, pinhole.size.y, photograph.channels), {}};
   result.mask.assign(static_cast<std::size_t>(pinhole.size.x) * pinhole.size.y, 255);
   parallelFor(pinhole.size.y, 8, [&](int y) {
-    for (int x = 0; x < pinhole.size.x; x++) {
+    for (int x = 0; x < pinhole.size.x; ++x) {
       const glm::dvec2 plane(ray(pinhole, {x + 0.5, y + 0.5}));
       std::uint8_t& counts = result.mask[static_cast<std::size_t>(y) * pinhole.size.x + x];
       const glm::dvec2 at = project(distorted, {lens.distort(plane), 1.0}) - 0.5;

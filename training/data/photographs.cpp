@@ -47,7 +47,7 @@ std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width,
   }
   const int colors = std::min(image.channels, 3);
   const auto counts = [&](int x, int y) {
-    for (int c = 0; c < colors; c++) {
+    for (int c = 0; c < colors; ++c) {
       if (image.at(x, y, c) > 0) return true;
     }
     return false;
@@ -55,13 +55,13 @@ std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width,
   const int columns = width / downscale;
   const int rows = height / downscale;
   std::vector<std::uint8_t> mask(static_cast<std::size_t>(columns) * rows, 255);
-  for (int y = 0; y < rows; y++) {
+  for (int y = 0; y < rows; ++y) {
     const auto [top, bottom] = footprint(y, downscale, image.height, height);
-    for (int x = 0; x < columns; x++) {
+    for (int x = 0; x < columns; ++x) {
       const auto [left, right] = footprint(x, downscale, image.width, width);
       bool all = true;
-      for (int v = top; all && v < bottom; v++) {
-        for (int u = left; all && u < right; u++) all = counts(u, v);
+      for (int v = top; all && v < bottom; ++v) {
+        for (int u = left; all && u < right; ++u) all = counts(u, v);
       }
       if (!all) mask[static_cast<std::size_t>(y) * columns + x] = 0;
     }
@@ -74,8 +74,8 @@ std::vector<std::uint8_t> reduceMask(const std::vector<std::uint8_t>& mask, int 
   const int columns = width / downscale;
   const int rows = height / downscale;
   std::vector<std::uint8_t> reduced(static_cast<std::size_t>(columns) * rows, 255);
-  for (int y = 0; y < rows * downscale; y++) {
-    for (int x = 0; x < columns * downscale; x++) {
+  for (int y = 0; y < rows * downscale; ++y) {
+    for (int x = 0; x < columns * downscale; ++x) {
       if (mask[static_cast<std::size_t>(y) * width + x] != 0) continue;
       reduced[static_cast<std::size_t>(y / downscale) * columns + x / downscale] = 0;
     }
@@ -91,7 +91,7 @@ Image ViewPixels::image() const {
   TG_ASSERT(rgb.size() == 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
             "three bytes a pixel");
   Image result(width, height, 3);
-  for (std::size_t i = 0; i < rgb.size(); i++) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
+  for (std::size_t i = 0; i < rgb.size(); ++i) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
   return result;
 }
 
@@ -137,10 +137,10 @@ Photograph decodePhotograph(const PhotographSource& source) {
   pixels.rgb.resize(count * 3);
   const bool transparent = channels == 4;
   if (transparent && !source.background) photograph.alpha.resize(count);
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     const float* from = image.data.data() + i * channels;
     const float alpha = transparent ? from[3] : 1.0f;
-    for (int c = 0; c < 3; c++) {
+    for (int c = 0; c < 3; ++c) {
       const float color = from[channels == 1 ? 0 : c];
       pixels.rgb[i * 3 + c] =
           quantize(transparent && source.background ? over(color, alpha, (*source.background)[c]) : color);
@@ -157,9 +157,9 @@ std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Phot
             "an alpha a pixel, or none");
   if (photograph->alpha.empty()) return {photograph, &photograph->pixels};
   auto result = std::make_shared<ViewPixels>(photograph->pixels);
-  for (std::size_t i = 0; i < photograph->alpha.size(); i++) {
+  for (std::size_t i = 0; i < photograph->alpha.size(); ++i) {
     const float alpha = static_cast<float>(photograph->alpha[i]) / 255.0f;
-    for (int c = 0; c < 3; c++) {
+    for (int c = 0; c < 3; ++c) {
       std::uint8_t& value = result->rgb[i * 3 + c];
       value = quantize(over(static_cast<float>(value) / 255.0f, alpha, background[c]));
     }

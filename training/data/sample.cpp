@@ -333,10 +333,10 @@ Image renderSample(const SampleOptions& options, const Camera& camera) {
   const dvec3 origin = camera.position();
   Image image(camera.size.x, camera.size.y, 4);
   parallelFor(camera.size.y, 1, [&](int y) {
-    for (int x = 0; x < camera.size.x; x++) {
+    for (int x = 0; x < camera.size.x; ++x) {
       dvec3 sum(0.0);
       int hits = 0;
-      for (int s = 0; s < grid * grid; s++) {
+      for (int s = 0; s < grid * grid; ++s) {
         const glm::dvec2 pixel(x + (s % grid + 0.5) / grid, y + (s / grid + 0.5) / grid);
         const dvec3 direction = world_from_camera * ray(camera, pixel);
         const std::optional<SurfaceHit> hit = intersect(scene, origin, direction);
@@ -344,9 +344,9 @@ Image renderSample(const SampleOptions& options, const Camera& camera) {
         // The light's disc is sampled along its own grid, turned against the pixel's so that they do not correlate.
         const int l = (s * 7 + x * 3 + y * 5) % (grid * grid);
         sum += shade(scene, *hit, (l % grid + 0.5) / grid * 2 - 1, (l / grid + 0.5) / grid * 2 - 1);
-        hits++;
+        ++hits;
       }
-      for (int c = 0; c < 3; c++) image.at(x, y, c) = hits ? static_cast<float>(sum[c] / hits) : 0.0f;
+      for (int c = 0; c < 3; ++c) image.at(x, y, c) = hits ? static_cast<float>(sum[c] / hits) : 0.0f;
       image.at(x, y, 3) = static_cast<float>(hits) / static_cast<float>(grid * grid);
     }
   });
@@ -365,7 +365,7 @@ PointCloud samplePoints(const SampleOptions& options) {
     constexpr int kLightGrid = 4;
     const SurfaceHit hit{0, position, normal, color};
     dvec3 sum(0.0);
-    for (int i = 0; i < kLightGrid * kLightGrid; i++) {
+    for (int i = 0; i < kLightGrid * kLightGrid; ++i) {
       sum +=
           shade(scene, hit, (i % kLightGrid + 0.5) / kLightGrid * 2 - 1, (i / kLightGrid + 0.5) / kLightGrid * 2 - 1);
     }
@@ -379,13 +379,13 @@ PointCloud samplePoints(const SampleOptions& options) {
   for (const Panel& panel : scene.panels) {
     const int count = static_cast<int>(std::lround(options.points * panel.width * panel.height / area));
     const dvec3 normal = glm::cross(panel.u, panel.v);
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < count; ++i) {
       const dvec2 p = sequence(i) * dvec2(panel.width, panel.height);
       add(panel.corner + p.x * panel.u + p.y * panel.v, normal, panel.front(p.x, p.y));
     }
   }
   const int count = static_cast<int>(std::lround(options.points * ball_area / area));
-  for (int i = 0; i < count; i++) {
+  for (int i = 0; i < count; ++i) {
     const dvec2 p = sequence(i);
     const double z = 2 * p.y - 1;
     const double ring = std::sqrt(1 - z * z);
@@ -405,10 +405,11 @@ void writeSample(const fs::path& folder, const SampleOptions& options, bool over
     const int count = test ? options.test_views : options.train_views;
     std::error_code code;
     fs::create_directories(folder / split, code);
-    if (code)
+    if (code) {
       throw Error(ErrorKind::cannotWrite, (folder / split).string(), "cannot make this folder: " + code.message());
+    }
     nlohmann::json frames = nlohmann::json::array();
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < count; ++i) {
       const Camera camera = sampleCamera(options, test, i);
       writeImage(folder / split / camera.name, renderSample(options, camera));
       frames.push_back(transformsFrame(camera, "./" + split + "/r_" + std::to_string(i)));

@@ -87,10 +87,10 @@ void setPose(const JsonNode& frame, Camera& camera) {
   }
   glm::dmat3 world_from_camera;
   glm::dvec3 position;
-  for (int row = 0; row < 3; row++) {
+  for (int row = 0; row < 3; ++row) {
     const nlohmann::json& values = (*found)[row];
     if (!values.is_array() || values.size() != 4) frame.fail("expected a 4 x 4 'transform_matrix'");
-    for (int column = 0; column < 4; column++) {
+    for (int column = 0; column < 4; ++column) {
       if (!values[column].is_number()) frame.fail("'transform_matrix' holds something that is not a number");
       const double value = values[column].get<double>();
       if (!std::isfinite(value)) frame.fail("'transform_matrix' is not finite");
@@ -103,8 +103,8 @@ void setPose(const JsonNode& frame, Camera& camera) {
   }
   const glm::dmat3 gram = glm::transpose(world_from_camera) * world_from_camera;
   double deviation = 0;
-  for (int i = 0; i < 3; i++) {
-    for (int j = 0; j < 3; j++) deviation = std::max(deviation, std::abs(gram[i][j] - (i == j ? 1.0 : 0.0)));
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) deviation = std::max(deviation, std::abs(gram[i][j] - (i == j ? 1.0 : 0.0)));
   }
   if (!(deviation < 1e-2) || glm::determinant(world_from_camera) <= 0) {
     frame.fail("'transform_matrix' is not a rotation and a translation (scaled, sheared or mirrored)");
@@ -134,8 +134,7 @@ void setIntrinsics(const JsonNode& top, const JsonNode& frame, DatasetIndex::Ent
     Camera& camera = entry.camera;
     camera.size = {*width, *height};
     camera.focal = {*fl_x, number(top, frame, "fl_y").value_or(*fl_x)};
-    camera.center = {number(top, frame, "cx").value_or(*width / 2),
-                     number(top, frame, "cy").value_or(*height / 2)};
+    camera.center = {number(top, frame, "cx").value_or(*width / 2), number(top, frame, "cy").value_or(*height / 2)};
     if (!(camera.focal.x > 0 && camera.focal.y > 0)) top.fail("focal length is not positive");
   } else if (!entry.field_of_view_x) {
     frame.fail("no intrinsics (expected fl_x, w and h, or camera_angle_x)");
@@ -186,7 +185,7 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
   if (frames == top.value.end() || !frames->is_array()) top.fail("expected an array 'frames'");
   const std::optional<std::set<std::string>> test_files = testFiles(top, folder);
   index.has_split |= test_files.has_value();
-  for (std::size_t i = 0; i < frames->size(); i++) {
+  for (std::size_t i = 0; i < frames->size(); ++i) {
     const JsonNode frame{(*frames)[i], top.path, "frame " + std::to_string(i)};
     if (!frame.value.is_object()) frame.fail("expected an object");
     const auto file_path = frame.value.find("file_path");

@@ -31,7 +31,7 @@ std::vector<std::string> fileNames(const Dataset& dataset) {
     if (path.is_absolute() || path.empty() || *path.begin() == "..") path = path.filename();
     const std::string stem = (path.parent_path() / path.stem()).string();
     std::string name = stem + ".png";
-    for (int i = 2; !taken.insert(name).second; i++) name = stem + "_" + std::to_string(i) + ".png";
+    for (int i = 2; !taken.insert(name).second; ++i) name = stem + "_" + std::to_string(i) + ".png";
     names.push_back(name);
   }
   return names;
@@ -42,7 +42,7 @@ void writePhotograph(const fs::path& folder, const std::string& name, const Phot
   Image image = pixels.image();
   if (!photograph.alpha.empty()) {
     Image transparent(pixels.width, pixels.height, 4);
-    for (std::size_t i = 0; i < photograph.alpha.size(); i++) {
+    for (std::size_t i = 0; i < photograph.alpha.size(); ++i) {
       std::copy_n(image.data.data() + 3 * i, 3, transparent.data.data() + 4 * i);
       transparent.data[4 * i + 3] = static_cast<float>(photograph.alpha[i]) / 255.0f;
     }
@@ -63,7 +63,7 @@ nlohmann::json transformsFrame(const Camera& camera, const std::string& file_pat
   const glm::dmat3 world_from_camera = glm::transpose(camera.rotation);
   const glm::dvec3 position = camera.position();
   nlohmann::json matrix = nlohmann::json::array();
-  for (int row = 0; row < 3; row++) {
+  for (int row = 0; row < 3; ++row) {
     matrix.push_back(
         {world_from_camera[0][row], -world_from_camera[1][row], -world_from_camera[2][row], position[row]});
   }
@@ -76,9 +76,9 @@ void writePoints(const fs::path& path, const PointCloud& points) {
       "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(points.position.size()) +
       "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
       "property uchar blue\nend_header\n";
-  for (std::size_t i = 0; i < points.position.size(); i++) {
+  for (std::size_t i = 0; i < points.position.size(); ++i) {
     text.append(reinterpret_cast<const char*>(&points.position[i]), sizeof(glm::vec3));
-    for (int c = 0; c < 3; c++) {
+    for (int c = 0; c < 3; ++c) {
       text.push_back(static_cast<char>(std::lround(std::clamp(points.color[i][c], 0.0f, 1.0f) * 255.0f)));
     }
   }
@@ -95,7 +95,7 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
   }
   const std::vector<std::string> names = fileNames(dataset);
   nlohmann::json frames = nlohmann::json::array(), train = nlohmann::json::array(), test = nlohmann::json::array();
-  for (std::size_t i = 0; i < names.size(); i++) {
+  for (std::size_t i = 0; i < names.size(); ++i) {
     const Camera& camera = dataset.views[i];
     const std::string file = "images/" + names[i];
     nlohmann::json frame = transformsFrame(camera, file);

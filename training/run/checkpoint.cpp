@@ -336,8 +336,9 @@ void checkState(const RunState& state, const std::string& path) {
     }
   };
   const TrainingState& training = state.training;
-  for (const GaussianModel* model : {&training.model, &state.untextured_start, &state.textured})
+  for (const GaussianModel* model : {&training.model, &state.untextured_start, &state.textured}) {
     checkModel(*model, path);
+  }
   const std::size_t count = training.model.size();
   if (count == 0) fail("no Gaussian inside (expected at least 1)");
   forEachParameter(

@@ -38,7 +38,7 @@ class NeighborTree {
     for (float distance : nearest.distance) {
       if (std::isinf(distance)) break;
       sum += distance;
-      found++;
+      ++found;
     }
     return found ? sum / static_cast<float>(found) : 0.0f;
   }
@@ -51,7 +51,7 @@ class NeighborTree {
     if (end - begin < 2) return;
     glm::vec3 low = points_[order_[begin]];
     glm::vec3 high = low;
-    for (std::size_t i = begin; i < end; i++) {
+    for (std::size_t i = begin; i < end; ++i) {
       low = glm::min(low, points_[order_[i]]);
       high = glm::max(high, points_[order_[i]]);
     }
@@ -138,7 +138,7 @@ GaussianModel gaussiansFromPoints(const PointCloud& points) {
   GaussianModel model;
   resizeGaussians(model, count, 0);
   model.mean = points.position;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     model.rotation[i] = glm::vec4(1, 0, 0, 0);
     model.log_scale[i] = glm::vec3(0.5f * std::log(std::max(distance[i], kMinSquaredDistance)));
     model.opacity_logit[i] = std::log(kFirstOpacity / (1 - kFirstOpacity));
@@ -173,7 +173,7 @@ PointCloud randomPoints(const Dataset& dataset, std::size_t count, std::uint64_t
     return glm::dvec3(x, y, random.uniform());
   };
   PointCloud points;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     points.position.emplace_back(cube.center + cube.half * (2.0 * three() - 1.0));
     points.color.emplace_back(0.5 + double{kShC0} * three() / 255.0);
   }

@@ -28,7 +28,7 @@ class Fingerprint {
  public:
   void add(const void* data, std::size_t size) {
     const auto* bytes = static_cast<const unsigned char*>(data);
-    for (std::size_t i = 0; i < size; i++) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3u;
+    for (std::size_t i = 0; i < size; ++i) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3u;
   }
   std::string text() const { return format("%016llx", static_cast<unsigned long long>(hash_)); }
 
@@ -141,7 +141,7 @@ double rounded(double value, int decimals) {
 
 std::string datasetFingerprint(const Dataset& dataset) {
   Fingerprint hash;
-  for (std::size_t i = 0; i < dataset.views.size(); i++) {
+  for (std::size_t i = 0; i < dataset.views.size(); ++i) {
     const Camera& camera = dataset.views[i];
     const double intrinsics[] = {camera.focal.x, camera.focal.y, camera.center.x, camera.center.y,
                                  camera.test ? 1.0 : 0.0};

@@ -201,9 +201,9 @@ void RunFolder::writePreview(const Trainer& trainer) const {
   const Image truth = dataset_->pixels(view)->image();
   const Image picture = trainer.picture(camera);
   Image both(2 * camera.size.x, camera.size.y, 3);
-  for (int y = 0; y < camera.size.y; y++) {
-    for (int x = 0; x < camera.size.x; x++) {
-      for (int c = 0; c < 3; c++) {
+  for (int y = 0; y < camera.size.y; ++y) {
+    for (int x = 0; x < camera.size.x; ++x) {
+      for (int c = 0; c < 3; ++c) {
         both.at(x, y, c) = truth.at(x, y, c);
         both.at(camera.size.x + x, y, c) = picture.at(x, y, c);
       }

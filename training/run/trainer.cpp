@@ -68,7 +68,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
 
 void Trainer::takeLosses(bool wait) const {
   for (const LossValue& loss : engine_->losses(state_, wait)) {
-    known_losses_++;
+    ++known_losses_;
     if (!std::isfinite(loss.total)) {
       throw Error(ErrorKind::badData, "training diverged: the loss is not finite at iteration " +
                                           std::to_string(known_losses_) + " of stage '" +
@@ -215,7 +215,7 @@ void Trainer::iterate() {
   glm::vec3 background = dataset_.background;
   if (dataset_.random_background) {
     Random random = stream(settings_.seed + static_cast<std::uint64_t>(iteration), Stream::background);
-    for (int c = 0; c < 3; c++) background[c] = static_cast<float>(random.uniform());
+    for (int c = 0; c < 3; ++c) background[c] = static_cast<float>(random.uniform());
   }
   const std::shared_ptr<const ViewPixels> photograph = dataset_.composited(view, background);
   if (const auto following = state_.order.following()) dataset_.prefetch(*following);

@@ -52,13 +52,13 @@ void convolvePixels(const ConvolutionRow& row, int x) {
     auto a0 = bias0, a1 = bias0, a2 = bias0, a3 = bias0, a4 = bias0, a5 = bias0;
     auto b0 = bias1, b1 = bias1, b2 = bias1, b3 = bias1, b4 = bias1, b5 = bias1;
     const float* weights = row.weights + first;
-    for (int ky = 0; ky < row.kernel; ky++) {
+    for (int ky = 0; ky < row.kernel; ++ky) {
       const float* p[6];
-      for (int j = 0; j < 6; j++) {
+      for (int j = 0; j < 6; ++j) {
         p[j] = row.input + static_cast<std::size_t>(ky) * row.row_stride +
                static_cast<std::size_t>(x + std::min(j, kPixels - 1)) * row.pixel_stride;
       }
-      for (int i = 0; i < row.run; i++, weights += kBlock) {
+      for (int i = 0; i < row.run; ++i, weights += kBlock) {
         const auto w0 = hn::LoadU(d, weights);
         const auto w1 = hn::LoadU(d, weights + lanes);
         const auto step = [&](auto& a, auto& b, const float* pixel) {
@@ -90,7 +90,7 @@ void convolvePixels(const ConvolutionRow& row, int x) {
       keep(5, a5, b5);
     }
   }
-  for (int j = 0; j < kPixels; j++) {
+  for (int j = 0; j < kPixels; ++j) {
     std::copy_n(results[j], row.outputs, row.output + static_cast<std::size_t>(x + j) * row.output_stride);
   }
 }
@@ -98,7 +98,7 @@ void convolvePixels(const ConvolutionRow& row, int x) {
 void convolveRow(const ConvolutionRow& row) {
   int x = 0;
   for (; x + 6 <= row.width; x += 6) convolvePixels<6>(row, x);
-  for (; x < row.width; x++) convolvePixels<1>(row, x);
+  for (; x < row.width; ++x) convolvePixels<1>(row, x);
 }
 
 }  // namespace tg::HWY_NAMESPACE
@@ -124,9 +124,9 @@ Convolution::Convolution(const ConvolutionShape& shape, const std::vector<float>
   const std::size_t inputs = static_cast<std::size_t>(shape.inputs);
   bias_.resize(blocks * kBlock);
   weights_.resize(blocks * taps * inputs * kBlock);
-  for (std::size_t o = 0; o < static_cast<std::size_t>(shape.outputs); o++) {
-    for (std::size_t i = 0; i < inputs; i++) {
-      for (std::size_t t = 0; t < taps; t++) {
+  for (std::size_t o = 0; o < static_cast<std::size_t>(shape.outputs); ++o) {
+    for (std::size_t i = 0; i < inputs; ++i) {
+      for (std::size_t t = 0; t < taps; ++t) {
         weights_[((o / kBlock * taps + t) * inputs + i) * kBlock + o % kBlock] = weights[(o * inputs + i) * taps + t];
       }
     }
@@ -169,13 +169,13 @@ FeatureMap maxPool(const FeatureMap& input, int kernel, int stride, int output_b
   FeatureMap output((input.width - kernel) / stride + 1, (input.height - kernel) / stride + 1, input.channels,
                     output_border);
   parallelFor(output.height, 4, [&](int y) {
-    for (int x = 0; x < output.width; x++) {
+    for (int x = 0; x < output.width; ++x) {
       float* target = output.at(x, y);
       std::fill_n(target, output.channels, -std::numeric_limits<float>::infinity());
-      for (int v = 0; v < kernel; v++) {
-        for (int u = 0; u < kernel; u++) {
+      for (int v = 0; v < kernel; ++v) {
+        for (int u = 0; u < kernel; ++u) {
           const float* source = input.at(x * stride + u, y * stride + v);
-          for (int c = 0; c < output.channels; c++) target[c] = std::max(target[c], source[c]);
+          for (int c = 0; c < output.channels; ++c) target[c] = std::max(target[c], source[c]);
         }
       }
     }

@@ -75,7 +75,7 @@ std::string formatScores(const EvalReport& report) {
   if (mean.flip) text += "      FLIP";
   if (mean.lpips) text += "     LPIPS";
   text += "\n";
-  for (std::size_t i = 0; i < names.size(); i++) text += cell(names[i]) + numbers(views.scores[i]) + "\n";
+  for (std::size_t i = 0; i < names.size(); ++i) text += cell(names[i]) + numbers(views.scores[i]) + "\n";
   if (!views.scores.empty()) text += cell("mean") + numbers(mean) + "\n";
   text += formatted("%s split: %zu views, %zu Gaussians, %.3f M parameters, %ju bytes\n", views.split.c_str(),
                     views.scores.size(), report.gaussians, static_cast<double>(report.parameters) * 1e-6, report.bytes);
@@ -96,7 +96,7 @@ std::string formatRanks(const EffectiveRanks& ranks) {
   std::string text = "effective rank         share\n";
   const std::size_t highest = std::max<std::size_t>(*std::max_element(ranks.bins.begin(), ranks.bins.end()), 1);
   const double width = 2.0 / EffectiveRanks::kBins;
-  for (int bin = 0; bin < EffectiveRanks::kBins; bin++) {
+  for (int bin = 0; bin < EffectiveRanks::kBins; ++bin) {
     const std::size_t count = ranks.bins[static_cast<std::size_t>(bin)];
     const auto bar =
         static_cast<std::size_t>(static_cast<double>(count) / static_cast<double>(highest) * kBarWidth + 0.5);
@@ -150,13 +150,13 @@ Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image
             "the map is of the picture");
   Image result(3 * picture.width + 2 * kGap, picture.height, 3, kGapGrey);
   const Image truth = photograph.image();
-  for (int y = 0; y < picture.height; y++) {
-    for (int x = 0; x < picture.width; x++) {
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
       const bool counts =
           photograph.mask.empty() ||
           photograph.mask[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) + x] != 0;
       const glm::vec3 error = counts ? heat(flip_map.at(x, y, 0)) : glm::vec3(kGapGrey);
-      for (int c = 0; c < 3; c++) {
+      for (int c = 0; c < 3; ++c) {
         result.at(x, y, c) = truth.at(x, y, c);
         result.at(x + picture.width + kGap, y, c) = picture.at(x, y, c);
         result.at(x + 2 * (picture.width + kGap), y, c) = error[c];

@@ -13,7 +13,7 @@ namespace {
 
 // Masked pixels black.
 Image masked(Image image, Mask mask) {
-  for (std::size_t i = 0; i < mask.size(); i++) {
+  for (std::size_t i = 0; i < mask.size(); ++i) {
     if (mask[i] == 0) std::fill_n(image.data.begin() + static_cast<std::ptrdiff_t>(i * 3), 3, 0.0f);
   }
   return image;
@@ -75,8 +75,8 @@ Image imageOf(std::span<const glm::vec3> picture, const Camera& camera) {
   TG_ASSERT(picture.size() == static_cast<std::size_t>(camera.size.x) * static_cast<std::size_t>(camera.size.y),
             "a colour a pixel");
   Image image(camera.size.x, camera.size.y, 3);
-  for (std::size_t i = 0; i < picture.size(); i++) {
-    for (int c = 0; c < 3; c++) image.data[i * 3 + static_cast<std::size_t>(c)] = picture[i][c];
+  for (std::size_t i = 0; i < picture.size(); ++i) {
+    for (int c = 0; c < 3; ++c) image.data[i * 3 + static_cast<std::size_t>(c)] = picture[i][c];
   }
   return image;
 }

@@ -49,7 +49,7 @@ constexpr int kSlices = 5;
 
 std::string shapeText(const std::vector<std::int64_t>& shape) {
   std::string text = "[";
-  for (std::size_t i = 0; i < shape.size(); i++) text += (i ? ", " : "") + std::to_string(shape[i]);
+  for (std::size_t i = 0; i < shape.size(); ++i) text += (i ? ", " : "") + std::to_string(shape[i]);
   return text + "]";
 }
 
@@ -80,9 +80,9 @@ Convolution readConvolution(const Safetensors& file, const ConvolutionPlace& pla
 
 FeatureMap networkInput(const Image& image, LpipsRange range, int border) {
   FeatureMap map(image.width, image.height, 3, border);
-  for (int y = 0; y < image.height; y++) {
-    for (int x = 0; x < image.width; x++) {
-      for (int c = 0; c < 3; c++) {
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
         const float value = std::clamp(image.at(x, y, c), 0.0f, 1.0f);
         map.at(x, y)[c] = ((range == LpipsRange::symmetric ? 2 * value - 1 : value) - kShift[c]) / kScale[c];
       }
@@ -93,7 +93,7 @@ FeatureMap networkInput(const Image& image, LpipsRange range, int border) {
 
 double norm(const float* values, int count) {
   double sum = 0;
-  for (int i = 0; i < count; i++) sum += static_cast<double>(values[i]) * values[i];
+  for (int i = 0; i < count; ++i) sum += static_cast<double>(values[i]) * values[i];
   return std::sqrt(sum) + kNormEpsilon;
 }
 
@@ -103,12 +103,12 @@ double sliceDistance(const FeatureMap& a, const FeatureMap& b, const std::vector
   parallelFor(a.height, 4, [&](std::int64_t item) {
     const int y = static_cast<int>(item);
     double total = 0;
-    for (int x = 0; x < a.width; x++) {
+    for (int x = 0; x < a.width; ++x) {
       const float* p = a.at(x, y);
       const float* q = b.at(x, y);
       const double p_norm = norm(p, a.channels);
       const double q_norm = norm(q, a.channels);
-      for (int c = 0; c < a.channels; c++) {
+      for (int c = 0; c < a.channels; ++c) {
         const double difference = p[c] / p_norm - q[c] / q_norm;
         total += weights[static_cast<std::size_t>(c)] * difference * difference;
       }
@@ -141,7 +141,7 @@ Lpips::Lpips(const Safetensors& weights) : layers_(std::make_unique<Layers>()) {
     layers.places.assign(kVgg16.begin(), kVgg16.end());
   }
   int channels = 3;
-  for (std::size_t i = 0; i < layers.places.size(); i++) {
+  for (std::size_t i = 0; i < layers.places.size(); ++i) {
     layers.convolutions.push_back(readConvolution(weights, layers.places[i], channels));
     channels = layers.convolutions.back().shape().outputs;
     const int slice = layers.places[i].slice;
@@ -171,7 +171,7 @@ double Lpips::distance(const Image& reference, const Image& picture, LpipsRange 
     std::size_t end = i;
     while (end < places.size() && places[end].slice == places[i].slice) end++;
     for (FeatureMap& map : maps) {
-      for (std::size_t layer = i; layer < end; layer++) {
+      for (std::size_t layer = i; layer < end; ++layer) {
         const ConvolutionPlace& place = places[layer];
         const int smallest = place.pool > 0 ? place.pool : place.kernel - 2 * place.padding;
         if (std::min(map.width, map.height) < smallest) {

@@ -17,20 +17,20 @@ std::vector<float> densificationScores(const DensityStatistics& statistics, cons
   const std::size_t count = statistics.score_sum.size();
   std::vector<float> scores(count, 0.0f);
   std::size_t passing = 0;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     scores[i] = meanOverViews(statistics.score_sum[i], statistics.view_count[i]) / settings.score_threshold;
     passing += scores[i] >= 1;
   }
   if (!settings.magnitudes || passing == 0) return scores;
   std::vector<float> magnitudes(count, 0.0f);
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     magnitudes[i] = meanOverViews(statistics.magnitude_sum[i], statistics.view_count[i]);
   }
   std::vector<float> sorted = magnitudes;
   const auto quantile = sorted.begin() + static_cast<std::ptrdiff_t>(passing - 1);
   std::nth_element(sorted.begin(), quantile, sorted.end(), std::greater<>());
   if (*quantile <= 0) return scores;
-  for (std::size_t i = 0; i < count; i++) scores[i] = std::max(scores[i], magnitudes[i] / *quantile);
+  for (std::size_t i = 0; i < count; ++i) scores[i] = std::max(scores[i], magnitudes[i] / *quantile);
   return scores;
 }
 
@@ -48,11 +48,11 @@ void DensityStatistics::add(const ModelGradient& gradient) {
                 gradient.screen_gradient_abs.size() == score_sum.size() &&
                 gradient.screen_radius.size() == score_sum.size(),
             "the gradient is of the model that is counted");
-  for (std::size_t i = 0; i < score_sum.size(); i++) {
+  for (std::size_t i = 0; i < score_sum.size(); ++i) {
     if (gradient.screen_radius[i] <= 0) continue;
     score_sum[i] += gradient.screen_gradient[i];
     magnitude_sum[i] += gradient.screen_gradient_abs[i];
-    view_count[i]++;
+    ++view_count[i];
     max_radius[i] = std::max(max_radius[i], gradient.screen_radius[i]);
   }
 }
@@ -72,7 +72,7 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
   const std::vector<float> scores = densificationScores(statistics, settings);
   std::vector<std::uint32_t> source;
   std::vector<Candidate> candidates;
-  for (std::uint32_t i = 0; i < model.size(); i++) {
+  for (std::uint32_t i = 0; i < model.size(); ++i) {
     if (prunable(model.opacity_logit[i], model.log_scale[i], statistics.max_radius[i], settings)) continue;
     source.push_back(i);
     if (scores[i] >= 1) candidates.push_back({i, scores[i]});
@@ -104,10 +104,10 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
     const std::size_t added = source.size();
     source.push_back(candidate.gaussian);
     if (clonable(model.log_scale[candidate.gaussian], settings)) {
-      result.cloned++;
+      ++result.cloned;
       continue;
     }
-    result.split++;
+    ++result.split;
     const auto place = static_cast<std::size_t>(
         std::lower_bound(source.begin(), source.begin() + static_cast<std::ptrdiff_t>(kept), candidate.gaussian) -
         source.begin());

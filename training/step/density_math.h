@@ -56,7 +56,7 @@ TG_FN float meanOverViews(float sum, std::uint32_t views) {
 // A point drawn from the Gaussian itself.
 TG_FN glm::vec3 sampleGaussian(glm::vec3 mean, glm::vec4 rotation, glm::vec3 log_scale, Random& random) {
   glm::vec3 local;
-  for (int axis = 0; axis < 3; axis++) local[axis] = exp(log_scale[axis]) * static_cast<float>(random.normal());
+  for (int axis = 0; axis < 3; ++axis) local[axis] = exp(log_scale[axis]) * static_cast<float>(random.normal());
   return mean + rotationFromQuaternion(rotation) * local;
 }
 
@@ -87,11 +87,11 @@ TG_FN SharedGaussian shareGaussian(float opacity, int count) {
   // The integral along a line through the centre of the sum of the blended shares, over one share's own.
   double denominator = 0;
   double binomial[kMostShared] = {};  // row i - 1 of Pascal's triangle
-  for (int i = 1; i <= count; i++) {
+  for (int i = 1; i <= count; ++i) {
     for (int k = i - 1; k > 0; k--) binomial[k] = k == i - 1 ? 1 : binomial[k] + binomial[k - 1];
     binomial[0] = 1;
     double power = shared;
-    for (int k = 0; k < i; k++) {
+    for (int k = 0; k < i; ++k) {
       denominator += binomial[k] * (k % 2 == 0 ? 1 : -1) * power / sqrt(k + 1.0);
       power *= shared;
     }
@@ -114,7 +114,7 @@ constexpr double kFilterImageMargin = 0.15;  // of the image, a side
 // Size of a pixel at `mean` in the camera that sees it largest; 0: none sees it. [world units]
 TG_FN float pixelSizeAt(glm::vec3 mean, const Pinhole* cameras, std::size_t count) {
   double smallest = 0;
-  for (std::size_t k = 0; k < count; k++) {
+  for (std::size_t k = 0; k < count; ++k) {
     const Pinhole& camera = cameras[k];
     const glm::dvec3 at = cameraFromWorld(camera, mean);
     if (!(at.z > kNear)) continue;

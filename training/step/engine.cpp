@@ -36,7 +36,7 @@ void clampColors(std::vector<glm::vec4>& texels) {
   constexpr std::int64_t kChunk = 1 << 16;
   const auto count = static_cast<std::int64_t>(texels.size());
   parallelFor((count + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
-    for (std::int64_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); i++) {
+    for (std::int64_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
       texels[i] = glm::clamp(texels[i], glm::vec4(0.0f), glm::vec4(1.0f));
     }
   });

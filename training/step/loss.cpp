@@ -22,9 +22,9 @@ constexpr int kBackward = 3;  // dSSIM / d(mean, variance, covariance)
 // padded: [width + 10], the row with 5 zeros on either side.
 TG_SIMD_CLONES void blurAlongRow(const float* __restrict padded, const float* __restrict w, int width,
                                  float* __restrict out) {
-  for (int x = 0; x < width; x++) {
+  for (int x = 0; x < width; ++x) {
     float sum = 0;
-    for (int k = 0; k < kTaps; k++) sum += w[k] * padded[x + k];
+    for (int k = 0; k < kTaps; ++k) sum += w[k] * padded[x + k];
     out[x] = sum;
   }
 }
@@ -33,7 +33,7 @@ TG_SIMD_CLONES void blurAcrossRows(const float* const* rows, const float* __rest
                                    float* __restrict out) {
   const float *r0 = rows[0], *r1 = rows[1], *r2 = rows[2], *r3 = rows[3], *r4 = rows[4], *r5 = rows[5], *r6 = rows[6],
               *r7 = rows[7], *r8 = rows[8], *r9 = rows[9], *r10 = rows[10];
-  for (int x = 0; x < width; x++) {
+  for (int x = 0; x < width; ++x) {
     out[x] = w[0] * (r0[x] + r10[x]) + w[1] * (r1[x] + r9[x]) + w[2] * (r2[x] + r8[x]) + w[3] * (r3[x] + r7[x]) +
              w[4] * (r4[x] + r6[x]) + w[5] * r5[x];
   }
@@ -41,14 +41,14 @@ TG_SIMD_CLONES void blurAcrossRows(const float* const* rows, const float* __rest
 
 TG_SIMD_CLONES void multiplyRows(const float* __restrict a, const float* __restrict b, int width,
                                  float* __restrict out) {
-  for (int x = 0; x < width; x++) out[x] = a[x] * b[x];
+  for (int x = 0; x < width; ++x) out[x] = a[x] * b[x];
 }
 
 // SSIM of one row of windows and its derivatives with respect to the moments of the picture.
 TG_SIMD_CLONES void ssimRow(const float* __restrict m1, const float* __restrict m2, const float* __restrict e11,
                             const float* __restrict e22, const float* __restrict e12, int width, float* __restrict ssim,
                             float* __restrict v_mean, float* __restrict v_variance, float* __restrict v_covariance) {
-  for (int x = 0; x < width; x++) {
+  for (int x = 0; x < width; ++x) {
     const SsimPixel pixel = ssimPixel(m1[x], m2[x], e11[x], e22[x], e12[x]);
     ssim[x] = pixel.value;
     v_mean[x] = pixel.v_mean;
@@ -61,7 +61,7 @@ TG_SIMD_CLONES void gradientRow(const float* __restrict picture, const float* __
                                 const float* __restrict g_mean, const float* __restrict g_variance,
                                 const float* __restrict g_covariance, int width, float l1_weight, float ssim_weight,
                                 float* __restrict out) {
-  for (int x = 0; x < width; x++) {
+  for (int x = 0; x < width; ++x) {
     out[x] = lossGradientOf(picture[x], target[x], g_mean[x], g_variance[x], g_covariance[x], l1_weight, ssim_weight);
   }
 }
@@ -87,7 +87,7 @@ class BlurBand {
   // The blurred row y; rows outside [0, height) are zero.
   void pull(int quantity, int y, int height, float* out) const {
     const float* rows[kTaps];
-    for (int k = 0; k < kTaps; k++) {
+    for (int k = 0; k < kTaps; ++k) {
       const int source = y + k - kRadius;
       rows[k] = source < 0 || source >= height ? zeros_ : row(quantity, source);
     }
@@ -111,12 +111,12 @@ SsimWindow makeSsimWindow() {
   constexpr double kSigma = 1.5;
   double weights[kTaps];
   double sum = 0;
-  for (int i = 0; i < kTaps; i++) {
+  for (int i = 0; i < kTaps; ++i) {
     weights[i] = std::exp(-(i - kRadius) * (i - kRadius) / (2 * kSigma * kSigma));
     sum += weights[i];
   }
   SsimWindow window;
-  for (int i = 0; i < kTaps; i++) window.weights[i] = static_cast<float>(weights[i] / sum);
+  for (int i = 0; i < kTaps; ++i) window.weights[i] = static_cast<float>(weights[i] / sum);
   return window;
 }
 
@@ -148,12 +148,12 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
   const int bands = (height + kBand - 1) / kBand;
 
   // A channel at a time: a third of the memory, which is 20 bytes a pixel.
-  for (int c = 0; c < 3; c++) {
+  for (int c = 0; c < 3; ++c) {
     parallelFor(height, 8, [&](int y) {
       float* a = plane(0, y);
       float* b = plane(1, y);
       RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + y];
-      for (int x = 0; x < width; x++) {
+      for (int x = 0; x < width; ++x) {
         const std::size_t i = static_cast<std::size_t>(y) * width + x;
         a[x] = picture[i][c];
         b[x] = static_cast<float>(target[i * 3 + c]) / 255.0f;
@@ -171,7 +171,7 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
       const int first = static_cast<int>(band) * kBand;
       const int last = std::min(first + kBand, height);
       BlurBand blur(scratch.data(), kForward, width, window);
-      for (int y = std::max(first - kRadius, 0); y < last + kRadius; y++) {
+      for (int y = std::max(first - kRadius, 0); y < last + kRadius; ++y) {
         if (y < height) {
           const float* a = plane(0, y);
           const float* b = plane(1, y);
@@ -188,17 +188,17 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         }
         const int done = y - kRadius;
         if (done < first) continue;
-        for (int q = 0; q < kForward; q++) blur.pull(q, done, height, blurred + static_cast<std::size_t>(q) * width);
+        for (int q = 0; q < kForward; ++q) blur.pull(q, done, height, blurred + static_cast<std::size_t>(q) * width);
         const auto value = [&](int q) { return blurred + static_cast<std::size_t>(q) * width; };
         float* ssim = value(kForward);
         ssimRow(value(0), value(1), value(2), value(3), value(4), width, ssim, moment(0, done), moment(1, done),
                 moment(2, done));
-        for (int x = 0; x < width && !mask.empty(); x++) {
+        for (int x = 0; x < width && !mask.empty(); ++x) {
           if (mask[static_cast<std::size_t>(done) * width + x] != 0) continue;
           ssim[x] = moment(0, done)[x] = moment(1, done)[x] = moment(2, done)[x] = 0;
         }
         RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + done];
-        for (int x = 0; x < width; x++) sums.ssim += ssim[x];
+        for (int x = 0; x < width; ++x) sums.ssim += ssim[x];
       }
     });
 
@@ -209,9 +209,9 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
       const int first = static_cast<int>(band) * kBand;
       const int last = std::min(first + kBand, height);
       BlurBand blur(scratch.data(), kBackward, width, window);
-      for (int y = std::max(first - kRadius, 0); y < last + kRadius; y++) {
+      for (int y = std::max(first - kRadius, 0); y < last + kRadius; ++y) {
         if (y < height) {
-          for (int q = 0; q < kBackward; q++) {
+          for (int q = 0; q < kBackward; ++q) {
             const float* source = moment(q, y);
             std::copy(source, source + width, blur.input());
             blur.push(q, y);
@@ -220,10 +220,10 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         const int done = y - kRadius;
         if (done < first) continue;
         const auto value = [&](int q) { return blurred + static_cast<std::size_t>(q) * width; };
-        for (int q = 0; q < kBackward; q++) blur.pull(q, done, height, value(q));
+        for (int q = 0; q < kBackward; ++q) blur.pull(q, done, height, value(q));
         gradientRow(plane(0, done), plane(1, done), value(0), value(1), value(2), width, (1 - ssim_weight_) / count,
                     ssim_weight_ / count, value(kBackward));
-        for (int x = 0; x < width; x++) {
+        for (int x = 0; x < width; ++x) {
           const std::size_t i = static_cast<std::size_t>(done) * width + x;
           v_picture[i][c] = mask.empty() || mask[i] != 0 ? value(kBackward)[x] : 0.0f;
         }

@@ -34,7 +34,7 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
   std::vector<double> cumulative(count);
   std::vector<std::uint32_t> dead;
   double sum = 0;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     const double opacity = sigmoid(model.opacity_logit[i]);
     if (opacity <= settings.dead_opacity) {
       dead.push_back(static_cast<std::uint32_t>(i));
@@ -51,7 +51,7 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
   std::vector<int> copies(count, 1);
   for (const std::uint32_t i : dead) {
     source[i] = draw(cumulative, random);
-    copies[source[i]]++;
+    ++copies[source[i]];
   }
   result.relocated = dead.size();
   const auto step = static_cast<std::size_t>(std::ceil(static_cast<double>(count) * double{settings.growth} - 1e-3));
@@ -63,7 +63,7 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
   result.added = target - count;
 
   selectGaussians(state, source, count);
-  for (std::size_t i = 0; i < source.size(); i++) {
+  for (std::size_t i = 0; i < source.size(); ++i) {
     const int shared = copies[source[i]];
     if (shared == 1) continue;
     shareParameters(shared, settings.dead_opacity, state.model.opacity_logit[i], state.model.log_scale[i]);

@@ -20,7 +20,7 @@ constexpr std::size_t kUniformLane = 16;  // row length for blocks with one rate
 TG_SIMD_CLONES void adamRow(float* __restrict value, const float* __restrict gradient, float* __restrict first,
                             float* __restrict second, const float* __restrict rates, std::size_t lane,
                             AdamScales scales) {
-  for (std::size_t i = 0; i < lane; i++) {
+  for (std::size_t i = 0; i < lane; ++i) {
     adamUpdate(value[i], gradient[i], first[i], second[i], rates[i], scales);
   }
 }
@@ -30,7 +30,7 @@ void adamBlock(std::span<float> value, std::span<const float> gradient, Moments&
   const std::size_t lane = rates.size();
   const auto rows = static_cast<std::int64_t>((value.size() + lane - 1) / lane);
   parallelFor((rows + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
-    for (std::int64_t row = chunk * kChunk; row < std::min(rows, (chunk + 1) * kChunk); row++) {
+    for (std::int64_t row = chunk * kChunk; row < std::min(rows, (chunk + 1) * kChunk); ++row) {
       const std::size_t at = static_cast<std::size_t>(row) * lane;
       adamRow(value.data() + at, gradient.data() + at, moments.first.data() + at, moments.second.data() + at,
               rates.data(), std::min(lane, value.size() - at), scales);
@@ -71,7 +71,7 @@ void adamStep(TrainingState& state, const ModelGradient& gradient, const Learnin
       },
       state.model, gradient);
   GaussianModel& model = state.model;
-  state.step++;
+  ++state.step;
   const AdamScales scales = adamScales(state.step);
   const auto move = [&](const Field& field, auto& value, const auto& v_value, Moments& moments, Rate rate) {
     std::vector<float> lane(field.harmonic ? field.row(model.shCount()) : kUniformLane, rate.rest);

@@ -68,7 +68,7 @@ TG_FN void filterGradientOf(glm::vec3 log_scale, float opacity_logit, float min_
   const double effective = opacity * share.compensation;
   // v_effective_logit / (1 - effective) = dL/d ln(effective opacity).
   const double v_log_opacity = v_opacity_logit / (1 - effective);
-  for (int axis = 0; axis < 3; axis++) {
+  for (int axis = 0; axis < 3; ++axis) {
     double v = v_log_scale[axis] * share.kept[axis];
     if (axis != share.shortest) v += v_log_opacity * (1 - share.kept[axis]);
     v_log_scale[axis] = static_cast<float>(v);

@@ -51,12 +51,12 @@ std::vector<TextureRect> footprintRects(const GaussianModel& model, std::span<co
   TG_ASSERT(pixel_sizes.size() == model.size(), "a size a Gaussian");
   const auto rects = [&](double pitch) {
     std::vector<TextureRect> result(model.size());
-    for (std::size_t i = 0; i < model.size(); i++) result[i] = footprintRect(model, i, pixel_sizes[i], pitch);
+    for (std::size_t i = 0; i < model.size(); ++i) result[i] = footprintRect(model, i, pixel_sizes[i], pitch);
     return result;
   };
   // Fewer texels the larger the pitch: bisection in its logarithm.
   double low = std::log(1e-3), high = std::log(1e6);
-  for (int step = 0; step < 40; step++) {
+  for (int step = 0; step < 40; ++step) {
     const double middle = (low + high) / 2;
     (texelCount(rects(std::exp(middle))) > texel_budget ? low : high) = middle;
   }
@@ -81,7 +81,7 @@ void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMo
   model.atlas.rects = std::move(rects);
   model.atlas.texels.assign(texels, glm::vec4(glm::vec3(color ? kPaperColor : 0.0f), 1.0f));
   if (color) {
-    for (std::size_t i = 0; i < model.size(); i++) model.sh[i * model.shCount()] -= kPaperColor / kShC0;
+    for (std::size_t i = 0; i < model.size(); ++i) model.sh[i * model.shCount()] -= kPaperColor / kShC0;
   }
   resetMoments(state);
 }

@@ -24,15 +24,17 @@ Image pictureOf(Renderer& renderer, const Scene& scene, const Camera& camera, co
 // The view's photograph, and what it is called.
 std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& options, const Scene& scene,
                                                          const Camera& view, glm::vec3 background) {
-  if (options.camera.empty() && scene.cameras.empty())
+  if (options.camera.empty() && scene.cameras.empty()) {
     throw Error(ErrorKind::usage, "--photos", options.model.string() + " has no cameras (expected --camera FILE.json)");
+  }
   const Photographs photographs(options.photographs);
   ViewOptions as_taken = options;
   as_taken.size.reset();
   const Camera taken = cameraFor(as_taken, scene);
   const std::filesystem::path file = photographs.find(taken);
-  if (file.empty())
+  if (file.empty()) {
     throw Error(ErrorKind::cannotRead, options.photographs.string(), "holds no photograph \"" + taken.name + "\"");
+  }
   return {resampled(readImage(file), taken, view, background), file.filename().string()};
 }
 
@@ -40,14 +42,16 @@ std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& opti
 
 void compareToFile(const ViewOptions& options) {
   const std::string extension = options.out.extension().string();
-  if (extension != ".png" && extension != ".jpg")
+  if (extension != ".png" && extension != ".jpg") {
     throw Error(ErrorKind::usage, options.out.string(),
                 "a comparison is a picture (expected .png or .jpg, found \"" + extension + "\")");
+  }
   Comparison how;
   how.mode = options.compare_mode;
-  if (how.mode == CompareMode::off || how.mode == CompareMode::flicker)
+  if (how.mode == CompareMode::off || how.mode == CompareMode::flicker) {
     throw Error(ErrorKind::usage, "--compare-mode",
                 "expected side, wipe or difference with --render, found \"" + std::string(name(how.mode)) + "\"");
+  }
 
   const Scene scene = readScene(options);
   Camera camera = cameraFor(options, scene);

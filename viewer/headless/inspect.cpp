@@ -15,10 +15,11 @@ void inspectHeadless(const ViewOptions& options) {
   const Scene scene = readScene(options);
   const Camera camera = cameraFor(options, scene);
   const glm::ivec2 pixel = *options.inspect;
-  if (pixel.x >= camera.size.x || pixel.y >= camera.size.y)
+  if (pixel.x >= camera.size.x || pixel.y >= camera.size.y) {
     throw Error(ErrorKind::usage, "--inspect: expected a pixel of the " + std::to_string(camera.size.x) + "x" +
                                       std::to_string(camera.size.y) + " picture, found " + std::to_string(pixel.x) +
                                       "," + std::to_string(pixel.y));
+  }
   const RenderSettings settings = settingsFor(options, scene.background);
   const std::vector<PixelHit> hits = inspectPixel(*scene.model, camera, settings, pixel);
   std::fputs(formatInspection(*scene.model, camera, settings, pixel, hits).c_str(), stdout);

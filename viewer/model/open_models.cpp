@@ -73,10 +73,11 @@ bool OpenModels::takeLoaded(ViewerState& state) {
     const bool partial = document >= 0 && (shown ? state.scene : state.documents.open[document].scene).partial;
     if (news->scene && news->scene->partial) {
       // A file that is read again is seen whole until it is there whole again.
-      if (document < 0)
+      if (document < 0) {
         open(state, std::move(*news->scene));
-      else if (partial)
+      } else if (partial) {
         replace(state, document, std::move(*news->scene));
+      }
       changed = true;
       state.loading.part_owed = state.documents.shown == documentOf(state, news->path);
       continue;
@@ -128,10 +129,11 @@ bool OpenModels::takeFollowed(ViewerState& state) {
   try {
     Scene scene = sceneOf(std::move(*news->model), follower_->file());
     const int document = documentOf(state, follower_->file());
-    if (document >= 0)
+    if (document >= 0) {
       replace(state, document, std::move(scene));
-    else
+    } else {
       open(state, std::move(scene));
+    }
     opened_any_ = true;
     ++state.follow.reloads;
   } catch (const std::bad_alloc&) {
@@ -162,10 +164,11 @@ void OpenModels::firstView(ViewerState& state) {
 
 void OpenModels::replace(ViewerState& state, int document, Scene scene) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
-  if (document == state.documents.shown)
+  if (document == state.documents.shown) {
     replaceScene(state, std::move(scene));
-  else
+  } else {
     state.documents.open[document].scene = std::move(scene);
+  }
 }
 
 void OpenModels::show(ViewerState& state, int document) {

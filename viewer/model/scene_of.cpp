@@ -74,8 +74,9 @@ TrainingProgress trainingProgress(const std::string& training_json) {
   for (const std::string stage : {"count", "plain", "textured", "untextured"}) {
     const nlohmann::json* report = member(*stages, stage.c_str());
     if (!report || (progress.finished && stage == "untextured") ||
-        (!progress.stage.empty() && whole(*report, "iterations") == 0))
+        (!progress.stage.empty() && whole(*report, "iterations") == 0)) {
       continue;
+    }
     progress.stage = stage;
     progress.iteration = whole(*report, "iterations");
     const auto psnr = report->find("train_psnr");

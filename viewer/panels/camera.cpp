@@ -50,10 +50,11 @@ void cameraList(ViewerState& state) {
 
 void cameraSection(ViewerState& state) {
   heading("CAMERA");
-  if (state.scene.cameras.empty())
+  if (state.scene.cameras.empty()) {
     ImGui::TextDisabled("The model has no cameras");
-  else
+  } else {
     cameraList(state);
+  }
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
   ImGui::SetNextItemWidth(half);
@@ -101,8 +102,9 @@ void motionSection(ViewerState& state) {
   ImGui::SameLine(0, spacing);
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   auto speed = static_cast<float>(camera.turntable_speed / kDegrees);
-  if (ImGui::SliderFloat("##turn", &speed, -180.0f, 180.0f, "%.0f\xc2\xb0 / s", ImGuiSliderFlags_AlwaysClamp))
+  if (ImGui::SliderFloat("##turn", &speed, -180.0f, 180.0f, "%.0f\xc2\xb0 / s", ImGuiSliderFlags_AlwaysClamp)) {
     camera.turntable_speed = speed * kDegrees;
+  }
 }
 
 void bookmarkSection(ViewerState& state) {
@@ -130,8 +132,9 @@ void bookmarkSection(ViewerState& state) {
     const float width = ImGui::GetContentRegionAvail().x - close - ImGui::GetStyle().ItemInnerSpacing.x;
     ImGui::AlignTextToFramePadding();
     const std::string& label = camera.bookmarks[static_cast<std::size_t>(i)].name;
-    if (ImGui::Selectable(label.empty() ? "(no name)" : label.c_str(), i == camera.bookmark, 0, {width, 0}))
+    if (ImGui::Selectable(label.empty() ? "(no name)" : label.c_str(), i == camera.bookmark, 0, {width, 0})) {
       goToBookmark(state, static_cast<std::size_t>(i));
+    }
     ImGui::SameLine(0, ImGui::GetStyle().ItemInnerSpacing.x);
     const bool remove = ImGui::SmallButton("x");
     ImGui::PopID();

@@ -39,8 +39,9 @@ void outputSection(ViewerState& state) {
   heading("SHOW");
   for (int i = 0; i < static_cast<int>(choices.size()); ++i) {
     const Choice& choice = choices[static_cast<std::size_t>(i)];
-    if (segment(choice.label, state.display.output == choice.output, i % kColumns, kColumns))
+    if (segment(choice.label, state.display.output == choice.output, i % kColumns, kColumns)) {
       state.display.output = choice.output;
+    }
     hint(choice.hint);
   }
 }
@@ -62,8 +63,9 @@ std::size_t settingWidgets(ViewerState& state, std::string_view heading) {
     for (std::size_t i = 0; i < line.size(); ++i) {
       const auto& [setting, choice] = line[i];
       const bool active = setting->get(shown) == choice->name;
-      if (segment(choice->label, active, static_cast<int>(i), static_cast<int>(line.size())))
+      if (segment(choice->label, active, static_cast<int>(i), static_cast<int>(line.size()))) {
         setting->set(settings, std::string(choice->name), "");
+      }
       const char* trained = choice->name == name(state.scene.intersection) ? "What the model was trained with"
                                                                            : "Not what the model was trained with";
       hint(((choice->help ? choice->help : trained) + keyOf(setting->name)).c_str());
@@ -77,11 +79,12 @@ std::size_t settingWidgets(ViewerState& state, std::string_view heading) {
         ImGuiSliderFlags_AlwaysClamp | (slider.logarithmic ? ImGuiSliderFlags_Logarithmic : ImGuiSliderFlags_None);
     if (i % 2 == 1) ImGui::SameLine(0, spacing);
     ImGui::SetNextItemWidth(sliders.size() > 1 ? (room - spacing) / 2 : room);
-    if (sliders[i]->number)
+    if (sliders[i]->number) {
       ImGui::SliderFloat(id.c_str(), &(settings.*sliders[i]->number), slider.low, slider.high, slider.format, flags);
-    else
+    } else {
       ImGui::SliderInt(id.c_str(), &(settings.*sliders[i]->whole), static_cast<int>(slider.low),
                        static_cast<int>(slider.high), slider.format, flags);
+    }
     hint(slider.help);
   }
   return sliders.size();

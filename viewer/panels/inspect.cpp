@@ -84,8 +84,9 @@ void list(ViewerState& state) {
         ImGui::TableNextColumn();
         ImGui::PushID(i);
         if (ImGui::Selectable(std::to_string(hit.index).c_str(), i == state.inspect.picked,
-                              ImGuiSelectableFlags_SpanAllColumns))
+                              ImGuiSelectableFlags_SpanAllColumns)) {
           pickHit(state, i);
+        }
         ImGui::PopID();
         ImGui::TableNextColumn();
         ImGui::Text("%.3f", hit.t);

@@ -111,10 +111,11 @@ void progress(const ViewerState& state) {
                    ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing);
   ImGui::TextUnformatted(loading.path.filename().string().c_str());
   ImGui::SameLine();
-  if (loading.waiting > 0)
+  if (loading.waiting > 0) {
     ImGui::TextDisabled("and %zu more, Esc stops", loading.waiting);
-  else
+  } else {
     ImGui::TextDisabled("Esc stops");
+  }
   const double done = static_cast<double>(loading.done) / 1e6, total = static_cast<double>(loading.total) / 1e6;
   char text[64];
   std::snprintf(text, sizeof text, "%.0f of %.0f MB", done, total);

@@ -26,8 +26,9 @@ bool keyRow(ViewerState& state, std::size_t index) {
   auto seconds = static_cast<float>(keySeconds(editor.path, index));
   const bool last = index + 1 == editor.path.keys.size();
   if (ImGui::DragFloat("##seconds", &seconds, 0.05f, last ? 0.0f : 0.05f, 3600.0f,
-                       last && seconds == 0 ? "end" : "%.2f s", ImGuiSliderFlags_AlwaysClamp))
+                       last && seconds == 0 ? "end" : "%.2f s", ImGuiSliderFlags_AlwaysClamp)) {
     changeKeySeconds(state, index, seconds);
+  }
   hint(last ? "Back to the first key; 0: the path ends here" : "To the next key");
   ImGui::TableNextColumn();
   if (ImGui::Button("Set")) replaceKey(state, index);
@@ -42,8 +43,9 @@ void keyTable(ViewerState& state) {
   const float row = ImGui::GetFrameHeightWithSpacing();
   const std::size_t rows = std::clamp<std::size_t>(state.path.path.keys.size(), 1, 8);
   if (!ImGui::BeginTable("keys", 3, ImGuiTableFlags_SizingFixedFit | ImGuiTableFlags_ScrollY,
-                         {0, row * static_cast<float>(rows) + 4}))
+                         {0, row * static_cast<float>(rows) + 4})) {
     return;
+  }
   ImGui::TableSetupColumn("key", ImGuiTableColumnFlags_WidthFixed, ImGui::GetFontSize() * 2);
   ImGui::TableSetupColumn("seconds", ImGuiTableColumnFlags_WidthStretch);
   ImGui::TableSetupColumn("edit");
@@ -87,13 +89,15 @@ void keySection(ViewerState& state) {
   auto seconds = static_cast<float>(editor.at);
   const auto whole = static_cast<float>(duration(editor.path));
   const std::string format = "%.2f / " + std::to_string(whole).substr(0, 5) + " s";
-  if (ImGui::SliderFloat("##at", &seconds, 0.0f, whole, format.c_str(), ImGuiSliderFlags_AlwaysClamp))
+  if (ImGui::SliderFloat("##at", &seconds, 0.0f, whole, format.c_str(), ImGuiSliderFlags_AlwaysClamp)) {
     seekPath(state, seconds);
+  }
   ImGui::Checkbox("Lines in the scene", &editor.drawn);
   ImGui::SameLine();
   bool loop = editor.path.closing > 0;
-  if (ImGui::Checkbox("Loop", &loop))
+  if (ImGui::Checkbox("Loop", &loop)) {
     changeKeySeconds(state, editor.path.keys.size() - 1, loop ? editor.key_seconds : 0);
+  }
   hint("Back to the first key at the end");
 }
 

@@ -60,8 +60,9 @@ void timeSection(ViewerState& state, const FrameStatistics& statistics) {
   auto percent = static_cast<float>(100 * state.display.resolution);
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   if (ImGui::SliderFloat("##resolution", &percent, 100 * kMinResolution, 100 * kMaxResolution, "Resolution %.0f %%",
-                         ImGuiSliderFlags_AlwaysClamp))
+                         ImGuiSliderFlags_AlwaysClamp)) {
     state.display.resolution = percent / 100;
+  }
   hint("Of the picture, against the window's pixels");
   ImGui::Checkbox("Draw without pause", &state.ui.continuous);
   hint("Otherwise a frame is drawn only when something changes");

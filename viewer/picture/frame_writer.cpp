@@ -70,8 +70,9 @@ class Encoder {
           glm::ivec2 size, double fps)
       : reported_(reported), messages_(std::tmpfile()) {
     int ends[2];
-    if (!messages_ || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
+    if (!messages_ || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
       failSystem(reported, "cannot start ffmpeg", errno);
+    }
     input_ = std::make_unique<Descriptor>(ends[0]);
     const Descriptor reader(ends[1]);
     start(program, arguments(out, size, fps), reader.get());
@@ -154,9 +155,10 @@ class Encoder {
     std::rewind(messages_.get());
     text.resize(std::fread(text.data(), 1, text.size(), messages_.get()));
     while (!text.empty() && text.back() == '\n') text.pop_back();
-    if (text.empty())
+    if (text.empty()) {
       text = WIFSIGNALED(status) ? "ended by signal " + std::to_string(WTERMSIG(status))
                                  : "exit code " + std::to_string(WEXITSTATUS(status));
+    }
     throw Error(ErrorKind::cannotWrite, reported_.string(), "ffmpeg failed: " + text);
   }
 
@@ -231,10 +233,11 @@ FrameWriter::FrameWriter(RecordTarget target, glm::ivec2 size, double fps)
   requireWritable(target_.video ? target_.path : framePath(target_, 0));
   if (target_.video) {
     ffmpeg_ = findProgram("ffmpeg");
-    if (ffmpeg_.empty())
+    if (ffmpeg_.empty()) {
       throw Error(ErrorKind::cannotWrite, target_.path.string(),
                   "a video needs the ffmpeg program (expected ffmpeg in PATH, found none; a folder or frames/####.png "
                   "takes the pictures without it)");
+    }
   }
   thread_ = startWorker(frames_, [this](const std::stop_token& stop) {
     const NextFrame next = [&] {

@@ -38,8 +38,9 @@ Photographs::Photographs(std::filesystem::path folder) : folder_(std::move(folde
     by_stem_[at->path().stem().string()].push_back(at->path().lexically_relative(folder_));
     ++count_;
   }
-  if (count_ == 0)
+  if (count_ == 0) {
     throw Error(ErrorKind::cannotRead, folder_.string(), "holds no photographs (expected .png, .jpg or .jpeg files)");
+  }
   for (auto& [stem, paths] : by_stem_) {
     std::sort(paths.begin(), paths.end(),
               [](const fs::path& a, const fs::path& b) { return std::pair(depth(a), a) < std::pair(depth(b), b); });

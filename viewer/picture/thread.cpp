@@ -66,8 +66,9 @@ void PictureThread::run(const std::stop_token& stop) {
         if (asked) newest = asked;
         // With room for another one, it looks up now and then for a request.
         const bool alone = most == 1 || maker->underWay() == most || refused;
-        if (auto done = maker->finish(alone ? std::numeric_limits<double>::infinity() : kLook))
+        if (auto done = maker->finish(alone ? std::numeric_limits<double>::infinity() : kLook)) {
           result.picture = std::make_shared<const Picture>(std::move(*done));
+        }
         break;
       } catch (const std::bad_alloc&) {
         reason = "not enough memory";

@@ -13,12 +13,13 @@ constexpr std::array kDisplayVerbs = {
     Verb{"hold-textures-off", 1, 0, [](const Call& c) { c.state.display.textures_held_off = c.on(); }},
     Verb{"crop", 1, 0,
          [](const Call& c) {
-           if (c[0] == "fit")
+           if (c[0] == "fit") {
              fitCrop(c.state);
-           else if (c[0] == "reset")
+           } else if (c[0] == "reset") {
              resetCrop(c.state);
-           else if (c[0] != "on" && c[0] != "off")
+           } else if (c[0] != "on" && c[0] != "off") {
              c.state.display.box = parseCrop(c[0], c.what);
+           }
            c.state.display.crop = c[0] != "off";
          }},
     Verb{"inspect", 2, kFramesOfPanels,
@@ -42,8 +43,9 @@ std::span<const Verb> displayVerbs() { return kDisplayVerbs; }
 std::span<const Verb> settingVerbs() {
   static const std::vector<Verb> verbs = [] {
     std::vector<Verb> rows;
-    for (const RenderSetting& setting : renderSettings())
+    for (const RenderSetting& setting : renderSettings()) {
       rows.push_back({setting.name, 1, 0, nullptr, nullptr, &setting});
+    }
     return rows;
   }();
   return verbs;

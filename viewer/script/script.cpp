@@ -39,8 +39,9 @@ int parseKey(const std::string& text, const std::string& what) {
 int parseDocument(const Call& call) {
   const double number = call.number(0);
   const std::size_t count = call.state.documents.open.size();
-  if (!(number >= 0 && number < static_cast<double>(count)) || number != static_cast<int>(number))
+  if (!(number >= 0 && number < static_cast<double>(count)) || number != static_cast<int>(number)) {
     refuseValue(call.what, call[0], "one of " + std::to_string(count) + " open models, counted from 0");
+  }
   return static_cast<int>(number);
 }
 

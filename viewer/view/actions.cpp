@@ -84,10 +84,11 @@ void toggleInspecting(ViewerState& state) {
 }
 
 void toggleIsolated(ViewerState& state) {
-  if (pickedGaussian(state))
+  if (pickedGaussian(state)) {
     state.inspect.isolated = !state.inspect.isolated;
-  else
+  } else {
     notify(state, "Nothing is picked: Alt+click a pixel, or M and click");
+  }
 }
 
 void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
@@ -97,14 +98,15 @@ void closeDocument(ViewerState& state) {
 }
 
 void escape(ViewerState& state) {
-  if (!state.messages.error.empty())
+  if (!state.messages.error.empty()) {
     state.messages.error.clear();
-  else if (state.ui.help)
+  } else if (state.ui.help) {
     state.ui.help = false;
-  else if (state.loading.active)
+  } else if (state.loading.active) {
     state.loading.cancel = true;
-  else
+  } else {
     state.quit = true;
+  }
 }
 
 std::string stemOf(const ViewerState& state) {

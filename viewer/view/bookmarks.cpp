@@ -20,9 +20,10 @@ Camera currentCamera(const ViewerState& state, int height) {
 
 void addBookmark(ViewerState& state) {
   std::vector<Camera>& bookmarks = state.camera.bookmarks;
-  if (bookmarks.size() >= kMaxBookmarks)
+  if (bookmarks.size() >= kMaxBookmarks) {
     throw Error(ErrorKind::usage,
                 "there are too many bookmarks (expected at most " + std::to_string(kMaxBookmarks) + ")");
+  }
   Camera camera = currentCamera(state);
   const auto taken = [&bookmarks](const std::string& name) {
     return std::any_of(bookmarks.begin(), bookmarks.end(), [&](const Camera& b) { return b.name == name; });
@@ -61,10 +62,11 @@ void saveBookmarks(const ViewerState& state, const std::filesystem::path& file) 
 
 void readBookmarks(ViewerState& state, const std::filesystem::path& file) {
   std::vector<Camera> cameras = readCameras(file);
-  if (cameras.size() > kMaxBookmarks)
+  if (cameras.size() > kMaxBookmarks) {
     throw Error(ErrorKind::badData, file.string(),
                 "too many bookmarks (expected at most " + std::to_string(kMaxBookmarks) + ", found " +
                     std::to_string(cameras.size()) + ")");
+  }
   state.camera.bookmarks = std::move(cameras);
   state.camera.bookmark = -1;
 }

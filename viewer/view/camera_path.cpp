@@ -144,12 +144,14 @@ PathKey parseKey(const JsonNode& json) {
   key.position = {x, y, z};
   const std::array<double, 4> q = json.numbers<4>("rotation", -1.5, 1.5);
   key.world_from_camera = glm::dquat(q[0], q[1], q[2], q[3]);
-  if (std::abs(glm::length(key.world_from_camera) - 1.0) > kUnitTolerance)
+  if (std::abs(glm::length(key.world_from_camera) - 1.0) > kUnitTolerance) {
     json.fail("\"rotation\": expected a quaternion of length 1, found " + json.member("rotation").dump());
+  }
   key.world_from_camera = glm::normalize(key.world_from_camera);
   key.lens.fov_y = json.number("fov_y", kMinFov / kDegrees, kMaxFov / kDegrees) * kDegrees;
-  if (json.has("pixel_aspect"))
+  if (json.has("pixel_aspect")) {
     key.lens.pixel_aspect = json.number("pixel_aspect", 1 / kMaxPixelAspect, kMaxPixelAspect);
+  }
   if (json.has("shift")) {
     const auto [right, down] = json.numbers<2>("shift", -kMaxShift, kMaxShift);
     key.lens.shift = {right, down};
@@ -212,8 +214,9 @@ std::vector<Camera> pathCameras(const CameraPath& path, double fps, int width, i
   }
   std::vector<Camera> cameras;
   cameras.reserve(static_cast<std::size_t>(count));
-  for (double frame = 0; frame < count; ++frame)
+  for (double frame = 0; frame < count; ++frame) {
     cameras.push_back(toCamera(at(path, frame / fps), path.aspect, width, height));
+  }
   return cameras;
 }
 
@@ -231,10 +234,11 @@ std::vector<Camera> turntableCameras(const ViewPose& start, const Lens& lens, in
 
 CameraPath pathOf(std::span<const Camera> cameras, double seconds, const std::string& path) {
   if (cameras.empty()) throw Error(ErrorKind::badData, path, "no camera inside (expected at least 1, found 0)");
-  if (cameras.size() > kMaxPathKeys)
+  if (cameras.size() > kMaxPathKeys) {
     throw Error(ErrorKind::badData, path,
                 "too many cameras (expected at most " + std::to_string(kMaxPathKeys) + ", found " +
                     std::to_string(cameras.size()) + ")");
+  }
   CameraPath result;
   result.aspect = static_cast<double>(cameras.front().size.x) / cameras.front().size.y;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -264,23 +268,27 @@ CameraPath parsePath(const std::string& json, const std::string& file) {
   if (root.is_array()) return pathOf(parseCameras(json, file), 1.0, file);
   const JsonNode object{root, file, ""};
   if (!root.is_object()) object.fail(std::string("expected a camera path, found ") + root.type_name());
-  if (object.string("format") != "tgview-path")
+  if (object.string("format") != "tgview-path") {
     object.fail("\"format\": expected \"tgview-path\", found " + object.member("format").dump());
+  }
   (void)object.integer("version", kPathVersion, kPathVersion);
   CameraPath path;
   path.aspect = object.number("aspect", 1e-3, 1e3);
   path.closing = object.has("closing") ? object.number("closing", 0, kMaxPathSeconds) : 0;
   const nlohmann::json& keys = object.member("keys");
-  if (!keys.is_array() || keys.empty() || keys.size() > kMaxPathKeys)
+  if (!keys.is_array() || keys.empty() || keys.size() > kMaxPathKeys) {
     object.fail("\"keys\": expected an array of 1 to " + std::to_string(kMaxPathKeys) + " keys");
+  }
   for (std::size_t i = 0; i < keys.size(); ++i) {
     const JsonNode entry{keys[i], file, "key " + std::to_string(i)};
     path.keys.push_back(parseKey(entry));
-    if (i > 0 && !(path.keys[i].time >= path.keys[i - 1].time + 0.999 * kLeastKeySeconds))
+    if (i > 0 && !(path.keys[i].time >= path.keys[i - 1].time + 0.999 * kLeastKeySeconds)) {
       entry.fail("\"time\": expected at least 1 ms after the key before it");
+    }
   }
-  if (path.closing > 0 && path.closing < 0.999 * kLeastKeySeconds)
+  if (path.closing > 0 && path.closing < 0.999 * kLeastKeySeconds) {
     object.fail("\"closing\": expected 0 or at least 1 ms");
+  }
   return path;
 }
 
@@ -316,8 +324,9 @@ CameraPath readPath(const std::filesystem::path& file) {
 }
 
 void appendKey(CameraPath& path, PathKey key, double seconds) {
-  if (path.keys.size() >= kMaxPathKeys)
+  if (path.keys.size() >= kMaxPathKeys) {
     throw Error(ErrorKind::usage, "the path is full (expected at most " + std::to_string(kMaxPathKeys) + " keys)");
+  }
   key.time = path.keys.empty() ? 0.0 : path.keys.back().time + std::max(seconds, kLeastKeySeconds);
   path.keys.push_back(key);
 }

@@ -43,8 +43,9 @@ bool parseSwitch(const std::string& text, const std::string& what) {
 
 std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what) {
   const double index = parseNumber(text, what);
-  if (!(index >= 0 && index < static_cast<double>(count) && index == std::floor(index)))
+  if (!(index >= 0 && index < static_cast<double>(count) && index == std::floor(index))) {
     refuseValue(what, text, "a number below " + std::to_string(count));
+  }
   return static_cast<std::size_t>(index);
 }
 

@@ -94,8 +94,9 @@ void appendBox(std::vector<SceneLine>& lines, glm::dvec3 low, glm::dvec3 high, g
 std::vector<SceneLine> sceneLines(const ViewerState& state) {
   std::vector<SceneLine> lines;
   // While it plays, its own frusta would be in the way.
-  if (state.path.drawn && !state.path.playing && !state.record.wanted && !state.path.path.keys.empty())
+  if (state.path.drawn && !state.path.playing && !state.record.wanted && !state.path.path.keys.empty()) {
     appendPath(lines, state);
+  }
   if (state.display.crop) appendBox(lines, state.display.box.min, state.display.box.max, kCropColor);
   if (const auto picked = pickedGaussian(state); picked && state.scene.model) appendGaussian(lines, state, *picked);
   return lines;

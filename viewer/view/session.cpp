@@ -71,8 +71,9 @@ Session parseSession(const std::string& json, const std::string& file) {
   (void)object.integer("version", kSessionVersion, kSessionVersion);
   Session session;
   const auto [width, height] = object.numbers<2>("window");
-  if (!(width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide))
+  if (!(width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide)) {
     object.fail("\"window\": expected sides of 1 to " + std::to_string(kMaxImageSide));
+  }
   session.window = {static_cast<int>(width), static_cast<int>(height)};
   session.panel = object.boolean("panel");
   session.tab = named<Tab>(object, "tab");
@@ -110,8 +111,9 @@ LoadedSession loadSession(const std::filesystem::path& file) {
 void saveSession(const Session& session, const std::filesystem::path& file) {
   std::error_code error;
   std::filesystem::create_directories(file.parent_path(), error);
-  if (error)
+  if (error) {
     throw Error(ErrorKind::cannotWrite, file.parent_path().string(), "cannot make this folder: " + error.message());
+  }
   writeTextAtomically(file, formatSession(session));
 }
 

@@ -18,9 +18,10 @@ constexpr int kPathRows = 720;  // [px] of a path's pictures where nothing else 
 // Checked after rounding to even sides, which may be the pixel too many.
 glm::ivec2 shotSize(glm::ivec2 size, bool even) {
   if (even) size = (size + 1) / 2 * 2;
-  if (!isImageSize(size.x, size.y))
+  if (!isImageSize(size.x, size.y)) {
     throw Error(ErrorKind::usage, "--size: the frames are too large (found " + std::to_string(size.x) + "x" +
                                       std::to_string(size.y) + ")");
+  }
   return size;
 }
 

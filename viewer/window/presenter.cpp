@@ -337,10 +337,11 @@ void Presenter::present() {
     const std::lock_guard lock(device_.mutexOf(device_.window_queue));
     result = vkQueuePresentKHR(device_.window_queue, &info);
   }
-  if (result == VK_ERROR_OUT_OF_DATE_KHR || result == VK_SUBOPTIMAL_KHR)
+  if (result == VK_ERROR_OUT_OF_DATE_KHR || result == VK_SUBOPTIMAL_KHR) {
     stale_ = true;
-  else
+  } else {
     TG_VK(result);
+  }
 }
 
 Image Presenter::copyOut(VkImage image, VkImageLayout layout, VkImageLayout layout_after, glm::ivec2 size, bool bgr) {

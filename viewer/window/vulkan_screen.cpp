@@ -165,10 +165,11 @@ class VulkanPictureDevice final : public PictureDevice {
     vulkan.record(commands, request);
     imageBarrier(commands, vulkan.image(),
                  {VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_ACCESS_SHADER_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL}, kRead);
-    if (top == 0)
+    if (top == 0) {
       beginWrite(commands, imageOf(target));
-    else
+    } else {
       imageBarrier(commands, imageOf(target), kWritten, kWritten);
+    }
     VkImageCopy copy{};
     copy.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
     copy.dstSubresource = copy.srcSubresource;

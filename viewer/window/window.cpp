@@ -259,10 +259,11 @@ void Viewer::waitForEvents() {
     glfwWaitEventsTimeout(kProgressPause);
   } else {
     // A notice that must fade is the only thing that changes by itself.
-    if (state_.time < state_.messages.notice_until)
+    if (state_.time < state_.messages.notice_until) {
       glfwWaitEventsTimeout(state_.messages.notice_until - state_.time + 0.01);
-    else
+    } else {
       glfwWaitEvents();
+    }
     frames_since_event_ = 0;
   }
 }
@@ -338,8 +339,9 @@ void Viewer::inspectClick() {
                             glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
                         glm::dvec2(pictureArea().origin);
   const glm::ivec2 pixel(glm::floor(at / glm::dvec2(pictureSize()) * glm::dvec2(wantedSize())));
-  if (glm::all(glm::greaterThanEqual(pixel, glm::ivec2(0))) && glm::all(glm::lessThan(pixel, wantedSize())))
+  if (glm::all(glm::greaterThanEqual(pixel, glm::ivec2(0))) && glm::all(glm::lessThan(pixel, wantedSize()))) {
     inspect(state_, pixel);
+  }
 }
 
 // A .json is no model: a camera path, or cameras that replace the cameras of the one shown.
@@ -359,8 +361,9 @@ void Viewer::openJson(const std::filesystem::path& path) {
     return notify(state_, std::to_string(state_.path.path.keys.size()) + " keys from " + path.filename().string());
   }
   std::vector<Camera> cameras = readCameras(path);
-  if (cameras.empty())
+  if (cameras.empty()) {
     throw Error(ErrorKind::badData, path.string(), "no camera inside (expected at least 1, found 0)");
+  }
   state_.scene.cameras = std::move(cameras);
   goToCamera(state_, startCamera(state_.scene.cameras));
   notify(state_, std::to_string(state_.scene.cameras.size()) + " cameras from " + path.filename().string());

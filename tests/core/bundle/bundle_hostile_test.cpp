@@ -46,8 +46,9 @@ struct Archive {
     entries = tg::readTar(file);
   }
   TarEntry& at(const std::string& name) {
-    for (TarEntry& entry : entries)
+    for (TarEntry& entry : entries) {
       if (entry.name == name) return entry;
+    }
     throw std::runtime_error("no entry " + name);
   }
   nlohmann::json manifest() { return nlohmann::json::parse(at("manifest.json").bytes); }
@@ -205,7 +206,7 @@ TEST_CASE("broken tar headers are refused") {
 TEST_CASE("any changed byte of the first tar header gives a model or tg::Error") {
   tg::TemporaryFolder folder;
   const Bytes tar = tg::formatTar(smallestEntries(folder / "a.tgz"));
-  for (std::size_t i = 0; i < 512; ++i)
+  for (std::size_t i = 0; i < 512; ++i) {
     for (const std::uint8_t change : {std::uint8_t{0x01}, std::uint8_t{0xff}}) {
       Bytes bad = tar;
       bad[i] ^= change;
@@ -215,6 +216,7 @@ TEST_CASE("any changed byte of the first tar header gives a model or tg::Error")
       } catch (const tg::Error&) {
       }
     }
+  }
 }
 
 TEST_CASE("limits on entries and bytes hold before anything is allocated") {
@@ -371,12 +373,13 @@ TEST_CASE("a manifest that asks for what this program cannot show is refused by 
 }
 
 TEST_CASE("counts that disagree are refused") {
-  for (const char* key : {"gaussians", "atlasPages", "cameras"})
+  for (const char* key : {"gaussians", "atlasPages", "cameras"}) {
     for (const nlohmann::json& value : {nlohmann::json(0), nlohmann::json(5), nlohmann::json(-1), nlohmann::json(1.5),
                                         nlohmann::json(1e18), nlohmann::json("4")}) {
       INFO(key << " " << value);
       REQUIRE_THROWS_AS(readWithManifest([&](nlohmann::json& m) { m["counts"][key] = value; }), tg::Error);
     }
+  }
   REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["shDegree"] = 2; }), Contains("SH degree"));
   REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["atlas"]["width"] = 4; }), Contains("its size"));
   REQUIRE_THROWS_AS(readWithManifest([](nlohmann::json& m) { m["atlas"]["width"] = 4097; }), tg::Error);

@@ -60,8 +60,9 @@ TEST_CASE("the written layout is INRIA's: 62 float properties at degree 3, chann
   const Bytes bytes = tg::formatSplatPly(model);
   const std::string text(bytes.begin(), bytes.end());
   std::size_t properties = 0;
-  for (std::size_t at = text.find("property float"); at != text.npos; at = text.find("property float", at + 1))
+  for (std::size_t at = text.find("property float"); at != text.npos; at = text.find("property float", at + 1)) {
     ++properties;
+  }
   REQUIRE(properties == 62);
   const std::size_t body = text.find("end_header\n") + 11;
   REQUIRE(bytes.size() == body + 62 * 4);
@@ -99,16 +100,18 @@ TEST_CASE("big and little endian with doubles and an element before the vertices
     std::string header = std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
                          " 1.0\nelement camera 3\nproperty short id\nproperty uchar on\nelement vertex 1\n";
     for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
-                             "rot_0", "rot_1", "rot_2", "rot_3"})
+                             "rot_0", "rot_1", "rot_2", "rot_3"}) {
       header += std::string("property ") + (name[0] == 's' ? "double " : "float ") + name + "\n";
+    }
     header += "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
     Bytes bytes = toBytes(header);
     bytes.insert(bytes.end(), 9, 0);
     for (int i = 0; i < 14; ++i) {
-      if (i >= 7 && i < 10)
+      if (i >= 7 && i < 10) {
         append(bytes, static_cast<double>(i + 1), big);
-      else
+      } else {
         append(bytes, static_cast<float>(i + 1), big);
+      }
     }
     bytes.push_back(0);  // the face: an empty list
     const tg::GaussianModel model = tg::parseSplatPly(bytes, "a.ply");
@@ -147,13 +150,14 @@ TEST_CASE("every truncation of a binary and of an ASCII file is refused") {
   for (const Bytes& good : {tg::formatSplatPly(tg::tinyModel(2, 1)), toBytes(kAscii)}) {
     // The last byte of the ASCII file is a line end: not needed; and a shorter last number is still a number.
     const std::size_t end = good.size() - (good == toBytes(kAscii) ? 2 : 0);
-    for (std::size_t length = 0; length < end; ++length)
+    for (std::size_t length = 0; length < end; ++length) {
       REQUIRE_THROWS_AS(tg::parseSplatPly(std::span(good).first(length), "cut.ply"), tg::Error);
+    }
   }
 }
 
 TEST_CASE("every flipped bit gives a model or tg::Error") {
-  for (const Bytes& good : {tg::formatSplatPly(tg::tinyModel(1, 0)), toBytes(kAscii)})
+  for (const Bytes& good : {tg::formatSplatPly(tg::tinyModel(1, 0)), toBytes(kAscii)}) {
     for (std::size_t i = 0; i < good.size() * 8; ++i) {
       Bytes bad = good;
       bad[i / 8] ^= static_cast<std::uint8_t>(1u << (i % 8));
@@ -162,6 +166,7 @@ TEST_CASE("every flipped bit gives a model or tg::Error") {
       } catch (const tg::Error&) {
       }
     }
+  }
 }
 
 TEST_CASE("bytes beyond the last vertex are refused") {
@@ -175,13 +180,15 @@ TEST_CASE("bytes beyond the last vertex are refused") {
 TEST_CASE("hostile headers are refused before anything is allocated") {
   const auto vertexCount = [](const std::string& count) { return with(kAscii, "vertex 2", "vertex " + count); };
   for (const char* count : {"3", "63999999", "64000001", "4294967296", "18446744073709551615", "99999999999999999999",
-                            "-1", "2x", "", "0x2"})
+                            "-1", "2x", "", "0x2"}) {
     REQUIRE_THROWS_AS(parse(vertexCount(count)), tg::Error);
+  }
   const Bytes binary = tg::formatSplatPly(tg::tinyModel(1, 0));
   const std::string text(binary.begin(), binary.end());
   // 2^63 / 17 and so on: products with the stride would wrap.
-  for (const char* count : {"2", "64000000", "542551296285575048", "271275648142787524", "18446744073709551615"})
+  for (const char* count : {"2", "64000000", "542551296285575048", "271275648142787524", "18446744073709551615"}) {
     REQUIRE_THROWS_AS(parse(with(text, "vertex 1", std::string("vertex ") + count)), tg::Error);
+  }
   REQUIRE_THROWS_AS(
       parse(with(kAscii, "element vertex 2\n", "element a 99999999999\nproperty int b\nelement vertex 2\n")),
       tg::Error);
@@ -204,8 +211,9 @@ TEST_CASE("hostile headers are refused before anything is allocated") {
 TEST_CASE("words that are no numbers are refused with vertex and property") {
   REQUIRE_THROWS_WITH(parse(with(kAscii, "1 2 3", "1 two 3")),
                       Catch::Contains("Gaussian 0: y is no number (found \"two\")"));
-  for (const char* word : {"2x", "--2", "+-2", "0x10", "1,5", "."})
+  for (const char* word : {"2x", "--2", "+-2", "0x10", "1,5", "."}) {
     REQUIRE_THROWS_AS(parse(with(kAscii, "1 2 3", std::string("1 ") + word + " 3")), tg::Error);
+  }
 }
 
 TEST_CASE("a missing property and a wrong number of coefficients are named") {

@@ -93,7 +93,7 @@ TEST_CASE("refuses headers that lie, before any allocation", "[safetensors]") {
 TEST_CASE("refuses a file that ends anywhere", "[safetensors]") {
   const std::vector<std::uint8_t> whole =
       file(R"({"a":{"dtype":"F32","shape":[2,3],"data_offsets":[0,24]}})", floats({1, 2, 3, 4, 5, 6}));
-  for (std::size_t length = 0; length < whole.size(); length++) {
+  for (std::size_t length = 0; length < whole.size(); ++length) {
     CHECK_THROWS_AS(
         Safetensors::parse({whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length)}, "w.safetensors"),
         tg::Error);

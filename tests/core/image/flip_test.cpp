@@ -27,9 +27,9 @@ Image solid(int width, int height, float r, float g, float b) {
 Image pattern(int width, int height, std::uint32_t seed) {
   Image image(width, height, 3);
   std::uint32_t state = seed;
-  for (int y = 0; y < height; y++) {
-    for (int x = 0; x < width; x++) {
-      for (int c = 0; c < 3; c++) {
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < 3; ++c) {
         state = state * 1664525u + 1013904223u;
         const double wave = 0.5 + 0.45 * std::sin(0.11 * x * (c + 1) + 0.07 * y + seed) * std::cos(0.05 * y * (c + 1));
         const double noise = ((state >> 16) % 256) / 255.0;
@@ -60,9 +60,9 @@ TEST_CASE("FLIP has the values of the authors' implementation", "[flip]") {
 
 TEST_CASE("FLIP sees a blurred edge where the authors' implementation does", "[flip]") {
   Image step(64, 48, 3), soft(64, 48, 3);
-  for (int y = 0; y < 48; y++) {
-    for (int x = 0; x < 64; x++) {
-      for (int c = 0; c < 3; c++) {
+  for (int y = 0; y < 48; ++y) {
+    for (int x = 0; x < 64; ++x) {
+      for (int c = 0; c < 3; ++c) {
         step.at(x, y, c) = x < 32 ? 0.0f : 0.8f;
         soft.at(x, y, c) = std::clamp(static_cast<float>(x - 22) / 20.0f, 0.0f, 1.0f) * 0.8f;
       }
@@ -72,7 +72,7 @@ TEST_CASE("FLIP sees a blurred edge where the authors' implementation does", "[f
   CHECK(tg::flip(map) == Approx(0.1760660).margin(2e-5));
   const float expected[] = {0.0f, 0.00541615f, 0.7153323f, 0.58724636f, 0.77816135f, 0.44825664f, 0.0f};
   const int columns[] = {0, 20, 28, 31, 32, 40, 63};
-  for (int i = 0; i < 7; i++) CHECK(map.at(columns[i], 24, 0) == Approx(expected[i]).margin(1e-4));
+  for (int i = 0; i < 7; ++i) CHECK(map.at(columns[i], 24, 0) == Approx(expected[i]).margin(1e-4));
 }
 
 TEST_CASE("FLIP is 0 for equal pictures, 1 for green against blue, and symmetric", "[flip]") {

@@ -26,17 +26,21 @@ Image bytesImage(int width, int height, int channels) {
 Image smooth(int width, int height, int channels) {
   Image image(width, height, channels);
   const auto share = [](int part, int whole) { return static_cast<float>(part) / static_cast<float>(whole); };
-  for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x)
-      for (int c = 0; c < channels; ++c)
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < channels; ++c) {
         image.at(x, y, c) = 0.2f + 0.5f * share(x, width) + 0.1f * static_cast<float>(c) + 0.1f * share(y, height);
+      }
+    }
+  }
   return image;
 }
 
 // Every proper prefix throws tg::Error: no crash, no silent half picture.
 void requireEveryTruncationFails(const std::vector<std::uint8_t>& bytes, std::size_t step) {
-  for (std::size_t length = 0; length < bytes.size(); length += step)
+  for (std::size_t length = 0; length < bytes.size(); length += step) {
     REQUIRE_THROWS_AS(tg::decodeImage(std::span(bytes).first(length), "cut"), tg::Error);
+  }
 }
 
 }  // namespace

@@ -24,27 +24,32 @@ Image noise(int width, int height, int channels, unsigned seed) {
 // The definition, straight: 11 x 11 window, zero padding, no separation. One value per pixel and channel.
 Image ssimByDefinition(const Image& a, const Image& b, double* mean = nullptr) {
   double window[11][11], total = 0.0;
-  for (int j = 0; j < 11; ++j)
-    for (int i = 0; i < 11; ++i)
+  for (int j = 0; j < 11; ++j) {
+    for (int i = 0; i < 11; ++i) {
       total += window[j][i] = std::exp(-((i - 5) * (i - 5) + (j - 5) * (j - 5)) / (2.0 * 1.5 * 1.5));
+    }
+  }
   Image map(a.width, a.height, a.channels);
   double sum = 0.0;
-  for (int c = 0; c < a.channels; ++c)
-    for (int y = 0; y < a.height; ++y)
+  for (int c = 0; c < a.channels; ++c) {
+    for (int y = 0; y < a.height; ++y) {
       for (int x = 0; x < a.width; ++x) {
         double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
-        for (int j = 0; j < 11; ++j)
+        for (int j = 0; j < 11; ++j) {
           for (int i = 0; i < 11; ++i) {
             const int u = x + i - 5, v = y + j - 5;
             if (u < 0 || v < 0 || u >= a.width || v >= a.height) continue;
             const double w = window[j][i] / total, p = a.at(u, v, c), q = b.at(u, v, c);
             ma += w * p, mb += w * q, aa += w * p * p, bb += w * q * q, ab += w * p * q;
           }
+        }
         const double value = (2 * ma * mb + 1e-4) * (2 * (ab - ma * mb) + 9e-4) /
                              ((ma * ma + mb * mb + 1e-4) * (aa - ma * ma + bb - mb * mb + 9e-4));
         map.at(x, y, c) = static_cast<float>(value);
         sum += value;
       }
+    }
+  }
   if (mean) *mean = sum / static_cast<double>(a.data.size());
   return map;
 }
@@ -106,7 +111,7 @@ TEST_CASE("a mask leaves pixels out of PSNR, for SSIM they are as beyond the bor
   Image a = noise(40, 30, 3, 6), b = noise(40, 30, 3, 7);
   std::vector<std::uint8_t> mask(40 * 30, 0);
   Image cut_a(w, h, 3), cut_b(w, h, 3);
-  for (int y = 0; y < h; ++y)
+  for (int y = 0; y < h; ++y) {
     for (int x = 0; x < w; ++x) {
       mask[static_cast<std::size_t>(y + top) * 40 + x + left] = 1;
       for (int c = 0; c < 3; ++c) {
@@ -114,6 +119,7 @@ TEST_CASE("a mask leaves pixels out of PSNR, for SSIM they are as beyond the bor
         cut_b.at(x, y, c) = b.at(x + left, y + top, c);
       }
     }
+  }
   REQUIRE(tg::psnr(a, b, mask) == Approx(tg::psnr(cut_a, cut_b)).epsilon(1e-14));
   REQUIRE(tg::psnr8Bit(a, b, mask) == Approx(tg::psnr8Bit(cut_a, cut_b)).epsilon(1e-14));
   REQUIRE(tg::ssim(a, b, mask) == Approx(tg::ssim(cut_a, cut_b)).epsilon(1e-12));

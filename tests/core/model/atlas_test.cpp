@@ -36,15 +36,19 @@ TEST_CASE("packed rectangles never overlap and free texels are neutral") {
   REQUIRE(packed.pages.size() > 1);
   std::vector<std::vector<int>> hits;
   for (const tg::Image& page : packed.pages) hits.emplace_back(tg::pageTexels(page).size(), 0);
-  for (const tg::AtlasPlacement& at : packed.placements)
-    for (int y = at.y; y < at.y + at.h; ++y)
-      for (int x = at.x; x < at.x + at.w; ++x)
+  for (const tg::AtlasPlacement& at : packed.placements) {
+    for (int y = at.y; y < at.y + at.h; ++y) {
+      for (int x = at.x; x < at.x + at.w; ++x) {
         ++hits[at.page][static_cast<std::size_t>(y * packed.pages[at.page].width + x)];
-  for (std::size_t page = 0; page < hits.size(); ++page)
+      }
+    }
+  }
+  for (std::size_t page = 0; page < hits.size(); ++page) {
     for (std::size_t i = 0; i < hits[page].size(); ++i) {
       REQUIRE(hits[page][i] <= 1);
       REQUIRE(tg::pageTexels(packed.pages[page])[i] == (hits[page][i] ? glm::vec4(5) : glm::vec4(0, 0, 0, 1)));
     }
+  }
 }
 
 TEST_CASE("uniform textures waste little") {

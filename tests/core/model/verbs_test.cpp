@@ -42,8 +42,9 @@ TEST_CASE("some Gaussians of a model, in any order, keep their textures") {
     CHECK(part.sh[4 * j + 3] == model.sh[4 * i + 3]);
     const tg::TextureRect rect = tg::rectOf(part, j);
     CHECK(rect == tg::TextureRect{offset, model.atlas.rects[i].width, model.atlas.rects[i].height});
-    for (std::uint32_t t = 0; t < rect.texelCount(); ++t)
+    for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
       CHECK(part.atlas.texels[offset + t] == model.atlas.texels[model.atlas.rects[i].offset + t]);
+    }
     offset += rect.texelCount();
   }
   CHECK(part.atlas.texels.size() == offset);
@@ -55,8 +56,9 @@ TEST_CASE("two halves behind each other are the model, whichever of them has tex
   tg::GaussianModel whole = tg::select(model, first);
   tg::append(whole, tg::select(model, last));
   tg::GaussianModel expected = model;  // where there is no texture the offset says nothing
-  for (std::size_t i = 0; i < 6; ++i)
+  for (std::size_t i = 0; i < 6; ++i) {
     if (tg::rectOf(model, i).texelCount() == 0) expected.atlas.rects[i] = whole.atlas.rects[i];
+  }
   CHECK(whole == expected);
 
   tg::GaussianModel plain = tg::withoutTextures(tg::select(model, first));

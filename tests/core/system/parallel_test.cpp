@@ -22,12 +22,13 @@ struct Threads {
 TEST_CASE("every item runs exactly once for any thread count and grain") {
   for (int threads : {1, 2, 3, 8}) {
     const Threads guard(threads);
-    for (std::int64_t grain : {std::int64_t{0}, std::int64_t{1}, std::int64_t{7}, std::int64_t{1000}})
+    for (std::int64_t grain : {std::int64_t{0}, std::int64_t{1}, std::int64_t{7}, std::int64_t{1000}}) {
       for (std::int64_t count : {0, 1, 6, 7, 8, 999}) {
         std::vector<std::atomic<int>> hits(static_cast<std::size_t>(count));
         tg::parallelFor(count, grain, [&](std::int64_t i) { ++hits[static_cast<std::size_t>(i)]; });
         for (const auto& hit : hits) REQUIRE(hit == 1);
       }
+    }
   }
 }
 
@@ -77,10 +78,11 @@ TEST_CASE("loops started by several threads at once all finish") {
   const Threads guard(3);
   std::atomic<int> sum{0};
   std::vector<std::thread> callers;
-  for (int t = 0; t < 4; ++t)
+  for (int t = 0; t < 4; ++t) {
     callers.emplace_back([&] {
       for (int round = 0; round < 50; ++round) tg::parallelFor(40, 1, [&](std::int64_t) { ++sum; });
     });
+  }
   for (std::thread& caller : callers) caller.join();
   REQUIRE(sum == 4 * 50 * 40);
 }

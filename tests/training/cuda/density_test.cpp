@@ -21,12 +21,12 @@ RunState randomState(std::size_t count, std::uint64_t seed) {
   RunState state;
   GaussianModel& model = state.training.model;
   model.sh_degree = 1;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     model.mean.emplace_back(value(), value(), value());
     model.rotation.emplace_back(value(), value(), value(), value());
     model.log_scale.emplace_back(value() - 4, value() - 4, value() - 4);
     model.opacity_logit.push_back(i % 5 == 0 ? value() - 6 : value());
-    for (int k = 0; k < 4; k++) model.sh.emplace_back(value(), value(), value());
+    for (int k = 0; k < 4; ++k) model.sh.emplace_back(value(), value(), value());
   }
   resetMoments(state.training);
   forEachField(
@@ -36,7 +36,7 @@ RunState randomState(std::size_t count, std::uint64_t seed) {
       },
       state.training.moments);
   state.statistics.reset(count);
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     const std::uint64_t views = random.below(4);
     state.statistics.view_count[i] = static_cast<std::uint32_t>(views);
     state.statistics.score_sum[i] = 1e-4f * static_cast<float>(views * random.below(5));
@@ -95,7 +95,7 @@ TEST_CASE("CUDA's ADC makes the CPU's Gaussians", "[checked]") {
       settings.max_gaussians = c.most;
       cuda::DensityScratch scratch;
       // A second round on other statistics meets buffers of another size.
-      for (int round = 0; round < 2; round++) {
+      for (int round = 0; round < 2; ++round) {
         const DensifyResult a = densify(expected.training, expected.statistics, settings, expected.densify_random);
         DensifyResult b;
         onDevice(found, [&](cuda::DeviceState& device) {
@@ -112,7 +112,7 @@ TEST_CASE("CUDA's ADC makes the CPU's Gaussians", "[checked]") {
         checkSame(found, expected);
         for (RunState* state : {&expected, &found}) {
           Random random(3);
-          for (std::size_t i = 0; i < state->training.model.size(); i++) {
+          for (std::size_t i = 0; i < state->training.model.size(); ++i) {
             state->statistics.view_count[i] = 1;
             state->statistics.score_sum[i] = 1e-4f * static_cast<float>(random.below(6));
             state->statistics.magnitude_sum[i] = static_cast<float>(random.uniform());
@@ -149,7 +149,7 @@ TEST_CASE("CUDA's MCMC draws the CPU's Gaussians", "[checked]") {
     settings.max_gaussians = 700;
     settings.growth = 0.1f;
     cuda::DensityScratch scratch;
-    for (int round = 0; round < 3; round++) {
+    for (int round = 0; round < 3; ++round) {
       const McmcResult a = relocateAndGrow(expected.training, settings, expected.densify_random);
       expected.statistics.reset(expected.training.model.size());
       McmcResult b;

@@ -105,7 +105,7 @@ TEST_CASE("CUDA's steps whose pairs had no room are done again, to the same byte
 
 TEST_CASE("after a loss that is not finite, CUDA's later steps change nothing") {
   Run diverging, stopped;
-  for (int k = 0; k < 2; k++) {
+  for (int k = 0; k < 2; ++k) {
     diverging.step(true);
     stopped.step(true);
   }
@@ -124,7 +124,7 @@ TEST_CASE("CUDA's steps read nothing back but 40 bytes each, every 32 steps") {
   run.step(true);
   run.losses(true);
   const std::size_t before = cuda::bytesToHost();
-  for (int k = 0; k < 31; k++) run.step(k % 2 == 0);
+  for (int k = 0; k < 31; ++k) run.step(k % 2 == 0);
   CHECK(cuda::bytesToHost() == before);
   CHECK(run.losses(false).empty());
   run.step(true);

@@ -232,7 +232,7 @@ TEST_CASE("CUDA's steps work in parts and ranges of depths to the same bytes", "
   if (!c.uniform) differSizes(model);
   Random random(5);
   for (glm::vec4& texel : model.atlas.texels) {
-    for (int k = 0; k < 4; k++) texel[k] = static_cast<float>(random.uniform()) - (k < 3 ? 0.5f : -0.2f);
+    for (int k = 0; k < 4; ++k) texel[k] = static_cast<float>(random.uniform()) - (k < 3 ? 0.5f : -0.2f);
   }
   Sizes sizes = sizesOf(model, camera);
   sizes.statistics = c.statistics;

@@ -29,10 +29,10 @@ struct Pictures {
 Pictures randomPictures(int width, int height, bool masked, std::uint64_t seed) {
   Random random(seed);
   Pictures p{width, height, {}, {}, {}};
-  for (int i = 0; i < width * height; i++) {
+  for (int i = 0; i < width * height; ++i) {
     const auto value = [&] { return static_cast<float>(random.uniform() * 1.2 - 0.1); };
     p.picture.emplace_back(value(), value(), value());
-    for (int c = 0; c < 3; c++) p.target.push_back(static_cast<std::uint8_t>(random.below(256)));
+    for (int c = 0; c < 3; ++c) p.target.push_back(static_cast<std::uint8_t>(random.below(256)));
     if (masked) p.mask.push_back(random.uniform() < 0.3 ? 0 : 255);
   }
   return p;
@@ -66,12 +66,12 @@ TrainingState randomState(std::size_t count, std::uint64_t seed) {
   TrainingState state;
   GaussianModel& model = state.model;
   model.sh_degree = 1;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     model.mean.emplace_back(value(), value(), value());
     model.rotation.emplace_back(value(), value(), value(), value());
     model.log_scale.emplace_back(value() - 3, value() - 3, value() - 3);
     model.opacity_logit.push_back(i % 3 == 0 ? value() - 5 : value());
-    for (int k = 0; k < 4; k++) model.sh.emplace_back(value(), value(), value());
+    for (int k = 0; k < 4; ++k) model.sh.emplace_back(value(), value(), value());
   }
   resetMoments(state);
   return state;
@@ -99,7 +99,7 @@ TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every b
       CHECK(found.sums[1] / counted == Approx(expected.ssim).epsilon(1e-4).margin(1e-6));
       CHECK(found.sums[2] / counted == Approx(expected.mean_squared_error).epsilon(1e-6));
       float largest = 0.0f, difference = 0.0f;
-      for (std::size_t i = 0; i < v_picture.size(); i++) {
+      for (std::size_t i = 0; i < v_picture.size(); ++i) {
         largest = std::max(largest, glm::length(v_picture[i]));
         difference = std::max(difference, glm::length(v_picture[i] - found.v_picture[i]));
       }
@@ -126,7 +126,7 @@ TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does", "[checke
   moments.first.upload(state.moments.sh.first);
   moments.second.upload(state.moments.sh.second);
   const LearningRates rates;
-  for (int step = 1; step <= 3; step++) {
+  for (int step = 1; step <= 3; ++step) {
     adamStep(state, gradient, rates);
     cuda::adamStep(
         {value.data(), v_value.data(), moments, value.size(), 12, 3, rates.sh.first, rates.sh.rest, adamScales(step)});
@@ -143,7 +143,7 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   state.model.texture_mode = TextureMode::rgba;
   Random random(7);
   TextureAtlas& atlas = state.model.atlas;
-  for (std::size_t i = 0; i < state.model.size(); i++) {
+  for (std::size_t i = 0; i < state.model.size(); ++i) {
     const auto side = [&] { return static_cast<std::uint16_t>(random.below(7)); };
     atlas.rects.push_back({static_cast<std::uint32_t>(atlas.texels.size()), side(), side()});
     atlas.texels.resize(atlas.texels.size() + atlas.rects.back().texelCount());
@@ -155,9 +155,9 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   for (const TextureRect& rect : atlas.rects) {
     const bool drawn = random.below(3) > 0;
     tile_counts.push_back(drawn);
-    for (std::uint32_t k = rect.offset; k < rect.offset + rect.texelCount(); k++) {
+    for (std::uint32_t k = rect.offset; k < rect.offset + rect.texelCount(); ++k) {
       gradient.texels.emplace_back(0.0f);
-      for (int c = 0; c < 4; c++) {
+      for (int c = 0; c < 4; ++c) {
         atlas.texels[k][c] = static_cast<float>(3 * random.uniform() - 1);
         sums.push_back(drawn ? static_cast<std::int64_t>(random.below(1u << 30)) - (1 << 29) : 0);
         const bool clamped = c == 3 && (atlas.texels[k].a < 0.0f || atlas.texels[k].a > 1.0f);
@@ -205,7 +205,7 @@ TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", 
   Random random(5);
   for (float& sigma : min_sigma) sigma = static_cast<float>(0.1 * random.uniform());
   ModelGradient gradient;
-  for (std::size_t i = 0; i < model.size(); i++) {
+  for (std::size_t i = 0; i < model.size(); ++i) {
     gradient.log_scale.emplace_back(random.normal(), random.normal(), random.normal());
     gradient.opacity_logit.push_back(static_cast<float>(random.normal()));
   }

@@ -74,14 +74,14 @@ TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer d
   settings.sh_every = 1000;  // degree 0, and model() has all of them
   const auto renderer = makeCudaDifferentiableRenderer();
   Trainer trainer(dataset, settings, *renderer);
-  for (int i = 0; i < 9; i++) REQUIRE(trainer.step());
+  for (int i = 0; i < 9; ++i) REQUIRE(trainer.step());
   const GaussianModel model = trainer.model();
   REQUIRE(model.texture_mode == TextureMode::rgba);
   const std::size_t sent = cuda::bytesToDevice();
   std::vector<Image> pictures;
   for (const Camera& camera : dataset.views) pictures.push_back(trainer.picture(camera));
   CHECK(cuda::bytesToDevice() == sent);
-  for (std::size_t i = 0; i < pictures.size(); i++) {
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
     const Image expected = renderPicture(*renderer, model, dataset.views[i], dataset.background);
     CHECK(sameNumbers(pictures[i].data, expected.data));
   }
@@ -91,7 +91,7 @@ TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer d
   const std::size_t once = cuda::bytesToDevice();
   RenderSettings render;
   render.background = dataset.background;
-  for (std::size_t i = 0; i < pictures.size(); i++) {
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
     const Camera& camera = dataset.views[i];
     CHECK(sameNumbers(imageOf(renderer->forward(camera, render), camera).data, pictures[i].data));
   }

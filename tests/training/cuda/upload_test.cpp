@@ -28,7 +28,7 @@ std::shared_ptr<const ViewPixels> pixels(std::uint8_t value, bool masked) {
   auto result = std::make_shared<ViewPixels>();
   result->width = 5;
   result->height = 3;
-  for (std::uint8_t i = 0; i < 45; i++) result->rgb.push_back(static_cast<std::uint8_t>(value + i));
+  for (std::uint8_t i = 0; i < 45; ++i) result->rgb.push_back(static_cast<std::uint8_t>(value + i));
   if (masked) result->mask = {255, 0, 255, 255, 0, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255};
   return result;
 }
@@ -49,7 +49,7 @@ TrainSettings shortRun() {
 
 TEST_CASE("a streamed buffer holds what was begun, as often as it is filled") {
   cuda::StreamedBuffer buffer;
-  for (std::uint8_t turn = 1; turn < 6; turn++) {
+  for (std::uint8_t turn = 1; turn < 6; ++turn) {
     std::vector<std::uint8_t> first(1000 * turn, turn), second(turn % 2 ? 77 : 0, 200);
     buffer.begin(first, second);
     std::fill(first.begin(), first.end(), 0);  // ours again
@@ -63,7 +63,7 @@ TEST_CASE("a streamed buffer holds what was begun, as often as it is filled") {
 
 TEST_CASE("a photograph on the device is the one asked for, with its mask", "[checked]") {
   cuda::DevicePhotographs photographs;
-  for (std::uint8_t turn = 0; turn < 7; turn++) {
+  for (std::uint8_t turn = 0; turn < 7; ++turn) {
     const auto asked = pixels(static_cast<std::uint8_t>(20 * turn), turn % 3 == 1);
     const auto found = photographs.get(0, asked, true);
     CHECK(downloadBytes(found.rgb, 45) == asked->rgb);
@@ -86,9 +86,7 @@ TEST_CASE("a CUDA run over random backgrounds ends where the CPU's does") {
 }
 
 #ifndef TG_CUDA_ON_DEVICE
-namespace {
-
-}  // namespace
+namespace {}  // namespace
 
 TEST_CASE("photographs that do not fit on the device are streamed to the same bytes") {
   const Dataset dataset = smallDataset();

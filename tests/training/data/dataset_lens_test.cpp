@@ -21,7 +21,7 @@ namespace {
 std::string colmapCamera(std::int32_t model, int lengths, int parameters) {
   Bytes bytes;
   bytes.add<std::uint64_t>(1).add<std::uint32_t>(1).add(model).add<std::uint64_t>(16).add<std::uint64_t>(12);
-  for (int i = 0; i < parameters; i++) bytes.add(i < lengths ? 10.0 + i : 0.001 * (i - lengths + 1));
+  for (int i = 0; i < parameters; ++i) bytes.add(i < lengths ? 10.0 + i : 0.001 * (i - lengths + 1));
   return bytes.data();
 }
 
@@ -61,9 +61,9 @@ TEST_CASE("reads COLMAP's lenses, every model's parameters in their order", "[da
     CHECK(entry.lens.model == expected.name);
     CHECK(entry.lens.fisheye == expected.fisheye);
     CHECK(entry.lens.fov == Approx(expected.fov));
-    for (std::size_t i = 0; i < 4; i++) CHECK(entry.lens.radial[i] == Approx(expected.radial[i]));
-    for (std::size_t i = 0; i < 3; i++) CHECK(entry.lens.radial_divisor[i] == Approx(expected.divisor[i]));
-    for (std::size_t i = 0; i < 2; i++) {
+    for (std::size_t i = 0; i < 4; ++i) CHECK(entry.lens.radial[i] == Approx(expected.radial[i]));
+    for (std::size_t i = 0; i < 3; ++i) CHECK(entry.lens.radial_divisor[i] == Approx(expected.divisor[i]));
+    for (std::size_t i = 0; i < 2; ++i) {
       CHECK(entry.lens.tangential[i] == Approx(expected.tangential[i]));
       CHECK(entry.lens.thin_prism[i] == Approx(expected.prism[i]));
     }
@@ -145,8 +145,8 @@ TEST_CASE("masks go through the lens with their photographs", "[dataset]") {
   tg::TemporaryFolder folder;
   writePicture(folder / "images/a.png", 16, 12);
   tg::Image mask(32, 24, 1, 1.0f);
-  for (int y = 0; y < 24; y++) {
-    for (int x = 0; x < 16; x++) mask.at(x, y, 0) = 0.0f;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 16; ++x) mask.at(x, y, 0) = 0.0f;
   }
   fs::create_directories(folder / "masks");
   tg::writeImage(folder / "masks/a.png", mask);

@@ -84,7 +84,7 @@ TEST_CASE("reads the NeRF-synthetic layout: camera angle, straight alpha over wh
 TEST_CASE("reads instant-ngp's transforms.json and skips missing images, counting them", "[dataset]") {
   tg::TemporaryFolder folder;
   Json frames = Json::array();
-  for (int i = 0; i < 10; i++) {
+  for (int i = 0; i < 10; ++i) {
     const std::string file = "images/" + std::to_string(i) + ".png";
     frames.push_back(frame(file));
     if (i != 3) writePicture(folder / file, 16, 12);
@@ -335,7 +335,7 @@ TEST_CASE("downscaling by N reads images_N where it holds the photographs at tha
   text.write(folder.path);  // images of 16 x 12 under a camera of 18 x 14
   const auto reduce = [&](int count, int width, int height) {
     fs::remove_all(folder / "images_4");
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < count; ++i) {
       writePicture(folder / "images_4" / ("image" + std::to_string(i) + ".png"), width, height);
     }
   };
@@ -382,7 +382,7 @@ TEST_CASE("masks are found by name, or named by a frame", "[dataset]") {
   const auto writeMask = [&](const fs::path& path, int hidden) {
     fs::create_directories(path.parent_path());
     tg::Image mask(16, 12, 1, 1.0f);
-    for (int x = 0; x < hidden; x++) mask.at(x, 0, 0) = 0;
+    for (int x = 0; x < hidden; ++x) mask.at(x, 0, 0) = 0;
     tg::writeImage(path, mask);
   };
   const auto hidden = [](const tg::Dataset& dataset, std::size_t view) {
@@ -497,7 +497,7 @@ TEST_CASE("the layout that is asked for is the one that is read", "[dataset]") {
 TEST_CASE("a data set reads the same pixels whatever the memory limit, a random background keeps alpha", "[dataset]") {
   tg::TemporaryFolder folder;
   Json frames = Json::array();
-  for (int i = 0; i < 6; i++) {
+  for (int i = 0; i < 6; ++i) {
     const std::string file = std::to_string(i) + ".png";
     tg::Image image(16, 12, 4, static_cast<float>(i) / 6);
     tg::writeImage(folder / file, image);
@@ -513,7 +513,7 @@ TEST_CASE("a data set reads the same pixels whatever the memory limit, a random 
   CHECK_THAT(streamed.notes.at(0), Contains("4 of 6 are decoded whenever they are needed"));
   options.random_background = true;
   const tg::Dataset random = loadDataset(folder.path, options);
-  for (std::size_t i = 0; i < 6; i++) {
+  for (std::size_t i = 0; i < 6; ++i) {
     streamed.prefetch((i + 1) % 6);
     CHECK(streamed.pixels(i)->rgb == kept.pixels(i)->rgb);
     CHECK(random.pixels(i)->rgb == kept.pixels(i)->rgb);
@@ -546,7 +546,7 @@ TEST_CASE("reads the shared scenes, COLMAP and JSON poses of one scene agree", "
     for (const auto& b : json.entries) {
       if (a.camera.name != b.camera.name) continue;
       CHECK(glm::length(a.camera.position() - b.camera.position()) < 1e-5);
-      for (int c = 0; c < 3; c++) {
+      for (int c = 0; c < 3; ++c) {
         CHECK(glm::length(a.camera.rotation[c] - b.camera.rotation[c]) < 1e-5);
       }
     }

@@ -70,10 +70,10 @@ double pattern(glm::dvec2 plane, int channel) {
 Image photograph(const Lens& lens, const Camera& of, int channels) {
   Image image(of.size.x, of.size.y, channels);
   const double valid_radius = lens.validRadius();
-  for (int y = 0; y < of.size.y; y++) {
-    for (int x = 0; x < of.size.x; x++) {
+  for (int y = 0; y < of.size.y; ++y) {
+    for (int x = 0; x < of.size.x; ++x) {
       const auto plane = lens.undistort(glm::dvec2(ray(of, {x + 0.5, y + 0.5})), valid_radius);
-      for (int c = 0; plane && c < channels; c++) image.at(x, y, c) = static_cast<float>(pattern(*plane, c));
+      for (int c = 0; plane && c < channels; ++c) image.at(x, y, c) = static_cast<float>(pattern(*plane, c));
     }
   }
   return image;
@@ -130,14 +130,14 @@ TEST_CASE("an undistorted photograph is the pinhole's, in every model and kind o
       REQUIRE(result.image.channels == channels);
       double worst = 0;
       std::size_t hidden = 0;
-      for (int y = 0; y < pinhole.size.y; y++) {
-        for (int x = 0; x < pinhole.size.x; x++) {
+      for (int y = 0; y < pinhole.size.y; ++y) {
+        for (int x = 0; x < pinhole.size.x; ++x) {
           const bool shows = result.mask[static_cast<std::size_t>(y) * pinhole.size.x + x] != 0;
           hidden += !shows;
           // Two pixels from the border, whose neighbours are all there.
           if (!shows || x < 2 || y < 2 || x >= pinhole.size.x - 2 || y >= pinhole.size.y - 2) continue;
           const glm::dvec2 plane(ray(pinhole, {x + 0.5, y + 0.5}));
-          for (int c = 0; c < std::min(channels, 3); c++) {
+          for (int c = 0; c < std::min(channels, 3); ++c) {
             worst = std::max(worst, std::abs(result.image.at(x, y, c) - pattern(plane, c)));
           }
           if (channels == 4) worst = std::max(worst, std::abs(result.image.at(x, y, 3) - 0.5));
@@ -165,7 +165,7 @@ TEST_CASE("a barrel lens gives a larger picture, a pincushion a smaller one, a w
   CHECK(weak.pinhole.size.y == 64);
   const Image image = photograph({}, camera(), 3);
   const Undistortion::Result result = weak.apply(image, {});
-  for (std::size_t i = 0; i < image.data.size(); i++) REQUIRE(std::abs(result.image.data[i] - image.data[i]) < 1e-6);
+  for (std::size_t i = 0; i < image.data.size(); ++i) REQUIRE(std::abs(result.image.data[i] - image.data[i]) < 1e-6);
   // A fisheye that sees nearly half a sphere: at most half a picture is added at each end.
   Camera wide = camera();
   wide.focal.x = wide.focal.y = 32;
@@ -179,8 +179,8 @@ TEST_CASE("undistorting hides what masks hide and what no photograph shows", "[l
   const Undistortion undistortion({.model = "OPENCV", .radial = {0.15}}, camera(), "a.png");
   const Image image(96, 64, 3, 0.5f);
   std::vector<std::uint8_t> mask(96 * 64, 255);
-  for (std::size_t y = 0; y < 64; y++) {
-    for (std::size_t x = 0; x < 30; x++) mask[y * 96 + x] = 0;
+  for (std::size_t y = 0; y < 64; ++y) {
+    for (std::size_t x = 0; x < 30; ++x) mask[y * 96 + x] = 0;
   }
   const Undistortion::Result result = undistortion.apply(image, mask);
   const int row = undistortion.pinhole.size.y / 2;

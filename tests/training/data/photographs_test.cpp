@@ -33,20 +33,21 @@ struct Files {
   explicit Files(std::size_t count) : decoded(count) {}
   tg::PhotographStore::Decode decode() {
     return [this](std::size_t view) {
-      decoded[view]++;
+      ++decoded[view];
       return gray(bytes, static_cast<std::uint8_t>(view));
     };
   }
 };
 
 void waitUntil(const std::atomic<int>& count, int value) {
-  for (int i = 0; count < value && i < 5000; i++) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  for (int i = 0; count < value && i < 5000; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   REQUIRE(count == value);
 }
 
 void offerAll(tg::PhotographStore& store, Files& files) {
-  for (std::size_t i = 0; i < files.decoded.size(); i++)
+  for (std::size_t i = 0; i < files.decoded.size(); ++i) {
     store.offer(i, gray(files.bytes, static_cast<std::uint8_t>(i)));
+  }
   store.finishOffers();
 }
 
@@ -58,7 +59,7 @@ TEST_CASE("a store inside its limit never decodes again", "[photographs]") {
   offerAll(store, files);
   CHECK(store.keptViews() == 10);
   CHECK(store.keptBytes() == 3000);
-  for (std::size_t i = 0; i < 10; i++) {
+  for (std::size_t i = 0; i < 10; ++i) {
     store.prefetch(i);
     CHECK(store.get(i)->pixels.rgb == std::vector<std::uint8_t>(300, static_cast<std::uint8_t>(i)));
     CHECK(files.decoded[i] == 0);
@@ -73,10 +74,10 @@ TEST_CASE("beyond the limit photographs are decoded when asked for, with room le
   CHECK(store.keptViews() == 6);  // 1,800 bytes, and 900 for the three in flight
   CHECK(store.keptBytes() + (tg::PhotographStore::kReadAhead + 1) * files.bytes <= 2999);
   int streamed = 0;
-  for (int round = 0; round < 3; round++) {
-    for (std::size_t i = 0; i < 10; i++) CHECK(store.get(i)->pixels.rgb[0] == i);
+  for (int round = 0; round < 3; ++round) {
+    for (std::size_t i = 0; i < 10; ++i) CHECK(store.get(i)->pixels.rgb[0] == i);
   }
-  for (std::size_t i = 0; i < 10; i++) streamed += files.decoded[i] == 3;
+  for (std::size_t i = 0; i < 10; ++i) streamed += files.decoded[i] == 3;
   CHECK(streamed == 4);
 
   tg::PhotographStore none(10, 0, files.decode());
@@ -100,7 +101,7 @@ TEST_CASE("a hint is decoded in the background, once", "[photographs]") {
 TEST_CASE("hints that nobody follows give way to new ones", "[photographs]") {
   Files files(6);
   tg::PhotographStore store(6, 0, files.decode());
-  for (std::size_t i = 0; i < 5; i++) {
+  for (std::size_t i = 0; i < 5; ++i) {
     store.prefetch(i);
     waitUntil(files.decoded[i], 1);
   }
@@ -116,9 +117,9 @@ TEST_CASE("the order of hints and reads never changes what is read", "[photograp
   offerAll(store, files);
   tg::Random random(5);
   std::vector<std::size_t> order;
-  for (int i = 0; i < 500; i++) order.push_back(static_cast<std::size_t>(random.below(20)));
-  for (std::size_t i = 0; i < order.size(); i++) {
-    for (std::size_t ahead = i + 1; ahead < std::min(i + 4, order.size()); ahead++) store.prefetch(order[ahead]);
+  for (int i = 0; i < 500; ++i) order.push_back(static_cast<std::size_t>(random.below(20)));
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    for (std::size_t ahead = i + 1; ahead < std::min(i + 4, order.size()); ++ahead) store.prefetch(order[ahead]);
     const auto photograph = store.get(order[i]);
     CHECK(photograph->pixels.rgb == std::vector<std::uint8_t>(300, static_cast<std::uint8_t>(order[i])));
   }
@@ -127,7 +128,7 @@ TEST_CASE("the order of hints and reads never changes what is read", "[photograp
 TEST_CASE("an error of the background thread reaches who asks for the photograph", "[photographs]") {
   std::atomic<int> calls = 0;
   tg::PhotographStore store(2, 0, [&](std::size_t) -> tg::Photograph {
-    calls++;
+    ++calls;
     throw tg::Error(tg::ErrorKind::badData, "a.png", "broken");
   });
   store.prefetch(1);
@@ -166,15 +167,15 @@ TEST_CASE("a mask hides where it is zero, a downscaled pixel counts when its who
   const std::vector<std::uint8_t> full =
       tg::decodePhotograph({folder / "a.png", folder / "mask.png", 1, glm::vec3(0.0f)}).pixels.mask;
   REQUIRE(full.size() == 54);
-  for (std::size_t i = 0; i < 54; i++) CHECK((full[i] == 0) == (i == 3 * 9 + 2));
+  for (std::size_t i = 0; i < 54; ++i) CHECK((full[i] == 0) == (i == 3 * 9 + 2));
   const tg::Photograph half = tg::decodePhotograph({folder / "a.png", folder / "mask.png", 2, glm::vec3(0.0f)});
   REQUIRE(half.pixels.width == 4);
   REQUIRE(half.pixels.mask.size() == 12);
-  for (std::size_t i = 0; i < 12; i++) CHECK((half.pixels.mask[i] == 0) == (i == 1 * 4 + 1));
+  for (std::size_t i = 0; i < 12; ++i) CHECK((half.pixels.mask[i] == 0) == (i == 1 * 4 + 1));
 
   SECTION("a mask of twice the size is reduced") {
     tg::Image large(18, 13, 3, 1.0f);
-    for (int c = 0; c < 3; c++) large.at(17, 0, c) = 0;
+    for (int c = 0; c < 3; ++c) large.at(17, 0, c) = 0;
     tg::writeImage(folder / "large.png", large);
     const auto pixels = tg::decodePhotograph({folder / "a.png", folder / "large.png", 1, glm::vec3(0.0f)}).pixels;
     CHECK(pixels.mask[8] == 0);

@@ -61,7 +61,7 @@ TEST_CASE("make-sample's data set loads, and its points lie on what its cameras 
     const glm::dvec2 at = project(camera, p);
     if (p.z <= 0 || at.x < 0 || at.y < 0 || at.x >= 40 || at.y >= 40) continue;
     CHECK(image.at(static_cast<int>(at.x), static_cast<int>(at.y), 3) > 0);
-    checked++;
+    ++checked;
   }
   CHECK(checked > 400);
 }

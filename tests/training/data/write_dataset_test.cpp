@@ -18,7 +18,7 @@ tg::Dataset dataset() {
   tg::Dataset result;
   std::vector<tg::Photograph> photographs;
   const char* names[] = {"a/x.jpg", "a/x.png", "../../y.png"};
-  for (int i = 0; i < 3; i++) {
+  for (int i = 0; i < 3; ++i) {
     tg::Camera camera;
     camera.name = names[i];
     camera.size = {6, 4};
@@ -30,9 +30,9 @@ tg::Dataset dataset() {
     tg::Photograph& photograph = photographs.emplace_back();
     photograph.pixels.width = 6;
     photograph.pixels.height = 4;
-    for (int k = 0; k < 72; k++) photograph.pixels.rgb.push_back(static_cast<std::uint8_t>(50 * i + k));
+    for (int k = 0; k < 72; ++k) photograph.pixels.rgb.push_back(static_cast<std::uint8_t>(50 * i + k));
   }
-  for (int k = 0; k < 24; k++) photographs[1].alpha.push_back(static_cast<std::uint8_t>(100 + k));
+  for (int k = 0; k < 24; ++k) photographs[1].alpha.push_back(static_cast<std::uint8_t>(100 + k));
   photographs[2].pixels.mask.assign(24, 255);
   photographs[2].pixels.mask[5] = 0;
   result.photographs = tg::storeInMemory(std::move(photographs));
@@ -54,7 +54,7 @@ TEST_CASE("a written data set loads as it was", "[dataset]") {
   const tg::Dataset after = tg::loadDataset(folder / "out", options);
   REQUIRE(after.views.size() == 3);
   CHECK(after.points.position == before.points.position);
-  for (std::size_t i = 0; i < 3; i++) {
+  for (std::size_t i = 0; i < 3; ++i) {
     const tg::Camera& camera = after.views[i];
     const tg::Camera& original = before.views[i];
     CHECK(camera.test == original.test);

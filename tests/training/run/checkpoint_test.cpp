@@ -226,10 +226,10 @@ TEST_CASE("a checkpoint that ends early or has a wrong byte anywhere is refused"
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   const Bytes bytes = bytesOf(folder, richState(dataset, *renderer));
   REQUIRE(refusal(bytes).empty());
-  for (std::size_t size = 0; size < bytes.size(); size++) {
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
     if (refusal({bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size)}).empty()) FAIL("cut at " << size);
   }
-  for (std::size_t i = 0; i < bytes.size(); i++) {
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
     Bytes wrong = bytes;
     wrong[i] ^= static_cast<std::uint8_t>(1 + i % 255);
     if (refusal(wrong).empty()) FAIL("wrong byte " << i);
@@ -293,7 +293,7 @@ TEST_CASE("a checkpoint of other settings or data is refused by the first differ
   const tg::TrainSettings settings = shortRun();
   const std::string fingerprint = tg::datasetFingerprint(dataset);
   tg::Trainer trainer(dataset, settings, *renderer);
-  for (int i = 0; i < 3; i++) trainer.step();
+  for (int i = 0; i < 3; ++i) trainer.step();
   tg::Checkpoint checkpoint{{tg::runIdentity(dataset, settings, fingerprint), 0, 0}, trainer.state()};
   const auto check = [&](const tg::Dataset& data, const tg::TrainSettings& other) {
     tg::checkResumable(checkpoint, tg::runIdentity(data, other, tg::datasetFingerprint(data)), data, other, "c");

@@ -11,7 +11,7 @@
 TEST_CASE("neighbour distances equal brute force, also with duplicates and few points", "[init]") {
   tg::Random random(4);
   std::vector<glm::vec3> points;
-  for (int i = 0; i < 500; i++) {
+  for (int i = 0; i < 500; ++i) {
     // Clustered along a line, so that the tree is uneven; every tenth point is doubled.
     const auto x = static_cast<float>(std::pow(random.uniform(), 4.0));
     points.emplace_back(x, 0.1 * random.normal(), 0.01 * random.normal());
@@ -21,9 +21,9 @@ TEST_CASE("neighbour distances equal brute force, also with duplicates and few p
     const std::span<const glm::vec3> some(points.data(), count);
     const std::vector<float> result = tg::meanSquaredNeighborDistance(some);
     REQUIRE(result.size() == count);
-    for (std::size_t i = 0; i < count; i++) {
+    for (std::size_t i = 0; i < count; ++i) {
       std::vector<float> distances;
-      for (std::size_t j = 0; j < count; j++) {
+      for (std::size_t j = 0; j < count; ++j) {
         if (j != i) distances.push_back(glm::dot(some[i] - some[j], some[i] - some[j]));
       }
       std::sort(distances.begin(), distances.end());
@@ -50,7 +50,7 @@ TEST_CASE("points become isotropic Gaussians in their colour, opacity 0.1", "[in
 
 TEST_CASE("a random subset keeps order, count and seed", "[init]") {
   tg::PointCloud points;
-  for (int i = 0; i < 100; i++) {
+  for (int i = 0; i < 100; ++i) {
     points.position.emplace_back(i, 0, 0);
     points.color.emplace_back(0.5f);
   }

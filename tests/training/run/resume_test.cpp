@@ -84,7 +84,7 @@ class Child {
   }
   // Waits for it, but not for ever.
   void until(const std::function<bool()>& condition) const {
-    for (int i = 0; i < 3000 && running() && !condition(); i++) std::this_thread::sleep_for(milliseconds(10));
+    for (int i = 0; i < 3000 && running() && !condition(); ++i) std::this_thread::sleep_for(milliseconds(10));
     INFO(output());
     REQUIRE(condition());
   }
@@ -127,7 +127,7 @@ TEST_CASE("a run that is killed again and again ends in the bytes of one that is
       kRun + "-o model.tgz --untextured-output twin.tgz --run run --resume --checkpoint-every 0";
   tg::Random random(static_cast<std::uint64_t>(::getpid()));
   int kills = 0;
-  for (; kills < 12; kills++) {
+  for (; kills < 12; ++kills) {
     Child child(folder, command);
     std::this_thread::sleep_for(milliseconds(30 + random.below(300)));
     if (!child.running()) break;
@@ -314,8 +314,8 @@ TEST_CASE("metrics and previews come as often as asked", "[resume]") {
   const float white[3] = {1, 1, 1};
   const tg::Image expected = tg::compositeOver(truth, white);
   double worst = 0;
-  for (int y = 0; y < 32; y++) {
-    for (int x = 0; x < 32; x++) {
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 32; ++x) {
       worst = std::max(worst, std::abs(double{preview.at(x, y, 1)} - expected.at(x, y, 1)));
     }
   }

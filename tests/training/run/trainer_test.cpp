@@ -32,9 +32,7 @@ tg::TrainSettings shortRun() {
   return settings;
 }
 
-void checkSameBytes(const tg::GaussianModel& a, const tg::GaussianModel& b) {
-  CHECK(a == b);
-}
+void checkSameBytes(const tg::GaussianModel& a, const tg::GaussianModel& b) { CHECK(a == b); }
 
 }  // namespace
 
@@ -262,6 +260,6 @@ TEST_CASE("short schedules keep the shape of long ones", "[trainer]") {
   CHECK(quick.densifies(300));
   CHECK(quick.densifies(1000));
   CHECK_FALSE(quick.densifies(1100));
-  for (int i = 1; i <= 2000; i++) CHECK_FALSE(quick.resetsOpacity(i));
+  for (int i = 1; i <= 2000; ++i) CHECK_FALSE(quick.resetsOpacity(i));
   CHECK(schedule(1).raisesShDegree(1));
 }

@@ -20,7 +20,7 @@ tg::ViewPixels photograph(int width, int height, std::uint64_t seed) {
   pixels.width = width;
   pixels.height = height;
   tg::Random random(seed);
-  for (int i = 0; i < width * height * 3; i++) pixels.rgb.push_back(static_cast<std::uint8_t>(random.below(256)));
+  for (int i = 0; i < width * height * 3; ++i) pixels.rgb.push_back(static_cast<std::uint8_t>(random.below(256)));
   return pixels;
 }
 
@@ -44,9 +44,9 @@ TEST_CASE("a view is scored by every metric, over the pixels that count", "[eval
 
   // What lies under the mask makes no difference, however wrong.
   pixels.mask.assign(24 * 20, 255);
-  for (int i = 0; i < 100; i++) pixels.mask[static_cast<std::size_t>(i)] = 0;
+  for (int i = 0; i < 100; ++i) pixels.mask[static_cast<std::size_t>(i)] = 0;
   const tg::ViewScore masked = tg::scoreView("a", pixels, picture, options);
-  for (std::size_t i = 0; i < 300; i++) picture.data[i] = 1 - picture.data[i];
+  for (std::size_t i = 0; i < 300; ++i) picture.data[i] = 1 - picture.data[i];
   const tg::ViewScore same = tg::scoreView("a", pixels, picture, options);
   CHECK(same.psnr == masked.psnr);
   CHECK(same.psnr_float == masked.psnr_float);

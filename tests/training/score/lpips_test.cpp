@@ -36,9 +36,9 @@ std::vector<Layer> vgg() {
   const int counts[] = {2, 2, 3, 3, 3};
   const int names[] = {0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28};
   int inputs = 3, n = 0;
-  for (int slice = 0; slice < 5; slice++) {
+  for (int slice = 0; slice < 5; ++slice) {
     if (slice > 0) layers.push_back({true, "", inputs, inputs, 2, 2, 0, false});
-    for (int i = 0; i < counts[slice]; i++) {
+    for (int i = 0; i < counts[slice]; ++i) {
       layers.push_back({false, "net.slice" + std::to_string(slice + 1) + "." + std::to_string(names[n++]), inputs,
                         channels[slice], 3, 1, 1, i + 1 == counts[slice]});
       inputs = channels[slice];
@@ -63,7 +63,7 @@ struct Weights {
       tensor.shape = shape;
       std::int64_t count = 1;
       for (std::int64_t side : shape) count *= side;
-      for (std::int64_t i = 0; i < count; i++) {
+      for (std::int64_t i = 0; i < count; ++i) {
         tensor.values.push_back(static_cast<float>(low + (high - low) * random.uniform()));
       }
     };
@@ -106,11 +106,11 @@ double reference(const std::vector<Layer>& layers, const Weights& weights, const
   int width = a.width, height = a.height;
   const Image* images[] = {&a, &b};
   Planes maps[2];
-  for (int n = 0; n < 2; n++) {
+  for (int n = 0; n < 2; ++n) {
     maps[n].resize(3);
-    for (int c = 0; c < 3; c++) {
-      for (int y = 0; y < height; y++) {
-        for (int x = 0; x < width; x++) {
+    for (int c = 0; c < 3; ++c) {
+      for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
           const double value = images[n]->at(x, y, c);
           maps[n][c].push_back(((range == LpipsRange::symmetric ? 2 * value - 1 : value) - shift[c]) / scale[c]);
         }
@@ -124,13 +124,13 @@ double reference(const std::vector<Layer>& layers, const Weights& weights, const
     const int h = (height + 2 * layer.padding - layer.kernel) / layer.stride + 1;
     for (Planes& planes : maps) {
       Planes next(static_cast<std::size_t>(layer.outputs));
-      for (int o = 0; o < layer.outputs; o++) {
-        for (int y = 0; y < h; y++) {
-          for (int x = 0; x < w; x++) {
+      for (int o = 0; o < layer.outputs; ++o) {
+        for (int y = 0; y < h; ++y) {
+          for (int x = 0; x < w; ++x) {
             double value = layer.pool ? -1e300 : weights.tensors.at(layer.name + ".bias").values[o];
-            for (int i = layer.pool ? o : 0; i < (layer.pool ? o + 1 : layer.inputs); i++) {
-              for (int v = 0; v < layer.kernel; v++) {
-                for (int u = 0; u < layer.kernel; u++) {
+            for (int i = layer.pool ? o : 0; i < (layer.pool ? o + 1 : layer.inputs); ++i) {
+              for (int v = 0; v < layer.kernel; ++v) {
+                for (int u = 0; u < layer.kernel; ++u) {
                   const int sx = x * layer.stride + u - layer.padding, sy = y * layer.stride + v - layer.padding;
                   if (sx < 0 || sy < 0 || sx >= width || sy >= height) continue;
                   const double in = planes[i][static_cast<std::size_t>(sy) * width + sx];
@@ -155,13 +155,13 @@ double reference(const std::vector<Layer>& layers, const Weights& weights, const
     if (!layer.tap) continue;
     const std::vector<float>& linear = weights.tensors.at("lin" + std::to_string(lin++) + ".model.1.weight").values;
     double sum = 0;
-    for (std::size_t i = 0; i < maps[0][0].size(); i++) {
+    for (std::size_t i = 0; i < maps[0][0].size(); ++i) {
       double norms[2] = {};
-      for (int n = 0; n < 2; n++) {
+      for (int n = 0; n < 2; ++n) {
         for (const auto& plane : maps[n]) norms[n] += plane[i] * plane[i];
         norms[n] = std::sqrt(norms[n]) + 1e-10;
       }
-      for (std::size_t c = 0; c < maps[0].size(); c++) {
+      for (std::size_t c = 0; c < maps[0].size(); ++c) {
         const double difference = maps[0][c][i] / norms[0] - maps[1][c][i] / norms[1];
         sum += linear[c] * difference * difference;
       }

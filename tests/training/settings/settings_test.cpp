@@ -64,7 +64,7 @@ TEST_CASE("rectangles keep to the texel budget", "[settings]") {
 
   tg::GaussianModel model;
   std::vector<float> pixel_sizes;
-  for (int i = 0; i < 200; i++) {
+  for (int i = 0; i < 200; ++i) {
     model.mean.emplace_back(0);
     model.log_scale.emplace_back(std::log(0.01f * static_cast<float>(i % 20 + 1)), std::log(0.005f), std::log(0.03f));
     pixel_sizes.push_back(i < 100 ? 0.01f : 0.02f);

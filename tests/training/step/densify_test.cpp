@@ -13,7 +13,7 @@ float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 // Gaussian i at x = i, first moment of its x = i + 1.
 tg::TrainingState rowOf(std::size_t count) {
   tg::TrainingState state;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     state.model.mean.emplace_back(i, 0, 0);
     state.model.rotation.emplace_back(1, 0, 0, 0);
     state.model.log_scale.emplace_back(std::log(0.005f));
@@ -21,14 +21,14 @@ tg::TrainingState rowOf(std::size_t count) {
     state.model.sh.emplace_back(0.1f * static_cast<float>(i));
   }
   tg::resetMoments(state);
-  for (std::size_t i = 0; i < count; i++) state.moments.mean.first[3 * i] = static_cast<float>(i + 1);
+  for (std::size_t i = 0; i < count; ++i) state.moments.mean.first[3 * i] = static_cast<float>(i + 1);
   return state;
 }
 
 tg::DensityStatistics scores(const std::vector<float>& values) {
   tg::DensityStatistics statistics;
   statistics.reset(values.size());
-  for (std::size_t i = 0; i < values.size(); i++) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
     statistics.score_sum[i] = 2 * values[i];
     statistics.view_count[i] = 2;
     statistics.max_radius[i] = 5;
@@ -86,7 +86,7 @@ TEST_CASE("children of a split cover their parent's spread", "[densify]") {
   double square_x = 0, square_y = 0;
   tg::Random random(3);
   constexpr int kTrials = 2000;
-  for (int i = 0; i < kTrials; i++) {
+  for (int i = 0; i < kTrials; ++i) {
     tg::TrainingState state = rowOf(1);
     state.model.rotation[0] = {1, 0, 0, 1};
     state.model.log_scale[0] = glm::vec3(std::log(0.5f), std::log(0.1f), std::log(0.1f));

@@ -21,9 +21,9 @@ struct Case {
 
   Case(int w, int h, std::uint64_t seed) : width(w), height(h) {
     tg::Random random(seed);
-    for (int i = 0; i < w * h; i++) {
+    for (int i = 0; i < w * h; ++i) {
       glm::vec3 color;
-      for (int c = 0; c < 3; c++) {
+      for (int c = 0; c < 3; ++c) {
         target.push_back(static_cast<std::uint8_t>(random.below(256)));
         color[c] = target.back() / 255.0f * 0.7f + 0.4f * static_cast<float>(random.uniform());
       }
@@ -37,17 +37,17 @@ struct Case {
   }
   std::vector<double> targetPlane(int channel) const {
     std::vector<double> values;
-    for (std::size_t i = 0; i < picture.size(); i++) values.push_back(target[i * 3 + channel] / 255.0);
+    for (std::size_t i = 0; i < picture.size(); ++i) values.push_back(target[i * 3 + channel] / 255.0);
     return values;
   }
   double channelLoss(const std::vector<double>& values, int channel) const {
     const std::vector<double> wanted = targetPlane(channel);
     double l1 = 0;
     int counted = 0;
-    for (std::size_t i = 0; i < values.size(); i++) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
       if (!mask.empty() && mask[i] == 0) continue;
       l1 += std::abs(values[i] - wanted[i]);
-      counted++;
+      ++counted;
     }
     return (0.8 * l1 / counted + 0.2 * (1 - tg::test::referenceSsim(values, wanted, width, height, mask))) / 3;
   }
@@ -61,7 +61,7 @@ TEST_CASE("the loss is 0.8 L1 + 0.2 (1 - SSIM)", "[loss]") {
     std::vector<glm::vec3> gradient(test.picture.size());
     const tg::LossValue loss = tg::PhotometricLoss().evaluate(width, height, test.picture, test.target, gradient);
     double expected = 0;
-    for (int c = 0; c < 3; c++) expected += test.channelLoss(test.plane(c), c);
+    for (int c = 0; c < 3; ++c) expected += test.channelLoss(test.plane(c), c);
     CHECK(loss.total == Approx(expected).epsilon(1e-5));
   }
 }
@@ -82,7 +82,7 @@ TEST_CASE("the loss gradient equals finite differences of the float64 definition
   std::vector<glm::vec3> gradient(test.picture.size());
   tg::PhotometricLoss().evaluate(test.width, test.height, test.picture, test.target, gradient);
   tg::Random random(9);
-  for (int trial = 0; trial < 60; trial++) {
+  for (int trial = 0; trial < 60; ++trial) {
     const auto i = static_cast<std::size_t>(random.below(test.picture.size()));
     const int c = static_cast<int>(random.below(3));
     const double h = 1e-6;
@@ -110,7 +110,7 @@ TEST_CASE("the loss gradient has the same bytes at any thread count, and agrees 
   CHECK(one == two);
   tg::Image a(50, 100, 3);
   tg::Image b(50, 100, 3);
-  for (std::size_t i = 0; i < a.data.size(); i++) {
+  for (std::size_t i = 0; i < a.data.size(); ++i) {
     a.data[i] = test.picture[i / 3][static_cast<int>(i % 3)];
     b.data[i] = test.target[i] / 255.0f;
   }
@@ -124,18 +124,18 @@ TEST_CASE("masked pixels change neither the loss nor its gradient, which equals 
   Case test(29, 37, 11);
   tg::Random random(13);
   // A half plane, and single pixels here and there: windows that overlap the mask by little and by much.
-  for (int i = 0; i < test.width * test.height; i++) {
+  for (int i = 0; i < test.width * test.height; ++i) {
     test.mask.push_back(i % test.width < 9 || random.below(20) == 0 ? 0 : 255);
   }
   std::vector<glm::vec3> gradient(test.picture.size());
   tg::PhotometricLoss loss;
   const tg::LossValue value = loss.evaluate(test.width, test.height, test.picture, test.target, gradient, test.mask);
   double expected = 0;
-  for (int c = 0; c < 3; c++) expected += test.channelLoss(test.plane(c), c);
+  for (int c = 0; c < 3; ++c) expected += test.channelLoss(test.plane(c), c);
   CHECK(value.total == Approx(expected).epsilon(1e-5));
 
   int compared = 0;
-  for (int trial = 0; trial < 80; trial++) {
+  for (int trial = 0; trial < 80; ++trial) {
     const auto i = static_cast<std::size_t>(random.below(test.picture.size()));
     const int c = static_cast<int>(random.below(3));
     if (test.mask[i] == 0) {
@@ -150,12 +150,12 @@ TEST_CASE("masked pixels change neither the loss nor its gradient, which equals 
     minus[i] -= h;
     const double difference = (test.channelLoss(plus, c) - test.channelLoss(minus, c)) / (2 * h);
     CHECK(gradient[i][c] == Approx(difference).epsilon(2e-4).margin(2e-8));
-    compared++;
+    ++compared;
   }
   CHECK(compared > 30);
 
   Case noise = test;  // whatever the masked pixels hold
-  for (std::size_t i = 0; i < test.mask.size(); i++) {
+  for (std::size_t i = 0; i < test.mask.size(); ++i) {
     if (test.mask[i] != 0) continue;
     noise.picture[i] = glm::vec3(static_cast<float>(random.uniform()));
     noise.target[i * 3 + 1] = static_cast<std::uint8_t>(random.below(256));

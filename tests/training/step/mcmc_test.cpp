@@ -15,7 +15,7 @@ float sigmoid(float x) { return 1 / (1 + std::exp(-x)); }
 
 tg::TrainingState rowOf(const std::vector<float>& opacities) {
   tg::TrainingState state;
-  for (std::size_t i = 0; i < opacities.size(); i++) {
+  for (std::size_t i = 0; i < opacities.size(); ++i) {
     state.model.mean.emplace_back(i, 0, 0);
     state.model.rotation.emplace_back(1, 0, 0, 0);
     state.model.log_scale.emplace_back(std::log(0.1f));
@@ -31,7 +31,7 @@ tg::TrainingState rowOf(const std::vector<float>& opacities) {
 double blendedLine(double opacity, double sigma, int count) {
   double sum = 0;
   constexpr int kSteps = 4000;
-  for (int i = 0; i < kSteps; i++) {
+  for (int i = 0; i < kSteps; ++i) {
     const double x = (i + 0.5) / kSteps * 12 - 6;
     sum += 1 - std::pow(1 - opacity * std::exp(-x * x / (2 * sigma * sigma)), count);
   }
@@ -91,7 +91,7 @@ TEST_CASE("draws follow opacity", "[mcmc]") {
   tg::relocateAndGrow(state, {.max_gaussians = 4002, .growth = 3000}, random);
   REQUIRE(state.model.size() == 4002);
   std::size_t second = 0;
-  for (std::size_t i = 2; i < 4002; i++) second += state.model.mean[i].x == 1;
+  for (std::size_t i = 2; i < 4002; ++i) second += state.model.mean[i].x == 1;
   CHECK(static_cast<double>(second) / 4000 == Approx(0.75).margin(0.03));
 }
 
@@ -106,7 +106,7 @@ TEST_CASE("when all are dead nothing moves", "[mcmc]") {
 TEST_CASE("noise follows the Gaussian's own shape and spares opaque ones", "[mcmc]") {
   constexpr int kCount = 20000;
   tg::GaussianModel model;
-  for (int i = 0; i < kCount; i++) {
+  for (int i = 0; i < kCount; ++i) {
     model.mean.emplace_back(0);
     model.rotation.emplace_back(1, 0, 0, 1);  // a quarter turn about z: the long axis is world y
     model.log_scale.emplace_back(std::log(2.0f), 0.0f, std::log(0.5f));
@@ -143,14 +143,14 @@ TEST_CASE("regularisers pull by the derivative of their means", "[mcmc]") {
   tg::addRegularizerGradient(state.model, 0.03f, 0.09f, gradient);
   const auto loss = [](const tg::GaussianModel& model) {
     double opacity = 0, sigma = 0;
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; ++i) {
       opacity += sigmoid(model.opacity_logit[i]) / 3.0;
-      for (int axis = 0; axis < 3; axis++) sigma += std::exp(model.log_scale[i][axis]) / 9.0;
+      for (int axis = 0; axis < 3; ++axis) sigma += std::exp(model.log_scale[i][axis]) / 9.0;
     }
     return 0.03 * opacity + 0.09 * sigma;
   };
   constexpr float kStep = 1e-2f;
-  for (int i = 0; i < 3; i++) {
+  for (int i = 0; i < 3; ++i) {
     tg::GaussianModel up = state.model, down = state.model;
     up.opacity_logit[i] += kStep;
     down.opacity_logit[i] -= kStep;

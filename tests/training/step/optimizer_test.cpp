@@ -17,7 +17,7 @@ tg::TrainingState randomState(std::size_t count, int sh_degree, std::uint64_t se
   tg::TrainingState state;
   tg::GaussianModel& model = state.model;
   model.sh_degree = sh_degree;
-  for (std::size_t i = 0; i < count; i++) {
+  for (std::size_t i = 0; i < count; ++i) {
     model.mean.emplace_back(value(), value(), value());
     model.rotation.emplace_back(value(), value(), value(), value());
     model.log_scale.emplace_back(value(), value(), value());
@@ -32,14 +32,14 @@ tg::ModelGradient randomGradient(const tg::GaussianModel& model, std::uint64_t s
   tg::Random random(seed);
   const auto value = [&] { return static_cast<float>(random.normal()); };
   tg::ModelGradient gradient;
-  for (std::size_t i = 0; i < model.size(); i++) {
+  for (std::size_t i = 0; i < model.size(); ++i) {
     gradient.mean.emplace_back(value(), value(), value());
     gradient.rotation.emplace_back(value(), value(), value(), value());
     gradient.log_scale.emplace_back(value(), value(), value());
     gradient.opacity_logit.push_back(value());
   }
-  for (std::size_t i = 0; i < model.sh.size(); i++) gradient.sh.emplace_back(value(), value(), value());
-  for (std::size_t i = 0; i < model.atlas.texels.size(); i++) {
+  for (std::size_t i = 0; i < model.sh.size(); ++i) gradient.sh.emplace_back(value(), value(), value());
+  for (std::size_t i = 0; i < model.atlas.texels.size(); ++i) {
     gradient.texels.emplace_back(value(), value(), value(), value());
   }
   return gradient;
@@ -58,7 +58,7 @@ TEST_CASE("Adam follows the published update", "[optimizer]") {
     tg::ModelGradient gradient = randomGradient(state.model, 2);
     gradient.opacity_logit[0] = static_cast<float>(g);
     tg::adamStep(state, gradient, {});
-    t++;
+    ++t;
     m = 0.9 * m + 0.1 * g;
     v = 0.999 * v + 0.001 * g * g;
     value -= 0.05 * (m / (1 - std::pow(0.9, t))) / (std::sqrt(v / (1 - std::pow(0.999, t))) + 1e-15);
@@ -77,10 +77,9 @@ TEST_CASE("every block moves at its own rate", "[optimizer]") {
   tg::adamStep(state, gradient, rates);
   // The first bias-corrected step is the rate, against the gradient's sign.
   const auto moved = [](float from, float to, float g) { return (to - from) * (g > 0 ? -1 : 1); };
-  for (std::size_t i = 0; i < 37; i++) {
+  for (std::size_t i = 0; i < 37; ++i) {
     CHECK(moved(before.mean[i].y, state.model.mean[i].y, gradient.mean[i].y) == Approx(0.01f).margin(1e-6));
-    CHECK(moved(before.rotation[i].w, state.model.rotation[i].w, gradient.rotation[i].w) ==
-          Approx(1e-3f).margin(1e-6));
+    CHECK(moved(before.rotation[i].w, state.model.rotation[i].w, gradient.rotation[i].w) == Approx(1e-3f).margin(1e-6));
     CHECK(moved(before.log_scale[i].z, state.model.log_scale[i].z, gradient.log_scale[i].z) ==
           Approx(5e-3f).margin(1e-6));
     CHECK(moved(before.opacity_logit[i], state.model.opacity_logit[i], gradient.opacity_logit[i]) ==
@@ -91,7 +90,7 @@ TEST_CASE("every block moves at its own rate", "[optimizer]") {
     CHECK(moved(before.sh[i * 9 + 8].z, state.model.sh[i * 9 + 8].z, gradient.sh[i * 9 + 8].z) ==
           Approx(1.25e-4f).margin(1e-6));
   }
-  for (std::size_t i = 0; i < before.atlas.texels.size(); i++) {
+  for (std::size_t i = 0; i < before.atlas.texels.size(); ++i) {
     CHECK(moved(0, state.model.atlas.texels[i].g, gradient.texels[i].g) == Approx(1e-3f).margin(1e-6));
     // Alpha starts at 1 and is clamped there.
     CHECK(state.model.atlas.texels[i].a == Approx(gradient.texels[i].a > 0 ? 0.999f : 1.0f).margin(1e-6));
@@ -126,8 +125,8 @@ TEST_CASE("a higher SH degree adds zeros behind each Gaussian's coefficients", "
   CHECK(state.model.sh_degree == 3);
   REQUIRE(state.model.sh.size() == 5 * 16);
   REQUIRE(state.moments.sh.first.size() == 5 * 48);
-  for (std::size_t i = 0; i < 5; i++) {
-    for (std::size_t k = 0; k < 16; k++) {
+  for (std::size_t i = 0; i < 5; ++i) {
+    for (std::size_t k = 0; k < 16; ++k) {
       CHECK(state.model.sh[i * 16 + k] == (k < 4 ? before.model.sh[i * 4 + k] : glm::vec3(0)));
       CHECK(state.moments.sh.second[i * 48 + k * 3] == (k < 4 ? before.moments.sh.second[i * 12 + k * 3] : 0.0f));
     }

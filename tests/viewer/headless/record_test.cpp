@@ -240,9 +240,11 @@ TEST_CASE("software drivers compile nothing for another camera, nor for sizes th
       INFO(result.err);
       REQUIRE(result.exit_code == 0);
       std::size_t programs = 0;
-      if (std::filesystem::exists(cache))
-        for (const auto& entry : std::filesystem::recursive_directory_iterator(cache))
+      if (std::filesystem::exists(cache)) {
+        for (const auto& entry : std::filesystem::recursive_directory_iterator(cache)) {
           programs += entry.path().filename() != "index" && entry.is_regular_file();
+        }
+      }
       return programs;
     };
     for (const char* show : {"final", "ellipsoids"}) {

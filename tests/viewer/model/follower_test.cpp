@@ -94,7 +94,7 @@ TEST_CASE("a followed file is waited for, read again when replaced, and missed w
   std::filesystem::remove(file);
   CHECK_THAT(follower.wait().problem, Contains("waiting for"));
   // The news may be taken just before its wake-up call.
-  for (int i = 0; i < 500 && woken < 5; i++) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (int i = 0; i < 500 && woken < 5; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   CHECK(woken == 5);
 }
 
@@ -108,7 +108,7 @@ TEST_CASE("a model that was not taken outlives the news that its file is gone") 
     std::error_code ignored;
     if (woken++ == 0) std::filesystem::remove(file, ignored);
   });
-  for (int i = 0; i < 500 && woken < 2; i++) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (int i = 0; i < 500 && woken < 2; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   const ModelFollower::News news = follower.wait();
   REQUIRE(news.model);
   CHECK(news.model->model.size() == 4);
@@ -119,7 +119,7 @@ TEST_CASE("a further trained model changes the scene but neither camera nor back
   ViewerState state;
   Scene scene;
   scene.background = glm::vec3(1.0f);
-  for (int i = 0; i < 3; i++) scene.cameras.push_back(lookAt({i - 1.0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
+  for (int i = 0; i < 3; ++i) scene.cameras.push_back(lookAt({i - 1.0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
   setScene(state, scene);
   goToCamera(state, 2);
   state.display.settings.background = glm::vec3(0.5f);

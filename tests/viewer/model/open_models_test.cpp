@@ -44,8 +44,9 @@ struct Window {
       open_models.update(state);
       const DocumentState& documents = state.documents;
       if (!state.loading.active && documents.open_requests.empty() && !documents.show_request &&
-          !documents.close_request)
+          !documents.close_request) {
         return;
+      }
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     FAIL("loading does not end");

@@ -35,8 +35,9 @@ std::string section(const std::string& text, const std::string& heading) {
 std::string rowOf(const std::string& table, const std::string& name) {
   std::istringstream lines(table);
   for (std::string line; std::getline(lines, line);) {
-    if (line.starts_with("| ") && line.substr(0, line.find(" | ")).find("`" + name + "`") != std::string::npos)
+    if (line.starts_with("| ") && line.substr(0, line.find(" | ")).find("`" + name + "`") != std::string::npos) {
       return line;
+    }
   }
   return "";
 }
@@ -49,8 +50,9 @@ TEST_CASE("the manual has every render setting, with its names or limits, as a f
     const std::string name(setting.name), row = rowOf(flags, "--" + name);
     INFO(name);
     REQUIRE(row != "");
-    for (const RenderSetting::Choice& choice : setting.choices)
+    for (const RenderSetting::Choice& choice : setting.choices) {
       CHECK_THAT(row, Contains("`" + std::string(choice.name) + "`"));
+    }
     if (setting.number || setting.whole) {
       std::string expected;  // "a number from 0 to 10"
       try {
@@ -72,8 +74,9 @@ TEST_CASE("the manual lists the keys as the help does") {
   const std::string keys = section(manual(), "Keys and mouse"), outputs = section(manual(), "Outputs");
   for (const KeyBinding& binding : keyBindings()) {
     const std::string row = "\n| " + std::string(binding.keys) + " | ";
-    if (*binding.keys && outputs.find(row) == std::string::npos)
+    if (*binding.keys && outputs.find(row) == std::string::npos) {
       CHECK_THAT(keys, Contains(row + binding.text + " |\n"));
+    }
   }
 }
 

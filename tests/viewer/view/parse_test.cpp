@@ -19,8 +19,9 @@ TEST_CASE("sizes: both numbers, whole, in range") {
 
 TEST_CASE("pixels, numbers and names: a wrong one says what was expected") {
   CHECK(parsePixel("3,40", "--inspect") == glm::ivec2(3, 40));
-  for (const char* bad : {"", "3", "3,", "-1,2", "1,2,3", "1.5,2"})
+  for (const char* bad : {"", "3", "3,", "-1,2", "1,2,3", "1.5,2"}) {
     CHECK_THROWS_AS(parsePixel(bad, "--inspect"), Error);
+  }
   CHECK(parse<Output>("count", "--show") == Output::count);
   CHECK_THROWS_WITH(parse<Output>("colour", "--show"),
                     "--show: expected final, base, texture, alpha, depth, normal, count, depth-median, overdraw, "

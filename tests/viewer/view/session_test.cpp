@@ -133,8 +133,9 @@ TEST_CASE("recent files: the last one first, each once, a bounded number") {
 TEST_CASE("bookmarks belong to their model, those of the models used last are kept") {
   Session session;
   const Camera camera = lookAt({1, 2, 3}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48);
-  for (std::size_t i = 0; i < kMaxBookmarkedModels + 5; ++i)
+  for (std::size_t i = 0; i < kMaxBookmarkedModels + 5; ++i) {
     keepBookmarks(session, "/m/" + std::to_string(i), {camera});
+  }
   CHECK(session.bookmarks.size() == kMaxBookmarkedModels);
   CHECK(bookmarksOf(session, "/m/0").empty());
   CHECK(bookmarksOf(session, "/m/20").size() == 1);
