@@ -2,9 +2,7 @@
 // The built-in scene as a data set, without a detour over files.
 #pragma once
 #include <cmath>
-#include <limits>
 #include <memory>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -12,15 +10,6 @@
 #include "training/data/sample.h"
 
 namespace tg::test {
-
-// All photographs in memory, without files.
-inline std::shared_ptr<PhotographStore> storeInMemory(std::vector<Photograph> photographs) {
-  auto store = std::make_shared<PhotographStore>(
-      photographs.size(), std::numeric_limits<std::uint64_t>::max(),
-      [](std::size_t) -> Photograph { throw std::logic_error("every photograph is in memory"); });
-  for (std::size_t i = 0; i < photographs.size(); ++i) store->offer(i, std::move(photographs[i]));
-  return store;
-}
 
 // On white; or with its transparency kept, for a background of another colour at every step.
 inline Dataset sampleDataset(const SampleOptions& options, bool random_background = false) {

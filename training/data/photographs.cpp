@@ -9,6 +9,8 @@
 #include <chrono>
 #include <cmath>
 #include <future>
+#include <limits>
+#include <stdexcept>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -263,6 +265,14 @@ std::size_t PhotographStore::keptViews() const {
 std::uint64_t PhotographStore::keptBytes() const {
   const std::lock_guard lock(mutex_);
   return kept_bytes_;
+}
+
+std::shared_ptr<PhotographStore> storeInMemory(std::vector<Photograph> photographs) {
+  auto store = std::make_shared<PhotographStore>(
+      photographs.size(), std::numeric_limits<std::uint64_t>::max(),
+      [](std::size_t) -> Photograph { throw std::logic_error("every photograph is in memory"); });
+  for (std::size_t i = 0; i < photographs.size(); ++i) store->offer(i, std::move(photographs[i]));
+  return store;
 }
 
 std::uint64_t defaultImageMemory() {

@@ -93,6 +93,9 @@ class PhotographStore {
   std::jthread thread_;
 };
 
+// All photographs in memory, without files.
+std::shared_ptr<PhotographStore> storeInMemory(std::vector<Photograph> photographs);
+
 // A quarter of the machine's memory. [bytes]
 std::uint64_t defaultImageMemory();
 

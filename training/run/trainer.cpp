@@ -383,4 +383,13 @@ Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model
   return imageOf(renderer.forward(model, camera, settings), camera);
 }
 
+TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                  const TrainHooks& hooks, std::optional<GaussianModel> start) {
+  Trainer trainer(dataset, settings, renderer, std::move(start));
+  while (!trainer.finished() && !(hooks.stop && hooks.stop->load(std::memory_order_relaxed))) {
+    if (trainer.step(hooks.stop) && hooks.after_step) hooks.after_step(trainer);
+  }
+  return trainer.result();
+}
+
 }  // namespace tg

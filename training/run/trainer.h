@@ -102,6 +102,15 @@ class Trainer {
   std::function<void(std::size_t, std::size_t)> scoring_;
 };
 
+struct TrainHooks {
+  std::function<void(const Trainer&)> after_step;
+  const std::atomic<bool>* stop = nullptr;  // set: end after the current step
+};
+
+// Steps a trainer to its end.
+TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                  const TrainHooks& hooks = {}, std::optional<GaussianModel> start = std::nullopt);
+
 // The picture of a model as an image, by the training renderer.
 Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,
                     const glm::vec3& background);

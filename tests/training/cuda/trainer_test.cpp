@@ -10,7 +10,6 @@
 #include "training/run/trainer.h"
 #include "training/sample_dataset.h"
 #include "training/score/evaluate.h"
-#include "training/train.h"
 
 using namespace tg;
 using test::sameNumbers;

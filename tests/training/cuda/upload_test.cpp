@@ -12,7 +12,6 @@
 #include "training/cuda/upload.h"
 #include "training/run/trainer.h"
 #include "training/sample_dataset.h"
-#include "training/train.h"
 
 using namespace tg;
 

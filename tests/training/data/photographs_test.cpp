@@ -14,7 +14,6 @@
 #include "training/data/sample.h"
 #include "training/run/trainer.h"
 #include "training/step/random.h"
-#include "training/train.h"
 
 using Catch::Matchers::Contains;
 

@@ -16,7 +16,6 @@
 #include "training/settings/schedule.h"
 #include "training/step/optimizer.h"
 #include "training/step/textures.h"
-#include "training/train.h"
 
 namespace {
 
