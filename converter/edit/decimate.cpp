@@ -84,6 +84,8 @@ glm::dvec3 scaleOf(const Moments& moments, glm::dmat3& axes) {
   return glm::sqrt(glm::max(eigen(moments.covariance, axes), glm::dvec3(kLeastVariance)));
 }
 
+static_assert(kFieldCount == 5, "a merged pair would keep the new parameter of one of the two: here or in merge()");
+
 void setMoments(GaussianModel& model, std::size_t i, const Moments& moments) {
   glm::dmat3 axes;
   const glm::dvec3 scale = scaleOf(moments, axes);

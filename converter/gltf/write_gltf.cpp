@@ -268,6 +268,8 @@ Changed changedByGltf(const GaussianBlocks& gaussians, const GaussianModel& whol
   return {rotation, log_scale, opacity};
 }
 
+static_assert(kFieldCount == 5, "the new parameter has no attribute: here, kSourceBytes and append() of read_gltf.cpp");
+
 // The numbers the model came with, beside those glTF has words for. An attribute is left out where nothing would
 // change.
 void Writer::addSource(bool textured, GltfReport& report) {

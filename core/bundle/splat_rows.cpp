@@ -78,6 +78,8 @@ SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, c
   for (int column : columns_) offsets_.push_back(vertices_.properties()[static_cast<std::size_t>(column)].offset);
 }
 
+static_assert(kFieldCount == 5, "rows lack it: SplatRows, splatHeader(), splatRowBytes(), formatSplatRows()");
+
 // v(k) is the value of columns_[k].
 template <typename Values>
 void SplatRows::set(GaussianModel& model, std::size_t i, const Values& v) const {

@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kLn2 = 0.69314718055994530942;
 
+static_assert(kFieldCount == 5, "finishKernel() leaves the gradient of the new parameter as the memory was: write it");
 static_assert(kSums + kTextureSums + 1 <= kWarp && kRun == 2 * kWarp);
 
 // A warp takes the runs that begin at its kRun pairs. A lane takes one of the sums, so that a pair is read at once.

@@ -33,6 +33,7 @@ static_assert(sizeof(int) == 4 && sizeof(std::size_t) == 8 && sizeof(TextureRect
 
 constexpr char kMagic[8] = {'T', 'G', 'C', 'K', 'P', 'T', '\r', '\n'};
 constexpr std::uint32_t kVersion = 1;
+static_assert(kFieldCount == 5, "older checkpoints lack the new parameter: raise kVersion");
 constexpr std::uint64_t kMaxTextBytes = 1 << 20;
 constexpr std::size_t kMaxGaussians = std::size_t{1} << 32;
 
