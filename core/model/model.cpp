@@ -75,10 +75,13 @@ std::string brokenPromise(const GaussianModel& model, std::size_t i) {
 }  // namespace
 
 bool lengthsAgree(const GaussianModel& model) {
-  const std::size_t n = model.size();
-  return model.sh_degree >= 0 && model.sh_degree <= 3 && model.rotation.size() == n && model.log_scale.size() == n &&
-         model.opacity_logit.size() == n && model.sh.size() == n * static_cast<std::size_t>(model.shCount()) &&
-         (model.atlas.rects.empty() || model.atlas.rects.size() == n);
+  bool agree = model.sh_degree >= 0 && model.sh_degree <= 3 &&
+               (model.atlas.rects.empty() || model.atlas.rects.size() == model.size());
+  const auto check = [&](const Field& field, const auto& values) {
+    agree = agree && values.size() == model.size() * field.values(model.shCount());
+  };
+  forEachField(check, model);
+  return agree;
 }
 
 void checkModel(const GaussianModel& model, const std::string& path) {

@@ -55,7 +55,12 @@ struct Bench {
   explicit Bench(const std::string& backend)
       : thread([this] { return std::make_unique<MemoryDevice>(gate); }, 1, backend, [] {}) {}
   ~Bench() { gate.open(); }
-  void ask(int width) { thread.ask({.model = model, .camera = test::trainedLikeCamera(width, 24)}); }
+  void ask(int width) {
+    PictureRequest request;
+    request.model = model;
+    request.camera = test::trainedLikeCamera(width, 24);
+    thread.ask(std::move(request));
+  }
   void awaitUploads(int count) {
     for (int now = gate.uploads; now < count; now = gate.uploads) gate.uploads.wait(now);
   }
