@@ -97,7 +97,9 @@ void declare(CLI::App& app, Flags& flags) {
 void parseSettings(Flags& flags) {
   for (const RenderSetting& setting : renderSettings()) {
     const std::string& text = flags.settings[setting.name];
-    if (!text.empty()) setting.set(flags.view.settings, text, "--" + std::string(setting.name));
+    // An empty text leaves the default, but is no name of textures: their flag shows its default.
+    if (!text.empty() || setting.name == "textures")
+      setting.set(flags.view.settings, text, "--" + std::string(setting.name));
   }
   if (!flags.settings["background"].empty()) flags.view.background = flags.view.settings.background;
 }
