@@ -46,8 +46,8 @@ TEST_CASE("the help names every format that is read or written") {
   const std::string in = words.substr(words.find("IN: "), words.find("OUT: ") - words.find("IN: "));
   for (const Format& format : formats()) {
     CAPTURE(format.name, words);
-    if (format.read) CHECK(in.find(" " + std::string(format.spoken)) != std::string::npos);
-    if (format.write) CHECK(words.find("." + std::string(format.name)) != std::string::npos);
+    if (format.read) CHECK(in.find(std::string(format.spoken).insert(0, " ")) != std::string::npos);
+    if (format.write) CHECK(words.find(std::string(format.name).insert(0, ".")) != std::string::npos);
   }
 }
 
