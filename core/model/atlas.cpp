@@ -31,6 +31,24 @@ int pageWidth(std::uint64_t texels, int widest, int max_page_size) {
 
 }  // namespace
 
+TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height) {
+  if (width < 0 || height < 0 || width > 65535 || height > 65535 || (width == 0) != (height == 0)) {
+    throw Error(ErrorKind::badData, "texture size out of range (expected 1 to 65535 a side, or 0 x 0, found " +
+                                        std::to_string(width) + " x " + std::to_string(height) + ")");
+  }
+  const std::uint64_t each = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+  if (each > 0 && gaussian_count > kMaxTexels / each) {
+    throw Error(ErrorKind::badData, "too many texels (expected at most " + std::to_string(kMaxTexels) + ", found " +
+                                        std::to_string(gaussian_count) + " textures of " + std::to_string(each) + ")");
+  }
+  TextureAtlas atlas;
+  const TextureRect rect{0, static_cast<std::uint16_t>(width), static_cast<std::uint16_t>(height)};
+  atlas.rects.assign(gaussian_count, rect);
+  for (std::size_t i = 0; i < gaussian_count; ++i) atlas.rects[i].offset = static_cast<std::uint32_t>(i * each);
+  atlas.texels.assign(gaussian_count * each, kNeutralTexel);
+  return atlas;
+}
+
 std::vector<double> texelShares(int size) {
   TG_ASSERT(size >= 1, "a texture has a texel at least");
   std::vector<double> shares(static_cast<std::size_t>(size), 0.0);

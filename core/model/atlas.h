@@ -27,6 +27,10 @@ struct TextureAtlas {
   bool operator==(const TextureAtlas&) const = default;
 };
 
+// N rectangles of width x height neutral texels. Throws Error(badData) for a size that no rectangle has, and for more
+// texels than offsets reach.
+TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height);
+
 // The share of every texel of one axis in a texture's mean under its Gaussian: the integral of the texel's hat function
 // times the normal density over +-3 sigma. Sums to 1. size >= 1.
 std::vector<double> texelShares(int size);

@@ -7,21 +7,6 @@
 #include <glm/gtc/constants.hpp>
 #include <glm/gtc/quaternion.hpp>
 
-namespace tg {
-
-TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height) {
-  TextureAtlas atlas;
-  const std::size_t each = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  for (std::size_t i = 0; i < gaussian_count; ++i) {
-    atlas.rects.push_back(
-        {static_cast<std::uint32_t>(i * each), static_cast<std::uint16_t>(width), static_cast<std::uint16_t>(height)});
-  }
-  atlas.texels.assign(gaussian_count * each, glm::vec4(0.0f, 0.0f, 0.0f, 1.0f));
-  return atlas;
-}
-
-}  // namespace tg
-
 namespace tg::test {
 namespace {
 

@@ -10,13 +10,6 @@
 #include "core/model/model.h"
 #include "support/compare.h"
 
-namespace tg {
-
-// N rectangles of width x height neutral texels.
-TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height);
-
-}  // namespace tg
-
 namespace tg::test {
 
 enum class SceneKind {

@@ -9,7 +9,6 @@
 #include "core/system/parallel.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
-#include "support/scenes.h"
 
 using Catch::Contains;
 
@@ -74,6 +73,9 @@ TEST_CASE("what does not fit is refused by Gaussian") {
   REQUIRE_THROWS_WITH(tg::packAtlas(tg::makeUniformAtlas(256, 2, 2), 256, 2), Contains("more than 255 pages"));
   REQUIRE(tg::packAtlas(tg::makeUniformAtlas(255, 2, 2), 255, 2).pages.size() == 255);
   REQUIRE_THROWS_AS(tg::packAtlas(wide, 3), tg::Error);
+  REQUIRE_THROWS_AS(tg::makeUniformAtlas(1 << 20, 65535, 65535), tg::Error);
+  REQUIRE_THROWS_AS(tg::makeUniformAtlas(1, 0, 3), tg::Error);
+  REQUIRE_THROWS_AS(tg::makeUniformAtlas(1, -1, -1), tg::Error);
 }
 
 TEST_CASE("a valid model passes, and each broken promise is named with its first Gaussian") {
