@@ -6,7 +6,6 @@
 #include <new>
 #include <utility>
 
-#include "converter/registry/file_format.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
@@ -18,8 +17,9 @@ constexpr std::size_t kLargeModel = 500'000;  // Gaussians: a first picture of a
 
 }  // namespace
 
-ModelLoader::ModelLoader(std::function<void()> wake)
-    : news_(Queue<News>::kUnlimited, std::move(wake)),
+ModelLoader::ModelLoader(std::function<void()> wake, ModelReader read)
+    : read_(read ? std::move(read) : readModel),
+      news_(Queue<News>::kUnlimited, std::move(wake)),
       thread_(startWorker(news_, [this](const std::stop_token& stop) {
         while (const auto file = waiting_.take(stop)) news_.give(load(**file));
       })) {}
@@ -67,7 +67,7 @@ ModelLoader::News ModelLoader::load(File& file) {
     publishPart(std::move(part));
   };
   try {
-    Bundle loaded = readModel(path, {.progress = &file});
+    Bundle loaded = read_(path, {.progress = &file});
     if (loaded.model.size() >= kLargeModel) {
       Bundle part;
       part.model = thinned(loaded.model, loaded.model.size(), kPreviewGaussians);

@@ -9,17 +9,20 @@
 #include <string>
 #include <thread>
 
+#include "converter/registry/file_format.h"
 #include "core/bundle/read_progress.h"
 #include "core/system/worker.h"
 #include "viewer/view/scene.h"
 
 namespace tg {
 
+using ModelReader = std::function<Bundle(const std::filesystem::path& path, const ReadOptions& options)>;
+
 // All members may be called from one other thread; none of them waits for a file.
 class ModelLoader {
  public:
-  // `wake` is called in the loader's thread whenever there is news.
-  explicit ModelLoader(std::function<void()> wake);
+  // `wake` is called in the loader's thread whenever there is news, and `read` (empty: readModel) for each file.
+  ModelLoader(std::function<void()> wake, ModelReader read);
   ~ModelLoader() { cancel(); }
 
   void open(std::filesystem::path path);
@@ -52,6 +55,7 @@ class ModelLoader {
   };
   News load(File& file);
 
+  const ModelReader read_;
   std::deque<std::shared_ptr<File>> opened_;  // whose last news has not been taken; the other thread's
   Queue<std::shared_ptr<File>> waiting_;
   Queue<News> news_;

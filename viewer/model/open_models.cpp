@@ -12,8 +12,8 @@
 namespace tg {
 
 OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
-                       std::function<void(ViewerState&, Scene)> adopt)
-    : options_(options), adopt_(std::move(adopt)), loader_(wake) {
+                       std::function<void(ViewerState&, Scene)> adopt, ModelReader read)
+    : options_(options), adopt_(std::move(adopt)), loader_(wake, std::move(read)) {
   if (options.follow) {
     follower_ = std::make_unique<ModelFollower>(options.model, std::move(wake));
     return;

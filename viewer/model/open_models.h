@@ -14,8 +14,10 @@ namespace tg {
 class OpenModels {
  public:
   // Begins to read the models of `options` (with --follow, to watch the first). `wake` is called in other threads when
-  // update() has something to do; `adopt` makes a scene the one shown, with its own view and background.
-  OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt);
+  // update() has something to do; `adopt` makes a scene the one shown, with its own view and background; `read` is the
+  // loader's.
+  OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt,
+             ModelReader read = {});
 
   // Once a frame. True when the models have changed. Throws Error when nothing could be opened at the start.
   bool update(ViewerState& state);

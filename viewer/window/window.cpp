@@ -128,7 +128,7 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       session_(options),
       documents_(
           options, [this] { wake(); },
-          [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }),
+          [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }, additions.read),
       comparison_(options, [this] { wake(); }),
       graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options, additions.wrap_screen)),
       runs_(options, started_, script_.has_value()) {

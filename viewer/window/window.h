@@ -3,6 +3,7 @@
 #pragma once
 #include <span>
 
+#include "viewer/model/loader.h"
 #include "viewer/script/verb.h"
 #include "viewer/view/options.h"
 #include "viewer/window/screen.h"
@@ -13,6 +14,7 @@ namespace tg {
 struct WindowAdditions {
   ScreenWrapper wrap_screen;    // each that opens; empty: as it is
   std::span<const Verb> verbs;  // of scripts, beside the viewer's own
+  ModelReader read;             // of the models that are opened; empty: readModel
 };
 
 // Opens the model and a window, and returns when it is closed. Throws Error of every kind; without a display

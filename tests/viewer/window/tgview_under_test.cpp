@@ -3,13 +3,16 @@
 //   lose-device           the next picture on a device fails as on a lost one
 //   lose-window-device    the window's next frame does
 //   slow-picture SECONDS  the next picture takes that much longer
+//   slow-file SECONDS     the next model is read so much later, unless it is cancelled
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <thread>
 #include <utility>
 
+#include "converter/registry/file_format.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "viewer/flags.h"
@@ -22,12 +25,13 @@ namespace {
 
 // Each is met once.
 std::atomic<bool> lose_device{false}, lose_window{false};
-std::atomic<double> slow_picture{0};  // [s]
+std::atomic<double> slow_picture{0}, slow_file{0};  // [s]
 
 constexpr std::array kVerbs = {
     Verb{"lose-device", 0, 1, [](const Call&) { lose_device = true; }},
     Verb{"lose-window-device", 0, 1, [](const Call&) { lose_window = true; }},
     Verb{"slow-picture", 1, 0, [](const Call& c) { slow_picture = c.number(0, 0, 60); }},
+    Verb{"slow-file", 1, 0, [](const Call& c) { slow_file = c.number(0, 0, 60); }},
 };
 
 void loseIf(std::atomic<bool>& fault) {
@@ -35,6 +39,13 @@ void loseIf(std::atomic<bool>& fault) {
 }
 
 void dawdle() { std::this_thread::sleep_for(std::chrono::duration<double>(slow_picture.exchange(0))); }
+
+Bundle readSlowly(const std::filesystem::path& path, const ReadOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  const auto end = Clock::now() + std::chrono::duration<double>(slow_file.exchange(0));
+  while (!options.progress->cancel && Clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  return readModel(path, options);
+}
 
 // What the CPU draws is only uploaded, and is not lost with the device.
 class FaultyDevice final : public PictureDevice {
@@ -96,7 +107,7 @@ int run(int argc, char** argv) {
   CommandLine line;
   if (const std::optional<int> code = readFlags(argc, argv, line)) return *code;
   const auto wrap = [](std::unique_ptr<Screen> screen) { return std::make_unique<FaultyScreen>(std::move(screen)); };
-  runWindow(line.view, {wrap, kVerbs});
+  runWindow(line.view, {wrap, kVerbs, readSlowly});
   return 0;
 }
 
