@@ -262,4 +262,11 @@ TestScene grazingScene(double degrees, int width, int height) {
   return scene;
 }
 
+Image noise(int width, int height, unsigned seed, int channels) {
+  Random random(seed);
+  Image image(width, height, channels);
+  for (float& value : image.data) value = static_cast<float>(random.uniform());
+  return image;
+}
+
 }  // namespace tg::test

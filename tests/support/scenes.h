@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/image/image.h"
 #include "core/model/camera.h"
 #include "core/model/model.h"
 #include "support/compare.h"
@@ -60,5 +61,8 @@ class Random {
  private:
   std::uint64_t state_;
 };
+
+// Every value uniform in [0,1].
+Image noise(int width, int height, unsigned seed, int channels = 3);
 
 }  // namespace tg::test

@@ -13,11 +13,13 @@
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "support/catch.h"
+#include "support/scenes.h"
 #include "training/step/random.h"
 
 using Catch::Matchers::Contains;
 using tg::Image;
 using tg::LpipsRange;
+using tg::test::noise;
 
 namespace {
 
@@ -169,13 +171,6 @@ double reference(const std::vector<Layer>& layers, const Weights& weights, const
     total += sum / (width * height);
   }
   return total;
-}
-
-Image noise(int width, int height, std::uint64_t seed) {
-  Image image(width, height, 3);
-  tg::Random random(seed);
-  for (float& value : image.data) value = static_cast<float>(random.uniform());
-  return image;
 }
 
 }  // namespace

@@ -11,22 +11,11 @@
 
 using namespace tg;
 
-namespace {
-
-Image noise(int width, int height, unsigned seed) {
-  test::Random random(seed);
-  Image image(width, height, 3);
-  for (float& value : image.data) value = static_cast<float>(random.uniform(0, 1));
-  return image;
-}
-
-}  // namespace
-
 TEST_CASE("the metrics' thread answers for the newest pair") {
   MetricsThread thread([] {});
   std::shared_ptr<PicturePair> last;
   for (unsigned i = 0; i < 5; ++i) {
-    last = std::make_shared<PicturePair>(PicturePair{noise(32, 24, i), noise(32, 24, i + 9), {}});
+    last = std::make_shared<PicturePair>(PicturePair{test::noise(32, 24, i), test::noise(32, 24, i + 9), {}});
     thread.ask(last);
   }
   std::optional<MetricsThread::Result> result;

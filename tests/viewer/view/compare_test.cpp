@@ -10,15 +10,9 @@
 #include "viewer/view/camera_controller.h"
 
 using namespace tg;
+using test::noise;
 
 namespace {
-
-Image noise(int width, int height, unsigned seed) {
-  test::Random random(seed);
-  Image image(width, height, 3);
-  for (float& value : image.data) value = static_cast<float>(random.uniform(0, 1));
-  return image;
-}
 
 // Smooth, so that resampling has little to lose.
 Image waves(int width, int height) {
