@@ -15,7 +15,9 @@ SOURCES = (".h", ".cpp", ".cu", ".comp", ".vert", ".frag", ".glsl", ".js", ".htm
            ".md")
 CODE = re.compile(r"^(?:    [^\n]*|```.*?^```)$", re.S | re.M)
 LINK = re.compile(r"\]\(([^)\s:#]*)(?:#([\w-]+))?\)")
+BREAK = re.compile(r"\s*\n[ \t]*(?:(?://|#)[ \t]*)?")  # of a line, in a comment, too
 NAMED = re.compile(r'(?<![\w/])(docs/[\w/-]+\.(?:md|tgz|glb|png))(?:, (?:section )?["*]([^"*]+)["*])?')
+SECTION = re.compile(r'\]\(([^)\s:#]+)\), (?:section )?"([^"]+)"')
 ROOMS = "bench|cmake|converter|core|fuzz|render|scripts|shaders|tests|training|viewer"
 SOURCE = re.compile(rf"(?<![\w/.-])((?:{ROOMS})/[\w./-]*\b)")
 LABEL = r"\d+(?:\.\d+)*[a-g]?"  # of a section or an equation of docs/math.md
@@ -38,7 +40,8 @@ def files():
 
 def broken(path):
     text = path.read_text(errors="replace")
-    for name, heading in NAMED.findall(text):
+    flat = BREAK.sub(" ", text)
+    for name, heading in NAMED.findall(flat):
         if not (ROOT / name).exists() or heading and heading not in headings(ROOT / name):
             yield f"{name} {heading}".strip()
     math = ROOT / "docs/math.md"
@@ -47,6 +50,10 @@ def broken(path):
     if path.suffix != ".md":
         return
     yield from (name for name in SOURCE.findall(text) if not (ROOT / name).exists())
+    for name, heading in SECTION.findall(flat):
+        target = path.parent / name
+        if target.exists() and heading not in headings(target):
+            yield f"{name} {heading}"
     for name, anchor in LINK.findall(CODE.sub("", text)):
         target = (path.parent / name).resolve() if name else path
         if not target.exists() or anchor and anchor not in anchors(target):
