@@ -44,6 +44,7 @@ LEFT = {
     "viewer": ["viewer/view", "viewer/script", "viewer/model", "viewer/picture", "viewer/panels", "viewer/headless",
                "viewer/window"],
 }
+BESIDE = {"tests", "support", "bench", "fuzz"}  # no product includes what only tests, benchmarks and fuzz targets do
 SOURCE = {".h", ".cpp", ".cu", ".comp", ".glsl"}
 
 
@@ -58,12 +59,16 @@ def includes(root):
             if not found:
                 continue
             name = found[1] if found[1] in known else "shaders/" + found[1]
+            if found[1].split("/")[0] in BESIDE:
+                yield folder, f"{file.relative_to(root)}:{number}", found[1].split("/")[0]
             if name in known and str(pathlib.PurePath(name).parent) != folder:
                 yield folder, f"{file.relative_to(root)}:{number}", str(pathlib.PurePath(name).parent)
 
 
 def allowed(folder, other):
     room, other_room = folder.split("/")[0], other.split("/")[0]
+    if other_room in BESIDE:
+        return False
     if room == other_room:
         return other in LEFT.get(folder, [])
     return ROOMS.index(other_room) < ROOMS.index(room) and (room, other_room) not in STRANGERS
