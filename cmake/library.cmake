@@ -1,5 +1,5 @@
 # How sources become libraries and programs, but for what tg_warnings says.
-option(TG_UNITY "Compile the sources of a target in batches: a cold build takes a third of the time" ON)
+option(TG_UNITY "Compile the sources of a target in batches: a cold build takes about half the time" ON)
 set(CMAKE_UNITY_BUILD ${TG_UNITY})
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 8)
 
