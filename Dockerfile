@@ -1,5 +1,5 @@
 # The programs without a compiler around them: `docker build -t tg .`, then
-# `docker run --rm -v "$PWD":/data tg tgtrain DATASET -o model.tgz`.
+# `docker run --rm --user "$(id -u):$(id -g)" -v "$PWD":/data tg tgtrain DATASET -o model.tgz`. Not tried yet.
 FROM debian:12 AS build
 WORKDIR /source
 COPY scripts/install_packages.sh scripts/
