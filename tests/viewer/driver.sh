@@ -23,11 +23,15 @@ reached() {
     sleep 0.02
   done
 }
-# The pointer, in pixels of the window; slowly enough for a frame in between.
-to() { xdotool mousemove --window "$window" "$1" "$2" && sleep 0.2; }
-press() { xdotool mousedown "$1" && sleep 0.2; }
-release() { xdotool mouseup "$1" && sleep 0.2; }
-key() { xdotool key "$1" && sleep 0.2; }
+# Waits until a frame was drawn with what the hand has done; the script says `await-file NAME`, `window NAME.png`.
+seen() { touch "$1" && reached "$1.png"; }
+# The pointer, in pixels of the window. The question at the end is answered when the event is on its way.
+to() { xdotool mousemove --window "$window" "$1" "$2" getmouselocation >/dev/null; }
+press() { xdotool mousedown "$1" getmouselocation >/dev/null; }
+release() { xdotool mouseup "$1" getmouselocation >/dev/null; }
+click() { to "$1" "$2" && press 1 && release 1; }
+wheel() { xdotool click "$1" getmouselocation >/dev/null; }
+key() { xdotool key "$1" getmouselocation >/dev/null; }
 
 reached ready.png
 window=$(xdotool search --onlyvisible --name '^tgview' | head -n 1)

@@ -2,7 +2,7 @@
 // tgview's window on a device that fails or dawdles when a script says so:
 //   lose-device           the next picture on a device fails as on a lost one
 //   lose-window-device    the window's next frame does
-//   slow-picture SECONDS  the next picture takes that much longer
+//   hold-picture FILE     the next picture waits until there is such a file, at most 60 s
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
 #include <array>
 #include <atomic>
@@ -23,14 +23,22 @@ using namespace tg;
 
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
 // Each is met once.
 std::atomic<bool> lose_device{false}, lose_window{false};
-std::atomic<double> slow_picture{0}, slow_file{0};  // [s]
+std::atomic<bool> hold_picture{false};
+std::filesystem::path held_until;  // written before hold_picture
+std::atomic<double> slow_file{0};  // [s]
 
 constexpr std::array kVerbs = {
     Verb{"lose-device", 0, 1, [](const Call&) { lose_device = true; }},
     Verb{"lose-window-device", 0, 1, [](const Call&) { lose_window = true; }},
-    Verb{"slow-picture", 1, 0, [](const Call& c) { slow_picture = c.number(0, 0, 60); }},
+    Verb{"hold-picture", 1, 0,
+         [](const Call& c) {
+           held_until = c[0];
+           hold_picture = true;
+         }},
     Verb{"slow-file", 1, 0, [](const Call& c) { slow_file = c.number(0, 0, 60); }},
 };
 
@@ -38,10 +46,15 @@ void loseIf(std::atomic<bool>& fault) {
   if (fault.exchange(false)) throw Error(ErrorKind::device, "device lost, as a script wants it");
 }
 
-void dawdle() { std::this_thread::sleep_for(std::chrono::duration<double>(slow_picture.exchange(0))); }
+void dawdle() {
+  if (!hold_picture.exchange(false)) return;
+  const auto end = Clock::now() + std::chrono::seconds(60);
+  while (!std::filesystem::exists(held_until) && Clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+}
 
 Bundle readSlowly(const std::filesystem::path& path, const ReadOptions& options) {
-  using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + std::chrono::duration<double>(slow_file.exchange(0));
   while (!options.progress->cancel && Clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   return readModel(path, options);
