@@ -63,9 +63,11 @@ std::size_t settingWidgets(ViewerState& state, std::string_view heading) {
     for (std::size_t i = 0; i < line.size(); ++i) {
       const auto& [setting, choice] = line[i];
       const bool active = setting->get(shown) == choice->name;
+      ImGui::PushID(setting);
       if (segment(choice->label, active, static_cast<int>(i), static_cast<int>(line.size()))) {
         setting->set(settings, std::string(choice->name), "");
       }
+      ImGui::PopID();
       const char* trained = choice->name == name(state.scene.intersection) ? "What the model was trained with"
                                                                            : "Not what the model was trained with";
       hint(((choice->help ? choice->help : trained) + keyOf(setting->name)).c_str());
@@ -127,7 +129,7 @@ void scaleSection(ViewerState& state) {
 void cropSection(ViewerState& state) {
   DisplayState& display = state.display;
   heading("CROP BOX");
-  if (segment(display.crop ? "On" : "Off", display.crop, 0, 3)) display.crop = !display.crop;
+  if (segment(display.crop ? "On##crop" : "Off##crop", display.crop, 0, 3)) display.crop = !display.crop;
   hint("Only Gaussians whose mean lies inside are drawn (J)");
   if (segment("Fit", false, 1, 3)) fitCrop(state);
   hint("Around the middle 98 % of the means, along every axis");

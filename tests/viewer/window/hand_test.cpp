@@ -43,6 +43,22 @@ void play(const Workshop& shop, const std::string& script, const std::string& ha
 // The script's part of driver.sh's function of that name.
 std::string seen(const std::string& name) { return "await-file " + name + "\nwindow " + name + ".png\n"; }
 
+constexpr int kPanelWidth = 270;      // [px] at least, in either font
+constexpr int kHalfButton = 10;       // [px] of its height
+const std::string kHigh = "700x700";  // all of a page without scrolling
+
+// The middle of the first row of the panel in which two pictures of the window differ.
+int changedRow(const Image& a, const Image& b) {
+  REQUIRE((a.width == b.width && a.height == b.height));
+  for (int y = 0; y < a.height; ++y) {
+    for (int x = 0; x < kPanelWidth; ++x) {
+      if (std::abs(a.at(x, y, 2) - b.at(x, y, 2)) > 0.05) return y + kHalfButton;
+    }
+  }
+  FAIL("nothing changed in the panel");
+  return 0;
+}
+
 }  // namespace
 
 TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the camera", "[window]") {
@@ -62,6 +78,40 @@ TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the ca
   CHECK(psnr(shop.read("quarter.png"), shop.read("dragged.png")) > 60);
   const Camera before = readCameras(shop / "before.json").front(), after = readCameras(shop / "after.json").front();
   CHECK(before.translation != after.translation);
+}
+
+TEST_CASE("buttons of one page that have one label are clicked each", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  // Where they are: what changes beside them is in their row.
+  shop.write("script.txt",
+             "wait 3\nwindow view.png\ntextures alpha\nwindow textures.png\ncrop on\nwindow crop.png\n"
+             "tab camera\nwindow camera.png\nbookmark\nwindow bookmark.png\n");
+  REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
+                      test::kXServer)
+              .exit_code == 0);
+  const auto row = [&](const char* before, const char* after) {
+    return std::to_string(changedRow(shop.read(before), shop.read(after)));
+  };
+  const std::string textures = row("view.png", "textures.png"), crop = row("textures.png", "crop.png");
+  const std::string bookmarks = row("camera.png", "bookmark.png");
+  play(shop,
+       "panel on\nsize " + kHigh + "\ncrop 0,0,0,9,9,9\ncrop off\nwindow begin.png\n" + seen("alpha") +
+           "picture got-alpha.png\n" + seen("off") + "picture got-off.png\n" + seen("cropped") +
+           "picture got-cropped.png\ntextures alpha\ncrop off\npicture alpha.png\ntextures off\npicture off.png\n"
+           "crop on\npicture cropped.png\ntab camera\nbookmark\nwindow bookmarked.png\n" +
+           seen("saved"),
+       "reached begin.png\nclick 108 " + textures + "\nseen alpha\nclick 44 " + textures + "\nseen off\nclick 50 " +
+           crop + "\nseen cropped\nreached bookmarked.png\nclick 140 " + bookmarks + "\nseen saved\n");
+  for (const std::string name : {"alpha.png", "off.png", "cropped.png"}) {
+    INFO(name);
+    CHECK(psnr(shop.read("got-" + name), shop.read(name)) > 60);
+  }
+  CHECK(psnr(shop.read("alpha.png"), shop.read("off.png")) < 45);
+  CHECK(psnr(shop.read("off.png"), shop.read("cropped.png")) < 45);
+  CHECK(std::filesystem::exists(shop / "bookmarks.json"));
+  CHECK_FALSE(std::filesystem::exists(shop / "model-camera-001.json"));
 }
 
 TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]") {
