@@ -25,7 +25,7 @@ constexpr std::array kCameraVerbs = {
          }},
     Verb{"dolly", 1, 0,
          [](const Call& c) {
-           dolly(c.state.camera.pose, c.number(0));
+           dolly(c.state.camera.pose, c.number(0, 1e-3, 1e3));
            c.state.camera.index = -1;
          }},
     Verb{"fly", 1, 0, [](const Call& c) { c.state.camera.fly = c.on(); }},

@@ -135,8 +135,8 @@ Lens lensOf(const Camera& camera, double aspect) {
   const double scale = std::min(aspect * camera.size.y / camera.size.x, 1.0);  // of the old image in a new height of 1
   Lens lens;
   lens.fov_y = std::clamp(2.0 * std::atan(camera.size.y / (2.0 * scale * camera.focal.y)), kMinFov, kMaxFov);
-  lens.pixel_aspect = camera.focal.x / camera.focal.y;
-  lens.shift = (camera.center - 0.5 * glm::dvec2(camera.size)) / camera.focal;
+  lens.pixel_aspect = std::clamp(camera.focal.x / camera.focal.y, 1 / kMaxPixelAspect, kMaxPixelAspect);
+  lens.shift = glm::clamp((camera.center - 0.5 * glm::dvec2(camera.size)) / camera.focal, -kMaxShift, kMaxShift);
   return lens;
 }
 

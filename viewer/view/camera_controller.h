@@ -43,6 +43,8 @@ struct SceneBounds {
 constexpr double kDegrees = 3.14159265358979323846 / 180.0;  // [rad]
 constexpr double kMinFov = 0.05;  // [rad] of the lens, either way
 constexpr double kMaxFov = 2.6;
+constexpr double kMaxPixelAspect = 1000;  // of the lens, fx / fy, either way
+constexpr double kMaxShift = 1000;        // of its principal point, in focal lengths
 
 // Median of the means; reach of 95 % of the Gaussians, so that a few far floaters do not make the scene a dot.
 SceneBounds sceneBounds(const GaussianModel& model);

@@ -19,10 +19,8 @@ namespace {
 
 constexpr std::uint64_t kMaxPathBytes = std::uint64_t{32} << 20;
 constexpr int kPathVersion = 1;
-constexpr double kUnitTolerance = 1e-3;   // files carry rotations rounded to some digits
-constexpr double kVelocityLimit = 3;      // x the slower neighbouring segment: monotone (Fritsch and Carlson 1980)
-constexpr double kMaxPixelAspect = 1000;  // fx / fy, either way
-constexpr double kMaxShift = 1000;        // of the principal point, in focal lengths
+constexpr double kUnitTolerance = 1e-3;  // files carry rotations rounded to some digits
+constexpr double kVelocityLimit = 3;     // x the slower neighbouring segment: monotone (Fritsch and Carlson 1980)
 
 // From one key to the next, the wrap of a closed path included.
 struct Segment {

@@ -11,6 +11,7 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kRollSpeed = 0.8;     // [rad / s]
 constexpr double kWheelFactor = 0.88;  // of the distance, per notch
+constexpr double kMostNotches = 100;   // of one frame
 
 }  // namespace
 
@@ -32,7 +33,7 @@ bool applyInput(ViewerState& state, const Input& input, int height) {
   if (input.wheel != 0 && input.control) {
     state.camera.lens.fov_y = std::clamp(state.camera.lens.fov_y * std::pow(0.95, input.wheel), kMinFov, kMaxFov);
   } else if (input.wheel != 0) {
-    dolly(state.camera.pose, std::pow(kWheelFactor, input.wheel));
+    dolly(state.camera.pose, std::pow(kWheelFactor, std::clamp(input.wheel, -kMostNotches, kMostNotches)));
   }
   const double boost = input.shift ? 4.0 : input.control ? 0.25 : 1.0;
   const double step = state.camera.speed * boost * state.scene.bounds.radius * input.seconds;

@@ -56,6 +56,18 @@ TEST_CASE("a model's camera comes back from its pose and lens") {
   }
 }
 
+TEST_CASE("absurd focal lengths of a file become a lens that draws") {
+  Camera camera = lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48);
+  for (const glm::dvec2 focal : {glm::dvec2(1e-300, 1e300), glm::dvec2(1e300, 1e-300), glm::dvec2(1e-300)}) {
+    camera.focal = focal;
+    camera.center = {0, 1e300};
+    const Lens lens = lensOf(camera, 1.5);
+    CHECK(lens.pixel_aspect > 0);
+    const Camera seen = toCamera({}, lens, 64, 48);
+    for (int k = 0; k < 2; ++k) CHECK((std::isfinite(seen.focal[k]) && std::isfinite(seen.center[k])));
+  }
+}
+
 TEST_CASE("a camera that looks straight along the up axis keeps its orientation") {
   for (const glm::dvec3 direction : {glm::dvec3(0, 1, 0), glm::dvec3(0, -1, 0)}) {
     for (const glm::dvec3 image_up : {glm::dvec3(1, 0, 0), glm::dvec3(0.6, 0, -0.8)}) {

@@ -163,6 +163,10 @@ TEST_CASE("the wheel comes closer, with Ctrl it changes the lens within its limi
   input.wheel = -1;
   for (int i = 0; i < 400; ++i) applyInput(state, input, 480);
   CHECK(state.camera.lens.fov_y == kMaxFov);
+  input.control = false;
+  input.wheel = 1e6;  // events of a program that plays the hand
+  applyInput(state, input, 480);
+  CHECK(state.camera.pose.distance > 0);
 }
 
 TEST_CASE("flying covers speed x radius in a second, whatever the frame rate") {
