@@ -188,7 +188,8 @@ void OpenModels::show(ViewerState& state, int document) {
   const bool together = sameCameras(before, state.scene);
   state.camera.pose = together ? view.pose : kept.pose;
   state.camera.lens = together ? view.lens : kept.lens;
-  state.camera.index = together ? view.index : kept.camera;
+  const int camera = together ? view.index : kept.camera;  // the file may have been read again, with fewer cameras
+  state.camera.index = camera < static_cast<int>(state.scene.cameras.size()) ? camera : -1;
 }
 
 void OpenModels::close(ViewerState& state, int document) {
@@ -204,7 +205,7 @@ void OpenModels::close(ViewerState& state, int document) {
       show(state, document + 1 < static_cast<int>(open.size()) ? document + 1 : document - 1);
     } else {
       state.documents.shown = -1;
-      state.scene = {};
+      replaceScene(state, {});
     }
   }
   open.erase(open.begin() + document);

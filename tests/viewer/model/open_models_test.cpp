@@ -137,6 +137,27 @@ TEST_CASE("closing shows a neighbour, closing the last one leaves nothing to dra
   CHECK(state.scene.gaussians == 4);
 }
 
+TEST_CASE("no camera is the view's when the model that had it is closed, or read again with fewer") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png", "y.png"});
+  writeModel(folder / "b.tgz", 4, {"other.png"});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  goToCamera(window.state, 1);
+  window.open(folder / "b.tgz");
+  writeModel(folder / "a.tgz", 5, {"x.png"});
+  window.open(folder / "a.tgz");
+  REQUIRE(window.state.scene.gaussians == 5);
+  CHECK(window.state.camera.index == -1);
+  goToCamera(window.state, 0);
+  for (int i = 0; i < 2; ++i) {
+    press(window.state, kKeyDelete);
+    window.settle();
+  }
+  CHECK_FALSE(window.state.scene.model);
+  CHECK(window.state.camera.index == -1);
+}
+
 TEST_CASE("a file that is open already is read again in its place, under the same view") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {"x.png", "y.png"});
