@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Several models at once: opening, switching, closing, and what goes wrong on the way.
-#include "viewer/view/documents.h"
+#include "viewer/model/open_models.h"
 
+#include <atomic>
 #include <chrono>
 #include <fstream>
 #include <thread>
@@ -13,7 +14,6 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "viewer/keys.h"
-#include "viewer/model/open_models.h"
 #include "viewer/view/state.h"
 
 using namespace tg;
@@ -37,8 +37,9 @@ void writeModel(const std::filesystem::path& path, std::size_t gaussians, const 
 
 // The window's part: a state and its open models, turned until nothing is left to do.
 struct Window {
-  explicit Window(const ViewOptions& options)
-      : open_models(options, [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }) {}
+  explicit Window(const ViewOptions& options, ModelReader read = {})
+      : open_models(
+            options, [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }, std::move(read)) {}
   void settle() {
     for (int i = 0; i < 3000; ++i) {
       open_models.update(state);
@@ -156,6 +157,36 @@ TEST_CASE("no camera is the view's when the model that had it is closed, or read
   }
   CHECK_FALSE(window.state.scene.model);
   CHECK(window.state.camera.index == -1);
+}
+
+TEST_CASE("the state says which file is read, how far it is, and how many wait") {
+  const TemporaryFolder folder;
+  for (const char* name : {"a.tgz", "b.tgz", "c.tgz"}) writeModel(folder / name, 3, {});
+  std::atomic<bool> half{false}, go_on{false};
+  ViewOptions options = optionsFor(folder / "a.tgz");
+  options.more_models = {folder / "b.tgz", folder / "c.tgz"};
+  Window window(options, [&](const std::filesystem::path& path, const ReadOptions& read) {
+    read.progress->total = 80;
+    read.progress->done = 30;
+    half = true;
+    half.notify_all();
+    go_on.wait(false);
+    return readModel(path, read);
+  });
+  half.wait(false);
+  window.open_models.update(window.state);
+  const LoadState& loading = window.state.loading;
+  CHECK(loading.active);
+  CHECK(loading.path == folder / "a.tgz");
+  CHECK(loading.done == 30);
+  CHECK(loading.total == 80);
+  CHECK(loading.waiting == 2);
+  go_on = true;
+  go_on.notify_all();
+  window.settle();
+  CHECK_FALSE(loading.active);
+  CHECK(loading.waiting == 0);
+  CHECK(window.state.documents.open.size() == 3);
 }
 
 TEST_CASE("a file that is open already is read again in its place, under the same view") {
