@@ -138,6 +138,14 @@ bool GpuRenderer::draw(const FrameRequest& request) {
   return finishFrame();
 }
 
+void drawWhole(const std::function<bool()>& draw) {
+  constexpr int kMaxGrowth = 8;
+  for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
+    if (draw()) return;
+  }
+  throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
+}
+
 GpuRenderer::Recording GpuRenderer::prepareFrame(const FrameRequest& request) {
   checkFrame(request.camera, request.settings);
   return prepare(request.camera, request.settings, variantFor(request.output), request.beside);

@@ -2,6 +2,7 @@
 // The renderer that every API on a GPU shares: keeps the buffers that the next frame needs, lists its passes, reads it
 // back. What differs is the GpuDevice that it is given.
 #pragma once
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -99,5 +100,9 @@ class GpuRenderer : public Renderer {
   std::vector<PassTime> times_;
   FrameCounts counts_;
 };
+
+// Repeats a frame until its buffers are large enough: `draw` is GpuRenderer::draw() or returns as it does. Throws
+// Error(device) where they never are.
+void drawWhole(const std::function<bool()>& draw);
 
 }  // namespace tg

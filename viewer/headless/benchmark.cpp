@@ -7,15 +7,13 @@
 #include <utility>
 #include <vector>
 
-#include "core/system/error.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/picture/benchmark.h"
+#include "viewer/picture/picture.h"
 #include "viewer/view/shot.h"
 
 namespace tg {
 namespace {
-
-constexpr int kMaxGrowth = 8;  // repeats of a frame whose buffers were too small
 
 struct Stopwatch {
   const std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
@@ -37,10 +35,7 @@ class FrameRunner {
       return;
     }
     request_.camera = camera;
-    for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
-      if (gpu_->draw(request_)) return;
-    }
-    throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
+    drawWhole([this] { return gpu_->draw(request_); });
   }
 
  private:

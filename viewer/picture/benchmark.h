@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // --benchmark: what the frames of a camera path cost, as JSON for other programs.
 #pragma once
-#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -48,9 +47,6 @@ struct Spread {
 // Median of an even number of values: the mean of the middle two. p95: nearest rank. Needs a value or more.
 Spread spreadOf(std::vector<double> values);
 
-inline double milliseconds(std::chrono::steady_clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
 double processMilliseconds();  // CPU time of the process so far, user and system
 
 }  // namespace tg

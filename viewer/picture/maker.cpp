@@ -9,13 +9,11 @@
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
-#include "viewer/picture/benchmark.h"
 
 namespace tg {
 namespace {
 
 constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and one to compare with or to go back to
-constexpr int kMaxGrowth = 8;             // repeats of a frame whose buffers were too small
 
 FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
 
@@ -184,8 +182,9 @@ void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, Pict
 
 void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
   FrameRequest frame = frameOf(request);
+  const auto drawPart = [&](int top) { drawWhole([&] { return device_.draw(*loaded.gpu, frame, target, top); }); };
   const int height = request.camera.size.y, most = loaded.gpu->rowsAtOnce(request.camera);
-  if (most >= height) return drawPart(*loaded.gpu, frame, target, 0);
+  if (most >= height) return drawPart(0);
   // Parts of one height, for which the buffers stay: the last one begins before the end of the one before it.
   const int parts = (height + most - 1) / most;
   frame.camera.size.y = (height + parts - 1) / parts;
@@ -194,7 +193,7 @@ void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, P
     for (int part = 0; part < parts; ++part) {
       const int top = std::min(part * frame.camera.size.y, height - frame.camera.size.y);
       frame.camera.center.y = request.camera.center.y - top;
-      drawPart(*loaded.gpu, frame, target, top);
+      drawPart(top);
       const OutputRange seen = loaded.gpu->counts().range;
       range = {std::min(range.least, seen.least), std::max(range.most, seen.most)};
     }
@@ -202,13 +201,6 @@ void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, P
   };
   frame.beside = drawAll();
   if (frame.beside.most > 0) drawAll();  // scaled by the range of all parts, which is only now known
-}
-
-void PictureMaker::drawPart(GpuRenderer& renderer, const FrameRequest& frame, PictureImage& target, int top) {
-  for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
-    if (device_.draw(renderer, frame, target, top)) return;
-  }
-  throw Error(ErrorKind::device, "a frame does not fit the device's buffers however often they grow");
 }
 
 }  // namespace tg

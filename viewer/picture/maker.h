@@ -44,7 +44,6 @@ class PictureMaker {
   // `pixels`, which may be null, receives the picture on the host.
   void drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target, Image* pixels);
   void drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target);
-  void drawPart(GpuRenderer& renderer, const FrameRequest& frame, PictureImage& target, int top);
   void drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair);
 
   PictureDevice& device_;

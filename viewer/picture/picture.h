@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a picture is drawn from, and what comes of it.
 #pragma once
+#include <chrono>
 #include <filesystem>
 #include <glm/glm.hpp>
 #include <memory>
@@ -37,6 +38,10 @@ struct PictureRequest {
 
 // Whether both yield the same picture.
 bool same(const PictureRequest& a, const PictureRequest& b);
+
+inline double milliseconds(std::chrono::steady_clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
 
 struct Picture {
   PictureRequest request;

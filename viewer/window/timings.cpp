@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "viewer/picture/benchmark.h"
+#include "viewer/picture/picture.h"
 
 namespace tg {
 
