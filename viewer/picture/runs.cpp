@@ -20,13 +20,46 @@ class BenchmarkRun final : public PictureRun {
   using Clock = std::chrono::steady_clock;
 
   // At that picture size. `started`: when the program was. Throws what shotCameras throws.
-  BenchmarkRun(const ViewOptions& options, const Scene& scene, glm::ivec2 size, Clock::time_point started);
+  BenchmarkRun(const ViewOptions& options, const Scene& scene, glm::ivec2 size, Clock::time_point started)
+      : benchmark_(benchmarkOf(options, scene)), started_(started) {
+    ViewOptions shot = options;
+    shot.size = size;
+    cameras_ = shotCameras(shot, scene, false);
+    benchmark_.where = "window";
+    benchmark_.width = size.x;
+    benchmark_.height = size.y;
+  }
 
-  const Camera* due() override;
-  void take(const Picture& picture, const std::function<Image()>& read) override;
+  const Camera* due() override {
+    if (done() == frames()) return nullptr;
+    if (!asked_) {
+      asked_ = Clock::now();
+      cpu_ = processMilliseconds();
+    }
+    return &cameras_[done()];
+  }
+
+  void take(const Picture& picture, const std::function<Image()>&) override {
+    const Clock::time_point now = Clock::now();
+    if (!warm_) {
+      // The first picture of all: not counted, but it ends the loading.
+      warm_ = true;
+      benchmark_.load_ms = milliseconds(now - started_);
+      benchmark_.device = picture.device;
+      benchmark_.backend = picture.backend;
+    } else {
+      benchmark_.frames.push_back({milliseconds(now - *asked_), processMilliseconds() - cpu_, picture.passes});
+    }
+    asked_.reset();
+  }
+
   std::size_t done() const override { return benchmark_.frames.size(); }
   std::size_t frames() const override { return cameras_.size(); }
-  std::string finish() override;  // prints the JSON to stdout
+
+  std::string finish() override {
+    std::fputs(formatBenchmark(benchmark_).c_str(), stdout);
+    return "";
+  }
 
  private:
   Benchmark benchmark_;
@@ -36,44 +69,6 @@ class BenchmarkRun final : public PictureRun {
   double cpu_ = 0;                          // [ms] of the process then
   bool warm_ = false;
 };
-
-BenchmarkRun::BenchmarkRun(const ViewOptions& options, const Scene& scene, glm::ivec2 size, Clock::time_point started)
-    : benchmark_(benchmarkOf(options, scene)), started_(started) {
-  ViewOptions shot = options;
-  shot.size = size;
-  cameras_ = shotCameras(shot, scene, false);
-  benchmark_.where = "window";
-  benchmark_.width = size.x;
-  benchmark_.height = size.y;
-}
-
-const Camera* BenchmarkRun::due() {
-  if (done() == frames()) return nullptr;
-  if (!asked_) {
-    asked_ = Clock::now();
-    cpu_ = processMilliseconds();
-  }
-  return &cameras_[done()];
-}
-
-void BenchmarkRun::take(const Picture& picture, const std::function<Image()>&) {
-  const Clock::time_point now = Clock::now();
-  if (!warm_) {
-    // The first picture of all: not counted, but it ends the loading.
-    warm_ = true;
-    benchmark_.load_ms = milliseconds(now - started_);
-    benchmark_.device = picture.device;
-    benchmark_.backend = picture.backend;
-  } else {
-    benchmark_.frames.push_back({milliseconds(now - *asked_), processMilliseconds() - cpu_, picture.passes});
-  }
-  asked_.reset();
-}
-
-std::string BenchmarkRun::finish() {
-  std::fputs(formatBenchmark(benchmark_).c_str(), stdout);
-  return "";
-}
 
 }  // namespace
 
