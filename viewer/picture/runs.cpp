@@ -78,7 +78,7 @@ bool PictureRuns::update(ViewerState& state, glm::ivec2 area) {
       begin(state, area);
       return false;
     }
-    if (!options_.benchmark && !state.record.wanted) {
+    if (!options_.benchmark && (!state.record.wanted || !state.scene.model)) {
       end(state, "Recording cancelled");
     } else if (run_->done() == run_->frames()) {
       const std::string result = run_->finish();

@@ -319,7 +319,8 @@ TEST_CASE("a recording in the window is the recording without one, and can be ca
     play(shop,
          "camera 1\nadd-key\norbit 40 10\nadd-key\nsave-path path.json\ntab path\nrecord-size 90x60\nrecord-fps 2\n"
          "record window/##.png\nwindow during.png\nawait-recording\n"
-         "record-fps 1000\nrecord cancelled/####.png\nwait 100\ncancel-recording\nwait 2\npicture after.png\n",
+         "record-fps 1000\nrecord cancelled/####.png\nwait 100\ncancel-recording\nwait 2\npicture after.png\n"
+         "record closed/####.png\nwait 2\nclose-document 0\nawait-recording\n",
          "240x180", backend);
     const ProcessResult result = shop.tgview({"model.tgz", "--path", "path.json", "--fps", "2", "-o", "plain/##.png",
                                               "--size", "90x60", "--backend", backend});
