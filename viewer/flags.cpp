@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "converter/registry/file_format.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "viewer/headless/renderer.h"
@@ -38,8 +39,11 @@ struct Flags {
 };
 
 void declare(CLI::App& app, Flags& flags) {
-  app.add_option("model", flags.models,
-                 "model.tgz, splat .ply, or .glb / .gltf, several for the window; a run folder with --follow")
+  std::vector<std::string> readable;
+  for (const Format& format : formats()) {
+    if (format.read) readable.emplace_back(format.spoken);
+  }
+  app.add_option("model", flags.models, listed(readable) + ", several for the window; a run folder with --follow")
       ->required();
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
@@ -98,19 +102,23 @@ void parseSettings(Flags& flags) {
   for (const RenderSetting& setting : renderSettings()) {
     const std::string& text = flags.settings[setting.name];
     // An empty text leaves the default, but is no name of textures: their flag shows its default.
-    if (!text.empty() || setting.name == "textures")
+    if (!text.empty() || setting.name == "textures") {
       setting.set(flags.view.settings, text, "--" + std::string(setting.name));
+    }
   }
   if (!flags.settings["background"].empty()) flags.view.background = flags.view.settings.background;
+}
+
+void refuseIf(bool wrong, const char* problem) {
+  if (wrong) throw Error(ErrorKind::usage, problem);
 }
 
 void parseShot(Flags& flags) {
   ViewOptions& view = flags.view;
   if (!flags.inspect.empty()) {
     view.inspect = parsePixel(flags.inspect, "--inspect");
-    if (!view.out.empty() || !view.record.empty() || !view.script.empty() || view.follow) {
-      throw Error(ErrorKind::usage, "--inspect prints (expected no --render, --output, --script or --follow with it)");
-    }
+    refuseIf(!view.out.empty() || !view.record.empty() || !view.script.empty() || view.follow,
+             "--inspect prints (expected no --render, --output, --script or --follow with it)");
   }
   view.up = parse<UpAxis>(flags.up, "--up");
   view.fps = parseNumber(flags.fps, kMinFps, kMaxFps, "--fps");
@@ -121,31 +129,21 @@ void parseShot(Flags& flags) {
   if (!flags.elevation.empty()) view.elevation = parseNumber(flags.elevation, -88, 88, "--elevation") * kDegrees;
   if (!flags.radius.empty()) view.radius = parseNumber(flags.radius, 1e-4, 1e9, "--radius");
   if (!flags.benchmark.empty()) {
-    if (!view.record.empty() || !view.out.empty() || view.follow || !view.script.empty() || !view.path.empty() ||
-        view.turntable > 0) {
-      throw Error(ErrorKind::usage,
-                  "--benchmark times (expected no --render, --output, --path, --turntable, --follow or --script)");
-    }
+    refuseIf(!view.record.empty() || !view.out.empty() || view.follow || !view.script.empty() || !view.path.empty() ||
+                 view.turntable > 0,
+             "--benchmark times (expected no --render, --output, --path, --turntable, --follow or --script)");
     view.path = flags.benchmark;
     view.benchmark = true;
     return;
   }
-  if (!view.path.empty() && view.turntable > 0) {
-    throw Error(ErrorKind::usage, "--path and --turntable (expected one of them)");
-  }
-  if (!view.record.empty() && view.path.empty() && view.turntable == 0) {
-    throw Error(ErrorKind::usage, "--output records a camera path (expected --path or --turntable with it)");
-  }
-  if (flags.window) throw Error(ErrorKind::usage, "--window says how to time (expected --benchmark with it)");
-  if (view.record.empty() && view.turntable > 0) {
-    throw Error(ErrorKind::usage, "--turntable makes frames (expected --output with it)");
-  }
-  if (!view.path.empty() && !view.out.empty()) {
-    throw Error(ErrorKind::usage, "--path goes through a scene (expected no --render with it)");
-  }
-  if (!view.record.empty() && (!view.out.empty() || view.follow || !view.script.empty())) {
-    throw Error(ErrorKind::usage, "--output records (expected no --render, --follow or --script with it)");
-  }
+  refuseIf(!view.path.empty() && view.turntable > 0, "--path and --turntable (expected one of them)");
+  refuseIf(!view.record.empty() && view.path.empty() && view.turntable == 0,
+           "--output records a camera path (expected --path or --turntable with it)");
+  refuseIf(flags.window, "--window says how to time (expected --benchmark with it)");
+  refuseIf(view.record.empty() && view.turntable > 0, "--turntable makes frames (expected --output with it)");
+  refuseIf(!view.path.empty() && !view.out.empty(), "--path goes through a scene (expected no --render with it)");
+  refuseIf(!view.record.empty() && (!view.out.empty() || view.follow || !view.script.empty()),
+           "--output records (expected no --render, --follow or --script with it)");
 }
 
 void parseValues(Flags& flags) {
@@ -163,21 +161,15 @@ void parseValues(Flags& flags) {
   view.backend = parse<Backend>(flags.backend, "--backend");
   if (!flags.compare_mode.empty()) view.compare_mode = parse<CompareMode>(flags.compare_mode, "--compare-mode");
   const bool compares = !view.compare.empty() || !view.photographs.empty();
-  if (compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow)) {
-    throw Error(ErrorKind::usage,
-                "--compare and --photos are for windows and pictures (expected no --output, --benchmark, --follow)");
-  }
-  if (!flags.compare_mode.empty() && !compares) {
-    throw Error(ErrorKind::usage, "--compare-mode says how (expected --compare or --photos with it)");
-  }
-  if (!view.compare.empty() && !view.photographs.empty() && !view.out.empty()) {
-    throw Error(ErrorKind::usage, "--compare and --photos (expected one of them with --render)");
-  }
+  refuseIf(compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow),
+           "--compare and --photos are for windows and pictures (expected no --output, --benchmark, --follow)");
+  refuseIf(!flags.compare_mode.empty() && !compares,
+           "--compare-mode says how (expected --compare or --photos with it)");
+  refuseIf(!view.compare.empty() && !view.photographs.empty() && !view.out.empty(),
+           "--compare and --photos (expected one of them with --render)");
   parseShot(flags);
   if (view.follow) view.model = followedFile(view.model);
-  if (!view.out.empty() && !view.script.empty()) {
-    throw Error(ErrorKind::usage, "--script drives the window (expected no --render with it)");
-  }
+  refuseIf(!view.out.empty() && !view.script.empty(), "--script drives the window (expected no --render with it)");
 }
 
 }  // namespace
