@@ -14,6 +14,10 @@
 namespace tg {
 namespace {
 
+// Of a size that is known, and no target of the pointer.
+constexpr ImGuiWindowFlags kPassive = (kOverlay & ~ImGuiWindowFlags_AlwaysAutoResize) | ImGuiWindowFlags_NoInputs |
+                                      ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing;
+
 // The middle of the picture, which lies right of the panel.
 ImVec2 pictureCenter(const ViewerState& state) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
@@ -106,9 +110,7 @@ void progress(const ViewerState& state) {
   ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - 3.5f * font}, ImGuiCond_Always, {0.5f, 1.0f});
   ImGui::SetNextWindowSize({22 * font, 0});
   ImGui::SetNextWindowBgAlpha(0.9f);
-  ImGui::Begin("loading", nullptr,
-               (kOverlay & ~ImGuiWindowFlags_AlwaysAutoResize) | ImGuiWindowFlags_NoInputs |
-                   ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::Begin("loading", nullptr, kPassive);
   ImGui::TextUnformatted(loading.path.filename().string().c_str());
   ImGui::SameLine();
   if (loading.waiting > 0) {
@@ -181,9 +183,7 @@ void notice(const ViewerState& state) {
                           {0.5f, 1.0f});
   ImGui::SetNextWindowSize({text.x + 2 * padding.x, text.y + 2 * padding.y});  // auto-sizing lags by a frame
   ImGui::SetNextWindowBgAlpha(0.85f);
-  ImGui::Begin("notice", nullptr,
-               (kOverlay & ~ImGuiWindowFlags_AlwaysAutoResize) | ImGuiWindowFlags_NoInputs |
-                   ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::Begin("notice", nullptr, kPassive);
   ImGui::TextUnformatted(state.messages.notice.c_str());
   ImGui::End();
 }
