@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The loop of each SIMD target on made-up splats.
 #include "picture_rate.h"
 
 #include <algorithm>

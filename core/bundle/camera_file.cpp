@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Checks what a file says of a camera, and writes it back to the last digit.
 #include "core/bundle/camera_file.h"
 
 #include <algorithm>

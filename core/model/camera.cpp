@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Cameras made, moved and scaled.
 #include "core/model/camera.h"
 
 #include <cmath>

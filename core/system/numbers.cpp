@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Text to numbers, or an error that says what was expected.
 #include "core/system/numbers.h"
 
 #include <cmath>

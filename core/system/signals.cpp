@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The handlers.
 #include "core/system/signals.h"
 
 #include <csignal>

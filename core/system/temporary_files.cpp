@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// A fixed table of names that a handler may walk.
 #include "core/system/temporary_files.h"
 
 #include <unistd.h>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Linux' madvise.
 #include "render/cpu/pages.h"
 
 #include <cstdint>

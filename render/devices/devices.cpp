@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Lists and opens what each API brings.
 #include "render/devices/devices.h"
 
 #include <optional>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes the shared renderer on OpenGL's device.
 #include "render/gl/gl_renderer.h"
 
 #include "render/gl/pass_device.h"

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the constants' declarations in the text and puts numbers into them.
 #include "render/gl/shader_text.h"
 
 #include <algorithm>

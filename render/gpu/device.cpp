@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Sizes that every API rounds up alike, and pixels on their way to the host.
 #include "render/gpu/device.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The device of the tests that every GPU backend shares: OpenGL's.
 #include <cstdio>
 #include <cstdlib>
 #include <utility>

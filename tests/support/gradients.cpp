@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs both and compares every array.
 #include "support/gradients.h"
 
 #include <cmath>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The splats under one pixel, printed.
 #include "viewer/headless/headless.h"
 
 #include <cstdio>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Which API a window draws with.
 #include "viewer/picture/device.h"
 
 #include <string>

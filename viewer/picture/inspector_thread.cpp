@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// One pixel after the other, in float64.
 #include "viewer/picture/inspector_thread.h"
 
 #include <utility>

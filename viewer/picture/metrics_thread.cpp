@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures the newest pair and drops those it missed.
 #include "viewer/picture/metrics_thread.h"
 
 #include <new>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// The life of a run, and the benchmark in a window; recording_run.cpp has the other one.
 #include "viewer/picture/runs.h"
 
 #include <cstdio>

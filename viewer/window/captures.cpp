@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Pictures, windows and cameras to files.
 #include "viewer/window/captures.h"
 
 #include <string>

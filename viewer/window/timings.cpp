@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Collects and prints.
 #include "viewer/window/timings.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Between the session's file and the state.
 #include "viewer/window/window_session.h"
 
 #include <cstdio>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Copies, selections and measures of models.
 #include "core/model/verbs.h"
 
 #include <cmath>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Babylon.js' part of a page that shows a file.
 import '@babylonjs/core/Loading/loadingScreen.js';
 import '@babylonjs/core/Materials/standardMaterial.js';
 import '@babylonjs/core/Rendering/index.js';

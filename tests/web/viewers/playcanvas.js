@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// PlayCanvas' part of a page that shows a file.
 import * as pc from 'playcanvas';
 import {canvas, start, view} from './view.js';
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// three.js' part of a page that shows a file.
 import * as THREE from 'three/webgpu';
 import {GLTFLoader} from 'three/addons/loaders/GLTFLoader.js';
 import {GLTFGaussianSplatLoaderExtension} from 'three/addons/loaders/GLTFGaussianSplatLoaderExtension.js';
