@@ -2,6 +2,7 @@
 // A thread that works for another one, and the mailboxes between them: the latest value, or a queue. All members of a
 // mailbox may be called from any thread.
 #pragma once
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -157,6 +158,13 @@ class Queue : public Mailbox<T> {
 
   const std::size_t limit_;
 };
+
+// Whether that time passed; false as soon as `stop` is asked for.
+inline bool sleepUnlessStopped(const std::stop_token& stop, std::chrono::milliseconds time) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  return !std::condition_variable_any().wait_for(lock, stop, time, [&stop] { return stop.stop_requested(); });
+}
 
 // Runs work(stop) in a thread of its own. At its end `box` is closed, with the exception that left it if one did:
 // whoever takes what the thread makes, or gives it more to do, hears of that. Destroying the thread asks it to stop and

@@ -176,6 +176,17 @@ TEST_CASE("a worker that waits, to take or to give, ends with its owner") {
   }
 }
 
+TEST_CASE("a sleep lasts its time, and ends with its owner") {
+  const auto start = std::chrono::steady_clock::now();
+  CHECK(sleepUnlessStopped({}, 5ms));
+  CHECK(std::chrono::steady_clock::now() - start >= 5ms);
+  std::atomic<bool> slept{true};
+  {
+    const std::jthread sleeper([&](const std::stop_token& stop) { slept = sleepUnlessStopped(stop, 1h); });
+  }
+  CHECK_FALSE(slept);
+}
+
 TEST_CASE("destroying a busy worker waits for what it has begun and drops the rest") {
   std::atomic<int> begun{0};
   for (int round = 0; round < 200; ++round) {
