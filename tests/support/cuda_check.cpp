@@ -306,8 +306,8 @@ void runThread(unsigned thread, const void* stack, std::size_t stack_bytes) {
   stack_begin = reinterpret_cast<std::uintptr_t>(stack);
   stack_size = stack_bytes;
 }
-void blockBarrier() { block_epoch++; }
-void warpBarrier(unsigned warp) { warp_epochs[warp]++; }
+void blockBarrier() { ++block_epoch; }
+void warpBarrier(unsigned warp) { ++warp_epochs[warp]; }
 void atomic(const void* memory, std::size_t bytes) {
   aligned(memory, bytes, Kind::atomic, __builtin_return_address(0));
 }

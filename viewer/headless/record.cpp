@@ -9,7 +9,6 @@
 
 #include "viewer/headless/renderer.h"
 #include "viewer/picture/frame_writer.h"
-#include "viewer/view/parse.h"
 #include "viewer/view/shot.h"
 
 namespace tg {
@@ -22,8 +21,7 @@ class Progress {
   ~Progress() {
     if (terminal_ && done_ > 0) std::fputc('\n', stderr);
   }
-  Progress(const Progress&) = delete;
-  Progress& operator=(const Progress&) = delete;
+  Progress& operator=(Progress&&) = delete;
 
   void step() {
     ++done_;

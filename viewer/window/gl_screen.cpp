@@ -28,8 +28,7 @@ class GlPictureImage final : public PictureImage {
     glCreateTextures(GL_TEXTURE_2D, 1, &texture_);
     glTextureStorage2D(texture_, 1, GL_RGBA8, s.x, s.y);
   }
-  GlPictureImage(const GlPictureImage&) = delete;
-  GlPictureImage& operator=(const GlPictureImage&) = delete;
+  GlPictureImage& operator=(GlPictureImage&&) = delete;
   ~GlPictureImage() override { glDeleteTextures(1, &texture_); }
   GLuint texture() const { return texture_; }
 
@@ -49,8 +48,7 @@ Image readTexture(const GlDevice& device, GLuint texture, glm::ivec2 size) {
 class GlPictureDevice final : public PictureDevice {
  public:
   GlPictureDevice(GLFWwindow* context, GlDevice& device) : device_(device) { glfwMakeContextCurrent(context); }
-  GlPictureDevice(const GlPictureDevice&) = delete;
-  GlPictureDevice& operator=(const GlPictureDevice&) = delete;
+  GlPictureDevice& operator=(GlPictureDevice&&) = delete;
   ~GlPictureDevice() override { glfwMakeContextCurrent(nullptr); }
 
   std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
@@ -103,8 +101,7 @@ class GlScreen final : public Screen {
     glfwSwapInterval(1);
     glCreateFramebuffers(1, &source_);
   }
-  GlScreen(const GlScreen&) = delete;
-  GlScreen& operator=(const GlScreen&) = delete;
+  GlScreen& operator=(GlScreen&&) = delete;
   ~GlScreen() override {
     for (const Frame& frame : frames_) glDeleteSync(frame.ended);
     glDeleteFramebuffers(1, &source_);

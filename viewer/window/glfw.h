@@ -19,8 +19,7 @@ class Glfw {
  public:
   Glfw();
   ~Glfw() { glfwTerminate(); }
-  Glfw(const Glfw&) = delete;
-  Glfw& operator=(const Glfw&) = delete;
+  Glfw& operator=(Glfw&&) = delete;
 };
 
 // What the callbacks collected since the last frame.

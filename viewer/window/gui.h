@@ -12,8 +12,7 @@ class Gui {
   // Callbacks that the window has set before keep being called.
   Gui(GLFWwindow* window, Screen& screen);
   ~Gui();
-  Gui(const Gui&) = delete;
-  Gui& operator=(const Gui&) = delete;
+  Gui& operator=(Gui&&) = delete;
 
   void beginFrame();
   void endFrame();  // no widgets after this; Screen::draw() shows them

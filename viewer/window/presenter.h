@@ -31,8 +31,7 @@ class Presenter {
   // `device` has a surface and outlives this.
   Presenter(VulkanDevice& device, int frames_in_flight);
   ~Presenter();
-  Presenter(const Presenter&) = delete;
-  Presenter& operator=(const Presenter&) = delete;
+  Presenter& operator=(Presenter&&) = delete;
 
   VkRenderPass renderPass() const { return render_pass_; }
   glm::ivec2 size() const { return {static_cast<int>(extent_.width), static_cast<int>(extent_.height)}; }

@@ -78,8 +78,7 @@ class VulkanPictureDevice final : public PictureDevice {
   VulkanPictureDevice(VulkanDevice& device, int frames_in_flight) : device_(device) {
     for (int i = 0; i < frames_in_flight; ++i) frames_.push_back(std::make_unique<Commands>(device));
   }
-  VulkanPictureDevice(const VulkanPictureDevice&) = delete;
-  VulkanPictureDevice& operator=(const VulkanPictureDevice&) = delete;
+  VulkanPictureDevice& operator=(VulkanPictureDevice&&) = delete;
   ~VulkanPictureDevice() override { drain(); }
 
   std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {

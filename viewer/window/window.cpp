@@ -55,8 +55,7 @@ class Viewer {
  public:
   Viewer(const ViewOptions& options, const WindowAdditions& additions);
   ~Viewer() { awake_ = false; }
-  Viewer(const Viewer&) = delete;
-  Viewer& operator=(const Viewer&) = delete;
+  Viewer& operator=(Viewer&&) = delete;
   void run();
 
  private:

@@ -68,7 +68,7 @@ TEST_CASE("a followed file is waited for, read again when replaced, and missed w
   const TemporaryFolder folder;
   const std::filesystem::path file = folder / "model.tgz";
   std::atomic<int> woken{0};
-  ModelFollower follower(file, [&] { woken++; });
+  ModelFollower follower(file, [&] { ++woken; });
   ModelFollower::News news = follower.wait();
   CHECK_FALSE(news.model);
   CHECK(news.problem == "waiting for " + file.string());

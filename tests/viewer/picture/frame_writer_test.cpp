@@ -32,8 +32,7 @@ class FakeFfmpeg {
     ::setenv("PATH", (folder_.path.string() + (script.empty() ? "" : ":" + before_)).c_str(), 1);
   }
   ~FakeFfmpeg() { ::setenv("PATH", before_.c_str(), 1); }
-  FakeFfmpeg(const FakeFfmpeg&) = delete;
-  FakeFfmpeg& operator=(const FakeFfmpeg&) = delete;
+  FakeFfmpeg& operator=(FakeFfmpeg&&) = delete;
 
  private:
   const TemporaryFolder folder_;

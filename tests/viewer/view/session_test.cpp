@@ -23,8 +23,7 @@ class Variable {
     value ? ::setenv(name, value, 1) : ::unsetenv(name);
   }
   ~Variable() { before_ ? ::setenv(name_, before_->c_str(), 1) : ::unsetenv(name_); }
-  Variable(const Variable&) = delete;
-  Variable& operator=(const Variable&) = delete;
+  Variable& operator=(Variable&&) = delete;
 
  private:
   const char* const name_;
