@@ -7,7 +7,6 @@
 #include "core/system/error.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/follower.h"
-#include "viewer/view/parse.h"
 #include "viewer/view/shot.h"
 
 namespace tg {
