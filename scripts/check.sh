@@ -22,13 +22,24 @@ done
 [ ${#names[@]} -gt 0 ] || names=(debug asan tsan fuzz)
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
 
+# Files of every kind, for the targets to begin with: small ones, since libFuzzer cuts what is above 1 MiB.
+make_seeds() {
+  local name
+  mkdir -p "$1"
+  cp docs/images/*.png "$1" && python3 scripts/make_conformance.py "$1/conformance" || return
+  for name in tgz ply spz splat glb html; do
+    build-fuzz/bin/tgconvert docs/sample.tgz "$1/sample.$name" --decimate 100 --no-psnr --overwrite || return
+  done
+}
+
 fuzz() {
-  local status=0 target corpus
+  local status=0 target corpus seeds=build-fuzz/seeds
+  make_seeds "$seeds" || return
   for target in build-fuzz/bin/fuzz_*; do
     corpus=build-fuzz/corpus/${target##*/}
     mkdir -p "$corpus"
     "$target" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=2560 -artifact_prefix="$corpus-" \
-      "$corpus" docs/gltf-extension || status=1
+      "$corpus" "$seeds" docs/gltf-extension || status=1
   done
   return $status
 }
