@@ -1,10 +1,12 @@
-# How sources become libraries and programs, but for what tg_warnings says.
+# How sources become libraries and programs, but for what tg_options says.
 option(TG_UNITY "Compile the sources of a target in batches: a cold build takes about half the time" ON)
 set(CMAKE_UNITY_BUILD ${TG_UNITY})
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 8)
 
-# -O2 where nobody asks for more or less (tg_optimize).
-string(REPLACE "-O3" "-O2" CMAKE_CXX_FLAGS_RELEASE "${CMAKE_CXX_FLAGS_RELEASE}")
+# -O2 where nobody asks for more or less (tg_optimize): instead of CMake's own choice, not of a user's.
+if(CMAKE_CXX_FLAGS_RELEASE STREQUAL "-O3 -DNDEBUG")
+  set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG")
+endif()
 
 # tg_add_alone(TARGET FILE...): sources that no batch can hold, since they set up headers that another wants otherwise.
 function(tg_add_alone target)

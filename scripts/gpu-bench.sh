@@ -42,7 +42,8 @@ esac
 part() { [ -z "$only" ] || [ "$only" = "$1" ]; }
 mkdir -p "$out"
 
-options=(-DCMAKE_BUILD_TYPE=Release -DTG_CUDA=ON -DTG_VIEWER=OFF -DTG_VULKAN=OFF -DTG_BENCH=ON -DTG_TESTS=ON)
+options=(-DCMAKE_BUILD_TYPE=Release -DTG_CUDA=ON -DTG_VIEWER=OFF -DTG_VULKAN=OFF -DTG_BENCH=ON -DTG_TESTS=ON
+  -DTG_ASSERTS=OFF)
 if [ -n "$packages" ]; then
   options+=("-DCMAKE_PREFIX_PATH=$packages/usr")
   export LD_LIBRARY_PATH="$packages/usr/lib/x86_64-linux-gnu${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
