@@ -26,7 +26,7 @@ void require(bool holds, std::string_view what, const std::string& expected, dou
   if (!holds) refuse(what, "out of range (expected " + expected + ", found " + std::to_string(found) + ")");
 }
 
-// `low` and `high` bound text. Code may go further, but never below 0 where `low` is none.
+// `low` and `high` bound text. Code may go further, but never below 0 where `low` is not.
 RenderSetting number(std::string_view name, float S::* member, std::string_view title, double low, double high,
                      std::string_view unit, std::string help, std::string_view section, RenderSetting::Slider slider) {
   RenderSetting row{name, unit, std::move(help), title};

@@ -34,7 +34,6 @@ constexpr auto namesOf(Output) {
   return enumNames("final", "base", "texture", "alpha", "depth", "normal", "count", "depth-median", "overdraw",
                    "ellipsoids", "centers", "texel-density");
 }
-constexpr unsigned kOutputKinds = kCount<Output>;
 
 class OutputSet {
  public:

@@ -7,7 +7,7 @@
 layout(std140, binding = 16) uniform ViewBlock { ViewUniforms view; };
 layout(std140, binding = 17) uniform PassBlock { PassUniforms pass; };
 
-// A number of the blocks above that decides a branch or the end of a loop by itself goes through this. lavapipe compiles
+// A number of the blocks above that decides a branch or a loop's end by itself goes through this. lavapipe compiles
 // such a shader anew for what it takes for that number, which in Mesa 22.3 is the first one of the block: a turning
 // camera then has a compilation to every picture. No dispatch has more than one layer of groups, which the driver does
 // not know.

@@ -26,7 +26,7 @@ struct BlendRecord {
   }
 };
 
-// A model's texels, and per Gaussian the mean of its texture (core/model/atlas.h); the means only where View::footprint.
+// A model's texels, and per Gaussian the mean of its texture (core/model/atlas.h); means only where View::footprint.
 struct Texels {
   const glm::vec4* texels = nullptr;
   const glm::vec4* means = nullptr;

@@ -27,6 +27,7 @@ struct TexelFormat {
 
 constexpr TexelFormat kTexelFormats[] = {
     {}, {GL_R32UI, 4}, {GL_RGBA32UI, 16}, {GL_RGBA32F, 16}, {GL_RGBA16F, 8}};  // as Texels
+static_assert(std::size(kTexelFormats) == static_cast<std::size_t>(Texels::rgba16f) + 1);
 
 std::string logOf(GLuint object, decltype(glGetProgramiv) parameters, decltype(glGetProgramInfoLog) log) {
   GLint length = 0;

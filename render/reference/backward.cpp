@@ -167,11 +167,6 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
   TG_ASSERT(v_color.size() == static_cast<std::size_t>(camera.size.x) * static_cast<std::size_t>(camera.size.y),
             "a derivative a pixel");
   TG_ASSERT(model.rects.empty() || model.rects.size() == model.size(), "a rectangle a Gaussian, or none");
-  const std::size_t pixels = static_cast<std::size_t>(camera.size.x) * camera.size.y;
-  if (v_color.size() != pixels) {
-    throw Error(ErrorKind::usage, "reference: picture gradient of the wrong size (expected " + std::to_string(pixels) +
-                                      " pixels, found " + std::to_string(v_color.size()) + ")");
-  }
   requireBlendingDefaults(settings, settings.outputs, "the backward pass");
   const Scene scene = reference::makeScene(model, camera, settings, options);
 
@@ -192,11 +187,7 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
   });
 
   ReferenceGradient gradient;
-  forEachParameter(
-      [](const Field&, auto& v, const auto& values) {
-        v.resize(values.size(), std::remove_reference_t<decltype(v[0])>{});
-      },
-      gradient, model);
+  forEachParameter([](const Field&, auto& v, const auto& values) { v.resize(values.size()); }, gradient, model);
   gradient.screen.resize(model.size(), glm::dvec2(0.0));
   gradient.screen_abs.resize(model.size(), 0.0);
   for (std::size_t k = 0; k < scene.splats.size(); ++k) {

@@ -24,7 +24,7 @@ struct PixelHit {
 };
 
 // The splats that are blended at the centre of a pixel, front to back: the sum of weight x (base + texture), and what
-// is left of the background, is the reference's picture there. Two million Gaussians take 31 ms of processor time. Throws
+// is left of the background, is the reference's picture there. Two million Gaussians take 31 ms of a processor. Throws
 // Error(usage) as checkSettings() does. The pixel may lie outside of the image.
 std::vector<PixelHit> inspectPixel(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
                                    glm::ivec2 pixel);

@@ -15,6 +15,7 @@ constexpr std::uint32_t kSetsPerPool = 64;
 
 constexpr VkFormat kFormats[] = {VK_FORMAT_UNDEFINED, VK_FORMAT_R32_UINT, VK_FORMAT_R32G32B32A32_UINT,
                                  VK_FORMAT_R32G32B32A32_SFLOAT, VK_FORMAT_R16G16B16A16_SFLOAT};  // as Texels
+static_assert(std::size(kFormats) == static_cast<std::size_t>(Texels::rgba16f) + 1);
 
 VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const ShaderModule& module) {
   std::vector<VkDescriptorSetLayoutBinding> bindings;

@@ -53,7 +53,7 @@ TG_FN SplatRecord makeRecord(Splat s, uint model, vec3 normal, vec4 outline) {
   return record;
 }
 
-// Where the vertical tangent plane x = bound z touches an ellipsoid around mean_c: its y / z. lx, ly, lz and bound as in
+// Where the vertical tangent plane x = bound z touches an ellipsoid around mean_c: its y / z. lx, ly, lz, bound as in
 // tangentBounds().
 TG_FN float touchedY(vec3 mean_c, float bound, vec3 lx, vec3 ly, vec3 lz) {
   vec3 e = lx - bound * lz;

@@ -141,8 +141,7 @@ TEST_CASE("any two backends agree on a trained model in every output") {
       std::printf(" %20s", (backends[a].name + "/" + backends[b].name).c_str());
     }
   }
-  for (unsigned k = 0; k < kOutputKinds; ++k) {
-    const auto output = static_cast<Output>(k);
+  for (const Output output : valuesOf<Output>()) {
     std::printf("\n%-14s", std::string(name(output)).c_str());
     for (std::size_t a = 0; a < backends.size(); ++a) {
       for (std::size_t b = a + 1; b < backends.size(); ++b) {

@@ -21,7 +21,7 @@ void outputSection(ViewerState& state) {
     Output output;
     const char* hint;
   };
-  constexpr std::array<Choice, kOutputKinds> choices = {{
+  constexpr std::array<Choice, kCount<Output>> choices = {{
       {"Final", Output::final, "Base + texture + background (1)"},
       {"Base", Output::base, "Spherical harmonics alone, with the background (2)"},
       {"Texture", Output::texture, "What the textures add to the colour; mid grey = nothing (3)"},

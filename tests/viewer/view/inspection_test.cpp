@@ -192,7 +192,7 @@ TEST_CASE("every output has a key, and the keys toggle order, filter and antiali
   const std::vector<Output> outputs = {Output::final,    Output::base,       Output::texture, Output::alpha,
                                        Output::depth,    Output::normal,     Output::count,   Output::depthMedian,
                                        Output::overdraw, Output::ellipsoids, Output::centers, Output::texelDensity};
-  REQUIRE(outputs.size() == kOutputKinds);
+  REQUIRE(outputs.size() == kCount<Output>);
   for (std::size_t i = 0; i < keys.size(); ++i) {
     press(state, keys[i]);
     CHECK(state.display.output == outputs[i]);

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Instance, device, queue and validation messages.
+#include "render/vulkan/vulkan_device.h"
+
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -9,7 +11,6 @@
 
 #include "core/system/error.h"
 #include "render/vulkan/check.h"
-#include "render/vulkan/vulkan_renderer.h"
 
 namespace tg {
 namespace {

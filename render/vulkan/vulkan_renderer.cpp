@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The shared renderer on Vulkan.
-#include "render/vulkan/pass_device.h"
 #include "render/vulkan/vulkan_renderer.h"
+
+#include "render/vulkan/pass_device.h"
 
 namespace tg {
 
