@@ -11,8 +11,6 @@
 // change by more than 16/255 in a step although they do not in the per-pixel order's own pictures, and the other way
 // round for the per-pixel order against the global one.
 // With a data set: PSNR against its test photographs. Processor time is that of the whole process, per frame.
-#include <sys/resource.h>
-
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
@@ -22,6 +20,7 @@
 #include "core/bundle/bundle.h"
 #include "core/image/metrics.h"
 #include "core/system/error.h"
+#include "measure.h"
 #include "render/renderer.h"
 #include "training/data/dataset.h"
 #include "training/score/evaluate.h"
@@ -35,15 +34,6 @@ struct Options {
   int frames = 24, camera = 0;
   double farthest = 8, turn = 4;
 };
-
-double processorMilliseconds() {
-  rusage used{};
-  getrusage(RUSAGE_SELF, &used);
-  const auto ms = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_usec) * 1e-3;
-  };
-  return ms(used.ru_utime) + ms(used.ru_stime);
-}
 
 Image picture(Renderer& renderer, const Camera& camera, RenderSettings settings) {
   settings.outputs = {Output::final};

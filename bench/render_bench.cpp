@@ -6,8 +6,6 @@
 // Processor time of the whole process (user + system, all threads, software drivers included) is what compares on a
 // loaded machine; wall time and the driver's time stamps are printed beside it. The frame of a GPU backend is that of a
 // window: passes that end in an RGBA8 picture. The CPU frame is Renderer::render() for the output that is asked for.
-#include <sys/resource.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -24,6 +22,7 @@
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
+#include "measure.h"
 #include "picture_rate.h"
 #include "render/devices/devices.h"
 #include "render/reference/splat.h"
@@ -75,30 +74,6 @@ Camera chooseCamera(const Options& options, const Bundle& loaded) {
 }
 
 // Random texels in the range that training leaves: colours around 0, alpha from half to one.
-void addTextures(GaussianModel& model, const std::string& size) {
-  const auto [width, height] = parseSize(size, "--textures");
-  test::Random random(3);
-  model.texture_mode = TextureMode::rgba;
-  model.atlas = makeUniformAtlas(model.size(), static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height));
-  for (glm::vec4& texel : model.atlas.texels) {
-    texel = glm::vec4(glm::vec3(random.uniformVec3(-0.2, 0.2)), random.uniform(0.5, 1.0));
-  }
-}
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
-double processorMilliseconds() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  const auto milliseconds = [](const timeval& time) {
-    return 1e3 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_usec);
-  };
-  return milliseconds(usage.ru_utime) + milliseconds(usage.ru_stime);
-}
-
 struct Times {
   std::vector<double> processor, wall;                              // [ms] of each frame
   std::vector<std::pair<std::string, std::vector<double>>> passes;  // [ms] wall, in order
@@ -229,7 +204,10 @@ void run(const Options& options) {
   const Output output = parse<Output>(options.output, "--output");
   Bundle loaded = readModel(options.model);
   const Camera camera = chooseCamera(options, loaded);
-  if (!options.textures.empty()) addTextures(loaded.model, options.textures);
+  if (!options.textures.empty()) {
+    const auto [width, height] = parseSize(options.textures, "--textures");
+    addTextures(loaded.model, width, height);
+  }
   RenderSettings settings;
   settings.background = loaded.background;
   settings.outputs = {output};

@@ -12,9 +12,11 @@
 #include <string>
 #include <vector>
 
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "fma_peak.h"
+#include "measure.h"
 #include "render/renderer.h"
 #include "support/scenes.h"
 #include "training/data/dataset.h"
@@ -68,16 +70,6 @@ GaussianModel cloud(const Options& options, const Camera& camera) {
   return model;
 }
 
-void addTextures(GaussianModel& model, int texels) {
-  if (texels == 0) return;
-  test::Random random(3);
-  model.texture_mode = TextureMode::rgba;
-  model.atlas = makeUniformAtlas(model.size(), texels, texels);
-  for (auto& texel : model.atlas.texels) {
-    texel = glm::vec4(glm::vec3(random.uniformVec3(-0.2, 0.2)), random.uniform(0.5, 1.0));
-  }
-}
-
 // What is trained on: cameras and the photographs that they took.
 struct Scene {
   std::vector<Camera> cameras;
@@ -102,7 +94,7 @@ Scene seededScene(const Options& options) {
     for (int ch = 0; ch < 3; ++ch) photograph.push_back(static_cast<std::uint8_t>(std::lround(color[ch])));
   }
   scene.photographs.push_back(std::move(photograph));
-  addTextures(scene.model, options.texels);
+  if (options.texels > 0) addTextures(scene.model, options.texels, options.texels);
   return scene;
 }
 
@@ -119,7 +111,7 @@ Scene loadScene(const Options& options) {
   scene.extent = cameraExtent(dataset);
   scene.model = gaussiansFromPoints(dataset.points);
   setShDegree(scene.model, options.sh_degree);
-  addTextures(scene.model, options.texels);
+  if (options.texels > 0) addTextures(scene.model, options.texels, options.texels);
   return scene;
 }
 
@@ -162,10 +154,6 @@ class Phases {
   std::vector<Phase> phases_;
 };
 
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
 double best(const std::vector<double>& values) { return *std::min_element(values.begin(), values.end()); }
 
 // [bytes] Most memory held since the last forgetPeak(), of Linux.

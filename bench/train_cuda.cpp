@@ -10,6 +10,7 @@
 #include <optional>
 #include <string_view>
 
+#include "core/model/verbs.h"
 #include "cuda_peak.h"
 #include "training/cuda/frame.h"
 #include "training/cuda/memory.h"
