@@ -3,8 +3,10 @@
 #include "training/cli.h"
 
 #include <cstdio>
+#include <vector>
 
 #include "core/system/error.h"
+#include "core/system/names.h"
 #ifdef TG_HAVE_CUDA
 #include "training/cuda/renderer.h"
 #endif

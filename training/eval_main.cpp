@@ -9,6 +9,7 @@
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "core/system/program.h"

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstddef>
+#include <cstdio>
 #include <optional>
 #include <span>
 #include <string>
@@ -39,6 +40,14 @@ template <typename T>
 std::string numberText(T value) {
   char text[64];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+// As printf; 255 characters of it.
+template <typename... Values>
+std::string formatted(const char* pattern, Values... values) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
 }
 
 // Error(usage): `what: expected X, found "text"`.

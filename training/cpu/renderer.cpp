@@ -122,9 +122,9 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
 
   void clear(std::size_t i, ModelGradient& gradient) const {
     forEachField(
-        [&](const Field& field, auto& v) {
+        [&]<typename T>(const Field& field, std::vector<T>& v) {
           const std::size_t count = field.values(model_->shCount());
-          std::fill_n(v.data() + i * count, count, std::remove_reference_t<decltype(v[0])>{});
+          std::fill_n(v.data() + i * count, count, T{});
         },
         gradient);
     gradient.screen_gradient[i] = 0.0f;

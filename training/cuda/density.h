@@ -2,8 +2,6 @@
 // What changes the set of Gaussians, and the 3D filter, with everything on the device: the twins of densify.h, mcmc.h,
 // filter_3d.h and of optimizer.h's changes of size. Counts alone come back.
 #pragma once
-#include <span>
-
 #include "training/cuda/state.h"
 #include "training/step/density_math.h"
 

@@ -20,7 +20,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kMaxModelBytes = std::uint64_t{4} << 30;
-constexpr std::uint64_t kMaxColmapSide = 1 << 20;
 constexpr std::size_t kMaxNameBytes = 4096;
 
 // COLMAP's camera models by id. `parameters` are, in the file's order: f one focal length, x and y two, c the principal
@@ -98,7 +97,7 @@ ColmapCamera makeCamera(const fs::path& path, const std::string& label, const Ca
     fail(path, label + ": wrong number of parameters (expected " + std::to_string(model.count) + ", found " +
                    std::to_string(parameters.size()) + ")");
   }
-  if (width < 1 || height < 1 || width > kMaxColmapSide || height > kMaxColmapSide) {
+  if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide) {
     fail(path,
          label + ": image size out of range (found " + std::to_string(width) + " x " + std::to_string(height) + ")");
   }

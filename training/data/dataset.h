@@ -21,6 +21,8 @@ namespace tg {
 enum class DatasetLayout { automatic, nerfSynthetic, transforms, colmap };
 constexpr auto namesOf(DatasetLayout) { return enumNames("auto", "nerf-synthetic", "transforms", "colmap"); }
 
+constexpr unsigned kMaxImageSide = 1 << 20;  // [px] that a description may claim
+
 // "white", "black" or "r,g,b" in [0,1].
 std::optional<glm::vec3> parseBackground(std::string_view text);
 
@@ -70,7 +72,7 @@ double cameraExtent(const Dataset& dataset);
 // What the loaders of each layout return: cameras whose images are not decoded yet. Exposed for the tests.
 struct DatasetIndex {
   struct Entry {
-    Camera camera;  // width = height = 0: taken from the image, focal length from field_of_view
+    Camera camera;  // size = 0: taken from the image, focal length from field_of_view
     Lens lens;
     std::filesystem::path image;
     std::string below_images;               // the image's path below the folder `images`; empty: it is in another one

@@ -10,18 +10,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/assert.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 // FNV-1a.
 class Fingerprint {
@@ -30,7 +24,7 @@ class Fingerprint {
     const auto* bytes = static_cast<const unsigned char*>(data);
     for (std::size_t i = 0; i < size; ++i) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3u;
   }
-  std::string text() const { return format("%016llx", static_cast<unsigned long long>(hash_)); }
+  std::string text() const { return formatted("%016llx", static_cast<unsigned long long>(hash_)); }
 
  private:
   std::uint64_t hash_ = 0xcbf29ce484222325u;
@@ -51,11 +45,11 @@ Json stageJson(const StageReport& stage, bool measurements) {
 }
 
 std::string stageLine(Stage stage, const StageReport& report) {
-  std::string line = format("%-11s %6d iterations  %8zu Gaussians  loss %.4f", std::string(name(stage)).c_str(),
-                            report.iterations, report.gaussians, report.loss);
+  std::string line = formatted("%-11s %6d iterations  %8zu Gaussians  loss %.4f", std::string(name(stage)).c_str(),
+                               report.iterations, report.gaussians, report.loss);
   if (report.test) {
-    line +=
-        format("  test PSNR %.2f dB  SSIM %.4f (%zu views)", report.test->psnr, report.test->ssim, report.test->views);
+    line += formatted("  test PSNR %.2f dB  SSIM %.4f (%zu views)", report.test->psnr, report.test->ssim,
+                      report.test->views);
   }
   return line + "  " + formatSeconds(report.seconds) + "\n";
 }
@@ -107,15 +101,16 @@ void ProgressLine::finish() {
 
 std::string formatSeconds(double seconds) {
   const auto whole = static_cast<long>(std::lround(seconds));
-  if (whole < 60) return format("%ld s", whole);
-  if (whole < 3600) return format("%ld min %02ld s", whole / 60, whole % 60);
-  return format("%ld h %02ld min", whole / 3600, whole % 3600 / 60);
+  if (whole < 60) return formatted("%ld s", whole);
+  if (whole < 3600) return formatted("%ld min %02ld s", whole / 60, whole % 60);
+  return formatted("%ld h %02ld min", whole / 3600, whole % 3600 / 60);
 }
 
 std::string formatProgress(const TrainProgress& progress) {
-  return format("%s %d/%d  loss %.4f  PSNR %.2f dB  %zu Gaussians  %.1f it/s  %s left",
-                std::string(name(progress.stage)).c_str(), progress.iteration, progress.iterations, progress.loss,
-                progress.psnr, progress.gaussians, progress.per_second, formatSeconds(progress.seconds_left).c_str());
+  return formatted("%s %d/%d  loss %.4f  PSNR %.2f dB  %zu Gaussians  %.1f it/s  %s left",
+                   std::string(name(progress.stage)).c_str(), progress.iteration, progress.iterations, progress.loss,
+                   progress.psnr, progress.gaussians, progress.per_second,
+                   formatSeconds(progress.seconds_left).c_str());
 }
 
 std::string formatSummary(const TrainReport& report, double total_seconds) {
@@ -124,12 +119,12 @@ std::string formatSummary(const TrainReport& report, double total_seconds) {
   if (report.textured) text += stageLine(Stage::textured, *report.textured);
   if (report.untextured) text += stageLine(Stage::untextured, *report.untextured);
   if (report.textured && report.textured->test && report.untextured && report.untextured->test) {
-    text += format("textures gain %+.2f dB PSNR, %+.4f SSIM at the same Gaussians and iterations\n",
-                   report.textured->test->psnr - report.untextured->test->psnr,
-                   report.textured->test->ssim - report.untextured->test->ssim);
+    text += formatted("textures gain %+.2f dB PSNR, %+.4f SSIM at the same Gaussians and iterations\n",
+                      report.textured->test->psnr - report.untextured->test->psnr,
+                      report.textured->test->ssim - report.untextured->test->ssim);
   }
-  text += format("%s in all, peak memory %.0f MiB\n", formatSeconds(total_seconds).c_str(),
-                 static_cast<double>(peakMemory()) / (1 << 20));
+  text += formatted("%s in all, peak memory %.0f MiB\n", formatSeconds(total_seconds).c_str(),
+                    static_cast<double>(peakMemory()) / (1 << 20));
   return text;
 }
 

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/assert.h"
-#include "core/system/error.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
@@ -19,13 +19,6 @@ constexpr std::size_t kWidestName = 48;
 constexpr int kBarWidth = 50;
 constexpr int kGap = 4;  // [px] between the pictures
 constexpr float kGapGrey = 0.5f;
-
-template <typename... Values>
-std::string formatted(const char* pattern, Values... values) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, values...);
-  return text;
-}
 
 std::string numbers(const ViewScore& score) {
   std::string line = formatted("  %9.3f  %10.3f  %8.5f", score.psnr, score.psnr_float, score.ssim);

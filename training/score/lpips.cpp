@@ -169,7 +169,7 @@ double Lpips::distance(const Image& reference, const Image& picture, LpipsRange 
   double total = 0;
   for (std::size_t i = 0; i < places.size();) {
     std::size_t end = i;
-    while (end < places.size() && places[end].slice == places[i].slice) end++;
+    while (end < places.size() && places[end].slice == places[i].slice) ++end;
     for (FeatureMap& map : maps) {
       for (std::size_t layer = i; layer < end; ++layer) {
         const ConvolutionPlace& place = places[layer];

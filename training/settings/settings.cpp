@@ -3,6 +3,7 @@
 #include "training/settings/settings.h"
 
 #include <cmath>
+#include <optional>
 #include <type_traits>
 
 #include "core/system/error.h"

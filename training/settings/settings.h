@@ -88,7 +88,7 @@ struct TrainSettings {
   bool operator==(const TrainSettings&) const = default;
 };
 
-// "default": what measured best (docs/lab/quality.md); "paper": every choice as published; "quick": a usable model in the
+// "default": what measured best (docs/lab/quality.md); "paper": all choices as published; "quick": a usable model in the
 // shortest time. Throws Error(usage) for another name.
 TrainSettings presetSettings(std::string_view preset);
 const std::vector<std::string>& presetNames();

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "core/model/pinhole.h"
+#include "core/model/verbs.h"
 #include "shared/limits.h"
 #include "shared/splat.h"
 #include "training/step/random.h"
@@ -88,7 +89,7 @@ TG_FN SharedGaussian shareGaussian(float opacity, int count) {
   double denominator = 0;
   double binomial[kMostShared] = {};  // row i - 1 of Pascal's triangle
   for (int i = 1; i <= count; ++i) {
-    for (int k = i - 1; k > 0; k--) binomial[k] = k == i - 1 ? 1 : binomial[k] + binomial[k - 1];
+    for (int k = i - 1; k > 0; --k) binomial[k] = k == i - 1 ? 1 : binomial[k] + binomial[k - 1];
     binomial[0] = 1;
     double power = shared;
     for (int k = 0; k < i; ++k) {

@@ -10,11 +10,6 @@
 #include "training/step/step_math.h"
 
 namespace tg {
-namespace {
-
-constexpr std::int64_t kFilterGrain = 1024;
-
-}  // namespace
 
 std::vector<Pinhole> filterCameras(const Dataset& dataset) {
   std::vector<Pinhole> cameras;
@@ -24,7 +19,7 @@ std::vector<Pinhole> filterCameras(const Dataset& dataset) {
 
 std::vector<float> pixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model) {
   std::vector<float> sizes(model.size(), 0.0f);
-  parallelFor(static_cast<std::int64_t>(model.size()), kFilterGrain,
+  parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask,
               [&](std::int64_t i) { sizes[i] = pixelSizeAt(model.mean[i], cameras.data(), cameras.size()); });
   const float largest = sizes.empty() ? 0.0f : *std::max_element(sizes.begin(), sizes.end());
   std::replace(sizes.begin(), sizes.end(), 0.0f, largest);
@@ -41,7 +36,7 @@ void applyFilter(const GaussianModel& model, std::span<const float> min_sigma, E
   TG_ASSERT(min_sigma.size() == model.size(), "a sigma a Gaussian");
   out.log_scale.resize(model.size());
   out.opacity_logit.resize(model.size());
-  parallelFor(static_cast<std::int64_t>(model.size()), kFilterGrain, [&](std::int64_t i) {
+  parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
     const EffectiveGaussian effective = effectiveGaussian(model.log_scale[i], model.opacity_logit[i], min_sigma[i]);
     out.log_scale[i] = effective.log_scale;
     out.opacity_logit[i] = effective.opacity_logit;
@@ -52,7 +47,7 @@ void filterGradient(const GaussianModel& model, std::span<const float> min_sigma
   TG_ASSERT(min_sigma.size() == model.size(), "a sigma a Gaussian");
   TG_ASSERT(gradient.log_scale.size() == model.size() && gradient.opacity_logit.size() == model.size(),
             "the gradient has the model's size");
-  parallelFor(static_cast<std::int64_t>(model.size()), kFilterGrain, [&](std::int64_t i) {
+  parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
     filterGradientOf(model.log_scale[i], model.opacity_logit[i], min_sigma[i], gradient.log_scale[i],
                      gradient.opacity_logit[i]);
   });

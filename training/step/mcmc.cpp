@@ -7,14 +7,13 @@
 #include <numeric>
 #include <vector>
 
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "training/step/step_math.h"
 
 namespace tg {
 namespace {
-
-constexpr std::int64_t kMcmcGrain = 1024;
 
 // Index drawn with probability proportional to the steps of `cumulative`.
 std::uint32_t draw(const std::vector<double>& cumulative, Random& random) {
@@ -74,7 +73,7 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
 
 void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration) {
   TG_ASSERT(iteration >= 1, "iterations count from 1");
-  parallelFor(static_cast<std::int64_t>(model.size()), kMcmcGrain, [&](std::int64_t i) {
+  parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
     model.mean[i] += explorationNoise(model.rotation[i], model.log_scale[i], model.opacity_logit[i], strength, seed,
                                       iteration, static_cast<std::uint64_t>(i));
   });
@@ -85,7 +84,7 @@ void addRegularizerGradient(const GaussianModel& model, float opacity_weight, fl
   TG_ASSERT(gradient.log_scale.size() == model.size() && gradient.opacity_logit.size() == model.size(),
             "the gradient has the model's size");
   const auto count = static_cast<double>(model.size());
-  parallelFor(static_cast<std::int64_t>(model.size()), kMcmcGrain, [&](std::int64_t i) {
+  parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
     addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / count, scale_weight / count,
                              gradient.log_scale[i], gradient.opacity_logit[i]);
   });

@@ -13,7 +13,7 @@
 namespace tg {
 namespace {
 
-constexpr std::int64_t kChunk = 4096;     // rows of kLane floats a task
+constexpr std::int64_t kChunk = 4096;     // rows a task
 constexpr std::size_t kUniformLane = 16;  // row length for blocks with one rate
 
 // rates: [lane], the learning rate of each position in a row.

@@ -2,6 +2,8 @@
 // The order of views and the running mean.
 #include "training/step/run_state.h"
 
+#include <iterator>
+
 #include "core/system/assert.h"
 
 namespace tg {
@@ -10,6 +12,7 @@ namespace {
 // By stage; the plain one always has a report.
 constexpr std::optional<StageReport> TrainReport::* kReports[] = {&TrainReport::count, nullptr, &TrainReport::textured,
                                                                   &TrainReport::untextured};
+static_assert(std::size(kReports) == kCount<Stage>);
 
 }  // namespace
 
@@ -29,7 +32,7 @@ void setReport(TrainReport& report, Stage stage, const StageReport& of) {
 
 std::size_t ViewOrder::next() {
   TG_ASSERT(!views.empty(), "there is a view to go to");
-  TG_ASSERT(position <= views.size(), "the position is among the views");
+  TG_ASSERT(position < views.size(), "the position is among the views");
   if (position == 0) random.shuffle(views);
   const std::size_t view = views[position];
   position = static_cast<std::uint32_t>((position + 1) % views.size());
@@ -37,6 +40,7 @@ std::size_t ViewOrder::next() {
 }
 
 std::optional<std::size_t> ViewOrder::following() const {
+  TG_ASSERT(position == 0 || position < views.size(), "the position is among the views");
   return position == 0 ? std::nullopt : std::optional<std::size_t>(views[position]);
 }
 

@@ -9,6 +9,8 @@
 
 namespace tg {
 
+constexpr std::int64_t kGaussiansPerTask = 1024;
+
 // ---- Adam (Kingma and Ba 2015)
 constexpr float kBeta1 = 0.9f;
 constexpr float kBeta2 = 0.999f;
