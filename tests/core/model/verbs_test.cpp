@@ -99,11 +99,15 @@ TEST_CASE("a thinned model has so many Gaussians at most, each as wide as those 
 }
 
 TEST_CASE("a model's numbers are counted") {
-  const tg::GaussianModel model = tg::tinyTexturedModel(10);
+  tg::GaussianModel model = tg::tinyTexturedModel(10);
   const std::size_t texels = model.atlas.texels.size();
   CHECK(tg::bytesOf(model) == 4 * (10 * 23 + 4 * texels));
   CHECK(tg::parameterCount(model) == 10 * 23 + 4 * texels);
   CHECK(tg::opacityOf(model, 3) == 1.0 / (1.0 + std::exp(-double{model.opacity_logit[3]})));
   CHECK(tg::sigmoid(-1.5, 255.0) == 255.0 / (1.0 + std::exp(1.5)));
   CHECK(tg::sigmaOf(model, 3).y == std::exp(double{model.log_scale[3].y}));
+  model.texture_mode = tg::TextureMode::alpha;  // what training fits: one number a texel
+  CHECK(tg::parameterCount(model) == 10 * 23 + texels);
+  tg::setShDegree(model, 3);
+  CHECK(tg::parameterCount(model) == 10 * 59 + texels);
 }

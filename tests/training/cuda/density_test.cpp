@@ -5,6 +5,7 @@
 
 #include "support/catch.h"
 #include "support/cuda_orders.h"
+#include "support/same.h"
 #include "training/step/filter_3d.h"
 #include "training/step/mcmc.h"
 
@@ -55,7 +56,7 @@ void checkSame(const RunState& found, const RunState& expected) {
         CHECK(sameNumbers(numbers(x), numbers(y)));
       },
       a.model, b.model);
-  CHECK(a.moments == b.moments);
+  test::checkSame(a.moments, b.moments);
   CHECK(found.statistics.score_sum == expected.statistics.score_sum);
   CHECK(found.statistics.magnitude_sum == expected.statistics.magnitude_sum);
   CHECK(found.statistics.view_count == expected.statistics.view_count);

@@ -8,6 +8,7 @@
 
 #include "cuda_host.h"
 #include "support/catch.h"
+#include "support/same.h"
 #include "support/scenes.h"
 #include "training/cuda/engine.h"
 #include "training/cuda/frame.h"
@@ -251,8 +252,8 @@ TEST_CASE("CUDA's steps work in parts and ranges of depths to the same bytes", "
     CHECK(parts.first_bytes == footprint(sizes).sum());
     CHECK(parts.first_bytes < whole.first_bytes);
     const TrainingState& b = parts.state.training;
-    CHECK(a.model == b.model);
-    CHECK(a.moments == b.moments);
+    test::checkSame(a.model, b.model);
+    test::checkSame(a.moments, b.moments);
     CHECK(whole.state.statistics.score_sum == parts.state.statistics.score_sum);
     CHECK(whole.state.statistics.magnitude_sum == parts.state.statistics.magnitude_sum);
   }

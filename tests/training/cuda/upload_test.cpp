@@ -85,8 +85,6 @@ TEST_CASE("a CUDA run over random backgrounds ends where the CPU's does") {
 }
 
 #ifndef TG_CUDA_ON_DEVICE
-namespace {}  // namespace
-
 TEST_CASE("photographs that do not fit on the device are streamed to the same bytes") {
   const Dataset dataset = smallDataset();
   const auto renderer = makeCudaDifferentiableRenderer();

@@ -26,7 +26,7 @@ tg::Dataset dataset() {
     camera.center = {2.5, 1.75};
     camera.test = i == 2;
     camera.translation = {0.1 * i, 0.2, 3};
-    result.views.push_back({camera});
+    result.views.push_back(camera);
     tg::Photograph& photograph = photographs.emplace_back();
     photograph.pixels.width = 6;
     photograph.pixels.height = 4;

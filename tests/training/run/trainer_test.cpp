@@ -9,6 +9,7 @@
 #include "core/system/parallel.h"
 #include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/same.h"
 #include "training/data/sample.h"
 #include "training/run/init.h"
 #include "training/run/report.h"
@@ -30,8 +31,6 @@ tg::TrainSettings shortRun() {
   settings.seed = 7;
   return settings;
 }
-
-void checkSameBytes(const tg::GaussianModel& a, const tg::GaussianModel& b) { CHECK(a == b); }
 
 }  // namespace
 
@@ -110,7 +109,7 @@ TEST_CASE("same seed, same model at any thread count, another seed, another mode
   };
   const tg::TrainResult one = trained(1);
   const tg::TrainResult two = trained(2);
-  checkSameBytes(one.model, two.model);
+  tg::test::checkSame(one.model, two.model);
   tg::TrainingJsonOptions json;
   json.measurements = false;
   CHECK(tg::formatTrainingJson(dataset, settings, one.report, one.model, json) ==
@@ -127,7 +126,7 @@ TEST_CASE("the untextured twin does not change the textured result", "[trainer]"
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   const tg::TrainResult alone = tg::train(dataset, settings, *renderer);
   settings.compare_untextured = true;
-  checkSameBytes(tg::train(dataset, settings, *renderer).model, alone.model);
+  tg::test::checkSame(tg::train(dataset, settings, *renderer).model, alone.model);
 }
 
 TEST_CASE("stage 2 on a saved stage-1 model is stage 2 of one run", "[trainer]") {
@@ -140,7 +139,7 @@ TEST_CASE("stage 2 on a saved stage-1 model is stage 2 of one run", "[trainer]")
   const tg::GaussianModel plain = tg::train(dataset, settings, *renderer).model;
   settings.iterations = 0;
   settings.texture_iterations = 20;
-  checkSameBytes(tg::train(dataset, settings, *renderer, {}, plain).model, whole.model);
+  tg::test::checkSame(tg::train(dataset, settings, *renderer, {}, plain).model, whole.model);
   CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer, {}, whole.model),
                     Catch::Matchers::Contains("the start model has textures already"));
 }
@@ -238,27 +237,4 @@ TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {
   settings.iterations = -1;
   CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
                     Catch::Matchers::Contains("--iterations: expected an integer from 0 to 10000000, found '-1'"));
-}
-
-TEST_CASE("short schedules keep the shape of long ones", "[trainer]") {
-  const auto schedule = [](int iterations) {
-    tg::TrainSettings settings;
-    settings.iterations = iterations;
-    return tg::makeSchedule(settings);
-  };
-  const tg::Schedule paper = schedule(30000);
-  CHECK(paper.sh_every == 1000);
-  CHECK_FALSE(paper.densifies(500));
-  CHECK(paper.densifies(600));
-  CHECK(paper.densifies(15000));
-  CHECK_FALSE(paper.densifies(15100));
-  CHECK(paper.resetsOpacity(3000));
-  CHECK(paper.resetsOpacity(12000));
-  CHECK(paper.prunesLarge(3100));
-  const tg::Schedule quick = schedule(2000);
-  CHECK(quick.densifies(300));
-  CHECK(quick.densifies(1000));
-  CHECK_FALSE(quick.densifies(1100));
-  for (int i = 1; i <= 2000; ++i) CHECK_FALSE(quick.resetsOpacity(i));
-  CHECK(schedule(1).raisesShDegree(1));
 }
