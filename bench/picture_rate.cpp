@@ -23,7 +23,7 @@ namespace tg::cpu::HWY_NAMESPACE {
 
 // What a thread works on.
 struct Bench {
-  Batch batch;
+  HitBatch batch;
   TileState state;
 };
 
@@ -31,7 +31,7 @@ struct Bench {
 // texels of which the tile shows about nine cells. Returns pixel-splats.
 double runBatches(int rounds, bool textured) {
   thread_local Bench bench;
-  Batch& batch = bench.batch;
+  HitBatch& batch = bench.batch;
   TileState& state = bench.state;
   for (std::uint32_t& live : state.live) live = ~0u;
   for (PixelBlock& block : state.blocks) {

@@ -36,6 +36,7 @@ enum class Mode { training, picture, all };
 
 HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
+namespace {
 
 // Pixel state of a block. Interleaved: one stream of stores, and nothing that aliases at the same page offset.
 struct PixelBlock {
@@ -259,6 +260,7 @@ void blendPictureTile(const BlendArgs& args, int tile) { blendTile<Mode::picture
 void blendTrainingTile(const BlendArgs& args, int tile) { blendTile<Mode::training>(args, tile); }
 int blockWords() { return kWords; }
 
+}  // namespace
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -33,6 +33,7 @@ struct OrderArgs {
 
 HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
+namespace {
 
 // A hit of every pixel of a block.
 struct Entry {
@@ -286,6 +287,7 @@ void orderTile(const OrderArgs& args, int tile) {
 void orderAllTile(const OrderArgs& args, int tile) { orderTile<true>(args, tile); }
 void orderPictureTile(const OrderArgs& args, int tile) { orderTile<false>(args, tile); }
 
+}  // namespace
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -27,7 +27,7 @@ static_assert(kColumns == 1 << kColumnBits);
 constexpr float kLog2AlphaMin = -7.99435344f;
 
 // Splats of a tile, ready for its pixels. Blocks are row by row here: row * kColumns + column.
-struct Batch {
+struct HitBatch {
   // Rows of kernel-inl.h, with room for a vector that hangs over.
   alignas(64) float row_w[kBatch * kTileHeight + kLanes];
   alignas(64) float row_w2[kBatch * kTileHeight + kLanes];
@@ -77,7 +77,7 @@ HWY_INLINE std::uint16_t* appendPlaces(std::size_t bits, hn::Vec<Items> first, s
 // Puts a splat into a slot and appends the live blocks that it may show in: findBlocks() of kernel-inl.h, from the
 // splat's first row on.
 HWY_INLINE void addSplat(const PictureSplat& s, int slot, int tile_x, int tile_y, const TileState& state,
-                         Batch& batch) {
+                         HitBatch& batch) {
   const Outline outline = makeOutline(s, 1.0004f * (s.log2_opacity + 7.99435344f));   // log2(255): as Splat::radius2
   const float margin = 0.05f + 2e-3f * std::sqrt(outline.radius2 * outline.inverse);  // [px] of half the longest row
   const float x = s.center_x - static_cast<float>(tile_x), y = s.center_y - static_cast<float>(tile_y);
@@ -134,7 +134,7 @@ struct ItemHit {
   M visible;     // by the exponent alone
   V exponent;
 };
-HWY_INLINE ItemHit hitItem(const Batch& batch, unsigned item) {
+HWY_INLINE ItemHit hitItem(const HitBatch& batch, unsigned item) {
   const unsigned slot = item / kBlocks, row = item / kColumns;
   const unsigned column = (slot * kColumns + item % kColumns) * kLanes;
   const V w = hn::Add(hn::Load(df, batch.column_w + column), set(batch.row_w[row]));
@@ -160,7 +160,7 @@ HWY_INLINE void blendItem(V alpha, const Color& color, PixelBlock& pixels) {
 }
 
 // Items [begin, end), of splats without a PictureHit.
-HWY_INLINE void blendItems(const Batch& batch, int begin, int end, PixelBlock* blocks) {
+HWY_INLINE void blendItems(const HitBatch& batch, int begin, int end, PixelBlock* blocks) {
   alignas(64) float alphas[kItemsAtOnce * kLanes];
   while (begin < end) {
     const int count = std::min(end - begin, kItemsAtOnce);
@@ -254,7 +254,7 @@ struct SmallItems {
 
 // Items [begin, end), all of the splat in `slot`, which has a small texture.
 template <bool kCrossesNear>
-HWY_INLINE void blendSmallHits(const Batch& batch, int slot, int begin, int end, const TileView& tile,
+HWY_INLINE void blendSmallHits(const HitBatch& batch, int slot, int begin, int end, const TileView& tile,
                                PixelBlock* blocks) {
   const PictureSplat& s = *batch.splats[slot];
   const PictureHit& hit = *batch.hits[slot];
@@ -297,7 +297,8 @@ HWY_INLINE void blendSmallHits(const Batch& batch, int slot, int begin, int end,
 }
 
 // Items [begin, end), all of the splat in `slot`, which has a PictureHit.
-HWY_INLINE void blendHits(const Batch& batch, int slot, int begin, int end, const TileView& tile, PixelBlock* blocks) {
+HWY_INLINE void blendHits(const HitBatch& batch, int slot, int begin, int end, const TileView& tile,
+                          PixelBlock* blocks) {
   const PictureSplat& s = *batch.splats[slot];
   const PictureHit& hit = *batch.hits[slot];
   const bool textured = hit.texture_width > 0;
@@ -364,7 +365,7 @@ HWY_INLINE void blendHits(const Batch& batch, int slot, int begin, int end, cons
 }
 
 // All items in their order: runs of splats without a PictureHit, and those with one.
-HWY_INLINE void blendBatch(const Batch& batch, int slots, const TileView& tile, PixelBlock* blocks) {
+HWY_INLINE void blendBatch(const HitBatch& batch, int slots, const TileView& tile, PixelBlock* blocks) {
   int done = 0;
   for (int slot = 0; slot < slots; ++slot) {
     if (HWY_LIKELY(batch.hits[slot] == nullptr)) continue;

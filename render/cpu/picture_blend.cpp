@@ -121,7 +121,7 @@ std::uint64_t blendPictureTile(const PictureArgs& args, int tile, DepthQueue& qu
 
   TileState state;
   clear(width, height, state);
-  Batch batch;
+  HitBatch batch;
   const PictureHit* hits = view.textured() ? scene.hits.data() : nullptr;
   const auto prefetch = [&](std::uint32_t at) {
     hwy::Prefetch(splats + at);

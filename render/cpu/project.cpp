@@ -28,6 +28,7 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
+namespace {
 
 // Writes one member of up to kBatch records.
 struct SplatWriter {
@@ -215,6 +216,7 @@ void projectBatch(const View& view, const GaussianModel& model, const std::uint3
 
 int projectBatchSize() { return kBatch; }
 
+}  // namespace
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -157,10 +157,11 @@ TG_FN uint splatBlocks(SplatRecord r, uint tile_x, uint tile_y) {
   for (uint row = 0u; row < 4u; ++row) {
     float y0 = float(tile_y * kTileSize + 4u * row);
     vec2 columns;
-    bool some = splatColumns(r, x0, x0 + float(kTileSize - 1u), y0, y0 + 3.0f, columns);
-    uint begin = uint(columns.x - x0) / 4u;
-    uint end = uint(columns.y - x0) / 4u;
-    if (some) blocks |= ((2u << end) - (1u << begin)) << (4u * row);
+    if (splatColumns(r, x0, x0 + float(kTileSize - 1u), y0, y0 + 3.0f, columns)) {
+      uint begin = uint(columns.x - x0) / 4u;
+      uint end = uint(columns.y - x0) / 4u;
+      blocks |= ((2u << end) - (1u << begin)) << (4u * row);
+    }
   }
   return blocks;
 }

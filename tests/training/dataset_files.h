@@ -6,6 +6,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "core/image/image.h"
 #include "core/system/error.h"
@@ -40,7 +42,8 @@ inline Json frame(const std::string& file, const Json& matrix = kIdentity) {
   return {{"file_path", file}, {"transform_matrix", matrix}};
 }
 
-inline Json pinhole(Json frames) {
+// A vector, since clang takes Json{frame} for a copy of the frame.
+inline Json pinhole(std::vector<Json> frames) {
   return {
       {"fl_x", 20.0}, {"fl_y", 21.0}, {"cx", 7.5}, {"cy", 6.5}, {"w", 16}, {"h", 12}, {"frames", std::move(frames)}};
 }

@@ -36,6 +36,7 @@ struct BackwardArgs {
 
 HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
+namespace {
 
 constexpr float kInverseLn2 = 1.44269504f;
 
@@ -656,6 +657,7 @@ void backwardTile(const BackwardArgs& args, int tile) {
 void backwardTileAll(const BackwardArgs& args, int tile) { backwardTile<true>(args, tile); }
 void backwardTileGradient(const BackwardArgs& args, int tile) { backwardTile<false>(args, tile); }
 
+}  // namespace
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

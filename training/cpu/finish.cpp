@@ -17,6 +17,7 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace tg::cpu::HWY_NAMESPACE {
+namespace {
 
 // One float of every lane's sums.
 struct SumsReader {
@@ -230,6 +231,7 @@ void finishBatch(const View& view, const GaussianModel& model, std::span<const S
 
 int finishLanes() { return kBatch; }
 
+}  // namespace
 }  // namespace tg::cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

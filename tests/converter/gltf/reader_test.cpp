@@ -378,7 +378,7 @@ TEST_CASE("a GLB with any one byte of its JSON changed is read or refused, never
   for (int n = 0; n < 400; ++n) {
     std::string changed = bytes;
     const auto at = static_cast<std::size_t>(random.uniform(0.0, static_cast<double>(end)));
-    changed[at] = static_cast<char>(random.uniform(0.0, 256.0));
+    changed[at] = static_cast<char>(static_cast<int>(random.uniform(0.0, 256.0)));
     const std::string found = refusal(scratch.write("changed.glb", changed));
     CAPTURE(at, found);
     CHECK(!contains(found, "without the path"));
