@@ -311,11 +311,12 @@ void restoreSource(const BaseArrays& base, std::size_t i, bool ordered, float op
   for (int k = 0; k < 3; ++k) {
     if (!std::isfinite(source_scale[k])) return;
   }
+  if (!hasLength(source_rotation)) return;
   glm::vec3 scale = source_scale;
   glm::vec4 q = source_rotation;
   if (ordered) orderAxesForGltf(scale, q);
   scale = gltfScale(scale);
-  q = gltfRotation(q);  // not a number for what is no quaternion: equal to nothing
+  q = gltfRotation(q);
   const float* stored_scale = &base.scale[i * 3];
   const float* stored_q = &base.rotation[i * 4];
   if (scale != glm::vec3(stored_scale[0], stored_scale[1], stored_scale[2]) ||

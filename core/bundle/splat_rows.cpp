@@ -113,13 +113,9 @@ bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_
         const std::size_t count = field.values(model.shCount());
         const std::span values = std::span(all).subspan(first * count, (last - first) * count);
         if constexpr (std::is_same_v<T, glm::vec4>) {
-          for (const glm::vec4& quaternion : values) {
-            const float length_squared = glm::dot(quaternion, quaternion);
-            good = good && length_squared > 0.0f && std::isfinite(length_squared);
-          }
-        } else {
-          good = good && allFinite(reinterpret_cast<const float*>(values.data()), field.floats * values.size());
+          good = good && (!field.quaternion || std::ranges::all_of(values, hasLength));
         }
+        good = good && allFinite(reinterpret_cast<const float*>(values.data()), field.floats * values.size());
       },
       model);
   return good;

@@ -42,8 +42,7 @@ std::string brokenPromise(const GaussianModel& model, std::size_t i) {
           if (!isFinite(value)) {
             broken = field.name + (field.harmonic ? " coefficient " + std::to_string(k) : "") + " is not finite";
           } else if constexpr (std::is_same_v<T, glm::vec4>) {
-            const float length_squared = glm::dot(value, value);
-            if (field.quaternion && !(length_squared > 0.0f && std::isfinite(length_squared))) {
+            if (field.quaternion && !hasLength(value)) {
               broken = std::string(field.name) + " has no usable length (expected a quaternion of length > 0)";
             }
           }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The trained scene: Gaussians as structure of arrays, with their textures.
 #pragma once
+#include <cmath>
 #include <cstddef>
 #include <glm/glm.hpp>
 #include <string>
-#include <vector>
 
 #include "core/model/atlas.h"
 #include "core/model/fields.h"
@@ -33,6 +33,11 @@ struct GaussianModel : GaussianFields<Values> {
   bool operator==(const GaussianModel&) const = default;
 };
 
+// Whether a quaternion has a length that floats can divide by.
+inline bool hasLength(const glm::vec4& quaternion) {
+  const float squared = glm::dot(quaternion, quaternion);
+  return squared > 0.0f && std::isfinite(squared);
+}
 // Whether every array is as long as size(), shCount() and the atlas say: what functions that take a model assert.
 bool lengthsAgree(const GaussianModel& model);
 

@@ -5,6 +5,7 @@
 
 #include "converter/glb.h"
 #include "converter/gltf/axes.h"
+#include "converter/gltf/numbers.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"
@@ -188,6 +189,23 @@ TEST_CASE("what can be repaired is, with a warning that counts") {
   CHECK(contains(warnings, "POSITION: no min and max"));
   CHECK(contains(warnings, "unknown colorSpace \"acescg\""));
   CHECK(contains(warnings, "VND_other: unknown extension, ignored"));
+}
+
+TEST_CASE("source rotations that are none are passed over, also where they would be put in the texture's order") {
+  const Scratch scratch;
+  writeGlb(scratch.folder() / "a.glb", {test::makeScene(SceneKind::mixed, 12).model, {}, glm::vec3(0.0f)});
+  const Glb whole = Glb::read(scratch.folder() / "a.glb");
+  Glb bare = whole;
+  bare.primitive()["attributes"].erase(kSourceRotation);
+  bare.primitive()["attributes"].erase(kSourceLogScale);
+  const GaussianModel stored = readModel(scratch.write("bare.glb", bare.bytes())).model;
+  REQUIRE(stored.texture_mode != TextureMode::none);
+  for (const float value : {0.0f, 1e-30f, 1e30f, std::numeric_limits<float>::quiet_NaN()}) {
+    CAPTURE(value);
+    Glb glb = whole;
+    glb.setAttribute(kSourceRotation, std::vector<float>(4 * stored.size(), value), 5126, "VEC4", false, stored.size());
+    CHECK(readModel(scratch.write("spoilt.glb", glb.bytes())).model == stored);
+  }
 }
 
 TEST_CASE("a GLB with embedded data URIs and a .gltf of the same JSON are read alike") {
