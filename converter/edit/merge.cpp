@@ -11,11 +11,6 @@
 #include "core/system/error.h"
 
 namespace tg {
-namespace {
-
-constexpr std::uint64_t kMaxMergedTexels = std::uint64_t{1} << 30;  // offsets have 32 bits
-
-}  // namespace
 
 void mergeModel(GaussianModel& model, const GaussianModel& added, const std::string& path) {
   TG_ASSERT(lengthsAgree(model) && lengthsAgree(added), "the model's arrays have their lengths");
@@ -46,9 +41,9 @@ void mergeModel(GaussianModel& model, const GaussianModel& added, const std::str
     model.texture_mode = TextureMode::rgba;  // of two different modes, always the union
   }
   const std::uint64_t texels = std::uint64_t{model.atlas.texels.size()} + other.atlas.texels.size();
-  if (texels > kMaxMergedTexels) {
+  if (texels > kMaxModelTexels) {
     throw Error(ErrorKind::badData, path,
-                "too many texels in all (expected at most " + std::to_string(kMaxMergedTexels) + ", found " +
+                "too many texels in all (expected at most " + std::to_string(kMaxModelTexels) + ", found " +
                     std::to_string(texels) + ")");
   }
   append(model, other);

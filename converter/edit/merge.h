@@ -9,7 +9,7 @@ namespace tg {
 
 // Appends `other`, unchanged but for SH coefficients of 0 and neutral textures where the two differ in SH degree and
 // texture mode. A model without textures takes the other's intersection. Throws Error(badData, name, ...) when two
-// textured models have different ones, and when the texels exceed 2^30. `name`: of `other`, for messages.
+// textured models have different ones, and when the texels exceed kMaxModelTexels. `name`: of `other`, for messages.
 void mergeModel(GaussianModel& model, const GaussianModel& other, const std::string& name);
 
 }  // namespace tg

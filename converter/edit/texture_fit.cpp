@@ -15,7 +15,6 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;
 // Keeps texels beyond the Gaussian's reach determined; 1e-3 of the weight at the centre.
 constexpr double kFloorWeight = 1e-3;
 // Samples in each cell of the finer grid: the integrands are products of three smooth factors there.
@@ -124,8 +123,8 @@ TextureAtlas resizedAtlas(const TextureAtlas& atlas, std::span<const glm::ivec2>
     out.rects[i] = {static_cast<std::uint32_t>(texels), static_cast<std::uint16_t>(sizes[i].x),
                     static_cast<std::uint16_t>(sizes[i].y)};
     texels += out.rects[i].texelCount();
-    if (texels > kMaxTexels) {
-      throw Error(ErrorKind::badData, "too many texels (expected at most " + std::to_string(kMaxTexels) + ")");
+    if (texels > kMaxModelTexels) {
+      throw Error(ErrorKind::badData, "too many texels (expected at most " + std::to_string(kMaxModelTexels) + ")");
     }
   }
   out.texels.resize(texels);

@@ -40,7 +40,7 @@ class AxisFits {
 std::vector<glm::vec4> fitTexture(std::span<const glm::vec4> texels, const AxisFit& u, const AxisFit& v);
 
 // Every texture at its new size, consecutive in Gaussian order; 0 x 0 drops one, an equal size copies it bit by bit.
-// Throws Error(badData) for more than 2^30 texels in all. sizes: [N] width, height.
+// Throws Error(badData) for more than kMaxModelTexels in all. sizes: [N] width, height.
 TextureAtlas resizedAtlas(const TextureAtlas& atlas, std::span<const glm::ivec2> sizes);
 
 }  // namespace tg

@@ -75,7 +75,6 @@ Range chooseRange(const Image& page, int channel, const Levels& levels) {
 
 QuantizedPage quantizePage(const Image& page, int bits) {
   TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
-  TG_ASSERT(page.channels == 4, "a page has 4 channels");
   const Levels levels = levelsOf(bits);
   QuantizedPage out;
   out.color = Image(page.width, page.height, 3);

@@ -32,7 +32,6 @@ using nlohmann::json;
 constexpr std::size_t kInstanceBlock = 16384;                     // splats whose numbers are held beside the model
 constexpr float kNormTolerance = 1e-3f;                           // of |q|^2 from 1
 constexpr float kByteNormTolerance = 2e-2f;                       // 8-bit quaternions are off by their rounding alone
-constexpr std::uint64_t kMaxGltfTexels = std::uint64_t{1} << 30;  // of all primitives; offsets have 32 bits
 constexpr int kMaxGltfDegree = 3;
 
 struct SplatInstance {
@@ -441,9 +440,9 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
                                                         std::string(name(model.intersection)) + ", found " +
                                                         std::string(name(layer->intersection)) + ")");
       }
-      if (model.atlas.texels.size() + layer->atlas.texels.size() > kMaxGltfTexels) {
+      if (model.atlas.texels.size() + layer->atlas.texels.size() > kMaxModelTexels) {
         throw document.bad(instance.splats.pointer,
-                           "too many texels in all (expected at most " + std::to_string(kMaxGltfTexels) + ")");
+                           "too many texels in all (expected at most " + std::to_string(kMaxModelTexels) + ")");
       }
       textured = true;
       model.intersection = layer->intersection;

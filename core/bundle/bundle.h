@@ -30,7 +30,7 @@ struct Bundle {
 struct BundleLimits {
   std::uint64_t entry_bytes = std::uint64_t{4} << 30;
   std::uint64_t total_bytes = std::uint64_t{8} << 30;
-  std::uint64_t max_texels = std::uint64_t{1} << 30;
+  std::uint64_t max_texels = kMaxModelTexels;
   int entries = 4096;
 };
 

@@ -13,7 +13,6 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxCameraFileBytes = std::uint64_t{32} << 20;
 constexpr std::int64_t kMaxImageSide = 65536;
 // Files carry rotations rounded to 6 or 7 digits; anything worse is no rotation.
 constexpr double kRotationTolerance = 1e-3;
@@ -111,7 +110,7 @@ std::string formatCameras(const std::vector<Camera>& cameras) {
 }
 
 std::vector<Camera> readCameras(const std::filesystem::path& path) {
-  const std::vector<std::uint8_t> bytes = readFile(path, kMaxCameraFileBytes);
+  const std::vector<std::uint8_t> bytes = readFile(path, kMaxCamerasBytes);
   return parseCameras(std::string(bytes.begin(), bytes.end()), path.string());
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // cameras.json, which INRIA's viewers share.
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -8,6 +9,8 @@
 #include "core/model/camera.h"
 
 namespace tg {
+
+inline constexpr std::uint64_t kMaxCamerasBytes = 32 << 20;  // about 50,000 cameras
 
 // INRIA layout: [{id, img_name, width, height, position, rotation (world from camera, rows), fx, fy}], plus our optional
 // cx, cy, split ("train" / "test") and translation (camera from world: survives files exactly, which -R * position does

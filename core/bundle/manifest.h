@@ -25,11 +25,9 @@ std::string atlasPageName(int page);                          // "atlas_000.exr"
 std::optional<int> atlasPageNumber(const std::string& name);  // 0..254
 
 inline constexpr std::uint64_t kMaxManifestBytes = 1 << 20;
-inline constexpr std::uint64_t kMaxCamerasBytes = 32 << 20;  // about 50,000 cameras
 inline constexpr std::uint64_t kMaxTrainingBytes = 16 << 20;
 inline constexpr std::uint64_t kMaxPreviewBytes = 4 << 20;
 inline constexpr int kMaxPreviewSide = 512;
-inline constexpr int kMaxAtlasPages = 255;
 inline constexpr int kMaxAtlasPageSide = 4096;
 
 struct ManifestFile {

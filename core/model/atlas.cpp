@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 
@@ -16,8 +15,6 @@ namespace tg {
 namespace {
 
 constexpr glm::vec4 kNeutralTexel{0.0f, 0.0f, 0.0f, 1.0f};
-constexpr std::size_t kMaxPages = 255;
-constexpr std::uint64_t kMaxTexels = std::numeric_limits<std::uint32_t>::max();  // TextureRect::offset
 
 std::string sizeText(std::uint64_t w, std::uint64_t h) { return std::to_string(w) + " x " + std::to_string(h); }
 
@@ -37,8 +34,8 @@ TextureAtlas makeUniformAtlas(std::size_t gaussian_count, int width, int height)
                                         std::to_string(width) + " x " + std::to_string(height) + ")");
   }
   const std::uint64_t each = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
-  if (each > 0 && gaussian_count > kMaxTexels / each) {
-    throw Error(ErrorKind::badData, "too many texels (expected at most " + std::to_string(kMaxTexels) + ", found " +
+  if (each > 0 && gaussian_count > kMaxOffset / each) {
+    throw Error(ErrorKind::badData, "too many texels (expected at most " + std::to_string(kMaxOffset) + ", found " +
                                         std::to_string(gaussian_count) + " textures of " + std::to_string(each) + ")");
   }
   TextureAtlas atlas;
@@ -95,6 +92,7 @@ std::vector<glm::vec4> textureMeans(const TextureAtlas& atlas, std::size_t gauss
 }
 
 Image neutralPage(int width, int height) {
+  TG_ASSERT(width >= 0 && height >= 0, "a page has sides from 0 on");
   Image page(width, height, 4);
   std::ranges::fill(pageTexels(page), kNeutralTexel);
   return page;
@@ -137,7 +135,7 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
 
   const int page_width = pageWidth(texels, widest, max_page_size);
   int page_height = 0;  // the tallest of the pages
-  std::size_t page = 0;
+  int page = 0;
   int x = 0;
   int y = 0;
   int shelf = atlas.rects[order[0]].height;
@@ -150,9 +148,9 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
     }
     if (y + shelf > max_page_size) {
       x = y = 0;
-      if (++page == kMaxPages) {
+      if (++page == kMaxAtlasPages) {
         throw Error(ErrorKind::badData,
-                    "textures need more than " + std::to_string(kMaxPages) + " pages of " +
+                    "textures need more than " + std::to_string(kMaxAtlasPages) + " pages of " +
                         sizeText(static_cast<std::uint64_t>(max_page_size), static_cast<std::uint64_t>(max_page_size)) +
                         " texels");
       }
@@ -163,7 +161,8 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
     page_height = std::max(page_height, y + shelf);
   }
 
-  packed.pages.assign(page + 1, neutralPage(page_width, page_height));
+  packed.pages.resize(static_cast<std::size_t>(page) + 1);
+  for (Image& image : packed.pages) image = neutralPage(page_width, page_height);
   for (std::uint32_t i : order) {
     const AtlasPlacement& at = packed.placements[i];
     const glm::vec4* from = atlas.texels.data() + atlas.rects[i].offset;
@@ -178,7 +177,7 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
   for (std::size_t p = 0; p < packed.pages.size(); ++p) {
     const Image& page = packed.pages[p];
     const std::uint64_t size = static_cast<std::uint64_t>(page.width) * static_cast<std::uint64_t>(page.height);
-    if (page.width < 1 || page.height < 1 || page.data.size() != 4 * size) {
+    if (page.width < 1 || page.height < 1 || page.channels != 4 || !hasImageShape(page)) {
       throw Error(ErrorKind::badData, path, "atlas page " + std::to_string(p) + " has no consistent size");
     }
     available += size;
@@ -208,7 +207,7 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
     atlas.rects[i] = {static_cast<std::uint32_t>(used), at.w, at.h};
     used += atlas.rects[i].texelCount();
     // Also the bound on what is allocated below.
-    if (used > available || used > kMaxTexels) {
+    if (used > available || used > kMaxOffset) {
       throw fail("texture rectangles overlap (they hold more texels than the pages' " + std::to_string(available) +
                  ")");
     }
