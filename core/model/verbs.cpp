@@ -66,6 +66,7 @@ std::uint64_t bytesOf(const GaussianModel& model) {
 
 void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree) {
   TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "an SH degree from 0 to 3");
+  TG_ASSERT(model.size() == 0 || sh_degree == model.sh_degree, "Gaussians keep their SH degree");
   model.sh_degree = sh_degree;
   forEachField([&](const Field& field, auto& values) { resizeLarge(values, n * field.values(model.shCount())); },
                model);
@@ -87,11 +88,14 @@ void setShDegree(GaussianModel& model, int degree) {
 }
 
 GaussianModel select(const GaussianModel& model, std::span<const std::uint32_t> source) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  TG_ASSERT(std::ranges::all_of(source, [&](std::uint32_t i) { return i < model.size(); }), "the model has the sources");
   GaussianModel part = selectBare(model, source);
   part.texture_mode = model.texture_mode;
   if (model.atlas.rects.empty()) return part;
   std::size_t texels = 0;
   for (const std::uint32_t i : source) texels += model.atlas.rects[i].texelCount();
+  TG_ASSERT(texels <= kMaxOffset, "offsets reach every texel");
   part.atlas.rects.reserve(source.size());
   part.atlas.texels.reserve(texels);
   for (const std::uint32_t i : source) {
@@ -104,6 +108,9 @@ GaussianModel select(const GaussianModel& model, std::span<const std::uint32_t> 
 }
 
 void append(GaussianModel& model, const GaussianModel& other) {
+  TG_ASSERT(lengthsAgree(model) && lengthsAgree(other), "the models' arrays have their lengths");
+  TG_ASSERT(model.sh_degree == other.sh_degree, "both models have one SH degree");
+  TG_ASSERT(model.atlas.texels.size() + other.atlas.texels.size() <= kMaxOffset, "offsets reach every texel");
   const std::size_t before = model.size();
   const bool has_rects = !model.atlas.rects.empty() || !other.atlas.rects.empty();
   forEachField([](const Field&, auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); }, model,
@@ -126,6 +133,7 @@ GaussianModel withoutTextures(const GaussianModel& model) {
 }
 
 GaussianModel thinned(const GaussianModel& model, std::size_t ready, std::size_t most) {
+  TG_ASSERT(most > 0 && ready <= model.size(), "a Gaussian at least, of those that the model has");
   const std::size_t step = std::max<std::size_t>(1, (ready + most - 1) / most);
   std::vector<std::uint32_t> source(ready / step);
   for (std::size_t j = 0; j < source.size(); ++j) source[j] = static_cast<std::uint32_t>(j * step);

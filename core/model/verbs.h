@@ -2,10 +2,13 @@
 // What every room does with models.
 #pragma once
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "core/model/model.h"
+#include "core/system/assert.h"
 #include "shared/lang.h"
 
 namespace tg {
@@ -39,23 +42,25 @@ std::size_t parameterCount(const GaussianModel& model);
 // Of the arrays of numbers.
 std::uint64_t bytesOf(const GaussianModel& model);
 
-// Gaussians [0, n) of that degree, new ones all zeros; textures stay as they are.
+// Gaussians [0, n), new ones all zeros; textures stay as they are. The degree of a model with Gaussians must stay.
 void resizeGaussians(GaussianModel& model, std::size_t n, int sh_degree);
 // Coefficients that come are zero. Throws Error(usage) for a degree outside [0, 3].
 void setShDegree(GaussianModel& model, int degree);
-// Gaussian j of the result is Gaussian source[j] with its texture; the texels lie in that order.
+// Gaussian j of the result is Gaussian source[j] with its texture; the texels, not more than offsets reach, lie in that
+// order.
 GaussianModel select(const GaussianModel& model, std::span<const std::uint32_t> source);
 // Puts the Gaussians of another model of the same SH degree behind those of `model`, with the textures of both.
 void append(GaussianModel& model, const GaussianModel& other);
 GaussianModel withoutTextures(const GaussianModel& model);
-// For whoever waits for a model: at most `most` of the first `ready` Gaussians, spread evenly, wide enough to stand for
-// all of them, without textures.
+// For whoever waits for a model: at most `most` >= 1 of the first `ready` Gaussians, spread evenly, wide enough to stand
+// for all of them, without textures.
 GaussianModel thinned(const GaussianModel& model, std::size_t ready, std::size_t most);
 
 // Rows of `length` values: row j is row source[j] of `rows`, from row `kept` on zeros.
 template <typename T>
 std::vector<T> gathered(const std::vector<T>& rows, std::size_t length, std::span<const std::uint32_t> source,
                         std::size_t kept) {
+  TG_ASSERT(kept <= source.size(), "no more rows are kept than there are");
   std::vector<T> result(source.size() * length);
   for (std::size_t j = 0; j < kept; ++j) {
     std::copy_n(rows.data() + source[j] * length, length, result.data() + j * length);
@@ -65,6 +70,7 @@ std::vector<T> gathered(const std::vector<T>& rows, std::size_t length, std::spa
 // Rows of `from` values become rows of `to`, cut or with zeros behind.
 template <typename T>
 std::vector<T> withRowLength(const std::vector<T>& rows, std::size_t from, std::size_t to) {
+  TG_ASSERT(from > 0, "a row has values");
   const std::size_t count = rows.size() / from;
   std::vector<T> result(count * to, T{});
   for (std::size_t i = 0; i < count; ++i) {
