@@ -80,14 +80,6 @@ std::vector<Chunk> readChunks(const PlyVertices& chunks) {
   return out;
 }
 
-int degreeOf(const PlyVertices& sh) {
-  const std::size_t rest = sh.countPrefix("f_rest_");
-  for (int degree = 1; degree <= 3; ++degree) {
-    if (rest == static_cast<std::size_t>(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
-  }
-  sh.fail("wrong number of f_rest properties (expected 9, 24 or 45, found " + std::to_string(rest) + ")");
-}
-
 // Bytes 0 and 255 are the ends of the range, the others the middles of 256 steps.
 float shFromByte(float byte) {
   const float t = byte <= 0.0f ? 0.0f : byte >= 255.0f ? 1.0f : (byte + 0.5f) / 256.0f;
@@ -116,7 +108,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
       sh->fail("wrong number of rows of \"sh\" (expected " + std::to_string(n) + ", found " +
                std::to_string(sh->size()) + ")");
     }
-    sh_degree = degreeOf(*sh);
+    sh_degree = sh->shDegree(1);
   }
   GaussianModel model;
   resizeGaussians(model, n, sh_degree);

@@ -46,8 +46,7 @@ struct SpzHeader {
   // [bytes] of each stream.
   std::array<std::uint64_t, kSpzStreams> sizes() const {
     const std::uint64_t n = count;
-    const std::uint64_t rest = static_cast<std::uint64_t>((sh_degree + 1) * (sh_degree + 1) - 1);
-    return {9 * n, n, 3 * n, 3 * n, (version == 2 ? 3 : 4) * n, 3 * rest * n};
+    return {9 * n, n, 3 * n, 3 * n, (version == 2 ? 3 : 4) * n, 3 * (shCountOf(sh_degree) - 1) * n};
   }
 };
 
@@ -128,7 +127,7 @@ GaussianModel decode(const SpzHeader& header, const Streams& streams) {
   const std::size_t n = header.count;
   resizeGaussians(model, n, std::min(header.sh_degree, kMaxModelDegree));
   const std::size_t coefficients = model.shCount();
-  const std::size_t stored = static_cast<std::size_t>((header.sh_degree + 1) * (header.sh_degree + 1) - 1);
+  const std::size_t stored = shCountOf(header.sh_degree) - 1;
   const std::size_t rotation_bytes = header.version == 2 ? 3 : 4;
   for (std::size_t i = 0; i < n; ++i) {
     const std::uint8_t* position = streams[kSpzPositions].data() + i * 9;

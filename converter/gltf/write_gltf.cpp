@@ -187,7 +187,7 @@ void Writer::addOpacity(Baked baked, std::string_view extension) {
 
 void Writer::addColors(Baked baked) {
   const int degree = gaussians_.shDegree();
-  const std::size_t count = static_cast<std::size_t>((degree + 1) * (degree + 1));
+  const std::size_t count = shCountOf(degree);
   std::size_t k = 0;
   for (int l = 0; l <= degree; ++l) {
     for (int m = 0; m <= 2 * l; ++m, ++k) {

@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "core/bundle/ply.h"
+#include "core/model/model.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -146,9 +147,13 @@ int PlyVertices::require(std::string_view name) const {
   return index;
 }
 
-std::size_t PlyVertices::countPrefix(std::string_view prefix) const {
-  return static_cast<std::size_t>(std::count_if(properties_.begin(), properties_.end(),
-                                                [&](const PlyProperty& p) { return p.name.starts_with(prefix); }));
+int PlyVertices::shDegree(int lowest) const {
+  const auto rest = std::ranges::count_if(properties_, [](const PlyProperty& p) { return p.name.starts_with("f_rest_"); });
+  for (int degree = lowest; degree <= 3; ++degree) {
+    if (static_cast<std::size_t>(rest) == 3 * (shCountOf(degree) - 1)) return degree;
+  }
+  fail(std::string("wrong number of f_rest properties (expected ") + (lowest == 0 ? "0, " : "") +
+       "9, 24 or 45, found " + std::to_string(rest) + ")");
 }
 
 void PlyVertices::parseProperty(std::string_view line, Element& element) const {

@@ -32,14 +32,6 @@ void requireSplats(const PlyVertices& ply) {
   ply.fail("holds no splats (missing property f_dc_0)");
 }
 
-int shDegreeOf(const PlyVertices& ply) {
-  const std::size_t rest = ply.countPrefix("f_rest_");
-  for (int degree = 0; degree <= 3; ++degree) {
-    if (rest == static_cast<std::size_t>(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
-  }
-  ply.fail("wrong number of f_rest properties (expected 0, 9, 24 or 45, found " + std::to_string(rest) + ")");
-}
-
 void appendFloats(std::uint8_t*& to, std::initializer_list<float> values) {
   std::memcpy(to, values.begin(), values.size() * sizeof(float));
   to += values.size() * sizeof(float);
@@ -62,7 +54,7 @@ std::vector<std::uint8_t> startOf(const FileReader& file) {
 SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, const std::string& path)
     : path_(path), vertices_(start, total, path, "Gaussian") {
   requireSplats(vertices_);
-  sh_degree_ = shDegreeOf(vertices_);
+  sh_degree_ = vertices_.shDegree();
   const auto add = [&](const std::string& name) { columns_.push_back(vertices_.require(name)); };
   for (const char* name : {"x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "opacity", "scale_0", "scale_1"}) {
     add(name);
@@ -72,8 +64,7 @@ SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, c
   dc_ = columns_.size();
   for (int c = 0; c < 3; ++c) add("f_dc_" + std::to_string(c));
   rest_ = columns_.size();
-  const int rest_count = 3 * ((sh_degree_ + 1) * (sh_degree_ + 1) - 1);
-  for (int k = 0; k < rest_count; ++k) add("f_rest_" + std::to_string(k));
+  for (std::size_t k = 0; k < 3 * (shCountOf(sh_degree_) - 1); ++k) add("f_rest_" + std::to_string(k));
   plain_ = vertices_.plainFloats(columns_);
   for (int column : columns_) offsets_.push_back(vertices_.properties()[static_cast<std::size_t>(column)].offset);
 }
@@ -195,15 +186,14 @@ std::string splatHeader(std::size_t gaussians, int sh_degree) {
   std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(gaussians) + "\n";
   const auto add = [&](const std::string& name) { header += "property float " + name + "\n"; };
   for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"}) add(name);
-  const int rest_count = 3 * ((sh_degree + 1) * (sh_degree + 1) - 1);
-  for (int k = 0; k < rest_count; ++k) add("f_rest_" + std::to_string(k));
+  for (std::size_t k = 0; k < 3 * (shCountOf(sh_degree) - 1); ++k) add("f_rest_" + std::to_string(k));
   for (const char* name : {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}) add(name);
   return header + "end_header\n";
 }
 
 std::size_t splatRowBytes(int sh_degree) {
   TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "an SH degree from 0 to 3");
-  return sizeof(float) * static_cast<std::size_t>(14 + 3 * (sh_degree + 1) * (sh_degree + 1));
+  return sizeof(float) * (14 + 3 * shCountOf(sh_degree));
 }
 
 void formatSplatRows(const GaussianModel& model, std::size_t first, std::size_t count, std::uint8_t* to) {
