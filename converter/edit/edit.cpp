@@ -2,10 +2,10 @@
 // The edits of tgconvert's command line.
 #include "converter/edit/edit.h"
 
+#include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <glm/gtc/matrix_transform.hpp>
+#include <initializer_list>
 
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
@@ -15,29 +15,21 @@
 #include "converter/edit/transform.h"
 #include "converter/gltf/axes.h"
 #include "converter/gltf/fallback.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
 
 // Comma-separated; `expected` names them for the message.
 std::vector<double> numbersOf(const Edit& edit, std::initializer_list<std::size_t> counts, const char* expected) {
-  std::vector<double> numbers;
-  const std::string& text = edit.value;
-  const char* at = text.data();
-  const char* const end = text.data() + text.size();
-  bool ok = true;
-  while (ok && at <= end) {
-    double number = 0.0;
-    const auto [next, status] = std::from_chars(at, end, number);
-    ok = status == std::errc() && std::isfinite(number) && (next == end || *next == ',');
-    numbers.push_back(number);
-    at = next + 1;
+  for (const std::size_t count : counts) {
+    std::vector<double> numbers(count);
+    const bool all = parseList<double>(edit.value, numbers);
+    if (all && std::ranges::all_of(numbers, [](double n) { return std::isfinite(n); })) return numbers;
   }
-  bool fits = false;
-  for (const std::size_t count : counts) fits = fits || numbers.size() == count;
-  if (!ok || !fits) throw Error(ErrorKind::usage, "wrong value (expected " + std::string(expected) + ")");
-  return numbers;
+  throw Error(ErrorKind::usage, "wrong value (expected " + std::string(expected) + ")");
 }
 
 glm::dvec3 vec3(const std::vector<double>& n, std::size_t at = 0) { return {n[at], n[at + 1], n[at + 2]}; }

@@ -4,14 +4,15 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <functional>
+#include <iterator>
 #include <optional>
+#include <string>
 
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -33,11 +34,11 @@ double baseColor(const GaussianModel& model, std::size_t i, int channel) {
   return 0.5 + double{kShC0} * model.sh[i * model.shCount()][channel];
 }
 
-struct Field {
+struct Property {
   std::string_view name;
   Value value;
 };
-constexpr std::array<Field, 13> kFields = {{
+constexpr std::array<Property, 13> kProperties = {{
     {"x", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].x; }},
     {"y", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].y; }},
     {"z", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].z; }},
@@ -77,12 +78,12 @@ constexpr std::array<Relation, 6> kRelations = {{{"<=", [](double a, double b) {
                                                  {"<", [](double a, double b) { return a < b; }},
                                                  {">", [](double a, double b) { return a > b; }}}};
 
-// A term of "a < b < c": a number or a field.
+// A term of "a < b < c": a number or a property.
 struct Term {
-  Value field = nullptr;
+  Value property = nullptr;
   double number = 0.0;
 
-  double of(const GaussianModel& model, std::size_t i) const { return field ? field(model, i) : number; }
+  double of(const GaussianModel& model, std::size_t i) const { return property ? property(model, i) : number; }
 };
 
 struct Expression {
@@ -94,23 +95,21 @@ struct Expression {
   std::string text = "\"";
   text += expression;
   text += "\": " + what + " (expected NAME < NUMBER or NUMBER <= NAME < NUMBER, with < <= > >= == !=; NAME is one of";
-  for (const Field& field : kFields) {
+  for (const Property& property : kProperties) {
     text += ' ';
-    text += field.name;
+    text += property.name;
   }
   throw Error(ErrorKind::usage, text + ")");
 }
 
 Term parseTerm(std::string_view text, std::string_view expression) {
-  const auto found =
-      std::find_if(kFields.begin(), kFields.end(), [&](const Field& field) { return field.name == text; });
-  if (found != kFields.end()) return {found->value, 0.0};
-  Term term;
-  const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), term.number);
-  if (status != std::errc() || end != text.data() + text.size() || !std::isfinite(term.number)) {
+  const auto found = std::ranges::find(kProperties, text, &Property::name);
+  if (found != kProperties.end()) return {found->value, 0.0};
+  const std::optional<double> number = parseWhole<double>(text);
+  if (!number || !std::isfinite(*number)) {
     refuse(expression, text.empty() ? std::string("a value is missing") : "unknown value " + std::string(text));
   }
-  return term;
+  return {nullptr, *number};
 }
 
 Expression parse(std::string_view expression) {
@@ -131,9 +130,8 @@ Expression parse(std::string_view expression) {
     begin = at;
   }
   result.terms.push_back(parseTerm(std::string_view(text).substr(begin), expression));
-  std::size_t fields = 0;
-  for (const Term& term : result.terms) fields += term.field != nullptr;
-  if (result.relations.empty() || result.relations.size() > 2 || fields != 1) {
+  const auto properties = std::ranges::count_if(result.terms, [](const Term& term) { return term.property != nullptr; });
+  if (result.relations.empty() || result.relations.size() > 2 || properties != 1) {
     refuse(expression, "is no comparison of one value with one or two numbers");
   }
   return result;

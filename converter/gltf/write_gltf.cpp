@@ -230,6 +230,9 @@ void Writer::addDc() {
       [count](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; }, filter(kDcFilter));
 }
 
+int bitsOf(AtlasFormat format) { return format == AtlasFormat::png16 ? 16 : 8; }
+auto encodePage(const Image& image, int bits) { return bits == 16 ? encodePng16(image) : encodePng(image); }
+
 // What of a Gaussian a reader of the glTF numbers gets back with other last bits.
 struct Changed {
   bool rotation = false, log_scale = false, opacity = false;
@@ -302,13 +305,12 @@ std::size_t Writer::addTexture(std::vector<std::uint8_t> png, const std::string&
 Json Writer::addAtlas(Image& page, const std::string& name, GltfReport& report) {
   const TextureMode mode = model_.texture_mode;
   neutralize(pageTexels(page), mode);
-  const int bits = content_.options.atlas == AtlasFormat::png16 ? 16 : 8;
+  const int bits = bitsOf(content_.options.atlas);
   const QuantizedPage quantized = quantizePage(page, bits);
   report.clipped_texels += quantized.clipped_texels;
-  const auto encode = [&](const Image& image) { return bits == 16 ? encodePng16(image) : encodePng(image); };
   Json atlas;
-  if (hasColor(mode)) atlas["color"] = addTexture(encode(quantized.color), name + "_color");
-  if (hasAlpha(mode)) atlas["alpha"] = addTexture(encode(quantized.alpha), name + "_alpha");
+  if (hasColor(mode)) atlas["color"] = addTexture(encodePage(quantized.color, bits), name + "_color");
+  if (hasAlpha(mode)) atlas["alpha"] = addTexture(encodePage(quantized.alpha, bits), name + "_alpha");
   if (content_.options.atlas == AtlasFormat::exr) {
     const std::array<std::string, 4> channels = {"R", "G", "B", "alpha"};
     atlas["exr"] = builder.addImage(encodeExr(page, channels), "image/x-exr", name + "_values");
@@ -430,13 +432,13 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
   if (mode == TextureMode::none || packed.pages.empty()) {
     throw Error(ErrorKind::badData, path.string(), "the model has no textures");
   }
-  const int bits = content.options.atlas == AtlasFormat::png16 ? 16 : 8;
+  const int bits = bitsOf(content.options.atlas);
   const std::string stem = path.stem().string();
   GltfReport report;
   AtomicFiles files(content.options.replace);
   Json atlases = Json::array();
   const auto put = [&](const Image& image, const std::string& name) {
-    const std::vector<std::uint8_t> png = bits == 16 ? encodePng16(image) : encodePng(image);
+    const std::vector<std::uint8_t> png = encodePage(image, bits);
     files.add(path.parent_path() / name, png);
     report.output_bytes += png.size();
     return name;
