@@ -3,7 +3,6 @@
 #include "converter/gltf/container.h"
 
 #include "converter/formats/little_endian.h"
-#include "core/file/json.h"
 #include "core/system/error.h"
 
 namespace tg {

@@ -18,7 +18,7 @@ std::string inQuotes(std::string_view key) { return std::string("\"").append(key
 
 nlohmann::json parseJson(std::string_view text, const std::string& path, const JsonWords& words) {
   const auto bounded = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-    if (depth > kMaxJsonDepth) throw Error(ErrorKind::badData, path, std::string(words.deep));
+    if (depth > kMaxJsonDepth) throw Error(ErrorKind::badData, path, words.deep);
     return true;
   };
   try {
@@ -34,10 +34,6 @@ nlohmann::json parseJson(std::span<const std::uint8_t> text, const std::string& 
 
 std::string dumpJson(const nlohmann::ordered_json& value, int indent) {
   return value.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-}
-
-std::string expectedFound(const std::string& expected, const std::string& found) {
-  return " (expected " + expected + ", found " + found + ")";
 }
 
 void JsonNode::fail(const std::string& what) const {
@@ -114,17 +110,18 @@ void JsonNode::readNumbers(const char* key, std::span<double> values, double low
 JsonNode JsonNode::at(const std::string& key) const {
   const auto found = value.is_object() ? value.find(key) : value.end();
   if (found == value.end()) fail(inQuotes(key) + " is missing");
-  return {*found, path, (place == "/" ? place : place + "/") + key};
+  return {*found, path, below(key)};
 }
 
-JsonNode JsonNode::element(std::size_t i) const { return {value[i], path, place + "/" + std::to_string(i)}; }
+JsonNode JsonNode::element(std::size_t i) const { return {value[i], path, below(std::to_string(i))}; }
+std::string JsonNode::below(const std::string& key) const { return (place == "/" ? place : place + "/") + key; }
 
 void JsonNode::expect(bool is, const char* what) const {
   if (!is) fail("wrong type" + expectedFound(what, shown()));
 }
 
-const JsonNode& JsonNode::object() const { return expect(value.is_object(), "an object"), *this; }
-const JsonNode& JsonNode::array() const { return expect(value.is_array(), "an array"), *this; }
+JsonNode JsonNode::object() const { return expect(value.is_object(), "an object"), *this; }
+JsonNode JsonNode::array() const { return expect(value.is_array(), "an array"), *this; }
 std::string JsonNode::string() const { return expect(value.is_string(), "a string"), value.get<std::string>(); }
 
 std::uint64_t JsonNode::size64() const {

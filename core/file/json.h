@@ -18,7 +18,7 @@ constexpr int kMaxJsonDepth = 64;
 // How the errors of parseJson begin: a format's own words.
 struct JsonWords {
   std::string_view broken = "not valid JSON: ";
-  std::string_view deep = "JSON nests too deep (expected at most 64 levels)";
+  std::string deep = "JSON nests too deep (expected at most " + std::to_string(kMaxJsonDepth) + " levels)";
 };
 
 // Throws Error(badData) on a syntax error, on deeper nesting than kMaxJsonDepth and on trailing text.
@@ -29,6 +29,7 @@ nlohmann::json parseJson(std::span<const std::uint8_t> text, const std::string& 
 std::string dumpJson(const nlohmann::ordered_json& value, int indent = -1);
 
 // A value of a file. Getters throw Error(badData) that says where it stands, what was expected and what was found.
+// `value` and `path` must outlive it.
 struct JsonNode {
   const nlohmann::json& value;
   const std::string& path;  // of the file
@@ -59,8 +60,8 @@ struct JsonNode {
   // The value itself and what is below it, for documents whose places are JSON pointers.
   JsonNode at(const std::string& key) const;
   JsonNode element(std::size_t i) const;
-  const JsonNode& object() const;
-  const JsonNode& array() const;
+  JsonNode object() const;
+  JsonNode array() const;
   std::string string() const;
   std::uint64_t size64() const;                                          // an integer >= 0
   std::uint64_t size64(const char* key, std::uint64_t otherwise) const;  // of a key that may be absent
@@ -72,11 +73,9 @@ struct JsonNode {
   template <typename T>
   T typed(const char* key, const char* what) const;
   void expect(bool is, const char* what) const;
+  std::string below(const std::string& key) const;  // its place
   double within(const nlohmann::json& number, const char* key, double low, double high) const;
   void readNumbers(const char* key, std::span<double> values, double low, double high) const;
 };
-
-// "what (expected ..., found ...)".
-std::string expectedFound(const std::string& expected, const std::string& found);
 
 }  // namespace tg

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The one exception that programs show to users, and the exit code it maps to.
 #pragma once
+#include <cerrno>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 namespace tg {
 
@@ -18,8 +20,16 @@ inline std::string printable(std::string text) {
   return text;
 }
 
-// what() is one printable line for the user: `path: what is wrong (expected X, found Y)`. Thrown by input, output and set-up code
-// only, never from kernels; caught once, in main.
+// " (expected X, found Y)", the end of a message.
+inline std::string expectedFound(const std::string& expected, const std::string& found) {
+  return " (expected " + expected + ", found " + found + ")";
+}
+
+// Of errno; strerror is not thread-safe.
+inline std::string systemReason() { return std::generic_category().message(errno); }
+
+// what() is one printable line for the user: `path: what is wrong (expected X, found Y)`. Thrown by input, output and
+// set-up code only, never from kernels; caught once, in main.
 struct Error : std::runtime_error {
   ErrorKind kind;
   Error(ErrorKind k, const std::string& message) : std::runtime_error(printable(message)), kind(k) {}
