@@ -127,8 +127,7 @@ void GltfDocument::read(int view, std::uint64_t offset, std::span<std::uint8_t> 
 
 GltfDocument openGltf(const std::filesystem::path& path) {
   const auto whole = [&] { return loadGltf(readFile(path, kMaxGltfBytes), path.string(), folderOf(path)); };
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path, ignored)) return whole();  // a pipe, or nothing
+  if (!isFile(path)) return whole();  // a pipe, or nothing
   GltfDocument document;
   document.path = path.string();
   document.file = std::make_shared<const FileReader>(path, kMaxGltfBytes);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <system_error>
 
 #include "converter/formats/inflate.h"
 #include "converter/formats/read_compressed_ply.h"
@@ -15,6 +16,7 @@
 #include "converter/gltf/write_gltf.h"
 #include "converter/html/html.h"
 #include "core/bundle/ply.h"
+#include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -167,9 +169,7 @@ FileStart readStart(const Path& path) {
   if (std::filesystem::is_directory(path, status)) {
     throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
   }
-  if (!std::filesystem::is_regular_file(path, status)) {
-    throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");  // a pipe would block
-  }
+  if (!isFile(path)) throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");  // a pipe would block
   std::ifstream file(path, std::ios::binary);
   if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot be opened");
   FileStart start{std::string(kSniffBytes, '\0'), {}};

@@ -6,8 +6,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <memory>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -27,9 +29,6 @@ struct Descriptor {
     if (fd >= 0) ::close(fd);
   }
 };
-
-// strerror is not thread-safe; this is.
-std::string reason() { return std::generic_category().message(errno); }
 
 std::filesystem::path folderOf(const std::filesystem::path& path) {
   const std::filesystem::path folder = path.parent_path();
@@ -59,7 +58,8 @@ class TemporaryFile {
       name_.emplace(path);  // before the file is there: a signal may come at once
       const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666));
       if (file.fd >= 0) return;
-      if (errno != EEXIST) throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: " + reason());
+      if (errno != EEXIST)
+        throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: " + systemReason());
     }
     throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: no free temporary name");
   }
@@ -78,7 +78,7 @@ class TemporaryFile {
 void syncFile(const std::filesystem::path& file, const std::filesystem::path& reported) {
   const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   if (descriptor.fd < 0 || ::fsync(descriptor.fd) != 0) {
-    throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write to disk: " + reason());
+    throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write to disk: " + systemReason());
   }
 }
 
@@ -86,9 +86,10 @@ void syncFile(const std::filesystem::path& file, const std::filesystem::path& re
 
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + reason());
+  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + systemReason());
   struct stat status{};
-  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+  if (::fstat(file.fd, &status) != 0)
+    throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
   if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
   const auto tooLong = [&](const std::string& found) {
     return Error(ErrorKind::cannotRead, path.string(),
@@ -105,7 +106,7 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
       std::uint8_t probe[65536];
       const ssize_t got = ::read(file.fd, probe, sizeof(probe));
       if (got < 0 && errno == EINTR) continue;
-      if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+      if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
       if (got == 0) break;
       if (used + static_cast<std::uint64_t>(got) > max_bytes) throw tooLong("more");
       bytes.insert(bytes.end(), probe, probe + got);
@@ -114,7 +115,7 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
     }
     const ssize_t got = ::read(file.fd, bytes.data() + used, std::min<std::size_t>(bytes.size() - used, 1u << 30));
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + reason());
+    if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
     if (got == 0) break;
     used += static_cast<std::size_t>(got);
   }
@@ -124,9 +125,9 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
 
 FileReader::FileReader(const std::filesystem::path& path, std::uint64_t max_bytes) : path_(path.string()) {
   Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path_, "cannot open: " + reason());
+  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path_, "cannot open: " + systemReason());
   struct stat status{};
-  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + reason());
+  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + systemReason());
   if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is a folder (expected a file)");
   if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is no regular file");
   size_ = static_cast<std::uint64_t>(status.st_size);
@@ -144,7 +145,7 @@ void FileReader::read(std::uint64_t offset, std::span<std::uint8_t> out) const {
   while (!out.empty()) {
     const ssize_t got = ::pread(descriptor_, out.data(), out.size(), static_cast<off_t>(offset));
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + reason());
+    if (got < 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + systemReason());
     if (got == 0) throw Error(ErrorKind::cannotRead, path_, "became shorter while it was read");
     out = out.subspan(static_cast<std::size_t>(got));
     offset += static_cast<std::uint64_t>(got);
@@ -153,14 +154,14 @@ void FileReader::read(std::uint64_t offset, std::span<std::uint8_t> out) const {
 
 FileWriter::FileWriter(const std::filesystem::path& file, const std::filesystem::path& reported)
     : reported_(reported.string()), descriptor_(::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)) {
-  if (descriptor_ < 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot open: " + reason());
+  if (descriptor_ < 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot open: " + systemReason());
 }
 
 FileWriter::~FileWriter() { ::close(descriptor_); }
 
 void FileWriter::resize(std::uint64_t bytes) const {
   if (::ftruncate(descriptor_, static_cast<off_t>(bytes)) != 0) {
-    throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + reason());
+    throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + systemReason());
   }
 }
 
@@ -169,7 +170,7 @@ void FileWriter::write(std::uint64_t offset, std::span<const std::uint8_t> bytes
     const std::size_t length = std::min<std::size_t>(bytes.size(), 1u << 30);
     const ssize_t written = ::pwrite(descriptor_, bytes.data(), length, static_cast<off_t>(offset));
     if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + reason());
+    if (written <= 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot write: " + systemReason());
     bytes = bytes.subspan(static_cast<std::size_t>(written));
     offset += static_cast<std::uint64_t>(written);
   }
@@ -180,7 +181,7 @@ void requireWritable(const std::filesystem::path& path) {
   // The final name itself: the temporary one is shorter than a name the file system may refuse.
   struct stat status{};
   if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT) {
-    throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + reason());
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + systemReason());
   }
   const TemporaryFile removed(path);
 }
@@ -213,7 +214,7 @@ void AtomicFiles::add(const std::filesystem::path& path, std::span<const std::ui
 void AtomicFiles::commit() {
   for (const std::unique_ptr<Entry>& entry : entries_) {
     if (::rename(entry->temporary.path.c_str(), entry->path.c_str()) != 0) {
-      throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + reason());
+      throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + systemReason());
     }
     entry->temporary.released = true;
     // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.

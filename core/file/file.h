@@ -8,9 +8,16 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <system_error>
 #include <vector>
 
 namespace tg {
+
+// Whether a regular file is there; false where nobody can tell.
+inline bool isFile(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::is_regular_file(path, ignored);
+}
 
 // Throws Error(cannotRead) when missing, a folder, unreadable, or longer than max_bytes.
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes);

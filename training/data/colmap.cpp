@@ -329,17 +329,12 @@ glm::dmat3 rotationMatrix(const fs::path& path, const ColmapImage& image) {
                     glm::dvec3(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)));
 }
 
-bool hasFile(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
-
 }  // namespace
 
 std::optional<fs::path> findColmapModel(const fs::path& folder) {
   for (const char* below : {"sparse/0", "sparse"}) {
     fs::path model = folder / below;
-    if (hasFile(model / "cameras.bin") || hasFile(model / "cameras.txt")) return model;
+    if (isFile(model / "cameras.bin") || isFile(model / "cameras.txt")) return model;
   }
   return std::nullopt;
 }
@@ -347,7 +342,7 @@ std::optional<fs::path> findColmapModel(const fs::path& folder) {
 DatasetIndex readColmap(const fs::path& folder) {
   const std::optional<fs::path> model = findColmapModel(folder);
   if (!model) fail(folder, "no COLMAP model (expected cameras.bin or cameras.txt in sparse/0 or sparse)");
-  const bool binary = hasFile(*model / "cameras.bin");
+  const bool binary = isFile(*model / "cameras.bin");
   const std::string extension = binary ? ".bin" : ".txt";
   const fs::path images_path = *model / ("images" + extension);
   const fs::path points_path = *model / ("points3D" + extension);
@@ -371,7 +366,7 @@ DatasetIndex readColmap(const fs::path& folder) {
     entry.below_images = image.name;
     index.entries.push_back(std::move(entry));
   }
-  if (hasFile(points_path)) {
+  if (isFile(points_path)) {
     index.points_file = points_path.filename().string();
     index.points = binary ? readPointsBinary(points_path) : readPointsText(points_path);
   }

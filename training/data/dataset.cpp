@@ -8,6 +8,7 @@
 #include <mutex>
 #include <sstream>
 
+#include "core/file/file.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -21,11 +22,6 @@ constexpr int kMaxDownscale = 64;
 constexpr double kFarthest = 1e9;  // positions [world units] and principal points [px]: squares stay far inside float
 constexpr double kShortestFocal = 1e-3;  // [px]
 constexpr double kLongestFocal = 1e9;    // [px]
-
-bool isFile(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
 
 DatasetLayout detectLayout(const fs::path& folder) {
   // COLMAP first: folders that hold both describe one scene, and COLMAP's has points.

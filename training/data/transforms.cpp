@@ -150,8 +150,7 @@ std::string portable(const fs::path& folder, std::string file_path) {
 fs::path imagePath(const fs::path& folder, const std::string& file_path) {
   for (const char* extension : kExtensions) {
     fs::path candidate = folder / (file_path + extension);
-    std::error_code ignored;
-    if (fs::is_regular_file(candidate, ignored)) return candidate;
+    if (isFile(candidate)) return candidate;
   }
   return folder / file_path;
 }
@@ -212,11 +211,10 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
 // it, in one frame, so nothing is left to apply.
 void readPoints(const JsonNode& top, const fs::path& folder, DatasetIndex& index) {
   const auto named = top.value.find("ply_file_path");
-  std::error_code ignored;
   if (named != top.value.end()) {
     if (!named->is_string()) top.fail("'ply_file_path' is not a string");
     index.points_file = named->get<std::string>();
-  } else if (fs::is_regular_file(folder / "points3d.ply", ignored)) {
+  } else if (isFile(folder / "points3d.ply")) {
     index.points_file = "points3d.ply";
   }
   if (!index.points_file.empty()) index.points = readPointCloudPly(folder / index.points_file);
@@ -225,10 +223,7 @@ void readPoints(const JsonNode& top, const fs::path& folder, DatasetIndex& index
 }  // namespace
 
 DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout) {
-  const auto exists = [&](const char* file) {
-    std::error_code ignored;
-    return fs::is_regular_file(folder / file, ignored);
-  };
+  const auto exists = [&](const char* file) { return isFile(folder / file); };
   DatasetIndex index;
   const bool one_file = exists("transforms.json");
   const bool split_files = layout == DatasetLayout::nerfSynthetic || !one_file;

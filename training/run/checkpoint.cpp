@@ -39,8 +39,6 @@ constexpr std::size_t kMaxGaussians = std::size_t{1} << 32;
 
 using FileHandle = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
-std::string reason() { return std::generic_category().message(errno); }
-
 class BlockWriter {
  public:
   static constexpr bool kReads = false;
@@ -468,7 +466,7 @@ Checkpoint readCheckpoint(const std::filesystem::path& path) {
   // Not blocking: a pipe in the file's place must not hang the program.
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   FileHandle file(descriptor < 0 ? nullptr : ::fdopen(descriptor, "rb"), std::fclose);
-  if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + reason());
+  if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + systemReason());
   struct stat status{};
   if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
     throw Error(ErrorKind::cannotRead, path.string(), "is not a regular file");

@@ -27,8 +27,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kLargestShare = 0.05;  // of the time for checkpoints
 
-std::string systemReason() { return std::generic_category().message(errno); }
-
 // Left by a process that was killed while it wrote.
 bool isTemporary(const fs::path& path) { return path.filename().string().starts_with(".tg-"); }
 

@@ -189,8 +189,7 @@ std::string findProgram(const std::string& name) {
   std::istringstream list(folders ? folders : "");
   for (std::string folder; std::getline(list, folder, ':');) {
     const std::string path = (folder.empty() ? "." : folder) + "/" + name;
-    std::error_code ignored;
-    if (std::filesystem::is_regular_file(path, ignored) && ::access(path.c_str(), X_OK) == 0) return path;
+    if (isFile(path) && ::access(path.c_str(), X_OK) == 0) return path;
   }
   return "";
 }

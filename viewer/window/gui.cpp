@@ -8,7 +8,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
+
+#include "core/file/file.h"
 
 namespace tg {
 namespace {
@@ -40,8 +41,7 @@ void loadFont(float scale) {
   ImGuiIO& io = ImGui::GetIO();
   const float size = std::round(kFontSize * scale);
   for (const char* path : kFonts) {
-    std::error_code error;
-    if (std::filesystem::is_regular_file(path, error) && io.Fonts->AddFontFromFileTTF(path, size)) return;
+    if (isFile(path) && io.Fonts->AddFontFromFileTTF(path, size)) return;
   }
   ImFontConfig config;
   config.SizePixels = std::round(13.0f * scale);
