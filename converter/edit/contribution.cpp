@@ -30,7 +30,7 @@ std::vector<Projected> project(const GaussianModel& model, const Camera& camera)
     const glm::vec3 mean(cameraFromWorld(camera, model.mean[i]));
     const float opacity = sigmoidf(model.opacity_logit[i]);
     const float radius = visibleRadius(opacity);
-    if (mean.z <= kNear || radius <= 0.0f) continue;
+    if (!(mean.z > kNear && radius > 0.0f)) continue;
     const glm::vec3 scale = glm::exp(model.log_scale[i]);
     const int c = shortestAxis(scale);
     const glm::ivec3 order(axisU(c), axisV(c), c);
@@ -88,7 +88,7 @@ void addView(const GaussianModel& model, const Camera& camera, std::vector<doubl
         float alpha = s.center_depth_opacity.w * std::exp(-0.5f * hit.power);
         if (has_alpha) alpha *= textureAlpha(model, p.gaussian, hit.uv);
         alpha = std::min(alpha, kAlphaMax);
-        if (alpha < kAlphaMin) continue;
+        if (!(alpha >= kAlphaMin)) continue;  // also what is no number: weights are sorted
         sum += left * alpha;
         left *= 1.0f - alpha;
       }

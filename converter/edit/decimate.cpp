@@ -28,6 +28,7 @@ constexpr double kMostOpacity = 0.999;
 constexpr double kRoundPart = 0.2;        // of the Gaussians merged before neighbours are looked for again
 constexpr double kLeastVariance = 1e-20;  // [world units^2] where Gaussians lie on one spot
 constexpr double kLeastMass = 1e-200;
+constexpr double kLargestSigma = 1e50;
 constexpr double kUnseenPart = 1e-12;  // orders pairs that no view shows
 
 struct Moments {
@@ -35,6 +36,11 @@ struct Moments {
   glm::dvec3 mean{0.0};
   glm::dmat3 covariance{0.0};
 };
+
+// Sigmas [world units] whose squares, and products of these, are finite.
+glm::dvec3 boundedSigma(const GaussianModel& model, std::size_t i) {
+  return glm::min(sigmaOf(model, i), glm::dvec3(kLargestSigma));
+}
 
 // Of the two longer axes [world units^2], as sigmas.
 double areaOf(glm::dvec3 scale) {
@@ -44,7 +50,7 @@ double areaOf(glm::dvec3 scale) {
 
 Moments momentsOf(const GaussianModel& model, std::size_t i) {
   glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
-  const glm::dvec3 scale = sigmaOf(model, i);
+  const glm::dvec3 scale = boundedSigma(model, i);
   for (int k = 0; k < 3; ++k) axes[k] *= scale[k];
   return {std::max(opacityOf(model, i) * areaOf(scale), kLeastMass), glm::dvec3(model.mean[i]),
           axes * glm::transpose(axes)};
@@ -190,7 +196,8 @@ class PairMerger {
     const Moments whole = merged(x, y);
     glm::dmat3 axes;
     const double area = areaOf(scaleOf(whole, axes));
-    const double parts = (x.mass * areaOf(sigmaOf(model_, a)) + y.mass * areaOf(sigmaOf(model_, b))) / whole.mass;
+    const double parts =
+        (x.mass * areaOf(boundedSigma(model_, a)) + y.mass * areaOf(boundedSigma(model_, b))) / whole.mass;
     const double growth = std::log(std::max(area / std::max(parts, kLeastVariance), 1.0));
     const std::size_t count = model_.shCount();
     const glm::dvec3 color = double{kShC0} * glm::dvec3(model_.sh[a * count] - model_.sh[b * count]);
@@ -217,13 +224,6 @@ class PairMerger {
   std::vector<Moments> moments_;
 };
 
-// Opacity times the area of the two longer axes [world units^2].
-double solidArea(const GaussianModel& model, std::size_t i) {
-  glm::dvec3 s(model.log_scale[i]);
-  std::sort(&s[0], &s[0] + 3);
-  return sigmoid(model.opacity_logit[i], std::exp(s.y + s.z));
-}
-
 }  // namespace
 
 void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> views) {
@@ -237,7 +237,7 @@ void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> v
   const std::vector<double> weights = blendWeights(model, views);
   std::vector<Rank> ranks(model.size());
   for (std::size_t i = 0; i < ranks.size(); ++i) {
-    ranks[i] = {weights[i], solidArea(model, i), static_cast<std::uint32_t>(i)};
+    ranks[i] = {weights[i], opacityOf(model, i) * areaOf(boundedSigma(model, i)), static_cast<std::uint32_t>(i)};
   }
   const auto before = [](const Rank& a, const Rank& b) {
     if (a.weight != b.weight) return a.weight > b.weight;

@@ -91,9 +91,7 @@ void cropSphere(Bundle& loaded, const Edit& edit) {
   keepGaussians(loaded.model, insideSphere(loaded.model, vec3(n), n[3]));
 }
 
-void keepWhere(Bundle& loaded, const Edit& edit) {
-  keepGaussians(loaded.model, whereValue(loaded.model, edit.value));
-}
+void keepWhere(Bundle& loaded, const Edit& edit) { keepGaussians(loaded.model, whereValue(loaded.model, edit.value)); }
 
 void merge(Bundle& loaded, const Edit& edit) {
   const Bundle other = readModel(edit.value);
@@ -215,6 +213,7 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
     }
     report.after = loaded.model.size();
     if (report.after == 0) throw Error(ErrorKind::badData, place + ": no Gaussian is left");
+    checkModel(loaded.model, place);  // floats may not hold what was asked for
     if (compares) {
       report.psnr = renderedPsnr(before, loaded.model, qualityViews(before, loaded.cameras), loaded.background);
     }

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 
 #include "converter/gltf/axes.h"
@@ -25,6 +24,8 @@ constexpr int kContributionSide = 160;  // [px]
 constexpr double kRingFov = 50.0 * M_PI / 180.0;
 constexpr double kRingLift = 0.35;    // height of the ring over the centre, as a part of its radius
 constexpr double kNearMargin = 0.25;  // [world units] beyond the near plane of shaders/shared/limits.h
+constexpr double kResolved = 1e-9;    // of a place's distance from the origin: what a camera's numbers still tell apart
+constexpr double kFarthest = 1e38;    // [world units] floats reach so far
 constexpr double kTrim = 0.05;        // of the means at either end of an axis: floaters do not set the distance
 
 Camera shrunk(const Camera& camera, int max_side) {
@@ -62,7 +63,8 @@ std::vector<Camera> evenViews(const GaussianModel& model, std::span<const Camera
   const glm::dvec3 center = 0.5 * (low + high);
   double radius = 0.5 * glm::length(high - low);
   if (radius == 0.0) radius = 3.0 * std::exp(static_cast<double>(glm::max(model.log_scale[0].x, model.log_scale[0].y)));
-  const double distance = std::max(radius / std::sin(0.5 * kRingFov), radius + kNearMargin);
+  const double distance = std::clamp(std::max(radius / std::sin(0.5 * kRingFov), radius + kNearMargin),
+                                     kResolved * glm::length(center), kFarthest);
   for (std::size_t i = 0; i < max_views; ++i) {
     const double angle = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(max_views);
     const glm::dvec3 direction = glm::normalize(glm::dvec3(std::sin(angle), -kRingLift, -std::cos(angle)));

@@ -130,7 +130,8 @@ Expression parse(std::string_view expression) {
     begin = at;
   }
   result.terms.push_back(parseTerm(std::string_view(text).substr(begin), expression));
-  const auto properties = std::ranges::count_if(result.terms, [](const Term& term) { return term.property != nullptr; });
+  const auto properties =
+      std::ranges::count_if(result.terms, [](const Term& term) { return term.property != nullptr; });
   if (result.relations.empty() || result.relations.size() > 2 || properties != 1) {
     refuse(expression, "is no comparison of one value with one or two numbers");
   }

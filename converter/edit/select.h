@@ -11,8 +11,8 @@
 
 namespace tg {
 
-// Keeps Gaussian i where keep[i] != 0, in their order; texels of the others are dropped. Holds both models until the end.
-// keep: [N].
+// Keeps Gaussian i where keep[i] != 0, in their order; texels of the others are dropped. Holds both models until the
+// end. keep: [N].
 void keepGaussians(GaussianModel& model, std::span<const std::uint8_t> keep);
 
 // [N] of 0 and 1, by means; bounds belong to the inside. low, high, center: the model's axes [world units].

@@ -17,8 +17,8 @@ void resizeTextures(GaussianModel& model, int width, int height);
 
 // Sides are 1, 2, 4, 8, ... 512 texels up to the texture's own, its own, or none at all: the texture's mean goes into
 // colour and opacity then (converter/gltf/fallback.h). The error of a size is that of the best texture of it
-// (converter/edit/texture_fit.h): the root of the mean square over colour channels and alpha that the mode has, weighted
-// with the square of the Gaussian, times the opacity.
+// (converter/edit/texture_fit.h): the root of the mean square over colour channels and alpha that the mode has,
+// weighted with the square of the Gaussian, times the opacity.
 
 // The fewest texels per texture whose error is at most `error` (in [0, 1], colour 1 is white). Throws Error(usage) for
 // a negative error.

@@ -16,7 +16,7 @@
 namespace tg {
 namespace {
 
-constexpr double kRigidTolerance = 1e-5;  // relative: matrices typed with six digits
+constexpr double kRigidTolerance = 1e-5;        // relative: matrices typed with six digits
 constexpr std::int64_t kTransformGrain = 1024;  // Gaussians a thread takes at once
 
 // Adds to all three logarithms. Where that leaves the normal's too close to another one, the model's rule
@@ -42,6 +42,7 @@ Similarity similarityFrom(const glm::dmat4& m) {
   const glm::dmat3 linear(m);
   const glm::dvec3 lengths(glm::length(linear[0]), glm::length(linear[1]), glm::length(linear[2]));
   const double determinant = glm::determinant(linear);
+  if (!std::isfinite(determinant)) fail("is too large");
   if (determinant == 0.0) fail("flattens space");
   if (determinant < 0.0) fail("mirrors");
   Similarity result;

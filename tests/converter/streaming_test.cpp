@@ -161,6 +161,25 @@ TEST_CASE("pictures are compared where textures or rounding change them, or when
   CHECK(std::isinf(*asked.textured_psnr));
 }
 
+TEST_CASE("a Gaussian as far out as floats reach is converted and rendered") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(SceneKind::ordinary, 4, 1).model;
+  model.texture_mode = TextureMode::none;
+  model.atlas = {};
+  for (const float far : {1e20f, 3e38f}) {
+    for (const float log_scale : {-1e4f, 0.0f, 1e4f}) {
+      CAPTURE(far, log_scale);
+      model.mean = {{far, -far, far}};
+      model.log_scale = {glm::vec3(log_scale)};
+      writeSplatPly(scratch.folder() / "in.ply", model);
+      const ConvertReport report = convert(scratch.folder() / "in.ply", scratch.folder() / "out.ply",
+                                           {.overwrite = true, .measure = Measure::always});
+      REQUIRE(report.textured_psnr);
+      CHECK(std::isinf(*report.textured_psnr));  // the same model: the same pictures
+    }
+  }
+}
+
 TEST_CASE("the summary's figures are those of the float64 renderer") {
   const Scratch scratch;
   for (const SceneKind kind : {SceneKind::flat, SceneKind::mixed}) {

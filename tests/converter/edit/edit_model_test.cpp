@@ -310,6 +310,29 @@ TEST_CASE("two equal Gaussians merge into one of their mass, mean and covariance
   CHECK(opacity == Approx(2.0 * 0.4 * 0.3 / double{longest}));
 }
 
+TEST_CASE("edits of Gaussians as large and as far out as floats go end in numbers or in words") {
+  GaussianModel model = test::makeScene(SceneKind::ordinary, 5, 40).model;
+  model.texture_mode = TextureMode::none;
+  model.atlas = {};
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    model.mean[i] *= i % 3 == 0 ? 1e37f : 1.0f;
+    model.log_scale[i] = glm::vec3(i % 2 == 0 ? 1e4f : -1e4f, 700.0f, 300.0f);
+    model.opacity_logit[i] = i % 5 == 0 ? -1e4f : 1e4f;
+  }
+  for (const char* option : {"--merge-pairs", "--decimate"}) {
+    CAPTURE(option);
+    Bundle loaded;
+    loaded.model = model;
+    const Edit edit{option, "3"};
+    CHECK(applyEdits(loaded, std::span(&edit, 1), false).front().after == 3);
+  }
+  Bundle loaded;
+  loaded.model = model;
+  const Edit edit{"--translate", "0,1e39,0"};
+  CHECK_THROWS_WITH(applyEdits(loaded, std::span(&edit, 1), false),
+                    "--translate 0,1e39,0: Gaussian 0: mean is not finite");
+}
+
 TEST_CASE("a lower SH degree is the model without its higher coefficients, and back with zeros") {
   test::TestScene scene = test::makeScene(SceneKind::ordinary, 36, 40, 32, 24);
   for (int degree = 0; degree <= 3; ++degree) {

@@ -115,6 +115,7 @@ TEST_CASE("transforms that splats cannot follow are refused by name") {
   perspective[2][3] = 0.5;
   CHECK(refusalOf(perspective).find("has a perspective") != std::string::npos);
   CHECK(refusalOf(glm::scale(one, {NAN, 1, 1})).find("is not finite") != std::string::npos);
+  CHECK(refusalOf(glm::scale(one, glm::dvec3(1e200))).find("is too large") != std::string::npos);
   CHECK(refusalOf(glm::translate(glm::rotate(glm::scale(one, {2, 2, 2}), 1.0, {1, 2, 3}), {1, 2, 3})) == "accepted");
 }
 
