@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "converter/formats/gaussian_blocks.h"
-#include "core/bundle/ply.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 

@@ -15,6 +15,7 @@
 #include "converter/edit/transform.h"
 #include "converter/gltf/axes.h"
 #include "converter/gltf/fallback.h"
+#include "converter/registry/file_format.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "converter/registry/file_format.h"
+#include "core/bundle/bundle.h"
 
 namespace tg {
 

@@ -5,7 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "converter/registry/file_format.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
 
 namespace tg {
 

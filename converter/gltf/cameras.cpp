@@ -2,6 +2,7 @@
 // Cameras as glTF camera nodes, and back.
 #include "converter/gltf/cameras.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 

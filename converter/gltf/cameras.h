@@ -4,7 +4,6 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
-#include <string>
 
 #include "converter/gltf/document.h"
 #include "converter/gltf/nodes.h"

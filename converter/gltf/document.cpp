@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <exception>
 #include <nlohmann/json.hpp>
 
 #include "converter/formats/little_endian.h"

@@ -2,10 +2,8 @@
 // The best untextured stand-in for a textured model.
 #include "converter/gltf/fallback.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
-#include <vector>
 
 #include "converter/formats/repair.h"
 #include "core/model/verbs.h"

@@ -2,7 +2,6 @@
 // Walks a checked glTF scene: where every mesh and camera stands.
 #pragma once
 #include <glm/glm.hpp>
-#include <string>
 #include <vector>
 
 #include "converter/gltf/document.h"

@@ -3,7 +3,6 @@
 #include "converter/gltf/read_gltf.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>

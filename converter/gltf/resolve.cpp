@@ -6,7 +6,6 @@
 #include <array>
 #include <charconv>
 #include <nlohmann/json.hpp>
-#include <string_view>
 
 #include "converter/gltf/document.h"
 #include "converter/gltf/meshopt.h"

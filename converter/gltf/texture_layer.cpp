@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <span>
-#include <string_view>
 
 #include "core/image/image.h"
 #include "core/model/verbs.h"

@@ -2,7 +2,6 @@
 // Reads the nested extension TG_gaussian_splatting_texture of one primitive.
 #pragma once
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "converter/gltf/accessor.h"

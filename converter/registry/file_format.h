@@ -2,7 +2,6 @@
 // The table of file formats. A new one is a row of file_format.cpp with its reader and writer: converting, checking,
 // help texts and messages follow from the row, and a test shows the line that docs/formats.md then needs.
 #pragma once
-#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>

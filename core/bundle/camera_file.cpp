@@ -3,6 +3,7 @@
 #include "core/bundle/camera_file.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 

@@ -3,6 +3,7 @@
 #include "core/bundle/manifest.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>

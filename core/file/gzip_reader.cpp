@@ -7,8 +7,10 @@
 #include <fstream>
 #include <limits>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <utility>
 #include <vector>
 

@@ -2,10 +2,12 @@
 // NumPy .npy files of unsigned integers, as numpy.save writes them. Private to core.
 #pragma once
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/system/assert.h"

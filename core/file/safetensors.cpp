@@ -2,6 +2,7 @@
 // The header is JSON from a stranger: every number is checked before it is used.
 #include "core/file/safetensors.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>

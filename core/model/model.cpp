@@ -2,6 +2,7 @@
 // The promises a model keeps.
 #include "core/model/model.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "converter/edit/quality.h"
+#include "converter/registry/file_format.h"
 #include "core/image/image.h"
 #include "core/image/metrics.h"
 #include "core/system/error.h"

@@ -2,11 +2,11 @@
 // Edits that take and add Gaussians, and that take from all of them: what is left looks as it did.
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "converter/edit/contribution.h"
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
+#include "converter/edit/quality.h"
 #include "converter/edit/select.h"
 #include "converter/edit/texture_budget.h"
 #include "converter/edit/texture_fit.h"

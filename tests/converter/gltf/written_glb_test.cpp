@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is written follows KHR_gaussian_splatting and docs/gltf.md to the letter.
 #include <cmath>
-#include <set>
 
 #include "converter/glb.h"
 #include "converter/gltf/axes.h"

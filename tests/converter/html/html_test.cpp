@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pages: the model in them is the one a GLB would hold, and a spoilt page is refused. What a browser shows: tests/web.
-#include <algorithm>
 
 #include "converter/glb.h"
 #include "converter/html/html.h"

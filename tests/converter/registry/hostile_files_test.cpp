@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every format that is read, cut short and with bits flipped: an Error or a sound model, never anything else.
 #include <algorithm>
-#include <functional>
 
 #include "converter/convert.h"
 #include "converter/glb.h"
@@ -11,7 +10,7 @@
 #include "converter/scratch.h"
 #include "converter/splat_files.h"
 #include "core/bundle/bundle.h"
-#include "core/bundle/ply.h"
+#include "core/system/error.h"
 #include "support/catch.h"
 
 using namespace tg;

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // model.tgz: what goes in comes out, the same bytes every time, and the entries are what other tools expect.
-#include <fstream>
-#include <set>
 
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"

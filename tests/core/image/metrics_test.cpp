@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // PSNR and SSIM against closed forms and against numbers computed elsewhere in float64.
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "core/image/metrics.h"

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packing rectangles into pages and back, and the promises of a model.
-#include <cmath>
 #include <limits>
 
 #include "core/model/atlas.h"
 #include "core/model/model.h"
 #include "core/system/error.h"
-#include "core/system/parallel.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
 

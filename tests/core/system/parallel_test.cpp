@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The thread pool: every item once, errors reach the caller, nesting and shrinking are safe.
 #include <atomic>
-#include <numeric>
-#include <set>
 #include <stdexcept>
 #include <thread>
 #include <vector>
