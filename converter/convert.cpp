@@ -42,8 +42,7 @@ class TemporaryFolder {
     std::error_code ignored;
     std::filesystem::remove_all(path_, ignored);
   }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(TemporaryFolder&&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
 
@@ -95,8 +94,11 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.input_bytes = unknown ? 0 : bytes;  // what cannot be read says so below
   report.dry_run = options.dry_run;
   report.output_format = format.name;
-  WriteOptions write_options{options.lean, options.atlas, options.quantize, options.meshopt,
-                             options.overwrite || options.dry_run};
+  WriteOptions write_options{.lean = options.lean,
+                             .atlas = options.atlas,
+                             .quantize = options.quantize,
+                             .meshopt = options.meshopt,
+                             .replace = options.overwrite || options.dry_run};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {
     const std::optional<TemporaryFolder> folder =

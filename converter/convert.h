@@ -24,10 +24,10 @@ struct ConvertOptions {
   bool overwrite = false;
   bool base_only = false;  // see ReadOptions
   Measure measure = Measure::automatic;
-  bool lean = false;                      // glb: see GltfContent
+  bool lean = false;                      // glb: see WriteOptions
   bool dry_run = false;                   // encode and count, write nothing; implies Measure::never
   AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png
-  bool quantize = false;                  // glb, gltf: see GltfContent
+  bool quantize = false;                  // glb, gltf: see WriteOptions
   bool meshopt = false;                   // likewise
   std::vector<Edit> edits = {};           // in this order, before anything is written
 };

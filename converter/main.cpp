@@ -180,9 +180,9 @@ int convertMain(int argc, char** argv) {
       "content, the output's its extension.",
       "tgconvert");
   app.add_option("FILES", arguments.files,
-                 "IN... OUT. IN: model to read, tgz, ply, compressed ply, spz, splat, glb, gltf or our html; several "
-                 "are merged. OUT: file to write, " +
-                     outputExtensions() + "; null writes nothing and prints what IN holds")
+                 "IN... OUT. IN: model to read, " + tg::listed(tg::inputNames()) +
+                     "; several are merged. OUT: file to write, " + outputExtensions() +
+                     "; null writes nothing and prints what IN holds")
       ->required()
       ->type_name("");
   app.add_flag("--overwrite", arguments.options.overwrite, "replace OUT if it exists");

@@ -15,8 +15,7 @@ class GzipBytes {
   // `bytes` must outlive this; `path` starts the messages.
   GzipBytes(std::span<const std::uint8_t> bytes, std::string path);
   ~GzipBytes();
-  GzipBytes(const GzipBytes&) = delete;
-  GzipBytes& operator=(const GzipBytes&) = delete;
+  GzipBytes& operator=(GzipBytes&&) = delete;
 
   // The next `size` bytes. Throws Error(badData) when the stream is broken or ends before them; `what` names them.
   std::vector<std::uint8_t> take(std::uint64_t size, const std::string& what);

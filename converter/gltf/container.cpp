@@ -19,6 +19,7 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes
          expectedFound("at least " + std::to_string(kGlbHeaderBytes + kChunkHeaderBytes) + " bytes",
                        std::to_string(bytes.size())));
   }
+  if (readU32(bytes, 0) != kMagic) fail("the header does not start with glTF");
   if (const std::uint32_t version = readU32(bytes, 4); version != 2) {
     fail("another container version" + expectedFound("2", std::to_string(version)));
   }

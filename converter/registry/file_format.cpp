@@ -143,14 +143,6 @@ constexpr Format kFormats[] = {
     {.name = "sog", .title = "SOG"},
 };
 
-std::vector<std::string> spokenNames(bool written) {
-  std::vector<std::string> names;
-  for (const Format& format : kFormats) {
-    if (format.read && (format.write || !written)) names.emplace_back(format.spoken);
-  }
-  return names;
-}
-
 // The first four bytes inside a gzip stream, or none when it is broken.
 std::string peekInsideGzip(const std::string& start) {
   try {
@@ -189,6 +181,14 @@ const Format* findFormat(std::string_view name) {
   return found == std::end(kFormats) ? nullptr : found;
 }
 
+std::vector<std::string> inputNames(bool written) {
+  std::vector<std::string> names;
+  for (const Format& format : kFormats) {
+    if (format.read && (format.write || !written)) names.emplace_back(format.spoken);
+  }
+  return names;
+}
+
 std::vector<std::string> outputNames(bool read) {
   std::vector<std::string> names;
   for (const Format& format : kFormats) {
@@ -220,10 +220,10 @@ const Format& detectFormat(const Path& path) {
     if (format.write) continue;
     throw Error(ErrorKind::badData, path.string(),
                 "the " + std::string(format.title) + " format is not supported yet (" +
-                    listed(spokenNames(false), "and") + " are)");
+                    listed(inputNames(false), "and") + " are)");
   }
   throw Error(ErrorKind::badData, path.string(),
-              "is no splat model (expected a " + listed(spokenNames(true)) + " file)");
+              "is no splat model (expected a " + listed(inputNames(true)) + " file)");
 }
 
 const Format& outputFormat(const Path& path) {

@@ -62,6 +62,8 @@ struct Format {
 // In the order in which they are tried. A row without reader and writer is known by name and refused.
 std::span<const Format> formats();
 const Format* findFormat(std::string_view name);
+// What is read, as sentences name it and in the table's order; if `written`, of these what is written, too.
+std::vector<std::string> inputNames(bool written = false);
 // The extensions, without dots and in alphabetical order, of what is written and, if `read`, can be read again; if not
 // `read`, of what cannot.
 std::vector<std::string> outputNames(bool read);

@@ -7,8 +7,8 @@
 
 namespace tg {
 
-// What every Gaussian has, each parameter in a Column of its type: models hold vectors, Adam holds pairs of moments, the
-// CUDA trainer buffers of the device. A column has one value a Gaussian, that of `sh` has K.
+// What every Gaussian has, each parameter in a Column of its type: models hold vectors, Adam holds pairs of moments,
+// the CUDA trainer buffers of the device. A column has one value a Gaussian, that of `sh` has K.
 template <template <typename> class Column>
 struct GaussianFields {
   Column<glm::vec3> mean;       // [world units]
@@ -52,7 +52,7 @@ constexpr std::size_t gaussianFloats(std::size_t k) {
 }
 template <typename T>
 using One = T;
-static_assert(sizeof(GaussianFields<One>) == gaussianFloats(1) * sizeof(float), "forEachField() must visit every member");
+static_assert(sizeof(GaussianFields<One>) == gaussianFloats(1) * sizeof(float), "forEachField() visits every member");
 
 // The same with the texels of the whole model, for what has a number for every number of a model.
 template <template <typename> class Column>

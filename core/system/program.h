@@ -12,8 +12,8 @@ namespace tg {
 std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv);
 
 // Runs a program's body and returns its exit code. What it throws becomes a line on stderr and the code of
-// core/system/error.h: 5 where memory runs out, 3 for what is no Error. A body that succeeds but whose standard output could
-// not be written (a full disk) ends in 4.
+// core/system/error.h: 5 where memory runs out, 3 for what is no Error. A body that succeeds but whose standard output
+// could not be written (a full disk) ends in 4.
 int runProgram(const char* name, const std::function<int()>& body);
 
 }  // namespace tg

@@ -29,7 +29,7 @@ GaussianModel manyGaussians(int sh_degree) {
     model.rotation.push_back(glm::vec4(random.uniform(0.1, 1), random.uniform(-1, 1), random.uniform(-1, 1), 0.5f));
     model.log_scale.push_back(glm::vec3(random.uniform(-6, -2), random.uniform(-6, -2), random.uniform(-6, -2)));
     model.opacity_logit.push_back(static_cast<float>(random.uniform(-4, 4)));
-    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.push_back(glm::vec3(random.uniform(-1, 1), 0.25f, -0.5f));
+    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.emplace_back(random.uniform(-1, 1), 0.25f, -0.5f);
   }
   return model;
 }

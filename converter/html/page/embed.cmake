@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Makes the page of html/page.html: every @FILE@ is replaced by that file, with its #include "shared/..." written out
+# Makes the page of page.html: every @FILE@ is replaced by that file, with its #include "shared/..." written out
 # where it stands, once each. @TITLE@ and @PAYLOAD@ stay for html.cpp. Writes the page and, for the program, its
 # bytes as a C++ source.
 #   cmake -D SHADERS=... -D OUT_PAGE=... -D OUT_SOURCE=... -P embed.cmake

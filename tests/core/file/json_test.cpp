@@ -58,7 +58,8 @@ TEST_CASE("places of a document are JSON pointers") {
         "a.gltf: /t: wrong value (expected 2 numbers, found [1,\"x\"])");
   CHECK(messageOf([&] { JsonNode{root["t"], path, "/"}.element(1).object(); }) ==
         "a.gltf: /1: wrong type (expected an object, found \"x\")");
-  CHECK(messageOf([&] { node.at("t").element(0).string(); }) == "a.gltf: /t/0: wrong type (expected a string, found 1)");
+  CHECK(messageOf([&] { node.at("t").element(0).string(); }) ==
+        "a.gltf: /t/0: wrong type (expected a string, found 1)");
 }
 
 TEST_CASE("JSON that is broken or nests deeper than 64 levels is refused in the format's own words") {
