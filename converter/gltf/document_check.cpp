@@ -280,10 +280,10 @@ json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) 
                 "the JSON text is too long" +
                     expectedFound("at most " + std::to_string(kMaxJsonBytes) + " bytes", std::to_string(text.size())));
   }
-  return parseJson(text, path,
-                   {"the JSON text is broken: ",
-                    "the JSON text nests too deep" +
-                        expectedFound("at most " + std::to_string(kMaxJsonDepth) + " levels", "more")});
+  return parseJson(
+      text, path,
+      {"the JSON text is broken: ",
+       "the JSON text nests too deep" + expectedFound("at most " + std::to_string(kMaxJsonDepth) + " levels", "more")});
 }
 
 void checkGltfJson(const json& value, const GltfParts& parts, const std::string& path) {

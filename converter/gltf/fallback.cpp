@@ -76,8 +76,8 @@ GaussianModel bakeFallback(const GaussianModel& model) {
   parallelFor(static_cast<std::int64_t>(model.size()), 256, [&](std::int64_t i) {
     const TextureRect& rect = model.atlas.rects[i];
     if (rect.texelCount() == 0) return;
-    const TextureMean mean = meanOf(model.atlas.texels.data() + rect.offset, rect, hasColor(mode), hasAlpha(mode),
-                                    samples);
+    const TextureMean mean =
+        meanOf(model.atlas.texels.data() + rect.offset, rect, hasColor(mode), hasAlpha(mode), samples);
     base.sh[i * model.shCount()] += glm::vec3(mean.color / static_cast<double>(kShC0));
     if (hasAlpha(mode)) base.opacity_logit[i] = logitFromOpacity(sigmoid(model.opacity_logit[i], mean.alpha));
   });

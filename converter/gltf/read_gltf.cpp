@@ -28,9 +28,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kInstanceBlock = 16384;                     // splats whose numbers are held beside the model
-constexpr float kNormTolerance = 1e-3f;                           // of |q|^2 from 1
-constexpr float kByteNormTolerance = 2e-2f;                       // 8-bit quaternions are off by their rounding alone
+constexpr std::size_t kInstanceBlock = 16384;  // splats whose numbers are held beside the model
+constexpr float kNormTolerance = 1e-3f;        // of |q|^2 from 1
+constexpr float kByteNormTolerance = 2e-2f;    // 8-bit quaternions are off by their rounding alone
 constexpr int kMaxGltfDegree = 3;
 
 struct SplatInstance {

@@ -228,8 +228,8 @@ void checkPlacements(const GltfDocument& document, const SplatPrimitive& splats,
   }
 }
 
-TextureAtlas copyRectangles(const GltfDocument& document, const SplatPrimitive& splats,
-                            const std::vector<Image>& pages, const std::vector<AtlasPlacement>& placements) {
+TextureAtlas copyRectangles(const GltfDocument& document, const SplatPrimitive& splats, const std::vector<Image>& pages,
+                            const std::vector<AtlasPlacement>& placements) {
   std::uint64_t page_texels = 0;
   for (const Image& page : pages) page_texels += pageTexels(page).size();
   std::uint64_t wanted = 0;

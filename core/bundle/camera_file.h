@@ -12,9 +12,9 @@ namespace tg {
 
 inline constexpr std::uint64_t kMaxCamerasBytes = 32 << 20;  // about 50,000 cameras
 
-// INRIA layout: [{id, img_name, width, height, position, rotation (world from camera, rows), fx, fy}], plus our optional
-// cx, cy, split ("train" / "test") and translation (camera from world: survives files exactly, which -R * position does
-// not); cx, cy default to the image centre. Throws Error(badData) with index and key.
+// INRIA layout: [{id, img_name, width, height, position, rotation (world from camera, rows), fx, fy}], plus our
+// optional cx, cy, split ("train" / "test") and translation (camera from world: survives files exactly, which -R *
+// position does not); cx, cy default to the image centre. Throws Error(badData) with index and key.
 std::vector<Camera> parseCameras(const std::string& json, const std::string& path);
 std::string formatCameras(const std::vector<Camera>& cameras);
 std::vector<Camera> readCameras(const std::filesystem::path& path);

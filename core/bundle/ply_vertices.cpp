@@ -148,7 +148,8 @@ int PlyVertices::require(std::string_view name) const {
 }
 
 int PlyVertices::shDegree(int lowest) const {
-  const auto rest = std::ranges::count_if(properties_, [](const PlyProperty& p) { return p.name.starts_with("f_rest_"); });
+  const auto rest =
+      std::ranges::count_if(properties_, [](const PlyProperty& p) { return p.name.starts_with("f_rest_"); });
   for (int degree = lowest; degree <= 3; ++degree) {
     if (static_cast<std::size_t>(rest) == 3 * (shCountOf(degree) - 1)) return degree;
   }

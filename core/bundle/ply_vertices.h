@@ -33,9 +33,9 @@ class PlyVertices {
 
   std::size_t size() const { return count_; }
   const std::vector<PlyProperty>& properties() const { return properties_; }
-  int find(std::string_view name) const;     // index into properties(), or -1
-  int require(std::string_view name) const;  // throws Error(badData) naming it
-  int shDegree(int lowest = 0) const;        // of the properties f_rest_*; throws Error(badData)
+  int find(std::string_view name) const;         // index into properties(), or -1
+  int require(std::string_view name) const;      // throws Error(badData) naming it
+  int shDegree(int lowest = 0) const;            // of the properties f_rest_*; throws Error(badData)
   bool hasElement(std::string_view name) const;  // anywhere in the file
   [[noreturn]] void fail(const std::string& what) const;
 

@@ -45,11 +45,12 @@ std::vector<std::uint8_t> encodePng16(const Image& image);
 
 // EXR, half float, ZIP, scan lines, channel names given, one per image channel (for example R G B alpha).
 std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::string> channel_names);
-Image decodeExr(std::span<const std::uint8_t> bytes, std::span<const std::string> channel_names, const std::string& path);
+Image decodeExr(std::span<const std::uint8_t> bytes, std::span<const std::string> channel_names,
+                const std::string& path);
 
 // Straight alpha over `background` (3 values); 3-channel images pass unchanged.
 Image compositeOver(const Image& image, const float background[3]);
-// Box-filtered reduction by an integer factor, premultiplied where there is alpha. Edges that do not fill a box are cut.
+// Box-filtered reduction by an integer factor, premultiplied where there is alpha. Edges that fill no box are cut.
 Image downsample(const Image& image, int factor);
 
 }  // namespace tg

@@ -89,7 +89,8 @@ void setShDegree(GaussianModel& model, int degree) {
 
 GaussianModel select(const GaussianModel& model, std::span<const std::uint32_t> source) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  TG_ASSERT(std::ranges::all_of(source, [&](std::uint32_t i) { return i < model.size(); }), "the model has the sources");
+  TG_ASSERT(std::ranges::all_of(source, [&](std::uint32_t i) { return i < model.size(); }),
+            "the model has the sources");
   GaussianModel part = selectBare(model, source);
   part.texture_mode = model.texture_mode;
   if (model.atlas.rects.empty()) return part;

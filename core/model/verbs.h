@@ -52,8 +52,8 @@ GaussianModel select(const GaussianModel& model, std::span<const std::uint32_t> 
 // Puts the Gaussians of another model of the same SH degree behind those of `model`, with the textures of both.
 void append(GaussianModel& model, const GaussianModel& other);
 GaussianModel withoutTextures(const GaussianModel& model);
-// For whoever waits for a model: at most `most` >= 1 of the first `ready` Gaussians, spread evenly, wide enough to stand
-// for all of them, without textures.
+// For whoever waits for a model: at most `most` >= 1 of the first `ready` Gaussians, spread evenly, wide enough to
+// stand for all of them, without textures.
 GaussianModel thinned(const GaussianModel& model, std::size_t ready, std::size_t most);
 
 // Rows of `length` values: row j is row source[j] of `rows`, from row `kept` on zeros.

@@ -28,7 +28,6 @@ GaussianModel randomModel(int degree, std::size_t count, double extent) {
   return model;
 }
 
-
 double largest(glm::vec3 v) {
   return static_cast<double>(glm::max(glm::max(std::abs(v.x), std::abs(v.y)), std::abs(v.z)));
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pages: the model in them is the one a GLB would hold, and a spoilt page is refused. What a browser shows: tests/web.
+#include "converter/html/html.h"
 
 #include "converter/glb.h"
-#include "converter/html/html.h"
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"

@@ -56,8 +56,7 @@ TEST_CASE("a model survives PLY exactly at every SH degree") {
 
 TEST_CASE("the written layout is INRIA's: 62 float properties at degree 3, channel-major rest coefficients") {
   tg::GaussianModel model = tg::tinyModel(1, 3);
-  for (int k = 0; k < 16; ++k)
-    model.sh[static_cast<std::size_t>(k)] = glm::vec3(static_cast<float>(k)) + glm::vec3(100, 200, 300);
+  for (std::size_t k = 0; k < 16; ++k) model.sh[k] = glm::vec3(static_cast<float>(k)) + glm::vec3(100, 200, 300);
   const Bytes bytes = tg::formatSplatPly(model);
   const std::string text(bytes.begin(), bytes.end());
   std::size_t properties = 0;
