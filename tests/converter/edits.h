@@ -3,12 +3,13 @@
 #pragma once
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string>
 
 #include "converter/edit/edit.h"
-#include "core/system/error.h"
 #include "render/reference/reference.h"
 #include "scenes.h"
+#include "support/message_of.h"
 
 inline tg::FrameT<double> referenceFrame(const tg::GaussianModel& model, const tg::Camera& camera) {
   return tg::renderReference(tg::ReferenceModel(model), camera, {});
@@ -25,14 +26,9 @@ inline double framePsnr(const tg::FrameT<double>& a, const tg::FrameT<double>& b
                     : -10.0 * std::log10(sum / (3.0 * static_cast<double>(a.base.size())));
 }
 
-// The message with which an edit is refused as misused; "accepted" when it is not.
+// The message with which an edit is refused as misused.
 inline std::string usageErrorOf(const tg::GaussianModel& model, const tg::Edit& edit) {
   tg::Bundle loaded;
   loaded.model = model;
-  try {
-    tg::applyEdits(loaded, std::span(&edit, 1), false);
-  } catch (const tg::Error& error) {
-    return error.kind == tg::ErrorKind::usage ? error.what() : "another exit code";
-  }
-  return "accepted";
+  return tg::test::messageOf([&] { tg::applyEdits(loaded, std::span(&edit, 1), false); }, tg::ErrorKind::usage);
 }

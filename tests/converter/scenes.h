@@ -8,8 +8,8 @@
 #include "converter/registry/file_format.h"
 #include "core/image/image.h"
 #include "core/image/metrics.h"
-#include "core/system/error.h"
 #include "render/renderer.h"
+#include "support/message_of.h"
 #include "support/scenes.h"
 
 inline tg::Image picture(const tg::GaussianModel& model, const tg::Camera& camera) {
@@ -18,15 +18,9 @@ inline tg::Image picture(const tg::GaussianModel& model, const tg::Camera& camer
   return tg::extract(renderer->render(camera, {}), tg::Output::final);
 }
 
-// What readModel throws, without the path; "accepted" when it does not.
+// What readModel throws, without the path.
 inline std::string refusal(const std::filesystem::path& path) {
-  try {
-    tg::readModel(path);
-  } catch (const tg::Error& error) {
-    const std::string text = error.what();
-    const std::string prefix = path.string() + ": ";
-    if (error.kind != tg::ErrorKind::badData) return "another exit code: " + text;
-    return text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : "without the path: " + text;
-  }
-  return "accepted";
+  const std::string text = tg::test::messageOf([&] { tg::readModel(path); }), prefix = path.string() + ": ";
+  if (text.starts_with(prefix)) return text.substr(prefix.size());
+  return text == "accepted" || text.starts_with("another exit code") ? text : "without the path: " + text;
 }

@@ -7,9 +7,9 @@
 #include "core/file/file.h"
 #include "core/image/image.h"
 #include "core/model/model.h"
-#include "core/temporary_folder.h"
 #include "program.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "training/data/sample.h"
 #include "training/run/init.h"
 

@@ -8,9 +8,9 @@
 
 #include "core/bundle/bundle.h"
 #include "core/file/file.h"
-#include "core/temporary_folder.h"
 #include "program.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;

@@ -3,14 +3,12 @@
 #include "viewer/process.h"
 
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
 #include <sstream>
-#include <stdexcept>
 
 #include "core/bundle/bundle.h"
 #include "core/system/error.h"
@@ -39,21 +37,10 @@ std::string contents(const std::filesystem::path& path) {
 
 }  // namespace
 
-Workshop::Workshop() {
-  std::string pattern = (std::filesystem::temp_directory_path() / "tg_viewer_XXXXXX").string();
-  if (!mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp failed");
-  folder_ = pattern;
-}
-
-Workshop::~Workshop() {
-  std::error_code ignored;
-  std::filesystem::remove_all(folder_, ignored);
-}
-
-ProcessResult Workshop::tgview(const std::vector<std::string>& arguments,
-                               const std::vector<std::string>& prefix, const char* program) const {
+ProcessResult Workshop::tgview(const std::vector<std::string>& arguments, const std::vector<std::string>& prefix,
+                               const char* program) const {
   std::ostringstream command;
-  command << "cd " << quoted(folder_.string()) << " && env -u DISPLAY -u WAYLAND_DISPLAY";
+  command << "cd " << quoted(folder_.path.string()) << " && env -u DISPLAY -u WAYLAND_DISPLAY";
   for (const std::string& word : prefix) command << ' ' << quoted(word);
   command << ' ' << quoted(program);
   for (const std::string& word : arguments) command << ' ' << quoted(word);

@@ -8,6 +8,7 @@
 
 #include "core/image/image.h"
 #include "core/model/model.h"
+#include "support/temporary_folder.h"
 
 namespace tg::test {
 
@@ -20,11 +21,6 @@ struct ProcessResult {
 // A folder that is gone at the end of a test.
 class Workshop {
  public:
-  Workshop();
-  ~Workshop();
-  Workshop(const Workshop&) = delete;
-  Workshop& operator=(const Workshop&) = delete;
-
   // Runs `prefix` (a wrapper or env, as words) and tgview with `arguments` inside the folder, without any display
   // unless the prefix brings one. `program`: tgview, or tgview_under_test, whose scripts have verbs that make it fail.
   ProcessResult tgview(const std::vector<std::string>& arguments, const std::vector<std::string>& prefix = {},
@@ -34,7 +30,7 @@ class Workshop {
   Image read(const std::string& name) const { return readImage(folder_ / name); }
 
  private:
-  std::filesystem::path folder_;
+  TemporaryFolder folder_;
 };
 
 // Textured, with three cameras of 96 x 72 of which number 1 is a test view, and a white background.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Edits that take and add Gaussians, and that take from all of them: what is left looks as it did.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "converter/edit/contribution.h"
@@ -22,15 +23,6 @@ using tg::test::Random;
 using tg::test::SceneKind;
 
 namespace {
-
-// One Gaussian of a model alone.
-GaussianModel single(const GaussianModel& model, std::size_t i) {
-  GaussianModel one = model;
-  std::vector<std::uint8_t> keep(model.size(), 0);
-  keep[i] = 1;
-  keepGaussians(one, keep);
-  return one;
-}
 
 void checkSame(const GaussianModel& a, std::size_t i, const GaussianModel& b, std::size_t j) {
   forEachField(
@@ -394,7 +386,7 @@ TEST_CASE("resized and dropped textures look as much like the model as their siz
   const double with_none = framePsnr(before, referenceFrame(plain, scene.camera));
   CAPTURE(with_two, with_none);
   CHECK(with_two > with_none);
-  CHECK(with_none > framePsnr(before, referenceFrame(single(scene.model, 0), scene.camera)));
+  CHECK(with_none > framePsnr(before, referenceFrame(select(scene.model, std::array{0u}), scene.camera)));
 
   // Untextured Gaussians stay untextured.
   GaussianModel mixed = test::makeScene(SceneKind::mixed, 40, 30).model;

@@ -10,6 +10,7 @@
 #include "converter/gltf/axes.h"
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/message_of.h"
 #include "support/scenes.h"
 
 using namespace tg;
@@ -25,12 +26,7 @@ glm::dmat4 matrixOf(const Similarity& s) {
 }
 
 std::string refusalOf(const glm::dmat4& matrix) {
-  try {
-    similarityFrom(matrix);
-  } catch (const Error& error) {
-    return error.kind == ErrorKind::usage ? error.what() : "another exit code";
-  }
-  return "accepted";
+  return test::messageOf([&] { similarityFrom(matrix); }, ErrorKind::usage);
 }
 
 }  // namespace

@@ -12,8 +12,10 @@
 #include "converter/splat_files.h"
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/message_of.h"
 
 using namespace tg;
+using tg::test::messageOf;
 
 namespace {
 
@@ -22,17 +24,6 @@ std::span<const std::uint8_t> bytesOf(const std::string& text) {
 }
 
 Bundle spz(const std::string& bytes) { return parseSpz(bytesOf(bytes), "a.spz"); }
-
-// What parsing throws, without the path; "accepted" when it does not.
-template <typename Parse>
-std::string thrown(Parse parse) {
-  try {
-    parse();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "accepted";
-}
 
 // Every shorter file is refused, and every file with one bit turned is a sound model or an Error.
 template <typename Parse>
@@ -116,7 +107,7 @@ TEST_CASE("SPZ: what the model cannot hold is left out with a warning") {
 }
 
 TEST_CASE("SPZ headers that lie are refused before memory is taken") {
-  const auto refused = [](SpzParts parts) { return thrown([&] { spz(gzipped(parts.whole())); }); };
+  const auto refused = [](SpzParts parts) { return messageOf([&] { spz(gzipped(parts.whole())); }); };
   SpzParts parts(3);
   parts.version = 1;
   CHECK(refused(parts) == "a.spz: SPZ: version 1 is not supported (expected 2, 3 or 4)");
@@ -133,19 +124,20 @@ TEST_CASE("SPZ headers that lie are refused before memory is taken") {
   parts = SpzParts(3);
   parts.fraction = 24;
   CHECK(refused(parts) == "a.spz: SPZ: wrong number of fractional bits (expected 0 to 23, found 24)");
-  CHECK(thrown([&] { spz(gzipped(SpzParts(3).whole() + "more")); }) ==
+  CHECK(messageOf([&] { spz(gzipped(SpzParts(3).whole() + "more")); }) ==
         "a.spz: SPZ: 4 bytes follow the splats (expected none)");
 
   parts = SpzParts(4);
   parts.count = 60000000;
-  CHECK(thrown([&] { spz(parts.version4()); }).find("the stream of positions has a wrong size") != std::string::npos);
+  CHECK(messageOf([&] { spz(parts.version4()); }).find("the stream of positions has a wrong size") !=
+        std::string::npos);
   parts = SpzParts(4);
   parts.streams.pop_back();
-  CHECK(thrown([&] { spz(parts.version4()); }) == "a.spz: SPZ: wrong number of streams (expected 6, found 5)");
+  CHECK(messageOf([&] { spz(parts.version4()); }) == "a.spz: SPZ: wrong number of streams (expected 6, found 5)");
   parts = SpzParts(4);
   std::string broken = parts.version4();
   broken[32 + 6 * 16] = 'x';  // the first frame's magic number
-  CHECK(thrown([&] { spz(broken); }).find("the stream of positions is broken") != std::string::npos);
+  CHECK(messageOf([&] { spz(broken); }).find("the stream of positions is broken") != std::string::npos);
 }
 
 TEST_CASE("SPZ: truncated and spoilt files are errors or sound models") {
@@ -188,7 +180,7 @@ TEST_CASE("compressed PLY: counts that disagree and columns of other types are r
     const std::size_t at = bytes.find(from);
     REQUIRE(at != std::string::npos);
     bytes.replace(at, from.size(), to);
-    return thrown([&] { parseCompressedPly(bytesOf(bytes), "a.ply"); });
+    return messageOf([&] { parseCompressedPly(bytesOf(bytes), "a.ply"); });
   };
   const std::string good = compressedPly();
   CHECK(refused(good, "element chunk 2", "element chunk 1").find("a.ply: ") == 0);
@@ -202,7 +194,7 @@ TEST_CASE("compressed PLY: counts that disagree and columns of other types are r
   CHECK(refused(good, "binary_little_endian", "ascii").find("a.ply: ") == 0);
   CHECK(refused(good, "element vertex 300", "element vertex 63000000").find("too short for its counts") !=
         std::string::npos);
-  CHECK(thrown([&] { parseCompressedPly(bytesOf(good + "x"), "a.ply"); }).find("longer than its counts") !=
+  CHECK(messageOf([&] { parseCompressedPly(bytesOf(good + "x"), "a.ply"); }).find("longer than its counts") !=
         std::string::npos);
 }
 
@@ -236,9 +228,9 @@ TEST_CASE(".splat: every number where it belongs, what has no logarithm is repai
                                                     "1 splats with a negative scale: sign dropped",
                                                     "1 splats with a quaternion of length 0: not turned"});
 
-  CHECK(thrown([&] { parseSplat(bytesOf(bytes.substr(0, 33)), "a.splat"); }) ==
+  CHECK(messageOf([&] { parseSplat(bytesOf(bytes.substr(0, 33)), "a.splat"); }) ==
         "a.splat: is no .splat file (expected a multiple of 32 bytes, found 33)");
-  CHECK(thrown([&] { parseSplat(bytesOf(bytes.substr(32, 32)), "a.splat"); }) ==
+  CHECK(messageOf([&] { parseSplat(bytesOf(bytes.substr(32, 32)), "a.splat"); }) ==
         "a.splat: no splat is left: none had finite values");
 }
 

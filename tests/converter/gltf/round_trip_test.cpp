@@ -61,11 +61,8 @@ TEST_CASE("a PLY comes back from a GLB bit by bit") {
     GaussianModel model = test::makeScene(SceneKind::ordinary, 3).model;
     model.texture_mode = TextureMode::none;
     model.atlas = {};
-    const std::vector<glm::vec3> sh = model.sh;
-    model.sh_degree = degree;
-    model.sh.clear();
+    setShDegree(model, degree);
     for (std::size_t i = 0; i < model.size(); ++i) {
-      for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.push_back(sh[i * 16 + k]);
       model.rotation[i] *= 0.3f + static_cast<float>(i);       // of any length
       model.opacity_logit[i] = static_cast<float>(i) - 15.5f;  // beyond what an opacity can say
     }

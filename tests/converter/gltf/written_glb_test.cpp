@@ -10,6 +10,7 @@
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "core/image/image.h"
+#include "core/model/verbs.h"
 #include "support/catch.h"
 
 using namespace tg;
@@ -35,12 +36,7 @@ TEST_CASE("the base is plain KHR_gaussian_splatting that asks nothing of a reade
   const Scratch scratch;
   for (int degree = 0; degree <= 3; ++degree) {
     GaussianModel model = test::makeScene(SceneKind::ordinary, 21, 40).model;
-    const std::vector<glm::vec3> sh = model.sh;
-    model.sh_degree = degree;
-    model.sh.clear();
-    for (std::size_t i = 0; i < model.size(); ++i) {
-      for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.push_back(sh[i * 16 + k]);
-    }
+    setShDegree(model, degree);
     Glb glb = written(model, scratch);
     CHECK(glb.json["asset"]["version"] == "2.0");
     CHECK(glb.json["extensionsUsed"] == nlohmann::json({"KHR_gaussian_splatting", "TG_gaussian_splatting_texture"}));

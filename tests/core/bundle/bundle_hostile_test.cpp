@@ -12,9 +12,9 @@
 #include "core/file/sha256.h"
 #include "core/system/error.h"
 #include "core/tar_file.h"
-#include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 using Bytes = std::vector<std::uint8_t>;
 using Catch::Contains;

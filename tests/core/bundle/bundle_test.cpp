@@ -7,9 +7,9 @@
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "core/tar_file.h"
-#include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 using Bytes = std::vector<std::uint8_t>;
 

@@ -7,10 +7,10 @@
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/shared_files.h"
+#include "support/temporary_folder.h"
 
 using Bytes = std::vector<std::uint8_t>;
 

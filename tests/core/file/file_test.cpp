@@ -5,8 +5,8 @@
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "core/system/temporary_files.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 using Bytes = std::vector<std::uint8_t>;
 using Catch::Contains;

@@ -4,25 +4,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/system/error.h"
 #include "support/catch.h"
+#include "support/message_of.h"
 
 using namespace tg;
-
-namespace {
-
-template <typename Step>
-std::string messageOf(const Step& step) {
-  try {
-    step();
-  } catch (const Error& error) {
-    CHECK(error.kind == ErrorKind::badData);
-    return error.what();
-  }
-  return "accepted";
-}
-
-}  // namespace
+using tg::test::messageOf;
 
 TEST_CASE("a member that is missing or wrong is named with the file and the place") {
   const std::string path = "a.json";

@@ -9,8 +9,8 @@
 #include "core/file/file.h"
 #include "core/image/image.h"
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 using tg::Image;
 

@@ -3,8 +3,8 @@
 #include <array>
 #include <cmath>
 
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "training/data/dataset.h"
 #include "training/dataset_files.h"
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "support/shared_files.h"
+#include "support/temporary_folder.h"
 #include "training/dataset_files.h"
 
 namespace fs = std::filesystem;

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "training/data/dataset.h"
 #include "training/data/sample.h"
 #include "training/run/trainer.h"

@@ -8,8 +8,8 @@
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "training/data/dataset.h"
 
 namespace fs = std::filesystem;

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;

@@ -12,8 +12,8 @@
 
 #include "core/file/file.h"
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "training/run/report.h"
 #include "training/run/trainer.h"
 #include "training/sample_dataset.h"

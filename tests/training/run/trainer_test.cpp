@@ -7,9 +7,9 @@
 
 #include "core/system/error.h"
 #include "core/system/parallel.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "support/same.h"
+#include "support/temporary_folder.h"
 #include "training/data/sample.h"
 #include "training/run/init.h"
 #include "training/run/report.h"

@@ -6,9 +6,9 @@
 #include <fstream>
 
 #include "core/bundle/bundle.h"
-#include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/state.h"
 

@@ -10,9 +10,9 @@
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "viewer/keys.h"
 #include "viewer/view/state.h"
 

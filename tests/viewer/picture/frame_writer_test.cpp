@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 using namespace tg;
 using Catch::Matchers::Contains;

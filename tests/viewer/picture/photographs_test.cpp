@@ -5,8 +5,8 @@
 #include <fstream>
 
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 
 using namespace tg;
 

@@ -5,8 +5,8 @@
 #include <filesystem>
 
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "viewer/view/path_editor.h"
 
 using namespace tg;

@@ -7,9 +7,9 @@
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
 #include "support/scenes.h"
+#include "support/temporary_folder.h"
 
 using namespace tg;
 using Catch::Matchers::Contains;

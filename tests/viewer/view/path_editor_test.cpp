@@ -3,8 +3,8 @@
 #include "viewer/view/path_editor.h"
 
 #include "core/system/error.h"
-#include "core/temporary_folder.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "viewer/keys.h"
 #include "viewer/view/actions.h"
 #include "viewer/view/bookmarks.h"

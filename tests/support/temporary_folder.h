@@ -18,8 +18,7 @@ struct TemporaryFolder {
     if (!::mkdtemp(pattern.data())) throw std::runtime_error("cannot make a temporary folder");
     path = pattern;
   }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(TemporaryFolder&&) = delete;
   ~TemporaryFolder() {
     std::error_code ignored;
     std::filesystem::remove_all(path, ignored);
