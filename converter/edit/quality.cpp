@@ -58,11 +58,14 @@ std::vector<Camera> evenViews(const GaussianModel& model, std::span<const Camera
   for (std::size_t i = 0; i < count; ++i) views.push_back(shrunk(cameras[i * cameras.size() / count], max_side));
   if (!views.empty()) return views;
 
-  glm::dvec3 low(0.0), high(0.0);
-  trimmedBounds(model, low, high);
+  glm::dvec3 low(0.0), high(0.0), sigma(0.0);
+  if (model.size() > 0) {
+    trimmedBounds(model, low, high);
+    sigma = sigmaOf(model, 0);
+  }
   const glm::dvec3 center = 0.5 * (low + high);
   double radius = 0.5 * glm::length(high - low);
-  if (radius == 0.0) radius = 3.0 * std::exp(static_cast<double>(glm::max(model.log_scale[0].x, model.log_scale[0].y)));
+  if (radius == 0.0) radius = 3.0 * glm::max(sigma.x, sigma.y);
   const double distance = std::clamp(std::max(radius / std::sin(0.5 * kRingFov), radius + kNearMargin),
                                      kResolved * glm::length(center), kFarthest);
   for (std::size_t i = 0; i < max_views; ++i) {

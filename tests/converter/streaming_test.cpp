@@ -180,6 +180,16 @@ TEST_CASE("a Gaussian as far out as floats reach is converted and rendered") {
   }
 }
 
+TEST_CASE("a model without Gaussians is converted and rendered, and edited no further") {
+  const Scratch scratch;
+  const auto in = scratch.folder() / "in.ply";
+  writeSplatPly(in, GaussianModel());
+  ConvertOptions options = {.overwrite = true, .measure = Measure::always};
+  CHECK(std::isinf(*convert(in, scratch.folder() / "out.ply", options).textured_psnr));
+  options.edits = {{"--decimate", "50%"}};
+  CHECK_THROWS_AS(convert(in, scratch.folder() / "out.ply", options), Error);
+}
+
 TEST_CASE("the summary's figures are those of the float64 renderer") {
   const Scratch scratch;
   for (const SceneKind kind : {SceneKind::flat, SceneKind::mixed}) {
