@@ -16,15 +16,13 @@ void mergeModel(GaussianModel& model, const GaussianModel& added, const std::str
   TG_ASSERT(lengthsAgree(model) && lengthsAgree(added), "the model's arrays have their lengths");
   const std::size_t before = model.size();
   if (before + added.size() > kMaxGaussians) {
-    throw Error(ErrorKind::badData, path,
-                "too many Gaussians in all (expected at most " + std::to_string(kMaxGaussians) + ", found " +
-                    std::to_string(before + added.size()) + ")");
+    throw Error(ErrorKind::badData, path, "too many Gaussians in all" + atMost(kMaxGaussians, before + added.size()));
   }
   const bool textured = isTextured(model), adds_textures = isTextured(added);
   if (textured && adds_textures && model.intersection != added.intersection) {
     throw Error(ErrorKind::badData, path,
-                "another intersection model (expected " + std::string(name(model.intersection)) + ", found " +
-                    std::string(name(added.intersection)) + ")");
+                "another intersection model" +
+                    expectedFound(std::string(name(model.intersection)), std::string(name(added.intersection))));
   }
   if (!textured && adds_textures) model.intersection = added.intersection;
 
@@ -42,9 +40,7 @@ void mergeModel(GaussianModel& model, const GaussianModel& added, const std::str
   }
   const std::uint64_t texels = std::uint64_t{model.atlas.texels.size()} + other.atlas.texels.size();
   if (texels > kMaxModelTexels) {
-    throw Error(ErrorKind::badData, path,
-                "too many texels in all (expected at most " + std::to_string(kMaxModelTexels) + ", found " +
-                    std::to_string(texels) + ")");
+    throw Error(ErrorKind::badData, path, "too many texels in all" + atMost(kMaxModelTexels, texels));
   }
   append(model, other);
 }

@@ -13,6 +13,7 @@
 #include "core/bundle/ply_vertices.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -105,8 +106,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
   if (splats.hasElement("sh")) {
     sh.emplace(bytes, path, "Gaussian", "sh");
     if (sh->size() != n) {
-      sh->fail("wrong number of rows of \"sh\" (expected " + std::to_string(n) + ", found " +
-               std::to_string(sh->size()) + ")");
+      sh->fail("wrong number of rows of \"sh\"" + expectedFound(n, sh->size()));
     }
     sh_degree = sh->shDegree(1);
   }

@@ -58,9 +58,7 @@ Bundle parseSplat(std::span<const std::uint8_t> bytes, const std::string& path) 
   }
   const std::size_t count = bytes.size() / kSplatBytes;
   if (count > kMaxGaussians) {
-    throw Error(ErrorKind::badData, path,
-                "too many splats (expected at most " + std::to_string(kMaxGaussians) + ", found " +
-                    std::to_string(count) + ")");
+    throw Error(ErrorKind::badData, path, "too many splats" + atMost(kMaxGaussians, count));
   }
   Bundle loaded;
   GaussianModel& model = loaded.model;

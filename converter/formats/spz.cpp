@@ -199,7 +199,7 @@ Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes
   const std::size_t streams = bytes[15];
   const std::size_t expected = header.sh_degree > 0 ? kSpzStreams : kSpzStreams - 1;
   if (streams != expected) {
-    fail("wrong number of streams (expected " + std::to_string(expected) + ", found " + std::to_string(streams) + ")");
+    fail("wrong number of streams" + expectedFound(expected, streams));
   }
   const std::uint64_t table = readU32(bytes, 16);
   std::uint64_t at = table + streams * kTocEntryBytes;

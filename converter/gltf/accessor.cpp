@@ -128,8 +128,7 @@ std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimit
                                     (storage == kStorages.end() ? "uint" : std::string(storage->name)) + ")");
   }
   if (accessor.count != splats.count) {
-    throw document.bad(pointer, "the count differs from POSITION's (expected " + std::to_string(splats.count) +
-                                    ", found " + std::to_string(accessor.count) + ")");
+    throw document.bad(pointer, "the count differs from POSITION's" + expectedFound(splats.count, accessor.count));
   }
   // An accessor without a view means zeros: a few bytes of JSON that ask for gigabytes.
   if (accessor.bufferView < 0) throw document.bad(pointer, "the accessor has no bufferView");

@@ -183,9 +183,7 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
         instance.splats.count = accessor.count;
         total += accessor.count;
         if (accessor.count > kMaxGaussians || total > kMaxGaussians) {
-          throw document.bad(instance.splats.pointer, "too many splats (expected at most " +
-                                                          std::to_string(kMaxGaussians) + ", found " +
-                                                          std::to_string(total) + ")");
+          throw document.bad(instance.splats.pointer, "too many splats" + atMost(kMaxGaussians, total));
         }
         if (const tinygltf::Value* spz = findSpzExtension(found->second)) {
           instance.packed = readSpzPrimitive(document, instance.splats, *spz);

@@ -149,8 +149,7 @@ class Resolver {
         kept.push_back(buffer);
       } else if (b == 0 && parts_.bin_bytes) {
         if (source.bytes > file_bin_.size()) {
-          fail(pointer + "/byteLength", "leaves the BIN chunk (expected at most " + std::to_string(file_bin_.size()) +
-                                            ", found " + std::to_string(source.bytes) + ")");
+          fail(pointer + "/byteLength", "leaves the BIN chunk" + atMost(file_bin_.size(), source.bytes));
         }
         source.offset = append(file_bin_.first(static_cast<std::size_t>(source.bytes)));
         source.there = source.packed_in_bin = true;

@@ -48,8 +48,7 @@ GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& spl
   document.read(index, 0, bytes);
   Bundle loaded = parseSpz(bytes, document.path + ": " + pointer);
   if (loaded.model.size() != splats.count) {
-    throw document.bad(pointer, "the count differs from POSITION's (expected " + std::to_string(splats.count) +
-                                    ", found " + std::to_string(loaded.model.size()) + ")");
+    throw document.bad(pointer, "the count differs from POSITION's" + expectedFound(splats.count, loaded.model.size()));
   }
   for (const std::string& warning : loaded.warnings) document.warn(pointer, warning);
   turnAboutY(loaded.model);

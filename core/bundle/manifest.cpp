@@ -11,6 +11,7 @@
 
 #include "core/file/json.h"
 #include "core/system/assert.h"
+#include "core/system/error.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -108,8 +109,7 @@ void checkFiles(const JsonNode& root, const Manifest& manifest) {
   for (const ManifestFile& file : manifest.files) pages += atlasPageNumber(file.name).has_value();
   for (int page = 0; page < manifest.atlas_pages; ++page) requireListed(atlasPageName(page));
   if (pages != manifest.atlas_pages) {
-    root.fail("\"files\": wrong number of atlas pages (expected " + std::to_string(manifest.atlas_pages) + ", found " +
-              std::to_string(pages) + ")");
+    root.fail("\"files\": wrong number of atlas pages" + expectedFound(manifest.atlas_pages, pages));
   }
   if (manifest.cameras > 0) requireListed(kCamerasName);
 }

@@ -254,8 +254,7 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
   }
   if (vertex->properties.empty()) fail("element " + std::string(element) + " has no properties");
   if (vertex->count > kMaxGaussians) {
-    fail("too many rows of " + shownWord(element) + " (expected at most " + std::to_string(kMaxGaussians) + ", found " +
-         std::to_string(vertex->count) + ")");
+    fail("too many rows of " + shownWord(element) + atMost(kMaxGaussians, vertex->count));
   }
   count_ = static_cast<std::size_t>(vertex->count);
   stride_ = vertex->stride;

@@ -212,8 +212,7 @@ class BundleReader {
                                  static_cast<std::uint64_t>(manifest_.atlas_width) *
                                  static_cast<std::uint64_t>(manifest_.atlas_height);
     if (texels > limits_.max_texels) {
-      fail("too many texels (expected at most " + std::to_string(limits_.max_texels) + ", found " +
-           std::to_string(texels) + ")");
+      fail("too many texels" + atMost(limits_.max_texels, texels));
     }
   }
 
@@ -254,8 +253,7 @@ class BundleReader {
   void checkCount(const std::string& name, const char* what, std::size_t expected, std::size_t found) const {
     if (expected != found) {
       throw Error(ErrorKind::badData, inside(name),
-                  std::string("disagrees with the manifest on ") + what + " (expected " + std::to_string(expected) +
-                      ", found " + std::to_string(found) + ")");
+                  std::string("disagrees with the manifest on ") + what + expectedFound(expected, found));
     }
   }
 

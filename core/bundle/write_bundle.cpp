@@ -121,8 +121,7 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
 void checkWritable(const Bundle& bundle, const std::string& path) {
   const auto fail = [&](const std::string& what) { return Error(ErrorKind::cannotWrite, path, what); };
   if (bundle.model.size() > kMaxGaussians) {
-    throw fail("too many Gaussians (expected at most " + std::to_string(kMaxGaussians) + ", found " +
-               std::to_string(bundle.model.size()) + ")");
+    throw fail("too many Gaussians" + atMost(kMaxGaussians, bundle.model.size()));
   }
   checkModel(bundle.model, path);
   if (!bundle.training_json.empty()) {

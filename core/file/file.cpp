@@ -30,6 +30,11 @@ struct Descriptor {
   }
 };
 
+Error tooLong(const std::filesystem::path& path, std::uint64_t most, const std::string& found) {
+  return {ErrorKind::cannotRead, path.string(),
+          "file is too long" + expectedFound("at most " + std::to_string(most) + " bytes", found)};
+}
+
 std::filesystem::path folderOf(const std::filesystem::path& path) {
   const std::filesystem::path folder = path.parent_path();
   return folder.empty() ? std::filesystem::path(".") : folder;
@@ -91,12 +96,8 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
   if (::fstat(file.fd, &status) != 0)
     throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
   if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
-  const auto tooLong = [&](const std::string& found) {
-    return Error(ErrorKind::cannotRead, path.string(),
-                 "file is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " + found + ")");
-  };
   const std::uint64_t size = S_ISREG(status.st_mode) ? static_cast<std::uint64_t>(status.st_size) : 0;
-  if (size > max_bytes) throw tooLong(std::to_string(size));
+  if (size > max_bytes) throw tooLong(path, max_bytes, std::to_string(size));
 
   // The size is a hint only: pipes have none, and a file may grow while it is read.
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(size));
@@ -108,7 +109,7 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
       if (got < 0 && errno == EINTR) continue;
       if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
       if (got == 0) break;
-      if (used + static_cast<std::uint64_t>(got) > max_bytes) throw tooLong("more");
+      if (used + static_cast<std::uint64_t>(got) > max_bytes) throw tooLong(path, max_bytes, "more");
       bytes.insert(bytes.end(), probe, probe + got);
       used = bytes.size();
       continue;
@@ -131,11 +132,7 @@ FileReader::FileReader(const std::filesystem::path& path, std::uint64_t max_byte
   if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is a folder (expected a file)");
   if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is no regular file");
   size_ = static_cast<std::uint64_t>(status.st_size);
-  if (size_ > max_bytes) {
-    throw Error(ErrorKind::cannotRead, path_,
-                "file is too long (expected at most " + std::to_string(max_bytes) + " bytes, found " +
-                    std::to_string(size_) + ")");
-  }
+  if (size_ > max_bytes) throw tooLong(path, max_bytes, std::to_string(size_));
   descriptor_ = std::exchange(file.fd, -1);
 }
 

@@ -103,8 +103,8 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
   packed.placements.resize(gaussian_count);
   if (atlas.rects.empty()) return packed;
   if (atlas.rects.size() != gaussian_count) {
-    throw Error(ErrorKind::badData, "wrong number of texture rectangles (expected " + std::to_string(gaussian_count) +
-                                        ", found " + std::to_string(atlas.rects.size()) + ")");
+    throw Error(ErrorKind::badData,
+                "wrong number of texture rectangles" + expectedFound(gaussian_count, atlas.rects.size()));
   }
   max_page_size = std::clamp(max_page_size, 1, 65535);
 

@@ -27,9 +27,7 @@ bool isFinite(const glm::vec4& v) { return isFinite(glm::vec3(v)) && std::isfini
 
 void checkLength(std::size_t found, std::size_t expected, const char* member, const std::string& path) {
   if (found == expected) return;
-  throw Error(ErrorKind::badData, path,
-              std::string("wrong length of ") + member + " (expected " + std::to_string(expected) + ", found " +
-                  std::to_string(found) + ")");
+  throw Error(ErrorKind::badData, path, std::string("wrong length of ") + member + expectedFound(expected, found));
 }
 
 // The first promise Gaussian i breaks; "" when it keeps them all.

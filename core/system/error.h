@@ -2,6 +2,7 @@
 // The one exception that programs show to users, and the exit code it maps to.
 #pragma once
 #include <cerrno>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -23,6 +24,12 @@ inline std::string printable(std::string text) {
 // " (expected X, found Y)", the end of a message.
 inline std::string expectedFound(const std::string& expected, const std::string& found) {
   return " (expected " + expected + ", found " + found + ")";
+}
+inline std::string expectedFound(std::uint64_t expected, std::uint64_t found) {
+  return expectedFound(std::to_string(expected), std::to_string(found));
+}
+inline std::string atMost(std::uint64_t most, std::uint64_t found) {
+  return expectedFound("at most " + std::to_string(most), std::to_string(found));
 }
 
 // Of errno; strerror is not thread-safe.
