@@ -19,7 +19,6 @@ constexpr const char* kRect = "TG_gaussian_splatting_texture:RECT";
 constexpr const char* kAtlas = "TG_gaussian_splatting_texture:ATLAS";
 constexpr const char* kOpacity = "TG_gaussian_splatting_texture:OPACITY";
 constexpr const char* kDc = "TG_gaussian_splatting_texture:SH_DEGREE_0_COEF_0";
-constexpr std::size_t kMaxAtlases = 255;
 constexpr std::uint64_t kMaxPageTexels = std::uint64_t{1} << 26;     // 8192 x 8192
 constexpr std::uint64_t kMaxAtlasTexels = std::uint64_t{1} << 28;    // of all pages of a primitive
 constexpr std::uint64_t kFreeSharedTexels = std::uint64_t{1} << 26;  // rectangles may overlap up to this sum of areas
@@ -300,7 +299,7 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
   });
   const tinygltf::Value& atlases = place.get("atlases");
   const bool has_atlases = attempt([&] {
-    if (!atlases.IsArray() || atlases.ArrayLen() == 0 || atlases.ArrayLen() > kMaxAtlases) {
+    if (!atlases.IsArray() || atlases.ArrayLen() == 0 || atlases.ArrayLen() > kMaxAtlasPages) {
       place.fail("\"atlases\" is wrong (expected an array of 1 to 255, found " +
                  (atlases.IsArray() ? std::to_string(atlases.ArrayLen()) : std::string("none")) + ")");
     }
