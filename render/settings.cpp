@@ -3,7 +3,9 @@
 #include "render/settings.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
 
 #include "core/system/error.h"
 #include "core/system/numbers.h"
@@ -132,14 +134,9 @@ RenderSetting background() {
     return numberText(s.background.x) + "," + numberText(s.background.y) + "," + numberText(s.background.z);
   };
   row.set = [](S& s, const std::string& text, const std::string& what) {
-    std::array<float, 3> color{};
-    const auto outside = [](float x) { return !(x >= 0 && x <= 1); };
-    if (text == "white" || text == "black") {
-      color.fill(text == "white" ? 1.0f : 0.0f);
-    } else if (!parseList<float>(text, color) || std::any_of(color.begin(), color.end(), outside)) {
-      refuseValue(what, text, "r,g,b in [0,1], white or black");
-    }
-    s.background = {color[0], color[1], color[2]};
+    const std::optional<std::array<float, 3>> color = parseColor(text);
+    if (!color) refuseValue(what, text, "r,g,b in [0,1], white or black");
+    s.background = {(*color)[0], (*color)[1], (*color)[2]};
   };
   return row;
 }

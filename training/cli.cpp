@@ -2,11 +2,14 @@
 // Data set flags, the device, notes.
 #include "training/cli.h"
 
+#include <array>
 #include <cstdio>
+#include <optional>
 #include <vector>
 
 #include "core/system/error.h"
 #include "core/system/names.h"
+#include "core/system/numbers.h"
 #ifdef TG_HAVE_CUDA
 #include "training/cuda/renderer.h"
 #endif
@@ -45,12 +48,13 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
   if (flags.image_memory > 0) options.image_memory = flags.image_memory << 20;
   options.random_background = flags.background == "random";
   if (!flags.background.empty() && !options.random_background) {
-    options.background = parseBackground(flags.background);
-    if (!options.background) {
+    const std::optional<std::array<float, 3>> color = parseColor(flags.background);
+    if (!color) {
       throw Error(ErrorKind::usage,
                   "--background: not a colour (expected white, black, random or r,g,b in [0,1], found '" +
                       flags.background + "')");
     }
+    options.background = glm::vec3((*color)[0], (*color)[1], (*color)[2]);
   }
   return options;
 }

@@ -2,6 +2,7 @@
 // Numbers as text, of flags, settings and scripts. In the C locale, whatever the user's is.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstddef>
 #include <cstdio>
@@ -34,6 +35,15 @@ bool parseList(std::string_view text, std::span<T> values) {
     text.remove_prefix(std::min(end + 1, text.size()));
   }
   return true;
+}
+
+// "white", "black" or "r,g,b", each in [0, 1].
+inline std::optional<std::array<float, 3>> parseColor(std::string_view text) {
+  if (text == "white") return std::array{1.0f, 1.0f, 1.0f};
+  std::array<float, 3> color{};
+  const auto inside = [](float x) { return x >= 0 && x <= 1; };
+  if (text == "black" || (parseList<float>(text, color) && std::ranges::all_of(color, inside))) return color;
+  return std::nullopt;
 }
 
 // The shortest text that reads back as the same number.

@@ -265,20 +265,6 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
 
 }  // namespace
 
-std::optional<glm::vec3> parseBackground(std::string_view text) {
-  if (text == "white") return glm::vec3(1.0f);
-  if (text == "black") return glm::vec3(0.0f);
-  glm::vec3 color;
-  std::istringstream stream{std::string(text)};
-  stream.imbue(std::locale::classic());
-  for (int c = 0; c < 3; ++c) {
-    char comma = ',';
-    if (c > 0) stream >> comma;
-    if (!(stream >> color[c]) || comma != ',' || !(color[c] >= 0 && color[c] <= 1)) return std::nullopt;
-  }
-  return stream.peek() == std::istringstream::traits_type::eof() ? std::optional(color) : std::nullopt;
-}
-
 std::vector<std::size_t> Dataset::indices(bool test) const {
   std::vector<std::size_t> result;
   for (std::size_t i = 0; i < views.size(); ++i) {

@@ -8,7 +8,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "core/bundle/ply.h"
@@ -22,9 +21,6 @@ enum class DatasetLayout { automatic, nerfSynthetic, transforms, colmap };
 constexpr auto namesOf(DatasetLayout) { return enumNames("auto", "nerf-synthetic", "transforms", "colmap"); }
 
 constexpr unsigned kMaxImageSide = 1 << 20;  // [px] that a description may claim
-
-// "white", "black" or "r,g,b" in [0,1].
-std::optional<glm::vec3> parseBackground(std::string_view text);
 
 struct Dataset {
   std::string name;  // of the folder

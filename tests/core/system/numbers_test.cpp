@@ -19,3 +19,12 @@ TEST_CASE("numbers are the whole text, in any locale and within their limits", "
   CHECK(tg::parseNumber("10", 0, 10, "--x") == 10);
   CHECK_THROWS_WITH(tg::parseNumber("11", 0.01, 10, "--x"), "--x: expected a number from 0.01 to 10, found \"11\"");
 }
+
+TEST_CASE("colours have a name or three numbers from 0 to 1", "[numbers]") {
+  CHECK(tg::parseColor("white") == std::array{1.0f, 1.0f, 1.0f});
+  CHECK(tg::parseColor("black") == std::array{0.0f, 0.0f, 0.0f});
+  CHECK(tg::parseColor("0.5,0,1") == std::array{0.5f, 0.0f, 1.0f});
+  for (const char* text : {"", "grey", "1,1", "1,1,1,1", "0.5;0;1", "2,0,0", "0,0,nan", "1, 1, 1"}) {
+    CHECK_FALSE(tg::parseColor(text));
+  }
+}

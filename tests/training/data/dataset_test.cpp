@@ -320,14 +320,6 @@ TEST_CASE("refuses numbers that float cannot train with", "[dataset]") {
   CHECK_THAT(refusal(colmap.path), Contains("3 ") && Contains("point 0 is out of range (expected -1e9 to 1e9"));
 }
 
-TEST_CASE("reads background colours", "[dataset]") {
-  CHECK(tg::parseBackground("white") == glm::vec3(1.0f));
-  CHECK(tg::parseBackground("0.5,0,1") == glm::vec3(0.5f, 0, 1));
-  for (const char* text : {"", "grey", "1,1", "1,1,1,1", "0.5;0;1", "2,0,0", "0,0,nan"}) {
-    CHECK_FALSE(tg::parseBackground(text).has_value());
-  }
-}
-
 TEST_CASE("downscaling by N reads images_N where it holds the photographs at that size", "[dataset]") {
   tg::TemporaryFolder folder;
   ColmapText text;
