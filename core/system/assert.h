@@ -20,5 +20,5 @@ namespace tg {
 #define TG_ASSERT(condition, promise) \
   ((condition) ? static_cast<void>(0) : ::tg::promiseBroken(__FILE__, __LINE__, #condition, promise))
 #else
-#define TG_ASSERT(condition, promise) static_cast<void>(sizeof((condition) ? promise : promise))
+#define TG_ASSERT(condition, promise) static_cast<void>(sizeof((condition) ? 1 : 2))
 #endif

@@ -48,7 +48,7 @@ struct Undistortion {
   double valid_radius = 0;
 
   // Throws Error(badData), `label` in front, where less than a fifth of the width or height would remain.
-  Undistortion(Lens lens, const Camera& distorted, const std::string& label);
+  Undistortion(Lens of, const Camera& camera, const std::string& label);
 
   // The photograph, of the distorted camera's size, as the pinhole sees it: Catmull-Rom, alpha premultiplied meanwhile,
   // values kept in [0, 1]. `mask` is [pinhole.size.y, pinhole.size.x] of 0 and 255: 0 where a pixel lies outside the
