@@ -2,8 +2,7 @@
 // One file to another: read, write, read back, compare.
 #include "converter/convert.h"
 
-#include <stdlib.h>
-
+#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <string>

@@ -169,7 +169,7 @@ int runTraining(const Options& options) {
   }
 
   tg::Trainer trainer = state ? tg::Trainer(dataset, settings, *renderer, std::move(*state))
-                              : tg::Trainer(dataset, settings, *renderer, std::move(start_model));
+                              : tg::Trainer(dataset, settings, *renderer, std::exchange(start_model, {}));
   state.reset();
   start_model.reset();
   tg::ProgressLine line;
