@@ -55,7 +55,8 @@ PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianM
 std::shared_ptr<PictureImage> PictureMaker::freeImage(glm::ivec2 size) {
   const auto unused = [](const std::shared_ptr<PictureImage>& image) { return image.use_count() == 1; };
   std::erase_if(images_, [&](const auto& image) { return unused(image) && image->size != size; });
-  const auto found = std::find_if(images_.begin(), images_.end(), unused);
+  const auto found = std::find_if(images_.begin(), images_.end(),
+                                  [&](const auto& image) { return unused(image) && image->size == size; });
   // The window's last use of the image came before it let go of it.
   std::atomic_thread_fence(std::memory_order_acquire);
   return found != images_.end() ? *found : images_.emplace_back(device_.makeImage(size));
