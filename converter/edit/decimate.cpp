@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "converter/edit/contribution.h"
+#include "render/contribution.h"
 #include "converter/edit/select.h"
 #include "converter/gltf/axes.h"
 #include "core/model/verbs.h"
@@ -220,7 +220,7 @@ class PairMerger {
   }
 
   GaussianModel& model_;
-  std::vector<double> weights_;  // [N] of converter/edit/contribution.h
+  std::vector<double> weights_;  // [N] of render/contribution.h
   std::vector<Moments> moments_;
 };
 

@@ -9,7 +9,7 @@
 
 namespace tg {
 
-// Leaves `count` Gaussians, those that pictures from `views` show most (converter/edit/contribution.h); of the unseen
+// Leaves `count` Gaussians, those that pictures from `views` show most (render/contribution.h); of the unseen
 // ones the opaque and large first. No change when there are no more than that. Throws Error(usage) for a count of 0.
 void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> views);
 

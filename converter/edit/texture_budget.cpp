@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "converter/edit/contribution.h"
+#include "render/contribution.h"
 #include "converter/edit/texture_fit.h"
 #include "converter/gltf/fallback.h"
 #include "core/model/verbs.h"

@@ -25,7 +25,7 @@ void resizeTextures(GaussianModel& model, int width, int height);
 void fitTexturesToError(GaussianModel& model, double error);
 
 // At most `texels` texels in all, where they take most error off the pictures from `views`: greedy on the convex hull
-// of every texture's sizes, squared errors weighted with its blend weights (converter/edit/contribution.h).
+// of every texture's sizes, squared errors weighted with its blend weights (render/contribution.h).
 void fitTexturesToBudget(GaussianModel& model, std::uint64_t texels, std::span<const Camera> views);
 
 }  // namespace tg

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "converter/edit/contribution.h"
+#include "render/contribution.h"
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
 #include "converter/edit/quality.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How much of a model's pictures each of its Gaussians is.
-#include "converter/edit/contribution.h"
+#include "render/contribution.h"
 
 #include <algorithm>
 #include <cmath>
