@@ -28,6 +28,8 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
       "the default (white for nerf-synthetic, else black)");
   app.add_option("--test-every", flags.test_every, "Hold out every n-th image where no split is given (0: none)")
       ->capture_default_str();
+  app.add_flag("--validation", flags.validation,
+               "Hold out every 8th training view instead, for choosing settings: the test views are not looked at");
   app.add_option("--image-folder", flags.images,
                  "Folder of the photographs (with --downscale N, images_N where it fits)")
       ->capture_default_str();
@@ -43,6 +45,7 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
   options.layout = parse<DatasetLayout>(flags.layout).value_or(DatasetLayout::automatic);
   options.downscale = flags.downscale;
   options.test_every = flags.test_every;
+  options.validation = flags.validation;
   options.images = flags.images;
   if (!flags.points.empty()) options.points = flags.points;
   if (flags.image_memory > 0) options.image_memory = flags.image_memory << 20;

@@ -146,13 +146,12 @@ TG_KERNEL decideKernel(DecideArguments a) {
     a.keep[i] = a.grow[i] = 0;
     return;
   }
-  float score = a.scores[i];
-  if (a.sorted_magnitudes != nullptr && *a.passing > 0) {
-    const float quantile = fromOrderedBits(a.sorted_magnitudes[a.model.count - *a.passing]);
-    if (quantile > 0.0f) score = max(score, a.magnitudes[i] / quantile);
-  }
-  const bool keeps = !prunable(a.model.opacity_logit[i], readLogScale(a.model, i), a.max_radius[i], a.settings);
-  const bool grows = keeps && score >= 1.0f;
+  const bool ranked = a.sorted_magnitudes != nullptr && *a.passing > 0;
+  const float quantile = ranked ? fromOrderedBits(a.sorted_magnitudes[a.model.count - *a.passing]) : 0.0f;
+  const float score = growthScore(a.scores[i], a.magnitudes[i], quantile, a.settings.score);
+  const bool scored = score >= 1.0f;
+  const bool keeps = !prunable(a.model.opacity_logit[i], readLogScale(a.model, i), a.max_radius[i], scored, a.settings);
+  const bool grows = keeps && scored;
   a.keep[i] = keeps;
   a.grow[i] = grows;
   a.keys[i] = grows ? ~orderedBits(score) : 0xffffffffu;
@@ -325,12 +324,13 @@ DensifyResult densify(DeviceState& state, const DensifySettings& settings, Rando
          ScoreArguments{count, settings.score_threshold, state.statistics.score_sum.data(),
                         state.statistics.magnitude_sum.data(), state.statistics.view_count.data(),
                         scratch.scores.data(), scratch.magnitudes.data(), scratch.keys.data(), scratch.counter.data()});
-  if (settings.magnitudes) sortKeys(scratch);
+  const bool magnitudes = settings.score != DensifyScore::sum;
+  if (magnitudes) sortKeys(scratch);
 
   for (Buffer<std::uint32_t>* flags : {&scratch.keep, &scratch.grow, &scratch.split}) flags->resize(count + 1);
   launch("decide", decideKernel, blocks,
          DecideArguments{model, settings, state.statistics.max_radius.data(), scratch.scores.data(),
-                         scratch.magnitudes.data(), settings.magnitudes ? scratch.sorted_keys.data() : nullptr,
+                         scratch.magnitudes.data(), magnitudes ? scratch.sorted_keys.data() : nullptr,
                          scratch.counter.data(), scratch.keep.data(), scratch.grow.data(), scratch.keys.data()});
   sum(scratch, scratch.keep, scratch.keep_rank);
   sum(scratch, scratch.grow, scratch.grow_rank);

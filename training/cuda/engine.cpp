@@ -154,7 +154,8 @@ class CudaTrainingEngine final : public TrainingEngine {
     // What a range of depths has moved no nearer one reads.
     frame_.backward(v_picture_.data(), input.gradient, drawn, parts_.texels, [&](const TexelSums& sums) {
       if (!textured) return;
-      moveTexels(sums, {stored, device_.moments.texels, input.rates.texels, scales, input.clamp_colors, stop_.data()});
+      moveTexels(sums, {stored, device_.moments.texels, input.rates.texels,
+                        input.rates.texels * input.rates.texel_decay, scales, input.clamp_colors, stop_.data()});
     });
     moveParameters(stored, drawn, input, scales);
     if (input.gather_statistics) {

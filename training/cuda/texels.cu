@@ -91,7 +91,7 @@ struct MoveArguments {
   Parameters model;
   float* first;
   float* second;
-  float rate;
+  float rate, decay;
   AdamScales scales;
   bool clamp_colors;
   const std::uint32_t* stop;
@@ -113,6 +113,11 @@ TG_KERNEL moveTexelsKernel(MoveArguments a) {
       const float gradient = drawn ? takeGradient(sums[f], value, f % 4) : 0.0f;
       if (still) continue;
       adamUpdate(value, gradient, a.first[at + f], a.second[at + f], a.rate, a.scales);
+      if (a.decay > 0) {
+        const auto texel = static_cast<unsigned>(f / 4);
+        const float mass = texelMass(texel % rect.width, rect.width) * texelMass(texel / rect.width, rect.height);
+        value = decayedTexel(value, f % 4 < 3 ? 0.0f : 1.0f, a.decay, mass);
+      }
       a.model.texels[at + f] = a.clamp_colors || f % 4 == 3 ? clamp(value, 0.0f, 1.0f) : value;
     }
   }
@@ -147,8 +152,8 @@ void finishTexels(const TexelSums& sums, const Parameters& model, float* v_texel
 
 void moveTexels(const TexelSums& sums, const TexelMove& move) {
   launch("move texels", moveTexelsKernel, std::min(blocksFor(kLanes * move.model.count), kMoveBlocks),
-         MoveArguments{sums, move.model, move.moments.first.data(), move.moments.second.data(), move.rate, move.scales,
-                       move.clamp_colors, move.stop});
+         MoveArguments{sums, move.model, move.moments.first.data(), move.moments.second.data(), move.rate, move.decay,
+                       move.scales, move.clamp_colors, move.stop});
 }
 
 }  // namespace tg::cuda

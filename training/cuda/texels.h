@@ -44,11 +44,12 @@ struct TexelMove {
   Parameters model;
   const DeviceMoments& moments;
   float rate;
+  float decay;  // a step, as adamStep()
   AdamScales scales;
   bool clamp_colors;
   const std::uint32_t* stop = nullptr;
 };
-// Moves the texels of the range by Adam; then alpha to [0, 1], colours too where clamp_colors.
+// Moves the texels of the range by Adam and lets them decay; then alpha to [0, 1], colours too where clamp_colors.
 void moveTexels(const TexelSums& sums, const TexelMove& move);
 
 }  // namespace tg::cuda

@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr int kValidationEvery = 8;  // of the training views
 constexpr int kMaxDownscale = 64;
 constexpr double kFarthest = 1e9;  // positions [world units] and principal points [px]: squares stay far inside float
 constexpr double kShortestFocal = 1e-3;  // [px]
@@ -342,14 +343,19 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
 
   std::stable_sort(index.entries.begin(), index.entries.end(),
                    [](const auto& a, const auto& b) { return a.camera.name < b.camera.name; });
-  if (!index.has_split && options.test_every > 0) {
-    for (std::size_t i = 0; i < index.entries.size(); i += static_cast<std::size_t>(options.test_every)) {
+  const auto holdOut = [&](int every) {
+    for (std::size_t i = 0; i < index.entries.size(); i += static_cast<std::size_t>(every)) {
       index.entries[i].camera.test = index.entries.size() > 1;  // a single image is for training
     }
+  };
+  if (!index.has_split && options.test_every > 0) holdOut(options.test_every);
+  if (options.validation) {
+    std::erase_if(index.entries, [](const DatasetIndex::Entry& entry) { return entry.camera.test; });
+    holdOut(kValidationEvery);
   }
   std::stable_partition(index.entries.begin(), index.entries.end(),
                         [](const DatasetIndex::Entry& entry) { return !entry.camera.test; });
-  if (index.entries.front().camera.test) {
+  if (index.entries.empty() || index.entries.front().camera.test) {
     throw Error(ErrorKind::badData, folder.string(), "no image of the training split exists");
   }
 

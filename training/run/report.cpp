@@ -115,7 +115,7 @@ std::string formatProgress(const TrainProgress& progress) {
 
 std::string formatSummary(const TrainReport& report, double total_seconds) {
   std::string text = report.count ? stageLine(Stage::count, *report.count) : "";
-  text += stageLine(Stage::plain, report.plain);
+  if (report.plain.iterations > 0 || !report.textured) text += stageLine(Stage::plain, report.plain);
   if (report.textured) text += stageLine(Stage::textured, *report.textured);
   if (report.untextured) text += stageLine(Stage::untextured, *report.untextured);
   if (report.textured && report.textured->test && report.untextured && report.untextured->test) {

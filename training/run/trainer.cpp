@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <utility>
 
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "render/contribution.h"
 #include "training/run/init.h"
 #include "training/score/evaluate.h"
 #include "training/step/textures.h"
@@ -22,6 +24,9 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kRandomPoints = 100'000;  // the Blender recipe of 3DGS
 constexpr int kFilterEvery = 100;               // steps between two updates of the 3D filter
+constexpr std::size_t kSeenViews = 16;          // that say what a Gaussian is worth
+// The position rate of 3DGS, which MCMC's noise is a multiple of, whatever the rate here.
+constexpr float kNoiseRate = 1.6e-4f, kNoiseRateEnd = 1.6e-6f;
 
 // Independent streams of one seed.
 enum class Stream : std::uint64_t { points = 1, densify, plain, textured, noise, count, background };
@@ -48,11 +53,18 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     throw Error(ErrorKind::usage,
                 "a start model leaves nothing to count (expected --default-gaussians with --percent)");
   }
-  if (start->texture_mode != TextureMode::none) {
-    throw Error(ErrorKind::usage, "the start model has textures already (expected a plain model)");
+  if (start->texture_mode == TextureMode::none) {
+    start->intersection = settings.intersection;
+    begin(Stage::plain, std::move(*start));
+    return;
   }
-  start->intersection = settings.intersection;
-  begin(Stage::plain, std::move(*start));
+  if (settings.texture_mode == TextureMode::none || settings.compare_untextured) {
+    throw Error(ErrorKind::usage,
+                "the start model has textures already: stage 2 goes on with them, and has no twin (expected a texture "
+                "mode, and no --compare-untextured)");
+  }
+  state_.report.initial_gaussians = start->size();
+  begin(Stage::textured, std::move(*start));
 }
 
 Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
@@ -104,7 +116,8 @@ std::size_t Trainer::limit() const {
 
 GaussianModel Trainer::firstGaussians() const {
   std::size_t count = settings_.init_count;
-  if (limit() > 0) count = count ? std::min(count, limit()) : limit();
+  const bool room = settings_.densification != Densification::adc || settings_.limit_by == LimitBy::room;
+  if (limit() > 0 && room) count = count ? std::min(count, limit()) : limit();
   Random random = stream(settings_.seed, Stream::points);
   GaussianModel model;
   if (settings_.start == Start::points && !dataset_.points.position.empty()) {
@@ -136,6 +149,11 @@ void Trainer::begin(Stage stage, GaussianModel first) {
     resetMoments(state_.training);
     if (stage == Stage::plain) state_.report.initial_gaussians = state_.training.model.size();
   } else if (stage == Stage::textured) {
+    const bool textures_given = !first.mean.empty();
+    if (textures_given) {
+      state_.training.model = std::move(first);
+      resetMoments(state_.training);
+    }
     growShDegree(state_.training, settings_.sh_degree);
     if (settings_.compare_untextured) state_.untextured_start = state_.training.model;
     GaussianModel& model = state_.training.model;
@@ -144,15 +162,18 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                                ? IntersectionModel::plane
                                : IntersectionModel::maxResponse;
     }
-    const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : settings_.texture_size;
+    const int automatic = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
+    const int size = settings_.texture_size > 0 ? settings_.texture_size : automatic;
     const std::size_t budget = settings_.texel_budget
                                    ? settings_.texel_budget
                                    : model.size() * static_cast<std::size_t>(size) * static_cast<std::size_t>(size);
-    addTextures(state_.training,
-                settings_.texture_sizes == TextureSizes::footprint
-                    ? footprintRects(model, pixelSizes(filter_cameras_, model), budget)
-                    : uniformRects(model.size(), size, settings_.texel_budget),
-                settings_.texture_mode, settings_.texture_init);
+    if (!textures_given) {
+      addTextures(state_.training,
+                  settings_.texture_sizes == TextureSizes::footprint
+                      ? footprintRects(model, pixelSizes(filter_cameras_, model), budget)
+                      : uniformRects(model.size(), size, settings_.texel_budget),
+                  settings_.texture_mode, settings_.texture_init);
+    }
   } else {
     state_.textured = model();
     state_.training = {};
@@ -169,6 +190,27 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   state_.order.random = stream(settings_.seed, stage == Stage::count ? Stream::count
                                                : second              ? Stream::textured
                                                                      : Stream::plain);
+}
+
+// Leaves as many Gaussians, those that an even choice of the training views shows most.
+void Trainer::keepMostSeen(std::size_t count) {
+  if (engine_->gaussians(state_) <= count) return;
+  pull();
+  engine_->stateChanged();
+  const std::vector<std::size_t> train = dataset_.indices(false);
+  const std::size_t views = std::min(train.size(), kSeenViews);
+  std::vector<Camera> cameras;
+  for (std::size_t i = 0; i < views; ++i) cameras.push_back(dataset_.views[train[i * train.size() / views]]);
+  const std::vector<double> weights = blendWeights(state_.training.model, cameras);
+  std::vector<std::uint32_t> kept(weights.size());
+  std::iota(kept.begin(), kept.end(), 0u);
+  std::nth_element(
+      kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(count), kept.end(),
+      [&](std::uint32_t a, std::uint32_t b) { return std::pair(-weights[a], a) < std::pair(-weights[b], b); });
+  kept.resize(count);
+  std::sort(kept.begin(), kept.end());
+  selectGaussians(state_.training, kept, count);
+  state_.statistics.reset(count);
 }
 
 void Trainer::updateFilter() {
@@ -221,28 +263,35 @@ void Trainer::iterate() {
   if (const auto following = state_.order.following()) dataset_.prefetch(*following);
   const bool mcmc = first_stage && settings_.densification == Densification::mcmc;
   LearningRates rates;
-  rates.mean = static_cast<float>(extent_ * decayedRate(settings_.rate_position, settings_.rate_position_end, iteration,
-                                                        iterationsOf(state_.stage)));
+  const bool own = !first_stage && settings_.rate_position_texture >= 0;
+  rates.mean =
+      static_cast<float>(extent_ * decayedRate(own ? settings_.rate_position_texture : settings_.rate_position,
+                                               settings_.rate_position_end, iteration, iterationsOf(state_.stage)));
   rates.rotation = settings_.rate_rotation;
   rates.log_scale = settings_.rate_scale;
   rates.opacity_logit = settings_.rate_opacity;
   rates.sh = {settings_.rate_sh_dc, settings_.rate_sh_rest};
-  rates.texels = settings_.rate_texels;
-  StepInput input{.camera = dataset_.views[view],
-                  .view = view,
-                  .photograph = photograph,
-                  .background = background,
-                  .background_varies = dataset_.random_background,
-                  .iteration = iteration,
-                  .gradient = {},
-                  .gather_statistics = first_stage && adc && iteration < schedule_.densify_until,
-                  .rates = rates,
-                  .mcmc = mcmc,
-                  .opacity_weight = settings_.mcmc_opacity_weight,
-                  .scale_weight = settings_.mcmc_scale_weight,
-                  .noise = settings_.mcmc_noise * rates.mean,
-                  .noise_seed = stream(settings_.seed, Stream::noise).bits(),
-                  .clamp_colors = settings_.texture_init == TextureInit::paper};
+  const float texels_end = settings_.rate_texels_end >= 0 ? settings_.rate_texels_end : settings_.rate_texels;
+  rates.texels =
+      static_cast<float>(decayedRate(settings_.rate_texels, texels_end, iteration, iterationsOf(state_.stage)));
+  rates.texel_decay = settings_.texel_decay;
+  StepInput input{
+      .camera = dataset_.views[view],
+      .view = view,
+      .photograph = photograph,
+      .background = background,
+      .background_varies = dataset_.random_background,
+      .iteration = iteration,
+      .gradient = {},
+      .gather_statistics = first_stage && adc && iteration < schedule_.densify_until,
+      .rates = rates,
+      .mcmc = mcmc,
+      .opacity_weight = settings_.mcmc_opacity_weight,
+      .scale_weight = settings_.mcmc_scale_weight,
+      .noise = static_cast<float>(settings_.mcmc_noise * extent_ *
+                                  decayedRate(kNoiseRate, kNoiseRateEnd, iteration, iterationsOf(state_.stage))),
+      .noise_seed = stream(settings_.seed, Stream::noise).bits(),
+      .clamp_colors = settings_.texture_init == TextureInit::paper};
   input.gradient.statistics = input.gather_statistics;
   input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
   input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;
@@ -262,11 +311,16 @@ void Trainer::densifyAndSchedule(int iteration) {
       DensifySettings densify_settings;
       densify_settings.extent = extent_;
       densify_settings.score_threshold = settings_.densify_threshold;
-      densify_settings.magnitudes = settings_.densify_score == DensifyScore::magnitudes;
+      densify_settings.score = settings_.densify_score;
       densify_settings.prune_opacity = settings_.prune_opacity;
+      densify_settings.prune_radius = settings_.prune_radius;
       densify_settings.prune_large = schedule_.prunesLarge(iteration);
-      densify_settings.max_gaussians = limit();
+      densify_settings.max_gaussians = settings_.limit_by == LimitBy::room ? limit() : 0;
       engine_->densify(state_, densify_settings);
+      const bool last = !schedule_.densifies(iteration + schedule_.densify_every);
+      if (limit() > 0 && (settings_.limit_by == LimitBy::swap || (settings_.limit_by == LimitBy::cull && last))) {
+        keepMostSeen(limit());
+      }
     } else {
       McmcSettings mcmc_settings;
       mcmc_settings.max_gaussians = limit();

@@ -37,9 +37,10 @@ struct TrainProgress {
 // state goes on to the same bytes, with any number of threads.
 class Trainer {
  public:
-  // The data set and the renderer must outlive the trainer. `start`: a plain model for stage 1 to go on from, instead
-  // of the data set's points. Throws Error(usage) for settings that checkSettings() refuses and for a start model with
-  // textures, Error(badData) when there is nothing to start from.
+  // The data set and the renderer must outlive the trainer. `start`: the model to go on from, in stage 1 instead of
+  // from the data set's points, or with its textures in stage 2. Throws Error(usage) for settings that checkSettings()
+  // refuses and for a textured start where stage 2 is to have a twin or no textures, Error(badData) when there is
+  // nothing to start from.
   Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
           std::optional<GaussianModel> start = std::nullopt);
   // Goes on from a state of a trainer with the same data set and settings.
@@ -83,6 +84,7 @@ class Trainer {
   // What the engine did, in state_.
   void pull() const;
   void updateFilter();
+  void keepMostSeen(std::size_t count);
   int iterationsOf(Stage stage) const;
   std::size_t limit() const;  // of the count; 0: none
   // The published 5 % a round, or what reaches the limit halfway through the densification of a short run.

@@ -41,7 +41,7 @@ inline Schedule makeSchedule(const TrainSettings& settings) {
   schedule.densify_every = settings.densify_every;
   schedule.densify_from = pick(settings.densify_from, std::min(500, iterations / 8));
   const bool adc = settings.densification == Densification::adc;
-  schedule.densify_until = pick(settings.densify_until, (adc ? iterations / 2 : iterations - iterations / 6) + 1);
+  schedule.densify_until = pick(settings.densify_until, adc ? iterations / 2 : iterations - iterations / 6);
   if (settings.densification == Densification::none) schedule.densify_until = 0;
   schedule.reset_every = adc ? pick(settings.reset_every, iterations >= 6000 ? 3000 : 0) : 0;
   schedule.reset_until = std::min(schedule.densify_until, iterations - iterations / 3);

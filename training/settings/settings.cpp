@@ -70,10 +70,10 @@ std::vector<SettingEntry> makeEntries() {
       number("init-count", &S::init_count, 0, kMostGaussians, "points",
              "Points to start from (0: all; 100000 if random)"),
       number("gaussians", &S::gaussians, 0, kMostGaussians, "Gaussians", "Most Gaussians (0: no limit)"),
-      number("percent", &S::percent, 0, 100, "%",
-             "The limit as a share of default-gaussians; sets texture-size to round(4 sqrt(100 / percent)) (0: off)"),
+      number("percent", &S::percent, 0, 100, "%", "The limit as a share of default-gaussians (0: off)"),
       number("default-gaussians", &S::default_gaussians, 0, kMostGaussians, "Gaussians",
              "Gaussians that stage 1 reaches without a limit (0: a stage 1 of its own finds out)"),
+      choice("limit-by", &S::limit_by, "adc: how the limit is kept"),
       number("sh-degree", &S::sh_degree, 0, 3, "", "Highest degree of the spherical harmonics"),
       choice("intersection", &S::intersection, "Where a ray meets a Gaussian"),
       onOff("filter-3d", &S::filter_3d, "No Gaussian thinner than the training views can resolve"),
@@ -81,6 +81,8 @@ std::vector<SettingEntry> makeEntries() {
       choice("densify-score", &S::densify_score, "adc: what Gaussians are ranked by"),
       number("densify-threshold", &S::densify_threshold, 0, 1, "NDC", "adc: mean screen gradient that densifies"),
       number("prune-opacity", &S::prune_opacity, 0, 1, "", "Opacity below which a Gaussian is removed or relocated"),
+      number("prune-radius", &S::prune_radius, 0, 1e6, "px",
+             "adc: also remove what is wider on screen, once opacities are reset (0: off, as 3DGS in effect)"),
       number("densify-every", &S::densify_every, 1, kMostIterations, "steps", "Steps between two densifications"),
       number("densify-from", &S::densify_from, -1, kMostIterations, "steps",
              "First densification after this (-1: auto)"),
@@ -89,11 +91,12 @@ std::vector<SettingEntry> makeEntries() {
              "adc: steps between opacity resets (0: none, -1: auto)"),
       number("sh-every", &S::sh_every, -1, kMostIterations, "steps", "Steps between two SH degrees (-1: auto)"),
       number("mcmc-growth", &S::mcmc_growth, -1, 1, "", "mcmc: growth of the count each round, as a share (-1: auto)"),
-      number("mcmc-noise", &S::mcmc_noise, 0, 1e9, "", "mcmc: noise on positions, times the position rate"),
+      number("mcmc-noise", &S::mcmc_noise, 0, 1e9, "", "mcmc: noise on positions, times the position rate of 3DGS"),
       number("mcmc-opacity-weight", &S::mcmc_opacity_weight, 0, 100, "", "mcmc: weight of mean opacity in the loss"),
       number("mcmc-scale-weight", &S::mcmc_scale_weight, 0, 100, "", "mcmc: weight of mean sigma in the loss"),
       choice("texture-mode", &S::texture_mode, "What a texture changes"),
-      number("texture-size", &S::texture_size, 1, 256, "texels", "Texels along each side"),
+      number("texture-size", &S::texture_size, 0, 256, "texels",
+             "Texels along each side (0: 4, with percent round(4 sqrt(100 / percent)))"),
       number("texel-budget", &S::texel_budget, 0, 4e9, "texels",
              "Texels of the whole model instead of texture-size (0: off)"),
       choice("texture-sizes", &S::texture_sizes, "One size for all, or in proportion to the pixels a Gaussian covers"),
@@ -106,12 +109,18 @@ std::vector<SettingEntry> makeEntries() {
       number("ssim-weight", &S::ssim_weight, 0, 1, "", "Loss: (1 - w) L1 + w (1 - SSIM)"),
       number("rate-position", &S::rate_position, 0, kLargestRate, "extent per step", "At the start of a stage"),
       number("rate-position-end", &S::rate_position_end, 0, kLargestRate, "extent per step", "At the end of a stage"),
+      number("rate-position-texture", &S::rate_position_texture, -1, kLargestRate, "extent per step",
+             "At the start of stage 2 (-1: rate-position)"),
       number("rate-rotation", &S::rate_rotation, 0, kLargestRate, "per step", "Of the quaternion"),
       number("rate-scale", &S::rate_scale, 0, kLargestRate, "ln sigma per step", "Of the scale"),
       number("rate-opacity", &S::rate_opacity, 0, kLargestRate, "logit per step", "Of the opacity"),
       number("rate-sh-dc", &S::rate_sh_dc, 0, kLargestRate, "SH per step", "Of the constant colour"),
       number("rate-sh-rest", &S::rate_sh_rest, 0, kLargestRate, "SH per step", "Of the other coefficients"),
       number("rate-texels", &S::rate_texels, 0, kLargestRate, "per step", "Of colour and alpha texels"),
+      number("rate-texels-end", &S::rate_texels_end, -1, kLargestRate, "per step",
+             "At the end of stage 2 (-1: the same)"),
+      number("texel-decay", &S::texel_decay, 0, 1, "of the rate",
+             "Towards no change, times the share of the Gaussian's weight that a texel does not have"),
       onOff("compare-untextured", &S::compare_untextured,
             "Also run stage 2 without textures from the same stage-1 model, and report both"),
   };
@@ -136,7 +145,7 @@ TrainSettings presetSettings(std::string_view preset) {
   if (preset != "paper") refuse("preset", "default, quick, paper", std::string(preset));
   settings.iterations = 30'000;
   settings.texture_iterations = 30'000;
-  settings.densify_score = DensifyScore::magnitudes;
+  settings.densify_score = DensifyScore::magnitudesOnly;
   settings.rate_position = 1.6e-4f;
   settings.rate_position_end = 1.6e-6f;
   settings.rate_scale = 5e-3f;

@@ -17,10 +17,14 @@ namespace tg {
 // and growth to a cap as Markov chain Monte Carlo (Kheradmand et al. 2024).
 enum class Densification { none, adc, mcmc };
 constexpr auto namesOf(Densification) { return enumNames("none", "adc", "mcmc"); }
-// What adc ranks by: |sum of the pixels' gradients| (3DGS), or also the sum of their magnitudes with the quantile rule
-// of GOF (docs/math.md 6.9).
-enum class DensifyScore { sum, magnitudes };
-constexpr auto namesOf(DensifyScore) { return enumNames("sum", "magnitudes"); }
+// What adc ranks by: |sum of the pixels' gradients| (3DGS), also the sum of their magnitudes with the quantile rule of
+// GOF (docs/math.md 6.9), or that sum instead, under a threshold that as many pass.
+enum class DensifyScore { sum, magnitudes, magnitudesOnly };
+constexpr auto namesOf(DensifyScore) { return enumNames("sum", "magnitudes", "magnitudes-only"); }
+// How adc keeps to a limit: from the first step on, where the highest scores grow while there is room; or it starts
+// from all points and lets those go that the training views show least, after every round or after the last one.
+enum class LimitBy { room, swap, cull };
+constexpr auto namesOf(LimitBy) { return enumNames("room", "swap", "cull"); }
 // Where stage 1 starts: the data set's points, or random ones.
 enum class Start { points, random };
 constexpr auto namesOf(Start) { return enumNames("points", "random"); }
@@ -46,6 +50,7 @@ struct TrainSettings {
   std::size_t gaussians = 0;   // most Gaussians; 0: no limit
   double percent = 0;          // the limit as a share of default_gaussians [%]; 0: off
   std::size_t default_gaussians = 0;
+  LimitBy limit_by = LimitBy::room;
   int sh_degree = 3;
   IntersectionModel intersection = IntersectionModel::maxResponse;
   bool filter_3d = false;
@@ -54,18 +59,19 @@ struct TrainSettings {
   DensifyScore densify_score = DensifyScore::sum;
   float densify_threshold = 2e-4f;  // NDC gradient, mean over views
   float prune_opacity = 0.005f;
+  float prune_radius = 0;  // [px] on screen, in runs with opacity resets; 0: off
   int densify_every = 100;
   int densify_from = -1;
   int densify_until = -1;
   int reset_every = -1;
   int sh_every = -1;
   float mcmc_growth = -1;             // of the count, a round
-  float mcmc_noise = 5e5f;            // times the position rate
+  float mcmc_noise = 5e5f;            // times the position rate of 3DGS
   float mcmc_opacity_weight = 0.01f;  // of mean opacity in the loss
   float mcmc_scale_weight = 0.01f;    // of mean sigma [world units] in the loss
 
   TextureMode texture_mode = TextureMode::rgba;
-  int texture_size = 4;          // [texels] a side
+  int texture_size = 0;          // [texels] a side; 0: 4, or what percent leads to
   std::size_t texel_budget = 0;  // [texels] of the model; 0: texture_size rules
   TextureSizes texture_sizes = TextureSizes::uniform;
   TextureInit texture_init = TextureInit::neutral;
@@ -74,22 +80,25 @@ struct TrainSettings {
   bool texture_gradient_suffix = true;    // likewise
 
   float ssim_weight = 0.2f;
-  float rate_position = 4e-4f;      // of the extent, at the start of a stage
-  float rate_position_end = 4e-6f;  // of the extent, at its end
+  float rate_position = 4e-4f;       // of the extent, at the start of a stage
+  float rate_position_end = 4e-6f;   // of the extent, at its end
+  float rate_position_texture = -1;  // of the extent, at the start of stage 2; -1: rate_position
   float rate_rotation = 1e-3f;
   float rate_scale = 1e-2f;
   float rate_opacity = 5e-2f;
   float rate_sh_dc = 2.5e-3f;
   float rate_sh_rest = 5e-4f;
   float rate_texels = 2.5e-3f;
+  float rate_texels_end = -1;  // -1: the same
+  float texel_decay = 0;       // of the rate, where a texel covers nothing of its Gaussian's mass
 
   bool compare_untextured = false;  // stage 2 once more without textures, from the same stage-1 model
 
   bool operator==(const TrainSettings&) const = default;
 };
 
-// "default": what measured best (docs/lab/quality.md); "paper": all choices as published; "quick": a usable model in the
-// shortest time. Throws Error(usage) for another name.
+// "default": what measured best (docs/lab/quality.md); "paper": all choices as published; "quick": a usable model in
+// the shortest time. Throws Error(usage) for another name.
 TrainSettings presetSettings(std::string_view preset);
 const std::vector<std::string>& presetNames();
 

@@ -11,8 +11,7 @@
 namespace tg {
 namespace {
 
-// Scores above 1 densify: the mean gradient over its threshold, and the mean magnitude over the quantile that as many
-// Gaussians reach.
+// Scores of 1 and more densify: the mean gradient over its threshold, the mean magnitude over its quantile.
 std::vector<float> densificationScores(const DensityStatistics& statistics, const DensifySettings& settings) {
   const std::size_t count = statistics.score_sum.size();
   std::vector<float> scores(count, 0.0f);
@@ -21,16 +20,21 @@ std::vector<float> densificationScores(const DensityStatistics& statistics, cons
     scores[i] = meanOverViews(statistics.score_sum[i], statistics.view_count[i]) / settings.score_threshold;
     passing += scores[i] >= 1;
   }
-  if (!settings.magnitudes || passing == 0) return scores;
+  if (settings.score == DensifyScore::sum) return scores;
   std::vector<float> magnitudes(count, 0.0f);
   for (std::size_t i = 0; i < count; ++i) {
     magnitudes[i] = meanOverViews(statistics.magnitude_sum[i], statistics.view_count[i]);
   }
-  std::vector<float> sorted = magnitudes;
-  const auto quantile = sorted.begin() + static_cast<std::ptrdiff_t>(passing - 1);
-  std::nth_element(sorted.begin(), quantile, sorted.end(), std::greater<>());
-  if (*quantile <= 0) return scores;
-  for (std::size_t i = 0; i < count; ++i) scores[i] = std::max(scores[i], magnitudes[i] / *quantile);
+  float quantile = 0;
+  if (passing > 0) {
+    std::vector<float> sorted = magnitudes;
+    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(passing - 1);
+    std::nth_element(sorted.begin(), at, sorted.end(), std::greater<>());
+    quantile = *at;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    scores[i] = growthScore(scores[i], magnitudes[i], quantile, settings.score);
+  }
   return scores;
 }
 
@@ -73,9 +77,10 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
   std::vector<std::uint32_t> source;
   std::vector<Candidate> candidates;
   for (std::uint32_t i = 0; i < model.size(); ++i) {
-    if (prunable(model.opacity_logit[i], model.log_scale[i], statistics.max_radius[i], settings)) continue;
+    const bool grows = scores[i] >= 1;
+    if (prunable(model.opacity_logit[i], model.log_scale[i], statistics.max_radius[i], grows, settings)) continue;
     source.push_back(i);
-    if (scores[i] >= 1) candidates.push_back({i, scores[i]});
+    if (grows) candidates.push_back({i, scores[i]});
   }
   DensifyResult result;
   result.pruned = model.size() - source.size();

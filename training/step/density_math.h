@@ -9,6 +9,7 @@
 #include "core/model/verbs.h"
 #include "shared/limits.h"
 #include "shared/splat.h"
+#include "training/settings/settings.h"
 #include "training/step/random.h"
 #include "training/step/step_math.h"
 
@@ -18,15 +19,13 @@ namespace tg {
 struct DensifySettings {
   double extent = 1;              // [world units] cameraExtent()
   float score_threshold = 2e-4f;  // NDC gradient, mean over the views
-  // Also densify by the mean of magnitude_sum: as many Gaussians as pass the threshold, those with the largest
-  // (the quantile rule of Gaussian Opacity Fields, Yu et al. 2024).
-  bool magnitudes = false;
+  DensifyScore score = DensifyScore::sum;
   float clone_max_scale = 0.01f;  // of the extent: smaller Gaussians are cloned, larger ones split
   float split_shrink = 1.6f;      // children of a split are this much smaller
   float prune_opacity = 0.005f;
-  bool prune_large = false;       // also those wider than the next two allow
+  bool prune_large = false;       // also what is larger than the next two allow
   float prune_scale = 0.1f;       // of the extent
-  float prune_radius = 20;        // [px] on screen
+  float prune_radius = 0;         // [px] on screen; 0: as wide as they like
   std::size_t max_gaussians = 0;  // 0: no limit. Under one, the highest scores grow first
 };
 
@@ -41,13 +40,24 @@ constexpr unsigned kNumbersOfASplit = 12;  // of a Random: two children, three a
 
 TG_FN float largestScale(glm::vec3 log_scale) { return exp(max(max(log_scale.x, log_scale.y), log_scale.z)); }
 
-TG_FN bool prunable(float opacity_logit, glm::vec3 log_scale, float max_radius, const DensifySettings& settings) {
-  if (sigmoidf(opacity_logit) < settings.prune_opacity) return true;
-  return settings.prune_large &&
-         (largestScale(log_scale) > settings.prune_scale * settings.extent || max_radius > settings.prune_radius);
-}
 TG_FN bool clonable(glm::vec3 log_scale, const DensifySettings& settings) {
   return largestScale(log_scale) <= settings.clone_max_scale * settings.extent;
+}
+// 3DGS grows first and prunes then: a Gaussian that is split goes if its children are too large. Its bound on the width
+// on screen never holds there, since the widths are zeroed before they are read.
+TG_FN bool prunable(float opacity_logit, glm::vec3 log_scale, float max_radius, bool grows,
+                    const DensifySettings& settings) {
+  if (sigmoidf(opacity_logit) < settings.prune_opacity) return true;
+  if (!settings.prune_large) return false;
+  const float shrink = grows && !clonable(log_scale, settings) ? settings.split_shrink : 1.0f;
+  return largestScale(log_scale) / shrink > settings.prune_scale * settings.extent ||
+         (settings.prune_radius > 0 && max_radius > settings.prune_radius);
+}
+// Of a Gaussian, over those that densify: 1 and more grows. quantile: the magnitude that as many Gaussians reach as
+// pass the threshold (the rule of Gaussian Opacity Fields, Yu et al. 2024); 0: none passes.
+TG_FN float growthScore(float score, float magnitude, float quantile, DensifyScore kind) {
+  if (kind == DensifyScore::sum || !(quantile > 0)) return kind == DensifyScore::magnitudesOnly ? 0.0f : score;
+  return kind == DensifyScore::magnitudesOnly ? magnitude / quantile : max(score, magnitude / quantile);
 }
 // 0 where no view saw it.
 TG_FN float meanOverViews(float sum, std::uint32_t views) {

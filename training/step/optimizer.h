@@ -42,6 +42,7 @@ struct LearningRates {
   float opacity_logit = 5e-2f;
   Rate sh{2.5e-3f, 2.5e-3f / 20};
   float texels = 1e-3f;
+  float texel_decay = 0;  // of the texels' rate a step, towards colour 0 and alpha 1 (decayedTexel)
 };
 
 // Log-linear from `first` to `last` over `iterations`; both above 0, or else linear.
@@ -50,7 +51,8 @@ double decayedRate(double first, double last, std::int64_t iteration, std::int64
 // Of step `step`, counted from 1.
 AdamScales adamScales(std::int64_t step);
 
-// Adam, beta 0.9 / 0.999, epsilon 1e-15, bias-corrected, on every parameter; alpha texels are then clamped to [0, 1].
+// Adam, beta 0.9 / 0.999, epsilon 1e-15, bias-corrected, on every parameter; texels then decay, and their alpha is
+// clamped to [0, 1].
 // Moments must have the model's size (see resetMoments). Any thread count, same bytes.
 void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates);
 

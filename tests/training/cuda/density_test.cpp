@@ -78,20 +78,24 @@ void onDevice(RunState& state, const Change& change) {
 TEST_CASE("CUDA's ADC makes the CPU's Gaussians", "[checked]") {
   struct Case {
     const char* what;
-    bool magnitudes, prune_large;
+    DensifyScore score;
+    bool prune_large;
     std::size_t most;
   };
-  for (const Case& c : {Case{"no limit", false, false, 0}, Case{"magnitudes", true, false, 0},
-                        Case{"large ones pruned", false, true, 0}, Case{"room for some", false, false, 600},
-                        Case{"room for some, magnitudes", true, false, 650}, Case{"no room", true, false, 100},
-                        Case{"room for all", false, false, 5000}}) {
+  using enum DensifyScore;
+  for (const Case& c :
+       {Case{"no limit", sum, false, 0}, Case{"magnitudes", magnitudes, false, 0},
+        Case{"magnitudes only", magnitudesOnly, false, 0}, Case{"large ones pruned", sum, true, 0},
+        Case{"room for some", sum, false, 600}, Case{"room for some, magnitudes", magnitudes, false, 650},
+        Case{"no room", magnitudes, false, 100}, Case{"room for all", sum, false, 5000}}) {
     INFO(c.what);
     test::inOtherOrders([&] {
       RunState expected = randomState(700, 11);
       RunState found = expected;
       DensifySettings settings;
       settings.extent = 2;
-      settings.magnitudes = c.magnitudes;
+      settings.score = c.score;
+      settings.prune_radius = 20;
       settings.prune_large = c.prune_large;
       settings.max_gaussians = c.most;
       cuda::DensityScratch scratch;
@@ -130,7 +134,7 @@ TEST_CASE("CUDA's ADC leaves alone what no gradient pulls, and prunes all that i
   for (float& logit : state.training.model.opacity_logit) logit = 2;
   cuda::DensityScratch scratch;
   DensifySettings settings;
-  settings.magnitudes = true;
+  settings.score = DensifyScore::magnitudes;
   const GaussianModel before = state.training.model;
   onDevice(state, [&](cuda::DeviceState& device) { cuda::densify(device, settings, state.densify_random, scratch); });
   CHECK(state.training.model.mean == before.mean);

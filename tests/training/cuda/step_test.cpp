@@ -177,10 +177,13 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   counts.upload(tile_counts);
   stop.upload(std::vector<std::uint32_t>{1});
   cuda::Buffer<long long> device_sums;
+  LearningRates rates;
+  rates.texel_decay = clamp_colors ? 0.0f : 0.3f;
   const auto move = [&](const std::uint32_t* stopped) {
     device_sums.upload(sums);
     cuda::moveTexels({device_sums.data(), counts.data(), nullptr, nullptr, nullptr},
-                     {device.parameters(), moments, LearningRates().texels, adamScales(1), clamp_colors, stopped});
+                     {device.parameters(), moments, rates.texels, rates.texels * rates.texel_decay, adamScales(1),
+                      clamp_colors, stopped});
     std::vector<std::int64_t> left;
     device_sums.downloadAll(left);
     CHECK(left == std::vector<std::int64_t>(sums.size()));
@@ -189,7 +192,7 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   CHECK(sameNumbers(download(device.texels), numbers(atlas.texels)));
   CHECK(download(moments.first) == state.moments.texels.first);
   move(nullptr);
-  adamStep(state, gradient, LearningRates());
+  adamStep(state, gradient, rates);
   if (clamp_colors) {
     for (glm::vec4& texel : atlas.texels) texel = glm::clamp(texel, glm::vec4(0.0f), glm::vec4(1.0f));
   }

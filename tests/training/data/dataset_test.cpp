@@ -544,3 +544,20 @@ TEST_CASE("reads the shared scenes, COLMAP and JSON poses of one scene agree", "
     }
   }
 }
+
+TEST_CASE("a validation split is of the training views, and the test views are not there", "[dataset]") {
+  tg::TemporaryFolder folder;
+  std::vector<Json> frames;
+  for (char c = 'a'; c < 'a' + 20; ++c) {
+    frames.push_back(frame(std::string(1, c) + ".png"));
+    writePicture(folder / (std::string(1, c) + ".png"), 16, 12);
+  }
+  writeText(folder / "transforms.json", pinhole(frames).dump());
+  tg::DatasetOptions options;
+  options.validation = true;
+  const tg::Dataset dataset = loadDataset(folder.path, options);
+  REQUIRE(dataset.views.size() == 17);  // without a, i, q
+  std::string test;
+  for (const std::size_t view : dataset.indices(true)) test += dataset.views[view].name.front();
+  CHECK(test == "bkt");
+}

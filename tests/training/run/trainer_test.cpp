@@ -140,7 +140,25 @@ TEST_CASE("stage 2 on a saved stage-1 model is stage 2 of one run", "[trainer]")
   settings.iterations = 0;
   settings.texture_iterations = 20;
   tg::test::checkSame(tg::train(dataset, settings, *renderer, {}, plain).model, whole.model);
-  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer, {}, whole.model),
+}
+
+TEST_CASE("stage 2 goes on with the textures of a start model, whatever their sizes and mode", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_mode = tg::TextureMode::rgb;
+  settings.texture_sizes = tg::TextureSizes::footprint;
+  const tg::TrainResult first = tg::train(dataset, settings, *renderer);
+  settings.texture_mode = tg::TextureMode::rgba;
+  const tg::TrainResult again = tg::train(dataset, settings, *renderer, {}, first.model);
+  CHECK(again.model.atlas.rects == first.model.atlas.rects);
+  CHECK(again.model.texture_mode == tg::TextureMode::rgb);
+  CHECK(again.report.plain.iterations == 0);
+  CHECK(again.report.textured->loss < first.report.textured->loss);
+  settings.texture_iterations = 0;
+  tg::test::checkSame(tg::train(dataset, settings, *renderer, {}, first.model).model, first.model);
+  settings.compare_untextured = true;
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer, {}, first.model),
                     Catch::Matchers::Contains("the start model has textures already"));
 }
 
@@ -152,6 +170,18 @@ TEST_CASE("every strategy, filter and texture layout trains to a valid, better m
   SECTION("MCMC reaches its cap exactly") {
     settings.densification = tg::Densification::mcmc;
     settings.gaussians = 700;
+  }
+  SECTION("all points are the start, and the least seen ones go to the limit") {
+    settings.limit_by = GENERATE(tg::LimitBy::swap, tg::LimitBy::cull);
+    settings.gaussians = 300;
+    const tg::TrainResult result = tg::train(dataset, settings, *renderer);
+    CHECK(result.report.initial_gaussians == dataset.points.position.size());
+    CHECK(result.model.size() == 300);
+  }
+  SECTION("stage 2 with rates of its own and a decay of texels") {
+    settings.rate_position_texture = settings.rate_position_end;
+    settings.rate_texels_end = 1e-4f;
+    settings.texel_decay = 0.1f;
   }
   SECTION("magnitudes") { settings.densify_score = tg::DensifyScore::magnitudes; }
   SECTION("3D filter") { settings.filter_3d = true; }
@@ -230,9 +260,9 @@ TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {
   tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::TrainSettings settings = shortRun();
-  settings.texture_size = 0;
+  settings.texture_size = -1;
   CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
-                    Catch::Matchers::Contains("--texture-size: expected an integer from 1 to 256, found '0'"));
+                    Catch::Matchers::Contains("--texture-size: expected an integer from 0 to 256, found '-1'"));
   settings = shortRun();
   settings.iterations = -1;
   CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),

@@ -113,8 +113,29 @@ TEST_CASE("transparent Gaussians are pruned, large ones only once asked to", "[d
   CHECK(early.moments.mean.first[0] == 2);
   tg::DensifySettings settings;
   settings.prune_large = true;
+  tg::TrainingState large = state;
+  copy = statistics;
+  CHECK(tg::densify(large, copy, settings, random).pruned == 2);
+  CHECK(positions(large) == std::vector<float>{1, 3, 4});  // as wide on screen as it likes, as in 3DGS
+  settings.prune_radius = 20;
   CHECK(tg::densify(state, statistics, settings, random).pruned == 3);
   CHECK(positions(state) == std::vector<float>{1, 4});
+}
+
+TEST_CASE("a large Gaussian that is split stays if its children are small enough", "[densify]") {
+  tg::TrainingState state = rowOf(3);
+  state.model.log_scale[0].x = std::log(0.15f);  // of the extent; children have 0.094
+  state.model.log_scale[1].x = std::log(0.17f);  // children have 0.106
+  state.model.log_scale[2].x = std::log(0.15f);  // is not split
+  tg::DensityStatistics statistics = scores({1, 1, 0});
+  tg::DensifySettings settings;
+  settings.prune_large = true;
+  tg::Random random(1);
+  const tg::DensifyResult result = tg::densify(state, statistics, settings, random);
+  CHECK(result.pruned == 2);
+  CHECK(result.split == 1);
+  REQUIRE(state.model.size() == 2);
+  CHECK(state.model.log_scale[0].x == Approx(std::log(0.15f / 1.6f)));
 }
 
 TEST_CASE("under a cap the highest scores grow, and no more than fit", "[densify]") {
@@ -140,10 +161,15 @@ TEST_CASE("by magnitudes, as many again grow whose pixels pull hard in opposite 
   tg::DensityStatistics statistics = scores({3e-4f, 1e-4f, 1e-4f, 5e-4f, 0});
   statistics.magnitude_sum = {2, 8, 30, 20, 10};  // two pass the threshold: the two largest magnitudes are 2 and 3
   tg::DensifySettings settings;
-  settings.magnitudes = true;
+  settings.score = tg::DensifyScore::magnitudes;
   tg::Random random(1);
+  tg::TrainingState alone = state;
+  tg::DensityStatistics copy = statistics;
   tg::densify(state, statistics, settings, random);
   CHECK(positions(state) == std::vector<float>{0, 1, 2, 3, 4, 0, 2, 3});
+  settings.score = tg::DensifyScore::magnitudesOnly;  // as many as pass, and others
+  tg::densify(alone, copy, settings, random);
+  CHECK(positions(alone) == std::vector<float>{0, 1, 2, 3, 4, 2, 3});
 
   SECTION("nothing grows by magnitude alone") {
     tg::TrainingState quiet = rowOf(3);

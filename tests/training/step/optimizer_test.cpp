@@ -111,6 +111,32 @@ TEST_CASE("a step has the same bytes at any thread count", "[optimizer]") {
   CHECK(one.moments.sh.second == two.moments.sh.second);
 }
 
+TEST_CASE("texels decay towards no change, the more the less of the Gaussian they cover", "[optimizer]") {
+  CHECK(tg::texelMass(0, 1) == 1);
+  CHECK(tg::texelMass(1, 4) == 1);
+  CHECK(tg::texelMass(0, 4) == Approx(std::exp(-4.0)));  // at 3 sigma, the inner ones at 1
+  CHECK(tg::texelMass(4, 5) == Approx(std::exp(-4.5)));  // the inner one at 0
+  tg::TrainingState state;
+  state.model.mean = {{0, 0, 0}};
+  state.model.rotation = {{1, 0, 0, 0}};
+  state.model.log_scale = {{0, 0, -1}};
+  state.model.opacity_logit = {0};
+  state.model.sh = {{0, 0, 0}};
+  tg::addTextures(state, tg::uniformRects(1, 4, 0), tg::TextureMode::rgba, tg::TextureInit::neutral);
+  for (glm::vec4& texel : state.model.atlas.texels) texel = {0.5f, -1, 2, 0.25f};
+  tg::ModelGradient gradient;
+  tg::forEachParameter([](const tg::Field&, auto& v, const auto& values) { v.resize(values.size()); }, gradient,
+                       state.model);
+  tg::LearningRates rates;
+  rates.texels = 0.5f;
+  rates.texel_decay = 0.2f;
+  tg::adamStep(state, gradient, rates);
+  CHECK(state.model.atlas.texels[5] == glm::vec4(0.5f, -1, 2, 0.25f));   // an inner one stays
+  const auto left = static_cast<float>(1 - 0.1 * (1 - std::exp(-8.0)));  // of a corner's distance
+  CHECK(state.model.atlas.texels[0].b == Approx(2 * left));
+  CHECK(state.model.atlas.texels[15].a == Approx(1 - 0.75f * left));
+}
+
 TEST_CASE("position rates fall log-linearly from 1.6e-4 to 1.6e-6 of the extent", "[optimizer]") {
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 0, 1000) == Approx(3.2e-4));
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 500, 1000) == Approx(3.2e-5));
