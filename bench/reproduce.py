@@ -1,0 +1,258 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Trains what a reader asks for before "this reproduces the paper", one cell after the other.
+
+    bench/reproduce.py run    --data DATA --work WORK [--only GLOB]...
+    bench/reproduce.py list   [--only GLOB]...            every cell, and whether it is done
+    bench/report.py           --work WORK                 docs/results.md and WORK/results.html from the cells
+
+A cell is one training and its evaluation; SCENE/SHARE/TEXTURES/SEED on the test views, choice/... on every 8th of the
+training views. One that is done leaves docs/lab/trials/CELL.json. A call runs what is missing, in order, and may be
+stopped at any moment: WORK keeps the run folders, and the same call goes on. Two calls may run side by side where their
+--only names different scenes. DATA holds the scene folders named below. --iterations and --downscale make smaller
+trials, for trying the driver, and write them to WORK/trials instead.
+"""
+import argparse
+import fnmatch
+import json
+import os
+import pathlib
+import platform
+import shutil
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+TRIALS = ROOT / "docs/lab/trials"
+
+
+class Scene:
+    def __init__(self, folder, downscale, *flags):
+        self.folder, self.downscale, self.flags = folder, downscale, flags
+
+
+# Random points are the published start of NeRF-synthetic scenes. All but the anchor at half their folder's size.
+SCENES = {
+    "lego800": Scene("lego", 1, "--start", "random"),
+    "fox": Scene("fox_270", 2),
+    "lego": Scene("lego_400", 2, "--start", "random"),
+    "printshop": Scene("printshop", 2),
+    "fern": Scene("fern_504", 2),
+}
+COMPARED = ["fox", "lego", "printshop"]
+LENGTH = 7000  # iterations of either stage
+SHARES = [1, 2, 5, 10, 20, 50, 100]  # [%] of the Gaussians, Table A.3
+KEY_SHARES = [1, 20, 100]
+KINDS = ["alpha", "rgb", "rgba"]
+SIZES = [2, 5, 10, 20, 30]  # Figure A.5: texels a side at 1 %; the seventh, 40, is what 1 % leads to
+PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001"]
+# What is tried instead of the defaults. A stage-1 choice runs without textures, a stage-2 choice from the default's
+# stage 1.
+STAGE_1_CHOICES = {
+    "limit-room": ["--limit-by", "room"],
+    "limit-swap": ["--limit-by", "swap"],
+    "limit-cull": ["--limit-by", "cull"],
+    "mcmc": ["--densification", "mcmc"],
+    "rates-3dgs": ["--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005", "--rate-sh-rest",
+                   "1.25e-4"],
+}
+STAGE_2_CHOICES = {
+    "default": [],
+    "position-1.6e-4": ["--rate-position-texture", "1.6e-4"],
+    "position-4e-5": ["--rate-position-texture", "4e-5"],
+    "texels-5e-3": ["--rate-texels", "5e-3"],
+    "texels-5e-3-to-5e-4": ["--rate-texels", "5e-3", "--rate-texels-end", "5e-4"],
+    "decay-0.1": ["--texel-decay", "0.1"],
+}
+
+
+class Cell:
+    """flags: of tgtrain. start: the cell whose model stage 2 begins with. count: the cell whose Gaussians are 100 %.
+    choice: made on the validation views, and not evaluated further. picture: of the first test view, for the report."""
+
+    def __init__(self, name, scene, flags, start=None, count=None, choice=False, picture=False):
+        self.name, self.scene, self.flags, self.start, self.count = name, SCENES[scene], flags, start, count
+        self.choice, self.picture = choice, picture
+
+
+def cells(length):
+    """Every cell by name, those that others begin with first."""
+    table = {}
+
+    def add(name, *rest, **more):
+        if name not in table:
+            table[name] = Cell(name, *rest, **more)
+        return name
+
+    def flags_of(first, second, seed):
+        return ["--iterations", str(first), "--texture-iterations", str(second), "--seed", str(seed)]
+
+    def plain(scene, share, seed):
+        name, flags = f"{scene}/{share:03}/none/{seed}", [*flags_of(length, 0, seed), "--texture-mode", "none"]
+        if share == 100:
+            return add(name, scene, flags, picture=seed == 1)
+        return add(name, scene, [*flags, "--percent", str(share)], count=plain(scene, 100, 1), picture=seed == 1)
+
+    def textured(scene, share, kind, seed, size=None, extra=(), label=""):
+        flags = [*flags_of(0, length, seed), "--texture-mode", kind, "--percent", str(share), *extra]
+        if size:
+            flags += ["--texture-size", str(size)]
+            label = f"-{size}"
+        elif kind == "rgba" and not extra:
+            flags.append("--compare-untextured")
+        return add(f"{scene}/{share:03}/{kind}{label}/{seed}", scene, flags, start=plain(scene, share, seed),
+                   count=plain(scene, 100, 1), picture=seed == 1 and not size)
+
+    def choices(scene, share, seed):
+        base = f"choice/{scene}/{share:03}"
+        whole = add(f"choice/{scene}/100/none/1", scene, [*flags_of(length, 0, 1), "--texture-mode", "none"], choice=True)
+        limit = ["--percent", str(share)]
+        for choice, extra in STAGE_1_CHOICES.items():
+            add(f"{base}/{choice}/{seed}", scene, [*flags_of(length, 0, seed), "--texture-mode", "none", *limit, *extra],
+                count=whole, choice=True)
+        start = add(f"{base}/none/{seed}", scene, [*flags_of(length, 0, seed), "--texture-mode", "none", *limit],
+                    count=whole, choice=True)
+        for choice, extra in STAGE_2_CHOICES.items():
+            add(f"{base}/rgba-{choice}/{seed}", scene, [*flags_of(0, length, seed), *limit, *extra], start=start,
+                count=whole, choice=True)
+
+    # R1, the anchor.
+    anchor = ["--preset", "paper", "--seed", "1"]
+    start = add("lego800/paper/none/1", "lego800", [*anchor, "--texture-iterations", "0", "--texture-mode", "none"])
+    add("lego800/paper/rgba/1", "lego800", [*anchor, "--iterations", "0", "--compare-untextured"], start=start)
+    for scene in COMPARED:
+        for share in SHARES:  # R2, Table A.3
+            textured(scene, share, "rgba", 1)
+        for share in (1, 100):  # R3, Table A.4, and the same with the paper's texels
+            for kind in KINDS:
+                textured(scene, share, kind, 1)
+                textured(scene, share, kind, 1, extra=PAPER_TEXELS, label="-paper")
+        for size in SIZES:  # R4, Figure A.5
+            textured(scene, 1, "rgba", 1, size=size)
+        for share in (1, 5, 20):  # R5, Figure A.6
+            textured(scene, share, "rgba", 1, size=4)
+    for seed in (2, 3):  # R6, the spread
+        for scene in COMPARED:
+            for share in KEY_SHARES:
+                textured(scene, share, "rgba", seed)
+    for share in KEY_SHARES:  # R8, a scene without bounds
+        textured("fern", share, "rgba", 1)
+    for seed in (1, 2, 3):
+        for scene in COMPARED:
+            for share in (1, 20):
+                choices(scene, share, seed)
+    return table
+
+
+class Driver:
+    def __init__(self, options):
+        self.options = options
+        whole = options.iterations == LENGTH and options.downscale == 1
+        self.trials = TRIALS if whole else options.work / "trials"
+        self.cells = cells(options.iterations)
+
+    def report(self, name):
+        path = self.trials / f"{name}.json"
+        return json.loads(path.read_text()) if path.exists() else None
+
+    def chosen(self):
+        only = self.options.only or ["*"]
+        return [name for name in self.cells if any(fnmatch.fnmatch(name, pattern) for pattern in only)]
+
+    def run(self, name):
+        """The cell's report; runs it, and what it needs, where that is missing."""
+        done = self.report(name)
+        if done:
+            return done
+        cell = self.cells[name]
+        flags = list(cell.flags)
+        if cell.count:
+            flags += ["--default-gaussians", self.run(cell.count)["training"]["gaussians"]]
+        if cell.start:
+            self.run(cell.start)
+            flags += ["--start-model", self.options.work / cell.start / "model.tgz"]
+        run = self.options.work / name
+        if cell.picture:
+            flags += ["--preview-every", self.options.iterations]
+        if "--compare-untextured" in flags:
+            flags += ["--untextured-output", run / "untextured.tgz"]
+        if cell.choice:
+            flags.append("--validation")
+        print(name, file=sys.stderr, flush=True)
+        run.parent.mkdir(parents=True, exist_ok=True)
+        begun = commit()
+        self.call(cell, "tgtrain", *cell.scene.flags, "--device", self.options.device, "--run", run, "--resume", "-q",
+                  "--metrics-every", "0", *flags)
+        training = json.loads(subprocess.run(["tar", "xzOf", run / "model.tgz", "training.json"], check=True,
+                                             capture_output=True).stdout)
+        report = {"cell": name, "commit": begun, "machine": machine(), "training": training}
+        if not cell.choice:
+            report["evaluation"] = self.evaluate(cell, run / "model.tgz")
+        if "--compare-untextured" in flags:
+            report["untextured"] = self.evaluate(cell, run / "untextured.tgz")
+        path = self.trials / f"{name}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if cell.picture:
+            stage = "textured" if cell.start else "plain"
+            shutil.copyfile(run / f"previews/{stage}_{self.options.iterations:07}.png", path.with_suffix(".png"))
+        partial = path.with_suffix(".partial")
+        partial.write_text(json.dumps(report, indent=1) + "\n")
+        os.replace(partial, path)
+        return report
+
+    def evaluate(self, cell, model):
+        scores = model.with_suffix(".eval.json")
+        weights = ["--lpips", self.options.lpips] if self.options.lpips else []
+        self.call(cell, "tgeval", "--json", scores, "--effective-rank", "--overwrite", *weights, before=[model])
+        report = json.loads(scores.read_text())
+        del report["views"]
+        return report
+
+    def call(self, cell, program, *arguments, before=()):
+        command = [self.options.bin / program, *before, self.options.data / cell.scene.folder, "--downscale",
+                   cell.scene.downscale * self.options.downscale, "--threads", self.options.threads, *arguments]
+        subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
+
+
+def commit():
+    return subprocess.run(["git", "-C", ROOT, "describe", "--always", "--dirty", "--exclude", "*"], check=True,
+                          capture_output=True, text=True).stdout.strip()
+
+
+def machine():
+    names = [line.split(":")[1].strip() for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines()
+             if line.startswith("model name")]
+    return {"processor": names[0] if names else platform.machine(), "cores": os.cpu_count()}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("verb", choices=["run", "list"])
+    parser.add_argument("--data", type=pathlib.Path, help="where the scenes' folders are")
+    parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
+    parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
+    parser.add_argument("--only", action="append", metavar="GLOB", help="these cells")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
+    parser.add_argument("--lpips", type=pathlib.Path, help="weights for tgeval")
+    parser.add_argument("--iterations", type=int, default=LENGTH)
+    parser.add_argument("--downscale", type=int, default=1, help="beyond the scenes' own")
+    options = parser.parse_args()
+    if not options.work and (options.verb == "run" or options.iterations != LENGTH or options.downscale != 1):
+        parser.error("expected --work")
+    driver = Driver(options)
+    chosen = driver.chosen()
+    if not chosen:
+        parser.error(f"no cell is named {' or '.join(options.only)} (see list)")
+    if options.verb == "list":
+        for name in chosen:
+            print("done   " if driver.report(name) else "missing", name)
+        return
+    if not options.data:
+        parser.error("expected --data")
+    for name in chosen:
+        driver.run(name)
+
+
+if __name__ == "__main__":
+    main()
