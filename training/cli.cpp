@@ -30,6 +30,10 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
       ->capture_default_str();
   app.add_flag("--validation", flags.validation,
                "Hold out every 8th training view instead, for choosing settings: the test views are not looked at");
+  constexpr auto meanings = namesOf(MaskMeaning{});
+  app.add_option("--masks", flags.masks, "What 0 in a mask means: the pixel does not count, or is background and counts")
+      ->check(CLI::IsMember(std::vector<std::string>(meanings.begin(), meanings.end())))
+      ->capture_default_str();
   app.add_option("--image-folder", flags.images,
                  "Folder of the photographs (with --downscale N, images_N where it fits)")
       ->capture_default_str();
@@ -46,6 +50,7 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
   options.downscale = flags.downscale;
   options.test_every = flags.test_every;
   options.validation = flags.validation;
+  options.masks = parse<MaskMeaning>(flags.masks).value_or(MaskMeaning::hidden);
   options.images = flags.images;
   if (!flags.points.empty()) options.points = flags.points;
   if (flags.image_memory > 0) options.image_memory = flags.image_memory << 20;

@@ -18,6 +18,7 @@ struct DatasetFlags {
   int downscale = 1;
   int test_every = 8;
   bool validation = false;
+  std::string masks = "hidden";
   std::uint64_t image_memory = 0;  // [MiB]; 0: a quarter of the machine's
 };
 void addDatasetFlags(CLI::App& app, DatasetFlags& flags);

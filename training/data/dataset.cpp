@@ -139,7 +139,7 @@ fs::path findMask(const fs::path& folder, const std::vector<std::string>& mask_f
   return {};
 }
 
-void findMasks(const fs::path& folder, const std::string& images, DatasetIndex& index,
+void findMasks(const fs::path& folder, const std::string& images, MaskMeaning meaning, DatasetIndex& index,
                std::vector<std::string>& notes) {
   std::vector<std::string> mask_folders;
   for (const std::string& name :
@@ -153,7 +153,8 @@ void findMasks(const fs::path& folder, const std::string& images, DatasetIndex& 
   }
   if (masked > 0) {
     notes.push_back(std::to_string(masked) + " of " + std::to_string(index.entries.size()) +
-                    " photographs have a mask: pixels where it is 0 are not trained and not scored");
+                    " photographs have a mask: pixels where it is 0 are " +
+                    (meaning == MaskMeaning::hidden ? "not trained and not scored" : "background"));
   } else if (!mask_folders.empty()) {
     notes.push_back(mask_folders.front() +
                     " holds no mask that goes with a photograph (expected NAME.EXTENSION.png, "
@@ -219,6 +220,7 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
     PhotographSource& source = sources.emplace_back();
     source.image = entry.image;
     source.mask = entry.mask;
+    source.mask_meaning = options.masks;
     source.downscale = downscale;
     if (!dataset.random_background) source.background = dataset.background;
     if (!entry.lens.isPinhole()) source.undistortion = [entry](int w, int h) { return undistortionOf(entry, w, h); };
@@ -362,7 +364,7 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   if (options.only_test) {
     std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
   }
-  findMasks(folder, images, index, dataset.notes);
+  findMasks(folder, images, options.masks, index, dataset.notes);
   loadPhotographs(index, downscale, options, dataset);
   return dataset;
 }

@@ -49,6 +49,7 @@ struct DatasetOptions {
   bool random_background = false;
   int test_every = 8;  // every n-th image by name is held out, where no split is given; 0: none
   bool validation = false;  // every 8th of the training views is the test split, and the other test views are not there
+  MaskMeaning masks = MaskMeaning::hidden;
   // Folder of the photographs: COLMAP's, and JSON's where file_path begins with images/. With the default and a
   // downscale factor N, images_N is read instead where it holds the photographs at that size.
   std::string images = "images";

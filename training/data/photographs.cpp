@@ -87,6 +87,19 @@ std::vector<std::uint8_t> reduceMask(const std::vector<std::uint8_t>& mask, int 
 
 float over(float color, float alpha, float background) { return color * alpha + background * (1.0f - alpha); }
 
+// The picture, transparent where its mask is 0.
+Image cutOut(const Image& image, const std::vector<std::uint8_t>& mask) {
+  Image result(image.width, image.height, 4);
+  const std::size_t channels = static_cast<std::size_t>(image.channels);
+  for (std::size_t i = 0; i < mask.size(); ++i) {
+    const float* from = image.data.data() + i * channels;
+    float* to = result.data.data() + i * 4;
+    for (std::size_t c = 0; c < 3; ++c) to[c] = from[channels == 1 ? 0 : c];
+    to[3] = mask[i] == 0 ? 0.0f : channels == 4 ? from[3] : 1.0f;
+  }
+  return result;
+}
+
 }  // namespace
 
 Image ViewPixels::image() const {
@@ -103,9 +116,11 @@ Photograph decodePhotograph(const PhotographSource& source) {
   photograph.file_width = image.width;
   photograph.file_height = image.height;
   std::vector<std::uint8_t>& mask = photograph.pixels.mask;
+  const bool hides = !source.mask.empty() && source.mask_meaning == MaskMeaning::hidden;
+  if (!source.mask.empty() && !hides) image = cutOut(image, readMask(source.mask, image.width, image.height, 1));
   if (source.undistortion) {
     const Undistortion undistortion = source.undistortion(image.width, image.height);
-    if (!source.mask.empty()) mask = readMask(source.mask, image.width, image.height, 1);
+    if (hides) mask = readMask(source.mask, image.width, image.height, 1);
     Undistortion::Result result = undistortion.apply(image, mask);
     image = std::move(result.image);
     mask = std::move(result.mask);
@@ -117,17 +132,17 @@ Photograph decodePhotograph(const PhotographSource& source) {
   }
   if (source.undistortion) {
     mask = reduceMask(mask, image.width, image.height, source.downscale);
-  } else if (!source.mask.empty()) {
+  } else if (hides) {
     mask = readMask(source.mask, image.width, image.height, source.downscale);
   }
   if (!mask.empty()) {
     const bool all = std::ranges::find(mask, 0) == mask.end();
     const bool none = std::ranges::find(mask, 255) == mask.end();
     if (none) {
-      throw Error(ErrorKind::badData, (source.mask.empty() ? source.image : source.mask).string(),
+      throw Error(ErrorKind::badData, (hides ? source.mask : source.image).string(),
                   "the mask hides every pixel (0 hides)");
     }
-    if (all && source.mask.empty()) mask = {};
+    if (all && !hides) mask = {};
   }
   if (source.downscale > 1) image = downsample(image, source.downscale);
 

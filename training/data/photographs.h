@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/image/image.h"
+#include "core/system/names.h"
 #include "core/system/worker.h"
 #include "training/data/lens.h"
 
@@ -37,6 +38,10 @@ struct Photograph {
   std::size_t bytes() const { return pixels.rgb.size() + pixels.mask.size() + alpha.size(); }
 };
 
+// What a mask's 0 says of a pixel: it does not count; or it is background, which counts (the protocol of DTU).
+enum class MaskMeaning { hidden, background };
+constexpr auto namesOf(MaskMeaning) { return enumNames("hidden", "background"); }
+
 struct PhotographSource {
   std::filesystem::path image;
   std::filesystem::path mask;           // empty: none
@@ -44,6 +49,7 @@ struct PhotographSource {
   std::optional<glm::vec3> background;  // composited over it, in 8 bit; none: alpha is kept
   // What takes the lens out of a file of width x height pixels, before it is downscaled; none: nothing to take out.
   std::function<Undistortion(int width, int height)> undistortion = nullptr;
+  MaskMeaning mask_meaning = MaskMeaning::hidden;
 };
 // Throws Error(cannotRead / badData / usage): a mask of another size or that hides every pixel, an image smaller than
 // one box of the filter, and what Undistortion throws. A mask may be larger than the image.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "support/catch.h"
 #include "support/shared_files.h"
@@ -396,6 +397,12 @@ TEST_CASE("masks are found by name, or named by a frame", "[dataset]") {
     CHECK(hidden(dataset, 3) == 6);
     REQUIRE(dataset.notes.size() == 1);
     CHECK_THAT(dataset.notes[0], Contains("3 of 10 photographs have a mask"));
+    DatasetOptions background = all;
+    background.masks = tg::MaskMeaning::background;
+    const tg::Dataset cut = loadDataset(folder.path, background);
+    CHECK(hidden(cut, 1) == -1);
+    CHECK(std::ranges::count(std::span(cut.pixels(1)->rgb).first(9), 0) == 9);  // three pixels of black
+    CHECK_THAT(cut.notes.at(0), Contains("pixels where it is 0 are background"));
     fs::remove_all(folder / "masks");
     writeMask(folder / "masks/other.png", 1);
     CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("masks holds no mask that goes with a photograph"));

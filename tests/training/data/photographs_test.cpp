@@ -180,6 +180,20 @@ TEST_CASE("a mask hides where it is zero, a downscaled pixel counts when its who
     CHECK(pixels.mask[8] == 0);
     CHECK(std::count(pixels.mask.begin(), pixels.mask.end(), 0) == 1);
   }
+  SECTION("or says what is background, which counts") {
+    const glm::vec3 white(1.0f);
+    const tg::PhotographSource source{.image = folder / "a.png", .mask = folder / "mask.png", .background = white,
+                                      .mask_meaning = tg::MaskMeaning::background};
+    const tg::ViewPixels cut = tg::decodePhotograph(source).pixels;
+    CHECK(cut.mask.empty());
+    for (std::size_t i = 0; i < 54; ++i) CHECK(cut.rgb[3 * i] == (i == 3 * 9 + 2 ? 255 : 128));
+    tg::PhotographSource halves = source;
+    halves.downscale = 2;
+    const tg::ViewPixels mixed = tg::decodePhotograph(halves).pixels;
+    for (std::size_t i = 0; i < 12; ++i) CHECK(mixed.rgb[3 * i] == (i == 1 * 4 + 1 ? 160 : 128));
+    halves.background.reset();
+    CHECK(tg::decodePhotograph(halves).alpha.at(5) == 191);
+  }
   SECTION("other sizes, and masks that hide everything, are refused") {
     tg::writeImage(folder / "small.png", tg::Image(8, 6, 1, 1.0f));
     CHECK_THROWS_WITH(tg::decodePhotograph({folder / "a.png", folder / "small.png", 1, glm::vec3(0.0f)}),
