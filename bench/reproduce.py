@@ -3,6 +3,7 @@
 """Trains what a reader asks for before "this reproduces the paper", one cell after the other.
 
     bench/reproduce.py run    --data DATA --work WORK [--only GLOB]...
+    bench/reproduce.py frames --work WORK [--only GLOB]...      processor milliseconds a frame of what is done
     bench/reproduce.py list   [--only GLOB]...            every cell, and whether it is done
     bench/report.py           --work WORK                 docs/results.md and WORK/results.html from the cells
 
@@ -42,6 +43,7 @@ SCENES = {
 COMPARED = ["fox", "lego", "printshop"]
 LENGTH = 7000  # iterations of either stage
 SHARES = [1, 2, 5, 10, 20, 50, 100]  # [%] of the Gaussians, Table A.3
+FRAMES = 50  # that are timed
 KEY_SHARES = [1, 20, 100]
 KINDS = ["alpha", "rgb", "rgba"]
 SIZES = [2, 5, 10, 20, 30]  # Figure A.5: texels a side at 1 %; the seventh, 40, is what 1 % leads to
@@ -57,7 +59,7 @@ STAGE_1_CHOICES = {
                    "1.25e-4"],
 }
 STAGE_2_CHOICES = {
-    "default": [],
+    "default": ["--compare-untextured"],
     "position-1.6e-4": ["--rate-position-texture", "1.6e-4"],
     "position-4e-5": ["--rate-position-texture", "4e-5"],
     "texels-5e-3": ["--rate-texels", "5e-3"],
@@ -103,18 +105,23 @@ def cells(length):
         return add(f"{scene}/{share:03}/{kind}{label}/{seed}", scene, flags, start=plain(scene, share, seed),
                    count=plain(scene, 100, 1), picture=seed == 1 and not size)
 
+    def plain_choice(scene, share, choice, extra, seed):
+        whole = f"choice/{scene}/100/none/1"
+        name, flags = f"choice/{scene}/{share:03}/{choice}/{seed}", [*flags_of(length, 0, seed), "--texture-mode", "none"]
+        if share == 100:
+            return add(name, scene, [*flags, *extra], choice=True)
+        plain_choice(scene, 100, "none", [], 1)
+        return add(name, scene, [*flags, "--percent", str(share), *extra], count=whole, choice=True)
+
     def choices(scene, share, seed):
-        base = f"choice/{scene}/{share:03}"
-        whole = add(f"choice/{scene}/100/none/1", scene, [*flags_of(length, 0, 1), "--texture-mode", "none"], choice=True)
-        limit = ["--percent", str(share)]
-        for choice, extra in STAGE_1_CHOICES.items():
-            add(f"{base}/{choice}/{seed}", scene, [*flags_of(length, 0, seed), "--texture-mode", "none", *limit, *extra],
-                count=whole, choice=True)
-        start = add(f"{base}/none/{seed}", scene, [*flags_of(length, 0, seed), "--texture-mode", "none", *limit],
-                    count=whole, choice=True)
+        start = plain_choice(scene, share, "none", [], seed)
+        if share < 100:
+            for choice, extra in STAGE_1_CHOICES.items():
+                plain_choice(scene, share, choice, extra, seed)
         for choice, extra in STAGE_2_CHOICES.items():
-            add(f"{base}/rgba-{choice}/{seed}", scene, [*flags_of(0, length, seed), *limit, *extra], start=start,
-                count=whole, choice=True)
+            add(f"choice/{scene}/{share:03}/rgba-{choice}/{seed}", scene,
+                [*flags_of(0, length, seed), "--percent", str(share), *extra], start=start,
+                count=f"choice/{scene}/100/none/1", choice=True)
 
     # R1, the anchor.
     anchor = ["--preset", "paper", "--seed", "1"]
@@ -139,7 +146,7 @@ def cells(length):
         textured("fern", share, "rgba", 1)
     for seed in (1, 2, 3):
         for scene in COMPARED:
-            for share in (1, 20):
+            for share in KEY_SHARES:
                 choices(scene, share, seed)
     return table
 
@@ -208,6 +215,22 @@ class Driver:
         del report["views"]
         return report
 
+    def frames(self, name):
+        """Times the cell's model from its first camera; docs/lab/trials/frames.json holds what was timed."""
+        path = self.trials / "frames.json"
+        timed = json.loads(path.read_text()) if path.exists() else {}
+        model, scores = self.options.work / name / "model.tgz", self.options.work / "frames.partial"
+        if name in timed or not model.exists():
+            return
+        print(name, file=sys.stderr, flush=True)
+        command = [self.options.bin / "render_bench", model, "--backend", "cpu", "--threads", self.options.threads,
+                   "--frames", FRAMES, "--frames-only", "--json", scores]
+        subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
+        measured = json.loads(scores.read_text())
+        timed[name] = {"ms": measured["processor_ms"], **{key: measured[key] for key in ("device", "width", "height")}}
+        scores.write_text(json.dumps(timed, indent=1) + "\n")
+        os.replace(scores, path)
+
     def call(self, cell, program, *arguments, before=()):
         command = [self.options.bin / program, *before, self.options.data / cell.scene.folder, "--downscale",
                    cell.scene.downscale * self.options.downscale, "--threads", self.options.threads, *arguments]
@@ -227,7 +250,7 @@ def machine():
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("verb", choices=["run", "list"])
+    parser.add_argument("verb", choices=["run", "frames", "list"])
     parser.add_argument("--data", type=pathlib.Path, help="where the scenes' folders are")
     parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
@@ -238,7 +261,7 @@ def main():
     parser.add_argument("--iterations", type=int, default=LENGTH)
     parser.add_argument("--downscale", type=int, default=1, help="beyond the scenes' own")
     options = parser.parse_args()
-    if not options.work and (options.verb == "run" or options.iterations != LENGTH or options.downscale != 1):
+    if not options.work and (options.verb != "list" or options.iterations != LENGTH or options.downscale != 1):
         parser.error("expected --work")
     driver = Driver(options)
     chosen = driver.chosen()
@@ -247,6 +270,10 @@ def main():
     if options.verb == "list":
         for name in chosen:
             print("done   " if driver.report(name) else "missing", name)
+        return
+    if options.verb == "frames":
+        for name in chosen:
+            driver.frames(name)
         return
     if not options.data:
         parser.error("expected --data")
