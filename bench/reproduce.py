@@ -53,7 +53,6 @@ PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001"]
 STAGE_1_CHOICES = {
     "limit-room": ["--limit-by", "room"],
     "limit-swap": ["--limit-by", "swap"],
-    "limit-cull": ["--limit-by", "cull"],
     "mcmc": ["--densification", "mcmc"],
     "rates-3dgs": ["--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005", "--rate-sh-rest",
                    "1.25e-4"],
@@ -195,7 +194,7 @@ class Driver:
         report = {"cell": name, "commit": begun, "machine": machine(), "training": training}
         if not cell.choice:
             report["evaluation"] = self.evaluate(cell, run / "model.tgz")
-        if "--compare-untextured" in flags:
+        if "--compare-untextured" in flags and not cell.choice:
             report["untextured"] = self.evaluate(cell, run / "untextured.tgz")
         path = self.trials / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -31,7 +31,8 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
   app.add_flag("--validation", flags.validation,
                "Hold out every 8th training view instead, for choosing settings: the test views are not looked at");
   constexpr auto meanings = namesOf(MaskMeaning{});
-  app.add_option("--masks", flags.masks, "What 0 in a mask means: the pixel does not count, or is background and counts")
+  app.add_option("--masks", flags.masks,
+                 "What 0 in a mask means: the pixel does not count, or is background and counts")
       ->check(CLI::IsMember(std::vector<std::string>(meanings.begin(), meanings.end())))
       ->capture_default_str();
   app.add_option("--image-folder", flags.images,

@@ -244,9 +244,10 @@ void addTrainingOptions(CLI::App& app, Options& options) {
       ->configurable(false);
   addSettingFlags(app, options);
   tg::addDatasetFlags(app, options.data);
-  app.add_option("--start-model", options.start_model,
-                 "Go on from this model (.tgz or 3DGS .ply); with --iterations 0, only add textures to it; one with textures goes "
-                 "on in stage 2");
+  app.add_option(
+      "--start-model", options.start_model,
+      "Go on from this model (.tgz or 3DGS .ply); with --iterations 0, only add textures to it; one with textures goes "
+      "on in stage 2");
   app.add_option("--untextured-output", options.untextured_output,
                  "Write the untextured model too (implies --compare-untextured)");
   app.add_option("--json", options.json, "Also write training.json here");

@@ -312,6 +312,8 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   dataset.background =
       options.background.value_or(glm::vec3(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f));
   dataset.random_background = options.random_background;
+  dataset.validation = options.validation;
+  dataset.masks = options.masks;
   dataset.points = choosePoints(options, index, dataset.notes);
   checkPoints(options.points.value_or(folder), dataset.points);
 

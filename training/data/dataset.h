@@ -29,8 +29,10 @@ struct Dataset {
   PointCloud points;               // empty when the data set has none
   glm::vec3 background{0.0f};      // what scores are taken against, and training without random_background
   bool random_background = false;  // transparency is kept: training composites over a new colour every time
-  std::vector<std::string> notes;  // what a user should know: one line each, without the data set's path
-  int missing_images = 0;          // listed by the data set, not on disk: skipped
+  bool validation = false;         // the views called test are training views that were held out
+  MaskMeaning masks = MaskMeaning::hidden;
+  std::vector<std::string> notes;                // what a user should know: one line each, without the data set's path
+  int missing_images = 0;                        // listed by the data set, not on disk: skipped
   std::shared_ptr<PhotographStore> photographs;  // one a view
 
   std::vector<std::size_t> indices(bool test) const;
@@ -47,7 +49,7 @@ struct DatasetOptions {
   int downscale = 1;                    // integer box filter
   std::optional<glm::vec3> background;  // default: white for NeRF-synthetic, black otherwise
   bool random_background = false;
-  int test_every = 8;  // every n-th image by name is held out, where no split is given; 0: none
+  int test_every = 8;       // every n-th image by name is held out, where no split is given; 0: none
   bool validation = false;  // every 8th of the training views is the test split, and the other test views are not there
   MaskMeaning masks = MaskMeaning::hidden;
   // Folder of the photographs: COLMAP's, and JSON's where file_path begins with images/. With the default and a

@@ -403,15 +403,24 @@ std::string firstDifference(const std::string& old_text, const std::string& new_
   return "";
 }
 
-// CRC-32 of the lengths and contents of its arrays.
+// CRC-32 of what it says, lengths of arrays included.
 std::string modelFingerprint(const GaussianModel& model) {
   uLong crc = 0;
-  const auto add = [&crc](const Field&, const auto& values) {
+  const auto add = [&crc](const auto& values) {
     const std::uint64_t bytes = values.size() * sizeof(values[0]);
     crc = crc32_z(crc, reinterpret_cast<const Bytef*>(&bytes), sizeof bytes);
     if (bytes > 0) crc = crc32_z(crc, reinterpret_cast<const Bytef*>(values.data()), bytes);
   };
-  forEachField(add, model);
+  forEachField([&](const Field&, const auto& values) { add(values); }, model);
+  if (model.texture_mode != TextureMode::none) {
+    std::vector<std::uint32_t> layout{static_cast<std::uint32_t>(model.texture_mode),
+                                      static_cast<std::uint32_t>(model.intersection)};
+    for (const TextureRect& rect : model.atlas.rects) {
+      layout.insert(layout.end(), {rect.offset, std::uint32_t{rect.width}, std::uint32_t{rect.height}});
+    }
+    add(layout);
+    add(model.atlas.texels);
+  }
   return std::to_string(crc);
 }
 

@@ -115,7 +115,7 @@ std::string formatProgress(const TrainProgress& progress) {
 
 std::string formatSummary(const TrainReport& report, double total_seconds) {
   std::string text = report.count ? stageLine(Stage::count, *report.count) : "";
-  if (report.plain.iterations > 0 || !report.textured) text += stageLine(Stage::plain, report.plain);
+  if (report.plain.gaussians > 0) text += stageLine(Stage::plain, report.plain);
   if (report.textured) text += stageLine(Stage::textured, *report.textured);
   if (report.untextured) text += stageLine(Stage::untextured, *report.untextured);
   if (report.textured && report.textured->test && report.untextured && report.untextured->test) {
@@ -160,6 +160,8 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
                      {"layout", name(dataset.layout)},
                      {"train_views", dataset.indices(false).size()},
                      {"test_views", dataset.indices(true).size()},
+                     {"validation", dataset.validation},
+                     {"masks", name(dataset.masks)},
                      {"missing_images", dataset.missing_images},
                      {"width", camera.size.x},
                      {"height", camera.size.y},
@@ -178,7 +180,7 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
   json["texels"] = model.atlas.texels.size();
   json["interrupted"] = report.interrupted;
   if (report.count) json["stages"]["count"] = stageJson(*report.count, options.measurements);
-  json["stages"]["plain"] = stageJson(report.plain, options.measurements);
+  if (report.plain.gaussians > 0) json["stages"]["plain"] = stageJson(report.plain, options.measurements);
   if (report.textured) json["stages"]["textured"] = stageJson(*report.textured, options.measurements);
   if (report.untextured) json["stages"]["untextured"] = stageJson(*report.untextured, options.measurements);
   if (options.measurements) {

@@ -25,6 +25,8 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t kRandomPoints = 100'000;  // the Blender recipe of 3DGS
 constexpr int kFilterEvery = 100;               // steps between two updates of the 3D filter
 constexpr std::size_t kSeenViews = 16;          // that say what a Gaussian is worth
+constexpr double kSwapped = 0.05;               // of the limit, a round
+constexpr int kSettlingSteps = 500;             // after an opacity reset
 // The position rate of 3DGS, which MCMC's noise is a multiple of, whatever the rate here.
 constexpr float kNoiseRate = 1.6e-4f, kNoiseRateEnd = 1.6e-6f;
 
@@ -49,19 +51,20 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     begin(count_first ? Stage::count : Stage::plain, {});
     return;
   }
-  if (count_first) {
-    throw Error(ErrorKind::usage,
-                "a start model leaves nothing to count (expected --default-gaussians with --percent)");
-  }
   if (start->texture_mode == TextureMode::none) {
+    if (count_first) {
+      throw Error(ErrorKind::usage,
+                  "a start model leaves nothing to count (expected --default-gaussians with --percent)");
+    }
     start->intersection = settings.intersection;
     begin(Stage::plain, std::move(*start));
     return;
   }
-  if (settings.texture_mode == TextureMode::none || settings.compare_untextured) {
+  if (settings.texture_mode == TextureMode::none || settings.compare_untextured ||
+      settings.texture_init == TextureInit::paper) {
     throw Error(ErrorKind::usage,
                 "the start model has textures already: stage 2 goes on with them, and has no twin (expected a texture "
-                "mode, and no --compare-untextured)");
+                "mode, --texture-init neutral and no --compare-untextured)");
   }
   state_.report.initial_gaussians = start->size();
   begin(Stage::textured, std::move(*start));
@@ -114,13 +117,18 @@ std::size_t Trainer::limit() const {
   return settings_.gaussians;
 }
 
+bool Trainer::swaps() const {
+  return limit() > 0 && settings_.densification == Densification::adc && settings_.limit_by == LimitBy::swap;
+}
+
 GaussianModel Trainer::firstGaussians() const {
   std::size_t count = settings_.init_count;
-  const bool room = settings_.densification != Densification::adc || settings_.limit_by == LimitBy::room;
-  if (limit() > 0 && room) count = count ? std::min(count, limit()) : limit();
+  const bool given = settings_.start == Start::points && !dataset_.points.position.empty();
+  // Most random points are nowhere near a surface: the first round finds out which are.
+  if (limit() > 0 && (given || !swaps())) count = count ? std::min(count, limit()) : limit();
   Random random = stream(settings_.seed, Stream::points);
   GaussianModel model;
-  if (settings_.start == Start::points && !dataset_.points.position.empty()) {
+  if (given) {
     model = gaussiansFromPoints(count ? randomSubset(dataset_.points, count, random.bits()) : dataset_.points);
   } else {
     if (!settings_.init_count) count = std::min(count ? count : kRandomPoints, kRandomPoints);
@@ -192,7 +200,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                                                                      : Stream::plain);
 }
 
-// Leaves as many Gaussians, those that an even choice of the training views shows most.
+// Leaves as many Gaussians, those that an even choice of the training views shows most, with their statistics.
 void Trainer::keepMostSeen(std::size_t count) {
   if (engine_->gaussians(state_) <= count) return;
   pull();
@@ -210,7 +218,24 @@ void Trainer::keepMostSeen(std::size_t count) {
   kept.resize(count);
   std::sort(kept.begin(), kept.end());
   selectGaussians(state_.training, kept, count);
-  state_.statistics.reset(count);
+  state_.statistics.select(kept);
+  updateFilter();
+}
+
+bool Trainer::resetsOpacity(int iteration) const {
+  if (schedule_.resetsOpacity(iteration)) return true;
+  // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
+  const bool white = dataset_.background == glm::vec3(1.0f);
+  return white && schedule_.reset_every > 0 && iteration == schedule_.densify_from &&
+         iteration < schedule_.densify_until;
+}
+
+// Where opacities were just reset they do not say yet what a Gaussian is worth.
+bool Trainer::opacitiesSettled(int iteration) const {
+  for (int past = std::max(1, iteration - kSettlingSteps); past < iteration; ++past) {
+    if (resetsOpacity(past)) return false;
+  }
+  return true;
 }
 
 void Trainer::updateFilter() {
@@ -315,12 +340,11 @@ void Trainer::densifyAndSchedule(int iteration) {
       densify_settings.prune_opacity = settings_.prune_opacity;
       densify_settings.prune_radius = settings_.prune_radius;
       densify_settings.prune_large = schedule_.prunesLarge(iteration);
-      densify_settings.max_gaussians = settings_.limit_by == LimitBy::room ? limit() : 0;
-      engine_->densify(state_, densify_settings);
-      const bool last = !schedule_.densifies(iteration + schedule_.densify_every);
-      if (limit() > 0 && (settings_.limit_by == LimitBy::swap || (settings_.limit_by == LimitBy::cull && last))) {
-        keepMostSeen(limit());
+      densify_settings.max_gaussians = limit();
+      if (swaps() && opacitiesSettled(iteration)) {
+        keepMostSeen(limit() - static_cast<std::size_t>(kSwapped * static_cast<double>(limit())));
       }
+      engine_->densify(state_, densify_settings);
     } else {
       McmcSettings mcmc_settings;
       mcmc_settings.max_gaussians = limit();
@@ -334,12 +358,7 @@ void Trainer::densifyAndSchedule(int iteration) {
     }
     updateFilter();
   }
-  // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
-  const bool white = dataset_.background == glm::vec3(1.0f);
-  if (schedule_.resetsOpacity(iteration) ||
-      (schedule_.reset_every > 0 && white && iteration == schedule_.densify_from)) {
-    engine_->resetOpacity(state_);
-  }
+  if (resetsOpacity(iteration)) engine_->resetOpacity(state_);
   const int degree = state_.training.model.sh_degree;
   if (schedule_.raisesShDegree(iteration) && degree < settings_.sh_degree) engine_->growShDegree(state_, degree + 1);
 }
@@ -364,6 +383,7 @@ StageReport Trainer::stageReport() const {
 }
 
 bool Trainer::end(const std::atomic<bool>* stop) {
+  if (state_.stage == Stage::plain && swaps()) keepMostSeen(limit());
   StageReport report = stageReport();
   if (state_.stage != Stage::count && !dataset_.indices(true).empty()) {
     report.test = testScore(stop);

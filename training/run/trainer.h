@@ -85,6 +85,9 @@ class Trainer {
   void pull() const;
   void updateFilter();
   void keepMostSeen(std::size_t count);
+  bool swaps() const;
+  bool resetsOpacity(int iteration) const;
+  bool opacitiesSettled(int iteration) const;
   int iterationsOf(Stage stage) const;
   std::size_t limit() const;  // of the count; 0: none
   // The published 5 % a round, or what reaches the limit halfway through the densification of a short run.

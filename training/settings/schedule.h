@@ -31,8 +31,8 @@ struct Schedule {
 
 // Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion.
 // ADC ends at half time, MCMC after five sixths (Kheradmand et al.: 25,000 of 30,000). An opacity reset costs about a
-// thousand iterations of quality: only ADC runs of 6,000 and more have any, and none in the last third, which could
-// not make up for it.
+// thousand iterations of quality: only ADC runs of 6,200 and more have any, and none after the last round or in the
+// last third, which could not make up for it.
 inline Schedule makeSchedule(const TrainSettings& settings) {
   const int iterations = settings.iterations;
   const auto pick = [](int setting, int automatic) { return setting >= 0 ? setting : automatic; };
@@ -44,7 +44,7 @@ inline Schedule makeSchedule(const TrainSettings& settings) {
   schedule.densify_until = pick(settings.densify_until, adc ? iterations / 2 : iterations - iterations / 6);
   if (settings.densification == Densification::none) schedule.densify_until = 0;
   schedule.reset_every = adc ? pick(settings.reset_every, iterations >= 6000 ? 3000 : 0) : 0;
-  schedule.reset_until = std::min(schedule.densify_until, iterations - iterations / 3);
+  schedule.reset_until = std::min(schedule.densify_until - schedule.densify_every, iterations - iterations / 3);
   return schedule;
 }
 

@@ -82,7 +82,8 @@ std::vector<SettingEntry> makeEntries() {
       number("densify-threshold", &S::densify_threshold, 0, 1, "NDC", "adc: mean screen gradient that densifies"),
       number("prune-opacity", &S::prune_opacity, 0, 1, "", "Opacity below which a Gaussian is removed or relocated"),
       number("prune-radius", &S::prune_radius, 0, 1e6, "px",
-             "adc: also remove what is wider on screen, once opacities are reset (0: off, as 3DGS in effect)"),
+             "adc: also remove what reaches further from its centre on screen, after the first reset (0: off, as 3DGS "
+             "in effect)"),
       number("densify-every", &S::densify_every, 1, kMostIterations, "steps", "Steps between two densifications"),
       number("densify-from", &S::densify_from, -1, kMostIterations, "steps",
              "First densification after this (-1: auto)"),
@@ -183,6 +184,10 @@ void checkSettings(const TrainSettings& settings) {
   }
   if (settings.percent > 0 && settings.gaussians > 0) {
     throw Error(ErrorKind::usage, "--percent and --gaussians both limit the count (expected one of them)");
+  }
+  if (settings.texel_decay > 0 && settings.texture_init == TextureInit::paper) {
+    throw Error(ErrorKind::usage,
+                "--texel-decay is towards texels that change nothing (expected --texture-init neutral)");
   }
   if (settings.densification == Densification::mcmc && settings.gaussians == 0 && settings.percent == 0) {
     throw Error(ErrorKind::usage, "--densification mcmc needs a count to grow to (expected --gaussians or --percent)");

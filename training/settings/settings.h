@@ -21,10 +21,10 @@ constexpr auto namesOf(Densification) { return enumNames("none", "adc", "mcmc");
 // GOF (docs/math.md 6.9), or that sum instead, under a threshold that as many pass.
 enum class DensifyScore { sum, magnitudes, magnitudesOnly };
 constexpr auto namesOf(DensifyScore) { return enumNames("sum", "magnitudes", "magnitudes-only"); }
-// How adc keeps to a limit: from the first step on, where the highest scores grow while there is room; or it starts
-// from all points and lets those go that the training views show least, after every round or after the last one.
-enum class LimitBy { room, swap, cull };
-constexpr auto namesOf(LimitBy) { return enumNames("room", "swap", "cull"); }
+// How adc keeps to a limit: the highest scores grow while there is room; or those that the training views show least
+// make room for them, a twentieth a round.
+enum class LimitBy { room, swap };
+constexpr auto namesOf(LimitBy) { return enumNames("room", "swap"); }
 // Where stage 1 starts: the data set's points, or random ones.
 enum class Start { points, random };
 constexpr auto namesOf(Start) { return enumNames("points", "random"); }
@@ -97,8 +97,7 @@ struct TrainSettings {
   bool operator==(const TrainSettings&) const = default;
 };
 
-// "default": what measured best (docs/lab/quality.md); "paper": all choices as published; "quick": a usable model in
-// the shortest time. Throws Error(usage) for another name.
+// The table of presets in docs/training.md. Throws Error(usage) for another name.
 TrainSettings presetSettings(std::string_view preset);
 const std::vector<std::string>& presetNames();
 

@@ -47,6 +47,18 @@ void DensityStatistics::reset(std::size_t count) {
   max_radius.assign(count, 0.0f);
 }
 
+void DensityStatistics::select(std::span<const std::uint32_t> kept) {
+  const auto pick = [&](auto& values) {
+    for (std::size_t i = 0; i < kept.size(); ++i) values[i] = values[kept[i]];
+    values.resize(kept.size());
+  };
+  TG_ASSERT(std::ranges::is_sorted(kept), "indices ascend");
+  pick(score_sum);
+  pick(magnitude_sum);
+  pick(view_count);
+  pick(max_radius);
+}
+
 void DensityStatistics::add(const ModelGradient& gradient) {
   TG_ASSERT(gradient.screen_gradient.size() == score_sum.size() &&
                 gradient.screen_gradient_abs.size() == score_sum.size() &&

@@ -2,6 +2,7 @@
 // Adaptive density control of 3DGS: clone, split and prune, under an optional cap on the number of Gaussians.
 #pragma once
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "training/step/density_math.h"
@@ -18,6 +19,7 @@ struct DensityStatistics {
   std::vector<float> max_radius;          // [N] px
 
   void reset(std::size_t count);
+  void select(std::span<const std::uint32_t> kept);
   void add(const ModelGradient& gradient);
 };
 

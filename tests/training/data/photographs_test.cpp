@@ -182,7 +182,9 @@ TEST_CASE("a mask hides where it is zero, a downscaled pixel counts when its who
   }
   SECTION("or says what is background, which counts") {
     const glm::vec3 white(1.0f);
-    const tg::PhotographSource source{.image = folder / "a.png", .mask = folder / "mask.png", .background = white,
+    const tg::PhotographSource source{.image = folder / "a.png",
+                                      .mask = folder / "mask.png",
+                                      .background = white,
                                       .mask_meaning = tg::MaskMeaning::background};
     const tg::ViewPixels cut = tg::decodePhotograph(source).pixels;
     CHECK(cut.mask.empty());

@@ -174,6 +174,11 @@ TEST_CASE("a run that goes on from a checkpoint ends in the same bytes", "[check
          s.reset_every = 7;
          s.densify_score = tg::DensifyScore::magnitudes;
        }},
+      {"swapping under a limit",
+       [](tg::TrainSettings& s) {
+         s.limit_by = tg::LimitBy::swap;
+         s.densify_every = 3;
+       }},
       {"mcmc, 3D filter",
        [](tg::TrainSettings& s) {
          s.densification = tg::Densification::mcmc;

@@ -2,6 +2,7 @@
 // The whole recipe on a small built-in scene: it learns, it is deterministic, it stops cleanly.
 #include "training/run/trainer.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -11,6 +12,7 @@
 #include "support/same.h"
 #include "support/temporary_folder.h"
 #include "training/data/sample.h"
+#include "training/run/checkpoint.h"
 #include "training/run/init.h"
 #include "training/run/report.h"
 #include "training/sample_dataset.h"
@@ -157,9 +159,19 @@ TEST_CASE("stage 2 goes on with the textures of a start model, whatever their si
   CHECK(again.report.textured->loss < first.report.textured->loss);
   settings.texture_iterations = 0;
   tg::test::checkSame(tg::train(dataset, settings, *renderer, {}, first.model).model, first.model);
-  settings.compare_untextured = true;
-  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer, {}, first.model),
-                    Catch::Matchers::Contains("the start model has textures already"));
+  const char* refusal = "the start model has textures already";
+  tg::TrainSettings other = settings;
+  other.compare_untextured = true;
+  CHECK_THROWS_WITH(tg::train(dataset, other, *renderer, {}, first.model), Catch::Matchers::Contains(refusal));
+  other = settings;
+  other.texture_init = tg::TextureInit::paper;
+  CHECK_THROWS_WITH(tg::train(dataset, other, *renderer, {}, first.model), Catch::Matchers::Contains(refusal));
+  const auto identity = [&](const tg::GaussianModel& start) {
+    return tg::runIdentity(dataset, settings, "", &start).data;
+  };
+  tg::GaussianModel recolored = first.model;
+  recolored.atlas.texels[3].r += 0.1f;
+  CHECK(identity(recolored) != identity(first.model));
 }
 
 TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
@@ -170,13 +182,6 @@ TEST_CASE("every strategy, filter and texture layout trains to a valid, better m
   SECTION("MCMC reaches its cap exactly") {
     settings.densification = tg::Densification::mcmc;
     settings.gaussians = 700;
-  }
-  SECTION("all points are the start, and the least seen ones go to the limit") {
-    settings.limit_by = GENERATE(tg::LimitBy::swap, tg::LimitBy::cull);
-    settings.gaussians = 300;
-    const tg::TrainResult result = tg::train(dataset, settings, *renderer);
-    CHECK(result.report.initial_gaussians == dataset.points.position.size());
-    CHECK(result.model.size() == 300);
   }
   SECTION("stage 2 with rates of its own and a decay of texels") {
     settings.rate_position_texture = settings.rate_position_end;
@@ -218,6 +223,82 @@ TEST_CASE("every strategy, filter and texture layout trains to a valid, better m
     REQUIRE(result.report.count);
     CHECK(result.model.size() <= (result.report.count->gaussians + 1) / 2);
     CHECK(result.model.atlas.rects[0].width == 6);
+    settings.iterations = settings.texture_iterations = 1;
+    settings.texture_size = 3;
+    CHECK(tg::train(dataset, settings, *renderer).model.atlas.rects[0].width == 3);
+  }
+}
+
+TEST_CASE("under a limit, what no view shows makes room", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  settings.texture_iterations = 0;
+  settings.densify_every = 10;
+  settings.gaussians = dataset.points.position.size();
+  tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
+  for (std::size_t i = 0; i < 25; ++i) start.mean[7 * i] = glm::vec3(1000.0f + static_cast<float>(i));
+  const auto unseen = [](const tg::GaussianModel& model) {
+    return std::ranges::count_if(model.mean, [](glm::vec3 mean) { return mean.x > 900; });
+  };
+  settings.limit_by = GENERATE(tg::LimitBy::room, tg::LimitBy::swap);
+  tg::Trainer trainer(dataset, settings, *renderer, start);
+  std::size_t least = start.size();
+  while (trainer.step()) least = std::min(least, trainer.progress().gaussians);
+  const tg::GaussianModel model = trainer.model();
+  CHECK(model.size() <= settings.gaussians);
+  CHECK(least >= settings.gaussians * 9 / 10);
+  CHECK(unseen(model) == (settings.limit_by == tg::LimitBy::room ? 25 : 0));
+}
+
+TEST_CASE("swapping starts from all random points: the first round picks, and without a round the end does",
+          "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.limit_by = tg::LimitBy::swap;
+  settings.start = tg::Start::random;
+  settings.init_count = 2000;
+  settings.gaussians = 300;
+  settings.iterations = GENERATE(30, 240);
+  const tg::TrainResult result = tg::train(dataset, settings, *renderer);
+  CHECK(result.report.initial_gaussians == 2000);
+  CHECK(result.model.size() <= 300);
+  CHECK(result.model.size() >= 285);
+}
+
+TEST_CASE("stage 2 has rates of its own, and MCMC's noise does not follow this trainer's", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.densification = tg::Densification::none;
+  settings.rate_position = settings.rate_position_end = 0;
+  tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
+  SECTION("of positions") {
+    CHECK(tg::train(dataset, settings, *renderer).model.mean == start.mean);
+    settings.rate_position_texture = 1e-4f;
+    CHECK(tg::train(dataset, settings, *renderer).model.mean != start.mean);
+  }
+  SECTION("of texels") {
+    settings.rate_texels = 0;
+    const auto changed = [](const tg::GaussianModel& model) {
+      return std::ranges::any_of(model.atlas.texels, [](glm::vec4 texel) { return texel != glm::vec4(0, 0, 0, 1); });
+    };
+    CHECK_FALSE(changed(tg::train(dataset, settings, *renderer).model));
+    settings.rate_texels_end = 1e-3f;
+    CHECK(changed(tg::train(dataset, settings, *renderer).model));
+  }
+  SECTION("of noise") {
+    settings.densification = tg::Densification::mcmc;
+    settings.gaussians = start.size();
+    settings.iterations = 1;
+    settings.densify_from = 10;
+    settings.texture_mode = tg::TextureMode::none;
+    for (float& logit : start.opacity_logit) logit = -5;  // noise is for the transparent
+    CHECK(tg::train(dataset, settings, *renderer, {}, start).model.mean != start.mean);
+    settings.mcmc_noise = 0;
+    CHECK(tg::train(dataset, settings, *renderer, {}, start).model.mean == start.mean);
   }
 }
 

@@ -18,6 +18,13 @@ TEST_CASE("short schedules keep the shape of long ones") {
   CHECK_FALSE(paper.densifies(15000));
   CHECK(paper.resetsOpacity(3000));
   CHECK(paper.resetsOpacity(12000));
+  CHECK_FALSE(paper.resetsOpacity(15000));
+  for (const int iterations : {6002, 6100, 6201, 7000, 12002, 12201, 30000}) {
+    const tg::Schedule s = schedule(iterations);
+    for (int i = 1; i <= iterations; ++i) {
+      if (s.resetsOpacity(i)) CHECK(s.densifies(i + s.densify_every));
+    }
+  }
   CHECK(paper.prunesLarge(3100));
   const tg::Schedule quick = schedule(2000);
   CHECK(quick.densifies(300));
