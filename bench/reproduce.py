@@ -5,7 +5,7 @@
     bench/reproduce.py run    --data DATA --work WORK [--only GLOB]...
     bench/reproduce.py frames --work WORK [--only GLOB]...      processor milliseconds a frame of what is done
     bench/reproduce.py list   [--only GLOB]...            every cell, and whether it is done
-    bench/report.py           --work WORK                 docs/results.md and WORK/results.html from the cells
+    bench/report.py [--work WORK]                         docs/results.md and WORK/results.html from the cells
 
 A cell is one training and its evaluation; SCENE/SHARE/TEXTURES/SEED on the test views, choice/... on every 8th of the
 training views. One that is done leaves docs/lab/trials/CELL.json. A call runs what is missing, in order, and may be
@@ -46,7 +46,10 @@ SHARES = [1, 2, 5, 10, 20, 50, 100]  # [%] of the Gaussians, Table A.3
 FRAMES = 50  # that are timed
 KEY_SHARES = [1, 20, 100]
 KINDS = ["alpha", "rgb", "rgba"]
-SIZES = [2, 5, 10, 20, 30]  # Figure A.5: texels a side at 1 %; the seventh, 40, is what 1 % leads to
+KIND_SHARES = [1, 100]  # Table A.4
+SIZES = [2, 5, 10, 20, 30]  # Figure A.5: texels a side at 1 %; the sixth, 40, is what 1 % leads to
+SMALL_SHARES = [1, 5, 20]  # Figure A.6: 4 x 4 texels, which are what 100 % leads to
+SEEDS = [1, 2, 3]
 PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001"]
 # What is tried instead of the defaults. A stage-1 choice runs without textures, a stage-2 choice from the default's
 # stage 1.
@@ -129,21 +132,21 @@ def cells(length):
     for scene in COMPARED:
         for share in SHARES:  # R2, Table A.3
             textured(scene, share, "rgba", 1)
-        for share in (1, 100):  # R3, Table A.4, and the same with the paper's texels
+        for share in KIND_SHARES:  # R3, Table A.4, and the same with the paper's texels
             for kind in KINDS:
                 textured(scene, share, kind, 1)
                 textured(scene, share, kind, 1, extra=PAPER_TEXELS, label="-paper")
         for size in SIZES:  # R4, Figure A.5
             textured(scene, 1, "rgba", 1, size=size)
-        for share in (1, 5, 20):  # R5, Figure A.6
+        for share in SMALL_SHARES:  # R5, Figure A.6
             textured(scene, share, "rgba", 1, size=4)
-    for seed in (2, 3):  # R6, the spread
+    for seed in SEEDS[1:]:  # R6, the spread
         for scene in COMPARED:
             for share in KEY_SHARES:
                 textured(scene, share, "rgba", seed)
     for share in KEY_SHARES:  # R8, a scene without bounds
         textured("fern", share, "rgba", 1)
-    for seed in (1, 2, 3):
+    for seed in SEEDS:
         for scene in COMPARED:
             for share in KEY_SHARES:
                 choices(scene, share, seed)

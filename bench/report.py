@@ -1,0 +1,372 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Tables and figures from the cells that bench/reproduce.py leaves, every number from their JSON.
+
+    bench/report.py                      docs/results.md from docs/lab/trials
+    bench/report.py --work WORK          and WORK/results.html: the same tables, with plots and pictures
+    bench/report.py --trials DIR --results FILE [--html FILE]
+
+Beside the cells may lie frames.json, {"CELL": {"ms": milliseconds a frame, "device": what drew it}}, and grazing.png.
+Numbers that others published stand in bench/paper_tables.py. A file that is no cell's report ends the call.
+"""
+import argparse
+import collections
+import math
+import pathlib
+import statistics
+import sys
+
+import paper_tables as paper
+from report_document import Code, Heading, Items, Table, Text, markdown, page
+from report_figures import byte_figures, pictures, rank_figures, share_figures, size_figures, small_figures
+from report_trials import (LABELS, METRICS, Broken, Trials, at, couple, gain, mean, number, percent, published,
+                           ranks_of, scaled, score, shown, side, signed, small_kind, twin, used_metrics)
+from reproduce import (COMPARED, KEY_SHARES, KIND_SHARES, KINDS, ROOT, SCENES, SEEDS, SHARES, SIZES,
+                       SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TRIALS)
+
+TIE = 0.05  # [dB]
+
+
+def head(trials):
+    done, every = trials.done, trials.cells
+    blocks = [Text("A cell is one training and its evaluation. Stage 1 trains Gaussians without textures; stage 2 "
+                   "gives textures to its result. The twin is stage 2 without textures: the same Gaussians, as many "
+                   "iterations more. The share is of the Gaussians that stage 1 makes without a limit. Every share has "
+                   "as many texels as 4 x 4 at 100 %, as in the paper's Table A.3. Scores are means over held-out "
+                   f"views, PSNR on 8-bit values; {metric_names(trials)} where nothing else is said. \"-\": not done."),
+              Text(f"{len(done)} of {len(every)} cells are done. One of them again:"),
+              Code("bench/reproduce.py run --data DATA --work WORK --only lego/001/rgba/1")]
+    weights = sorted({(report["evaluation"]["lpips_network"], report["evaluation"]["lpips_range"])
+                      for report in done.values() if "lpips" in score(report)})
+    if weights:
+        blocks.append(Text("LPIPS: " + "; ".join(f"{network}, inputs in {span}" for network, span in weights) + "."))
+    blocks.append(Table(["scene", "data set", "size", "views: train / test", "iterations of stage 1", "of stage 2",
+                         "seeds", "cells"], [scene_row(trials, scene) for scene in SCENES]))
+    machines = collections.defaultdict(collections.Counter)
+    for report in done.values():
+        machine = report["machine"]
+        machines[f"{machine['processor']}, {machine['cores']} cores ({report['training']['machine']['device']})"][
+            report["commit"]] += 1
+    blocks.append(Items(f"{machine}: {sum(commits.values())} cells; commits "
+                        + ", ".join(f"`{commit}` ({count})" for commit, count in sorted(commits.items()))
+                        for machine, commits in sorted(machines.items())))
+    return blocks
+
+
+def scene_row(trials, scene):
+    names = [name for name in trials.cells if name.removeprefix("choice/").split("/")[0] == scene]
+    done = {name: trials.done[name]["training"] for name in names if name in trials.done}
+    data = [training["dataset"] for training in done.values()]
+    views = [f"{done[name]['dataset']['train_views']} / {done[name]['dataset']['test_views']}" for name in done
+             if not trials.cells[name].choice]
+
+    def iterations(stage):
+        counts = {at(training, "stages", stage, "iterations") for training in done.values()} - {0, None}
+        return listed(number(count) for count in sorted(counts))
+
+    return [scene, listed(d["name"] for d in data), listed(f"{d['width']} x {d['height']}" for d in data),
+            listed(views), iterations("plain"), iterations("textured"),
+            listed(sorted(name.split("/")[-1] for name in done)), f"{len(done)} of {len(names)}"]
+
+
+def listed(texts):
+    """Each once."""
+    return ", ".join(dict.fromkeys(texts)) or "-"
+
+
+def metric_names(trials):
+    return " / ".join(METRICS[metric][0] for metric in used_metrics(trials))
+
+
+def anchor(trials):
+    plain, textured = trials.get("lego800/paper/none/1"), trials.get("lego800/paper/rgba/1")
+    metrics = used_metrics(trials)
+    reference = paper.LEGO_800[0][1]
+
+    def row(label, report, part, stage):
+        scores = score(report, part)
+        return [label, shown(scores, metrics), signed(scores["psnr"] - reference) if scores else "-",
+                number(at(report, part, "gaussians")),
+                scaled(at(report, "training", "stages", stage, "seconds"), 60, 1),
+                scaled(at(report, "training", "machine", "peak_memory_bytes"), 1e9, 2)]
+
+    rows = [row("stage 1", plain, "evaluation", "plain"), row("twin", textured, "untextured", "untextured"),
+            row("RGBA 4 x 4", textured, "evaluation", "textured")]
+    rows += [[what, number(psnr, 2), signed(psnr - reference), number(count), "", ""]
+             for what, psnr, count in paper.LEGO_800]
+    yield Text("lego at 800 x 800 from 100,000 random points, `--preset paper`, without a limit. Twin and textures "
+               "train in one process, whose peak of memory both rows have.")
+    yield Table(["", metric_names(trials), "beside the published [dB]", "Gaussians", "minutes", "peak memory [GB]"],
+                rows)
+
+
+def shares(trials):
+    metrics = used_metrics(trials)
+    rows, over_stage_1, over_twin = [], {}, {}
+    for scene in trials.scenes:
+        for share in trials.shares(scene):
+            plain, textured = trials.trained(scene, share, "none"), trials.trained(scene, share, "rgba")
+            none, more, rgba = score(plain), twin(textured), score(textured)
+            over_stage_1[scene, share], over_twin[scene, share] = gain(rgba, none), gain(rgba, more)
+            rows.append([f"{scene} {share} %", number(at(plain, "evaluation", "gaussians")), side(textured),
+                         *(shown(s, metrics) for s in (none, more, rgba)),
+                         *(shown(gains[scene, share], write=signed) for gains in (over_stage_1, over_twin))])
+    yield Text(f"PSNR / SSIM that RGBA gains, means of {', '.join(COMPARED)}; the paper's gains are over stage 1.")
+    yield Table(["share", "over stage 1", "over the twin", *(f"paper, {name}" for name in paper.SHARES)],
+                [[f"{share} %", *(shown(mean([gains[scene, share] for scene in COMPARED]), write=signed)
+                                  for gains in (over_stage_1, over_twin)),
+                  *(shown(gain(published(table[share][1]), published(table[share][0])), write=signed)
+                    for table in paper.SHARES.values())]
+                 for share in SHARES])
+    yield Text("RGBA is ahead of stage 1 by more than %.2f dB in %s cells, of the twin in %s." % (
+        TIE, wins(over_stage_1.values()), wins(over_twin.values())))
+    yield Table(["", "Gaussians", "texels a side", "stage 1", "twin", "RGBA", "gain over stage 1",
+                 "gain over the twin"], rows)
+
+
+def wins(gains):
+    gains = [g for g in gains if g]
+    return f"{sum(g['psnr'] > TIE for g in gains)} of {len(gains)}"
+
+
+def kinds(trials):
+    def row(label, texels, none, scores):
+        gains = [gain(scores[kind], none).get("psnr") for kind in KINDS]
+        whole = gains[-1]
+        parts = [None if g is None or whole is None or whole < TIE else 100 * g / whole for g in gains[:-1]]
+        return [label, texels, shown(none), *(shown(scores[kind]) for kind in KINDS),
+                couple(parts, lambda part: "-" if part is None else f"{part:.0f} %")]
+
+    rows, ahead = [], {"": [], "-paper": []}
+    for share in KIND_SHARES:
+        for label, texels in (("", "default"), ("-paper", "paper's")):
+            for scene in COMPARED:
+                scores = {kind: score(trials.trained(scene, share, kind + label)) for kind in KINDS}
+                rows.append(row(f"{scene} {share} %", texels, score(trials.trained(scene, share, "none")), scores))
+                if scores["alpha"] and scores["rgb"]:
+                    ahead[label].append(scores["alpha"]["psnr"] > scores["rgb"]["psnr"])
+        for name, table in paper.KINDS.items():
+            rows.append(row(f"paper, {name} {share} %", "", published(paper.SHARES[name][share][0]),
+                            {kind: published(table[share][kind]) for kind in KINDS}))
+    counts = [f"{sum(cells)} of {len(cells)}" for cells in ahead.values()]
+    yield Text("PSNR / SSIM after stage 2. Default texels are signed; the paper's stay in [0, 1], start where "
+               "`--texture-init paper` says, and learn at 0.001. The last column is the part of RGBA's gain over "
+               f"stage 1 in dB that alpha or RGB alone reach. Alpha is ahead of RGB in {counts[0]} cells with default "
+               f"texels, in {counts[1]} with the paper's.")
+    yield Table(["", "texels", "stage 1", *(LABELS[kind] for kind in KINDS), "part: alpha / RGB"], rows)
+
+
+def sizes(trials):
+    budget = [trials.trained(scene, 1, "rgba") for scene in COMPARED]
+    yield Text("RGBA at 1 % of the Gaussians, PSNR / SSIM by texels a side.")
+    yield Table(["texels", *COMPARED], [
+        ["none, stage 1", *(shown(score(trials.trained(scene, 1, "none"))) for scene in COMPARED)],
+        ["none, twin", *(shown(twin(report)) for report in budget)],
+        *([f"{size} x {size}", *(shown(score(trials.trained(scene, 1, f"rgba-{size}"))) for scene in COMPARED)]
+          for size in SIZES),
+        [f"what 1 % leads to: {listed(side(report) for report in budget if report)} a side",
+         *(shown(score(report)) for report in budget)],
+    ])
+
+
+def small(trials):
+    rows = []
+    for scene in COMPARED:
+        for share in (*SMALL_SHARES, 100):
+            rgba = trials.trained(scene, share, "rgba")
+            rows.append([f"{scene} {share} %", shown(score(trials.trained(scene, share, "none"))), shown(twin(rgba)),
+                         shown(score(trials.trained(scene, share, small_kind(share)))), shown(score(rgba)), side(rgba)])
+    yield Text("4 x 4 texels a Gaussian at every share, beside as many texels at every share. PSNR / SSIM.")
+    yield Table(["", "stage 1", "twin", "4 x 4", "fixed number of texels", "its texels a side"], rows)
+
+
+def spread(trials):
+    def cell(scores, write=number):
+        values = [s["psnr"] for s in scores if s]
+        if len(values) < 2:
+            return "-"
+        return f"{write(statistics.fmean(values), 2)} +- {statistics.stdev(values):.2f}"
+
+    rows = []
+    for scene in COMPARED:
+        for share in KEY_SHARES:
+            pairs = [(trials.trained(scene, share, "none", seed), trials.trained(scene, share, "rgba", seed))
+                     for seed in SEEDS]
+            plain, more, rgba = zip(*((score(first), twin(second), score(second)) for first, second in pairs))
+            gains = [[gain(*both) for both in zip(rgba, worse)] for worse in (plain, more)]
+            rows.append([f"{scene} {share} %", str(sum(map(bool, gains[0]))), *map(cell, (plain, more, rgba)),
+                         *(cell(values, signed) for values in gains)])
+    yield Text("PSNR [dB], mean and standard deviation over seeds.")
+    yield Table(["", "seeds", "stage 1", "twin", "RGBA", "gain over stage 1", "gain over the twin"], rows)
+
+
+def efficiency(trials):
+    def millions(value):
+        return scaled(value, 1e6, 2)
+
+    def megabytes(value):
+        return scaled(value, 1e6, 0)
+
+    rows = []
+    triples = [(f"{scene} {share} %", trials.trained(scene, share, "none"), trials.trained(scene, share, "rgba"),
+                [f"{scene}/{share:03}/{kind}/1" for kind in ("none", "rgba")])
+               for scene in SCENES for share in KEY_SHARES if share in trials.shares(scene)]
+    names = [f"lego800/paper/{kind}/1" for kind in ("none", "rgba")]
+    triples.append(("lego 800", *map(trials.get, names), names))
+    for label, plain, textured, names in triples:
+        pair = (plain, textured)
+        seconds = (at(plain, "training", "stages", "plain", "seconds"),
+                   *(at(textured, "training", "stages", stage, "seconds") for stage in ("untextured", "textured")))
+        row = [label, number(at(plain, "evaluation", "gaussians")),
+               *(couple([at(report, "evaluation", key) for report in pair], millions)
+                 for key in ("parameters", "bytes")),
+               couple([at(report, "training", "machine", "peak_memory_bytes") for report in pair], megabytes),
+               couple(seconds, number)]
+        if trials.frames:
+            row.append(couple([at(trials.frames, name, "ms") for name in names], lambda ms: number(ms, 1)))
+        rows.append(row)
+    table = paper.EFFICIENCY
+    row = ["paper, mean of its scenes at 100 %", number(table["gaussians"]), couple(table["parameters"], millions), "",
+           couple(table["memory"], megabytes), ""]
+    if trials.frames:
+        row.append(couple(table["frame"], lambda ms: number(ms, 1)))
+    devices = sorted({frame["device"] for frame in trials.frames.values()})
+    yield Text("Without textures / RGBA; seconds: stage 1 / twin / RGBA. Bytes are of `model.tgz`. Memory is the "
+               "training process's own, with the twin's; the paper's is of its GPU. Cells may have run side by side: "
+               "seconds are upper bounds."
+               + (f" Frames: {'; '.join(devices)}." if devices else ""))
+    yield Table(["", "Gaussians", "parameters [M]", "bytes [MB]", "peak memory [MB]", "seconds of training",
+                 *(["processor ms a frame"] if trials.frames else [])], [*rows, row])
+
+
+def ranks(trials):
+    def row(scene, share):
+        found = ranks_of(trials, scene, share)
+        return [f"{scene} {share} %", couple([at(rank, "mean") for rank in found], lambda value: number(value, 2)),
+                *(couple([at(rank, key) for rank in found], percent) for key in ("needle", "flat", "round"))]
+
+    yield Text("Stage 1 / twin / RGBA: a needle's effective rank is below 1.5, a round one's above 2.5.")
+    yield Table(["", "mean", "needles", "flat", "round"],
+                [row(scene, share) for scene in trials.scenes for share in KEY_SHARES])
+
+
+def choices(trials):
+    def known(choice, scene, share, *keys):
+        """By seed: what lies at these keys of the cells' training."""
+        reports = [trials.get(f"choice/{scene}/{share:03}/{choice}/{seed}") for seed in SEEDS]
+        return [at(report, "training", *keys) for report in reports]
+
+    def table(title, default, others, first):
+        """default and the values of others: the choice in the cells' names, and a stage. first: stage 1, which makes
+        the Gaussians; its scores are shown as they are."""
+        groups = [(scene, share) for scene in COMPARED for share in KEY_SHARES
+                  if all(f"choice/{scene}/{share:03}/{choice}/1" in trials.cells for choice, _ in others.values())]
+
+        def row(label, choice, stage):
+            scores = [known(choice, *group, "stages", stage, "test_psnr") for group in groups]
+            base = [known(default[0], *group, "stages", default[1], "test_psnr") for group in groups]
+            pairs = [[a - b for a, b in zip(*both) if None not in (a, b)] for both in zip(scores, base)]
+            ratios = [a / b for group in groups for a, b in zip(known(choice, *group, "gaussians"),
+                                                                known(default[0], *group, "gaussians"))
+                      if None not in (a, b)]
+            if first or label == "default":
+                cells = [number(average(seeds), 2) for seeds in scores]
+            else:
+                cells = [signed(average(seeds)) for seeds in pairs]
+            return [label, *cells, *(judged([pair for pair in pairs if pair]) if label != "default" else ["", ""]),
+                    *([percent(average(ratios))] if first else [])]
+
+        return Table([title, *(f"{scene} {share} %" for scene, share in groups), "difference", "verdict",
+                      *(["Gaussians"] if first else [])],
+                     [row("default", *default), *(row(label, *other) for label, other in others.items())])
+
+    whole = [(scene, trials.get(f"choice/{scene}/100/none/1")) for scene in COMPARED]
+    reached = [f"{number(report['training']['stages']['plain']['test_psnr'], 2)} dB with "
+               f"{number(report['training']['gaussians'])} Gaussians ({scene})" for scene, report in whole if report]
+    yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
+               "difference is to the default of the same scene, share and seed; \"difference\" is the mean over scenes "
+               "and shares, +- twice its standard error by the seeds. A tie is within that or within "
+               f"{TIE} dB. \"Gaussians\" is beside the default's count.")
+    yield table("after stage 1", ("none", "plain"), {choice: (choice, "plain") for choice in STAGE_1_CHOICES},
+                first=True)
+    yield table("after stage 2", ("rgba-default", "textured"),
+                {"no textures (twin)": ("rgba-default", "untextured"),
+                 **{choice: (f"rgba-{choice}", "textured") for choice in STAGE_2_CHOICES if choice != "default"}},
+                first=False)
+    if reached:
+        yield Text(f"Without a limit stage 1 reaches {', '.join(reached)} on the same views.")
+
+
+def average(values):
+    known = [value for value in values if value is not None]
+    return statistics.fmean(known) if known else None
+
+
+def judged(groups):
+    """The mean of the groups' means with twice its standard error, and a word for it. A group's spread is by seed; all
+    share one."""
+    if not groups:
+        return ["-", "-"]
+    difference = statistics.fmean(map(statistics.fmean, groups))
+    freedom = sum(len(group) - 1 for group in groups)
+    text, limit = signed(difference), TIE
+    if freedom:
+        variance = sum((len(group) - 1) * statistics.variance(group) for group in groups if len(group) > 1) / freedom
+        error = 2 * math.sqrt(variance * sum(1 / len(group) for group in groups)) / len(groups)
+        text, limit = f"{text} +- {error:.2f}", max(TIE, error)
+    return [text, "tie" if abs(difference) < limit else "better" if difference > 0 else "worse"]
+
+
+def nothing(_):
+    return ()
+
+
+# Title, tables, figures of the page.
+SECTIONS = [
+    ("The anchor: lego as published", anchor, nothing),
+    ("RGBA at every share (Table A.3)", shares, share_figures),
+    ("Kinds of textures (Table A.4)", kinds, nothing),
+    ("Texture size at 1 % (Figure A.5)", sizes, size_figures),
+    ("4 x 4 at every share (Figure A.6)", small, small_figures),
+    ("Spread over seeds", spread, nothing),
+    ("Size, memory and time (Table A.2)", efficiency, byte_figures),
+    ("Effective ranks (Figure A.2)", ranks, rank_figures),
+    ("Choices", choices, nothing),
+]
+
+
+def document(trials):
+    blocks = head(trials)
+    for title, tables, figures in SECTIONS:
+        trials.asked = set()
+        content = list(tables(trials))
+        asked, done = len(trials.asked), sum(name in trials.done for name in trials.asked)
+        if done:
+            blocks += [Heading(title), Text(f"{done} of {asked} cells."), *content, *filter(None, figures(trials))]
+        else:
+            blocks.append(Text(f"{title}: left out, none of its {asked} cells is done."))
+    return blocks
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trials", type=pathlib.Path, default=TRIALS, help="folder of the cells")
+    parser.add_argument("--results", type=pathlib.Path, default=ROOT / "docs/results.md", help="the Markdown to write")
+    parser.add_argument("--work", type=pathlib.Path, help="folder for results.html")
+    parser.add_argument("--html", type=pathlib.Path, help="the page to write")
+    options = parser.parse_args()
+    try:
+        trials = Trials(options.trials)
+    except Broken as problem:
+        sys.exit(str(problem))
+    title = "Results: the paper's tables, trained here"
+    blocks = document(trials)
+    options.results.write_text(markdown(title, blocks))
+    target = options.html or options.work and options.work / "results.html"
+    if target:
+        shown = list(pictures(trials))
+        target.write_text(page(title, [*blocks, *([Heading("Pictures"), *shown] if shown else [])]))
+
+
+if __name__ == "__main__":
+    main()
