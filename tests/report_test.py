@@ -1,0 +1,214 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds bench/report.py against cells that are made up here, and docs/results.md against what the report makes of the
+tree's own.
+
+    tests/report_test.py
+"""
+import json
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "bench"))
+import reproduce  # its names of cells
+
+RANKS = {"mean": 2.0, "needle": 0.25, "flat": 0.5, "round": 0.25, "first": 1.0, "bin_width": 0.5, "bins": [1, 1, 1, 1]}
+PIXEL = bytes.fromhex("89504e470d0a1a0a0000000d4948445200000002000000010802000000")  # a PNG's beginning
+
+
+def evaluation(psnr, ssim=0.9, texels=0, gaussians=100):
+    return {"gaussians": gaussians, "texels": texels, "parameters": 5900000 + 4 * texels, "bytes": 12340000 + texels,
+            "psnr": psnr, "ssim": ssim, "effective_rank": RANKS, "interrupted": False}
+
+
+def cell(name, psnr, twin=None, side=0, gaussians=100):
+    """The report of a cell that scores `psnr`, as bench/reproduce.py writes it."""
+    stage = {"iterations": 7000, "gaussians": gaussians, "seconds": 300.0, "test_psnr": psnr}
+    stages = {"plain": stage}
+    if "rgb" in name or "alpha" in name:
+        stages = {"plain": {**stage, "iterations": 0}, "textured": stage}
+    report = {
+        "cell": name, "commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
+        "training": {
+            "dataset": {"name": "folder", "train_views": 43, "test_views": 7, "width": 135, "height": 240},
+            "gaussians": gaussians, "texels": side * side * gaussians, "interrupted": False, "stages": stages,
+            "machine": {"device": "CPU", "seconds": 310.0, "peak_memory_bytes": 512000000},
+        },
+    }
+    if not name.startswith("choice/"):
+        report["evaluation"] = evaluation(psnr, texels=side * side * gaussians, gaussians=gaussians)
+    if twin is not None:
+        stages["untextured"] = {**stage, "seconds": 200.0, "test_psnr": twin}
+        report["untextured"] = evaluation(twin, gaussians=gaussians)
+    return report
+
+
+def row(text, section, *labels):
+    """The cells of the row that begins with these, under the heading that begins with `section`."""
+    part = re.split(r"^## ", text, flags=re.M)
+    lines = [line for p in part if p.startswith(section) for line in p.splitlines()]
+    for line in lines:
+        cells = [c.strip() for c in line.strip("|").split("|")]
+        if cells[:len(labels)] == list(labels):
+            return cells[len(labels):]
+    raise AssertionError(f"no row {labels} in {section}:\n" + "\n".join(lines))
+
+
+class ReportTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.path = pathlib.Path(self.folder.name)
+        self.trials = self.path / "trials"
+        self.trials.mkdir()
+
+    def add(self, name, *scores, **how):
+        self.write(f"{name}.json", json.dumps(cell(name, *scores, **how)))
+
+    def write(self, name, text):
+        path = self.trials / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        return path
+
+    def run_report(self):
+        return subprocess.run([sys.executable, ROOT / "bench/report.py", "--trials", self.trials, "--results",
+                               self.path / "results.md", "--work", self.path], capture_output=True, text=True)
+
+    def results(self):
+        run = self.run_report()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return (self.path / "results.md").read_text()
+
+    def page(self):
+        return (self.path / "results.html").read_text()
+
+    def test_nothing_done(self):
+        text = self.results()
+        self.assertRegex(text, r"\n0 of \d+ cells are done")
+        self.assertIn("Choices: left out, none of its", text)
+        self.assertNotIn("##", text)
+        self.assertNotIn("<svg", self.page())
+
+    def test_shares(self):
+        for scene, above in (("fox", 1.0), ("lego", 2.0), ("printshop", 3.0)):
+            self.add(f"{scene}/001/none/1", 25.0)
+            self.add(f"{scene}/001/rgba/1", 25.5 + above, 25.5, side=40)
+        text = self.results()
+        section = "RGBA at every share"
+        self.assertEqual(row(text, section, "fox 1 %"), ["100", "40", "25.00 / 0.9000", "25.50 / 0.9000",
+                                                         "26.50 / 0.9000", "+1.50 / +0.0000", "+1.00 / +0.0000"])
+        self.assertEqual(row(text, section, "fox 2 %"), ["-"] * 7)
+        self.assertEqual(row(text, section, "1 %"), ["+2.50 / +0.0000", "+2.00 / +0.0000", "+1.13 / +0.0180",
+                                                     "+1.38 / +0.0773"])
+        self.assertEqual(row(text, section, "2 %")[:2], ["-", "-"])
+        self.assertIn("6 of 48 cells.", text)
+        self.assertEqual(row(text, "Size, memory", "fox 1 %"),
+                         ["100", "5.90 / 6.54", "12.34 / 12.50", "512 / 512", "300 / 200 / 300"])
+        self.assertEqual(row(text, "Effective ranks", "fox 1 %")[1], "25.0 % / 25.0 % / 25.0 %")
+        self.assertEqual(row(text, "Texture size", "none, twin"), ["25.50 / 0.9000"] * 3)
+        self.assertIn("<title>RGBA: 1, 26.5</title>", self.page())
+
+    def test_anchor(self):
+        self.add("lego800/paper/none/1", 35.68, gaussians=123456)
+        text = self.results()
+        self.assertEqual(row(text, "The anchor", "stage 1"), ["35.68 / 0.9000", "-0.10", "123,456", "5.0", "0.51"])
+        self.assertEqual(row(text, "The anchor", "twin")[0], "-")
+        self.assertEqual(row(text, "The anchor", "3DGS, published")[:2], ["35.78", "+0.00"])
+
+    def test_kinds(self):
+        self.add("fox/001/none/1", 25.0)
+        for kind, psnr in (("alpha", 25.5), ("rgb", 26.5)):
+            self.add(f"fox/001/{kind}/1", psnr, side=40)
+        self.add("fox/001/rgba/1", 27.0, 25.2, side=40)
+        self.add("fox/001/rgba-paper/1", 26.0, side=40)
+        text = self.results()
+        self.assertEqual(row(text, "Kinds", "fox 1 %", "default")[1:],
+                         ["25.50 / 0.9000", "26.50 / 0.9000", "27.00 / 0.9000", "25 % / 75 %"])
+        self.assertEqual(row(text, "Kinds", "fox 1 %", "paper's")[1:], ["-", "-", "26.00 / 0.9000", "-"])
+        self.assertEqual(row(text, "Kinds", "paper, Blender 1 %", "")[-1], "61 % / 58 %")
+        self.assertIn("ahead of RGB in 0 of 1 cells", text.replace("\n", " "))
+
+    def test_seeds(self):
+        for seed, above in ((1, 0.9), (2, 1.0), (3, 1.1)):
+            self.add(f"fox/020/none/{seed}", 28.0)
+            self.add(f"fox/020/rgba/{seed}", 30.0 + above, 30.0, side=9)
+        text = self.results()
+        self.assertEqual(row(text, "Spread", "fox 20 %"), ["3", "28.00 +- 0.00", "30.00 +- 0.00", "31.00 +- 0.10",
+                                                           "+3.00 +- 0.10", "+1.00 +- 0.10"])
+
+    def test_choices(self):
+        better, noisy, missing = list(reproduce.STAGE_1_CHOICES)[:3]
+        worse = [choice for choice in reproduce.STAGE_2_CHOICES if choice != "default"][0]
+        for seed, noise in ((1, 0.0), (2, 0.02)):
+            self.add(f"choice/fox/001/none/{seed}", 20.0)
+            self.add(f"choice/fox/001/{better}/{seed}", 20.5 + noise, gaussians=90)
+            self.add(f"choice/fox/001/{noisy}/{seed}", 20.0 + 10 * noise)
+            self.add(f"choice/fox/001/rgba-default/{seed}", 22.0, 21.0)
+            self.add(f"choice/fox/001/rgba-{worse}/{seed}", 21.9 + noise)
+        text = self.results()
+        found = row(text, "Choices", better)
+        self.assertEqual((found[0], found[1], found[-3:]), ("20.51", "-", ["+0.51 +- 0.02", "better", "90.0 %"]))
+        self.assertEqual(row(text, "Choices", noisy)[-3:], ["+0.10 +- 0.20", "tie", "100.0 %"])
+        self.assertEqual(set(row(text, "Choices", missing)), {"-"})
+        found = row(text, "Choices", worse)
+        self.assertEqual((found[0], found[1], found[-2:]), ("-0.09", "-", ["-0.09 +- 0.02", "worse"]))
+        self.assertEqual(row(text, "Choices", "no textures (twin)")[0], "-1.00")
+
+    def test_frames_and_pictures(self):
+        self.add("fox/001/none/1", 25.0)
+        (self.trials / "fox/001/none/1.png").write_bytes(PIXEL)
+        (self.trials / "grazing.png").write_bytes(PIXEL)
+        self.write("frames.json", json.dumps({"fox/001/none/1": {"ms": 12.5, "device": "CPU, 1 threads"}}))
+        text = self.results()
+        self.assertEqual(row(text, "Size, memory", "fox 1 %")[-1], "12.5 / -")
+        self.assertEqual(self.page().count("data:image/png;base64,iVBORw0KGgo"), 2)
+
+    def test_page_needs_nothing_else(self):
+        self.add("fox/001/rgba/1", 26.0, 25.5, side=40)
+        self.results()
+        self.assertNotRegex(self.page(), r"https?:|<script|<link|@import|url\((?!data:)")
+
+    def test_same_bytes(self):
+        self.add("fox/001/none/1", 25.0)
+        first = self.results(), self.page()
+        self.assertEqual((self.results(), self.page()), first)
+        self.assertNotIn(str(self.path), "".join(first))
+
+    def test_broken_cells(self):
+        lacking = cell("fox/002/none/1", 25.0)
+        del lacking["evaluation"]["ssim"]
+        stopped = cell("fox/005/none/1", 25.0)
+        stopped["training"]["interrupted"] = True
+        broken = {
+            "fox/001/none/1.json": ("{", "is no JSON: "),
+            "fox/002/none/1.json": (json.dumps(lacking), "evaluation.ssim is null (expected a number)"),
+            "fox/005/none/1.json": (json.dumps(stopped), "the run was interrupted"),
+            "fox/010/none/1.json": (json.dumps(cell("fox/020/none/1", 25.0)), 'cell is "fox/020/none/1" (expected'),
+            "fox/003/none/1.json": (json.dumps(cell("fox/003/none/1", 25.0)), "no cell of bench/reproduce.py"),
+            "fox/020/none/1.json": ("[]", "holds no object"),
+            "frames.json": ('{"fox/001/none/1": {"ms": "1"}}', "fox/001/none/1 lacks a number ms"),
+        }
+        paths = {self.write(name, text): what for name, (text, what) in broken.items()}
+        run = self.run_report()
+        self.assertEqual(run.returncode, 1)
+        self.assertNotIn("Traceback", run.stderr)
+        self.assertEqual(len(run.stderr.splitlines()), len(broken), run.stderr)
+        for path, what in paths.items():
+            self.assertIn(f"{path}: {what}", run.stderr)
+
+    def test_the_trees_own(self):
+        kept = ROOT / "docs/results.md"
+        if not kept.exists():
+            self.skipTest("no report here")
+        self.trials = ROOT / "docs/lab/trials"
+        self.assertTrue(kept.read_text() == self.results(), "not what bench/report.py makes now (run it again)")
+
+
+if __name__ == "__main__":
+    unittest.main()
