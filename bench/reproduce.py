@@ -55,7 +55,6 @@ PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001"]
 # stage 1.
 STAGE_1_CHOICES = {
     "limit-room": ["--limit-by", "room"],
-    "limit-swap": ["--limit-by", "swap"],
     "mcmc": ["--densification", "mcmc"],
     "rates-3dgs": ["--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005", "--rate-sh-rest",
                    "1.25e-4"],
@@ -63,7 +62,6 @@ STAGE_1_CHOICES = {
 STAGE_2_CHOICES = {
     "default": ["--compare-untextured"],
     "position-1.6e-4": ["--rate-position-texture", "1.6e-4"],
-    "position-4e-5": ["--rate-position-texture", "4e-5"],
     "texels-5e-3": ["--rate-texels", "5e-3"],
     "texels-5e-3-to-5e-4": ["--rate-texels", "5e-3", "--rate-texels-end", "5e-4"],
     "decay-0.1": ["--texel-decay", "0.1"],

@@ -121,14 +121,18 @@ bool Trainer::swaps() const {
   return limit() > 0 && settings_.densification == Densification::adc && settings_.limit_by == LimitBy::swap;
 }
 
+// Most random points are nowhere near a surface: under a limit the first round finds out which are.
+bool Trainer::picks() const {
+  return limit() > 0 && (swaps() || settings_.densification == Densification::mcmc) &&
+         (settings_.start == Start::random || dataset_.points.position.empty());
+}
+
 GaussianModel Trainer::firstGaussians() const {
   std::size_t count = settings_.init_count;
-  const bool given = settings_.start == Start::points && !dataset_.points.position.empty();
-  // Most random points are nowhere near a surface: the first round finds out which are.
-  if (limit() > 0 && (given || !swaps())) count = count ? std::min(count, limit()) : limit();
+  if (limit() > 0 && !picks()) count = count ? std::min(count, limit()) : limit();
   Random random = stream(settings_.seed, Stream::points);
   GaussianModel model;
-  if (given) {
+  if (settings_.start == Start::points && !dataset_.points.position.empty()) {
     model = gaussiansFromPoints(count ? randomSubset(dataset_.points, count, random.bits()) : dataset_.points);
   } else {
     if (!settings_.init_count) count = std::min(count ? count : kRandomPoints, kRandomPoints);
@@ -346,6 +350,7 @@ void Trainer::densifyAndSchedule(int iteration) {
       }
       engine_->densify(state_, densify_settings);
     } else {
+      if (limit() > 0) keepMostSeen(limit());
       McmcSettings mcmc_settings;
       mcmc_settings.max_gaussians = limit();
       mcmc_settings.dead_opacity = settings_.prune_opacity;
@@ -383,7 +388,7 @@ StageReport Trainer::stageReport() const {
 }
 
 bool Trainer::end(const std::atomic<bool>* stop) {
-  if (state_.stage == Stage::plain && swaps()) keepMostSeen(limit());
+  if (state_.stage == Stage::plain && (swaps() || picks())) keepMostSeen(limit());
   StageReport report = stageReport();
   if (state_.stage != Stage::count && !dataset_.indices(true).empty()) {
     report.test = testScore(stop);

@@ -86,6 +86,7 @@ class Trainer {
   void updateFilter();
   void keepMostSeen(std::size_t count);
   bool swaps() const;
+  bool picks() const;
   bool resetsOpacity(int iteration) const;
   bool opacitiesSettled(int iteration) const;
   int iterationsOf(Stage stage) const;

@@ -50,7 +50,7 @@ struct TrainSettings {
   std::size_t gaussians = 0;   // most Gaussians; 0: no limit
   double percent = 0;          // the limit as a share of default_gaussians [%]; 0: off
   std::size_t default_gaussians = 0;
-  LimitBy limit_by = LimitBy::room;
+  LimitBy limit_by = LimitBy::swap;
   int sh_degree = 3;
   IntersectionModel intersection = IntersectionModel::maxResponse;
   bool filter_3d = false;

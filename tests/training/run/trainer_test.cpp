@@ -252,12 +252,12 @@ TEST_CASE("under a limit, what no view shows makes room", "[trainer]") {
   CHECK(unseen(model) == (settings.limit_by == tg::LimitBy::room ? 25 : 0));
 }
 
-TEST_CASE("swapping starts from all random points: the first round picks, and without a round the end does",
+TEST_CASE("all random points are the start under a limit: the first round picks, and without a round the end does",
           "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::TrainSettings settings = shortRun();
-  settings.limit_by = tg::LimitBy::swap;
+  settings.densification = GENERATE(tg::Densification::adc, tg::Densification::mcmc);
   settings.start = tg::Start::random;
   settings.init_count = 2000;
   settings.gaussians = 300;
