@@ -60,7 +60,11 @@ std::vector<Projected> project(const GaussianModel& model, const Camera& camera)
 
 float textureAlpha(const GaussianModel& model, std::size_t gaussian, glm::vec2 uv) {
   const TextureRect& rect = model.atlas.rects[gaussian];
-  if (rect.texelCount() == 0 || !insideTexture(uv)) return 1.0f;
+  if (rect.texelCount() == 0) return 1.0f;
+  if (!samplesTexture(static_cast<unsigned>(model.outside), uv)) {
+    return model.outside == TextureOutside::clip ? 0.0f : 1.0f;
+  }
+  if (!hasAlpha(model.texture_mode)) return 1.0f;
   const TextureTap u = textureTap(uv.x, rect.width), v = textureTap(uv.y, rect.height);
   const glm::vec4* row0 = model.atlas.texels.data() + rect.offset + std::size_t{v.i0} * rect.width;
   const glm::vec4* row1 = model.atlas.texels.data() + rect.offset + std::size_t{v.i1} * rect.width;
@@ -69,7 +73,7 @@ float textureAlpha(const GaussianModel& model, std::size_t gaussian, glm::vec2 u
 }
 
 void addView(const GaussianModel& model, const Camera& camera, std::vector<double>& weights) {
-  const bool has_alpha = hasAlpha(model.texture_mode) && !model.atlas.rects.empty();
+  const bool has_textures = model.texture_mode != TextureMode::none && !model.atlas.rects.empty();
   const auto intersection = static_cast<unsigned>(model.intersection);
   std::vector<float> transmittance(static_cast<std::size_t>(camera.size.x) * camera.size.y, 1.0f);
   for (const Projected& p : project(model, camera)) {
@@ -86,7 +90,7 @@ void addView(const GaussianModel& model, const Camera& camera, std::vector<doubl
           continue;
         }
         float alpha = s.center_depth_opacity.w * std::exp(-0.5f * hit.power);
-        if (has_alpha) alpha *= textureAlpha(model, p.gaussian, hit.uv);
+        if (has_textures) alpha *= textureAlpha(model, p.gaussian, hit.uv);
         alpha = std::min(alpha, kAlphaMax);
         if (!(alpha >= kAlphaMin)) continue;  // also what is no number: weights are sorted
         sum += left * alpha;

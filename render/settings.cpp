@@ -17,8 +17,9 @@ using S = RenderSettings;
 
 // A new member breaks this line: it needs a row in makeSettings(). `outputs` has none, it is what a frame holds.
 [[maybe_unused]] void eachMemberHasARow(const S& settings) {
-  [[maybe_unused]] const auto& [textures, intersection, background, outputs, order, texture_filter, antialiasing,
-                                opacity_scale, splat_scale, max_sh_degree, near, crop, exposure] = settings;
+  [[maybe_unused]] const auto& [textures, intersection, outside, background, outputs, order, texture_filter,
+                                antialiasing, opacity_scale, splat_scale, max_sh_degree, near, crop, exposure] =
+      settings;
 }
 
 [[noreturn]] void refuse(std::string_view what, const std::string& problem) {
@@ -109,6 +110,20 @@ RenderSetting intersection() {
   return row;
 }
 
+RenderSetting outside() {
+  RenderSetting row{"outside", "", allNames<TextureOutside>() + " beyond textures instead of the model's own", ""};
+  row.get = [](const S& s) { return std::string(s.outside ? name(*s.outside) : ""); };
+  row.set = [](S& s, const std::string& text, const std::string& what) {
+    s.outside = parse<TextureOutside>(text, what);
+  };
+  row.section = "TEXTURES";
+  row.choices = {
+      {name(TextureOutside::base), "Base", "Beyond +-3 sigma a textured Gaussian shows its base colour"},
+      {name(TextureOutside::clip), "Clip", "A textured Gaussian ends at +-3 sigma"},
+      {name(TextureOutside::edge), "Edge", "Beyond +-3 sigma a texture goes on with the texels of its border"}};
+  return row;
+}
+
 RenderSetting crop() {
   RenderSetting row{"crop", "", "x0,y0,z0,x1,y1,z1: only Gaussians whose mean lies in this box", "crop box"};
   row.get = [](const S& s) {
@@ -145,6 +160,7 @@ std::vector<RenderSetting> makeSettings() {
   return {
       textures(),
       intersection(),
+      outside(),
       choice("sort", &S::order, "per-pixel order", ": the order in which a pixel's splats are blended",
              "ORDER AND ANTIALIASING",
              {{{"Global", "One order for all pixels: fast, may pop as the camera turns"},
@@ -200,6 +216,11 @@ void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, 
   for (const RenderSetting& row : renderSettings()) {
     if (!row.title.empty() && row.get(settings) != row.get({})) refuse(row.title, problem);
   }
+}
+
+void requireDifferentiable(TextureOutside outside, std::string_view backend) {
+  if (outside == TextureOutside::base) return;
+  refuse("outside " + std::string(name(outside)), "not supported by " + std::string(backend));
 }
 
 std::string texturesName(TextureMode mode) { return mode == TextureMode::none ? "off" : std::string(name(mode)); }

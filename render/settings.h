@@ -78,6 +78,7 @@ struct CropBox {
 struct RenderSettings {
   TextureMode textures = TextureMode::rgba;       // switches terms off; what counts is model mode AND this
   std::optional<IntersectionModel> intersection;  // default: the model's
+  std::optional<TextureOutside> outside;          // default: the model's
   glm::vec3 background{0.0f};
 
   OutputSet outputs = kBlendedOutputs;  // what the frame must hold; asking for the picture alone is the fastest
@@ -136,5 +137,7 @@ CropBox parseCrop(const std::string& text, const std::string& what);  // x0,y0,z
 // For what has no gradient: training and the backward pass. Throws Error(usage) naming the first output outside of
 // `outputs`, or the first setting with a title that is not its default.
 void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend);
+// The same of what a picture shows beyond its textures: only TextureOutside::base has a gradient.
+void requireDifferentiable(TextureOutside outside, std::string_view backend);
 
 }  // namespace tg

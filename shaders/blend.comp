@@ -23,6 +23,7 @@ layout(constant_id = 4) const bool kOverdraw = false;  // count what lies behind
 // Splats that a pixel keeps back to blend them in the order of their hits; 0: blend them in the order of the list.
 layout(constant_id = 5) const uint kKept = 0u;
 layout(constant_id = 6) const bool kHalfTexels = true;  // otherwise 8 bits
+layout(constant_id = 7) const uint kOutside = kOutsideBase;
 const bool kTextured = kSample != kSampleNone;
 
 layout(binding = 0) uniform usamplerBuffer pair_keys;    // [pairs / 4] tile << kBlockBits | blocks, four to a texel
@@ -122,7 +123,7 @@ void keepFragment(uint j, Fragment f) {
 struct Tap {
   bool inside;
   int cell;       // 0, which changes nothing, when not inside
-  vec2 fraction;  // of halfs: between the cell's texels, in [0, 1)
+  vec2 fraction;  // of halfs: between the cell's texels, in [0, 1], 1 on the border only
   uvec2 steps;    // of bytes: the same in steps, whole ones
 };
 
@@ -134,14 +135,20 @@ const float kTexelSteps = kHalfTexels ? 1.0 : float(kSteps);
 Tap tapAt(vec2 texel, uvec2 cells, int first_cell) {
   Tap tap = Tap(false, 0, vec2(0.0), uvec2(0u));
   ivec2 cell;
+  if (kOutside == kOutsideEdge) texel = clamp(texel, vec2(0.0), kTexelSteps * vec2(cells));
   if (kHalfTexels) {
     vec2 corner = floor(texel);
+    if (kOutside == kOutsideEdge) corner = min(corner, vec2(cells) - 1.0);
     cell = ivec2(corner);
     tap.fraction = texel - corner;
   } else {
     ivec2 steps = ivec2(texel);
     cell = steps >> kStepBits;
     tap.steps = uvec2(steps) & (kSteps - 1u);
+    if (kOutside == kOutsideEdge) {
+      cell = min(cell, ivec2(cells) - 1);
+      tap.steps = uvec2(steps - (cell << kStepBits));
+    }
   }
   tap.inside = uint(cell.x) < cells.x && uint(cell.y) < cells.y;
   if (tap.inside) tap.cell = first_cell + cell.y * int(cells.x) + cell.x;
@@ -260,6 +267,7 @@ void blendSplat(uint splat, vec2 first_center) {
         if (kSample == kSampleFootprint) value = tap.inside ? mix(value, mean, mean_share) : value;
         f.tint = value.xyz;
         f.alpha *= value.w;
+        if (kOutside == kOutsideClip && size != 0u && !tap.inside) f.alpha = 0.0;
         if (!kAll) f.base += f.tint;
       }
       f.alpha = min(kAlphaMax, f.alpha);

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
 #include <unordered_set>
 
 #include "core/file/json.h"
@@ -26,10 +28,11 @@ struct FixedValue {
   const char* key;
   const char* value;
 };
-constexpr FixedValue kFixed[] = {
-    {"filter", "bilinear"},                 // four taps
-    {"sampling", "corner"},                 // texel 0 on -extent, the last texel on +extent
-    {"outside", "base"},                    // beyond the extent: base colour, alpha factor 1
+constexpr FixedValue kFixedSampling[] = {
+    {"filter", "bilinear"},  // four taps
+    {"sampling", "corner"},  // texel 0 on -extent, the last texel on +extent
+};
+constexpr FixedValue kFixedSpace[] = {
     {"uvOrder", "axisIndex"},               // u, v: the axes other than the shortest, lower index first
     {"axes", "rdf"},                        // x right, y down, z forward
     {"colorSpace", "srgb_rec709_display"},  // of the blended numbers: as displayed
@@ -46,19 +49,30 @@ std::string roleOf(const std::string& name) {
   return "atlas";
 }
 
-void parseFixed(const JsonNode& root) {
-  for (const FixedValue& fixed : kFixed) {
+void parseFixed(const JsonNode& root, std::span<const FixedValue> values) {
+  for (const FixedValue& fixed : values) {
     const std::string found = root.string(fixed.key);
     if (found != fixed.value) {
       root.fail(std::string("\"") + fixed.key + "\": not supported (expected \"" + fixed.value + "\", found \"" +
                 found + "\")");
     }
   }
+}
+
+void parseExtent(const JsonNode& root) {
   const double extent = root.number("extent");
   if (extent != double{kTextureExtent}) {
     root.fail("\"extent\": not supported (expected " + std::to_string(kTextureExtent) + ", found " +
               std::to_string(extent) + ")");
   }
+}
+
+template <Named E>
+E parseName(const JsonNode& root, const char* key) {
+  const std::string text = root.string(key);
+  const std::optional<E> value = parse<E>(text);
+  if (!value) root.fail("\"" + std::string(key) + "\": expected " + allNames<E>() + ", found \"" + text + "\"");
+  return *value;
 }
 
 void parseVersion(const JsonNode& root) {
@@ -146,7 +160,9 @@ std::string formatManifest(const Manifest& manifest) {
   root["mode"] = name(manifest.mode);
   root["intersection"] = name(manifest.intersection);
   root["extent"] = double{kTextureExtent};
-  for (const FixedValue& fixed : kFixed) root[fixed.key] = fixed.value;
+  for (const FixedValue& fixed : kFixedSampling) root[fixed.key] = fixed.value;
+  root["outside"] = name(manifest.outside);
+  for (const FixedValue& fixed : kFixedSpace) root[fixed.key] = fixed.value;
   root["units"] = "dataset";
   root["background"] = {manifest.background.r, manifest.background.g, manifest.background.b};
   if (manifest.atlas_pages > 0) {
@@ -167,21 +183,17 @@ Manifest parseManifest(const std::string& json, const std::string& path) {
   const nlohmann::json value = parseJson(json, path);
   const JsonNode root{value, path, ""};
   parseVersion(root);
-  parseFixed(root);
+  parseFixed(root, kFixedSampling);
+  parseFixed(root, kFixedSpace);
+  parseExtent(root);
   Manifest manifest;
   const JsonNode counts{root.member("counts"), path, "counts"};
   manifest.gaussians = static_cast<std::uint64_t>(counts.integer("gaussians", 0, kMaxGaussians));
   manifest.cameras = static_cast<std::uint64_t>(counts.integer("cameras", 0, 1 << 24));
   manifest.sh_degree = static_cast<int>(root.integer("shDegree", 0, 3));
-  const std::string mode = root.string("mode"), intersection = root.string("intersection");
-  if (!parse<TextureMode>(mode)) {
-    root.fail("\"mode\": expected " + allNames<TextureMode>() + ", found \"" + mode + "\"");
-  }
-  manifest.mode = *parse<TextureMode>(mode);
-  if (!parse<IntersectionModel>(intersection)) {
-    root.fail("\"intersection\": expected " + allNames<IntersectionModel>() + ", found \"" + intersection + "\"");
-  }
-  manifest.intersection = *parse<IntersectionModel>(intersection);
+  manifest.mode = parseName<TextureMode>(root, "mode");
+  manifest.intersection = parseName<IntersectionModel>(root, "intersection");
+  if (root.has("outside")) manifest.outside = parseName<TextureOutside>(root, "outside");
   const std::array<double, 3> background = root.numbers<3>("background");
   manifest.background = {background[0], background[1], background[2]};
   for (int c = 0; c < 3; ++c) {

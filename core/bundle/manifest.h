@@ -42,6 +42,7 @@ struct Manifest {
   int sh_degree = 0;
   TextureMode mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureOutside outside = TextureOutside::base;
   glm::vec3 background{0.0f};
   int atlas_pages = 0;
   int atlas_width = 0;  // 0 when there are no pages

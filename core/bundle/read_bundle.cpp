@@ -122,6 +122,7 @@ class BundleReader {
     finishAtlas();
     bundle_.model.texture_mode = manifest_.mode;
     bundle_.model.intersection = manifest_.intersection;
+    bundle_.model.outside = manifest_.outside;
     bundle_.background = manifest_.background;
     checkModel(bundle_.model, path_);
     return std::move(bundle_);

@@ -95,6 +95,7 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
   manifest.sh_degree = bundle.model.sh_degree;
   manifest.mode = bundle.model.texture_mode;
   manifest.intersection = bundle.model.intersection;
+  manifest.outside = bundle.model.outside;
   manifest.background = bundle.background;
 
   std::vector<Entry> entries = {{kManifestName, {}, nullptr}};

@@ -20,6 +20,9 @@ static_assert(static_cast<unsigned>(TextureMode::rgb) == kModeRgb);
 static_assert(static_cast<unsigned>(TextureMode::rgba) == kModeRgba);
 static_assert(static_cast<unsigned>(IntersectionModel::plane) == kIntersectPlane);
 static_assert(static_cast<unsigned>(IntersectionModel::maxResponse) == kIntersectMaxResponse);
+static_assert(static_cast<unsigned>(TextureOutside::base) == kOutsideBase);
+static_assert(static_cast<unsigned>(TextureOutside::clip) == kOutsideClip);
+static_assert(static_cast<unsigned>(TextureOutside::edge) == kOutsideEdge);
 
 bool isFinite(float v) { return std::isfinite(v); }
 bool isFinite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }

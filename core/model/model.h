@@ -18,6 +18,10 @@ constexpr auto namesOf(TextureMode) { return enumNames("none", "alpha", "rgb", "
 // Where a ray meets a Gaussian (docs/math.md 2). Values equal kIntersect*.
 enum class IntersectionModel : unsigned { plane = 0, maxResponse = 1 };
 constexpr auto namesOf(IntersectionModel) { return enumNames("plane", "maxResponse"); }
+// What is drawn of a Gaussian with a texture beyond +-3 sigma: its base alone, nothing, or the texels of the border
+// (docs/math.md 3). Values equal kOutside*.
+enum class TextureOutside : unsigned { base = 0, clip = 1, edge = 2 };
+constexpr auto namesOf(TextureOutside) { return enumNames("base", "clip", "edge"); }
 
 constexpr std::size_t shCountOf(int degree) { return static_cast<std::size_t>((degree + 1) * (degree + 1)); }
 
@@ -26,6 +30,7 @@ struct GaussianModel : GaussianFields<Values> {
   int sh_degree = 0;  // 0..3
   TextureMode texture_mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureOutside outside = TextureOutside::base;
   TextureAtlas atlas;  // atlas.rects empty or [N]
 
   std::size_t size() const { return mean.size(); }

@@ -33,6 +33,7 @@ GaussianModel emptyLike(const GaussianModel& model) {
   GaussianModel empty;
   empty.sh_degree = model.sh_degree;
   empty.intersection = model.intersection;
+  empty.outside = model.outside;
   return empty;
 }
 

@@ -18,6 +18,7 @@ struct View : Pinhole {
   bool texture_rgb = false;
   bool texture_alpha = false;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureOutside outside = TextureOutside::base;
   // docs/math.md 1.4 and 3.1
   SplatOrder order = SplatOrder::global;
   bool antialias = false;

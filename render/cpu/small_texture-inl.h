@@ -59,15 +59,18 @@ HWY_INLINE void fillSmall(const Texture& texture, int width, int height, bool wi
 struct SmallPoint {
   V u, v;
 };
+// kEdge: TextureOutside::edge.
+template <bool kEdge>
 HWY_INLINE SmallPoint locateSmall(const Texture& texture, const LocalRay& ray, V inverse_d2) {
-  const V u = hn::Mul(hn::MulSub(ray.d_b, ray.w_c, hn::Mul(ray.d_c, ray.w_b)), inverse_d2);
-  const V v = hn::Mul(hn::MulSub(ray.d_c, ray.w_a, hn::Mul(ray.d_a, ray.w_c)), inverse_d2);
-  const V extent = set(kTextureExtent);
-  const M inside = hn::And(hn::Le(hn::Abs(u), extent), hn::Le(hn::Abs(v), extent));
+  const LocalPoint point = localPoint(ray, inverse_d2);
   const float per_u = texture.texels_per_sigma_u, per_v = texture.texels_per_sigma_v;
-  return {hn::IfThenElse(inside, hn::MulAdd(u, set(per_u), set(kTextureExtent * per_u)), set(-1.0f)),
-          hn::IfThenElseZero(inside, hn::MulAdd(v, set(per_v), set(kTextureExtent * per_v)))};
+  const V u = hn::MulAdd(point.u, set(per_u), set(kTextureExtent * per_u));
+  const V v = hn::MulAdd(point.v, set(per_v), set(kTextureExtent * per_v));
+  if constexpr (kEdge) return {onBorder(u, texture.last_u), onBorder(v, texture.last_v)};
+  const M inside = insideTexture(point);
+  return {hn::IfThenElse(inside, u, set(-1.0f)), hn::IfThenElseZero(inside, v)};
 }
+HWY_INLINE M isInside(const SmallPoint& point) { return hn::Ge(point.u, set(-0.5f)); }
 
 // Taps of even and odd rows, in even and odd columns: where they are in a register, and their weights, all 0 where the
 // texture does not apply.
@@ -84,7 +87,7 @@ HWY_INLINE SmallTaps smallTaps(const SmallPoint& point) {
                         HWY_ATTR { return hn::IfThenElseZero(hn::RebindMask(di, mask), hn::Set(di, value)); };
   const VI columns[2] = {bits(u_even, 2), hn::Or(bits(u_odd, 2), hn::Set(di, 1))};
   const VI rows[2] = {bits(v_even, 4), bits(v_odd, 4)};
-  const M inside = hn::Ge(point.u, set(-0.5f));
+  const M inside = isInside(point);
   const V from_u = hn::Abs(hn::Sub(point.u, hn::Add(one, hn::IfThenElseZero(u_odd, two))));
   const V from_v = hn::Abs(hn::Sub(point.v, hn::Add(one, hn::IfThenElseZero(v_odd, two))));
   const V weight_u[2] = {from_u, hn::Sub(one, from_u)};

@@ -112,14 +112,37 @@ HWY_INLINE void fillRays(const S& s, const Hit& hit, int tile_x, int tile_y, Row
   }
 }
 
-HWY_INLINE TexturePoint locate(const Texture& texture, const LocalRay& ray, V inverse_d2, M candidates) {
-  TexturePoint at;
-  at.u = hn::Mul(hn::MulSub(ray.d_b, ray.w_c, hn::Mul(ray.d_c, ray.w_b)), inverse_d2);
-  at.v = hn::Mul(hn::MulSub(ray.d_c, ray.w_a, hn::Mul(ray.d_a, ray.w_c)), inverse_d2);
+// [sigma]
+struct LocalPoint {
+  V u, v;
+};
+HWY_INLINE LocalPoint localPoint(const LocalRay& ray, V inverse_d2) {
+  return {hn::Mul(hn::MulSub(ray.d_b, ray.w_c, hn::Mul(ray.d_c, ray.w_b)), inverse_d2),
+          hn::Mul(hn::MulSub(ray.d_c, ray.w_a, hn::Mul(ray.d_a, ray.w_c)), inverse_d2)};
+}
+// The square that a texture covers.
+HWY_INLINE M insideTexture(const LocalPoint& at) {
   const V extent = set(kTextureExtent);
-  at.inside = hn::And(candidates, hn::And(hn::Le(hn::Abs(at.u), extent), hn::Le(hn::Abs(at.v), extent)));
-  const V texel_u = hn::Mul(hn::Add(at.u, extent), set(texture.texels_per_sigma_u));
-  const V texel_v = hn::Mul(hn::Add(at.v, extent), set(texture.texels_per_sigma_v));
+  return hn::And(hn::Le(hn::Abs(at.u), extent), hn::Le(hn::Abs(at.v), extent));
+}
+// TextureOutside::edge: texel coordinates of the border's nearest point. last_cell: Texture::last_u or last_v.
+HWY_INLINE V onBorder(V texel, float last_cell) { return hn::Max(hn::Zero(df), hn::Min(texel, set(last_cell + 1.0f))); }
+
+// kEdge: TextureOutside::edge, where the texture applies to all candidates.
+template <bool kEdge = false>
+HWY_INLINE TexturePoint locate(const Texture& texture, const LocalRay& ray, V inverse_d2, M candidates) {
+  const LocalPoint point = localPoint(ray, inverse_d2);
+  TexturePoint at;
+  at.u = point.u;
+  at.v = point.v;
+  at.inside = kEdge ? candidates : hn::And(candidates, insideTexture(point));
+  const V extent = set(kTextureExtent);
+  V texel_u = hn::Mul(hn::Add(at.u, extent), set(texture.texels_per_sigma_u));
+  V texel_v = hn::Mul(hn::Add(at.v, extent), set(texture.texels_per_sigma_v));
+  if constexpr (kEdge) {
+    texel_u = onBorder(texel_u, texture.last_u);
+    texel_v = onBorder(texel_v, texture.last_v);
+  }
   const V cell_u = hn::Min(hn::Floor(texel_u), set(texture.last_u));
   const V cell_v = hn::Min(hn::Floor(texel_v), set(texture.last_v));
   at.fraction_u = hn::Sub(texel_u, cell_u);

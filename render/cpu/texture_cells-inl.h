@@ -39,7 +39,7 @@ struct CellSamples {
   std::uint32_t touched;  // a bit for each cell that some lane is in
 };
 
-template <bool kKeepPoint>
+template <bool kKeepPoint, bool kEdge = false>
 HWY_INLINE void locateCells(const Texture& texture, const TileRays& rays, const Samples& samples, CellSamples& out) {
   const V extent = set(kTextureExtent);
   const V per_u = set(texture.texels_per_sigma_u), per_v = set(texture.texels_per_sigma_v);
@@ -54,20 +54,22 @@ HWY_INLINE void locateCells(const Texture& texture, const TileRays& rays, const 
     const M shows = hn::Gt(hn::Load(df, sample.value), hn::Zero(df));
     // Lanes that do not show are at the centre: 1 / |D|^2 may be infinite there.
     const V inverse_d2 = hn::IfThenElseZero(shows, hn::Load(df, sample.inverse_d2));
-    const V u = hn::Mul(hn::MulSub(ray.d_b, ray.w_c, hn::Mul(ray.d_c, ray.w_b)), inverse_d2);
-    const V v = hn::Mul(hn::MulSub(ray.d_c, ray.w_a, hn::Mul(ray.d_a, ray.w_c)), inverse_d2);
-    const M inside = hn::And(hn::Le(hn::Abs(u), extent), hn::Le(hn::Abs(v), extent));
-    const V texel_u = hn::MulAdd(u, per_u, first_u), texel_v = hn::MulAdd(v, per_v, first_v);
+    const LocalPoint point = localPoint(ray, inverse_d2);
+    V texel_u = hn::MulAdd(point.u, per_u, first_u), texel_v = hn::MulAdd(point.v, per_v, first_v);
+    if constexpr (kEdge) {
+      texel_u = onBorder(texel_u, texture.last_u);
+      texel_v = onBorder(texel_v, texture.last_v);
+    }
     const V cell_u = hn::Min(hn::Floor(texel_u), set(texture.last_u));
     const V cell_v = hn::Min(hn::Floor(texel_v), set(texture.last_v));
     const V number = hn::MulAdd(cell_v, set(kCellStride), hn::Add(cell_u, magic));
-    const VI cell = hn::BitCast(di, hn::IfThenElse(inside, number, no_cell));
+    const VI cell = hn::BitCast(di, kEdge ? number : hn::IfThenElse(insideTexture(point), number, no_cell));
     hn::Store(hn::Sub(texel_u, cell_u), df, to.fraction_u);
     hn::Store(hn::Sub(texel_v, cell_v), df, to.fraction_v);
     hn::Store(hn::BitCast(du, cell), du, to.cell);
     if constexpr (kKeepPoint) {
-      hn::Store(hn::Mul(u, per_u), df, to.u);
-      hn::Store(hn::Mul(v, per_v), df, to.v);
+      hn::Store(hn::Mul(point.u, per_u), df, to.u);
+      hn::Store(hn::Mul(point.v, per_v), df, to.v);
     }
     out.lanes[i] = static_cast<std::uint16_t>(bitsOf(shows));
   }

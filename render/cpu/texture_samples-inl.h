@@ -36,12 +36,13 @@ struct TextureSamples {
 };
 
 // applyTexture() for a small texture, unfiltered.
+template <bool kEdge>
 HWY_INLINE void applySmall(const Splat& s, const Texels& texels, const View& view, int tile_x, int tile_y,
                            Samples& samples, TextureSamples& colors) {
   const Texture texture = makeTexture(s, texels.texels);
   TileRays rays;
   fillRays(s, s, tile_x, tile_y, rowRange(s, tile_y), rays);
-  locateCells<false>(texture, rays, samples, colors.cells);
+  locateCells<false, kEdge>(texture, rays, samples, colors.cells);
   CellCoefficients& coefficients = colors.coefficients;
   fillCells(texture, colors.cells.touched, view.texture_rgb, view.texture_alpha, coefficients);
   const auto put = [&](int i, const V* look) HWY_ATTR {
@@ -71,21 +72,22 @@ HWY_INLINE void applySmall(const Splat& s, const Texels& texels, const View& vie
   }
 }
 
-// Fills `colors`, multiplies the values of `samples` by the alpha factor and drops what falls below the cut.
-HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
-                             int tile_y, Samples& samples, TextureSamples& colors) {
+// applyTexture() of TextureOutside::edge, or of base.
+template <bool kEdge>
+HWY_INLINE void sampleTexture(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
+                              int tile_y, Samples& samples, TextureSamples& colors) {
   const Texture texture = makeTexture(s, texels.texels);
   const TextureMean mean = textureMean(s, texels, view);
   if (isSmall(s) && !(mean.share > 0.0f)) {
-    applySmall(s, texels, view, tile_x, tile_y, samples, colors);
+    applySmall<kEdge>(s, texels, view, tile_x, tile_y, samples, colors);
     return;
   }
   for (int i = 0; i < samples.count; ++i) {
     Sample& sample = samples.at[i];
     const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
     const V value = hn::Load(df, sample.value);
-    const TexturePoint at = locate(texture, localRay(s, rows.y[samples.row(i)], x), hn::Load(df, sample.inverse_d2),
-                                   hn::Gt(value, hn::Zero(df)));
+    const TexturePoint at = locate<kEdge>(texture, localRay(s, rows.y[samples.row(i)], x),
+                                          hn::Load(df, sample.inverse_d2), hn::Gt(value, hn::Zero(df)));
     V color[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
     V alpha = hn::Zero(df);
     if (mean.share < 1.0f) {
@@ -110,6 +112,35 @@ HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& v
     }
     for (int ch = 0; ch < 3; ++ch) hn::Store(color[ch], df, colors.color[i][ch]);
     if (view.texture_alpha) hn::Store(cutAlpha(hn::Mul(value, alphaFactor(at.inside, alpha))), df, sample.value);
+  }
+}
+
+// applyTexture() of what is not the usual treatment. Out of line: callers stay as short as without it.
+template <TextureOutside kOutside>
+HWY_NOINLINE void applyTextureAs(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
+                                 int tile_y, Samples& samples, TextureSamples& colors) {
+  sampleTexture<kOutside == TextureOutside::edge>(s, texels, view, rows, tile_x, tile_y, samples, colors);
+  if constexpr (kOutside == TextureOutside::clip) {
+    for (int i = 0; i < samples.count; ++i) {
+      Sample& sample = samples.at[i];
+      const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
+      const LocalRay ray = localRay(s, rows.y[samples.row(i)], x);
+      const M inside = insideTexture(localPoint(ray, hn::Load(df, sample.inverse_d2)));
+      hn::Store(hn::IfThenElseZero(inside, hn::Load(df, sample.value)), df, sample.value);
+    }
+  }
+}
+
+// Fills `colors`, multiplies the values of `samples` by the alpha factor and drops what falls below the cut.
+HWY_INLINE void applyTexture(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
+                             int tile_y, Samples& samples, TextureSamples& colors) {
+  switch (view.outside) {
+    case TextureOutside::base:
+      return sampleTexture<false>(s, texels, view, rows, tile_x, tile_y, samples, colors);
+    case TextureOutside::clip:
+      return applyTextureAs<TextureOutside::clip>(s, texels, view, rows, tile_x, tile_y, samples, colors);
+    case TextureOutside::edge:
+      return applyTextureAs<TextureOutside::edge>(s, texels, view, rows, tile_x, tile_y, samples, colors);
   }
 }
 

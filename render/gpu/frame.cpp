@@ -110,7 +110,7 @@ void addBlend(PassList& list, const FrameInputs& in, int by_tile) {
               in.image.extras},
              uniforms, tiles,
              {{variant.all, threads, side, variant.sample, variant.overdraw, kept,
-               in.model.precision == ModelPrecision::exact}});
+               in.model.precision == ModelPrecision::exact, variant.outside}});
   }
 }
 

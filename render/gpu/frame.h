@@ -54,8 +54,9 @@ struct FrameVariant {
   bool all = true;        // all that blending yields; otherwise final and alpha
   bool overdraw = false;  // of these, too
   std::uint32_t sample = kSampleNone;
-  bool per_pixel = false;       // SplatOrder::perPixel
-  std::optional<Output> shown;  // write the picture; none: outputs are left in the image's buffers
+  std::uint32_t outside = kOutsideBase;  // of what is sampled
+  bool per_pixel = false;                // SplatOrder::perPixel
+  std::optional<Output> shown;           // write the picture; none: outputs are left in the image's buffers
   bool operator==(const FrameVariant&) const = default;
 };
 // The least that yields `outputs` or, alone, `shown`.

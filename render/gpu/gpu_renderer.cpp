@@ -230,6 +230,7 @@ void GpuRenderer::fitImage(const Camera& camera) {
 FrameVariant GpuRenderer::variantOf(const RenderSettings& settings, FrameVariant variant) const {
   if (model_->textured && textureModeOf(*model_, settings) != kModeNone) {
     variant.sample = settings.texture_filter == TextureFilter::footprint ? kSampleFootprint : kSampleBilinear;
+    variant.outside = static_cast<std::uint32_t>(settings.outside.value_or(model_->outside));
   }
   variant.per_pixel = settings.order == SplatOrder::perPixel;
   return variant;

@@ -152,6 +152,7 @@ ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model, ModelPre
   buffers.sh_degree = static_cast<std::uint32_t>(model.sh_degree);
   buffers.texture_mode = model.texture_mode;
   buffers.intersection = model.intersection;
+  buffers.outside = model.outside;
   buffers.textured = cells > 1;
   buffers.precision = precision;
   buffers.mean_logit = uploadArray<glm::vec4>(

@@ -17,6 +17,7 @@ struct ModelBuffers {
   std::uint32_t sh_degree = 0;
   TextureMode texture_mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureOutside outside = TextureOutside::base;
   bool textured = false;   // some Gaussian has texels
   BufferPtr mean_logit;    // [N] vec4: mean, opacity logit
   BufferPtr rotation;      // [N] vec4: w, x, y, z

@@ -169,6 +169,7 @@ ReferenceGradient backwardReference(const ReferenceModel& model, const Camera& c
   TG_ASSERT(model.rects.empty() || model.rects.size() == model.size(), "a rectangle a Gaussian, or none");
   requireBlendingDefaults(settings, settings.outputs, "the backward pass");
   const Scene scene = reference::makeScene(model, camera, settings, options);
+  requireDifferentiable(scene.outside, "the backward pass");
 
   // Bands of rows, their number fixed: every sum is taken in one order whatever the number of threads.
   constexpr int kBands = 16;

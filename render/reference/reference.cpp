@@ -14,6 +14,7 @@ ReferenceModel::ReferenceModel(const GaussianModel& model)
     : sh_degree(model.sh_degree),
       texture_mode(model.texture_mode),
       intersection(model.intersection),
+      outside(model.outside),
       rects(model.atlas.rects) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   forEachParameter([](const Field&, auto& to, const auto& from) { to.assign(from.begin(), from.end()); }, *this, model);

@@ -14,6 +14,7 @@ struct ReferenceModel : ModelFields<DoubleValues> {
   int sh_degree = 0;
   TextureMode texture_mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureOutside outside = TextureOutside::base;
   std::vector<TextureRect> rects;  // empty or [N]
 
   ReferenceModel() = default;
@@ -26,7 +27,7 @@ struct ReferenceModel : ModelFields<DoubleValues> {
 struct ReferenceHit {
   std::uint32_t gaussian = 0;
   double t = 0, u = 0, v = 0, value = 0;     // camera z, sigma, sigma, G in (0, 1]
-  double texel_u = 0, texel_v = 0;           // texel coordinates (ut, vt); 0 outside the texture
+  double texel_u = 0, texel_v = 0;           // texel coordinates (ut, vt); 0 where no texel is sampled
   double texture_alpha = 1;                  // a_tex
   glm::dvec3 base{0.0}, texture{0.0};
   double texel_density = 0;                  // [texels / px] of the splat, at its mean

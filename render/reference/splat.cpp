@@ -130,6 +130,7 @@ Scene makeScene(const ReferenceModel& model, const Camera& camera, const RenderS
   scene.texture_alpha = (mode & static_cast<unsigned>(TextureMode::alpha)) != 0;
   scene.texture_rgb = (mode & static_cast<unsigned>(TextureMode::rgb)) != 0;
   scene.intersection = settings.intersection.value_or(model.intersection);
+  scene.outside = settings.outside.value_or(model.outside);
   scene.order = settings.order;
   scene.near = settings.near;
   scene.cutoffs = options.cutoffs;

@@ -59,6 +59,7 @@ struct Scene {
   bool texture_rgb = false;
   bool texture_alpha = false;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureOutside outside = TextureOutside::base;
   SplatOrder order = SplatOrder::global;
   double near = 0;  // [world units]
   bool cutoffs = true;
@@ -99,8 +100,8 @@ struct TextureSample {
 // Nothing when the splat has no texture or (u, v) lies outside it.
 std::optional<TextureSample> sampleTexture(const ReferenceModel& model, const TextureRect& rect, double u, double v);
 
-// What a ray meets of one splat (docs/math.md 5a), transmittance left at 1. Nothing when it misses, or when its alpha
-// is cut.
+// What a ray meets of one splat (docs/math.md 5a), transmittance left at 1. Nothing when it misses, when its alpha is
+// cut, or beyond the texture where TextureOutside::clip says so.
 inline std::optional<ReferenceHit> hitSplat(const Scene& scene, const Splat& splat, glm::dvec3 direction) {
   const auto point = intersect(splat, direction, scene.intersection, scene.near);
   if (!point) return std::nullopt;
@@ -112,7 +113,13 @@ inline std::optional<ReferenceHit> hitSplat(const Scene& scene, const Splat& spl
   hit.value = std::exp(-0.5 * glm::dot(point->p, point->p));
   hit.base = splat.base;
   hit.texel_density = splat.texel_density;
-  if (const auto sample = sampleTexture(scene.model, splat.rect, hit.u, hit.v)) {
+  glm::dvec2 at(hit.u, hit.v);
+  const bool beyond = std::max(std::abs(at.x), std::abs(at.y)) > kTextureExtent;
+  if (beyond && splat.rect.texelCount() > 0) {
+    if (scene.outside == TextureOutside::clip) return std::nullopt;
+    if (scene.outside == TextureOutside::edge) at = glm::clamp(at, -kTextureExtent, kTextureExtent);
+  }
+  if (const auto sample = sampleTexture(scene.model, splat.rect, at.x, at.y)) {
     hit.texel_u = sample->texel_u;
     hit.texel_v = sample->texel_v;
     const glm::dvec4 value = glm::mix(sample->value, splat.texture_mean, splat.footprint);

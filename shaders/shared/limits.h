@@ -27,6 +27,11 @@ const uint kModeRgba = 3u;                    // = kModeAlpha | kModeRgb: the mo
 const uint kIntersectPlane = 0u;
 const uint kIntersectMaxResponse = 1u;
 
+// What is drawn of a textured Gaussian beyond its texture, likewise: the base alone, nothing, or the border's texels.
+const uint kOutsideBase = 0u;
+const uint kOutsideClip = 1u;
+const uint kOutsideEdge = 2u;
+
 // What of a Gaussian the Vulkan passes put on the screen.
 const uint kShapeSplats = 0u;
 const uint kShapeEllipsoids = 1u;

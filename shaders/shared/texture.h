@@ -27,9 +27,18 @@ TG_FN TextureTap textureTap(float u, uint size) {
   return tap;
 }
 
-// The closed square in which a texture applies; outside it colour is the base and the alpha factor is 1.
+// The closed square that a texture covers.
 TG_FN bool insideTexture(vec2 uv) {
   return uv.x >= -kTextureExtent && uv.x <= kTextureExtent && uv.y >= -kTextureExtent && uv.y <= kTextureExtent;
+}
+
+// Whether a hit at `uv` samples the texture, and where: `outside` (kOutside*) may move it onto the border. Where it
+// does not, kOutsideBase leaves the base alone and kOutsideClip nothing (docs/math.md 3).
+TG_FN bool samplesTexture(uint outside, TG_INOUT(vec2) uv) {
+  if (outside == kOutsideEdge) {
+    uv = vec2(clamp(uv.x, -kTextureExtent, kTextureExtent), clamp(uv.y, -kTextureExtent, kTextureExtent));
+  }
+  return insideTexture(uv);
 }
 
 TG_NAMESPACE_END

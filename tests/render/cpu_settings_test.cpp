@@ -137,6 +137,79 @@ TEST_CASE("screen antialiasing and the footprint filter equal the reference's") 
   }
 }
 
+// Most of what lies beyond +-3 sigma is faint: what it hides shows in the number of blended splats.
+TEST_CASE("beyond textures every treatment equals the reference's, and another one does not") {
+  for (const SceneKind kind :
+       {SceneKind::edgeOn, SceneKind::flat, SceneKind::oddTextures, SceneKind::mixed, SceneKind::nearPlane}) {
+    const TestScene scene = makeScene(kind, 16);
+    for (const auto intersection : kModels) {
+      for (const auto outside : valuesOf<TextureOutside>()) {
+        INFO(name(outside));
+        RenderSettings settings = everything(intersection);
+        settings.outside = outside;
+        checkAgainstReference(kind, scene, settings);
+        settings.order = SplatOrder::perPixel;
+        checkAgainstReference(kind, scene, settings);
+        settings = pictureAlone(intersection);
+        settings.outside = outside;
+        for (const auto textures : {TextureMode::alpha, TextureMode::rgb, TextureMode::rgba}) {
+          settings.textures = textures;
+          checkPicture(kind, scene, settings);
+        }
+        settings.texture_filter = TextureFilter::footprint;
+        checkPicture(kind, scene, settings);
+        settings.outputs = kEverything;
+        checkAgainstReference(kind, scene, settings);
+      }
+    }
+    RenderSettings settings = everything(IntersectionModel::maxResponse);
+    const Frame base = renderCpu(scene.model, scene.camera, settings);
+    for (const auto outside : {TextureOutside::clip, TextureOutside::edge}) {
+      INFO(name(kind) << ", " << name(outside));
+      settings.outside = outside;
+      const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, settings);
+      CHECK(violations(compareFrames(base, reference, tolerance(kind, *settings.intersection)),
+                       tolerance(kind, *settings.intersection)) != "");
+    }
+  }
+}
+
+TEST_CASE("the treatment beyond textures is the model's own unless a setting says otherwise") {
+  TestScene scene = makeScene(SceneKind::flat, 17);
+  RenderSettings settings = everything(IntersectionModel::maxResponse);
+  settings.outside = TextureOutside::clip;
+  const Frame clipped = renderCpu(scene.model, scene.camera, settings);
+  settings.outside.reset();
+  const Frame base = renderCpu(scene.model, scene.camera, settings);
+  CHECK(base.count != clipped.count);
+  scene.model.outside = TextureOutside::clip;
+  CHECK(renderCpu(scene.model, scene.camera, settings).base == clipped.base);
+  settings.outside = TextureOutside::base;
+  CHECK(renderCpu(scene.model, scene.camera, settings).base == base.base);
+  settings.outside.reset();
+  settings.textures = TextureMode::none;
+  const Frame untextured = renderCpu(scene.model, scene.camera, settings);
+  scene.model.outside = TextureOutside::base;
+  CHECK(renderCpu(scene.model, scene.camera, settings).count == untextured.count);
+}
+
+TEST_CASE("every SIMD target treats what lies beyond textures as the reference does") {
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    INFO(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    for (const auto outside : {TextureOutside::clip, TextureOutside::edge}) {
+      for (const SceneKind kind : {SceneKind::oddTextures, SceneKind::nearPlane}) {
+        RenderSettings settings = pictureAlone(IntersectionModel::plane);
+        settings.outside = outside;
+        checkPicture(kind, makeScene(kind, 18), settings);
+        settings.outputs = kEverything;
+        checkAgainstReference(kind, makeScene(kind, 18), settings);
+      }
+    }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
 TEST_CASE("a picture alone equals the reference's on every kind of scene, in both models") {
   for (const SceneKind kind : kSceneKinds) {
     for (const auto intersection : kModels) {

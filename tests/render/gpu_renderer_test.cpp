@@ -140,6 +140,7 @@ TEST_CASE("a model that compact storage holds agrees with the reference from it,
   RenderSettings settings;
   settings.textures = GENERATE(TextureMode::alpha, TextureMode::rgb, TextureMode::rgba);
   settings.texture_filter = GENERATE(TextureFilter::bilinear, TextureFilter::footprint);
+  settings.outside = GENERATE(TextureOutside::base, TextureOutside::clip, TextureOutside::edge);
   Tolerance limits = allowed(kind, scene.model.intersection);
   // At the border of a texture, half a step of 1 / 256 texel off: e^-4.5 of a splat comes or goes.
   limits.loose = 1.2e-2;

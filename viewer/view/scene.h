@@ -22,6 +22,7 @@ struct Scene {
   int sh_degree = 0;
   TextureMode texture_mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  TextureOutside outside = TextureOutside::base;
   glm::vec3 background{0.0f};
   std::vector<std::string> warnings;
   glm::dvec3 up{0, -1, 0};

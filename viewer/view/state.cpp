@@ -51,6 +51,7 @@ RenderSettings effectiveSettings(const ViewerState& state) {
 
 RenderSettings shownSettings(const ViewerState& state, RenderSettings settings) {
   if (!settings.intersection) settings.intersection = state.scene.intersection;
+  if (!settings.outside) settings.outside = state.scene.outside;
   return settings;
 }
 

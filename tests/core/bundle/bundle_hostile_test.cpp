@@ -355,7 +355,6 @@ TEST_CASE("a manifest that asks for what this program cannot show is refused by 
   refused("extent", 2.5);
   refused("filter", "nearest");
   refused("sampling", "center");
-  refused("outside", "skip");
   refused("uvOrder", "other");
   refused("axes", "luf");
   refused("colorSpace", "lin_rec709_display");
@@ -369,6 +368,9 @@ TEST_CASE("a manifest that asks for what this program cannot show is refused by 
   refused("counts", 3);
   refused("atlas", nlohmann::json::object());
   refused("files", 3);
+  REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["outside"] = "skip"; }),
+                      Contains("manifest.json: \"outside\": expected base, clip or edge, found \"skip\""));
+  REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["outside"] = 1; }), Contains("\"outside\""));
   REQUIRE_NOTHROW(readWithManifest([](nlohmann::json& m) { m["formatVersion"] = "1.7", m["news"] = true; }));
 }
 

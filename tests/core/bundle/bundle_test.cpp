@@ -2,8 +2,10 @@
 // model.tgz: what goes in comes out, the same bytes every time, and the entries are what other tools expect.
 
 #include "core/bundle/bundle.h"
+#include "core/bundle/manifest.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "core/tar_file.h"
@@ -57,6 +59,27 @@ TEST_CASE("a bundle comes back as it went in") {
     REQUIRE(back.cameras[i].rotation == bundle.cameras[i].rotation);
     REQUIRE(back.cameras[i].translation == bundle.cameras[i].translation);
   }
+}
+
+TEST_CASE("what lies beyond textures comes back from a bundle, and is the base where it does not say") {
+  const tg::TemporaryFolder folder;
+  tg::Bundle bundle = tinyBundle();
+  for (const auto outside : tg::valuesOf<tg::TextureOutside>()) {
+    bundle.model.outside = outside;
+    tg::writeBundle(folder / "a.tgz", bundle);
+    REQUIRE(tg::readBundle(folder / "a.tgz").model.outside == outside);
+    REQUIRE(tg::withoutTextures(bundle.model).outside == outside);
+  }
+  tg::Manifest manifest;
+  manifest.outside = tg::TextureOutside::edge;
+  manifest.files.push_back({tg::kGaussiansName, 1, std::string(64, '0')});
+  std::string json = tg::formatManifest(manifest);
+  REQUIRE(tg::parseManifest(json, "m").outside == tg::TextureOutside::edge);
+  const std::string key = "\"outside\": \"edge\",";
+  const std::size_t at = json.find(key);
+  REQUIRE(at != std::string::npos);
+  json.erase(at, key.size());
+  REQUIRE(tg::parseManifest(json, "m").outside == tg::TextureOutside::base);
 }
 
 TEST_CASE("reading and writing again gives the same bytes, for any thread count") {

@@ -129,6 +129,16 @@ TEST_CASE("texture terms, intersection, background, camera and size change the p
       psnr8Bit(render({"--intersection", "plane"}), expected(1, TextureMode::rgba, IntersectionModel::plane, white))));
   CHECK(std::isinf(psnr8Bit(render({"--camera", "2", "--background", "0.25,0.5,0.75"}),
                             expected(2, TextureMode::rgba, {}, {0.25f, 0.5f, 0.75f}))));
+  CHECK(std::isinf(psnr8Bit(render({"--outside", "base"}), render({}))));
+  for (const TextureOutside outside : {TextureOutside::clip, TextureOutside::edge}) {
+    RenderSettings settings;
+    settings.outside = outside;
+    settings.background = white;
+    settings.outputs = {Output::final};
+    const Image picture = render({"--outside", std::string(name(outside))});
+    CHECK(std::isinf(psnr8Bit(picture, visualize(cpuFrame(bundle, 1, settings), Output::final))));
+    CHECK_FALSE(std::isinf(psnr8Bit(picture, render({}))));
+  }
   const std::string cameras = formatCameras({bundle.cameras[2]});
   shop.write("camera.json", cameras);
   CHECK(std::isinf(psnr8Bit(render({"--camera", "camera.json"}), render({"--camera", "2"}))));
@@ -265,6 +275,7 @@ TEST_CASE("every wrong use is one line and its exit code, and leaves no file") {
       {with({"--show", "colour"}), 1},
       {with({"--textures", "on"}), 1},
       {with({"--intersection", "mesh"}), 1},
+      {with({"--outside", "skip"}), 1},
       {with({"--size", "0x7"}), 1},
       {with({"--background", "red"}), 1},
       {with({"--camera", "3"}), 1},

@@ -92,6 +92,15 @@ TEST_CASE("I starts from the model's own intersection") {
   CHECK(state.display.settings.intersection == IntersectionModel::plane);
 }
 
+TEST_CASE("what lies beyond textures is shown as the model has it until a button says otherwise") {
+  ViewerState state = stateWithCameras(1);
+  state.scene.outside = TextureOutside::clip;
+  CHECK(shownSettings(state, effectiveSettings(state)).outside == TextureOutside::clip);
+  CHECK_FALSE(effectiveSettings(state).outside);
+  state.display.settings.outside = TextureOutside::edge;
+  CHECK(shownSettings(state, effectiveSettings(state)).outside == TextureOutside::edge);
+}
+
 TEST_CASE("Space goes round the cameras in both directions") {
   ViewerState state = stateWithCameras(3);
   press(state, ' ');
