@@ -40,6 +40,7 @@ struct Options {
   std::string lpips_range = "symmetric";
   std::string split = "test";
   std::string device = "cpu";
+  tg::RenderSettings render;
   double pixels_per_degree = tg::kFlipPixelsPerDegree;
   int threads = 0;
   bool effective_rank = false;
@@ -99,7 +100,8 @@ std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset&
 // A model's pictures, drawn by the renderer that --device names. The model goes to it once.
 class Pictures {
  public:
-  Pictures(const std::string& device, const tg::GaussianModel& model, const glm::vec3& background) {
+  Pictures(const std::string& device, const tg::GaussianModel& model, const tg::RenderSettings& settings)
+      : settings_(settings) {
     std::string ignored;
     cuda_ = tg::openCuda(device, ignored);
     if (cuda_) {
@@ -108,7 +110,6 @@ class Pictures {
       cpu_ = tg::makeCpuRenderer();
       cpu_->setModel(model);
     }
-    settings_.background = background;
     settings_.outputs = {tg::Output::final};
   }
   std::string device() const { return cuda_ ? cuda_->deviceName() : cpu_->deviceName(); }
@@ -133,13 +134,16 @@ tg::EvalReport::Views score(const Options& options, const Scene& scene, const st
   views.dataset = dataset.name;
   views.split = options.split;
   views.background = dataset.background;
+  views.outside = options.render.outside;
   views.asked = dataset.views.size();
   views.options.flip = true;
   views.options.pixels_per_degree = options.pixels_per_degree;
   views.options.lpips = lpips ? &*lpips : nullptr;
   views.options.lpips_range = options.lpips_range == "unit" ? tg::LpipsRange::unit : tg::LpipsRange::symmetric;
 
-  Pictures renderer(options.device, scene.model, dataset.background);
+  tg::RenderSettings settings = options.render;
+  settings.background = dataset.background;
+  Pictures renderer(options.device, scene.model, settings);
   views.device = renderer.device();
   tg::handleStopSignals(requestStop);
   tg::ProgressLine progress;
@@ -220,12 +224,15 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_flag("--effective-rank", options.effective_rank,
                  "Histogram of the shapes of the Gaussians, needle to disc to ball; needs no data set");
+    std::string outside;
+    app.add_option("--outside", outside, tg::renderSetting("outside").help);
     tg::addDatasetFlags(app, options.data);
     tg::addDeviceFlag(app, options.device,
                       "Where to draw; auto: a CUDA device if there is one; metrics are the CPU's work");
     app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(CLI::Range(0, 4096));
     app.add_flag("--overwrite", options.overwrite, "Replace existing files");
     if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
+    if (!outside.empty()) tg::renderSetting("outside").set(options.render, outside, "--outside");
     return run(options);
   });
 }

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgeval as users meet it: what it writes, what it refuses, and how it ends early.
+#include <algorithm>
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
 #include "core/image/image.h"
@@ -73,6 +76,32 @@ TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
   INFO(shapes.output);
   CHECK(shapes.code == 0);
   CHECK_FALSE(readJson(folder / "shapes.json").contains("psnr"));
+}
+
+TEST_CASE("tgeval draws beyond textures what it is told to, and says so", "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 1);
+  tg::Bundle bundle;
+  bundle.model = tg::readSplatPly(folder / "model.ply");
+  bundle.model.texture_mode = tg::TextureMode::rgba;
+  std::fill(bundle.model.opacity_logit.begin(), bundle.model.opacity_logit.end(), 6.0f);
+  for (std::uint32_t i = 0; i < bundle.model.size(); ++i) {
+    bundle.model.atlas.rects.push_back({i, 1, 1});
+    bundle.model.atlas.texels.emplace_back(0.3f, 0.1f, -0.1f, 0.9f);
+  }
+  bundle.model.outside = tg::TextureOutside::clip;
+  tg::writeBundle(folder / "clip.tgz", bundle);
+  REQUIRE(tgeval(folder, "clip.tgz scene --json own.json").code == 0);
+  REQUIRE(tgeval(folder, "clip.tgz scene --json clip.json --outside clip").code == 0);
+  REQUIRE(tgeval(folder, "clip.tgz scene --json base.json --outside base").code == 0);
+  const nlohmann::json own = readJson(folder / "own.json"), base = readJson(folder / "base.json");
+  CHECK_FALSE(own.contains("outside"));
+  CHECK(base["outside"] == "base");
+  CHECK(own["psnr"] == readJson(folder / "clip.json")["psnr"]);
+  CHECK(own["psnr"] != base["psnr"]);
+  const Outcome wrong = tgeval(folder, "clip.tgz scene --outside skip");
+  CHECK(wrong.code == 1);
+  CHECK_THAT(wrong.output, Contains("--outside: expected base, clip or edge, found \"skip\""));
 }
 
 TEST_CASE("tgeval leaves masked pixels out, and says that there are masks", "[programs]") {

@@ -51,6 +51,7 @@ class CpuDifferentiableRenderer final : public DifferentiableRenderer {
                   "wrong number of pixels (expected " + std::to_string(picture_.size()) + ", found " +
                       std::to_string(v_color.size()) + ")");
     }
+    requireDifferentiable(view_.outside, "the backward pass");
     times_.erase(std::find_if(times_.begin(), times_.end(), [](const PhaseTime& t) { return t.name == kBackward; }),
                  times_.end());
     shows_.assign(lists_.splats.size(), 0);

@@ -83,7 +83,8 @@ TG_KERNEL forwardKernel(ForwardArguments a) {
       float texture[3] = {0.0f, 0.0f, 0.0f};
       if (kTexture && s.texture_size != 0) {
         const LocalRay ray = localRay(a.in.frames[s.gaussian], sample.x, sample.y);
-        const TexturePoint at = locate(s, ray, sample.inverse_d2);
+        const TexturePoint at = locate(s, ray, sample.inverse_d2, view.outside);
+        if (!at.inside && view.outside == kOutsideClip) continue;
         if (at.inside) {
           float alpha_factor;
           sampleTexture(view, a.in.texels + 4 * static_cast<std::size_t>(s.texel_offset), at, texture, alpha_factor);
@@ -385,7 +386,7 @@ backwardKernel(BackwardArguments a) {
       LocalRay ray = {};
       if (kTexture && s.texture_size != 0 && shows) {
         ray = localRay(a.in.frames[s.gaussian], sample.x, sample.y);
-        at = locate(s, ray, sample.inverse_d2);
+        at = locate(s, ray, sample.inverse_d2, kOutsideBase);
       }
       backwardSplat<kTexture, kStatistics>(a, s, shared.texel_places[j], shows, sample, at, ray, behind,
                                            shared.sums[j][warp]);

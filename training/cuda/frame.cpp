@@ -44,7 +44,8 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
             tiles(from.size.y),
             static_cast<std::uint32_t>(from.intersection),
             from.texture_rgb,
-            from.texture_alpha};
+            from.texture_alpha,
+            static_cast<std::uint32_t>(from.outside)};
   if (view.size.x > 65535 || view.size.y > 65535) {
     throw Error(ErrorKind::usage, "camera " + camera.name,
                 "too large for the CUDA trainer (expected at most 65535 pixels a side, found " +

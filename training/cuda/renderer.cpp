@@ -26,6 +26,7 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
     requireBlendingDefaults(settings, settings.outputs, "training");
     const cuda::View view = cuda::makeView(*host_model_, camera, settings);
     frame_.forward(view, model_.parameters());
+    outside_ = static_cast<TextureOutside>(view.outside);
     picture_.resize(static_cast<std::size_t>(view.size.x) * view.size.y);
     frame_.picture().download(picture_);
     return picture_;
@@ -38,6 +39,7 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
                   "wrong number of pixels (expected " + std::to_string(picture_.size()) + ", found " +
                       std::to_string(v_color.size()) + ")");
     }
+    requireDifferentiable(outside_, "the backward pass");
     v_picture_.upload(v_color);
     gradient_.resizeLike(model_);
     frame_.backward(v_picture_.data(), options, model_.parameters(), gradient_.parameters());
@@ -65,6 +67,7 @@ class CudaDifferentiableRenderer final : public DifferentiableRenderer {
   cuda::Frame frame_;
   cuda::Buffer<float> v_picture_;
   std::vector<glm::vec3> picture_;
+  TextureOutside outside_ = TextureOutside::base;  // of it
 };
 
 }  // namespace

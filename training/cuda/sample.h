@@ -59,11 +59,13 @@ struct TexturePoint {
     return (k & 1 ? fraction_u : 1.0f - fraction_u) * (k & 2 ? fraction_v : 1.0f - fraction_v);
   }
 };
-TG_DEVICE TexturePoint locate(const BlendSplat& s, const LocalRay& ray, float inverse_d2) {
+// outside: kOutside*
+TG_DEVICE TexturePoint locate(const BlendSplat& s, const LocalRay& ray, float inverse_d2, std::uint32_t outside) {
   TexturePoint at;
   at.u = ::fmaf(ray.d[1], ray.w[2], -(ray.d[2] * ray.w[1])) * inverse_d2;
   at.v = ::fmaf(ray.d[2], ray.w[0], -(ray.d[0] * ray.w[2])) * inverse_d2;
-  at.inside = insideTexture(glm::vec2(at.u, at.v));
+  glm::vec2 uv(at.u, at.v);
+  at.inside = samplesTexture(outside, uv);
   if (!at.inside) {
     at.fraction_u = at.fraction_v = 0.0f;
     at.cell = at.step_u = at.step_v = 0;
@@ -71,8 +73,8 @@ TG_DEVICE TexturePoint locate(const BlendSplat& s, const LocalRay& ray, float in
   }
   const std::uint32_t width = s.texture_size & 0xffffu;
   const std::uint32_t height = s.texture_size >> 16;
-  const TextureTap tap_u = textureTap(at.u, width);
-  const TextureTap tap_v = textureTap(at.v, height);
+  const TextureTap tap_u = textureTap(uv.x, width);
+  const TextureTap tap_v = textureTap(uv.y, height);
   at.fraction_u = tap_u.fraction;
   at.fraction_v = tap_v.fraction;
   at.cell = tap_v.i0 * width + tap_u.i0;

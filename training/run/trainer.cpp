@@ -51,6 +51,10 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     begin(count_first ? Stage::count : Stage::plain, {});
     return;
   }
+  if (start->outside != TextureOutside::base) {
+    throw Error(ErrorKind::usage, "the start model has \"outside\": \"" + std::string(name(start->outside)) +
+                                      "\", which has no gradient (expected \"base\")");
+  }
   if (start->texture_mode == TextureMode::none) {
     if (count_first) {
       throw Error(ErrorKind::usage,

@@ -111,6 +111,7 @@ std::string formatEvalJson(const EvalReport& report) {
     json["device"] = report.views->device;
     const glm::vec3& background = report.views->background;
     json["background"] = {background.x, background.y, background.z};
+    if (report.views->outside) json["outside"] = name(*report.views->outside);
   }
   json["gaussians"] = report.gaussians;
   json["texels"] = report.texels;

@@ -16,6 +16,7 @@ struct EvalReport {
     std::string split;
     std::string device;  // that drew the pictures
     glm::vec3 background{0.0f};
+    std::optional<TextureOutside> outside;  // instead of the model's own
     std::vector<ViewScore> scores;
     ScoreOptions options;
     std::size_t asked = 0;  // more than scores: interrupted

@@ -145,11 +145,14 @@ TEST_CASE("alpha texels outside [0, 1] get no gradient") {
   CHECK(inside > 0.0f);
 }
 
-TEST_CASE("backward without forward, or with another size, is a usage error") {
-  const TestScene scene = makeScene(SceneKind::ordinary, 1, 5);
+TEST_CASE("backward without forward, with another size, or of what has no gradient, is a usage error") {
+  TestScene scene = makeScene(SceneKind::ordinary, 1, 5);
   const auto renderer = makeCpuDifferentiableRenderer();
   ModelGradient gradient;
   CHECK_THROWS_AS(renderer->backward({}, gradient), Error);
   renderer->forward(scene.model, scene.camera, {});
   CHECK_THROWS_AS(renderer->backward(std::vector<glm::vec3>(7), gradient), Error);
+  scene.model.outside = TextureOutside::edge;
+  const std::vector<glm::vec3> picture = renderer->forward(scene.model, scene.camera, {});
+  CHECK_THROWS_WITH(renderer->backward(picture, gradient), "outside edge: not supported by the backward pass");
 }

@@ -174,6 +174,15 @@ TEST_CASE("stage 2 goes on with the textures of a start model, whatever their si
   CHECK(identity(recolored) != identity(first.model));
 }
 
+TEST_CASE("a start model whose textures do not end in the base is refused", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
+  start.outside = tg::TextureOutside::clip;
+  CHECK_THROWS_WITH(tg::train(dataset, shortRun(), *renderer, {}, start),
+                    "the start model has \"outside\": \"clip\", which has no gradient (expected \"base\")");
+}
+
 TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
