@@ -160,6 +160,7 @@ std::string describe(const Bundle& loaded, bool statistics) {
                    static_cast<unsigned long long>(facts.texels), facts.smallest, facts.largest);
   }
   text += "\nintersection: " + std::string(name(model.intersection)) + "\n";
+  if (model.outside != TextureOutside::base) text += "outside: " + std::string(name(model.outside)) + "\n";
   text += format("bounds: (%g, %g, %g) to (%g, %g, %g)\n", facts.low.x, facts.low.y, facts.low.z, facts.high.x,
                  facts.high.y, facts.high.z);
   text += format("cameras: %zu\nbackground: (%g, %g, %g)\n", loaded.cameras.size(), loaded.background.x,
@@ -188,6 +189,7 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
                       {"smallestSide", facts.smallest},
                       {"largestSide", facts.largest}};
   json["intersection"] = name(model.intersection);
+  json["outside"] = name(model.outside);
   json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
   json["cameras"] = loaded.cameras.size();
   json["background"] = triple(loaded.background);

@@ -24,7 +24,15 @@ void mergeModel(GaussianModel& model, const GaussianModel& added, const std::str
                 "another intersection model" +
                     expectedFound(std::string(name(model.intersection)), std::string(name(added.intersection))));
   }
-  if (!textured && adds_textures) model.intersection = added.intersection;
+  if (textured && adds_textures && model.outside != added.outside) {
+    throw Error(ErrorKind::badData, path,
+                "its textures end in another way" +
+                    expectedFound(std::string(name(model.outside)), std::string(name(added.outside))));
+  }
+  if (!textured && adds_textures) {
+    model.intersection = added.intersection;
+    model.outside = added.outside;
+  }
 
   GaussianModel other = added;
   const int degree = std::max(model.sh_degree, other.sh_degree);

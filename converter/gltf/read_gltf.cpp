@@ -407,6 +407,10 @@ void readAssetExtras(const GltfDocument& document, Bundle& loaded) {
     const auto intersection = parse<IntersectionModel>(ours.Get("intersection").Get<std::string>());
     if (intersection) loaded.model.intersection = *intersection;
   }
+  if (ours.Has("outside") && ours.Get("outside").IsString()) {
+    const auto outside = parse<TextureOutside>(ours.Get("outside").Get<std::string>());
+    if (outside) loaded.model.outside = *outside;
+  }
   if (!ours.Has("background")) return;
   const tinygltf::Value& background = ours.Get("background");
   if (!background.IsArray() || background.ArrayLen() != 3) return;

@@ -378,8 +378,9 @@ void Writer::addScene(Json nested) {
   addCameras(root, content_.cameras);
   root["asset"] = {{"version", "2.0"}, {"generator", kGenerator}};
   const glm::vec3& background = content_.background;
-  root["asset"]["extras"][kExtrasKey] = {{"intersection", name(model_.intersection)},
-                                         {"background", {background.x, background.y, background.z}}};
+  Json& extras = root["asset"]["extras"][kExtrasKey];
+  extras = {{"intersection", name(model_.intersection)}, {"background", {background.x, background.y, background.z}}};
+  if (model_.outside != TextureOutside::base) extras["outside"] = name(model_.outside);
 }
 
 GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {
@@ -465,13 +466,13 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
     report.texels += std::uint64_t{at.w} * at.h;
     rectangles.push_back({at.x, at.y, at.w, at.h, at.page});
   }
-  const Json root = {
-      {"mode", name(model.texture_mode)},
-      {"intersection", name(model.intersection)},
-      {"extent", double{kTextureExtent}},
-      {"filter", "bilinear"},
-      {"atlases", std::move(atlases)},
-      {"rectangles", {{"columns", {"x", "y", "width", "height", "atlas"}}, {"rows", std::move(rectangles)}}}};
+  Json root = {{"mode", name(model.texture_mode)},
+               {"intersection", name(model.intersection)},
+               {"extent", double{kTextureExtent}},
+               {"filter", "bilinear"},
+               {"atlases", std::move(atlases)},
+               {"rectangles", {{"columns", {"x", "y", "width", "height", "atlas"}}, {"rows", std::move(rectangles)}}}};
+  if (model.outside != TextureOutside::base) root["outside"] = name(model.outside);
   const std::string text = root.dump() + "\n";
   files.add(path.parent_path() / (stem + ".json"),
             std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));

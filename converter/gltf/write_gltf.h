@@ -56,7 +56,8 @@ GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& conten
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content);
 // The textures alone, for programs that know neither glTF nor the bundle: NAME.png and NAME_alpha.png as far as the
 // mode has them (NAME_1.png, ... for further atlases), and NAME.json: mode, intersection, extent, atlases with file
-// names, scale and offset as in the glTF extension, and a rectangle per Gaussian. content.options.atlas: png8 or png16.
+// names, scale and offset as in the glTF extension, a rectangle per Gaussian, and `outside` where it is not base.
+// content.options.atlas: png8 or png16.
 // Throws Error(badData) for a model without textures, Error(usage) for exr.
 GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content);
 

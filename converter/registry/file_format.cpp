@@ -70,6 +70,17 @@ void writeScene(const Path& path, const Bundle& source, const WriteOptions& opti
   written.texture_mode = name(written.atlases > 0 ? source.model.texture_mode : TextureMode::none);
 }
 
+// For readers that know the texture extension alone, which has one way for textures to end.
+template <GltfReport (*write)(const Path&, const GltfContent&)>
+void writeGltfScene(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
+  writeScene<write>(path, source, options, written);
+  const TextureOutside outside = source.model.outside;
+  if (outside != TextureOutside::base && written.atlases > 0) {
+    written.warnings.push_back("glTF has no word for \"outside\": \"" + std::string(name(outside)) +
+                               "\": other programs draw the base there");
+  }
+}
+
 void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
   warnRepair(written.warnings, writeSplat(path, source.model).clipped_colors,
              "with a colour outside 0 to 255: clipped");
@@ -118,7 +129,7 @@ constexpr Format kFormats[] = {
      .keeps = kKeepsAll,
      .sniff = [](const FileStart& start) { return start.begins("glTF"); },
      .read = readAnyGltf,
-     .write = writeScene<writeGlb>,
+     .write = writeGltfScene<writeGlb>,
      .overlooked = findOverlooked,
      .is_gltf = true,
      .streams = true},
@@ -127,7 +138,7 @@ constexpr Format kFormats[] = {
      .keeps = kKeepsAll,
      .sniff = isJson,
      .read = readAnyGltf,
-     .write = writeScene<writeGltf>,
+     .write = writeGltfScene<writeGltf>,
      .overlooked = findOverlooked,
      .is_gltf = true,
      .streams = true},

@@ -19,7 +19,8 @@ FINAL_DB = 38.0   # what the page promises of the picture
 OUTPUT_DB = 45.0  # one output has fewer terms
 # Settings under tgview's names, for the model's first camera; then other cameras with none.
 VARIANTS = [{}, {"show": "base"}, {"show": "texture"}, {"show": "alpha"}, {"show": "normal"}, {"textures": "off"},
-            {"textures": "alpha"}, {"intersection": "plane"}, {"background": "0.2,0.4,0.6"}]
+            {"textures": "alpha"}, {"intersection": "plane"}, {"background": "0.2,0.4,0.6"}, {"outside": "clip"},
+            {"outside": "edge"}]
 failures = []
 
 
@@ -53,7 +54,7 @@ def main():
         own = {"show": "final",
                "intersection": browser.evaluate("tgViewer.model.intersection ? 'maxResponse' : 'plane'"),
                "background": browser.evaluate("tgViewer.model.background.join(',')"),
-               "textures": browser.evaluate("tgViewer.settings.textures")}
+               "textures": browser.evaluate("tgViewer.settings.textures"), "outside": "base"}
         cameras = browser.evaluate("tgViewer.model.cameras.length")
         jobs = [(0, variant) for variant in VARIANTS] + [(cameras // 2, {}), (cameras - 1, {})]
         for camera, variant in jobs:

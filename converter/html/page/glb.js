@@ -14,6 +14,7 @@ const COMPONENTS = {
 const WIDTHS = {SCALAR: 1, VEC3: 3, VEC4: 4};
 const MODES = {alpha: 1, rgb: 2, rgba: 3};             // kMode* of shaders/shared/limits.h
 const INTERSECTIONS = {plane: 0, maxResponse: 1};      // kIntersect*
+const OUTSIDES = {base: 0, clip: 1, edge: 2};          // kOutside*
 
 
 class GlbFile {
@@ -178,7 +179,7 @@ function readCameras(file) {
 }
 
 // {count, mean, rotation (xyzw), scale, opacity, sh: [coefficient], layer or null, cameras, background, intersection,
-// notes: [text]}. World space is the file's: y up, z forward.
+// outside, notes: [text]}. World space is the file's: y up, z forward.
 async function readGlb(bytes) {
   const file = new GlbFile(bytes);
   const {node, primitive} = findSplats(file);
@@ -198,7 +199,8 @@ async function readGlb(bytes) {
   const model = {
     count, mean: file.accessor(attribute('POSITION'), 3, count), rotation: own('ROTATION', 4), scale: own('SCALE', 3),
     opacity: own('OPACITY', 1), sh: [own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file),
-    background: extras.background || [0, 0, 0], intersection: INTERSECTIONS[extras.intersection] ?? 1, notes: [],
+    background: extras.background || [0, 0, 0], intersection: INTERSECTIONS[extras.intersection] ?? 1,
+    outside: OUTSIDES[extras.outside] ?? 0, notes: [],
   };
   for (let l = 1; l <= 3; ++l) {
     if (primitive.attributes[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined) break;

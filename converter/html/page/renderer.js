@@ -183,7 +183,7 @@ class SplatRenderer {
   }
 
   // `camera` has the size of the sums, the canvas may be larger. settings: {show, textures: kMode* mask, fallback,
-  // intersection, background, depthRange}.
+  // intersection, outside, background, depthRange}.
   draw(camera, settings) {
     const gl = this.gl;
     const {axes: [x, y, z], eye} = camera;
@@ -207,6 +207,7 @@ class SplatRenderer {
       u_size: ['uniform2f', camera.width, camera.height],
       u_texture_mode: ['uniform1ui', mode],
       u_intersection: ['uniform1ui', settings.intersection],
+      u_outside: ['uniform1ui', settings.outside],
       u_show: ['uniform1ui', show],
       u_fallback: ['uniform1i', settings.fallback ? 1 : 0],
     });

@@ -11,6 +11,7 @@ uniform sampler2DArray u_atlas;  // rgb: colour, a: alpha, as stored; a layer an
 uniform vec2 u_size;             // [px]
 uniform uint u_texture_mode;     // kMode*
 uniform uint u_intersection;     // kIntersect*
+uniform uint u_outside;          // kOutside*
 uniform uint u_show;             // kOutput*
 
 flat in vec4 v_wx_r;
@@ -34,8 +35,12 @@ void main() {
   }
   vec3 texture_color = vec3(0.0);
   float texture_alpha = 1.0;
-  if (v_rect.z > 0.0 && v_rect.w > 0.0 && insideTexture(hit.uv)) {
-    vec2 t = (hit.uv + kTextureExtent) / (2.0 * kTextureExtent);
+  bool textured = v_rect.z > 0.0 && v_rect.w > 0.0;
+  vec2 uv = hit.uv;
+  bool samples = samplesTexture(u_outside, uv);
+  if (textured && !samples && u_outside == kOutsideClip) discard;
+  if (textured && samples) {
+    vec2 t = (uv + kTextureExtent) / (2.0 * kTextureExtent);
     vec2 at = (v_rect.xy + 0.5 + t * (v_rect.zw - 1.0)) / vec2(textureSize(u_atlas, 0).xy);
     vec4 value = textureLod(u_atlas, vec3(at, v_dy_layer.w), 0.0) * v_scale + v_offset;
     if ((u_texture_mode & kModeRgb) != 0u) texture_color = value.rgb;

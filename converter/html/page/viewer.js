@@ -3,6 +3,8 @@
 'use strict';
 
 const TEXTURE_CHOICES = {rgba: 3, rgb: 2, alpha: 1, off: 0, fallback: 0};  // masks on the model's kMode*
+const OUTSIDE_TITLES = {base: 'beyond its texture a splat shows its base colour', clip: 'a splat ends with its texture',
+                        edge: 'beyond its texture a splat has the texels of the border'};
 const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full again
 const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
 const MAX_FIXED_SIDE = 8192;
@@ -53,7 +55,7 @@ class Viewer {
     this.asked = null;        // what the last order was asked for
     this.spare = null;        // an order to fill again
     this.fixedSize = null;    // [px] instead of the window's
-    this.settings = {show: 'final', textures: 'rgba', intersection: 1, background: [0, 0, 0]};
+    this.settings = {show: 'final', textures: 'rgba', intersection: 1, outside: 0, background: [0, 0, 0]};
     this.motionScale = 1;     // resolution while the camera moves
     this.lastInput = -Infinity;
     this.lastFrame = 0;
@@ -71,6 +73,7 @@ class Viewer {
     this.worker.postMessage({positions: new Float32Array(model.mean)});
     this.settings.textures = model.layer ? modeName(model.layer) : 'off';
     this.settings.intersection = model.intersection;
+    this.settings.outside = model.outside;
     this.settings.background = model.background;
     this.resize();
     const test = model.cameras.findIndex((camera) => camera.test);
@@ -168,7 +171,8 @@ class Viewer {
   }
 
   // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
-  // fy, cx, cy, axes, eye} as in camera.js), size "WxH" or "window", show, textures, intersection, background.
+  // fy, cx, cy, axes, eye} as in camera.js), size "WxH" or "window", show, textures, intersection, outside,
+  // background.
   apply(wanted) {
     const choice = (key, known) => {
       if (wanted[key] === undefined) return;
@@ -177,9 +181,10 @@ class Viewer {
     };
     choice('show', Object.keys(SHOW));
     choice('textures', Object.keys(TEXTURE_CHOICES));
-    if (wanted.intersection !== undefined) {
-      if (INTERSECTIONS[wanted.intersection] === undefined) throw new Error(`intersection=${wanted.intersection}`);
-      this.settings.intersection = INTERSECTIONS[wanted.intersection];
+    for (const [key, numbers] of [['intersection', INTERSECTIONS], ['outside', OUTSIDES]]) {
+      if (wanted[key] === undefined) continue;
+      if (numbers[wanted[key]] === undefined) throw new Error(`${key}=${wanted[key]}`);
+      this.settings[key] = numbers[wanted[key]];
     }
     if (wanted.background !== undefined) {
       const named = {black: [0, 0, 0], white: [1, 1, 1]}[wanted.background];
@@ -323,6 +328,8 @@ class Panel {
     };
     fillChoices('show', Object.keys(SHOW).map((name) => [name]), set('show'));
     fillChoices('textures', this.textureChoices(), set('textures'));
+    fillChoices('outside', model.layer ? Object.keys(OUTSIDES).map((name) => [name, OUTSIDE_TITLES[name]]) : [],
+                (value) => set('outside')(OUTSIDES[value]));
     fillChoices('intersection', Object.keys(INTERSECTIONS).map((name) => [name]),
                 (value) => set('intersection')(INTERSECTIONS[value]));
     this.update();
@@ -342,6 +349,7 @@ class Panel {
     const {settings} = viewer;
     press('show', settings.show);
     press('textures', settings.textures);
+    press('outside', Object.keys(OUTSIDES)[settings.outside]);
     press('intersection', Object.keys(INTERSECTIONS)[settings.intersection]);
     element('camera').value = String(viewer.cameraIndex);
     element('background').value =

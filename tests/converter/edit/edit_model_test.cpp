@@ -193,27 +193,38 @@ TEST_CASE("merged models stand beside each other, each as it was") {
     CHECK_THROWS_WITH(mergeModel(left, right, "right"),
                       "right: another intersection model (expected maxResponse, found plane)");
   }
+  SECTION("two ways for textures to end are refused, that of the textured one is kept") {
+    right.outside = TextureOutside::edge;
+    CHECK_THROWS_WITH(mergeModel(left, right, "right"),
+                      "right: its textures end in another way (expected base, found edge)");
+    left.texture_mode = TextureMode::none;
+    left.atlas = {};
+    mergeModel(left, right, "right");
+    CHECK(left.outside == TextureOutside::edge);
+  }
 }
 
 TEST_CASE("blend weights are those of the reference") {
-  for (const IntersectionModel intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
-    test::TestScene scene = test::makeScene(SceneKind::mixed, 34, 80, 48, 36);
-    scene.model.intersection = intersection;
-    std::vector<double> expected(scene.model.size(), 0.0);
-    const ReferenceModel reference(scene.model);
-    for (int y = 0; y < scene.camera.size.y; ++y) {
-      for (int x = 0; x < scene.camera.size.x; ++x) {
-        for (const ReferenceHit& hit : traceReference(reference, scene.camera, {}, x + 0.5, y + 0.5)) {
-          expected[hit.gaussian] += hit.transmittance * hit.alpha;
-        }
+  const auto intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  test::TestScene scene = test::makeScene(SceneKind::mixed, 34, 80, 48, 36);
+  scene.model.intersection = intersection;
+  scene.model.outside = GENERATE(TextureOutside::base, TextureOutside::clip, TextureOutside::edge);
+  scene.model.texture_mode = GENERATE(TextureMode::rgb, TextureMode::rgba);
+  CAPTURE(name(intersection), name(scene.model.outside), name(scene.model.texture_mode));
+  std::vector<double> expected(scene.model.size(), 0.0);
+  const ReferenceModel reference(scene.model);
+  for (int y = 0; y < scene.camera.size.y; ++y) {
+    for (int x = 0; x < scene.camera.size.x; ++x) {
+      for (const ReferenceHit& hit : traceReference(reference, scene.camera, {}, x + 0.5, y + 0.5)) {
+        expected[hit.gaussian] += hit.transmittance * hit.alpha;
       }
     }
-    const std::vector<double> weights = blendWeights(scene.model, std::span(&scene.camera, 1));
-    REQUIRE(weights.size() == expected.size());
-    for (std::size_t i = 0; i < weights.size(); ++i) {
-      CAPTURE(i);
-      CHECK(weights[i] == Approx(expected[i]).epsilon(1e-3).margin(2e-2));
-    }
+  }
+  const std::vector<double> weights = blendWeights(scene.model, std::span(&scene.camera, 1));
+  REQUIRE(weights.size() == expected.size());
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    CAPTURE(i);
+    CHECK(weights[i] == Approx(expected[i]).epsilon(1e-3).margin(2e-2));
   }
 }
 

@@ -55,6 +55,29 @@ TEST_CASE("a textured scene comes back from tgz to glb to tgz within the quantis
   }
 }
 
+TEST_CASE("how textures end comes back from our files, with a warning where other programs will not know it") {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = test::makeScene(SceneKind::ordinary, 8, 20).model;
+  for (const TextureOutside outside : valuesOf<TextureOutside>()) {
+    bundle.model.outside = outside;
+    writeBundle(scratch.folder() / "in.tgz", bundle);
+    for (const char* name : {"out.glb", "out.gltf", "out.html"}) {
+      CAPTURE(tg::name(outside), name);
+      const ConvertReport report =
+          convert(scratch.folder() / "in.tgz", scratch.folder() / name, {.overwrite = true, .measure = Measure::never});
+      CHECK(readModel(scratch.folder() / name).model.outside == outside);
+      const std::string file = name;
+      const bool warns = outside != TextureOutside::base && file != "out.html";
+      REQUIRE(report.warnings.size() == (warns ? 1 : 0));
+      if (!warns) continue;
+      CHECK(report.warnings[0] == "glTF has no word for \"outside\": \"" + std::string(tg::name(outside)) +
+                                      "\": other programs draw the base there");
+    }
+  }
+  CHECK(describe(bundle, false).find("outside: edge\n") != std::string::npos);
+}
+
 TEST_CASE("a PLY comes back from a GLB bit by bit") {
   const Scratch scratch;
   for (int degree = 0; degree <= 3; ++degree) {
