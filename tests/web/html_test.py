@@ -6,10 +6,12 @@
 
 Prints the PSNR of every picture and fails below the limits. Skips (exit code 77) where there is no Chromium.
 """
+import io
 import json
 import pathlib
 import subprocess
 import sys
+import tarfile
 import tempfile
 
 from chromium import Chromium, Difference, from_data_url
@@ -22,6 +24,17 @@ VARIANTS = [{}, {"show": "base"}, {"show": "texture"}, {"show": "alpha"}, {"show
             {"textures": "alpha"}, {"intersection": "plane"}, {"background": "0.2,0.4,0.6"}, {"outside": "clip"},
             {"outside": "edge"}]
 failures = []
+
+
+def with_outside(model, copy, value):
+    """The bundle with another "outside" in its manifest."""
+    with tarfile.open(model) as archive, tarfile.open(copy, "w:gz") as out:
+        for entry in archive:
+            content = archive.extractfile(entry).read()
+            if entry.name == "manifest.json":
+                content = json.dumps({**json.loads(content), "outside": value}).encode()
+            entry.size = len(content)
+            out.addfile(entry, io.BytesIO(content))
 
 
 def expect(what, ok, found=""):
@@ -65,6 +78,10 @@ def main():
             name = " ".join(f"{k} {v}" for k, v in variant.items()) or "final"
             expect(f"camera {camera}, {name}, at least {limit:.0f} dB", difference.psnr >= limit, difference)
 
+        beyond = [browser.evaluate(f"tgViewer.picture({json.dumps({**own, 'camera': 0, 'size': size, **variant})})")
+                  for variant in ({}, {"outside": "clip"}, {"outside": "edge"})]
+        expect("each treatment beyond textures has its picture", len(set(beyond)) == 3)
+
         # By hand: the same camera again, and away from it.
         turned = browser.evaluate("""(async () => {
           const before = await tgViewer.picture({camera: 0});
@@ -103,6 +120,15 @@ def main():
         asked = [url for url in browser.requests if not url.startswith(("file:", "blob:", "data:"))]
         expect("nothing was asked of a network", not asked, asked[:3])
         expect("no word on the console", not browser.log, browser.log[:3])
+
+        # A model that says itself what lies beyond its textures.
+        if model.suffix == ".tgz":
+            with_outside(model, folder / "clip.tgz", "clip")
+            run(programs / "tgconvert", folder / "clip.tgz", folder / "clip.html", "--quiet")
+            browser.open(f"{(folder / 'clip.html').as_uri()}?camera=0&size={size}&panel=off")
+            own_outside = browser.evaluate("Object.keys(OUTSIDES)[tgViewer.settings.outside]")
+            same = browser.evaluate("tgViewer.picture()") == browser.evaluate("tgViewer.picture({outside: 'clip'})")
+            expect("a page takes what its model says of it", own_outside == "clip" and same, own_outside)
 
         # The three ways to have nothing to show.
         text = (folder / "model <1>.html").read_text()
