@@ -279,13 +279,16 @@ HWY_INLINE void blendSmallHits(const HitBatch& batch, int slot, int begin, int e
         const V t = hn::Mul(hn::MulAdd(set(hit.t_x), x, set(hit.t_y * y + hit.t_1)), at.inverse_d2);
         visible = hn::And(visible, hn::Gt(t, set(hit.near)));
       }
+      const V value = hn::IfThenElseZero(visible, exp2InRange(at.exponent));
+      hn::Store(value, df, items.value[i]);
       constexpr bool kEdge = kOutside == TextureOutside::edge;
       // On the border lanes that do not show would have weights, which may be no numbers.
       const V inverse_d2 = kEdge ? hn::IfThenElseZero(visible, at.inverse_d2) : at.inverse_d2;
       const SmallPoint point =
           locateSmall<kEdge>(texture, rays.at(static_cast<int>(row), static_cast<int>(column)), inverse_d2);
-      if constexpr (kOutside == TextureOutside::clip) visible = hn::And(visible, isInside(point));
-      hn::Store(hn::IfThenElseZero(visible, exp2InRange(at.exponent)), df, items.value[i]);
+      if constexpr (kOutside == TextureOutside::clip) {
+        hn::Store(hn::IfThenElseZero(isInside(point), value), df, items.value[i]);
+      }
       hn::Store(point.u, df, items.u[i]);
       hn::Store(point.v, df, items.v[i]);
     }
@@ -300,14 +303,8 @@ HWY_INLINE void blendSmallHits(const HitBatch& batch, int slot, int begin, int e
   }
 }
 
-// blendSmallHits() of what is not the usual treatment. Looks at the near plane whether it is met or not.
-template <TextureOutside kOutside>
-HWY_NOINLINE void blendSmallHitsAs(const HitBatch& batch, int slot, int begin, int end, const TileView& tile,
-                                   PixelBlock* blocks) {
-  blendSmallHits<true, kOutside>(batch, slot, begin, end, tile, blocks);
-}
-
 // Items [begin, end), all of the splat in `slot`, which has a PictureHit.
+template <TextureOutside kOutside>
 HWY_INLINE void blendHits(const HitBatch& batch, int slot, int begin, int end, const TileView& tile,
                           PixelBlock* blocks) {
   const PictureSplat& s = *batch.splats[slot];
@@ -317,21 +314,16 @@ HWY_INLINE void blendHits(const HitBatch& batch, int slot, int begin, int end, c
   const TextureMean mean = textured ? textureMean(hit, tile.texels, tile.view) : TextureMean{};
   if constexpr (kSmallTextures) {
     if (textured && isSmall(hit) && !(mean.share > 0.0f)) {
-      if (tile.view.outside == TextureOutside::clip) {
-        blendSmallHitsAs<TextureOutside::clip>(batch, slot, begin, end, tile, blocks);
-      } else if (tile.view.outside == TextureOutside::edge) {
-        blendSmallHitsAs<TextureOutside::edge>(batch, slot, begin, end, tile, blocks);
-      } else if (crosses_near) {
-        blendSmallHits<true, TextureOutside::base>(batch, slot, begin, end, tile, blocks);
+      if (crosses_near) {
+        blendSmallHits<true, kOutside>(batch, slot, begin, end, tile, blocks);
       } else {
-        blendSmallHits<false, TextureOutside::base>(batch, slot, begin, end, tile, blocks);
+        blendSmallHits<false, kOutside>(batch, slot, begin, end, tile, blocks);
       }
       return;
     }
   }
   const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
   const Texture texture = makeTexture(hit, tile.texels.texels);
-  const bool clips = tile.view.outside == TextureOutside::clip, edge = tile.view.outside == TextureOutside::edge;
   TextureItems items;
   while (begin < end) {
     const int count = std::min(end - begin, kHitsAtOnce);
@@ -350,10 +342,9 @@ HWY_INLINE void blendHits(const HitBatch& batch, int slot, int begin, int end, c
       }
       hn::Store(hn::IfThenElseZero(visible, exp2InRange(at.exponent)), df, items.value[i]);
       if (!textured) continue;
-      const LocalRay ray = localRay(hit, set(y), x);
-      const TexturePoint point = HWY_UNLIKELY(edge) ? locate<true>(texture, ray, at.inverse_d2, visible)
-                                                    : locate(texture, ray, at.inverse_d2, visible);
-      if (HWY_UNLIKELY(clips)) {
+      constexpr bool kEdge = kOutside == TextureOutside::edge;
+      const TexturePoint point = locate<kEdge>(texture, localRay(hit, set(y), x), at.inverse_d2, visible);
+      if constexpr (kOutside == TextureOutside::clip) {
         hn::Store(hn::IfThenElseZero(point.inside, hn::Load(df, items.value[i])), df, items.value[i]);
       }
       const VI cell = hn::IfThenElse(hn::RebindMask(di, point.inside), point.cell, hn::Set(di, -1));
@@ -385,6 +376,13 @@ HWY_INLINE void blendHits(const HitBatch& batch, int slot, int begin, int end, c
   }
 }
 
+// blendHits() of what is not the usual treatment. Out of line: blendBatch() stays as short as without it.
+template <TextureOutside kOutside>
+HWY_NOINLINE void blendHitsAs(const HitBatch& batch, int slot, int begin, int end, const TileView& tile,
+                              PixelBlock* blocks) {
+  blendHits<kOutside>(batch, slot, begin, end, tile, blocks);
+}
+
 // All items in their order: runs of splats without a PictureHit, and those with one.
 HWY_INLINE void blendBatch(const HitBatch& batch, int slots, const TileView& tile, PixelBlock* blocks) {
   int done = 0;
@@ -393,7 +391,17 @@ HWY_INLINE void blendBatch(const HitBatch& batch, int slots, const TileView& til
     const int begin = slot > 0 ? batch.ends[slot - 1] : 0;
     blendItems(batch, done, begin, blocks);
     done = batch.ends[slot];
-    blendHits(batch, slot, begin, done, tile, blocks);
+    switch (tile.view.outside) {
+      case TextureOutside::base:
+        blendHits<TextureOutside::base>(batch, slot, begin, done, tile, blocks);
+        break;
+      case TextureOutside::clip:
+        blendHitsAs<TextureOutside::clip>(batch, slot, begin, done, tile, blocks);
+        break;
+      case TextureOutside::edge:
+        blendHitsAs<TextureOutside::edge>(batch, slot, begin, done, tile, blocks);
+        break;
+    }
   }
   blendItems(batch, done, batch.count, blocks);
 }
