@@ -6,7 +6,8 @@
     bench/report.py --work WORK          and WORK/results.html: the same tables, with plots and pictures
     bench/report.py --trials DIR --results FILE [--html FILE]
 
-Beside the cells may lie frames.json, {"CELL": {"ms": milliseconds a frame, "device": what drew it}}, and grazing.png.
+Beside the cells may lie frames.json, {"CELL": {"ms": milliseconds a frame, "device": what drew it}}, and the pictures
+grazing/ANGLE-TREATMENT.png.
 Numbers that others published stand in bench/paper_tables.py. A file that is no cell's report ends the call.
 """
 import argparse
@@ -22,7 +23,7 @@ from report_figures import byte_figures, pictures, rank_figures, share_figures, 
 from report_trials import (LABELS, METRICS, Broken, Trials, at, couple, gain, mean, number, percent, published,
                            ranks_of, scaled, score, shown, side, signed, small_kind, twin, used_metrics)
 from reproduce import (COMPARED, KEY_SHARES, KIND_SHARES, KINDS, ROOT, SCENES, SEEDS, SHARES, SIZES,
-                       SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TRIALS)
+                       SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TREATMENTS, TRIALS)
 
 TIE = 0.05  # [dB]
 
@@ -239,6 +240,18 @@ def efficiency(trials):
                  *(["processor ms a frame"] if trials.frames else [])], [*rows, row])
 
 
+def outside(trials):
+    rows = []
+    for scene in trials.scenes:
+        for share in KEY_SHARES:
+            textured = trials.trained(scene, share, "rgba")
+            scores = [score(textured), *(score(textured, "outside", treatment) for treatment in TREATMENTS[1:])]
+            rows.append([f"{scene} {share} %", *map(shown, scores)])
+    yield Text("RGBA trained with the first, drawn with each: the Gaussian's own colour and opacity beyond its texture, "
+               "nothing there, or the texels of the border. Test views; the page has pictures at flat angles.")
+    yield Table(["", *TREATMENTS], rows)
+
+
 def ranks(trials):
     def row(scene, share):
         found = ranks_of(trials, scene, share)
@@ -330,6 +343,7 @@ SECTIONS = [
     ("4 x 4 at every share (Figure A.6)", small, small_figures),
     ("Spread over seeds", spread, nothing),
     ("Size, memory and time (Table A.2)", efficiency, byte_figures),
+    ("Beyond +-3 sigma (Figure A.3)", outside, nothing),
     ("Effective ranks (Figure A.2)", ranks, rank_figures),
     ("Choices", choices, nothing),
 ]

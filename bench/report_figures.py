@@ -5,7 +5,7 @@ import base64
 import svg_plot
 from report_document import Figure, plots
 from report_trials import LABELS, METRICS, at, number, ranks_of, score, side, small_kind, twin
-from reproduce import COMPARED, KEY_SHARES, KIND_SHARES, KINDS, SCENES, SHARES, SIZES, SMALL_SHARES
+from reproduce import COMPARED, GRAZING_ANGLES, GRAZING_CELL, KEY_SHARES, KIND_SHARES, KINDS, SCENES, SHARES, SIZES, SMALL_SHARES, TREATMENTS
 
 
 def share_figures(trials):
@@ -107,9 +107,19 @@ def pictures(trials):
         if rows:
             yield Figure(f"{scene}: photograph of the first test view, and what is trained, by share",
                          f'<div class="grid">{rows}</div>')
-    grazing = trials.folder / "grazing.png"
-    if grazing.exists():
-        yield Figure("At grazing angles", f'<img alt="textured Gaussians seen ever flatter" src="{embedded(grazing)}">')
+    rows = "".join(grazing_row(trials.folder / "grazing", angle) for angle in GRAZING_ANGLES)
+    if rows:
+        yield Figure(f"{GRAZING_CELL} at grazing angles, by what lies beyond +-3 sigma (Figure A.3)",
+                     f'<div class="grid">{rows}</div>')
+
+
+def grazing_row(folder, angle):
+    pictures = [(treatment, folder / f"{angle}-{treatment}.png") for treatment in TREATMENTS]
+    if not all(path.exists() for _, path in pictures):
+        return ""
+    return '<div class="pictures">' + "".join(
+        f'<div><img alt="{treatment} at {angle} degrees" src="{embedded(path)}">{treatment}, {angle} degrees</div>'
+        for treatment, path in pictures) + "</div>"
 
 
 def picture_row(trials, scene, share):

@@ -110,8 +110,8 @@ def at(report, *keys):
 
 
 # Scores are {metric: value}; an empty one is missing.
-def score(report, part="evaluation"):
-    evaluation = at(report, part) or {}
+def score(report, *part):
+    evaluation = at(report, *(part or ["evaluation"])) or {}
     return {metric: evaluation[metric] for metric in METRICS if metric in evaluation}
 
 

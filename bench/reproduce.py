@@ -4,6 +4,7 @@
 
     bench/reproduce.py run    --data DATA --work WORK [--only GLOB]...
     bench/reproduce.py frames --work WORK [--only GLOB]...      processor milliseconds a frame of what is done
+    bench/reproduce.py grazing --work WORK                      pictures at flat angles, by what lies beyond +-3 sigma
     bench/reproduce.py list   [--only GLOB]...            every cell, and whether it is done
     bench/report.py [--work WORK]                         docs/results.md and WORK/results.html from the cells
 
@@ -44,6 +45,9 @@ COMPARED = ["fox", "lego", "printshop"]
 LENGTH = 7000  # iterations of either stage
 SHARES = [1, 2, 5, 10, 20, 50, 100]  # [%] of the Gaussians, Table A.3
 FRAMES = 50  # that are timed
+TREATMENTS = ["base", "clip", "edge"]  # of what lies beyond +-3 sigma, Figure A.3
+GRAZING_CELL = "printshop/001/rgba/1"
+GRAZING_ANGLES = [80, 85, 88]  # [degrees] from the vertical
 KEY_SHARES = [1, 20, 100]
 KINDS = ["alpha", "rgb", "rgba"]
 KIND_SHARES = [1, 100]  # Table A.4
@@ -197,6 +201,10 @@ class Driver:
             report["evaluation"] = self.evaluate(cell, run / "model.tgz")
         if "--compare-untextured" in flags and not cell.choice:
             report["untextured"] = self.evaluate(cell, run / "untextured.tgz")
+            report["outside"] = {}
+            for treatment in TREATMENTS[1:]:
+                scores = self.evaluate(cell, run / "model.tgz", "--outside", treatment)
+                report["outside"][treatment] = {metric: scores[metric] for metric in ("psnr", "ssim", "flip")}
         path = self.trials / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         if cell.picture:
@@ -207,10 +215,11 @@ class Driver:
         os.replace(partial, path)
         return report
 
-    def evaluate(self, cell, model):
+    def evaluate(self, cell, model, *more):
         scores = model.with_suffix(".eval.json")
         weights = ["--lpips", self.options.lpips] if self.options.lpips else []
-        self.call(cell, "tgeval", "--json", scores, "--effective-rank", "--overwrite", *weights, before=[model])
+        more = more or ["--effective-rank"]
+        self.call(cell, "tgeval", "--json", scores, "--overwrite", *weights, *more, before=[model])
         report = json.loads(scores.read_text())
         del report["views"]
         return report
@@ -231,6 +240,19 @@ class Driver:
         scores.write_text(json.dumps(timed, indent=1) + "\n")
         os.replace(scores, path)
 
+    def grazing(self):
+        model = self.options.work / GRAZING_CELL / "model.tgz"
+        folder = self.trials / "grazing"
+        for angle in GRAZING_ANGLES:
+            for treatment in TREATMENTS:
+                frames = self.options.work / "grazing"
+                shutil.rmtree(frames, ignore_errors=True)
+                command = [self.options.bin / "tgview", model, "--backend", "cpu", "--turntable", 1, "--elevation",
+                           90 - angle, "--size", "320x160", "--outside", treatment, "--no-session", "-o", frames]
+                subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
+                folder.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(frames / "0000.png", folder / f"{angle}-{treatment}.png")
+
     def call(self, cell, program, *arguments, before=()):
         command = [self.options.bin / program, *before, self.options.data / cell.scene.folder, "--downscale",
                    cell.scene.downscale * self.options.downscale, "--threads", self.options.threads, *arguments]
@@ -250,7 +272,7 @@ def machine():
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("verb", choices=["run", "frames", "list"])
+    parser.add_argument("verb", choices=["run", "frames", "grazing", "list"])
     parser.add_argument("--data", type=pathlib.Path, help="where the scenes' folders are")
     parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
@@ -270,6 +292,9 @@ def main():
     if options.verb == "list":
         for name in chosen:
             print("done   " if driver.report(name) else "missing", name)
+        return
+    if options.verb == "grazing":
+        driver.grazing()
         return
     if options.verb == "frames":
         for name in chosen:

@@ -43,6 +43,7 @@ def cell(name, psnr, twin=None, side=0, gaussians=100):
     if not name.startswith("choice/"):
         report["evaluation"] = evaluation(psnr, texels=side * side * gaussians, gaussians=gaussians)
     if twin is not None:
+        report["outside"] = {treatment: {"psnr": psnr - 0.25, "ssim": 0.9} for treatment in ("clip", "edge")}
         stages["untextured"] = {**stage, "seconds": 200.0, "test_psnr": twin}
         report["untextured"] = evaluation(twin, gaussians=gaussians)
     return report
@@ -104,6 +105,7 @@ class ReportTest(unittest.TestCase):
         self.assertEqual(row(text, section, "fox 1 %"), ["100", "40", "25.00 / 0.9000", "25.50 / 0.9000",
                                                          "26.50 / 0.9000", "+1.50 / +0.0000", "+1.00 / +0.0000"])
         self.assertEqual(row(text, section, "fox 2 %"), ["-"] * 7)
+        self.assertEqual(row(text, "Beyond +-3 sigma", "fox 1 %"), ["26.50 / 0.9000", *["26.25 / 0.9000"] * 2])
         self.assertEqual(row(text, section, "1 %"), ["+2.50 / +0.0000", "+2.00 / +0.0000", "+1.13 / +0.0180",
                                                      "+1.38 / +0.0773"])
         self.assertEqual(row(text, section, "2 %")[:2], ["-", "-"])
@@ -163,11 +165,12 @@ class ReportTest(unittest.TestCase):
     def test_frames_and_pictures(self):
         self.add("fox/001/none/1", 25.0)
         (self.trials / "fox/001/none/1.png").write_bytes(PIXEL)
-        (self.trials / "grazing.png").write_bytes(PIXEL)
+        for treatment in reproduce.TREATMENTS:
+            self.write(f"grazing/{reproduce.GRAZING_ANGLES[0]}-{treatment}.png", "").write_bytes(PIXEL)
         self.write("frames.json", json.dumps({"fox/001/none/1": {"ms": 12.5, "device": "CPU, 1 threads"}}))
         text = self.results()
         self.assertEqual(row(text, "Size, memory", "fox 1 %")[-1], "12.5 / -")
-        self.assertEqual(self.page().count("data:image/png;base64,iVBORw0KGgo"), 2)
+        self.assertEqual(self.page().count("data:image/png;base64,iVBORw0KGgo"), 4)
 
     def test_page_needs_nothing_else(self):
         self.add("fox/001/rgba/1", 26.0, 25.5, side=40)
