@@ -260,8 +260,11 @@ class Driver:
 
 
 def commit():
-    return subprocess.run(["git", "-C", ROOT, "describe", "--always", "--dirty", "--exclude", "*"], check=True,
-                          capture_output=True, text=True).stdout.strip()
+    """Of the tree; "+" where what is trained with was changed since."""
+    git = ["git", "-C", ROOT]
+    head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], check=True, capture_output=True, text=True)
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "core", "render", "training", "shaders"])
+    return head.stdout.strip() + ("+" if changed.returncode else "")
 
 
 def machine():
