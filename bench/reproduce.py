@@ -55,8 +55,8 @@ SIZES = [2, 5, 10, 20, 30]  # Figure A.5: texels a side at 1 %; the sixth, 40, i
 SMALL_SHARES = [1, 5, 20]  # Figure A.6: 4 x 4 texels, which are what 100 % leads to
 SEEDS = [1, 2, 3]
 PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001"]
-# What is tried instead of the defaults. A stage-1 choice runs without textures, a stage-2 choice from the default's
-# stage 1.
+# What is tried instead of the defaults. A stage-1 choice runs without textures, a stage-2 choice with 4 x 4 texels from
+# the default's stage 1.
 STAGE_1_CHOICES = {
     "limit-room": ["--limit-by", "room"],
     "mcmc": ["--densification", "mcmc"],
@@ -124,7 +124,7 @@ def cells(length):
                 plain_choice(scene, share, choice, extra, seed)
         for choice, extra in STAGE_2_CHOICES.items():
             add(f"choice/{scene}/{share:03}/rgba-{choice}/{seed}", scene,
-                [*flags_of(0, length, seed), "--percent", str(share), *extra], start=start,
+                [*flags_of(0, length, seed), "--percent", str(share), "--texture-size", "4", *extra], start=start,
                 count=f"choice/{scene}/100/none/1", choice=True)
 
     # R1, the anchor.
@@ -193,7 +193,7 @@ class Driver:
         run.parent.mkdir(parents=True, exist_ok=True)
         begun = commit()
         self.call(cell, "tgtrain", *cell.scene.flags, "--device", self.options.device, "--run", run, "--resume", "-q",
-                  "--metrics-every", "0", *flags)
+                  "--metrics-every", "0", "--checkpoint-every", "300", *flags)
         training = json.loads(subprocess.run(["tar", "xzOf", run / "model.tgz", "training.json"], check=True,
                                              capture_output=True).stdout)
         report = {"cell": name, "commit": begun, "machine": machine(), "training": training}
