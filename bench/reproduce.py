@@ -68,7 +68,7 @@ STAGE_2_CHOICES = {
     "position-1.6e-4": ["--rate-position-texture", "1.6e-4"],
     "texels-5e-3": ["--rate-texels", "5e-3"],
     "texels-5e-3-to-5e-4": ["--rate-texels", "5e-3", "--rate-texels-end", "5e-4"],
-    "decay-1": ["--texel-decay", "1"],
+    "decay-0.3": ["--texel-decay", "0.3"],
 }
 
 

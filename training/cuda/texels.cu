@@ -113,11 +113,7 @@ TG_KERNEL moveTexelsKernel(MoveArguments a) {
       const float gradient = drawn ? takeGradient(sums[f], value, f % 4) : 0.0f;
       if (still) continue;
       adamUpdate(value, gradient, a.first[at + f], a.second[at + f], a.rate, a.scales);
-      if (a.decay > 0) {
-        const auto texel = static_cast<unsigned>(f / 4);
-        const float mass = texelMass(texel % rect.width, rect.width) * texelMass(texel / rect.width, rect.height);
-        value = decayedTexel(value, f % 4 < 3 ? 0.0f : 1.0f, a.decay, mass);
-      }
+      if (a.decay > 0) value = decayedTexel(value, static_cast<unsigned>(f % 4), a.decay);
       a.model.texels[at + f] = a.clamp_colors || f % 4 == 3 ? clamp(value, 0.0f, 1.0f) : value;
     }
   }

@@ -121,7 +121,7 @@ std::vector<SettingEntry> makeEntries() {
       number("rate-texels-end", &S::rate_texels_end, -1, kLargestRate, "per step",
              "At the end of stage 2 (-1: the same)"),
       number("texel-decay", &S::texel_decay, 0, 1, "of the rate",
-             "Towards no change, times the share of the Gaussian's weight that a texel does not have"),
+             "Weight decay of texels, towards those that change nothing"),
       onOff("compare-untextured", &S::compare_untextured,
             "Also run stage 2 without textures from the same stage-1 model, and report both"),
   };

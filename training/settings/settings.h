@@ -90,7 +90,7 @@ struct TrainSettings {
   float rate_sh_rest = 5e-4f;
   float rate_texels = 2.5e-3f;
   float rate_texels_end = -1;  // -1: the same
-  float texel_decay = 0;       // of the rate, where a texel covers nothing of its Gaussian's mass
+  float texel_decay = 0;       // of the rate, towards texels that change nothing
 
   bool compare_untextured = false;  // stage 2 once more without textures, from the same stage-1 model
 

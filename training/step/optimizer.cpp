@@ -47,17 +47,6 @@ std::span<const float> floats(const std::vector<T>& values) {
   return {reinterpret_cast<const float*>(values.data()), values.size() * (sizeof(T) / sizeof(float))};
 }
 
-void decayTexels(TextureAtlas& atlas, float decay) {
-  parallelFor(static_cast<std::int64_t>(atlas.rects.size()), kGaussiansPerTask, [&](std::int64_t i) {
-    const TextureRect& rect = atlas.rects[i];
-    for (unsigned k = 0; k < rect.texelCount(); ++k) {
-      const float mass = texelMass(k % rect.width, rect.width) * texelMass(k / rect.width, rect.height);
-      glm::vec4& texel = atlas.texels[rect.offset + k];
-      for (int ch = 0; ch < 4; ++ch) texel[ch] = decayedTexel(texel[ch], ch < 3 ? 0.0f : 1.0f, decay, mass);
-    }
-  });
-}
-
 }  // namespace
 
 double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations) {
@@ -91,8 +80,13 @@ void adamStep(TrainingState& state, const ModelGradient& gradient, const Learnin
   };
   if (model.texture_mode == TextureMode::none) return forEachField(move, model, gradient, state.moments, rates);
   forEachParameter(move, model, gradient, state.moments, rates);
-  if (const float decay = rates.texels * rates.texel_decay; decay > 0) decayTexels(model.atlas, decay);
-  for (glm::vec4& texel : model.atlas.texels) texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+  const float decay = rates.texels * rates.texel_decay;
+  for (glm::vec4& texel : model.atlas.texels) {
+    if (decay > 0) {
+      for (int ch = 0; ch < 4; ++ch) texel[ch] = decayedTexel(texel[ch], static_cast<unsigned>(ch), decay);
+    }
+    texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+  }
 }
 
 bool momentsAgree(const TrainingState& state) {

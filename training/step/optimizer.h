@@ -42,7 +42,7 @@ struct LearningRates {
   float opacity_logit = 5e-2f;
   Rate sh{2.5e-3f, 2.5e-3f / 20};
   float texels = 1e-3f;
-  float texel_decay = 0;  // of the texels' rate a step, towards colour 0 and alpha 1 (decayedTexel)
+  float texel_decay = 0;  // of the texels' rate a step, towards colour 0 and alpha 1
 };
 
 // Log-linear from `first` to `last` over `iterations`; both above 0, or else linear.

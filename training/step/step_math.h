@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "core/model/verbs.h"
-#include "shared/limits.h"
 #include "shared/splat.h"
 #include "training/step/random.h"
 
@@ -33,18 +32,10 @@ TG_FN void adamUpdate(float& value, float g, float& first, float& second, float 
 }
 
 // ---- Texels (docs/math.md 9d)
-// The weight of the Gaussian at texel i of n along an axis, as a share of the innermost one's: exp(-u^2 / 2), u in
-// sigma.
-TG_FN float texelMass(unsigned i, unsigned n) {
-  if (n == 1) return 1;
-  const float step = 2 * kTextureExtent / static_cast<float>(n - 1);
-  const float u = static_cast<float>(i) * step - kTextureExtent;
-  const float inner = n % 2 == 0 ? 0.5f * step : 0.0f;
-  return exp(0.5f * (inner * inner - u * u));
-}
-// What `decay` of a step leaves of a texel's distance from `neutral`; mass: the product of both axes' texelMass().
-TG_FN float decayedTexel(float value, float neutral, float decay, float mass) {
-  return value - decay * (1 - mass) * (value - neutral);
+// What `decay` leaves of the distance from no change: channels 0 to 2 are colour, 3 is alpha.
+TG_FN float decayedTexel(float value, unsigned channel, float decay) {
+  const float neutral = channel == 3 ? 1.0f : 0.0f;
+  return value - decay * (value - neutral);
 }
 
 // ---- 3D filter (docs/math.md 8)
