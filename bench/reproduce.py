@@ -54,7 +54,7 @@ KIND_SHARES = [1, 100]  # Table A.4
 SIZES = [2, 5, 10, 20, 30]  # Figure A.5: texels a side at 1 %; the sixth, 40, is what 1 % leads to
 SMALL_SHARES = [1, 5, 20]  # Figure A.6: 4 x 4 texels, which are what 100 % leads to
 SEEDS = [1, 2, 3]
-PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001"]
+PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001", "--rate-texels-end", "0.001"]
 # What is tried instead of the defaults. A stage-1 choice runs without textures, a stage-2 choice with 4 x 4 texels from
 # the default's stage 1.
 STAGE_1_CHOICES = {
@@ -66,8 +66,7 @@ STAGE_1_CHOICES = {
 STAGE_2_CHOICES = {
     "default": ["--compare-untextured"],
     "position-1.6e-4": ["--rate-position-texture", "1.6e-4"],
-    "texels-5e-3": ["--rate-texels", "5e-3"],
-    "texels-5e-3-to-5e-4": ["--rate-texels", "5e-3", "--rate-texels-end", "5e-4"],
+    "texels-2.5e-3": ["--rate-texels", "2.5e-3", "--rate-texels-end", "2.5e-3"],
     "decay-0.3": ["--texel-decay", "0.3"],
 }
 

@@ -117,7 +117,7 @@ std::vector<SettingEntry> makeEntries() {
       number("rate-opacity", &S::rate_opacity, 0, kLargestRate, "logit per step", "Of the opacity"),
       number("rate-sh-dc", &S::rate_sh_dc, 0, kLargestRate, "SH per step", "Of the constant colour"),
       number("rate-sh-rest", &S::rate_sh_rest, 0, kLargestRate, "SH per step", "Of the other coefficients"),
-      number("rate-texels", &S::rate_texels, 0, kLargestRate, "per step", "Of colour and alpha texels"),
+      number("rate-texels", &S::rate_texels, 0, kLargestRate, "per step", "Of colour and alpha texels, at the start of stage 2"),
       number("rate-texels-end", &S::rate_texels_end, -1, kLargestRate, "per step",
              "At the end of stage 2 (-1: the same)"),
       number("texel-decay", &S::texel_decay, 0, 1, "of the rate",
@@ -138,6 +138,7 @@ TrainSettings presetSettings(std::string_view preset) {
     settings.gaussians = 25'000;
     settings.densify_every = 50;
     settings.densify_from = 50;
+    settings.densify_until = 350;
     settings.sh_every = 60;
     settings.rate_sh_dc = 5e-3f;
     settings.rate_sh_rest = 1e-3f;
@@ -152,6 +153,7 @@ TrainSettings presetSettings(std::string_view preset) {
   settings.rate_scale = 5e-3f;
   settings.rate_sh_rest = 2.5e-3f / 20;
   settings.rate_texels = 1e-3f;
+  settings.rate_texels_end = -1;
   settings.texture_init = TextureInit::paper;
   settings.texture_intersection = TextureIntersection::plane;
   return settings;

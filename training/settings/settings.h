@@ -88,9 +88,9 @@ struct TrainSettings {
   float rate_opacity = 5e-2f;
   float rate_sh_dc = 2.5e-3f;
   float rate_sh_rest = 5e-4f;
-  float rate_texels = 2.5e-3f;
-  float rate_texels_end = -1;  // -1: the same
-  float texel_decay = 0;       // of the rate, towards texels that change nothing
+  float rate_texels = 5e-3f;      // at the start of stage 2
+  float rate_texels_end = 5e-4f;  // at its end; -1: the same
+  float texel_decay = 0;          // of the rate, towards texels that change nothing
 
   bool compare_untextured = false;  // stage 2 once more without textures, from the same stage-1 model
 

@@ -290,7 +290,7 @@ TEST_CASE("stage 2 has rates of its own, and MCMC's noise does not follow this t
     CHECK(tg::train(dataset, settings, *renderer).model.mean != start.mean);
   }
   SECTION("of texels") {
-    settings.rate_texels = 0;
+    settings.rate_texels = settings.rate_texels_end = 0;
     const auto changed = [](const tg::GaussianModel& model) {
       return std::ranges::any_of(model.atlas.texels, [](glm::vec4 texel) { return texel != glm::vec4(0, 0, 0, 1); });
     };
