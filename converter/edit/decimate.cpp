@@ -10,13 +10,13 @@
 #include <utility>
 #include <vector>
 
-#include "render/contribution.h"
 #include "converter/edit/select.h"
 #include "converter/gltf/axes.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
+#include "render/contribution.h"
 #include "shared/limits.h"
 
 namespace tg {

@@ -26,12 +26,12 @@ struct ReferenceModel : ModelFields<DoubleValues> {
 // One blended contribution at one pixel, front to back.
 struct ReferenceHit {
   std::uint32_t gaussian = 0;
-  double t = 0, u = 0, v = 0, value = 0;     // camera z, sigma, sigma, G in (0, 1]
-  double texel_u = 0, texel_v = 0;           // texel coordinates (ut, vt); 0 where no texel is sampled
-  double texture_alpha = 1;                  // a_tex
+  double t = 0, u = 0, v = 0, value = 0;  // camera z, sigma, sigma, G in (0, 1]
+  double texel_u = 0, texel_v = 0;        // texel coordinates (ut, vt); 0 where no texel is sampled
+  double texture_alpha = 1;               // a_tex
   glm::dvec3 base{0.0}, texture{0.0};
-  double texel_density = 0;                  // [texels / px] of the splat, at its mean
-  double alpha = 0, transmittance = 1;       // transmittance before this hit
+  double texel_density = 0;             // [texels / px] of the splat, at its mean
+  double alpha = 0, transmittance = 1;  // transmittance before this hit
 };
 
 // `cutoffs` off replaces the alpha cut at 1/255 and the transmittance stop by nothing, for finite differences of a

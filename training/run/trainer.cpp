@@ -178,12 +178,12 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                                ? IntersectionModel::plane
                                : IntersectionModel::maxResponse;
     }
-    const int automatic = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
-    const int size = settings_.texture_size > 0 ? settings_.texture_size : automatic;
-    const std::size_t budget = settings_.texel_budget
-                                   ? settings_.texel_budget
-                                   : model.size() * static_cast<std::size_t>(size) * static_cast<std::size_t>(size);
     if (!textures_given) {
+      const int automatic = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
+      const int size = settings_.texture_size > 0 ? settings_.texture_size : automatic;
+      const std::size_t budget = settings_.texel_budget
+                                     ? settings_.texel_budget
+                                     : model.size() * static_cast<std::size_t>(size) * static_cast<std::size_t>(size);
       addTextures(state_.training,
                   settings_.texture_sizes == TextureSizes::footprint
                       ? footprintRects(model, pixelSizes(filter_cameras_, model), budget)

@@ -39,8 +39,8 @@ class Trainer {
  public:
   // The data set and the renderer must outlive the trainer. `start`: the model to go on from, in stage 1 instead of
   // from the data set's points, or with its textures in stage 2. Throws Error(usage) for settings that checkSettings()
-  // refuses and for a textured start where stage 2 is to have a twin or no textures, Error(badData) when there is
-  // nothing to start from.
+  // refuses, for a textured start where stage 2 is to have a twin, no textures or the paper's first texels, and for one
+  // that does not draw the base beyond its textures; Error(badData) when there is nothing to start from.
   Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
           std::optional<GaussianModel> start = std::nullopt);
   // Goes on from a state of a trainer with the same data set and settings.

@@ -31,7 +31,7 @@ struct Schedule {
 
 // Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion.
 // ADC ends at half time, MCMC after five sixths (Kheradmand et al.: 25,000 of 30,000). An opacity reset costs about a
-// thousand iterations of quality: only ADC runs of 6,200 and more have any, and none after the last round or in the
+// thousand iterations of quality: only ADC runs of 6,202 and more have any, and none after the last round or in the
 // last third, which could not make up for it.
 inline Schedule makeSchedule(const TrainSettings& settings) {
   const int iterations = settings.iterations;

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include "render/contribution.h"
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
 #include "converter/edit/quality.h"
@@ -15,6 +14,7 @@
 #include "converter/gltf/fallback.h"
 #include "core/bundle/bundle.h"
 #include "core/model/verbs.h"
+#include "render/contribution.h"
 #include "shared/texture.h"
 #include "support/catch.h"
 

@@ -19,6 +19,8 @@ TEST_CASE("short schedules keep the shape of long ones") {
   CHECK(paper.resetsOpacity(3000));
   CHECK(paper.resetsOpacity(12000));
   CHECK_FALSE(paper.resetsOpacity(15000));
+  CHECK_FALSE(schedule(6201).resetsOpacity(3000));
+  CHECK(schedule(6202).resetsOpacity(3000));
   for (const int iterations : {6002, 6100, 6201, 7000, 12002, 12201, 30000}) {
     const tg::Schedule s = schedule(iterations);
     for (int i = 1; i <= iterations; ++i) {
