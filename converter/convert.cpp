@@ -54,12 +54,13 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
   report.views = views.size();
   const Bundle written = readModel(output);
   if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
-    report.deviation = deviationOf(source.model, written.model);
+    report.deviation =
+        deviationOf(report.order.empty() ? source.model : select(source.model, report.order), written.model);
   }
   const bool only_base = isTextured(source.model) && !format.holds(kKeepsTextures);
   (only_base ? report.base_psnr : report.textured_psnr) =
       renderedPsnr(source.model, written.model, views, source.background);
-  if (isTextured(source.model) && format.is_gltf) {
+  if (isTextured(source.model) && format.has_base) {
     report.base_psnr =
         renderedPsnr(source.model, readModel(output, {.base_only = true}).model, views, source.background);
   }
@@ -97,6 +98,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                              .atlas = options.atlas,
                              .quantize = options.quantize,
                              .meshopt = options.meshopt,
+                             .texture_step = options.texture_step,
                              .replace = options.overwrite || options.dry_run};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {

@@ -29,6 +29,7 @@ struct ConvertOptions {
   AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png
   bool quantize = false;                  // glb, gltf: see WriteOptions
   bool meshopt = false;                   // likewise
+  float texture_step = kTextureStep;      // sog: see WriteOptions
   std::vector<Edit> edits = {};           // in this order, before anything is written
 };
 

@@ -176,7 +176,7 @@ int checkMain(int argc, char** argv) {
 int convertMain(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(
-      "Converts splat models to tgz, ply, splat, spz, glb or a page that shows them. The input's format is its "
+      "Converts splat models to tgz, ply, splat, spz, sog, glb or a page that shows them. The input's format is its "
       "content, the output's its extension.",
       "tgconvert");
   app.add_option("FILES", arguments.files,
@@ -207,9 +207,14 @@ int convertMain(int argc, char** argv) {
          },
          "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")
       ->type_name("FORMAT");
+  app.add_option(
+         "--texture-step", arguments.options.texture_step,
+         "sog: between a texture's colours, coarser where they weigh less; larger files are nearer to the model")
+      ->check(CLI::Range(1.0f / 1024, 0.5f))
+      ->capture_default_str();
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(CLI::IsMember(tg::outputNames(true)));
-  app.add_flag("--base-only", arguments.options.base_only, "glb: leave the texture layer aside");
+  app.add_flag("--base-only", arguments.options.base_only, "glb, sog: leave the texture layer aside");
   CLI::Option* psnr = app.add_flag("--psnr", arguments.psnr,
                                    "render source and result for the summary also where no number is rounded, and "
                                    "however large the model is");

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "converter/edit/select.h"
+#include "converter/formats/morton.h"
 #include "converter/gltf/axes.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
@@ -101,17 +102,6 @@ void setMoments(GaussianModel& model, std::size_t i, const Moments& moments) {
   model.log_scale[i] = glm::vec3(glm::log(scale));
   const double opacity = std::min(moments.mass / areaOf(scale), kMostOpacity);
   model.opacity_logit[i] = static_cast<float>(std::log(opacity) - std::log1p(-opacity));
-}
-
-// p in [0, 1]^3 on a space-filling curve: 21 bits an axis, interleaved.
-std::uint64_t mortonCode(glm::dvec3 p) {
-  constexpr int bits = 21;
-  const glm::dvec3 scaled = glm::clamp(p, 0.0, 1.0) * static_cast<double>((1 << bits) - 1);
-  std::uint64_t code = 0;
-  for (int bit = bits - 1; bit >= 0; --bit) {
-    for (int k = 0; k < 3; ++k) code = code << 1 | (static_cast<std::uint64_t>(scaled[k]) >> bit & 1);
-  }
-  return code;
 }
 
 struct Pair {

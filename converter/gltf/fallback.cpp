@@ -2,6 +2,7 @@
 // The best untextured stand-in for a textured model.
 #include "converter/gltf/fallback.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -65,23 +66,40 @@ TextureMean meanOf(const glm::vec4* texels, const TextureRect& rect, bool use_co
   return mean;
 }
 
-}  // namespace
-
-GaussianModel bakeFallback(const GaussianModel& model) {
+// Calls body(i, mean) for the Gaussians with textures, on all threads.
+template <typename Body>
+void forEachMean(const GaussianModel& model, const Body& body) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  GaussianModel base = withoutTextures(model);
-  if (!isTextured(model)) return base;
-  const TextureMode mode = model.texture_mode;
+  if (!isTextured(model)) return;
   const Samples samples = makeSamples();
   parallelFor(static_cast<std::int64_t>(model.size()), 256, [&](std::int64_t i) {
     const TextureRect& rect = model.atlas.rects[i];
     if (rect.texelCount() == 0) return;
-    const TextureMean mean =
-        meanOf(model.atlas.texels.data() + rect.offset, rect, hasColor(mode), hasAlpha(mode), samples);
+    const TextureMode mode = model.texture_mode;
+    body(i, meanOf(model.atlas.texels.data() + rect.offset, rect, hasColor(mode), hasAlpha(mode), samples));
+  });
+}
+
+}  // namespace
+
+GaussianModel bakeFallback(const GaussianModel& model) {
+  GaussianModel base = withoutTextures(model);
+  forEachMean(model, [&](std::int64_t i, const TextureMean& mean) {
     base.sh[i * model.shCount()] += glm::vec3(mean.color / static_cast<double>(kShC0));
-    if (hasAlpha(mode)) base.opacity_logit[i] = logitFromOpacity(sigmoid(model.opacity_logit[i], mean.alpha));
+    if (hasAlpha(model.texture_mode)) {
+      base.opacity_logit[i] = logitFromOpacity(sigmoid(model.opacity_logit[i], mean.alpha));
+    }
   });
   return base;
+}
+
+void removeFallback(GaussianModel& model) {
+  forEachMean(model, [&](std::int64_t i, const TextureMean& mean) {
+    model.sh[i * model.shCount()] -= glm::vec3(mean.color / static_cast<double>(kShC0));
+    if (hasAlpha(model.texture_mode) && mean.alpha > 0.0) {
+      model.opacity_logit[i] = logitFromOpacity(std::min(opacityOf(model, i) / mean.alpha, 1.0));
+    }
+  });
 }
 
 }  // namespace tg

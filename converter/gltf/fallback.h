@@ -9,4 +9,8 @@ namespace tg {
 // the Gaussian (docs/gltf.md, "Fallback"). Untextured Gaussians are unchanged.
 GaussianModel bakeFallback(const GaussianModel& model);
 
+// The inverse, in place, where `model` has the textures beside colours and opacities that stand in for them. Opacities
+// above 1 become 1.
+void removeFallback(GaussianModel& model);
+
 }  // namespace tg

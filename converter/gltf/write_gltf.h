@@ -20,6 +20,8 @@ enum class AtlasFormat {
 };
 constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr"); }
 
+constexpr float kTextureStep = 1.0f / 32;
+
 // What a writer is asked for. A format that has no such thing passes over it.
 struct WriteOptions {
   bool lean = false;  // without the source numbers of converter/gltf/numbers.h
@@ -27,6 +29,7 @@ struct WriteOptions {
   // Integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean.
   bool quantize = false;
   bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
+  float texture_step = kTextureStep;          // sog: between a texture's colours (converter/sog/sog.h)
   bool replace = true;                        // gltf, png: the files beside it where they are there already
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };

@@ -15,6 +15,7 @@
 #include "converter/gltf/read_gltf.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/html/html.h"
+#include "converter/sog/sog.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
@@ -93,6 +94,10 @@ void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions&, W
   warnRepair(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
 }
 
+void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
+  written.order = writeSog(path, source.model, {.texture_step = options.texture_step});
+}
+
 constexpr Format kFormats[] = {
     {.name = "tgz",
      .spoken = "tgz",
@@ -124,6 +129,14 @@ constexpr Format kFormats[] = {
      .sniff = isSpz,
      .read = [](const Path& path, const ReadOptions&) { return readSpz(path); },
      .write = writeBaseSpz},
+    {.name = "sog",
+     .spoken = "sog",
+     .title = "SOG",
+     .keeps = kKeepsTextures | kKeepsSh,
+     .sniff = [](const FileStart& start) { return start.begins("PK\3\4"); },
+     .read = [](const Path& path, const ReadOptions& options) { return readSog(path, options.base_only); },
+     .write = writeOrdered,
+     .has_base = true},
     {.name = "glb",
      .spoken = "glb",
      .keeps = kKeepsAll,
@@ -132,6 +145,7 @@ constexpr Format kFormats[] = {
      .write = writeGltfScene<writeGlb>,
      .overlooked = findOverlooked,
      .is_gltf = true,
+     .has_base = true,
      .streams = true},
     {.name = "gltf",
      .spoken = "gltf",
@@ -141,6 +155,7 @@ constexpr Format kFormats[] = {
      .write = writeGltfScene<writeGltf>,
      .overlooked = findOverlooked,
      .is_gltf = true,
+     .has_base = true,
      .streams = true},
     {.name = "html",
      .spoken = "our html",
@@ -148,10 +163,10 @@ constexpr Format kFormats[] = {
      .sniff = [](const FileStart& start) { return start.begins(kHtmlStart); },
      .read = readPage,
      .write = writeScene<writeHtml>,
-     .is_gltf = true},
+     .is_gltf = true,
+     .has_base = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
     {.name = "ksplat", .title = ".ksplat"},
-    {.name = "sog", .title = "SOG"},
 };
 
 // The first four bytes inside a gzip stream, or none when it is broken.

@@ -2,6 +2,7 @@
 // The table of file formats. A new one is a row of file_format.cpp with its reader and writer: converting, checking,
 // help texts and messages follow from the row, and a test shows the line that docs/formats.md then needs.
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -18,6 +19,8 @@ namespace tg {
 // png only.
 struct Written : GltfReport {
   std::string texture_mode;  // of what was written
+  // Gaussian j of the file is Gaussian order[j] of the model; empty: theirs are one.
+  std::vector<std::uint32_t> order;
   std::vector<std::string> warnings;
 };
 
@@ -53,7 +56,8 @@ struct Format {
   // What reading gets by without; adds "JSON pointer: message". Null: nothing. Throws Error for a broken structure.
   void (*overlooked)(const std::filesystem::path& path, std::vector<std::string>& errors,
                      std::vector<std::string>& warnings) = nullptr;
-  bool is_gltf = false;  // or around it: its axes, and beside the textures a base for readers that know none
+  bool is_gltf = false;   // or around it: its axes
+  bool has_base = false;  // beside the textures, for readers that know none
   bool streams = false;  // written from Gaussians that are not in memory as a whole
 
   bool holds(Keeps what) const { return (keeps & what) != 0; }

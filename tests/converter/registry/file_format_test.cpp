@@ -25,6 +25,7 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
   REQUIRE(detectFormat(scratch.write("b.ply", "ply\nelement vertex 1\nproperty uint packed_position\n")).name ==
           "compressed.ply");
   REQUIRE(detectFormat(scratch.write("b.splat", std::string(32, '\1'))).name == "splat");
+  REQUIRE(detectFormat(scratch.write("b.glb", "PK\3\4")).name == "sog");
   REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))).name == "tgz");
 }
 
@@ -48,12 +49,11 @@ TEST_CASE("unsupported formats are named and refused with exit code 3") {
     return test::messageOf([&] { detectFormat(path); }).substr(path.string().size());
   };
   const std::string unsupported =
-      " is not supported yet (tgz, ply, compressed ply, splat, spz, glb, gltf and our html are)";
+      " is not supported yet (tgz, ply, compressed ply, splat, spz, sog, glb, gltf and our html are)";
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
   CHECK(refusal(scratch.write("a.ksplat", std::string(4096, '\0'))) == ": the .ksplat format" + unsupported);
-  CHECK(refusal(scratch.write("a.sog", "PK\3\4")) == ": the SOG format" + unsupported);
   CHECK(refusal(scratch.write("a.bin", "hello")) ==
-        ": is no splat model (expected a tgz, ply, splat, spz, glb, gltf or our html file)");
+        ": is no splat model (expected a tgz, ply, splat, spz, sog, glb, gltf or our html file)");
 }
 
 TEST_CASE("the rows of the table of formats agree with themselves") {
@@ -65,7 +65,8 @@ TEST_CASE("the rows of the table of formats agree with themselves") {
     CHECK((format.keeps == kKeepsAll || !format.title.empty() || !format.read || !format.write));
     CHECK(findFormat(format.name) == &format);
     CHECK((!format.sniff || format.read));
-    CHECK((!format.is_gltf || format.holds(kKeepsTextures)));
+    CHECK((!format.is_gltf || format.has_base));
+    CHECK((!format.has_base || format.holds(kKeepsTextures)));
     CHECK((!format.streams || format.write));
     if (format.write) CHECK(&outputFormat("a." + std::string(format.name)) == &format);
   }

@@ -41,6 +41,7 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
   };
   add("plain.ply");
   add("gzip.spz");
+  add("images.sog");
   add("png8.glb");
   add("exr.glb", {.atlas = AtlasFormat::exr});
   add("integers.glb", {.quantize = true});

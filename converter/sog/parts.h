@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the reader and the writer of SOG files agree on. Private to converter/sog.
+#pragma once
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/model/model.h"
+
+namespace tg::sog {
+
+constexpr int kVersion = 2;
+constexpr std::size_t kCodebook = 256;
+constexpr std::size_t kMaxPalette = 65536;
+constexpr std::size_t kPaletteColumns = 64;
+constexpr int kFirstLargest = 252;  // in a quaternion's fourth byte: 252 + which of w x y z is left out
+
+// Positions are stored as this logarithm.
+inline double toLogarithm(double x) { return std::copysign(std::log1p(std::abs(x)), x); }
+inline double fromLogarithm(double x) { return std::copysign(std::expm1(std::abs(x)), x); }
+
+// ---- Textures
+constexpr const char* kTextures = "TG_gaussian_splatting_texture";  // key of meta.json
+constexpr int kTextureVersion = 1;
+constexpr int kMaxSide = 255;      // [texels]
+constexpr int kNeutralByte = 128;  // of a texel's value
+constexpr double kMostSpread = 16;
+
+// Gaussians with textures of one size, in their order; classes by height, then width.
+struct SizeClass {
+  int width, height;
+  std::vector<std::uint32_t> gaussians;
+};
+std::vector<SizeClass> sizeClasses(std::span<const TextureRect> rects);
+
+// How many times the step a texel's value may be off: [height, width], 1 for the texels that weigh most. Errors then
+// weigh alike wherever they are.
+std::vector<double> texelSpreads(int width, int height);
+// The same of a Gaussian of this opacity (0 to 1).
+double opacitySpread(double opacity);
+
+}  // namespace tg::sog

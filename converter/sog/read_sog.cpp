@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+// SOG in.
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "converter/formats/repair.h"
+#include "converter/gltf/fallback.h"
+#include "converter/sog/parts.h"
+#include "converter/sog/sog.h"
+#include "converter/sog/zip.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/image/webp.h"
+#include "core/model/verbs.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxFileBytes = std::uint64_t{4} << 30;
+constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{16} << 20;
+constexpr std::int64_t kCountAlwaysAllowed = 1 << 20;
+constexpr std::int64_t kMostPerByte = 64;  // Gaussians: positions alone take six bytes where they are no pattern
+constexpr std::size_t kMaxName = 255;
+
+class SogReader {
+ public:
+  SogReader(std::span<const std::uint8_t> bytes, const std::string& path)
+      : path_(path), zip_(bytes, path), json_(parseJson(zip_.read("meta.json", kMaxMetaBytes), path)) {
+    const JsonNode meta = root().object();
+    if (!meta.has("version")) meta.fail("has no version (SOG version 1 is not supported, expected version 2)");
+    meta.integer("version", sog::kVersion, sog::kVersion);
+    count_ = static_cast<std::size_t>(meta.integer("count", 1, static_cast<std::int64_t>(kMaxGaussians)));
+    const auto count = static_cast<std::int64_t>(count_);
+    if (count > kCountAlwaysAllowed && count / kMostPerByte > static_cast<std::int64_t>(bytes.size())) {
+      meta.fail("too many Gaussians for a file of " + std::to_string(bytes.size()) + " bytes (found " +
+                std::to_string(count) + ")");
+    }
+  }
+
+  Bundle read(bool base_only) {
+    const JsonNode meta = root();
+    const JsonNode sh = meta.has("shN") ? meta.at("shN").object() : meta;
+    const int degree = meta.has("shN") ? static_cast<int>(sh.integer("bands", 0, 3)) : 0;
+    resizeGaussians(loaded_.model, count_, degree);
+    readMeans(meta.at("means").object());
+    readScales(meta.at("scales").object());
+    readRotations(meta.at("quats").object());
+    readColors(meta.at("sh0").object());
+    if (degree > 0) readSh(sh);
+    if (meta.has("model") && meta.string("model") != "default") {
+      loaded_.warnings.push_back("trained as \"" + meta.string("model") + "\", which the model has no word for");
+    } else if (meta.has("antialias") && meta.boolean("antialias")) {
+      loaded_.warnings.push_back("trained with antialiasing, which the model has no word for");
+    }
+    if (!base_only && meta.has(sog::kTextures)) readTextures(meta.at(sog::kTextures).object());
+    checkModel(loaded_.model, path_);
+    return std::move(loaded_);
+  }
+
+ private:
+  JsonNode root() const { return {json_, path_, "meta.json"}; }
+
+  // File `index` of the `files` that `node` lists.
+  BytePixels image(const JsonNode& node, std::size_t files, std::size_t index, std::size_t least) const {
+    node.array("files", files);
+    const std::string name = node.at("files").element(index).string();
+    if (name.size() > kMaxName) node.fail("a file's name is too long" + atMost(kMaxName, name.size()));
+    const std::string where = path_ + ": " + name;
+    BytePixels pixels = decodeWebp(zip_.read(name, kMaxFileBytes), where);
+    if (pixels.size() < least) {
+      throw Error(ErrorKind::badData, where,
+                  "too few pixels (expected at least " + std::to_string(least) + ", found " +
+                      std::to_string(pixels.size()) + ")");
+    }
+    return pixels;
+  }
+
+  // Padded with its last value: files may index what they do not list only where nothing is shown.
+  std::vector<float> codebook(const JsonNode& node) const {
+    const JsonNode list = node.at("codebook").array();
+    const std::size_t size = list.size();
+    if (size < 1 || size > sog::kCodebook)
+      list.fail("wrong number of values (expected 1 to 256, found " + std::to_string(size) + ")");
+    std::vector<float> values;
+    for (std::size_t i = 0; i < size; ++i) {
+      values.push_back(static_cast<float>(list.finite(list.value[i], std::to_string(i))));
+    }
+    values.resize(sog::kCodebook, values.back());
+    return values;
+  }
+
+  void readMeans(const JsonNode& node) {
+    const auto low = node.numbers<3>("mins"), high = node.numbers<3>("maxs");
+    const BytePixels lower = image(node, 2, 0, count_), upper = image(node, 2, 1, count_);
+    for (std::size_t i = 0; i < count_; ++i) {
+      for (int k = 0; k < 3; ++k) {
+        const int code = lower.data[4 * i + k] | upper.data[4 * i + k] << 8;
+        loaded_.model.mean[i][k] = static_cast<float>(sog::fromLogarithm(low[k] + (high[k] - low[k]) * code / 65535.0));
+      }
+    }
+  }
+
+  void readScales(const JsonNode& node) {
+    const std::vector<float> values = codebook(node);
+    const BytePixels pixels = image(node, 1, 0, count_);
+    for (std::size_t i = 0; i < count_; ++i) {
+      for (int k = 0; k < 3; ++k) loaded_.model.log_scale[i][k] = values[pixels.data[4 * i + k]];
+    }
+  }
+
+  void readRotations(const JsonNode& node) {
+    const BytePixels pixels = image(node, 1, 0, count_);
+    std::size_t broken = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const std::uint8_t* bytes = pixels.data.data() + 4 * i;
+      const int largest = bytes[3] - sog::kFirstLargest;
+      glm::vec4 q(0.0f);
+      if (largest < 0) {
+        ++broken;
+        q[0] = 1.0f;
+      } else {
+        double rest = 1.0;
+        for (int k = 0, from = 0; k < 4; ++k) {
+          if (k == largest) continue;
+          const double value = (bytes[from++] / 255.0 * 2.0 - 1.0) * std::sqrt(0.5);
+          q[k] = static_cast<float>(value);
+          rest -= value * value;
+        }
+        q[largest] = static_cast<float>(std::sqrt(std::max(rest, 0.0)));
+        if (!hasLength(q)) q[0] = 1.0f;
+      }
+      loaded_.model.rotation[i] = q;
+    }
+    warnRepair(loaded_.warnings, broken, "with a broken rotation: not turned");
+  }
+
+  void readColors(const JsonNode& node) {
+    const std::vector<float> values = codebook(node);
+    const BytePixels pixels = image(node, 1, 0, count_);
+    GaussianModel& model = loaded_.model;
+    for (std::size_t i = 0; i < count_; ++i) {
+      for (int k = 0; k < 3; ++k) model.sh[i * model.shCount()][k] = values[pixels.data[4 * i + k]];
+      model.opacity_logit[i] = logitFromOpacity(pixels.data[4 * i + 3] / 255.0);
+    }
+  }
+
+  void readSh(const JsonNode& node) {
+    const std::vector<float> values = codebook(node);
+    GaussianModel& model = loaded_.model;
+    const std::size_t rest = model.shCount() - 1;
+    const auto size = static_cast<std::size_t>(node.integer("count", 1, sog::kMaxPalette));
+    const BytePixels rows = image(node, 2, 0, 1), labels = image(node, 2, 1, count_);
+    if (static_cast<std::size_t>(rows.width) != sog::kPaletteColumns * rest) {
+      node.fail("the palette's picture has a wrong width" +
+                expectedFound(sog::kPaletteColumns * rest, static_cast<std::uint64_t>(rows.width)));
+    }
+    const std::size_t held = sog::kPaletteColumns * static_cast<std::size_t>(rows.height);
+    for (std::size_t i = 0; i < count_; ++i) {
+      const std::size_t label = labels.data[4 * i] | std::size_t{labels.data[4 * i + 1]} << 8;
+      if (label >= size || label >= held) {
+        throw Error(ErrorKind::badData, path_,
+                    "Gaussian " + std::to_string(i) + " has SH that the palette lacks (expected an index below " +
+                        std::to_string(std::min(size, held)) + ", found " + std::to_string(label) + ")");
+      }
+      const std::uint8_t* row = rows.data.data() + 4 * (label * rest);
+      for (std::size_t c = 0; c < rest; ++c) {
+        for (int k = 0; k < 3; ++k) model.sh[i * model.shCount() + 1 + c][k] = values[row[4 * c + k]];
+      }
+    }
+  }
+
+  void readTextures(const JsonNode& node) {
+    if (node.integer("version", 1, 1000) != sog::kTextureVersion) {
+      loaded_.warnings.push_back("textures of another version than 1 are left out");
+      return;
+    }
+    GaussianModel& model = loaded_.model;
+    model.texture_mode = named<TextureMode>(node, "mode");
+    model.intersection = named<IntersectionModel>(node, "intersection");
+    model.outside = named<TextureOutside>(node, "outside");
+    if (model.texture_mode == TextureMode::none) node.fail("mode: textures have one (expected alpha, rgb or rgba)");
+    const auto steps = node.numbers<2>("steps", 0.0, 1.0);
+    const BytePixels sizes = image(node, 2, 0, count_);
+    model.atlas.rects.resize(count_);
+    std::uint64_t texels = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      TextureRect& rect = model.atlas.rects[i];
+      rect.offset = static_cast<std::uint32_t>(texels);
+      rect.width = sizes.data[4 * i];
+      rect.height = sizes.data[4 * i + 1];
+      if (rect.texelCount() == 0) rect = {};
+      texels += rect.texelCount();
+      if (texels > kMaxModelTexels) node.fail("too many texels" + atMost(kMaxModelTexels, texels));
+    }
+    const BytePixels values = image(node, 2, 1, texels);
+    model.atlas.texels.resize(texels);
+    std::size_t at = 0;
+    for (const sog::SizeClass& group : sog::sizeClasses(model.atlas.rects)) {
+      const std::vector<double> spreads = sog::texelSpreads(group.width, group.height);
+      for (std::size_t t = 0; t < spreads.size(); ++t) {
+        for (const std::uint32_t i : group.gaussians) {
+          const double spread = spreads[t] * sog::opacitySpread(opacityOf(model, i));
+          const std::uint8_t* bytes = values.data.data() + 4 * at++;
+          glm::vec4& texel = model.atlas.texels[model.atlas.rects[i].offset + t];
+          for (int k = 0; k < 4; ++k) {
+            texel[k] = static_cast<float>((bytes[k] - sog::kNeutralByte) * steps[k == 3] * spread);
+          }
+          texel.a = std::clamp(1.0f + texel.a, 0.0f, 1.0f);
+        }
+      }
+    }
+    neutralize(model.atlas.texels, model.texture_mode);
+    removeFallback(model);
+  }
+
+  template <typename T>
+  static T named(const JsonNode& node, const char* key) {
+    const std::string name = node.string(key);
+    const std::optional<T> value = parse<T>(name);
+    if (!value) node.fail(std::string(key) + expectedFound(allNames<T>(), "\"" + name + "\""));
+    return *value;
+  }
+
+  const std::string& path_;
+  ZipReader zip_;
+  nlohmann::json json_;
+  std::size_t count_ = 0;
+  Bundle loaded_;
+};
+
+}  // namespace
+
+Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bool base_only) {
+  return SogReader(bytes, path).read(base_only);
+}
+
+Bundle readSog(const std::filesystem::path& path, bool base_only) {
+  return parseSog(readFile(path, kMaxFileBytes), path.string(), base_only);
+}
+
+}  // namespace tg

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// SOG version 2, bundled: a ZIP archive of meta.json and lossless WebP images, a pixel of each a Gaussian, and our
+// textures beside them (docs/sog.md).
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "converter/gltf/write_gltf.h"
+#include "core/bundle/bundle.h"
+
+namespace tg {
+
+// The numbers as stored: those of the PLY the file was made from (docs/formats.md). base_only: what other readers show.
+// Throws Error(cannotRead / badData).
+Bundle readSog(const std::filesystem::path& path, bool base_only = false);
+Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bool base_only = false);
+
+struct SogOptions {
+  // Of the colours in a texture's middle, where a Gaussian is opaque; elsewhere they may be coarser as they weigh less.
+  float texture_step = kTextureStep;
+};
+
+// In Morton order, which is returned: Gaussian j of the file is Gaussian order[j] of the model. Textured models keep
+// their textures; the base that other readers show is bakeFallback's. Same model in, same bytes out. Atomic. Throws
+// Error(cannotWrite), Error(badData) for a texture of more than 255 texels a side and for more Gaussians or texels than
+// images of 16383 pixels a side hold.
+std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
+                                    const SogOptions& options = {});
+
+}  // namespace tg

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+// SOG out.
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "converter/formats/morton.h"
+#include "converter/gltf/fallback.h"
+#include "converter/sog/codebook.h"
+#include "converter/sog/parts.h"
+#include "converter/sog/sog.h"
+#include "converter/sog/zip.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/image/webp.h"
+#include "core/model/verbs.h"
+#include "core/system/assert.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "shared/splat.h"
+
+namespace tg {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kDeadZone = 0.1;  // [steps] that texels are nearer to no change than they are
+
+std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
+
+// As short as brings the float back.
+double shortest(double number) {
+  char text[64];
+  const auto written = std::to_chars(text, text + sizeof text, static_cast<float>(number));
+  double value = 0.0;
+  std::from_chars(text, written.ptr, value);
+  return value;
+}
+
+Json numbersOf(std::span<const float> values) {
+  Json array = Json::array();
+  for (const float value : values) array.push_back(shortest(value));
+  return array;
+}
+
+std::vector<std::uint32_t> mortonOrder(const GaussianModel& model) {
+  glm::dvec3 low(model.mean.front()), high(low);
+  for (const glm::vec3& mean : model.mean) {
+    low = glm::min(low, glm::dvec3(mean));
+    high = glm::max(high, glm::dvec3(mean));
+  }
+  const glm::dvec3 size = high - low;
+  const double extent = std::max({size.x, size.y, size.z, 1e-30});
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> codes(model.size());
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    codes[i] = {mortonCode((glm::dvec3(model.mean[i]) - low) / extent), static_cast<std::uint32_t>(i)};
+  }
+  std::sort(codes.begin(), codes.end());
+  std::vector<std::uint32_t> order(model.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = codes[i].second;
+  return order;
+}
+
+// The images of a model whose Gaussians are in their order.
+class SogWriter {
+ public:
+  SogWriter(GaussianModel model, const SogOptions& options, const std::string& path)
+      : model_(std::move(model)), options_(options), path_(path) {}
+
+  std::vector<ZipEntry> write() {
+    meta_["version"] = sog::kVersion;
+    meta_["count"] = model_.size();
+    if (isTextured(model_)) addTextures();  // first: the base holds what stands in for the texels as they are stored
+    addMeans();
+    addScales();
+    addRotations();
+    addColors();
+    if (model_.sh_degree > 0) addSh();
+    if (!textures_.is_null()) meta_[sog::kTextures] = std::move(textures_);
+    std::vector<ZipEntry> entries(1 + images_.size());
+    const std::string text = dumpJson(meta_);
+    entries[0] = {"meta.json", {text.begin(), text.end()}};
+    parallelFor(static_cast<std::int64_t>(images_.size()), 1,
+                [&](std::int64_t i) { entries[1 + i] = {images_[i].first, encodeWebp(images_[i].second)}; });
+    return entries;
+  }
+
+ private:
+  // Of at least `pixels` pixels, opaque, and named so in the list that is returned.
+  BytePixels& image(Json& files, const std::string& name, std::size_t pixels) {
+    const auto side = static_cast<std::size_t>(std::ceil(std::sqrt(static_cast<double>(pixels))));
+    const std::size_t width = std::max<std::size_t>((side + 3) / 4 * 4, 4);
+    return image(files, name, width, ((pixels + width - 1) / width + 3) / 4 * 4);
+  }
+  BytePixels& image(Json& files, const std::string& name, std::size_t width, std::size_t height) {
+    if (std::max(width, height) > kMaxWebpSide) {
+      throw Error(ErrorKind::badData, path_,
+                  name + " is too large" + atMost(kMaxWebpSide, std::max(width, height)) + " pixels a side");
+    }
+    files.push_back(name);
+    BytePixels& pixels =
+        images_.emplace_back(name, BytePixels(static_cast<int>(width), static_cast<int>(height))).second;
+    for (std::size_t i = 0; i < pixels.size(); ++i) pixels.data[4 * i + 3] = 255;
+    return pixels;
+  }
+
+  void addMeans() {
+    std::array<double, 3> low, high;
+    for (int k = 0; k < 3; ++k) {
+      const auto [least, most] = std::minmax_element(model_.mean.begin(), model_.mean.end(),
+                                                     [&](glm::vec3 a, glm::vec3 b) { return a[k] < b[k]; });
+      low[k] = sog::toLogarithm((*least)[k]);
+      high[k] = sog::toLogarithm((*most)[k]);
+    }
+    Json& node = meta_["means"] = Json::object();
+    node["mins"] = low;
+    node["maxs"] = high;
+    Json files;
+    image(files, "means_l.webp", model_.size());
+    image(files, "means_u.webp", model_.size());
+    BytePixels& lower = images_[images_.size() - 2].second;
+    BytePixels& upper = images_.back().second;
+    for (std::size_t i = 0; i < model_.size(); ++i) {
+      for (int k = 0; k < 3; ++k) {
+        const double range = high[k] - low[k];
+        const double part = range > 0 ? (sog::toLogarithm(model_.mean[i][k]) - low[k]) / range : 0.0;
+        const auto code = static_cast<unsigned>(std::clamp(std::round(part * 65535), 0.0, 65535.0));
+        lower.data[4 * i + k] = static_cast<std::uint8_t>(code & 255u);
+        upper.data[4 * i + k] = static_cast<std::uint8_t>(code >> 8);
+      }
+    }
+    node["files"] = std::move(files);
+  }
+
+  void addScales() {
+    const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
+    const std::vector<float> codebook = makeCodebook(numbers, sog::kCodebook);
+    Json files;
+    BytePixels& pixels = image(files, "scales.webp", model_.size());
+    for (std::size_t i = 0; i < model_.size(); ++i) {
+      std::size_t codes[3];
+      for (int k = 0; k < 3; ++k) codes[k] = nearestIn(codebook, model_.log_scale[i][k]);
+      // The plane of a texture is that of the two longer axes: which is the shortest must not change.
+      const int shortest_axis = shortestAxis(model_.log_scale[i]);
+      const auto stored = [&] { return glm::vec3(codebook[codes[0]], codebook[codes[1]], codebook[codes[2]]); };
+      if (codebook.size() > 1 && shortestAxis(stored()) != shortest_axis) {
+        std::size_t& shortest = codes[shortest_axis];
+        if (shortest > 0) --shortest;
+        for (int k = 0; k < 3; ++k) {
+          if (k != shortest_axis && codes[k] <= shortest) codes[k] = shortest + 1;
+        }
+      }
+      for (int k = 0; k < 3; ++k) pixels.data[4 * i + k] = static_cast<std::uint8_t>(codes[k]);
+    }
+    meta_["scales"] = {{"codebook", numbersOf(codebook)}, {"files", std::move(files)}};
+  }
+
+  void addRotations() {
+    Json files;
+    BytePixels& pixels = image(files, "quats.webp", model_.size());
+    for (std::size_t i = 0; i < model_.size(); ++i) {
+      const glm::dvec4 q = glm::normalize(glm::dvec4(model_.rotation[i]));
+      int largest = 0;
+      for (int k = 1; k < 4; ++k) {
+        if (std::abs(q[k]) > std::abs(q[largest])) largest = k;
+      }
+      const double sign = q[largest] < 0 ? -1.0 : 1.0;
+      std::uint8_t* bytes = pixels.data.data() + 4 * i;
+      for (int k = 0, to = 0; k < 4; ++k) {
+        if (k != largest) bytes[to++] = toByte(255 * (sign * q[k] * std::sqrt(0.5) + 0.5));
+      }
+      bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
+    }
+    meta_["quats"] = {{"files", std::move(files)}};
+  }
+
+  void addColors() {
+    const std::size_t n = model_.size(), row = model_.shCount();
+    std::vector<float> numbers(3 * n);
+    for (std::size_t i = 0; i < n; ++i) {
+      for (int k = 0; k < 3; ++k) numbers[3 * i + k] = model_.sh[i * row][k];
+    }
+    const std::vector<float> codebook = makeCodebook(numbers, sog::kCodebook);
+    Json files;
+    BytePixels& pixels = image(files, "sh0.webp", n);
+    for (std::size_t i = 0; i < n; ++i) {
+      for (int k = 0; k < 3; ++k) {
+        pixels.data[4 * i + k] = static_cast<std::uint8_t>(nearestIn(codebook, numbers[3 * i + k]));
+      }
+      pixels.data[4 * i + 3] = toByte(sigmoid(model_.opacity_logit[i], 255.0));
+    }
+    meta_["sh0"] = {{"codebook", numbersOf(codebook)}, {"files", std::move(files)}};
+  }
+
+  void addSh() {
+    const std::size_t n = model_.size(), rest = model_.shCount() - 1, length = 3 * rest;
+    std::vector<float> rows(n * length);
+    for (std::size_t i = 0; i < n; ++i) {
+      const glm::vec3* from = model_.sh.data() + i * model_.shCount() + 1;
+      std::copy_n(&from->x, length, rows.data() + i * length);
+    }
+    // The largest power of two up to their number, as the format's own converter has it.
+    const Palette palette = makePalette(rows, length, std::min(std::bit_floor(n), sog::kMaxPalette));
+    const std::vector<float> codebook = makeCodebook(palette.rows, sog::kCodebook);
+    const std::size_t held = palette.rows.size() / length;
+    Json files;
+    BytePixels& centroids = image(files, "shN_centroids.webp", sog::kPaletteColumns * rest,
+                                  (held + sog::kPaletteColumns - 1) / sog::kPaletteColumns);
+    for (std::size_t c = 0; c < held * rest; ++c) {
+      for (int k = 0; k < 3; ++k) {
+        centroids.data[4 * c + k] = static_cast<std::uint8_t>(nearestIn(codebook, palette.rows[3 * c + k]));
+      }
+    }
+    BytePixels& labels = image(files, "shN_labels.webp", n);
+    for (std::size_t i = 0; i < n; ++i) {
+      labels.data[4 * i] = static_cast<std::uint8_t>(palette.labels[i] & 255u);
+      labels.data[4 * i + 1] = static_cast<std::uint8_t>(palette.labels[i] >> 8);
+    }
+    meta_["shN"] = {
+        {"count", held}, {"bands", model_.sh_degree}, {"codebook", numbersOf(codebook)}, {"files", std::move(files)}};
+  }
+
+  // Leaves in the model the texels as they are stored, and then bakes them.
+  void addTextures() {
+    const std::size_t n = model_.size();
+    Json files;
+    BytePixels& sizes = image(files, "texture_sizes.webp", n);
+    std::size_t texels = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      const TextureRect rect = model_.atlas.rects[i];
+      if (std::max(rect.width, rect.height) > sog::kMaxSide) {
+        throw Error(ErrorKind::badData, path_,
+                    "Gaussian " + std::to_string(i) + " has too large a texture for SOG" +
+                        atMost(sog::kMaxSide, std::max(rect.width, rect.height)) + " texels a side");
+      }
+      sizes.data[4 * i] = static_cast<std::uint8_t>(rect.width);
+      sizes.data[4 * i + 1] = static_cast<std::uint8_t>(rect.height);
+      texels += rect.texelCount();
+    }
+    neutralize(model_.atlas.texels, model_.texture_mode);
+    const std::array<double, 2> steps = {shortest(options_.texture_step), shortest(options_.texture_step * 2)};
+    BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
+    // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
+    std::size_t at = 0;
+    GaussianModel base = bakeFallback(model_);
+    for (const sog::SizeClass& group : sog::sizeClasses(model_.atlas.rects)) {
+      const std::vector<double> spreads = sog::texelSpreads(group.width, group.height);
+      for (std::size_t t = 0; t < spreads.size(); ++t) {
+        for (const std::uint32_t i : group.gaussians) {
+          const double spread = spreads[t] * sog::opacitySpread(toByte(opacityOf(base, i) * 255) / 255.0);
+          glm::vec4& texel = model_.atlas.texels[model_.atlas.rects[i].offset + t];
+          std::uint8_t* bytes = values.data.data() + 4 * at++;
+          for (int k = 0; k < 4; ++k) {
+            const double step = steps[k == 3] * spread, neutral = k == 3 ? 1.0 : 0.0;
+            const double steps_off = (texel[k] - neutral) / step;
+            const double whole = std::floor(std::max(std::abs(steps_off) + 0.5 - kDeadZone, 0.0));
+            bytes[k] = toByte(std::copysign(whole, steps_off) + sog::kNeutralByte);
+            texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * step);
+          }
+          texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+        }
+      }
+    }
+    textures_ = {{"version", sog::kTextureVersion},
+                 {"mode", name(model_.texture_mode)},
+                 {"intersection", name(model_.intersection)},
+                 {"outside", name(model_.outside)},
+                 {"steps", steps},
+                 {"files", std::move(files)}};
+    model_ = bakeFallback(model_);
+    model_.opacity_logit = std::move(base.opacity_logit);
+  }
+
+  GaussianModel model_;
+  const SogOptions& options_;
+  const std::string& path_;
+  Json meta_ = Json::object(), textures_;
+  std::vector<std::pair<std::string, BytePixels>> images_;
+};
+
+}  // namespace
+
+std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
+                                    const SogOptions& options) {
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
+  const std::string name = path.string();
+  std::vector<std::uint32_t> order = mortonOrder(model);
+  const std::vector<ZipEntry> entries = SogWriter(select(model, order), options, name).write();
+  writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries); });
+  return order;
+}
+
+}  // namespace tg
