@@ -29,8 +29,13 @@ struct ConvertOptions {
   AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png
   bool quantize = false;                  // glb, gltf: see WriteOptions
   bool meshopt = false;                   // likewise
-  float texture_step = kTextureStep;      // sog: see WriteOptions
-  std::vector<Edit> edits = {};           // in this order, before anything is written
+  float steps = 1;                        // sog: see WriteOptions
+  float texture_step = kTextureStep;      // likewise
+  // sog: instead of `steps` the least with which the file is no larger [bytes], or the most with which its pictures are
+  // as near to the source's [dB] (textured where it is); 0: neither.
+  std::uint64_t target_bytes = 0;
+  double target_psnr = 0;
+  std::vector<Edit> edits = {};  // in this order, before anything is written
 };
 
 struct ConvertReport : Written {
@@ -40,6 +45,7 @@ struct ConvertReport : Written {
   std::uint64_t input_bytes = 0;
   std::size_t gaussians = 0;
   int sh_degree = 0;
+  float steps = 1;
   std::size_t cameras = 0;
   std::vector<EditReport> edits;
   std::optional<Deviation> deviation;   // of the file read back, where it holds other numbers
@@ -49,8 +55,9 @@ struct ConvertReport : Written {
 };
 
 // The output's format is its extension (converter/registry/file_format.h).
-// Throws Error(usage / cannotRead / badData / cannotWrite); nothing is written then. A binary PLY becomes a .glb or
-// .gltf block by block where nothing is edited, rendered or packed; other ways hold the model in memory once.
+// Throws Error(usage / cannotRead / badData / cannotWrite), usage also for a target that no steps reach; nothing is
+// written then. A binary PLY becomes a .glb or .gltf block by block where nothing is edited, rendered or packed; other
+// ways hold the model in memory once.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 

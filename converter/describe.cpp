@@ -80,6 +80,7 @@ std::string describe(const ConvertReport& report) {
   text += "axes: " + from + (from == to ? ", kept\n" : " -> " + to + ", a half turn about z\n");
   text += format("size: %llu -> %llu bytes%s\n", static_cast<unsigned long long>(report.input_bytes),
                  static_cast<unsigned long long>(report.output_bytes), report.dry_run ? " (nothing is written)" : "");
+  if (report.steps != 1) text += format("steps: %.3g\n", static_cast<double>(report.steps));
   text += "textures: " + report.texture_mode;
   if (report.atlases > 0) {
     text += format(", %llu texels in %d atlas%s of %d x %d, %llu clipped",
@@ -116,6 +117,7 @@ std::string describeJson(const ConvertReport& report) {
   json["output"] = {
       {"format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
   json["dryRun"] = report.dry_run;
+  json["steps"] = report.steps;
   Json edits = Json::array();
   for (const EditReport& edit : report.edits) {
     Json entry = {

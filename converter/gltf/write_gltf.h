@@ -29,7 +29,8 @@ struct WriteOptions {
   // Integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean.
   bool quantize = false;
   bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
-  float texture_step = kTextureStep;          // sog: between a texture's colours (converter/sog/sog.h)
+  float steps = 1;                            // sog: times as wide as they are (converter/sog/sog.h)
+  float texture_step = kTextureStep;          // sog: between a texture's colours
   bool replace = true;                        // gltf, png: the files beside it where they are there already
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };

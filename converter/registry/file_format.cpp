@@ -95,7 +95,7 @@ void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions&, W
 }
 
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  written.order = writeSog(path, source.model, {.texture_step = options.texture_step});
+  written.order = writeSog(path, source.model, {.steps = options.steps, .texture_step = options.texture_step});
 }
 
 constexpr Format kFormats[] = {
@@ -136,7 +136,8 @@ constexpr Format kFormats[] = {
      .sniff = [](const FileStart& start) { return start.begins("PK\3\4"); },
      .read = [](const Path& path, const ReadOptions& options) { return readSog(path, options.base_only); },
      .write = writeOrdered,
-     .has_base = true},
+     .has_base = true,
+     .has_steps = true},
     {.name = "glb",
      .spoken = "glb",
      .keeps = kKeepsAll,

@@ -56,9 +56,10 @@ struct Format {
   // What reading gets by without; adds "JSON pointer: message". Null: nothing. Throws Error for a broken structure.
   void (*overlooked)(const std::filesystem::path& path, std::vector<std::string>& errors,
                      std::vector<std::string>& warnings) = nullptr;
-  bool is_gltf = false;   // or around it: its axes
-  bool has_base = false;  // beside the textures, for readers that know none
-  bool streams = false;  // written from Gaussians that are not in memory as a whole
+  bool is_gltf = false;    // or around it: its axes
+  bool has_base = false;   // beside the textures, for readers that know none
+  bool has_steps = false;  // WriteOptions::steps make it smaller and coarser
+  bool streams = false;    // written from Gaussians that are not in memory as a whole
 
   bool holds(Keeps what) const { return (keeps & what) != 0; }
 };

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SOG out.
 #include <algorithm>
-#include <bit>
 #include <charconv>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -28,6 +27,12 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kDeadZone = 0.1;  // [steps] that texels are nearer to no change than they are
 
+// At options.steps 1. Where a byte less costs a picture about as much whatever it is taken from
+// (docs/lab/converter.md); where 8 bits are too few for that, steps stay the least there are for longer.
+constexpr double kCoefficientStep = 0.03;  // of DC and SH
+constexpr double kScaleDelay = 2, kRotationDelay = 4;
+constexpr double kLastCode = 65535;  // of a coordinate
+
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
 
 // As short as brings the float back.
@@ -39,10 +44,31 @@ double shortest(double number) {
   return value;
 }
 
-Json numbersOf(std::span<const float> values) {
+// Filled up: some readers take 256 values for granted.
+Json codebookOf(std::span<const float> values) {
   Json array = Json::array();
   for (const float value : values) array.push_back(shortest(value));
+  while (array.size() < sog::kCodebook) array.push_back(0);
   return array;
+}
+
+// The whole number in [0, last] that is nearest to the nearest multiple of a whole `step`, at least 1.
+double stepped(double value, double step, double last) {
+  const double used = std::max(1.0, std::floor(step));
+  return std::clamp(std::round(value / used) * used, 0.0, last);
+}
+
+// Multiples of `step`, or of the least step with which sog::kCodebook of them reach from the least number to the
+// largest. With the coder behind it better than as few values that fit best.
+std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
+  const auto [low, high] = std::minmax_element(numbers.begin(), numbers.end());
+  const double range = static_cast<double>(*high) - static_cast<double>(*low);
+  const double used = std::max(step, range / (sog::kCodebook - 2));
+  std::vector<float> codebook;
+  for (double k = std::round(*low / used); k <= std::round(*high / used); ++k) {
+    codebook.push_back(static_cast<float>(k * used));
+  }
+  return codebook;
 }
 
 std::vector<std::uint32_t> mortonOrder(const GaussianModel& model) {
@@ -67,7 +93,7 @@ std::vector<std::uint32_t> mortonOrder(const GaussianModel& model) {
 class SogWriter {
  public:
   SogWriter(GaussianModel model, const SogOptions& options, const std::string& path)
-      : model_(std::move(model)), options_(options), path_(path) {}
+      : model_(std::move(model)), options_(options), steps_(options.steps), path_(path) {}
 
   std::vector<ZipEntry> write() {
     meta_["version"] = sog::kVersion;
@@ -126,7 +152,7 @@ class SogWriter {
       for (int k = 0; k < 3; ++k) {
         const double range = high[k] - low[k];
         const double part = range > 0 ? (sog::toLogarithm(model_.mean[i][k]) - low[k]) / range : 0.0;
-        const auto code = static_cast<unsigned>(std::clamp(std::round(part * 65535), 0.0, 65535.0));
+        const auto code = static_cast<unsigned>(stepped(part * kLastCode, steps_, kLastCode));
         lower.data[4 * i + k] = static_cast<std::uint8_t>(code & 255u);
         upper.data[4 * i + k] = static_cast<std::uint8_t>(code >> 8);
       }
@@ -136,7 +162,8 @@ class SogWriter {
 
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
-    const std::vector<float> codebook = makeCodebook(numbers, sog::kCodebook);
+    const std::vector<float> codebook =
+        makeCodebook(numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, steps_ / kScaleDelay)));
     Json files;
     BytePixels& pixels = image(files, "scales.webp", model_.size());
     for (std::size_t i = 0; i < model_.size(); ++i) {
@@ -154,7 +181,7 @@ class SogWriter {
       }
       for (int k = 0; k < 3; ++k) pixels.data[4 * i + k] = static_cast<std::uint8_t>(codes[k]);
     }
-    meta_["scales"] = {{"codebook", numbersOf(codebook)}, {"files", std::move(files)}};
+    meta_["scales"] = {{"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
   }
 
   void addRotations() {
@@ -169,7 +196,9 @@ class SogWriter {
       const double sign = q[largest] < 0 ? -1.0 : 1.0;
       std::uint8_t* bytes = pixels.data.data() + 4 * i;
       for (int k = 0, to = 0; k < 4; ++k) {
-        if (k != largest) bytes[to++] = toByte(255 * (sign * q[k] * std::sqrt(0.5) + 0.5));
+        if (k != largest)
+          bytes[to++] = static_cast<std::uint8_t>(
+              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), steps_ / kRotationDelay, 255.0));
       }
       bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
     }
@@ -182,16 +211,17 @@ class SogWriter {
     for (std::size_t i = 0; i < n; ++i) {
       for (int k = 0; k < 3; ++k) numbers[3 * i + k] = model_.sh[i * row][k];
     }
-    const std::vector<float> codebook = makeCodebook(numbers, sog::kCodebook);
+    const std::vector<float> codebook = evenCodebook(numbers, kCoefficientStep * steps_);
     Json files;
     BytePixels& pixels = image(files, "sh0.webp", n);
     for (std::size_t i = 0; i < n; ++i) {
       for (int k = 0; k < 3; ++k) {
         pixels.data[4 * i + k] = static_cast<std::uint8_t>(nearestIn(codebook, numbers[3 * i + k]));
       }
-      pixels.data[4 * i + 3] = toByte(sigmoid(model_.opacity_logit[i], 255.0));
+      pixels.data[4 * i + 3] =
+          static_cast<std::uint8_t>(stepped(sigmoid(model_.opacity_logit[i], 255.0), steps_, 255.0));
     }
-    meta_["sh0"] = {{"codebook", numbersOf(codebook)}, {"files", std::move(files)}};
+    meta_["sh0"] = {{"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
   }
 
   void addSh() {
@@ -201,9 +231,8 @@ class SogWriter {
       const glm::vec3* from = model_.sh.data() + i * model_.shCount() + 1;
       std::copy_n(&from->x, length, rows.data() + i * length);
     }
-    // The largest power of two up to their number, as the format's own converter has it.
-    const Palette palette = makePalette(rows, length, std::min(std::bit_floor(n), sog::kMaxPalette));
-    const std::vector<float> codebook = makeCodebook(palette.rows, sog::kCodebook);
+    const Palette palette = makePalette(rows, length, sog::kMaxPalette);
+    const std::vector<float> codebook = evenCodebook(palette.rows, kCoefficientStep * steps_);
     const std::size_t held = palette.rows.size() / length;
     Json files;
     BytePixels& centroids = image(files, "shN_centroids.webp", sog::kPaletteColumns * rest,
@@ -219,7 +248,7 @@ class SogWriter {
       labels.data[4 * i + 1] = static_cast<std::uint8_t>(palette.labels[i] >> 8);
     }
     meta_["shN"] = {
-        {"count", held}, {"bands", model_.sh_degree}, {"codebook", numbersOf(codebook)}, {"files", std::move(files)}};
+        {"count", held}, {"bands", model_.sh_degree}, {"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
   }
 
   // Leaves in the model the texels as they are stored, and then bakes them.
@@ -240,7 +269,8 @@ class SogWriter {
       texels += rect.texelCount();
     }
     neutralize(model_.atlas.texels, model_.texture_mode);
-    const std::array<double, 2> steps = {shortest(options_.texture_step), shortest(options_.texture_step * 2)};
+    const double step = options_.texture_step * steps_;
+    const std::array<double, 2> steps = {shortest(std::min(step, 1.0)), shortest(std::min(2 * step, 1.0))};
     BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
     // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
     std::size_t at = 0;
@@ -253,11 +283,11 @@ class SogWriter {
           glm::vec4& texel = model_.atlas.texels[model_.atlas.rects[i].offset + t];
           std::uint8_t* bytes = values.data.data() + 4 * at++;
           for (int k = 0; k < 4; ++k) {
-            const double step = steps[k == 3] * spread, neutral = k == 3 ? 1.0 : 0.0;
-            const double steps_off = (texel[k] - neutral) / step;
+            const double own = steps[k == 3] * spread, neutral = k == 3 ? 1.0 : 0.0;
+            const double steps_off = (texel[k] - neutral) / own;
             const double whole = std::floor(std::max(std::abs(steps_off) + 0.5 - kDeadZone, 0.0));
             bytes[k] = toByte(std::copysign(whole, steps_off) + sog::kNeutralByte);
-            texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * step);
+            texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * own);
           }
           texel.a = std::clamp(texel.a, 0.0f, 1.0f);
         }
@@ -275,6 +305,7 @@ class SogWriter {
 
   GaussianModel model_;
   const SogOptions& options_;
+  const double steps_;
   const std::string& path_;
   Json meta_ = Json::object(), textures_;
   std::vector<std::pair<std::string, BytePixels>> images_;
