@@ -60,8 +60,10 @@ HWY_INLINE void locateCells(const Texture& texture, const TileRays& rays, const 
       texel_u = onBorder(texel_u, texture.last_u);
       texel_v = onBorder(texel_v, texture.last_v);
     }
-    const V cell_u = hn::Min(hn::Floor(texel_u), set(texture.last_u));
-    const V cell_v = hn::Min(hn::Floor(texel_v), set(texture.last_v));
+    // At -3 sigma a texel coordinate of 2 or 3 texels is rounded to less than 0.
+    const V zero = hn::Zero(df);
+    const V cell_u = hn::Max(zero, hn::Min(hn::Floor(texel_u), set(texture.last_u)));
+    const V cell_v = hn::Max(zero, hn::Min(hn::Floor(texel_v), set(texture.last_v)));
     const V number = hn::MulAdd(cell_v, set(kCellStride), hn::Add(cell_u, magic));
     const VI cell = hn::BitCast(di, kEdge ? number : hn::IfThenElse(insideTexture(point), number, no_cell));
     hn::Store(hn::Sub(texel_u, cell_u), df, to.fraction_u);

@@ -51,6 +51,30 @@ TEST_CASE("gradients equal the reference's for every SIMD target of this machine
   }
 }
 
+// A 2 x 2 texture's coordinate there, -3 (1 / 6) + 0.5 in floats, is below 0: the first cell all the same.
+TEST_CASE("gradients equal the reference's where pixels fall onto the border of a texture") {
+  Camera camera;
+  camera.size = {64, 64};
+  camera.focal = {64, 64};
+  camera.center = {32.5, 32.5};
+  GaussianModel model;  // 8 px a sigma: pixels at -3, 3 sigma to the last bit, on either axis
+  model.mean = {glm::vec3(0, 0, 8)};
+  model.rotation = {glm::vec4(1, 0, 0, 0)};
+  model.log_scale = {glm::vec3(0, 0, -3)};
+  model.opacity_logit = {6.0f};
+  model.sh = {glm::vec3(0.5f)};
+  model.intersection = IntersectionModel::plane;
+  model.texture_mode = TextureMode::rgba;
+  Random random(8);
+  for (const auto& [width, height] :
+       {std::pair{2, 2}, std::pair{3, 3}, std::pair{2, 3}, std::pair{3, 1}, std::pair{4, 4}}) {
+    CAPTURE(width, height);
+    model.atlas = makeUniformAtlas(1, width, height);
+    for (glm::vec4& texel : model.atlas.texels) texel = {random.uniformVec3(-0.5, 0.5), random.uniform(0.2, 1.0)};
+    checkCpu(model, camera, {});
+  }
+}
+
 TEST_CASE("gradients have the same bytes for any number of threads") {
   const TestScene scene = makeScene(SceneKind::mixed, 4, 300, 100, 80);
   const auto weights = randomWeights(scene.camera, 2);
