@@ -109,8 +109,9 @@ def shares(trials):
             plain, textured = trials.trained(scene, share, "none"), trials.trained(scene, share, "rgba")
             none, more, rgba = score(plain), twin(textured), score(textured)
             over_stage_1[scene, share], over_twin[scene, share] = gain(rgba, none), gain(rgba, more)
-            rows.append([f"{scene} {share} %", number(at(plain, "evaluation", "gaussians")), pixels_each(plain),
-                         side(textured), *(shown(s, metrics) for s in (none, more, rgba)),
+            rows.append([f"{scene} {share} %", number(at(plain, "evaluation", "gaussians")),
+                         pixels_each(plain, "gaussians"), side(textured), pixels_each(textured, "texels"),
+                         *(shown(s, metrics) for s in (none, more, rgba)),
                          *(shown(gains[scene, share], write=signed) for gains in (over_stage_1, over_twin))])
     yield Text(f"PSNR / SSIM that RGBA gains, means of {', '.join(COMPARED)}; the paper's gains are over stage 1.")
     yield Table(["share", "over stage 1", "over the twin", *(f"paper, {name}" for name in paper.SHARES)],
@@ -121,16 +122,18 @@ def shares(trials):
                  for share in SHARES])
     yield Text("RGBA is ahead of stage 1 by more than %.2f dB in %s cells, of the twin in %s." % (
         TIE, wins(over_stage_1.values()), wins(over_twin.values())))
-    yield Table(["", "Gaussians", "pixels a Gaussian", "texels a side", "stage 1", "twin", "RGBA", "gain over stage 1",
+    yield Table(["", "Gaussians", "pixels a Gaussian", "texels a side", "pixels a texel",
+                 "stage 1", "twin", "RGBA", "gain over stage 1",
                  "gain over the twin"], rows)
 
 
-def pixels_each(report):
-    """Training pixels a Gaussian: what there is to learn one from."""
+def pixels_each(report, of):
+    """Training pixels for each of what `of` counts: what there is to learn it from."""
     data = at(report, "training", "dataset")
     if not data:
         return "-"
-    return number(data["train_views"] * data["width"] * data["height"] / report["training"]["gaussians"])
+    each = data["train_views"] * data["width"] * data["height"] / report["training"][of]
+    return number(each, 0 if each >= 10 else 1)
 
 
 def wins(gains):

@@ -102,9 +102,10 @@ class ReportTest(unittest.TestCase):
             self.add(f"{scene}/001/rgba/1", 25.5 + above, 25.5, side=40)
         text = self.results()
         section = "RGBA at every share"
-        self.assertEqual(row(text, section, "fox 1 %"), ["100", "13,932", "40", "25.00 / 0.9000", "25.50 / 0.9000",
-                                                         "26.50 / 0.9000", "+1.50 / +0.0000", "+1.00 / +0.0000"])
-        self.assertEqual(row(text, section, "fox 2 %"), ["-"] * 8)
+        self.assertEqual(row(text, section, "fox 1 %"), ["100", "13,932", "40", "8.7", "25.00 / 0.9000",
+                                                         "25.50 / 0.9000", "26.50 / 0.9000", "+1.50 / +0.0000",
+                                                         "+1.00 / +0.0000"])
+        self.assertEqual(row(text, section, "fox 2 %"), ["-"] * 9)
         self.assertEqual(row(text, "Beyond +-3 sigma", "fox 1 %"), ["26.50 / 0.9000", *["26.25 / 0.9000"] * 2])
         self.assertEqual(row(text, section, "1 %"), ["+2.50 / +0.0000", "+2.00 / +0.0000", "+1.13 / +0.0180",
                                                      "+1.38 / +0.0773"])
