@@ -22,7 +22,7 @@ from report_document import Code, Heading, Items, Table, Text, markdown, page
 from report_figures import byte_figures, pictures, rank_figures, share_figures, size_figures, small_figures
 from report_trials import (LABELS, METRICS, Broken, Trials, at, couple, gain, mean, number, percent, published,
                            ranks_of, scaled, score, shown, side, signed, small_kind, twin, used_metrics)
-from reproduce import (COMPARED, KEY_SHARES, KIND_SHARES, KINDS, ROOT, SCENES, SEEDS, SHARES, SIZES,
+from reproduce import (COMPARED, DEFAULT_SIZE, KEY_SHARES, KIND_SHARES, KINDS, ROOT, SCENES, SEEDS, SHARES, SIZES,
                        SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TREATMENTS, TRIALS)
 
 TIE = 0.05  # [dB]
@@ -125,6 +125,22 @@ def shares(trials):
     yield Table(["", "Gaussians", "pixels a Gaussian", "texels a side", "pixels a texel",
                  "stage 1", "twin", "RGBA", "gain over stage 1",
                  "gain over the twin"], rows)
+
+
+def default_sizes(trials):
+    rows, over_twin = [], {}
+    for scene in COMPARED:
+        for share in SHARES:
+            paper_size, own = trials.trained(scene, share, "rgba"), trials.trained(scene, share, f"rgba{DEFAULT_SIZE}")
+            more, rgba = twin(paper_size), score(own)
+            over_twin[scene, share] = gain(rgba, more)
+            rows.append([f"{scene} {share} %", side(own), pixels_each(own, "texels"), shown(more),
+                         shown(score(paper_size)), shown(rgba), shown(over_twin[scene, share], write=signed)])
+    yield Text("Textures as large as the training views have pixels for (`--pixels-per-texel`), which is what tgtrain "
+               "makes where nobody names a size; beside the paper's number of texels. PSNR / SSIM.")
+    yield Text("RGBA is ahead of the twin by more than %.2f dB in %s cells." % (TIE, wins(over_twin.values())))
+    yield Table(["", "texels a side", "pixels a texel", "twin", "RGBA, the paper's number", "RGBA, default",
+                 "its gain over the twin"], rows)
 
 
 def pixels_each(report, of):
@@ -349,6 +365,7 @@ def nothing(_):
 SECTIONS = [
     ("The anchor: lego as published", anchor, nothing),
     ("RGBA at every share (Table A.3)", shares, share_figures),
+    ("RGBA by default", default_sizes, nothing),
     ("Kinds of textures (Table A.4)", kinds, nothing),
     ("Texture size at 1 % (Figure A.5)", sizes, size_figures),
     ("4 x 4 at every share (Figure A.6)", small, small_figures),

@@ -54,6 +54,7 @@ KIND_SHARES = [1, 100]  # Table A.4
 SIZES = [2, 5, 10, 20, 30]  # Figure A.5: texels a side at 1 %; the sixth, 40, is what 1 % leads to
 SMALL_SHARES = [1, 5, 20]  # Figure A.6: 4 x 4 texels, which are what 100 % leads to
 SEEDS = [1, 2, 3]
+DEFAULT_SIZE = "-default"  # label of cells whose textures are as large as the training views allow
 PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001", "--rate-texels-end", "0.001"]
 # What is tried instead of the defaults. A stage-1 choice runs without textures, a stage-2 choice with 4 x 4 texels from
 # the default's stage 1.
@@ -103,8 +104,10 @@ def cells(length):
         if size:
             flags += ["--texture-size", str(size)]
             label = f"-{size}"
-        elif kind == "rgba" and not extra:
-            flags.append("--compare-untextured")
+        elif label != DEFAULT_SIZE:
+            flags += ["--pixels-per-texel", "0"]  # the paper's number of texels, however few the pixels
+            if kind == "rgba" and not extra:
+                flags.append("--compare-untextured")
         return add(f"{scene}/{share:03}/{kind}{label}/{seed}", scene, flags, start=plain(scene, share, seed),
                    count=plain(scene, 100, 1), picture=seed == 1 and not size)
 
@@ -141,6 +144,9 @@ def cells(length):
             textured(scene, 1, "rgba", 1, size=size)
         for share in SMALL_SHARES:  # R5, Figure A.6
             textured(scene, share, "rgba", 1, size=4)
+    for scene in COMPARED:
+        for share in SHARES:
+            textured(scene, share, "rgba", 1, label=DEFAULT_SIZE)
     for seed in SEEDS[1:]:  # R6, the spread
         for scene in COMPARED:
             for share in KEY_SHARES:

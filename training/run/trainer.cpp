@@ -131,6 +131,17 @@ bool Trainer::picks() const {
          (settings_.start == Start::random || dataset_.points.position.empty());
 }
 
+int Trainer::automaticTextureSize(std::size_t gaussians) const {
+  const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
+  if (settings_.pixels_per_texel == 0 || gaussians == 0) return size;
+  std::uint64_t pixels = 0;
+  for (const std::size_t view : dataset_.indices(false)) {
+    const glm::ivec2 extent = dataset_.views[view].size;
+    pixels += static_cast<std::uint64_t>(extent.x) * static_cast<std::uint64_t>(extent.y);
+  }
+  return std::min(size, textureSizeForPixels(pixels, gaussians, settings_.pixels_per_texel));
+}
+
 GaussianModel Trainer::firstGaussians() const {
   std::size_t count = settings_.init_count;
   if (limit() > 0 && !picks()) count = count ? std::min(count, limit()) : limit();
@@ -179,8 +190,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                                : IntersectionModel::maxResponse;
     }
     if (!textures_given) {
-      const int automatic = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
-      const int size = settings_.texture_size > 0 ? settings_.texture_size : automatic;
+      const int size = settings_.texture_size > 0 ? settings_.texture_size : automaticTextureSize(model.size());
       const std::size_t budget = settings_.texel_budget
                                      ? settings_.texel_budget
                                      : model.size() * static_cast<std::size_t>(size) * static_cast<std::size_t>(size);

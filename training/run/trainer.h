@@ -94,6 +94,7 @@ class Trainer {
   // The published 5 % a round, or what reaches the limit halfway through the densification of a short run.
   float mcmcGrowth() const;
   GaussianModel firstGaussians() const;
+  int automaticTextureSize(std::size_t gaussians) const;  // [texels] a side, where settings name none
   StageReport stageReport() const;
 
   const Dataset& dataset_;

@@ -2,10 +2,12 @@
 // One table drives flags, configuration files and JSON.
 #include "training/settings/settings.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <type_traits>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 
@@ -97,7 +99,9 @@ std::vector<SettingEntry> makeEntries() {
       number("mcmc-scale-weight", &S::mcmc_scale_weight, 0, 100, "", "mcmc: weight of mean sigma in the loss"),
       choice("texture-mode", &S::texture_mode, "What a texture changes"),
       number("texture-size", &S::texture_size, 0, 256, "texels",
-             "Texels along each side (0: 4, with percent round(4 sqrt(100 / percent)))"),
+             "Texels along each side (0: 4, with percent round(4 sqrt(100 / percent)), as far as there are pixels)"),
+      number("pixels-per-texel", &S::pixels_per_texel, 0, 1e6, "pixels",
+             "Of the training views for each texel at least, where texture-size is 0 (0: no limit)"),
       number("texel-budget", &S::texel_budget, 0, 4e9, "texels",
              "Texels of the whole model instead of texture-size (0: off)"),
       choice("texture-sizes", &S::texture_sizes, "One size for all, or in proportion to the pixels a Gaussian covers"),
@@ -156,6 +160,7 @@ TrainSettings presetSettings(std::string_view preset) {
   settings.rate_texels = 1e-3f;
   settings.rate_texels_end = -1;
   settings.texture_init = TextureInit::paper;
+  settings.pixels_per_texel = 0;
   settings.texture_intersection = TextureIntersection::plane;
   return settings;
 }
@@ -198,5 +203,11 @@ void checkSettings(const TrainSettings& settings) {
 }
 
 int textureSizeForPercent(double percent) { return static_cast<int>(std::lround(4 * std::sqrt(100 / percent))); }
+
+int textureSizeForPixels(std::uint64_t pixels, std::size_t gaussians, double pixels_per_texel) {
+  TG_ASSERT(gaussians > 0 && pixels_per_texel > 0, "textures of some Gaussians, with some pixels each");
+  const double texels = static_cast<double>(pixels) / (pixels_per_texel * static_cast<double>(gaussians));
+  return static_cast<int>(std::clamp(std::sqrt(texels), 1.0, 65535.0));
+}
 
 }  // namespace tg

@@ -71,7 +71,8 @@ struct TrainSettings {
   float mcmc_scale_weight = 0.01f;    // of mean sigma [world units] in the loss
 
   TextureMode texture_mode = TextureMode::rgba;
-  int texture_size = 0;          // [texels] a side; 0: 4, or what percent leads to
+  int texture_size = 0;          // [texels] a side; 0: 4, or what percent leads to, as far as there are pixels
+  float pixels_per_texel = 2;    // of the training views, at least, where texture_size is 0; 0: no limit
   std::size_t texel_budget = 0;  // [texels] of the model; 0: texture_size rules
   TextureSizes texture_sizes = TextureSizes::uniform;
   TextureInit texture_init = TextureInit::neutral;
@@ -122,5 +123,8 @@ void checkSettings(const TrainSettings& settings);
 // D12 of the design: side of the square textures with which `percent` % of the Gaussians have as many texels as all of
 // them at 4 x 4: round(4 sqrt(100 / percent)).
 int textureSizeForPercent(double percent);
+// Side of the largest square textures of `gaussians` Gaussians with `pixels_per_texel` of all `pixels` for each texel,
+// at least 1.
+int textureSizeForPixels(std::uint64_t pixels, std::size_t gaussians, double pixels_per_texel);
 
 }  // namespace tg

@@ -31,6 +31,7 @@ tg::TrainSettings shortRun() {
   settings.iterations = 60;
   settings.texture_iterations = 60;
   settings.seed = 7;
+  settings.pixels_per_texel = 0;  // of which there are few
   return settings;
 }
 
@@ -181,6 +182,32 @@ TEST_CASE("a start model whose textures do not end in the base is refused", "[tr
   start.outside = tg::TextureOutside::clip;
   CHECK_THROWS_WITH(tg::train(dataset, shortRun(), *renderer, {}, start),
                     "the start model has \"outside\": \"clip\", which has no gradient (expected \"base\")");
+}
+
+TEST_CASE("textures are no larger than the training views can teach, unless a size is given", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  std::uint64_t pixels = 0;
+  for (const std::size_t view : dataset.indices(false)) {
+    pixels +=
+        static_cast<std::uint64_t>(dataset.views[view].size.x) * static_cast<std::uint64_t>(dataset.views[view].size.y);
+  }
+  const auto texels = [&](float pixels_per_texel, int size) {
+    tg::TrainSettings settings = shortRun();
+    settings.iterations = settings.texture_iterations = 1;
+    settings.pixels_per_texel = pixels_per_texel;
+    settings.texture_size = size;
+    const auto renderer = tg::makeCpuDifferentiableRenderer();
+    const tg::GaussianModel model = tg::train(dataset, settings, *renderer).model;
+    return std::pair{model.atlas.texels.size(), model.size()};
+  };
+  const auto [all, gaussians] = texels(0, 0);
+  CHECK(all == 16 * gaussians);
+  for (const int side : {3, 1}) {  // as many pixels as this side needs, and a bit
+    const double each = static_cast<double>(pixels) / static_cast<double>(gaussians) / (side * side + 0.5);
+    CHECK(texels(static_cast<float>(each), 0).first == static_cast<std::size_t>(side * side) * gaussians);
+  }
+  CHECK(texels(1e6f, 0).first == gaussians);  // 1 x 1 at least
+  CHECK(texels(1e6f, 4).first == 16 * gaussians);
 }
 
 TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
