@@ -208,21 +208,24 @@ int convertMain(int argc, char** argv) {
          },
          "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")
       ->type_name("FORMAT");
-  app.add_option("--steps", arguments.options.steps,
-                 "sog: steps of all numbers so many times as wide: smaller and coarser")
-      ->check(CLI::Range(tg::kLeastSogSteps, tg::kMostSogSteps))
-      ->capture_default_str();
+  CLI::Option* steps = app.add_option("--steps", arguments.options.steps,
+                                      "sog: steps of all numbers so many times as wide: smaller and coarser")
+                           ->check(CLI::Range(tg::kLeastSogSteps, tg::kMostSogSteps))
+                           ->capture_default_str();
   CLI::Option* target_size =
       app.add_option_function<double>(
              "--target-size", [&](double bytes) { arguments.options.target_bytes = static_cast<std::uint64_t>(bytes); },
              "sog: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
           ->transform(
               CLI::AsNumberWithUnit(std::map<std::string, double>{{"B", 1}, {"KB", 1e3}, {"MB", 1e6}, {"GB", 1e9}},
-                                    CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"));
+                                    CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"))
+          ->check(CLI::Range(1.0, 1e15))
+          ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target_psnr,
                  "sog: the coarsest steps with which pictures are so near to the source's [dB]")
       ->check(CLI::Range(1.0, 100.0))
-      ->excludes(target_size);
+      ->excludes(target_size)
+      ->excludes(steps);
   app.add_option(
          "--texture-step", arguments.options.texture_step,
          "sog: between a texture's colours, coarser where they weigh less; larger files are nearer to the model")

@@ -106,6 +106,10 @@ class ReportTest(unittest.TestCase):
                                                          "25.50 / 0.9000", "26.50 / 0.9000", "+1.50 / +0.0000",
                                                          "+1.00 / +0.0000"])
         self.assertEqual(row(text, section, "fox 2 %"), ["-"] * 9)
+        self.add("fox/001/rgba-default/1", 27.0, side=20)
+        text = self.results()
+        self.assertEqual(row(text, "RGBA by default", "fox 1 %"), ["20", "35", "25.50 / 0.9000", "26.50 / 0.9000",
+                                                                   "27.00 / 0.9000", "+1.50 / +0.0000"])
         self.assertEqual(row(text, "Beyond +-3 sigma", "fox 1 %"), ["26.50 / 0.9000", *["26.25 / 0.9000"] * 2])
         self.assertEqual(row(text, section, "1 %"), ["+2.50 / +0.0000", "+2.00 / +0.0000", "+1.13 / +0.0180",
                                                      "+1.38 / +0.0773"])

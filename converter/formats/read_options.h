@@ -10,7 +10,7 @@ struct ReadProgress;
 
 struct ReadOptions {
   ReadProgress* progress = nullptr;  // of tgz and PLY; may be null
-  bool base_only = false;  // glTF: leave the texture layer aside, as a reader that knows only the Khronos extension
+  bool base_only = false;            // glTF, SOG: leave the textures aside, as a reader that knows only the base
   // glTF files: gets every error of the base and the layer that can be told apart before the first one is thrown; it
   // stays empty when the file could not be taken apart. May be null.
   std::vector<std::string>* errors = nullptr;

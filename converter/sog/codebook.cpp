@@ -9,6 +9,7 @@
 
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
+#include "core/system/random.h"
 
 namespace tg {
 namespace {
@@ -134,19 +135,12 @@ struct Clusters {
   std::vector<float> squared;  // distance of each row from its centre
 };
 
-// The i-th number in [0, 1) of a sequence without a period (SplitMix64's mixing; Steele, Lea, Flood 2014).
-double scattered(std::size_t i) {
-  std::uint64_t z = (i + 1) * 0x9e3779b97f4a7c15u;
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-  return static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
 // `count` of the rows, each chosen with a chance that grows with its squared distance from those before (k-means++;
 // Arthur and Vassilvitskii 2007, section 2.2).
 std::vector<float> firstCenters(std::span<const float> all, std::size_t length, Rows which, std::size_t count) {
   std::vector<float> centers(count * length), squared(which.size(), std::numeric_limits<float>::infinity());
-  std::size_t chosen = static_cast<std::size_t>(scattered(0) * static_cast<double>(which.size()));
+  Random random(0);
+  std::size_t chosen = static_cast<std::size_t>(random.uniform() * static_cast<double>(which.size()));
   for (std::size_t c = 0;; ++c) {
     const float* center = all.data() + std::size_t{which[chosen]} * length;
     std::copy_n(center, length, centers.data() + c * length);
@@ -159,7 +153,7 @@ std::vector<float> firstCenters(std::span<const float> all, std::size_t length, 
       squared[i] = std::min(squared[i], sum);
       total += squared[i];
     }
-    double left = scattered(c + 1) * total;
+    double left = random.uniform() * total;
     for (chosen = 0; chosen + 1 < which.size() && (left -= squared[chosen]) > 0; ++chosen) {
     }
   }
@@ -271,10 +265,11 @@ Palette makePalette(std::span<const float> rows, std::size_t length, std::size_t
   // Cells of the sampled rows, then every row into its cell.
   const auto cells = std::min<std::size_t>(static_cast<std::size_t>(std::sqrt(static_cast<double>(size))), 256);
   std::vector<std::uint32_t> sample(std::min(n, cells * kSamplesPerCell));
+  Random random(0);
   for (std::size_t i = 0; i < sample.size(); ++i) {
     const std::size_t begin = i * n / sample.size(), end = (i + 1) * n / sample.size();
-    sample[i] =
-        static_cast<std::uint32_t>(begin + static_cast<std::size_t>(scattered(i) * static_cast<double>(end - begin)));
+    sample[i] = static_cast<std::uint32_t>(
+        begin + static_cast<std::size_t>(random.uniform() * static_cast<double>(end - begin)));
   }
   const Clusters coarse = cluster(rows, length, sample, cells);
   Centers centers(length, cells);

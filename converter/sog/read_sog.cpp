@@ -78,7 +78,7 @@ class SogReader {
     return pixels;
   }
 
-  // Padded with its last value: files may index what they do not list only where nothing is shown.
+  // An index beyond the list has its last value.
   std::vector<float> codebook(const JsonNode& node) const {
     const JsonNode list = node.at("codebook").array();
     const std::size_t size = list.size();

@@ -93,7 +93,7 @@ std::vector<std::uint32_t> mortonOrder(const GaussianModel& model) {
 class SogWriter {
  public:
   SogWriter(GaussianModel model, const SogOptions& options, const std::string& path)
-      : model_(std::move(model)), options_(options), steps_(options.steps), path_(path) {}
+      : model_(std::move(model)), options_(options), path_(path) {}
 
   std::vector<ZipEntry> write() {
     meta_["version"] = sog::kVersion;
@@ -152,7 +152,7 @@ class SogWriter {
       for (int k = 0; k < 3; ++k) {
         const double range = high[k] - low[k];
         const double part = range > 0 ? (sog::toLogarithm(model_.mean[i][k]) - low[k]) / range : 0.0;
-        const auto code = static_cast<unsigned>(stepped(part * kLastCode, steps_, kLastCode));
+        const auto code = static_cast<unsigned>(stepped(part * kLastCode, options_.steps, kLastCode));
         lower.data[4 * i + k] = static_cast<std::uint8_t>(code & 255u);
         upper.data[4 * i + k] = static_cast<std::uint8_t>(code >> 8);
       }
@@ -163,7 +163,7 @@ class SogWriter {
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
     const std::vector<float> codebook =
-        makeCodebook(numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, steps_ / kScaleDelay)));
+        makeCodebook(numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, options_.steps / kScaleDelay)));
     Json files;
     BytePixels& pixels = image(files, "scales.webp", model_.size());
     for (std::size_t i = 0; i < model_.size(); ++i) {
@@ -198,7 +198,7 @@ class SogWriter {
       for (int k = 0, to = 0; k < 4; ++k) {
         if (k != largest)
           bytes[to++] = static_cast<std::uint8_t>(
-              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), steps_ / kRotationDelay, 255.0));
+              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), options_.steps / kRotationDelay, 255.0));
       }
       bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
     }
@@ -211,7 +211,7 @@ class SogWriter {
     for (std::size_t i = 0; i < n; ++i) {
       for (int k = 0; k < 3; ++k) numbers[3 * i + k] = model_.sh[i * row][k];
     }
-    const std::vector<float> codebook = evenCodebook(numbers, kCoefficientStep * steps_);
+    const std::vector<float> codebook = evenCodebook(numbers, kCoefficientStep * options_.steps);
     Json files;
     BytePixels& pixels = image(files, "sh0.webp", n);
     for (std::size_t i = 0; i < n; ++i) {
@@ -219,7 +219,7 @@ class SogWriter {
         pixels.data[4 * i + k] = static_cast<std::uint8_t>(nearestIn(codebook, numbers[3 * i + k]));
       }
       pixels.data[4 * i + 3] =
-          static_cast<std::uint8_t>(stepped(sigmoid(model_.opacity_logit[i], 255.0), steps_, 255.0));
+          static_cast<std::uint8_t>(stepped(sigmoid(model_.opacity_logit[i], 255.0), options_.steps, 255.0));
     }
     meta_["sh0"] = {{"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
   }
@@ -232,7 +232,7 @@ class SogWriter {
       std::copy_n(&from->x, length, rows.data() + i * length);
     }
     const Palette palette = makePalette(rows, length, sog::kMaxPalette);
-    const std::vector<float> codebook = evenCodebook(palette.rows, kCoefficientStep * steps_);
+    const std::vector<float> codebook = evenCodebook(palette.rows, kCoefficientStep * options_.steps);
     const std::size_t held = palette.rows.size() / length;
     Json files;
     BytePixels& centroids = image(files, "shN_centroids.webp", sog::kPaletteColumns * rest,
@@ -269,7 +269,7 @@ class SogWriter {
       texels += rect.texelCount();
     }
     neutralize(model_.atlas.texels, model_.texture_mode);
-    const double step = options_.texture_step * steps_;
+    const double step = static_cast<double>(options_.texture_step) * options_.steps;
     const std::array<double, 2> steps = {shortest(std::min(step, 1.0)), shortest(std::min(2 * step, 1.0))};
     BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
     // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
@@ -305,7 +305,6 @@ class SogWriter {
 
   GaussianModel model_;
   const SogOptions& options_;
-  const double steps_;
   const std::string& path_;
   Json meta_ = Json::object(), textures_;
   std::vector<std::pair<std::string, BytePixels>> images_;
@@ -316,6 +315,8 @@ class SogWriter {
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
                                     const SogOptions& options) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  TG_ASSERT(options.steps >= kLeastSogSteps && options.steps <= kMostSogSteps && options.texture_step > 0,
+            "steps that the format has");
   if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
   const std::string name = path.string();
   std::vector<std::uint32_t> order = mortonOrder(model);

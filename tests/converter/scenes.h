@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small models and pictures of them for the converter's tests.
 #pragma once
+#include <cmath>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -16,6 +17,25 @@ inline tg::Image picture(const tg::GaussianModel& model, const tg::Camera& camer
   const auto renderer = tg::makeCpuRenderer();
   renderer->setModel(model);
   return tg::extract(renderer->render(camera, {}), tg::Output::final);
+}
+
+// Splats without textures in a cube of +-extent, every number within what SPZ can hold.
+inline tg::GaussianModel randomSplats(int degree, std::size_t count, double extent, int seed) {
+  tg::test::Random random(static_cast<unsigned>(seed));
+  tg::GaussianModel model;
+  model.sh_degree = degree;
+  for (std::size_t i = 0; i < count; ++i) {
+    model.mean.emplace_back(random.uniformVec3(-extent, extent));
+    model.rotation.emplace_back(random.uniform(0.2, 3.0) * random.quaternion());
+    model.log_scale.emplace_back(random.uniformVec3(-9.5, 5.5));
+    model.opacity_logit.push_back(static_cast<float>(random.uniform(-5.0, 5.0)));
+    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.emplace_back(random.uniformVec3(-0.9, 0.9));
+  }
+  return model;
+}
+
+inline double largest(glm::vec3 v) {
+  return static_cast<double>(glm::max(glm::max(std::abs(v.x), std::abs(v.y)), std::abs(v.z)));
 }
 
 // What readModel throws, without the path.

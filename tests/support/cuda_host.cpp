@@ -22,7 +22,7 @@
 #include "core/system/error.h"
 #include "training/cuda/device.h"
 #include "training/cuda/memory.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer)

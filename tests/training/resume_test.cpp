@@ -23,7 +23,7 @@
 #include "support/temporary_folder.h"
 #include "training/program.h"
 #include "training/run/checkpoint.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;

@@ -12,7 +12,7 @@
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
 #include "shaders/shared/limits.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 namespace tg {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "training/step/density_math.h"
 #include "training/step/optimizer.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 namespace tg {
 

@@ -10,7 +10,7 @@
 #include "shared/limits.h"
 #include "shared/splat.h"
 #include "training/settings/settings.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 #include "training/step/step_math.h"
 
 namespace tg {

@@ -8,7 +8,7 @@
 #include "core/system/names.h"
 #include "training/step/densify.h"
 #include "training/step/optimizer.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 namespace tg {
 

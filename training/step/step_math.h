@@ -5,7 +5,7 @@
 
 #include "core/model/verbs.h"
 #include "shared/splat.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 namespace tg {
 

@@ -4,39 +4,17 @@
 
 #include <cmath>
 
+#include "converter/scenes.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 
 using namespace tg;
-using tg::test::Random;
-
-namespace {
-
-GaussianModel randomModel(int degree, std::size_t count, double extent) {
-  Random random(static_cast<unsigned>(degree) + 70);
-  GaussianModel model;
-  model.sh_degree = degree;
-  for (std::size_t i = 0; i < count; ++i) {
-    model.mean.emplace_back(random.uniformVec3(-extent, extent));
-    model.rotation.emplace_back(random.uniform(0.2, 3.0) * random.quaternion());
-    model.log_scale.emplace_back(random.uniformVec3(-9.5, 5.5));
-    model.opacity_logit.push_back(static_cast<float>(random.uniform(-5.0, 5.0)));
-    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.emplace_back(random.uniformVec3(-0.9, 0.9));
-  }
-  return model;
-}
-
-double largest(glm::vec3 v) {
-  return static_cast<double>(glm::max(glm::max(std::abs(v.x), std::abs(v.y)), std::abs(v.z)));
-}
-
-}  // namespace
 
 TEST_CASE("a model comes back from SPZ within the steps of its numbers, at every degree") {
   for (int degree = 0; degree <= 3; ++degree) {
-    const GaussianModel in = randomModel(degree, 50, 20.0);
+    const GaussianModel in = randomSplats(degree, 50, 20.0, degree + 70);
     SpzReport report;
     const GaussianModel out = parseSpz(formatSpz(in, "a.spz", report), "a.spz").model;
     REQUIRE(out.size() == in.size());
@@ -60,14 +38,14 @@ TEST_CASE("a model comes back from SPZ within the steps of its numbers, at every
 }
 
 TEST_CASE("SPZ: the same model gives the same bytes") {
-  const GaussianModel model = randomModel(2, 30, 5.0);
+  const GaussianModel model = randomSplats(2, 30, 5.0, 2 + 70);
   SpzReport report;
   CHECK(formatSpz(model, "a.spz", report) == formatSpz(model, "b.spz", report));
 }
 
 TEST_CASE("SPZ: positions get the bits that the scene's size asks for") {
   const auto bits = [](double extent) {
-    GaussianModel model = randomModel(0, 2, 1.0);
+    GaussianModel model = randomSplats(0, 2, 1.0, 0 + 70);
     model.mean = {glm::vec3(static_cast<float>(extent), 0, 0), glm::vec3(0.0f)};
     SpzReport report;
     const GaussianModel out = parseSpz(formatSpz(model, "a.spz", report), "a.spz").model;
@@ -79,14 +57,14 @@ TEST_CASE("SPZ: positions get the bits that the scene's size asks for") {
   CHECK(bits(3000.0) == 11);
   CHECK(bits(0.1) == 19);  // 2^-19 is 1/52429 of it
   CHECK(bits(8e6) == 0);
-  GaussianModel model = randomModel(0, 1, 1.0);
+  GaussianModel model = randomSplats(0, 1, 1.0, 0 + 70);
   model.mean[0].y = -9e6f;
   SpzReport report;
   CHECK_THROWS_AS(formatSpz(model, "a.spz", report), Error);
 }
 
 TEST_CASE("SPZ: what the bytes cannot hold is clipped and counted") {
-  GaussianModel model = randomModel(1, 4, 1.0);
+  GaussianModel model = randomSplats(1, 4, 1.0, 1 + 70);
   model.log_scale[0].y = -12.0f;
   model.log_scale[1].x = 7.0f;
   model.sh[2 * 4].z = 4.0f;

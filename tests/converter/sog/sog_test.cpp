@@ -9,6 +9,7 @@
 
 #include "converter/edit/quality.h"
 #include "converter/gltf/fallback.h"
+#include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "converter/sog/zip.h"
 #include "core/file/file.h"
@@ -21,27 +22,8 @@
 #include "support/scenes.h"
 
 using namespace tg;
-using tg::test::Random;
 
 namespace {
-
-GaussianModel randomModel(int degree, std::size_t count) {
-  Random random(static_cast<unsigned>(degree) + 90);
-  GaussianModel model;
-  model.sh_degree = degree;
-  for (std::size_t i = 0; i < count; ++i) {
-    model.mean.emplace_back(random.uniformVec3(-20, 20));
-    model.rotation.emplace_back(random.uniform(0.2, 3.0) * random.quaternion());
-    model.log_scale.emplace_back(random.uniformVec3(-9.5, 5.5));
-    model.opacity_logit.push_back(static_cast<float>(random.uniform(-5.0, 5.0)));
-    for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.emplace_back(random.uniformVec3(-0.9, 0.9));
-  }
-  return model;
-}
-
-double largest(glm::vec3 v) {
-  return static_cast<double>(glm::max(glm::max(std::abs(v.x), std::abs(v.y)), std::abs(v.z)));
-}
 
 // Two Gaussians of SH degree 1 as another program writes them, every byte known.
 struct SogParts {
@@ -153,7 +135,7 @@ TEST_CASE("SOG: a rotation that says nothing is counted, and turns nothing") {
 TEST_CASE("SOG: a model comes back in the order that is returned, within the steps of its numbers") {
   const Scratch scratch;
   for (int degree = 0; degree <= 3; ++degree) {
-    const GaussianModel in = randomModel(degree, 700);
+    const GaussianModel in = randomSplats(degree, 700, 20.0, degree + 90);
     const auto path = scratch.folder() / "a.sog";
     const std::vector<std::uint32_t> order = writeSog(path, in);
     const GaussianModel out = readSog(path).model;
@@ -181,7 +163,7 @@ TEST_CASE("SOG: a model comes back in the order that is returned, within the ste
 
 TEST_CASE("SOG: few different scales are kept as they are") {
   const Scratch scratch;
-  GaussianModel model = randomModel(0, 40);
+  GaussianModel model = randomSplats(0, 40, 20.0, 0 + 90);
   const auto path = scratch.folder() / "a.sog";
   const std::vector<std::uint32_t> order = writeSog(path, model);
   const GaussianModel sorted = select(model, order), out = readSog(path).model;
@@ -248,7 +230,7 @@ TEST_CASE("SOG: wider steps make smaller files, finer ones nearer models") {
 TEST_CASE("SOG: codebooks have all 256 values, which some readers take for granted") {
   const Scratch scratch;
   const auto path = scratch.folder() / "a.sog";
-  writeSog(path, randomModel(1, 20));
+  writeSog(path, randomSplats(1, 20, 20.0, 1 + 90));
   const std::vector<std::uint8_t> bytes = readFile(path, 1 << 20);
   const std::vector<std::uint8_t> text = ZipReader(bytes, "a.sog").read("meta.json", 1 << 20);
   const nlohmann::json meta = nlohmann::json::parse(text.begin(), text.end());

@@ -13,7 +13,7 @@
 #include "training/data/dataset.h"
 #include "training/data/sample.h"
 #include "training/run/trainer.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 using Catch::Matchers::Contains;
 

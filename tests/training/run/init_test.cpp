@@ -6,7 +6,7 @@
 
 #include "shaders/shared/limits.h"
 #include "support/catch.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 TEST_CASE("neighbour distances equal brute force, also with duplicates and few points", "[init]") {
   tg::Random random(4);

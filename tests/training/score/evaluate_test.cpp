@@ -9,7 +9,7 @@
 #include "core/image/metrics.h"
 #include "support/catch.h"
 #include "training/score/eval_report.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 using Catch::Matchers::Contains;
 

@@ -14,7 +14,7 @@
 #include "core/system/parallel.h"
 #include "support/catch.h"
 #include "support/scenes.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 using Catch::Matchers::Contains;
 using tg::Image;

@@ -9,7 +9,7 @@
 #include "core/system/parallel.h"
 #include "support/catch.h"
 #include "support/ssim_reference.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 
 namespace {
 

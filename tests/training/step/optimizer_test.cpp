@@ -6,7 +6,7 @@
 
 #include "core/system/parallel.h"
 #include "support/catch.h"
-#include "training/step/random.h"
+#include "core/system/random.h"
 #include "training/step/textures.h"
 
 namespace {
