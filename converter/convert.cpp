@@ -2,8 +2,6 @@
 // One file to another: read, write, read back, compare.
 #include "converter/convert.h"
 
-#include <cmath>
-#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,7 +9,7 @@
 #include <utility>
 
 #include "converter/formats/gaussian_blocks.h"
-#include "converter/sog/sog.h"
+#include "core/file/scratch_folder.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 
@@ -31,26 +29,6 @@ void checkOutput(const std::filesystem::path& output, bool overwrite) {
   }
 }
 
-// A folder for one file, gone afterwards.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "tgconvert-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw Error(ErrorKind::cannotWrite, name, "cannot make a temporary folder");
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder& operator=(TemporaryFolder&&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 void measure(const Format& format, const std::filesystem::path& output, const Bundle& source, ConvertReport& report) {
   const std::vector<Camera> views = qualityViews(source.model, source.cameras);
   report.views = views.size();
@@ -66,38 +44,6 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
     report.base_psnr =
         renderedPsnr(source.model, readModel(output, {.base_only = true}).model, views, source.background);
   }
-}
-
-// See ConvertOptions::target_bytes. Steps are tried in files that nobody sees; what they cost and keep falls with them.
-float stepsFor(const Format& format, const Bundle& source, WriteOptions write_options, const ConvertOptions& options) {
-  const TemporaryFolder folder;
-  const std::filesystem::path file = folder.path() / ("trial." + std::string(format.name));
-  const std::vector<Camera> views = qualityViews(source.model, source.cameras);
-  const bool by_size = options.target_bytes > 0;
-  double reached = 0;
-  const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
-    Written ignored;
-    write_options.steps = static_cast<float>(std::exp2(logarithm));
-    writeModel(format, file, source, write_options, ignored);
-    reached = by_size ? static_cast<double>(std::filesystem::file_size(file))
-                      : renderedPsnr(source.model, readModel(file).model, views, source.background);
-    return by_size ? reached > static_cast<double>(options.target_bytes) : reached >= options.target_psnr;
-  };
-  constexpr int kTrials = 8;  // halvings of nine octaves: steps of 2.5 %, files of less than 1 %
-  double fine = std::log2(kLeastSogSteps), coarse = std::log2(kMostSogSteps);
-  if (by_size ? isFineEnough(coarse) : !isFineEnough(fine)) {
-    const std::string wanted = std::to_string(by_size ? options.target_bytes : std::lround(options.target_psnr));
-    const std::string limit = std::to_string(std::lround(reached));
-    throw Error(ErrorKind::usage,
-                by_size ? "--target-size is out of reach" + expectedFound("at least " + limit + " bytes", wanted) +
-                              ": --decimate and --sh-degree leave more out"
-                        : "--target-psnr is out of reach" + expectedFound("at most " + limit + " dB", wanted));
-  }
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const double middle = 0.5 * (fine + coarse);
-    (isFineEnough(middle) ? fine : coarse) = middle;
-  }
-  return static_cast<float>(std::exp2(by_size ? coarse : fine));
 }
 
 // Whether what is written may look otherwise than the model: not by the last bits of its numbers.
@@ -121,7 +67,7 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
   const Format& format = outputFormat(output);
-  if ((options.target_bytes > 0 || options.target_psnr > 0) && !format.has_steps) {
+  if (options.target.given() && !format.has_steps) {
     throw Error(ErrorKind::usage, output.string(), "a target is only for .sog");
   }
   if (!options.dry_run) checkOutput(output, options.overwrite);
@@ -140,8 +86,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                              .replace = options.overwrite || options.dry_run};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {
-    const std::optional<TemporaryFolder> folder =
-        options.dry_run ? std::optional<TemporaryFolder>(std::in_place) : std::nullopt;
+    const std::optional<ScratchFolder> folder =
+        options.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
     const std::filesystem::path file = folder ? folder->path() / ("forecast" + output.extension().string()) : output;
     writeModel(format, file, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
@@ -171,9 +117,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.warnings.push_back(
         "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
-  if (options.target_bytes > 0 || options.target_psnr > 0) {
-    write_options.steps = stepsFor(format, source, write_options, options);
-  }
+  if (options.target.given()) write_options.steps = stepsFor(format, source, write_options, options.target);
   report.steps = write_options.steps;
   write(source);
   if (measured && format.read && (changes || options.measure == Measure::always)) {

@@ -9,6 +9,7 @@
 
 #include "converter/edit/edit.h"
 #include "converter/edit/quality.h"
+#include "converter/edit/target.h"
 #include "converter/registry/file_format.h"
 
 namespace tg {
@@ -31,11 +32,8 @@ struct ConvertOptions {
   bool meshopt = false;                   // likewise
   float steps = 1;                        // sog: see WriteOptions
   float texture_step = kTextureStep;      // likewise
-  // sog: instead of `steps` the least with which the file is no larger [bytes], or the most with which its pictures are
-  // as near to the source's [dB] (textured where it is); 0: neither.
-  std::uint64_t target_bytes = 0;
-  double target_psnr = 0;
-  std::vector<Edit> edits = {};  // in this order, before anything is written
+  Target target = {};                     // sog: instead of `steps`
+  std::vector<Edit> edits = {};           // in this order, before anything is written
 };
 
 struct ConvertReport : Written {

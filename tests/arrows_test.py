@@ -9,8 +9,9 @@ import pathlib
 import re
 import sys
 
-ROOMS = ["shaders", "core", "render", "training", "converter", "viewer"]  # training and converter see none of each other
-STRANGERS = {("converter", "training"), ("viewer", "training")}
+ROOMS = ["shaders", "core", "render", "converter", "training", "viewer"]
+STRANGERS = {("viewer", "training")}
+PROGRAMS = "training"  # the one folder of its room that knows the converter's formats
 LEFT = {
     "shaders": ["shaders/shared"],
     "core/file": ["core/system"],
@@ -73,6 +74,8 @@ def allowed(folder, other):
         return False
     if room == other_room:
         return other in LEFT.get(folder, [])
+    if (room, other_room) == ("training", "converter"):
+        return folder == PROGRAMS
     return ROOMS.index(other_room) < ROOMS.index(room) and (room, other_room) not in STRANGERS
 
 

@@ -6,8 +6,7 @@
 #include <optional>
 #include <set>
 
-#include "core/bundle/bundle.h"
-#include "core/bundle/ply.h"
+#include "converter/registry/file_format.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -54,9 +53,10 @@ struct Scene {
 };
 
 Scene readScene(const std::string& path) {
-  if (!tg::looksLikeBundle(path)) return {tg::readSplatPly(path), std::nullopt};
-  tg::Bundle bundle = tg::readBundle(path);
+  tg::Bundle bundle = tg::readModel(path);
   for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", warning.c_str());
+  // Formats that hold cameras say what is behind the scene, too.
+  if (!tg::findFormat(bundle.format)->holds(tg::kKeepsCameras)) return {std::move(bundle.model), std::nullopt};
   return {std::move(bundle.model), bundle.background};
 }
 
@@ -206,7 +206,7 @@ int main(int argc, char** argv) {
   return tg::runProgram("tgeval", [&] {
     CLI::App app("Compares renderings of a model with the photographs of a data set.", "tgeval");
     Options options;
-    app.add_option("model", options.model, "model.tgz or splats.ply")->required();
+    app.add_option("model", options.model, "Model: " + tg::listed(tg::inputNames()))->required();
     app.add_option("dataset", options.dataset, "Folder, as for tgtrain");
     app.add_option("--split", options.split, "Which views")
         ->check(CLI::IsMember({"test", "train", "all"}))

@@ -10,8 +10,7 @@
 #include <optional>
 #include <utility>
 
-#include "core/bundle/bundle.h"
-#include "core/bundle/ply.h"
+#include "converter/registry/file_format.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -64,9 +63,9 @@ void checkOutputs(const Options& options, bool overwrite) {
     const std::string& path = paths[i];
     if (path.empty()) continue;
     const bool model = &path != &paths.back();
-    if (model && fs::path(path).extension() != ".tgz") {
+    if (model && !tg::outputFormat(path).read) {
       throw tg::Error(tg::ErrorKind::usage, path,
-                      "unknown model format (expected .tgz, found \"" + fs::path(path).extension().string() + "\")");
+                      "is no model format (expected ." + tg::listed(tg::outputNames(true)) + ")");
     }
     for (std::size_t j = 0; j < i; ++j) {
       if (fs::path(path).lexically_normal() == fs::path(paths[j]).lexically_normal()) {
@@ -91,8 +90,14 @@ tg::TrainSettings settingsOf(const Options& options) {
 // The model that --start-model names.
 std::optional<tg::GaussianModel> startModel(const Options& options) {
   if (options.start_model.empty()) return std::nullopt;
-  if (!tg::looksLikeBundle(options.start_model)) return tg::readSplatPly(options.start_model);
-  return tg::readBundle(options.start_model).model;
+  return tg::readModel(options.start_model).model;
+}
+
+// In the format of the path's extension. replace: files beside it, too.
+void writeScene(const std::string& path, const tg::Bundle& bundle, bool replace) {
+  tg::Written written;
+  tg::writeModel(tg::outputFormat(path), path, bundle, {.replace = replace}, written);
+  for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
 }
 
 std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
@@ -141,7 +146,8 @@ int runTraining(const Options& options) {
   const tg::TrainSettings settings = settingsOf(options);
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
   // What a run wrote when it was stopped, it replaces when it goes on.
-  checkOutputs(options, options.overwrite || (run && run->hasCheckpoint()));
+  const bool replace = options.overwrite || (run && run->hasCheckpoint());
+  checkOutputs(options, replace);
   if (options.threads > 0) tg::setThreadCount(options.threads);
   std::string why_cpu;
   std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::openCuda(options.device, why_cpu);
@@ -188,14 +194,18 @@ int runTraining(const Options& options) {
   const auto save = [&](const std::string& path, tg::GaussianModel model) {
     const tg::Bundle bundle =
         tg::makeTrainedBundle(dataset, settings, result.report, std::move(model), *renderer, json_options);
-    tg::writeBundle(path, bundle);
+    writeScene(path, bundle, replace);
     return bundle.training_json;
   };
   std::string json;
   if (run) {
     json = run->finish(trainer);
     json_options.total_seconds = run->seconds();
-    if (!options.output.empty()) tg::copyFileAtomically(run->model(), options.output);
+    if (fs::path(options.output).extension() == ".tgz") {
+      tg::copyFileAtomically(run->model(), options.output);
+    } else if (!options.output.empty()) {
+      save(options.output, std::move(result.model));
+    }
   } else {
     json = save(options.output, std::move(result.model));
   }
@@ -233,7 +243,8 @@ void addSettingFlags(CLI::App& app, Options& options) {
 
 void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0");
-  app.add_option("-o,--output", options.output, "Model to write (.tgz); optional with --run");
+  app.add_option("-o,--output", options.output,
+                 "Model to write: ." + tg::listed(tg::outputNames(true)) + "; optional with --run");
   app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
       ->check(CLI::IsMember(tg::presetNames()))
       ->capture_default_str();
@@ -246,7 +257,7 @@ void addTrainingOptions(CLI::App& app, Options& options) {
   tg::addDatasetFlags(app, options.data);
   app.add_option(
       "--start-model", options.start_model,
-      "Go on from this model (.tgz or 3DGS .ply); with --iterations 0, only add textures to it; one with textures goes "
+      "Go on from this model (of any format); with --iterations 0, only add textures to it; one with textures goes "
       "on in stage 2");
   app.add_option("--untextured-output", options.untextured_output,
                  "Write the untextured model too (implies --compare-untextured)");

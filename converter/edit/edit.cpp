@@ -11,14 +11,15 @@
 #include "converter/edit/merge.h"
 #include "converter/edit/quality.h"
 #include "converter/edit/select.h"
-#include "converter/edit/texture_budget.h"
 #include "converter/edit/transform.h"
 #include "converter/gltf/axes.h"
-#include "converter/gltf/fallback.h"
 #include "converter/registry/file_format.h"
+#include "core/model/fallback.h"
+#include "core/model/texture_budget.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
+#include "render/contribution.h"
 
 namespace tg {
 namespace {
@@ -33,7 +34,7 @@ std::vector<double> numbersOf(const Edit& edit, std::initializer_list<std::size_
   throw Error(ErrorKind::usage, "wrong value (expected " + std::string(expected) + ")");
 }
 
-glm::dvec3 vec3(const std::vector<double>& n, std::size_t at = 0) { return {n[at], n[at + 1], n[at + 2]}; }
+glm::dvec3 vectorAt(const std::vector<double>& n, std::size_t at = 0) { return {n[at], n[at + 1], n[at + 2]}; }
 
 void transform(Bundle& loaded, const Similarity& similarity) {
   transformModel(loaded.model, similarity);
@@ -42,16 +43,16 @@ void transform(Bundle& loaded, const Similarity& similarity) {
 
 void translate(Bundle& loaded, const Edit& edit) {
   Similarity move;
-  move.translation = vec3(numbersOf(edit, {3}, "x,y,z"));
+  move.translation = vectorAt(numbersOf(edit, {3}, "x,y,z"));
   transform(loaded, move);
 }
 
 void rotate(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {4}, "x,y,z,DEGREES");
-  const double length = glm::length(vec3(n));
+  const double length = glm::length(vectorAt(n));
   if (!(length > 0.0)) throw Error(ErrorKind::usage, "the axis has no length");
   const double half = 0.5 * n[3] * M_PI / 180.0;
-  const glm::dvec3 axis = std::sin(half) / length * vec3(n);
+  const glm::dvec3 axis = std::sin(half) / length * vectorAt(n);
   Similarity turn;
   turn.rotation = matrixFromQuaternion({std::cos(half), axis.x, axis.y, axis.z});
   transform(loaded, turn);
@@ -82,14 +83,14 @@ void applyMatrix(Bundle& loaded, const Edit& edit) {
 
 void cropBox(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {6}, "x0,y0,z0,x1,y1,z1");
-  const glm::dvec3 a = vec3(n), b = vec3(n, 3);
+  const glm::dvec3 a = vectorAt(n), b = vectorAt(n, 3);
   keepGaussians(loaded.model, insideBox(loaded.model, glm::min(a, b), glm::max(a, b)));
 }
 
 void cropSphere(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {4}, "x,y,z,RADIUS");
   if (!(n[3] > 0.0)) throw Error(ErrorKind::usage, "the radius is not positive");
-  keepGaussians(loaded.model, insideSphere(loaded.model, vec3(n), n[3]));
+  keepGaussians(loaded.model, insideSphere(loaded.model, vectorAt(n), n[3]));
 }
 
 void keepWhere(Bundle& loaded, const Edit& edit) { keepGaussians(loaded.model, whereValue(loaded.model, edit.value)); }
@@ -151,8 +152,8 @@ void texelBudget(Bundle& loaded, const Edit& edit) {
   if (texels < 0.0 || texels != std::floor(texels) || texels > 1e18) {
     throw Error(ErrorKind::usage, "wrong value (expected a number of texels)");
   }
-  fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels),
-                      contributionViews(loaded.model, loaded.cameras));
+  const std::vector<Camera> views = contributionViews(loaded.model, loaded.cameras);
+  fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels), blendWeights(loaded.model, views));
 }
 
 void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model); }

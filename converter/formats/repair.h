@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Linear numbers of splat files as the model's logits and logarithms, those without one included.
+// Linear scales of splat files as the model's logarithms, those without one included.
 #pragma once
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <glm/glm.hpp>
@@ -10,15 +9,9 @@
 
 namespace tg {
 
-constexpr double kLogitLimit = 20.0;  // opacities 0 and 1 have no logit; 2e-9 from them, below a float's step at 1
 constexpr float kZeroScaleFraction =
     1e-4f;                             // a scale of 0 has no logarithm: this part of the smallest other one instead
 constexpr float kPointScale = 1e-10f;  // [world units] when all three are 0
-
-// opacity in [0, 1].
-inline float logitFromOpacity(double opacity) {
-  return static_cast<float>(std::clamp(std::log(opacity) - std::log1p(-opacity), -kLogitLimit, kLogitLimit));
-}
 
 // scale >= 0.
 inline glm::vec3 logFromScale(glm::vec3 scale) {

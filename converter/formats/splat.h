@@ -20,7 +20,7 @@ struct SplatReport {
   std::size_t clipped_colors = 0;  // splats whose base colour leaves [0, 1]
 };
 
-// Without textures: bake them first (converter/gltf/fallback.h). In the model's order and axes; same model in, same
+// Without textures: bake them first (core/model/fallback.h). In the model's order and axes; same model in, same
 // bytes out.
 std::vector<std::uint8_t> formatSplat(const GaussianModel& model, SplatReport& report);
 // Atomic. Throws Error(cannotWrite), Error(badData) for a model without Gaussians.

@@ -25,7 +25,7 @@ struct SpzReport {
   std::size_t clipped_sh = 0;      // splats with a coefficient of degree 1 to 3 outside [-1, 1]
 };
 
-// Without textures: bake them first (converter/gltf/fallback.h). Same model in, same bytes out. Throws Error(badData)
+// Without textures: bake them first (core/model/fallback.h). Same model in, same bytes out. Throws Error(badData)
 // when a mean is too far out for 24 bits; `path` starts the message.
 std::vector<std::uint8_t> formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report);
 SpzReport writeSpz(const std::filesystem::path& path, const GaussianModel& model);

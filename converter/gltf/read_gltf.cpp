@@ -22,6 +22,7 @@
 #include "converter/gltf/texture_layer.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 
 namespace tg {
 namespace {

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/formats/repair.h"
-#include "converter/gltf/fallback.h"
 #include "converter/sog/parts.h"
 #include "converter/sog/sog.h"
 #include "converter/sog/zip.h"
@@ -12,6 +11,7 @@
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/image/webp.h"
+#include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"

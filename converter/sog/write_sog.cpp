@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "converter/formats/morton.h"
-#include "converter/gltf/fallback.h"
 #include "converter/sog/codebook.h"
 #include "converter/sog/parts.h"
 #include "converter/sog/sog.h"
@@ -14,6 +13,7 @@
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/image/webp.h"
+#include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"

@@ -2,6 +2,7 @@
 // What every room does with models.
 #pragma once
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -17,6 +18,12 @@ namespace tg {
 TG_FN double sigmoid(double x, double times = 1.0) { return times / (1.0 + exp(-x)); }
 // In float, for what is drawn: its last bits differ from the other's.
 TG_FN float sigmoidf(float x) { return 1.0f / (1.0f + exp(-x)); }
+
+constexpr double kLogitLimit = 20.0;  // opacities 0 and 1 have no logit; 2e-9 from them, below a float's step at 1
+// opacity in [0, 1].
+inline float logitFromOpacity(double opacity) {
+  return static_cast<float>(std::clamp(std::log(opacity) - std::log1p(-opacity), -kLogitLimit, kLogitLimit));
+}
 
 inline double opacityOf(const GaussianModel& model, std::size_t i) { return sigmoid(model.opacity_logit[i]); }
 // [world units] along the local axes.

@@ -3,12 +3,13 @@
 #include <cstring>
 
 #include "converter/convert.h"
-#include "converter/edit/texture_budget.h"
 #include "converter/gltf/meshopt.h"
 #include "converter/gltf/read_gltf.h"
 #include "core/bundle/bundle.h"
+#include "core/model/texture_budget.h"
 #include "edits.h"
 #include "glb.h"
+#include "render/contribution.h"
 #include "scratch.h"
 #include "support/catch.h"
 #include "support/message_of.h"
@@ -81,7 +82,7 @@ TEST_CASE("textures get the fewest texels that keep their error") {
 
 TEST_CASE("a texel budget is kept and spent where pictures show it") {
   const Bundle sample = readBundle("docs/sample.tgz");
-  const std::vector<Camera> views = contributionViews(sample.model, sample.cameras);
+  const std::vector<double> weights = blendWeights(sample.model, contributionViews(sample.model, sample.cameras));
   const std::vector<Camera> judges = qualityViews(sample.model, sample.cameras);
   const auto psnr = [&](const GaussianModel& model) {
     return renderedPsnr(sample.model, model, judges, sample.background);
@@ -89,16 +90,16 @@ TEST_CASE("a texel budget is kept and spent where pictures show it") {
   GaussianModel uniform = sample.model;
   resizeTextures(uniform, 2, 2);
   GaussianModel adaptive = sample.model;
-  fitTexturesToBudget(adaptive, texelCountOf(uniform), views);
+  fitTexturesToBudget(adaptive, texelCountOf(uniform), weights);
   checkModel(adaptive, "adaptive");
   CHECK(texelCountOf(adaptive) <= texelCountOf(uniform));
   CHECK(texelCountOf(adaptive) > texelCountOf(uniform) * 9 / 10);
   CAPTURE(psnr(adaptive), psnr(uniform));
   CHECK(psnr(adaptive) > psnr(uniform) + 3.0);
   GaussianModel none = sample.model, all = sample.model;
-  fitTexturesToBudget(none, 0, views);
+  fitTexturesToBudget(none, 0, weights);
   CHECK(texelCountOf(none) == 0);
-  fitTexturesToBudget(all, 1u << 30, views);
+  fitTexturesToBudget(all, 1u << 30, weights);
   CHECK(psnr(all) > 70.0);
 }
 

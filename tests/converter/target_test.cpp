@@ -28,7 +28,7 @@ TEST_CASE("a file of the size that is asked for is at most 2 % smaller") {
   const Scratch scratch;
   const auto from = source(scratch), to = scratch.folder() / "a.sog";
   for (const std::uint64_t bytes : {std::uint64_t{110000}, std::uint64_t{160000}}) {
-    const ConvertReport report = convert(from, to, {.overwrite = true, .target_bytes = bytes});
+    const ConvertReport report = convert(from, to, {.overwrite = true, .target = {.bytes = bytes}});
     CAPTURE(bytes, report.steps);
     CHECK(report.output_bytes <= bytes);
     CHECK(static_cast<double>(report.output_bytes) >= 0.98 * static_cast<double>(bytes));
@@ -40,7 +40,7 @@ TEST_CASE("pictures of the likeness that is asked for are hardly nearer") {
   const Scratch scratch;
   const auto from = source(scratch), to = scratch.folder() / "a.sog";
   for (const double psnr : {30.0, 40.0}) {
-    const ConvertReport report = convert(from, to, {.overwrite = true, .target_psnr = psnr});
+    const ConvertReport report = convert(from, to, {.overwrite = true, .target = {.psnr = psnr}});
     CAPTURE(psnr, report.steps);
     REQUIRE(report.textured_psnr);
     CHECK(*report.textured_psnr >= psnr);
@@ -54,8 +54,8 @@ TEST_CASE("targets that nothing reaches, or that a format has no steps for, are 
   const auto refusal = [&](const std::filesystem::path& path, const ConvertOptions& options) {
     return test::messageOf([&] { convert(from, path, options); }, ErrorKind::usage);
   };
-  CHECK(refusal(to, {.target_bytes = 1000}).starts_with("--target-size is out of reach (expected at least "));
-  CHECK(refusal(to, {.target_psnr = 100}).starts_with("--target-psnr is out of reach (expected at most "));
-  CHECK(refusal(scratch.folder() / "a.glb", {.target_bytes = 100000}).ends_with("a target is only for .sog"));
+  CHECK(refusal(to, {.target = {.bytes = 1000}}).starts_with("--target-size is out of reach (expected at least "));
+  CHECK(refusal(to, {.target = {.psnr = 100}}).starts_with("--target-psnr is out of reach (expected at most "));
+  CHECK(refusal(scratch.folder() / "a.glb", {.target = {.bytes = 100000}}).ends_with("a target is only for .sog"));
   CHECK(!std::filesystem::exists(to));
 }

@@ -87,6 +87,32 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   CHECK_FALSE(fs::exists(folder / "x.tgz"));
 }
 
+TEST_CASE("models are written in the output's format, scored and trained on in any", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  REQUIRE(tgtrain(folder, "scene -o model.tgz" + kShort).code == 0);
+  const auto psnr = [&](const std::string& model) {
+    const Outcome scored = tgeval(folder, model + " scene --json scores.json --overwrite");
+    INFO(scored.output);
+    REQUIRE(scored.code == 0);
+    const std::vector<std::uint8_t> bytes = tg::readFile(folder / "scores.json", 1 << 20);
+    return nlohmann::json::parse(bytes.begin(), bytes.end())["psnr"].get<double>();
+  };
+  const double expected = psnr("model.tgz");
+  for (const std::string output : {"model.glb", "model.sog", "model.html"}) {
+    const Outcome trained = tgtrain(folder, "scene --run run --overwrite -o " + output + kShort);
+    INFO(trained.output);
+    REQUIRE(trained.code == 0);
+    CHECK_THAT(trained.output, Contains("wrote " + output));
+    CHECK(psnr(output) == Approx(expected).margin(0.05));
+  }
+  const Outcome on = tgtrain(folder, "scene -o on.ply --start-model model.sog --iterations 0 --texture-iterations 2");
+  INFO(on.output);
+  CHECK(on.code == 0);
+  CHECK(psnr("on.ply") > 5);
+  CHECK(tgeval(folder, "log.txt scene").code == 3);
+}
+
 TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on the CPU", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
@@ -140,7 +166,8 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o m.tgz --untextured-output missing/p.tgz", 4, "missing/p.tgz: cannot write here"},
            {"-o m.tgz --json /dev/full --overwrite", 4, "/dev/full: exists and is not a regular file"},
            {"-o " + std::string(300, 'x') + ".tgz", 4, "cannot write here"},
-           {"-o m.glb", 1, "m.glb: unknown model format (expected .tgz, found \".glb\")"},
+           {"-o m.obj", 1, "m.obj: unknown output format (expected .glb, "},
+           {"-o m.png", 1, "m.png: is no model format (expected .glb, "},
            {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"}}) {
     const Outcome outcome = tgtrain(folder, forever + outputs);
     INFO(outputs << '\n' << outcome.output);

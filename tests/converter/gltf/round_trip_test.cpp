@@ -4,7 +4,7 @@
 
 #include "converter/convert.h"
 #include "converter/glb.h"
-#include "converter/gltf/fallback.h"
+#include "core/model/fallback.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/edit/quality.h"
-#include "converter/gltf/fallback.h"
+#include "core/model/fallback.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "converter/sog/zip.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A texture at another size.
-#include "converter/edit/texture_fit.h"
+#include "core/model/texture_fit.h"
 
 #include <algorithm>
 #include <cmath>

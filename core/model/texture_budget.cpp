@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A texture size for every Gaussian.
-#include "converter/edit/texture_budget.h"
+#include "core/model/texture_budget.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,13 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "converter/edit/texture_fit.h"
-#include "converter/gltf/fallback.h"
+#include "core/model/fallback.h"
+#include "core/model/texture_fit.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
-#include "render/contribution.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -183,10 +182,10 @@ void fitTexturesToError(GaussianModel& model, double error) {
   giveSizes(model, chosen);
 }
 
-void fitTexturesToBudget(GaussianModel& model, std::uint64_t texels, std::span<const Camera> views) {
+void fitTexturesToBudget(GaussianModel& model, std::uint64_t texels, std::span<const double> weights) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  TG_ASSERT(weights.size() == model.size(), "a weight a Gaussian");
   if (!isTextured(model)) return;
-  const std::vector<double> weights = blendWeights(model, views);
   const Sizes sizes(model);
   // Steps up the hull of (texels, error) of every texture, each better per texel than the next.
   struct Step {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The best untextured stand-in for a textured model.
-#include "converter/gltf/fallback.h"
+#include "core/model/fallback.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "converter/formats/repair.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// A file of a size, or of a likeness to its model.
+#include "converter/edit/target.h"
+
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "converter/edit/quality.h"
+#include "converter/sog/sog.h"
+#include "core/file/scratch_folder.h"
+#include "core/system/assert.h"
+#include "core/system/error.h"
+
+namespace tg {
+
+float stepsFor(const Format& format, const Bundle& source, WriteOptions options, const Target& target) {
+  TG_ASSERT(target.given(), "a target is given");
+  if (!format.has_steps) throw Error(ErrorKind::usage, "a target is only for .sog");
+  const ScratchFolder folder;
+  const std::filesystem::path file = folder.path() / ("trial." + std::string(format.name));
+  const std::vector<Camera> views = qualityViews(source.model, source.cameras);
+  const bool by_size = target.bytes > 0;
+  double reached = 0;
+  const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
+    Written ignored;
+    options.steps = static_cast<float>(std::exp2(logarithm));
+    writeModel(format, file, source, options, ignored);
+    reached = by_size ? static_cast<double>(std::filesystem::file_size(file))
+                      : renderedPsnr(source.model, readModel(file).model, views, source.background);
+    return by_size ? reached > static_cast<double>(target.bytes) : reached >= target.psnr;
+  };
+  constexpr int kTrials = 8;  // halvings of nine octaves: steps of 2.5 %, files of less than 1 %
+  double fine = std::log2(kLeastSogSteps), coarse = std::log2(kMostSogSteps);
+  if (by_size ? isFineEnough(coarse) : !isFineEnough(fine)) {
+    const std::string wanted = std::to_string(by_size ? target.bytes : std::lround(target.psnr));
+    const std::string limit = std::to_string(std::lround(reached));
+    throw Error(ErrorKind::usage,
+                by_size ? "--target-size is out of reach" + expectedFound("at least " + limit + " bytes", wanted) +
+                              ": --decimate and --sh-degree leave more out"
+                        : "--target-psnr is out of reach" + expectedFound("at most " + limit + " dB", wanted));
+  }
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const double middle = 0.5 * (fine + coarse);
+    (isFineEnough(middle) ? fine : coarse) = middle;
+  }
+  return static_cast<float>(std::exp2(by_size ? coarse : fine));
+}
+
+}  // namespace tg

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// A file of a size, or of a likeness to its model.
+#pragma once
+#include <cstdint>
+
+#include "converter/registry/file_format.h"
+
+namespace tg {
+
+// At most one of them.
+struct Target {
+  std::uint64_t bytes = 0;  // [bytes] at most; 0: any
+  double psnr = 0;          // [dB] at least, of pictures against the source's, textured where it is; 0: any
+  bool given() const { return bytes > 0 || psnr > 0; }
+};
+
+// The finest WriteOptions::steps with which a file is no larger, or the coarsest with which its pictures are as near:
+// found to 2.5 % by writing to a temporary folder. Throws Error(usage) for a format without steps and for what no steps
+// reach, and what the format's writer throws.
+float stepsFor(const Format& format, const Bundle& source, WriteOptions options, const Target& target);
+
+}  // namespace tg
