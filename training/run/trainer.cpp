@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "core/model/texture_budget.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -218,16 +219,30 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                                                                      : Stream::plain);
 }
 
-// Leaves as many Gaussians, those that an even choice of the training views shows most, with their statistics.
-void Trainer::keepMostSeen(std::size_t count) {
-  if (engine_->gaussians(state_) <= count) return;
-  pull();
-  engine_->stateChanged();
+// Of the state's model, from an even choice of the training views.
+std::vector<double> Trainer::seenWeights() const {
   const std::vector<std::size_t> train = dataset_.indices(false);
   const std::size_t views = std::min(train.size(), kSeenViews);
   std::vector<Camera> cameras;
   for (std::size_t i = 0; i < views; ++i) cameras.push_back(dataset_.views[train[i * train.size() / views]]);
-  const std::vector<double> weights = blendWeights(state_.training.model, cameras);
+  return blendWeights(state_.training.model, cameras);
+}
+
+// The new texels' moments start at zero, and all others with them: their first steps are larger, to settle into.
+void Trainer::cutTextures() {
+  pull();
+  engine_->stateChanged();
+  const double texels = std::ceil(double{settings_.adaptive_texels} * static_cast<double>(engine_->gaussians(state_)));
+  fitTexturesToBudget(state_.training.model, static_cast<std::uint64_t>(texels), seenWeights());
+  resetMoments(state_.training);
+}
+
+// Leaves as many Gaussians, those that the training views show most, with their statistics.
+void Trainer::keepMostSeen(std::size_t count) {
+  if (engine_->gaussians(state_) <= count) return;
+  pull();
+  engine_->stateChanged();
+  const std::vector<double> weights = seenWeights();
   std::vector<std::uint32_t> kept(weights.size());
   std::iota(kept.begin(), kept.end(), 0u);
   std::nth_element(
@@ -293,6 +308,10 @@ TrainProgress Trainer::progress() const {
 
 void Trainer::iterate() {
   TG_ASSERT(state_.iteration < iterationsOf(state_.stage), "the stage has an iteration left");
+  if (state_.stage == Stage::textured && settings_.adaptive_texels > 0 &&
+      state_.iteration == settings_.texture_iterations / 2) {
+    cutTextures();
+  }
   const int iteration = ++state_.iteration;
   const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
   const bool adc = settings_.densification == Densification::adc;

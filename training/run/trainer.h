@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <optional>
+#include <vector>
 
 #include "core/model/model.h"
 #include "training/data/dataset.h"
@@ -84,7 +85,9 @@ class Trainer {
   // What the engine did, in state_.
   void pull() const;
   void updateFilter();
+  std::vector<double> seenWeights() const;
   void keepMostSeen(std::size_t count);
+  void cutTextures();
   bool swaps() const;
   bool picks() const;
   bool resetsOpacity(int iteration) const;

@@ -105,6 +105,8 @@ std::vector<SettingEntry> makeEntries() {
       number("texel-budget", &S::texel_budget, 0, 4e9, "texels",
              "Texels of the whole model instead of texture-size (0: off)"),
       choice("texture-sizes", &S::texture_sizes, "One size for all, or in proportion to the pixels a Gaussian covers"),
+      number("adaptive-texels", &S::adaptive_texels, 0, 65536, "texels a Gaussian",
+             "After half of stage 2 textures are cut to as many in the mean, where they show most (0: off)"),
       choice("texture-init", &S::texture_init, "First texels: no change, or the paper's 25/255"),
       choice("texture-intersection", &S::texture_intersection, "Where a ray meets a Gaussian in stage 2"),
       onOff("texture-gradient-geometry", &S::texture_gradient_geometry,

@@ -75,6 +75,9 @@ struct TrainSettings {
   float pixels_per_texel = 2;    // of the training views, at least, where texture_size is 0; 0: no limit
   std::size_t texel_budget = 0;  // [texels] of the model; 0: texture_size rules
   TextureSizes texture_sizes = TextureSizes::uniform;
+  // [texels a Gaussian] in the mean, to which textures are cut after half of stage 2, each to the size where its texels
+  // take most error off the pictures; 0: they keep theirs.
+  float adaptive_texels = 0;
   TextureInit texture_init = TextureInit::neutral;
   TextureIntersection texture_intersection = TextureIntersection::same;  // as stage 1
   bool texture_gradient_geometry = true;  // off: as the public re-implementation, for ablation

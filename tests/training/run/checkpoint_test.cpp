@@ -190,6 +190,7 @@ TEST_CASE("a run that goes on from a checkpoint ends in the same bytes", "[check
          s.texture_init = tg::TextureInit::paper;
        },
        true},
+      {"adaptive textures", [](tg::TrainSettings& s) { s.adaptive_texels = 3; }},
       {"a share of a count that a stage finds out, textures by footprint",
        [](tg::TrainSettings& s) {
          s.gaussians = 0;

@@ -210,6 +210,41 @@ TEST_CASE("textures are no larger than the training views can teach, unless a si
   CHECK(texels(1e6f, 4).first == 16 * gaussians);
 }
 
+TEST_CASE("adaptive textures keep to their number of texels, and show what more uniform ones cannot", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_iterations = 100;
+  settings.texture_size = 8;
+  const std::size_t texels = [&] {
+    tg::Trainer trainer(dataset, settings, *renderer);
+    while (trainer.step()) continue;
+    return trainer.model().atlas.texels.size();
+  }();
+  settings.adaptive_texels = 4;
+  tg::Trainer trainer(dataset, settings, *renderer);
+  while (trainer.stage() == tg::Stage::plain || trainer.state().iteration < 50) REQUIRE(trainer.step());
+  CHECK(trainer.model().atlas.texels.size() == texels);
+  REQUIRE(trainer.step());
+  const std::vector<tg::TextureRect> rects = trainer.model().atlas.rects;
+  while (trainer.step()) continue;
+  const tg::TrainResult adaptive = trainer.result();
+  tg::checkModel(adaptive.model, "model");
+  CHECK(adaptive.model.atlas.rects == rects);
+  const std::size_t limit = 4 * adaptive.model.size();
+  CHECK(adaptive.model.atlas.texels.size() <= limit);
+  CHECK(adaptive.model.atlas.texels.size() > limit * 9 / 10);
+  const auto [least, most] = std::minmax_element(
+      rects.begin(), rects.end(), [](const auto& a, const auto& b) { return a.texelCount() < b.texelCount(); });
+  CHECK(least->texelCount() == 0);
+  CHECK(most->texelCount() == 64);
+  settings.adaptive_texels = 0;
+  settings.texture_size = 2;
+  const tg::TrainResult uniform = tg::train(dataset, settings, *renderer);
+  REQUIRE((adaptive.report.textured && uniform.report.textured));
+  CHECK(adaptive.report.textured->train_psnr > uniform.report.textured->train_psnr);
+}
+
 TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();

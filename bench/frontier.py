@@ -1,0 +1,246 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The best picture per byte, with textures and without: trains both, writes them as .sog and scores the files.
+
+    bench/frontier.py run    --data DATA --work WORK [--only GLOB]...
+    bench/frontier.py list   [--only GLOB]...         every cell, and whether it is done
+    bench/frontier.py report                          docs/frontier.md and docs/images/frontier.svg from the cells
+
+A cell is SCENE/GAUSSIANS/shDEGREE/ARM/SEED: stage 1 to so many Gaussians, then as many iterations again of the arm:
+plain: without textures; rgba-8: with RGBA textures of 8 texels a Gaussian in the mean (tgtrain --adaptive-texels). Its
+model is written with several widths of steps; bytes are those of the .sog file, scores those of the file over the test
+views. One that is done leaves docs/lab/frontier/CELL.json. A call runs what is missing, in order, and may be stopped at
+any moment: WORK keeps the run folders, and the same call goes on.
+"""
+import argparse
+import fnmatch
+import json
+import math
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+import svg_plot
+from report_document import Code, Heading, Items, Table, Text, markdown
+from reproduce import LENGTH, ROOT, SCENES, commit, machine
+
+CELLS = ROOT / "docs/lab/frontier"
+PAGE, PICTURE = ROOT / "docs/frontier.md", ROOT / "docs/images/frontier.svg"
+COUNTS = {"fox": [850, 1700, 3400, 6800], "lego": [620, 1250, 2500, 5000], "printshop": [950, 1900, 3800, 7600]}
+DEGREES = [1, 0, 3]
+ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
+SEEDS = [1]
+STEPS = [1, 2, 3, 4]
+SIDE = 8  # [texels] of the textures that are cut
+TIE = 0.05  # [dB]
+
+
+def cells():
+    """In the order in which they say most: the middle counts at degree 1, plain beside 8 texels."""
+    names = [f"{scene}/{count}/sh{degree}/{arm}/{seed}" for seed in SEEDS for degree in DEGREES for arm in ARMS
+             for scene in COUNTS for count in COUNTS[scene]]
+    rank = {arm: place for place, arm in enumerate(ARMS)}
+
+    def key(name):
+        scene, count, degree, arm, seed = name.split("/")
+        outer = COUNTS[scene].index(int(count)) in (0, 3)
+        return seed, DEGREES.index(int(degree[2:])) + outer, rank[arm] > 1, rank[arm]
+
+    return sorted(names, key=key)
+
+
+class Driver:
+    def __init__(self, options):
+        self.options = options
+
+    def call(self, scene, program, *arguments):
+        command = [self.options.bin / program, *arguments, "--threads", self.options.threads]
+        if program != "tgconvert":
+            command += ["--downscale", SCENES[scene].downscale]
+        subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
+
+    def train(self, scene, run, *flags):
+        """The model in the run folder, finished."""
+        done = run / "done"
+        if not done.exists():
+            run.parent.mkdir(parents=True, exist_ok=True)
+            self.call(scene, "tgtrain", self.options.data / SCENES[scene].folder, "--run", run, "--resume", "-q",
+                      "--device", self.options.device, "--metrics-every", 0, "--checkpoint-every", 120, *flags)
+            training = training_of(run / "model.tgz")
+            if training["interrupted"]:
+                sys.exit(f"{run}: interrupted")
+            done.touch()
+        return run / "model.tgz"
+
+    def run(self, name):
+        path = CELLS / f"{name}.json"
+        if path.exists():
+            return
+        print(name, file=sys.stderr, flush=True)
+        scene, count, degree, arm, seed = name.split("/")
+        begun = commit()
+        common = ["--sh-degree", degree[2:], "--seed", seed]
+        start = self.train(scene, self.options.work / scene / count / degree / f"start-{seed}", *SCENES[scene].flags,
+                           *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count)
+        if arm == "plain":
+            flags = ["--iterations", LENGTH, "--densification", "none", "--texture-mode", "none"]
+        else:
+            mode, texels = arm.split("-")
+            flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", mode, "--texture-size", SIDE,
+                     "--adaptive-texels", texels]
+        run = self.options.work / name
+        model = self.train(scene, run, "--start-model", start, *common, *flags)
+        report = {"cell": name, "commit": begun, "machine": machine(), "training": training_of(model),
+                  "model": self.score(scene, model, run), "files": []}
+        for steps in STEPS:
+            file = run / f"steps-{steps}.sog"
+            subprocess.run([self.options.bin / "tgconvert", model, file, "--steps", str(steps), "--overwrite", "--quiet"],
+                           check=True)
+            report["files"].append({"steps": steps, "bytes": file.stat().st_size, **self.score(scene, file, run)})
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_suffix(".partial")
+        partial.write_text(json.dumps(report, indent=1) + "\n")
+        os.replace(partial, path)
+        shutil.rmtree(run / "previews", ignore_errors=True)
+
+    def score(self, scene, model, run):
+        self.call(scene, "tgeval", model, self.options.data / SCENES[scene].folder, "--json", run / "eval.json",
+                  "--overwrite")
+        scores = json.loads((run / "eval.json").read_text())
+        return {key: scores[key] for key in ("gaussians", "texels", "psnr", "ssim", "flip")}
+
+
+def training_of(model):
+    return json.loads(subprocess.run(["tar", "xzOf", model, "training.json"], check=True, capture_output=True).stdout)
+
+
+# ---- The report
+
+
+def done_cells():
+    found = {}
+    for name in cells():
+        path = CELLS / f"{name}.json"
+        if path.exists():
+            found[name] = json.loads(path.read_text())
+    return found
+
+
+def points(found, scene, textured):
+    """(bytes, psnr, cell, file) of every file of the scene's arm."""
+    return [(file["bytes"], file["psnr"], name, file) for name, report in found.items()
+            if name.startswith(scene + "/") and ("/plain/" not in name) == textured for file in report["files"]]
+
+
+def hull(of):
+    """The upper hull of dB over the logarithm of bytes."""
+    chain = []
+    for point in sorted(of, key=lambda p: (p[0], -p[1])):
+        if chain and point[1] <= chain[-1][1]:
+            continue
+        while len(chain) > 1 and slope(chain[-2], chain[-1]) <= slope(chain[-1], point):
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def slope(a, b):
+    return (b[1] - a[1]) / math.log(b[0] / a[0]) if b[0] > a[0] else math.inf
+
+
+def height(chain, size):
+    """dB of the hull at `size` bytes; None outside it."""
+    for a, b in zip(chain, chain[1:]):
+        if a[0] <= size <= b[0]:
+            return a[1] + slope(a, b) * math.log(size / a[0])
+    return None
+
+
+def arm_of(name):
+    _, count, degree, arm, _ = name.split("/")
+    return f"{int(count):,} Gaussians, SH {degree[2:]}" + ("" if arm == "plain" else f", {arm.replace('-', ' ')}")
+
+
+def report():
+    found = done_cells()
+    if not found:
+        sys.exit(f"{CELLS}: no cell is done")
+    blocks = [
+        Text("What a file of some size is worth: Gaussians with textures beside more Gaussians without. Every point is "
+             "a .sog file ([sog.md](sog.md)); its bytes are the file's, its PSNR is the file's over the test views. Both "
+             f"arms have {2 * LENGTH:,} iterations: {LENGTH:,} of stage 1, then as many with textures "
+             "(`--adaptive-texels`: so many texels a Gaussian in the mean) or without. A line is the upper hull of all "
+             "counts, SH degrees and steps of its arm: what the best choice reaches."),
+        Text("![PSNR over bytes, with textures and without](images/frontier.svg)"),
+        Text(f"{len(found)} of {len(cells())} cells are done, half size, one seed. One of them again:"),
+        Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
+        Heading("With textures against without, at equal bytes")]
+    rows, pictures = [], []
+    for scene in COUNTS:
+        plain, textured = (hull(points(found, scene, arm)) for arm in (False, True))
+        for size, psnr, name, file in textured:
+            other = height(plain, size)
+            rows.append([scene, f"{size / 1000:,.0f} kB", arm_of(name), f"{file['texels'] / file['gaussians']:.1f}",
+                         f"{file['steps']}", f"{psnr:.2f}", "-" if other is None else f"{other:.2f}",
+                         "-" if other is None else f"{psnr - other:+.2f}"])
+        lines = [svg_plot.Line("without textures", "twin", [(p[0] / 1000, p[1]) for p in plain]),
+                 svg_plot.Line("with textures", "rgba", [(p[0] / 1000, p[1]) for p in textured])]
+        pictures.append(svg_plot.plot(scene, lines, "kB", "PSNR [dB]"))
+    blocks += [Text("The files on the textured hull; the plain hull between its files at the same bytes."),
+               Table(["scene", "bytes", "with textures", "texels a Gaussian", "steps", "PSNR", "without textures", "gain"],
+                     rows),
+               Heading("Every cell"),
+               Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS)],
+                     [[f"`{name}`", f"{cell['model']['texels'] / cell['model']['gaussians']:.1f}",
+                       f"{cell['model']['psnr']:.2f}",
+                       *(f"{file['bytes'] / 1000:,.1f} kB, {file['psnr']:.2f}" for file in cell["files"])]
+                      for name, cell in found.items()])]
+    machines = sorted({f"{c['machine']['processor']}, {c['machine']['cores']} cores" for c in found.values()})
+    blocks.append(Items(f"{name}; commits " + ", ".join(sorted({f"`{c['commit']}`" for c in found.values()}))
+                        for name in machines))
+    PAGE.write_text(markdown("The best picture per byte", blocks))
+    PICTURE.write_text(standalone(pictures))
+
+
+def standalone(pictures):
+    """The plots side by side in one SVG, for pages that show it as an image."""
+    width, height_ = svg_plot.WIDTH, svg_plot.HEIGHT
+    style = svg_plot.STYLE + ":root { --text: #57606a; --rule: #c5cad1 }"
+    inside = "".join(f'<g transform="translate({place * width} 0)">{picture[picture.index(">") + 1:-len("</svg>")]}</g>'
+                     for place, picture in enumerate(p for p in pictures if p))
+    shown = sum(bool(p) for p in pictures)
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" class="plot" viewBox="0 0 {shown * width} {height_}" '
+            f'width="{shown * width}" height="{height_}"><style>{style}</style>{inside}</svg>\n')
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("verb", choices=["run", "list", "report"])
+    parser.add_argument("--data", type=pathlib.Path, help="where the scenes' folders are")
+    parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
+    parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
+    parser.add_argument("--only", action="append", metavar="GLOB", help="these cells")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
+    options = parser.parse_args()
+    if options.verb == "report":
+        report()
+        return
+    chosen = [name for name in cells() if any(fnmatch.fnmatch(name, glob) for glob in options.only or ["*"])]
+    if not chosen:
+        parser.error(f"no cell is named {' or '.join(options.only)} (see list)")
+    if options.verb == "list":
+        for name in chosen:
+            print("done   " if (CELLS / f"{name}.json").exists() else "missing", name)
+        return
+    if not options.data or not options.work:
+        parser.error("expected --data and --work")
+    driver = Driver(options)
+    for name in chosen:
+        driver.run(name)
+
+
+if __name__ == "__main__":
+    main()
