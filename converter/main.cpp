@@ -212,15 +212,9 @@ int convertMain(int argc, char** argv) {
                                       "sog: steps of all numbers so many times as wide: smaller and coarser")
                            ->check(CLI::Range(tg::kLeastSogSteps, tg::kMostSogSteps))
                            ->capture_default_str();
-  CLI::Option* target_size =
-      app.add_option_function<double>(
-             "--target-size", [&](double bytes) { arguments.options.target.bytes = static_cast<std::uint64_t>(bytes); },
-             "sog: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
-          ->transform(
-              CLI::AsNumberWithUnit(std::map<std::string, double>{{"B", 1}, {"KB", 1e3}, {"MB", 1e6}, {"GB", 1e9}},
-                                    CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"))
-          ->check(CLI::Range(1.0, 1e15))
-          ->excludes(steps);
+  CLI::Option* target_size = tg::addBytes(app, "--target-size", arguments.options.target.bytes,
+                                          "sog: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
+                                 ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target.psnr,
                  "sog: the coarsest steps with which pictures are so near to the source's [dB]")
       ->check(CLI::Range(1.0, 100.0))

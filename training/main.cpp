@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgtrain: flags to settings, signals to a clean end, errors to exit codes.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
@@ -21,9 +22,11 @@
 #include "training/data/write_dataset.h"
 #include "training/run/report.h"
 #include "training/run/run_folder.h"
+#include "training/run/size_plan.h"
 #include "training/run/trained_bundle.h"
 #include "training/run/trainer.h"
 #include "training/watch.h"
+#include "training/write_scene.h"
 
 namespace {
 
@@ -46,6 +49,7 @@ struct Options {
   tg::RunFolderOptions run;
   tg::DatasetFlags data;
   std::string preset = "default";
+  std::uint64_t target_bytes = 0;                         // of the output; 0: any
   std::map<const tg::SettingEntry*, std::string> chosen;  // over the preset; empty: not given
   std::string device = "auto";
   int threads = 0;
@@ -93,11 +97,18 @@ std::optional<tg::GaussianModel> startModel(const Options& options) {
   return tg::readModel(options.start_model).model;
 }
 
-// In the format of the path's extension. replace: files beside it, too.
-void writeScene(const std::string& path, const tg::Bundle& bundle, bool replace) {
-  tg::Written written;
-  tg::writeModel(tg::outputFormat(path), path, bundle, {.replace = replace}, written);
-  for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+// What nobody chose, so that the output has room for it.
+void planSize(const Options& options, const tg::Dataset& dataset, tg::TrainSettings& settings) {
+  const auto given = [&](const char* name) {
+    return std::ranges::any_of(
+        options.chosen, [&](const auto& setting) { return setting.first->name == name && !setting.second.empty(); });
+  };
+  const tg::SizePlan plan =
+      tg::planForSize(options.target_bytes, tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);
+  if (!given("gaussians") && !given("percent")) settings.gaussians = plan.gaussians;
+  if (settings.texture_mode == tg::TextureMode::none || given("adaptive-texels") || given("texel-budget")) return;
+  settings.adaptive_texels = plan.texels;
+  if (!given("texture-size")) settings.texture_size = tg::kPlannedTextureSize;
 }
 
 std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
@@ -143,7 +154,8 @@ int runTraining(const Options& options) {
   if (options.dataset.empty() || (options.output.empty() && options.run.folder.empty())) {
     throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
   }
-  const tg::TrainSettings settings = settingsOf(options);
+  tg::TrainSettings settings = settingsOf(options);
+  tg::checkTarget(options.output, options.target_bytes);
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
   // What a run wrote when it was stopped, it replaces when it goes on.
   const bool replace = options.overwrite || (run && run->hasCheckpoint());
@@ -155,6 +167,7 @@ int runTraining(const Options& options) {
 
   const auto start = std::chrono::steady_clock::now();
   const tg::Dataset dataset = loadData(options);
+  if (options.target_bytes > 0) planSize(options, dataset, settings);
   if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
   tg::handleStopSignals(requestStop);
   tg::TrainingJsonOptions json_options;
@@ -191,11 +204,14 @@ int runTraining(const Options& options) {
   tg::TrainResult result = trainer.result();
   json_options.total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
-  const auto save = [&](const std::string& path, tg::GaussianModel model) {
-    const tg::Bundle bundle =
+  std::string written;  // what there is to say of the output
+  const auto save = [&](const std::string& path, tg::GaussianModel model, std::uint64_t bytes = 0) {
+    tg::Bundle bundle =
         tg::makeTrainedBundle(dataset, settings, result.report, std::move(model), *renderer, json_options);
-    writeScene(path, bundle, replace);
-    return bundle.training_json;
+    const std::string training_json = bundle.training_json;
+    const std::string facts = tg::writeScene(path, std::move(bundle), replace, bytes);
+    if (path == options.output) written = facts;
+    return training_json;
   };
   std::string json;
   if (run) {
@@ -204,20 +220,21 @@ int runTraining(const Options& options) {
     if (fs::path(options.output).extension() == ".tgz") {
       tg::copyFileAtomically(run->model(), options.output);
     } else if (!options.output.empty()) {
-      save(options.output, std::move(result.model));
+      save(options.output, std::move(result.model), options.target_bytes);
     }
   } else {
-    json = save(options.output, std::move(result.model));
+    json = save(options.output, std::move(result.model), options.target_bytes);
   }
   if (!options.untextured_output.empty() && result.untextured) {
     save(options.untextured_output, std::move(*result.untextured));
   }
   if (!options.json.empty()) tg::writeTextAtomically(options.json, json);
   if (!options.quiet) {
-    const std::string written = options.output.empty() ? run->model().string() : options.output;
+    const std::string name = options.output.empty() ? run->model().string() : options.output;
+    if (written.empty()) written = "(" + std::to_string(fs::file_size(name)) + " bytes)";
     std::fputs(tg::formatSummary(result.report, json_options.total_seconds).c_str(), stdout);
-    std::printf("%s%s (%ju bytes)\n", result.report.interrupted ? "interrupted; wrote " : "wrote ", written.c_str(),
-                static_cast<std::uintmax_t>(fs::file_size(written)));
+    std::printf("%s%s %s\n", result.report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(),
+                written.c_str());
     if (run && result.report.interrupted) {
       std::printf("the same command with --resume goes on from %s\n", run->checkpoint().c_str());
     }
@@ -245,6 +262,9 @@ void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0");
   app.add_option("-o,--output", options.output,
                  "Model to write: ." + tg::listed(tg::outputNames(true)) + "; optional with --run");
+  tg::addBytes(app, "--target-size", options.target_bytes,
+               "Of a .sog: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
+      ->configurable(false);
   app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
       ->check(CLI::IsMember(tg::presetNames()))
       ->capture_default_str();

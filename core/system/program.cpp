@@ -7,6 +7,7 @@
 #include <cstring>
 #include <exception>
 #include <iostream>
+#include <map>
 #include <new>
 #include <string>
 
@@ -57,6 +58,15 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(ErrorKind::usage);
   }
+}
+
+CLI::Option* addBytes(CLI::App& app, const std::string& name, std::uint64_t& bytes, const std::string& help) {
+  const std::map<std::string, double> units = {{"B", 1}, {"KB", 1e3}, {"MB", 1e6}, {"GB", 1e9}};
+  return app
+      .add_option_function<double>(
+          name, [&bytes](double number) { bytes = static_cast<std::uint64_t>(number); }, help)
+      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"))
+      ->check(CLI::Range(1.0, 1e15));
 }
 
 int runProgram(const char* name, const std::function<int()>& body) {

@@ -381,4 +381,13 @@ double cameraExtent(const Dataset& dataset) {
   return radius > 0 ? 1.1 * radius : 1.0;
 }
 
+std::uint64_t trainingPixels(const Dataset& dataset) {
+  std::uint64_t pixels = 0;
+  for (const std::size_t view : dataset.indices(false)) {
+    const glm::ivec2 size = dataset.views[view].size;
+    pixels += static_cast<std::uint64_t>(size.x) * static_cast<std::uint64_t>(size.y);
+  }
+  return pixels;
+}
+
 }  // namespace tg

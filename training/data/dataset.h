@@ -69,6 +69,9 @@ Dataset loadDataset(const std::filesystem::path& folder, const DatasetOptions& o
 // densification thresholds. [world units]
 double cameraExtent(const Dataset& dataset);
 
+// Pixels of all training views together.
+std::uint64_t trainingPixels(const Dataset& dataset);
+
 // What the loaders of each layout return: cameras whose images are not decoded yet. Exposed for the tests.
 struct DatasetIndex {
   struct Entry {

@@ -135,12 +135,7 @@ bool Trainer::picks() const {
 int Trainer::automaticTextureSize(std::size_t gaussians) const {
   const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
   if (settings_.pixels_per_texel == 0 || gaussians == 0) return size;
-  std::uint64_t pixels = 0;
-  for (const std::size_t view : dataset_.indices(false)) {
-    const glm::ivec2 extent = dataset_.views[view].size;
-    pixels += static_cast<std::uint64_t>(extent.x) * static_cast<std::uint64_t>(extent.y);
-  }
-  return std::min(size, textureSizeForPixels(pixels, gaussians, settings_.pixels_per_texel));
+  return std::min(size, textureSizeForPixels(trainingPixels(dataset_), gaussians, settings_.pixels_per_texel));
 }
 
 GaussianModel Trainer::firstGaussians() const {

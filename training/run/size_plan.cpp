@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// How many Gaussians and texels a file of some size has room for.
+#include "training/run/size_plan.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "core/system/assert.h"
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+// Of .sog files at kPlannedSteps.
+constexpr double kFileBytes = 6000;                                     // names, codebooks, images' heads
+constexpr std::array<double, 4> kGaussianBytes = {12.5, 15.2, 19, 24};  // by SH degree
+constexpr double kTexelBytes = 1.2;
+constexpr double kMostTexels = 8;        // a Gaussian
+constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
+constexpr std::size_t kFewestGaussians = 100;
+
+}  // namespace
+
+SizePlan planForSize(std::uint64_t bytes, std::uint64_t training_pixels, int sh_degree, TextureMode mode) {
+  TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "SH have degrees 0 to 3");
+  const double each = kGaussianBytes[static_cast<std::size_t>(sh_degree)];
+  const double room = std::max(static_cast<double>(bytes) - kFileBytes, 0.0);
+  if (room < kFewestGaussians * each) {
+    const auto needed = std::llround(kFileBytes + kFewestGaussians * each);
+    throw Error(ErrorKind::usage,
+                "--target-size is out of reach" +
+                    expectedFound("at least " + std::to_string(needed) + " bytes", std::to_string(bytes)));
+  }
+  const double texels = std::min(static_cast<double>(training_pixels) / kPixelsPerTexel,
+                                 kMostTexels * room / (each + kMostTexels * kTexelBytes));
+  if (mode == TextureMode::none) return {static_cast<std::size_t>(room / each), 0};
+  const double gaussians = (room - texels * kTexelBytes) / each;
+  return {static_cast<std::size_t>(gaussians), texels / gaussians};
+}
+
+}  // namespace tg
