@@ -137,6 +137,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                              .meshopt = options.meshopt,
                              .steps = options.steps,
                              .texture_step = options.texture_step,
+                             .spz_version = options.spz_version,
                              .replace = options.overwrite || options.dry_run};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {

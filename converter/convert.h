@@ -31,6 +31,7 @@ struct ConvertOptions {
   bool meshopt = false;                   // likewise
   float steps = 1;                        // sog: see WriteOptions
   float texture_step = kTextureStep;      // likewise
+  int spz_version = kNewestSpz;           // spz: likewise
   // sog: instead of `steps` the least with which the file is no larger [bytes], or the most with which its pictures are
   // as near to the source's [dB] (textured where it is); 0: neither.
   std::uint64_t target_bytes = 0;

@@ -231,6 +231,10 @@ int convertMain(int argc, char** argv) {
          "sog: between a texture's colours, coarser where they weigh less; larger files are nearer to the model")
       ->check(CLI::Range(1.0f / 1024, 0.5f))
       ->capture_default_str();
+  app.add_option("--spz-version", arguments.options.spz_version,
+                 "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet")
+      ->check(CLI::Range(tg::kOldestSpz, tg::kNewestSpz))
+      ->capture_default_str();
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(CLI::IsMember(tg::outputNames(true)));
   app.add_flag("--base-only", arguments.options.base_only, "glb, sog: leave the texture layer aside");

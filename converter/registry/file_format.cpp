@@ -87,8 +87,8 @@ void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&,
              "with a colour outside 0 to 255: clipped");
 }
 
-void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
-  const SpzReport spz = writeSpz(path, source.model);
+void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
+  const SpzReport spz = writeSpz(path, source.model, options.spz_version);
   warnRepair(written.warnings, spz.clipped_scales, "with a scale outside SPZ's e^-10 to e^5.94: clipped");
   warnRepair(written.warnings, spz.clipped_colors, "with a colour outside SPZ's range: clipped");
   warnRepair(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");

@@ -108,6 +108,18 @@ TEST_CASE("a signal ends tgconvert with nothing half written, and one that it wa
   CHECK(files() == 2);
 }
 
+TEST_CASE("tgconvert writes SPZ 4, and 3 where it is asked for") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 45));
+  REQUIRE(tgconvert(scratch, "in.ply new.spz --quiet").code == 0);
+  REQUIRE(tgconvert(scratch, "in.ply old.spz --quiet --spz-version 3").code == 0);
+  CHECK(Glb::slurp(scratch.folder() / "new.spz").starts_with(std::string("NGSP\4\0\0\0", 8)));
+  CHECK(Glb::slurp(scratch.folder() / "old.spz").starts_with("\x1f\x8b"));
+  const Result none = tgconvert(scratch, "in.ply none.spz --spz-version 5");
+  CHECK(none.code == 1);
+  CHECK(none.err.find("--spz-version") != std::string::npos);
+}
+
 TEST_CASE("tgconvert edits in the order of its options, merges inputs and refuses what splats cannot follow") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(test::SceneKind::mixed, 44, 50);

@@ -40,7 +40,8 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
     files.push_back({name, Glb::slurp(scratch.folder() / name)});
   };
   add("plain.ply");
-  add("gzip.spz");
+  add("written.spz");
+  add("gzip.spz", {.spz_version = 3});
   add("images.sog");
   add("png8.glb");
   add("exr.glb", {.atlas = AtlasFormat::exr});
