@@ -143,7 +143,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   const auto write = [&](const Bundle& source) {
     const std::optional<TemporaryFolder> folder =
         options.dry_run ? std::optional<TemporaryFolder>(std::in_place) : std::nullopt;
-    const std::filesystem::path file = folder ? folder->path() / ("forecast" + output.extension().string()) : output;
+    const std::filesystem::path file = folder ? folder->path() / ("forecast." + std::string(format.name)) : output;
     writeModel(format, file, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
   };

@@ -177,7 +177,8 @@ int checkMain(int argc, char** argv) {
 int convertMain(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(
-      "Converts splat models to tgz, ply, splat, spz, sog, glb or a page that shows them. The input's format is its "
+      "Converts splat models to tgz, ply, compressed ply, splat, spz, sog, glb or a page that shows them. The input's "
+      "format is its "
       "content, the output's its extension.",
       "tgconvert");
   app.add_option("FILES", arguments.files,

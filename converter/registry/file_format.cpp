@@ -11,6 +11,7 @@
 #include "converter/formats/repair.h"
 #include "converter/formats/splat.h"
 #include "converter/formats/spz.h"
+#include "converter/formats/write_compressed_ply.h"
 #include "converter/gltf/fallback.h"
 #include "converter/gltf/read_gltf.h"
 #include "converter/gltf/write_gltf.h"
@@ -94,6 +95,12 @@ void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions& op
   warnRepair(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
 }
 
+void writePackedPly(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
+  CompressedPlyReport packed = writeCompressedPly(path, source.model);
+  warnRepair(written.warnings, packed.clipped_sh, "with SH coefficients outside [-4, 4]: clipped");
+  written.order = std::move(packed.order);
+}
+
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
   written.order = writeSog(path, source.model, {.steps = options.steps, .texture_step = options.texture_step});
 }
@@ -114,9 +121,11 @@ constexpr Format kFormats[] = {
      .write = writePly},
     {.name = "compressed.ply",
      .spoken = "compressed ply",
+     .title = "compressed PLY",
      .keeps = kKeepsSh,
      .sniff = [](const FileStart& start) { return isPly(start) && isPacked(start); },
-     .read = [](const Path& path, const ReadOptions&) { return bundleOf(readCompressedPly(path)); }},
+     .read = [](const Path& path, const ReadOptions&) { return bundleOf(readCompressedPly(path)); },
+     .write = writePackedPly},
     {.name = "splat",
      .spoken = "splat",
      .title = ".splat",
@@ -254,16 +263,19 @@ const Format& detectFormat(const Path& path) {
 }
 
 const Format& outputFormat(const Path& path) {
-  const std::string extension = path.extension().string();
+  const std::string name = path.filename().string();
+  const Format* found = nullptr;
   std::vector<std::string> known;
   for (const Format& format : kFormats) {
     if (!format.write) continue;
     known.push_back(extensionOf(format));
-    if (extension == known.back()) return format;
+    if (!name.ends_with(known.back()) || name == known.back()) continue;
+    if (!found || format.name.size() > found->name.size()) found = &format;  // .compressed.ply before .ply
   }
+  if (found) return *found;
   std::ranges::sort(known);
   throw Error(ErrorKind::usage, path.string(),
-              "unknown output format (expected " + listed(known) + ", found \"" + extension + "\")");
+              "unknown output format (expected " + listed(known) + ", found \"" + path.extension().string() + "\")");
 }
 
 Bundle readModel(const Path& path, const ReadOptions& options) {

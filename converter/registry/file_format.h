@@ -79,7 +79,7 @@ std::string listed(const std::vector<std::string>& names, std::string_view last 
 // file and Error(badData) for an empty one, for a format that is known but not supported (named in the message) and for
 // anything else.
 const Format& detectFormat(const std::filesystem::path& path);
-// By the extension. Throws Error(usage).
+// By the extension, the longest one that fits. Throws Error(usage).
 const Format& outputFormat(const std::filesystem::path& path);
 
 // A model from any file the toolchain reads. The model has passed checkModel. Throws what detectFormat throws, and

@@ -53,7 +53,7 @@ TEST_CASE("unsupported formats are named and refused with exit code 3") {
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
   CHECK(refusal(scratch.write("a.ksplat", std::string(4096, '\0'))) == ": the .ksplat format" + unsupported);
   CHECK(refusal(scratch.write("a.bin", "hello")) ==
-        ": is no splat model (expected a tgz, ply, splat, spz, sog, glb, gltf or our html file)");
+        ": is no splat model (expected a tgz, ply, compressed ply, splat, spz, sog, glb, gltf or our html file)");
 }
 
 TEST_CASE("the rows of the table of formats agree with themselves") {

@@ -40,6 +40,7 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
     files.push_back({name, Glb::slurp(scratch.folder() / name)});
   };
   add("plain.ply");
+  add("written.compressed.ply");
   add("written.spz");
   add("gzip.spz", {.spz_version = 3});
   add("images.sog");
