@@ -8,6 +8,7 @@
 
 #include "converter/formats/inflate.h"
 #include "converter/formats/read_compressed_ply.h"
+#include "converter/formats/read_ksplat.h"
 #include "converter/formats/repair.h"
 #include "converter/formats/splat.h"
 #include "converter/formats/spz.h"
@@ -131,6 +132,11 @@ constexpr Format kFormats[] = {
      .title = ".splat",
      .read = [](const Path& path, const ReadOptions&) { return checked(readSplat(path), path); },
      .write = writeBaseSplat},
+    {.name = "ksplat",
+     .spoken = "ksplat",
+     .keeps = kKeepsSh,
+     .sh_degree = 2,
+     .read = [](const Path& path, const ReadOptions&) { return checked(readKsplat(path), path); }},
     {.name = "spz",
      .spoken = "spz",
      .title = "SPZ",
@@ -176,7 +182,6 @@ constexpr Format kFormats[] = {
      .is_gltf = true,
      .has_base = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
-    {.name = "ksplat", .title = ".ksplat"},
 };
 
 // The first four bytes inside a gzip stream, or none when it is broken.
@@ -217,10 +222,10 @@ const Format* findFormat(std::string_view name) {
   return found == std::end(kFormats) ? nullptr : found;
 }
 
-std::vector<std::string> inputNames(bool written) {
+std::vector<std::string> inputNames() {
   std::vector<std::string> names;
   for (const Format& format : kFormats) {
-    if (format.read && (format.write || !written)) names.emplace_back(format.spoken);
+    if (format.read) names.emplace_back(format.spoken);
   }
   return names;
 }
@@ -234,12 +239,11 @@ std::vector<std::string> outputNames(bool read) {
   return names;
 }
 
-std::string listed(const std::vector<std::string>& names, std::string_view last) {
+std::string listed(const std::vector<std::string>& names) {
   TG_ASSERT(!names.empty(), "something to list");
   std::string text = names.front();
   for (std::size_t i = 1; i < names.size(); ++i) {
-    text += i + 1 < names.size() ? ", " : std::string(" ").append(last).append(" ");
-    text += names[i];
+    text += (i + 1 < names.size() ? ", " : " or ") + names[i];
   }
   return text;
 }
@@ -251,15 +255,9 @@ const Format& detectFormat(const Path& path) {
     if (format.sniff && format.sniff(start)) return format;
   }
   for (const Format& format : kFormats) {
-    if (format.sniff || path.extension() != extensionOf(format)) continue;
-    if (format.read) return format;
-    if (format.write) continue;
-    throw Error(ErrorKind::badData, path.string(),
-                "the " + std::string(format.title) + " format is not supported yet (" +
-                    listed(inputNames(false), "and") + " are)");
+    if (!format.sniff && format.read && path.extension() == extensionOf(format)) return format;
   }
-  throw Error(ErrorKind::badData, path.string(),
-              "is no splat model (expected a " + listed(inputNames(true)) + " file)");
+  throw Error(ErrorKind::badData, path.string(), "is no splat model (expected a " + listed(inputNames()) + " file)");
 }
 
 const Format& outputFormat(const Path& path) {

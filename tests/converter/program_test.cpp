@@ -44,7 +44,7 @@ TEST_CASE("the help names every format that is read or written") {
   std::string words;  // lines are broken anywhere
   for (std::string word; help >> word;) words += " " + word;
   CAPTURE(words);
-  CHECK(words.find("IN: model to read, tgz, ply, compressed ply, splat, spz, sog, glb, gltf or our html;") !=
+  CHECK(words.find("IN: model to read, tgz, ply, compressed ply, splat, ksplat, spz, sog, glb, gltf or our html;") !=
         words.npos);
   for (const Format& format : formats()) {
     CAPTURE(format.name);
