@@ -32,7 +32,7 @@ COUNTS = {"fox": [850, 1700, 3400, 6800], "lego": [620, 1250, 2500, 5000], "prin
 DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
 SEEDS = [1]
-STEPS = [1, 2, 3, 4]
+STEPS = [1, 2, 3, 4, 6, 8]
 SIDE = 8  # [texels] of the textures that are cut
 TIE = 0.05  # [dB]
 

@@ -83,12 +83,13 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                              .meshopt = options.meshopt,
                              .steps = options.steps,
                              .texture_step = options.texture_step,
+                             .spz_version = options.spz_version,
                              .replace = options.overwrite || options.dry_run};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {
     const std::optional<ScratchFolder> folder =
         options.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
-    const std::filesystem::path file = folder ? folder->path() / ("forecast" + output.extension().string()) : output;
+    const std::filesystem::path file = folder ? folder->path() / ("forecast." + std::string(format.name)) : output;
     writeModel(format, file, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
   };

@@ -32,6 +32,7 @@ struct ConvertOptions {
   bool meshopt = false;                   // likewise
   float steps = 1;                        // sog: see WriteOptions
   float texture_step = kTextureStep;      // likewise
+  int spz_version = kNewestSpz;           // spz: likewise
   Target target = {};                     // sog: instead of `steps`
   std::vector<Edit> edits = {};           // in this order, before anything is written
 };

@@ -177,7 +177,8 @@ int checkMain(int argc, char** argv) {
 int convertMain(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(
-      "Converts splat models to tgz, ply, splat, spz, sog, glb or a page that shows them. The input's format is its "
+      "Converts splat models to tgz, ply, compressed ply, splat, spz, sog, glb or a page that shows them. The input's "
+      "format is its "
       "content, the output's its extension.",
       "tgconvert");
   app.add_option("FILES", arguments.files,
@@ -224,6 +225,10 @@ int convertMain(int argc, char** argv) {
          "--texture-step", arguments.options.texture_step,
          "sog: between a texture's colours, coarser where they weigh less; larger files are nearer to the model")
       ->check(CLI::Range(1.0f / 1024, 0.5f))
+      ->capture_default_str();
+  app.add_option("--spz-version", arguments.options.spz_version,
+                 "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet")
+      ->check(CLI::Range(tg::kOldestSpz, tg::kNewestSpz))
       ->capture_default_str();
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(CLI::IsMember(tg::outputNames(true)));

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes are an SPZ, a compressed PLY, a .splat, a SOG or an Error; what was read is a sound model. The first byte
-// chooses the reader.
+// Any bytes are an SPZ, a compressed PLY, a .splat, a .ksplat, a SOG or an Error; what was read is a sound model. The
+// first byte chooses the reader.
 #include "converter/formats/read_compressed_ply.h"
+#include "converter/formats/read_ksplat.h"
 #include "converter/formats/splat.h"
 #include "converter/formats/spz.h"
 #include "converter/sog/sog.h"
@@ -11,7 +12,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const std::span<const std::uint8_t> bytes(data + 1, size - 1);
   try {
-    switch (data[0] % 4) {
+    switch (data[0] % 5) {
       case 0:
         tg::checkModel(tg::parseSpz(bytes, "fuzz.spz").model, "fuzz.spz");
         break;
@@ -20,6 +21,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         break;
       case 2:
         tg::checkModel(tg::parseSog(bytes, "fuzz.sog").model, "fuzz.sog");
+        break;
+      case 3:
+        tg::checkModel(tg::parseKsplat(bytes, "fuzz.ksplat").model, "fuzz.ksplat");
         break;
       default:
         tg::checkModel(tg::parseSplat(bytes, "fuzz.splat").model, "fuzz.splat");

@@ -27,7 +27,7 @@ make_seeds() {
   local name
   mkdir -p "$1"
   cp docs/images/*.png "$1" && python3 scripts/make_conformance.py "$1/conformance" || return
-  for name in tgz ply spz sog splat glb html; do
+  for name in tgz ply compressed.ply spz sog splat glb html; do
     build-fuzz/bin/tgconvert docs/sample.tgz "$1/sample.$name" --decimate 100 --no-psnr --overwrite || return
   done
 }

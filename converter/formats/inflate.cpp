@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// gzip by zlib; Zstandard by libarchive, which the bundle needs anyway.
+// gzip by zlib, Zstandard by libzstd.
 #include "converter/formats/inflate.h"
 
-#include <archive.h>
-#include <archive_entry.h>
 #include <zlib.h>
+#include <zstd.h>
+#include <zstd_errors.h>
 
 #include <algorithm>
 #include <new>
@@ -16,8 +16,6 @@ namespace tg {
 namespace {
 
 constexpr std::uint64_t kMaxDeflateRatio = 1032;
-constexpr std::uint64_t kMaxRatio = 1000;
-constexpr std::uint64_t kRatioFreeBytes = 1 << 20;
 constexpr std::size_t kPieceBytes = 1 << 20;
 
 }  // namespace
@@ -96,35 +94,15 @@ std::uint64_t GzipBytes::skipRest(std::uint64_t limit) {
 
 std::vector<std::uint8_t> unpackZstandard(std::span<const std::uint8_t> bytes, std::uint64_t size,
                                           const std::string& path, const std::string& what) {
-  const std::unique_ptr<archive, int (*)(archive*)> reader(archive_read_new(), archive_read_free);
-  if (!reader) throw std::bad_alloc();
+  std::vector<std::uint8_t> out(size);
+  const std::size_t got = ZSTD_decompress(out.data(), out.size(), bytes.data(), bytes.size());
   const auto fail = [&](const std::string& why) { throw Error(ErrorKind::badData, path, what + " " + why); };
-  const auto reason = [&] {
-    const char* text = archive_error_string(reader.get());
-    return std::string(text != nullptr ? text : "not a Zstandard stream");
-  };
-  if (archive_read_support_filter_zstd(reader.get()) != ARCHIVE_OK) fail("needs a libarchive with Zstandard built in");
-  archive_read_support_format_raw(reader.get());
-  archive_entry* entry = nullptr;
-  if (archive_read_open_memory(reader.get(), bytes.data(), bytes.size()) != ARCHIVE_OK ||
-      archive_read_next_header(reader.get(), &entry) != ARCHIVE_OK) {
-    fail("is broken: " + reason());
+  if (ZSTD_getErrorCode(got) == ZSTD_error_memory_allocation) throw std::bad_alloc();
+  if (ZSTD_getErrorCode(got) == ZSTD_error_dstSize_tooSmall) {
+    fail("is too long (expected " + std::to_string(size) + " bytes, found more)");
   }
-  // The raw format passes bytes on that no filter took.
-  if (archive_filter_code(reader.get(), 0) != ARCHIVE_FILTER_ZSTD) fail("is broken: not a Zstandard stream");
-  std::vector<std::uint8_t> out;
-  std::vector<std::uint8_t> piece(static_cast<std::size_t>(std::min<std::uint64_t>(size + 1, kPieceBytes)));
-  for (;;) {
-    const la_ssize_t got = archive_read_data(reader.get(), piece.data(), piece.size());
-    if (got < 0) fail("is broken: " + reason());
-    if (got == 0) break;
-    out.insert(out.end(), piece.begin(), piece.begin() + got);
-    if (out.size() > size) fail("is too long (expected " + std::to_string(size) + " bytes, found more)");
-    if (out.size() > kRatioFreeBytes && out.size() / kMaxRatio > bytes.size()) fail("inflates more than 1000 : 1");
-  }
-  if (out.size() != size) {
-    fail("ends early (expected " + std::to_string(size) + " bytes, found " + std::to_string(out.size()) + ")");
-  }
+  if (ZSTD_isError(got)) fail(std::string("is broken: ") + ZSTD_getErrorName(got));
+  if (got != size) fail("ends early (expected " + std::to_string(size) + " bytes, found " + std::to_string(got) + ")");
   return out;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decompresses bytes in memory to a known size: what a hostile stream can cost is bounded by what it delivers.
+// Decompresses bytes in memory to a known size: what a hostile stream can cost is bounded before it is read.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -27,8 +27,8 @@ class GzipBytes {
   std::unique_ptr<State> state_;
 };
 
-// One whole Zstandard stream of exactly `size` bytes. Throws Error(badData) when it is broken, of another size, or
-// delivers more than 1000 times its size after the first MiB.
+// One whole Zstandard stream of exactly `size` bytes, which are taken before it is read: they must be bounded by the
+// caller. Throws Error(badData) when the stream is broken or of another size; `what` names it.
 std::vector<std::uint8_t> unpackZstandard(std::span<const std::uint8_t> bytes, std::uint64_t size,
                                           const std::string& path, const std::string& what);
 

@@ -23,4 +23,9 @@ inline void appendU32(std::vector<std::uint8_t>& bytes, std::uint64_t value) {
   for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<std::uint8_t>(value >> shift));
 }
 
+inline void appendU64(std::vector<std::uint8_t>& bytes, std::uint64_t value) {
+  appendU32(bytes, value);
+  appendU32(bytes, value >> 32);
+}
+
 }  // namespace tg

@@ -3,6 +3,8 @@
 #pragma once
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <span>
+#include <vector>
 
 namespace tg {
 
@@ -16,5 +18,9 @@ inline std::uint64_t mortonCode(glm::dvec3 p) {
   }
   return code;
 }
+
+// The places of `points`, which are not none, on that curve through the cube around them, from first to last; those in
+// one place as they stand.
+std::vector<std::uint32_t> mortonOrder(std::span<const glm::vec3> points);
 
 }  // namespace tg

@@ -19,10 +19,8 @@
 namespace tg {
 namespace {
 
-constexpr std::size_t kChunkSplats = 256;
 constexpr std::uint64_t kMaxCompressedPlyBytes =
     kMaxGaussians * (4 * 4 + 45 + 1);  // a splat, its SH, its part of a chunk
-constexpr float kShRange = 8.0f;       // bytes span [-4, 4]
 
 // What the splats of a chunk are interpolated between.
 struct Bounds {
@@ -84,7 +82,7 @@ std::vector<Chunk> readChunks(const PlyVertices& chunks) {
 // Bytes 0 and 255 are the ends of the range, the others the middles of 256 steps.
 float shFromByte(float byte) {
   const float t = byte <= 0.0f ? 0.0f : byte >= 255.0f ? 1.0f : (byte + 0.5f) / 256.0f;
-  return (t - 0.5f) * kShRange;
+  return (t - 0.5f) * kCompressedPlyShRange;
 }
 
 }  // namespace
@@ -95,7 +93,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
   const int position = splats.requireWord("packed_position"), rotation = splats.requireWord("packed_rotation");
   const int scale = splats.requireWord("packed_scale"), color = splats.requireWord("packed_color");
   const std::size_t n = splats.size();
-  if (const std::size_t expected = (n + kChunkSplats - 1) / kChunkSplats; chunks.size() != expected) {
+  if (const std::size_t expected = (n + kCompressedPlyChunk - 1) / kCompressedPlyChunk; chunks.size() != expected) {
     splats.fail("wrong number of chunks (expected " + std::to_string(expected) + " for " + std::to_string(n) +
                 " splats, found " + std::to_string(chunks.size()) + ")");
   }
@@ -114,7 +112,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
   resizeGaussians(model, n, sh_degree);
   const std::size_t sh_count = model.shCount();
   for (std::size_t i = 0; i < n; ++i) {
-    const Chunk& chunk = bounds[i / kChunkSplats];
+    const Chunk& chunk = bounds[i / kCompressedPlyChunk];
     const std::uint32_t rgba = splats.word(i, color);
     const glm::vec3 rgb(unorm(rgba, 24, 8), unorm(rgba, 16, 8), unorm(rgba, 8, 8));
     model.mean[i] = chunk.position.at(unpack111011(splats.word(i, position)));

@@ -2,6 +2,7 @@
 // Reads compressed splat PLY, the format of PlayCanvas and SuperSplat: chunks of 256 splats with bounds, 16 bytes a
 // splat within them, SH in 8 bit.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -10,6 +11,9 @@
 #include "core/model/model.h"
 
 namespace tg {
+
+constexpr std::size_t kCompressedPlyChunk = 256;  // Gaussians
+constexpr float kCompressedPlyShRange = 8.0f;     // the bytes of SH span [-4, 4]
 
 // SH degree 0-3, with or without bounds of colours. Throws Error(cannotRead / badData).
 GaussianModel readCompressedPly(const std::filesystem::path& path);

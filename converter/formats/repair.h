@@ -27,9 +27,46 @@ inline glm::vec3 logFromScale(glm::vec3 scale) {
   return log_scale;
 }
 
+inline bool allFinite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+// What a file of scales, not of their logarithms, says of where a splat lies.
+struct LinearSplat {
+  glm::vec3 mean{0.0f}, scale{0.0f};
+  glm::vec4 rotation{0.0f};  // w, x, y, z, of any length
+};
+
 // One line for the summary when `count` splats were put right.
 inline void warnRepair(std::vector<std::string>& warnings, std::size_t count, const std::string& what) {
   if (count != 0) warnings.push_back(std::to_string(count) + " splats " + what);
 }
+
+// Puts such splats right, and counts what it did.
+class LinearRepair {
+ public:
+  // False, and nothing done, for a splat to be dropped: a number, here or elsewhere, is not finite.
+  bool mend(LinearSplat& splat, bool others_are_finite = true) {
+    const glm::vec4& q = splat.rotation;
+    if (!others_are_finite || !allFinite(splat.mean) || !allFinite(splat.scale) || !allFinite(glm::vec3(q)) ||
+        !std::isfinite(q.w)) {
+      ++dropped_;
+      return false;
+    }
+    if (splat.scale.x < 0.0f || splat.scale.y < 0.0f || splat.scale.z < 0.0f) ++negative_;
+    splat.scale = glm::abs(splat.scale);
+    if (q == glm::vec4(0.0f)) {
+      ++directionless_;
+      splat.rotation.x = 1.0f;
+    }
+    return true;
+  }
+  void warn(std::vector<std::string>& warnings) const {
+    warnRepair(warnings, dropped_, "with values that are not finite: dropped");
+    warnRepair(warnings, negative_, "with a negative scale: sign dropped");
+    warnRepair(warnings, directionless_, "with a quaternion of length 0: not turned");
+  }
+
+ private:
+  std::size_t dropped_ = 0, negative_ = 0, directionless_ = 0;
+};
 
 }  // namespace tg

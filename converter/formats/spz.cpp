@@ -3,11 +3,13 @@
 #include "converter/formats/spz.h"
 
 #include <zlib.h>
+#include <zstd.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <new>
 #include <numeric>
 
@@ -17,7 +19,9 @@
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 namespace {
@@ -56,11 +60,18 @@ constexpr int kMaxModelDegree = 3;  // of the model
 constexpr int kMaxSpzDegree = 4;    // of the format
 constexpr int kMaxFraction = 23;    // bits: positions have 24, one of them the sign
 constexpr std::uint64_t kTocEntryBytes = 16;
+// Of version 4: a file may deliver so many times its bytes, or so many bytes however short it is. Attributes that are
+// one number throughout pack 30,000 : 1, positions of different Gaussians hardly at all.
+constexpr std::uint64_t kMaxRatio = 1000;
+constexpr std::uint64_t kRatioFreeBytes = std::uint64_t{64} << 20;
 constexpr std::array<const char*, kSpzStreams> kStreamNames = {"the stream of positions", "the stream of alphas",
                                                                "the stream of colours",   "the stream of scales",
                                                                "the stream of rotations", "the stream of SH"};
 
 using Streams = std::array<std::span<const std::uint8_t>, kSpzStreams>;
+
+// Of degree 0 there is no stream of SH.
+std::size_t streamsOf(const SpzHeader& header) { return header.sh_degree > 0 ? kSpzStreams : kSpzStreams - 1; }
 
 // The fields that all versions share. `bytes` holds at least kSpzHeaderBytes.
 SpzHeader readHeader(std::span<const std::uint8_t> bytes, const std::string& path) {
@@ -161,13 +172,13 @@ Bundle finish(const SpzHeader& header, const Streams& streams, const std::string
   return loaded;
 }
 
-// Versions 2 and 3: header and streams in one piece.
-Bundle parseWhole(const SpzHeader& header, std::span<const std::uint8_t> payload, const std::string& path) {
+// The streams in one piece, as they follow the header in versions 2 and 3.
+Streams split(const SpzHeader& header, std::span<const std::uint8_t> payload) {
   Streams streams;
   std::size_t at = 0;
   const auto sizes = header.sizes();
   for (int s = 0; s < kSpzStreams; at += sizes[s], ++s) streams[s] = payload.subspan(at, sizes[s]);
-  return finish(header, streams, path);
+  return streams;
 }
 
 std::uint64_t payloadBytes(const SpzHeader& header) {
@@ -189,7 +200,7 @@ Bundle parseGzip(std::span<const std::uint8_t> bytes, const std::string& path) {
   }
   const std::vector<std::uint8_t> payload = gzip.take(payloadBytes(header), "the SPZ payload");
   checkTrailer(header, gzip.skipRest(kMaxExtensionBytes), path);
-  return parseWhole(header, payload, path);
+  return finish(header, split(header, payload), path);
 }
 
 // Version 4: header, extensions, a table of stream sizes, streams.
@@ -197,9 +208,11 @@ Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes
   const auto fail = [&](const std::string& what) { throw Error(ErrorKind::badData, path, "SPZ: " + what); };
   if (bytes.size() < kSpz4HeaderBytes) fail("the file ends inside the header");
   const std::size_t streams = bytes[15];
-  const std::size_t expected = header.sh_degree > 0 ? kSpzStreams : kSpzStreams - 1;
-  if (streams != expected) {
-    fail("wrong number of streams" + expectedFound(expected, streams));
+  if (streams != streamsOf(header)) fail("wrong number of streams" + expectedFound(streamsOf(header), streams));
+  const std::uint64_t payload = payloadBytes(header);
+  if (payload > kRatioFreeBytes && payload / kMaxRatio > bytes.size()) {
+    fail("the file is too short for its " + std::to_string(header.count) + " splats (expected at least " +
+         std::to_string(payload / kMaxRatio) + " bytes, found " + std::to_string(bytes.size()) + ")");
   }
   const std::uint64_t table = readU32(bytes, 16);
   std::uint64_t at = table + streams * kTocEntryBytes;
@@ -226,6 +239,7 @@ Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes
     views[s] = unpacked[s];
     at += packed;
   }
+  checkTrailer({}, bytes.size() - at, path);
   return finish(header, views, path);
 }
 
@@ -288,7 +302,7 @@ std::uint32_t packRotation(glm::vec4 wxyz) {
   return bits;
 }
 
-Bytes gzip(const Bytes& bytes) {
+Bytes gzip(std::span<const std::uint8_t> bytes) {
   z_stream stream{};
   // The best level makes trained models 0 to 2.3 % smaller in four to seven times the time.
   if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY) != Z_OK) {
@@ -313,6 +327,38 @@ Bytes gzip(const Bytes& bytes) {
   return packed;
 }
 
+// One frame with its size at the front and, as gzip has one, a checksum at the end.
+Bytes zstandard(std::span<const std::uint8_t> bytes) {
+  constexpr int level = 12;  // see docs/lab/converter.md
+  const std::unique_ptr<ZSTD_CCtx, std::size_t (*)(ZSTD_CCtx*)> context(ZSTD_createCCtx(), ZSTD_freeCCtx);
+  if (!context) throw std::bad_alloc();
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, level);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
+  Bytes packed(ZSTD_compressBound(bytes.size()));
+  const std::size_t size = ZSTD_compress2(context.get(), packed.data(), packed.size(), bytes.data(), bytes.size());
+  if (ZSTD_isError(size)) throw std::bad_alloc();  // with room for the worst case nothing else is left to fail
+  packed.resize(size);
+  return packed;
+}
+
+// Version 4. `start` and `payload` are what version 3 holds in one gzip stream.
+Bytes packStreams(const SpzHeader& header, std::span<const std::uint8_t> start, std::span<const std::uint8_t> payload) {
+  const std::size_t count = streamsOf(header);
+  const Streams streams = split(header, payload);
+  std::array<Bytes, kSpzStreams> packed;
+  parallelFor(static_cast<std::int64_t>(count), 1, [&](std::int64_t s) { packed[s] = zstandard(streams[s]); });
+  Bytes bytes(start.begin(), start.end());
+  bytes.back() = static_cast<std::uint8_t>(count);
+  appendU32(bytes, kSpz4HeaderBytes);  // where the table begins
+  bytes.resize(kSpz4HeaderBytes);
+  for (std::size_t s = 0; s < count; ++s) {
+    appendU64(bytes, packed[s].size());
+    appendU64(bytes, streams[s].size());
+  }
+  for (const Bytes& stream : packed) bytes.insert(bytes.end(), stream.begin(), stream.end());
+  return bytes;
+}
+
 }  // namespace
 
 Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
@@ -327,17 +373,18 @@ Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
                     std::to_string(kSpzHeaderBytes + expected) + " bytes, found " + std::to_string(bytes.size()) + ")");
   }
   checkTrailer(header, bytes.size() - kSpzHeaderBytes - expected, path);
-  return parseWhole(header, bytes.subspan(kSpzHeaderBytes), path);
+  return finish(header, split(header, bytes.subspan(kSpzHeaderBytes)), path);
 }
 
 Bundle readSpz(const std::filesystem::path& path) {
   return parseSpz(readFile(path, kMaxGaussians * kMaxBytesPerSplat + kMaxExtensionBytes), path.string());
 }
 
-Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report) {
+Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report, int version) {
+  TG_ASSERT(version == kOldestSpz || version == kNewestSpz, "a version that is written");
   if (model.size() == 0) throw Error(ErrorKind::badData, path, "the model has no Gaussians");
   SpzHeader header;
-  header.version = 3;
+  header.version = static_cast<std::uint32_t>(version);
   header.count = static_cast<std::uint32_t>(model.size());
   header.sh_degree = model.sh_degree;
   header.fractional_bits = report.fractional_bits = fractionalBits(model, path);
@@ -383,12 +430,14 @@ Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& 
     }
     report.clipped_sh += clipped;
   }
-  return gzip(bytes);
+  if (version == kOldestSpz) return gzip(bytes);
+  const std::span<const std::uint8_t> whole(bytes);
+  return packStreams(header, whole.first(kSpzHeaderBytes), whole.subspan(kSpzHeaderBytes));
 }
 
-SpzReport writeSpz(const std::filesystem::path& path, const GaussianModel& model) {
+SpzReport writeSpz(const std::filesystem::path& path, const GaussianModel& model, int version) {
   SpzReport report;
-  writeFileAtomically(path, formatSpz(model, path.string(), report));
+  writeFileAtomically(path, formatSpz(model, path.string(), report, version));
   return report;
 }
 

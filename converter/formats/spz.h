@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// SPZ. Reads versions 2 and 3 (one gzip stream, or that stream's bytes in the clear) and 4 (a Zstandard stream an
-// attribute); writes version 3, which every SPZ reader since 2025 knows.
+// SPZ, as github.com/nianticlabs/spz describes it. Reads versions 2 and 3 (one gzip stream, or that stream's bytes in
+// the clear) and 4 (a Zstandard stream an attribute); writes 4 and, for readers older than it, 3.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -25,9 +25,15 @@ struct SpzReport {
   std::size_t clipped_sh = 0;      // splats with a coefficient of degree 1 to 3 outside [-1, 1]
 };
 
-// Without textures: bake them first (core/model/fallback.h). Same model in, same bytes out. Throws Error(badData)
-// when a mean is too far out for 24 bits; `path` starts the message.
-std::vector<std::uint8_t> formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report);
-SpzReport writeSpz(const std::filesystem::path& path, const GaussianModel& model);
+// What is written; both hold the same numbers.
+constexpr int kOldestSpz = 3;
+constexpr int kNewestSpz = 4;
+
+// Without textures: bake them first (core/model/fallback.h). `version` is one of the two above. Same model in, same
+// bytes out, as long as zlib and libzstd stay theirs. Throws Error(badData) when a mean is too far out for 24 bits;
+// `path` starts the message.
+std::vector<std::uint8_t> formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report,
+                                    int version = kNewestSpz);
+SpzReport writeSpz(const std::filesystem::path& path, const GaussianModel& model, int version = kNewestSpz);
 
 }  // namespace tg

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <span>
 
+#include "converter/formats/spz.h"
 #include "core/model/camera.h"
 #include "core/model/model.h"
 #include "core/system/names.h"
@@ -31,6 +32,7 @@ struct WriteOptions {
   bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
   float steps = 1;                            // sog: times as wide as they are (converter/sog/sog.h)
   float texture_step = kTextureStep;          // sog: between a texture's colours
+  int spz_version = kNewestSpz;               // spz: or kOldestSpz (converter/formats/spz.h)
   bool replace = true;                        // gltf, png: the files beside it where they are there already
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };

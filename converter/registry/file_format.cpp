@@ -8,9 +8,11 @@
 
 #include "converter/formats/inflate.h"
 #include "converter/formats/read_compressed_ply.h"
+#include "converter/formats/read_ksplat.h"
 #include "converter/formats/repair.h"
 #include "converter/formats/splat.h"
 #include "converter/formats/spz.h"
+#include "converter/formats/write_compressed_ply.h"
 #include "converter/gltf/read_gltf.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/html/html.h"
@@ -87,11 +89,17 @@ void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&,
              "with a colour outside 0 to 255: clipped");
 }
 
-void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
-  const SpzReport spz = writeSpz(path, source.model);
+void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
+  const SpzReport spz = writeSpz(path, source.model, options.spz_version);
   warnRepair(written.warnings, spz.clipped_scales, "with a scale outside SPZ's e^-10 to e^5.94: clipped");
   warnRepair(written.warnings, spz.clipped_colors, "with a colour outside SPZ's range: clipped");
   warnRepair(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
+}
+
+void writePackedPly(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
+  CompressedPlyReport packed = writeCompressedPly(path, source.model);
+  warnRepair(written.warnings, packed.clipped_sh, "with SH coefficients outside [-4, 4]: clipped");
+  written.order = std::move(packed.order);
 }
 
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
@@ -114,14 +122,21 @@ constexpr Format kFormats[] = {
      .write = writePly},
     {.name = "compressed.ply",
      .spoken = "compressed ply",
+     .title = "compressed PLY",
      .keeps = kKeepsSh,
      .sniff = [](const FileStart& start) { return isPly(start) && isPacked(start); },
-     .read = [](const Path& path, const ReadOptions&) { return bundleOf(readCompressedPly(path)); }},
+     .read = [](const Path& path, const ReadOptions&) { return bundleOf(readCompressedPly(path)); },
+     .write = writePackedPly},
     {.name = "splat",
      .spoken = "splat",
      .title = ".splat",
      .read = [](const Path& path, const ReadOptions&) { return checked(readSplat(path), path); },
      .write = writeBaseSplat},
+    {.name = "ksplat",
+     .spoken = "ksplat",
+     .keeps = kKeepsSh,
+     .sh_degree = 2,
+     .read = [](const Path& path, const ReadOptions&) { return checked(readKsplat(path), path); }},
     {.name = "spz",
      .spoken = "spz",
      .title = "SPZ",
@@ -167,7 +182,6 @@ constexpr Format kFormats[] = {
      .is_gltf = true,
      .has_base = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
-    {.name = "ksplat", .title = ".ksplat"},
 };
 
 // The first four bytes inside a gzip stream, or none when it is broken.
@@ -208,10 +222,10 @@ const Format* findFormat(std::string_view name) {
   return found == std::end(kFormats) ? nullptr : found;
 }
 
-std::vector<std::string> inputNames(bool written) {
+std::vector<std::string> inputNames() {
   std::vector<std::string> names;
   for (const Format& format : kFormats) {
-    if (format.read && (format.write || !written)) names.emplace_back(format.spoken);
+    if (format.read) names.emplace_back(format.spoken);
   }
   return names;
 }
@@ -225,12 +239,11 @@ std::vector<std::string> outputNames(bool read) {
   return names;
 }
 
-std::string listed(const std::vector<std::string>& names, std::string_view last) {
+std::string listed(const std::vector<std::string>& names) {
   TG_ASSERT(!names.empty(), "something to list");
   std::string text = names.front();
   for (std::size_t i = 1; i < names.size(); ++i) {
-    text += i + 1 < names.size() ? ", " : std::string(" ").append(last).append(" ");
-    text += names[i];
+    text += (i + 1 < names.size() ? ", " : " or ") + names[i];
   }
   return text;
 }
@@ -242,28 +255,25 @@ const Format& detectFormat(const Path& path) {
     if (format.sniff && format.sniff(start)) return format;
   }
   for (const Format& format : kFormats) {
-    if (format.sniff || path.extension() != extensionOf(format)) continue;
-    if (format.read) return format;
-    if (format.write) continue;
-    throw Error(ErrorKind::badData, path.string(),
-                "the " + std::string(format.title) + " format is not supported yet (" +
-                    listed(inputNames(false), "and") + " are)");
+    if (!format.sniff && format.read && path.extension() == extensionOf(format)) return format;
   }
-  throw Error(ErrorKind::badData, path.string(),
-              "is no splat model (expected a " + listed(inputNames(true)) + " file)");
+  throw Error(ErrorKind::badData, path.string(), "is no splat model (expected a " + listed(inputNames()) + " file)");
 }
 
 const Format& outputFormat(const Path& path) {
-  const std::string extension = path.extension().string();
+  const std::string name = path.filename().string();
+  const Format* found = nullptr;
   std::vector<std::string> known;
   for (const Format& format : kFormats) {
     if (!format.write) continue;
     known.push_back(extensionOf(format));
-    if (extension == known.back()) return format;
+    if (!name.ends_with(known.back()) || name == known.back()) continue;
+    if (!found || format.name.size() > found->name.size()) found = &format;  // .compressed.ply before .ply
   }
+  if (found) return *found;
   std::ranges::sort(known);
   throw Error(ErrorKind::usage, path.string(),
-              "unknown output format (expected " + listed(known) + ", found \"" + extension + "\")");
+              "unknown output format (expected " + listed(known) + ", found \"" + path.extension().string() + "\")");
 }
 
 Bundle readModel(const Path& path, const ReadOptions& options) {

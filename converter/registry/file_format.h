@@ -46,6 +46,7 @@ struct Format {
   std::string_view spoken = {};  // in sentences that list formats: "our html"
   std::string_view title = {};   // in sentences about what it lacks: "SPZ"
   unsigned keeps = 0;
+  int sh_degree = 3;  // the highest, if it keeps SH
   // Null: there is no magic number, the extension says it of a file that nothing else claims.
   bool (*sniff)(const FileStart& start) = nullptr;
   // Null: it is not read.
@@ -64,22 +65,21 @@ struct Format {
   bool holds(Keeps what) const { return (keeps & what) != 0; }
 };
 
-// In the order in which they are tried. A row without reader and writer is known by name and refused.
+// In the order in which they are tried.
 std::span<const Format> formats();
 const Format* findFormat(std::string_view name);
-// What is read, as sentences name it and in the table's order; if `written`, of these what is written, too.
-std::vector<std::string> inputNames(bool written = false);
+// What is read, as sentences name it and in the table's order.
+std::vector<std::string> inputNames();
 // The extensions, without dots and in alphabetical order, of what is written and, if `read`, can be read again; if not
 // `read`, of what cannot.
 std::vector<std::string> outputNames(bool read);
 // "a, b or c".
-std::string listed(const std::vector<std::string>& names, std::string_view last = "or");
+std::string listed(const std::vector<std::string>& names);
 
-// .splat files have no magic number: they are told by their extension. Throws Error(cannotRead) for what is no readable
-// file and Error(badData) for an empty one, for a format that is known but not supported (named in the message) and for
-// anything else.
+// .splat and .ksplat files have no magic number: they are told by their extension. Throws Error(cannotRead) for what is
+// no readable file and Error(badData) for an empty one and for anything else.
 const Format& detectFormat(const std::filesystem::path& path);
-// By the extension. Throws Error(usage).
+// By the extension, the longest one that fits. Throws Error(usage).
 const Format& outputFormat(const std::filesystem::path& path);
 
 // A model from any file the toolchain reads. The model has passed checkModel. Throws what detectFormat throws, and

@@ -71,24 +71,6 @@ std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
   return codebook;
 }
 
-std::vector<std::uint32_t> mortonOrder(const GaussianModel& model) {
-  glm::dvec3 low(model.mean.front()), high(low);
-  for (const glm::vec3& mean : model.mean) {
-    low = glm::min(low, glm::dvec3(mean));
-    high = glm::max(high, glm::dvec3(mean));
-  }
-  const glm::dvec3 size = high - low;
-  const double extent = std::max({size.x, size.y, size.z, 1e-30});
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> codes(model.size());
-  for (std::size_t i = 0; i < model.size(); ++i) {
-    codes[i] = {mortonCode((glm::dvec3(model.mean[i]) - low) / extent), static_cast<std::uint32_t>(i)};
-  }
-  std::sort(codes.begin(), codes.end());
-  std::vector<std::uint32_t> order(model.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = codes[i].second;
-  return order;
-}
-
 // The images of a model whose Gaussians are in their order.
 class SogWriter {
  public:
@@ -319,7 +301,7 @@ std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const Gau
             "steps that the format has");
   if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
   const std::string name = path.string();
-  std::vector<std::uint32_t> order = mortonOrder(model);
+  std::vector<std::uint32_t> order = mortonOrder(model.mean);
   const std::vector<ZipEntry> entries = SogWriter(select(model, order), options, name).write();
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries); });
   return order;

@@ -44,7 +44,7 @@ TEST_CASE("the help names every format that is read or written") {
   std::string words;  // lines are broken anywhere
   for (std::string word; help >> word;) words += " " + word;
   CAPTURE(words);
-  CHECK(words.find("IN: model to read, tgz, ply, compressed ply, splat, spz, sog, glb, gltf or our html;") !=
+  CHECK(words.find("IN: model to read, tgz, ply, compressed ply, splat, ksplat, spz, sog, glb, gltf or our html;") !=
         words.npos);
   for (const Format& format : formats()) {
     CAPTURE(format.name);
@@ -106,6 +106,18 @@ TEST_CASE("a signal ends tgconvert with nothing half written, and one that it wa
   CHECK(interrupted("nohup", "HUP") == 0);
   CHECK(readModel(scratch.folder() / "out.tgz").model.size() == 100'000);
   CHECK(files() == 2);
+}
+
+TEST_CASE("tgconvert writes SPZ 4, and 3 where it is asked for") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 45));
+  REQUIRE(tgconvert(scratch, "in.ply new.spz --quiet").code == 0);
+  REQUIRE(tgconvert(scratch, "in.ply old.spz --quiet --spz-version 3").code == 0);
+  CHECK(Glb::slurp(scratch.folder() / "new.spz").starts_with(std::string("NGSP\4\0\0\0", 8)));
+  CHECK(Glb::slurp(scratch.folder() / "old.spz").starts_with("\x1f\x8b"));
+  const Result none = tgconvert(scratch, "in.ply none.spz --spz-version 5");
+  CHECK(none.code == 1);
+  CHECK(none.err.find("--spz-version") != std::string::npos);
 }
 
 TEST_CASE("tgconvert edits in the order of its options, merges inputs and refuses what splats cannot follow") {

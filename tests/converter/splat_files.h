@@ -3,8 +3,10 @@
 #pragma once
 #include <zlib.h>
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <glm/gtc/packing.hpp>
 #include <string>
 #include <vector>
 
@@ -144,4 +146,87 @@ struct SplatRecord {
   float scale[3];
   std::uint8_t color[4];
   std::uint8_t rotation[4];
+};
+
+// Two sections of three and two splats as .ksplat: the first with a full bucket of two splats and one that is not full,
+// the second with an empty bucket and one of two. Splat i of the file is at (i, -i, i / 2) at every level.
+struct KsplatParts {
+  int level = 0;
+  int degree = 0;  // of the first section; the second one has none
+  std::uint32_t sections = 2, splats = 5;
+  float sh_low = -1.0f, sh_high = 1.55f;  // bytes of SH are steps of 0.01
+  std::uint32_t bucket_size = 2, full = 1, bucket_bytes = 12;
+  std::uint32_t first_length = 1;                 // of the bucket that is not full
+  float scale[3] = {1.0f, 0.5f, 0.25f};           // of every splat
+  float rotation[4] = {0.5f, -0.5f, 0.0f, 1.0f};  // w, x, y, z
+  float first_sh = 1.0f / 32;
+
+  // Red, green and blue of coefficient k - 1 of a Gaussian of the first section.
+  static float sh(int level, std::size_t k, std::size_t c) {
+    const std::size_t stored = k < 4 ? 3 * c + k - 1 : 9 + 5 * c + k - 4;
+    return level < 2 ? static_cast<float>(stored + 1) / 32.0f : static_cast<float>(stored) * 0.1f - 1.0f;
+  }
+
+  std::string whole() const {
+    ByteWriter out;
+    out.add(std::uint8_t{0}).add(std::uint8_t{1}).add(std::uint16_t{0});
+    out.add(sections).add(sections).add(splats).add(splats);
+    out.add(static_cast<std::uint16_t>(level)).add(std::uint16_t{0});
+    for (const float value : {7.0f, 8.0f, 9.0f, sh_low, sh_high})
+      out.add(value);  // the scene's centre is of no use here
+    out.bytes.resize(4096);
+    const std::string first = section(out, 3, degree, 1), second = section(out, 2, 0, 2);
+    return out.bytes + first + second;
+  }
+
+ private:
+  void number(ByteWriter& out, float value) const {
+    if (level == 0) out.add(value);
+    if (level != 0) out.add(glm::packHalf1x16(value));
+  }
+  // Appends the header; the section itself.
+  std::string section(ByteWriter& file, std::uint32_t count, int sh_degree, int which) const {
+    const std::uint32_t full_buckets = which == 1 ? full : 0, partial = which == 1 ? 1 : 2;
+    const std::uint32_t range = which == 1 ? 1000 : 0;  // 0: 32767
+    const float block = which == 1 ? 20.0f : 32.767f;   // steps of 0.01 and 0.0005
+    ByteWriter header;
+    header.add(count).add(count);
+    if (level > 0) {
+      header.add(bucket_size).add(full_buckets + partial).add(block).add(bucket_bytes).add(range);
+    } else {
+      header.bytes.resize(28);
+    }
+    header.add(std::uint32_t{0});  // the section's size, which follows from the rest
+    header.add(level > 0 ? full_buckets : 0).add(level > 0 ? partial : 0).add(static_cast<std::uint16_t>(sh_degree));
+    header.bytes.resize(1024);
+    file.bytes += header.bytes;
+
+    ByteWriter out;
+    const auto center = [&](std::uint32_t bucket) { return static_cast<float>(which == 1 ? bucket : 3 + bucket); };
+    if (level > 0) {
+      if (which == 1) out.add(first_length);
+      if (which == 2) out.add(std::uint32_t{0}).add(std::uint32_t{2});
+      for (std::uint32_t b = 0; b < full_buckets + partial; ++b) {
+        for (const float value : {center(b), -center(b), 0.0f}) out.add(value);
+      }
+    }
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const float at = static_cast<float>(which == 1 ? i : 3 + i);
+      const std::uint32_t bucket = which == 1 ? i / 2 : 1;
+      const float mean[] = {at, -at, 0.5f * at}, middle[] = {center(bucket), -center(bucket), 0.0f};
+      for (int k = 0; k < 3; ++k) {
+        const float steps = (mean[k] - middle[k]) / (which == 1 ? 0.01f : 0.0005f);
+        if (level == 0) out.add(mean[k]);
+        if (level != 0) out.add(static_cast<std::uint16_t>(std::lround(steps) + (which == 1 ? 1000 : 32767)));
+      }
+      for (const float value : scale) number(out, value);
+      for (const float value : rotation) number(out, value);
+      for (const int byte : {255, 0, 128, 51}) out.add(static_cast<std::uint8_t>(byte));
+      for (std::size_t k = 0; k < (sh_degree == 0 ? 0u : sh_degree == 1 ? 9u : 24u); ++k) {
+        if (level < 2) number(out, k == 0 ? first_sh : static_cast<float>(k + 1) / 32.0f);
+        if (level == 2) out.add(static_cast<std::uint8_t>(10 * k));
+      }
+    }
+    return out.bytes;
+  }
 };

@@ -129,8 +129,11 @@ TEST_CASE("SPZ headers that lie are refused before memory is taken") {
 
   parts = SpzParts(4);
   parts.count = 60000000;
-  CHECK(messageOf([&] { spz(parts.version4()); }).find("the stream of positions has a wrong size") !=
+  CHECK(messageOf([&] { spz(parts.version4()); }).find("the file is too short for its 60000000 splats") !=
         std::string::npos);
+  parts.count = 3;
+  CHECK(messageOf([&] { spz(parts.version4()); }) ==
+        "a.spz: SPZ: the stream of positions has a wrong size (expected 27 bytes, found 18)");
   parts = SpzParts(4);
   parts.streams.pop_back();
   CHECK(messageOf([&] { spz(parts.version4()); }) == "a.spz: SPZ: wrong number of streams (expected 6, found 5)");

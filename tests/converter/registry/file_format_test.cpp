@@ -25,6 +25,7 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
   REQUIRE(detectFormat(scratch.write("b.ply", "ply\nelement vertex 1\nproperty uint packed_position\n")).name ==
           "compressed.ply");
   REQUIRE(detectFormat(scratch.write("b.splat", std::string(32, '\1'))).name == "splat");
+  REQUIRE(detectFormat(scratch.write("b.ksplat", std::string(32, '\1'))).name == "ksplat");
   REQUIRE(detectFormat(scratch.write("b.glb", "PK\3\4")).name == "sog");
   REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))).name == "tgz");
 }
@@ -43,17 +44,15 @@ TEST_CASE("what is no readable file is refused with exit code 2") {
   CHECK(kind(scratch.folder() / "missing.glb") == 2);
 }
 
-TEST_CASE("unsupported formats are named and refused with exit code 3") {
+TEST_CASE("what is no model is refused with exit code 3 and what it could be") {
   const Scratch scratch;
   const auto refusal = [](const std::filesystem::path& path) {
     return test::messageOf([&] { detectFormat(path); }).substr(path.string().size());
   };
-  const std::string unsupported =
-      " is not supported yet (tgz, ply, compressed ply, splat, spz, sog, glb, gltf and our html are)";
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
-  CHECK(refusal(scratch.write("a.ksplat", std::string(4096, '\0'))) == ": the .ksplat format" + unsupported);
-  CHECK(refusal(scratch.write("a.bin", "hello")) ==
-        ": is no splat model (expected a tgz, ply, splat, spz, sog, glb, gltf or our html file)");
+  CHECK(
+      refusal(scratch.write("a.bin", "hello")) ==
+      ": is no splat model (expected a tgz, ply, compressed ply, splat, ksplat, spz, sog, glb, gltf or our html file)");
 }
 
 TEST_CASE("the rows of the table of formats agree with themselves") {
@@ -72,7 +71,7 @@ TEST_CASE("the rows of the table of formats agree with themselves") {
   }
   CHECK(findFormat("obj") == nullptr);
   CHECK(listed({"a"}) == "a");
-  CHECK(listed({"a", "b", "c"}, "and") == "a, b and c");
+  CHECK(listed({"a", "b", "c"}) == "a, b or c");
 }
 
 TEST_CASE("every format that is written is read again with what its row says that it keeps") {
@@ -113,7 +112,7 @@ TEST_CASE("the documents say of every format what its row says") {
     // A line that is missing or wrong is shown as it ought to be.
     const std::string line = "| " + std::string(format.name) + " |" + yes(format.write) +
                              yes(format.holds(kKeepsTextures)) + yes(format.holds(kKeepsCameras)) +
-                             (format.holds(kKeepsSh) ? " 0 to 3 |" : " 0 |") +
+                             (format.holds(kKeepsSh) ? " 0 to " + std::to_string(format.sh_degree) + " |" : " 0 |") +
                              (format.holds(kKeepsFloats) ? " floats |" : " few bits |");
     CAPTURE(line);
     CHECK(text.find("\n" + line + "\n") != std::string::npos);

@@ -40,7 +40,9 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
     files.push_back({name, Glb::slurp(scratch.folder() / name)});
   };
   add("plain.ply");
-  add("gzip.spz");
+  add("written.compressed.ply");
+  add("written.spz");
+  add("gzip.spz", {.spz_version = 3});
   add("images.sog");
   add("png8.glb");
   add("exr.glb", {.atlas = AtlasFormat::exr});
@@ -54,6 +56,9 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
   files.push_back({"packed.ply", compressedPly()});
   files.push_back({"clear.spz", SpzParts(2).whole()});
   files.push_back({"streams.spz", SpzParts(4).version4()});
+  files.push_back({"floats.ksplat", KsplatParts{.level = 0, .degree = 1}.whole()});
+  files.push_back({"buckets.ksplat", KsplatParts{.level = 1, .degree = 2}.whole()});
+  files.push_back({"bytes.ksplat", KsplatParts{.level = 2, .degree = 2}.whole()});
   files.push_back({"a.splat", std::string(32 * 40, '\x40'), false});
   return files;
 }
