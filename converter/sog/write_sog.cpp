@@ -27,11 +27,17 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kDeadZone = 0.1;  // [steps] that texels are nearer to no change than they are
 
-// At options.steps 1. Where a byte less costs a picture about as much whatever it is taken from
-// (docs/lab/converter.md); where 8 bits are too few for that, steps stay the least there are for longer.
-constexpr double kCoefficientStep = 0.03;  // of DC and SH
-constexpr double kScaleDelay = 2, kRotationDelay = 4;
-constexpr double kLastCode = 65535;  // of a coordinate
+constexpr double kCoefficientStep = 0.03;  // of DC and SH, at options.steps 1
+constexpr double kLastCode = 65535;        // of a coordinate
+
+// Steps of the other codes, 1 at least, at options.steps `f`: such that a byte less costs a picture about as much
+// whatever it is taken from (docs/lab/converter.md).
+// Positions are two bytes that are coded apart: powers of two leave the lower one few values. Not all axes change
+// theirs at once, so that files shrink by little.
+double positionStep(double f, int axis) { return std::exp2(std::floor(2 + 1.5 * std::log2(f) + axis / 3.0)); }
+double opacityStep(double f) { return 4 * f - 2; }
+double rotationStep(double f) { return f; }
+double scaleStep(double f) { return std::pow(f, 0.6); }
 
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
 
@@ -52,10 +58,10 @@ Json codebookOf(std::span<const float> values) {
   return array;
 }
 
-// The whole number in [0, last] that is nearest to the nearest multiple of a whole `step`, at least 1.
+// The whole number in [0, last] that is nearest to the nearest multiple of `step`, which is 1 at least.
 double stepped(double value, double step, double last) {
-  const double used = std::max(1.0, std::floor(step));
-  return std::clamp(std::round(value / used) * used, 0.0, last);
+  const double used = std::max(1.0, step);
+  return std::clamp(std::round(std::round(value / used) * used), 0.0, last);
 }
 
 // Multiples of `step`, or of the least step with which sog::kCodebook of them reach from the least number to the
@@ -89,7 +95,7 @@ class SogWriter {
     if (!textures_.is_null()) meta_[sog::kTextures] = std::move(textures_);
     std::vector<ZipEntry> entries(1 + images_.size());
     const std::string text = dumpJson(meta_);
-    entries[0] = {"meta.json", {text.begin(), text.end()}};
+    entries[0] = {"meta.json", {text.begin(), text.end()}, true};
     parallelFor(static_cast<std::int64_t>(images_.size()), 1,
                 [&](std::int64_t i) { entries[1 + i] = {images_[i].first, encodeWebp(images_[i].second)}; });
     return entries;
@@ -134,7 +140,7 @@ class SogWriter {
       for (int k = 0; k < 3; ++k) {
         const double range = high[k] - low[k];
         const double part = range > 0 ? (sog::toLogarithm(model_.mean[i][k]) - low[k]) / range : 0.0;
-        const auto code = static_cast<unsigned>(stepped(part * kLastCode, options_.steps, kLastCode));
+        const auto code = static_cast<unsigned>(stepped(part * kLastCode, positionStep(options_.steps, k), kLastCode));
         lower.data[4 * i + k] = static_cast<std::uint8_t>(code & 255u);
         upper.data[4 * i + k] = static_cast<std::uint8_t>(code >> 8);
       }
@@ -145,7 +151,7 @@ class SogWriter {
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
     const std::vector<float> codebook =
-        makeCodebook(numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, options_.steps / kScaleDelay)));
+        makeCodebook(numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps))));
     Json files;
     BytePixels& pixels = image(files, "scales.webp", model_.size());
     for (std::size_t i = 0; i < model_.size(); ++i) {
@@ -180,7 +186,7 @@ class SogWriter {
       for (int k = 0, to = 0; k < 4; ++k) {
         if (k != largest)
           bytes[to++] = static_cast<std::uint8_t>(
-              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), options_.steps / kRotationDelay, 255.0));
+              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), rotationStep(options_.steps), 255.0));
       }
       bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
     }
@@ -200,8 +206,8 @@ class SogWriter {
       for (int k = 0; k < 3; ++k) {
         pixels.data[4 * i + k] = static_cast<std::uint8_t>(nearestIn(codebook, numbers[3 * i + k]));
       }
-      pixels.data[4 * i + 3] =
-          static_cast<std::uint8_t>(stepped(sigmoid(model_.opacity_logit[i], 255.0), options_.steps, 255.0));
+      pixels.data[4 * i + 3] = static_cast<std::uint8_t>(
+          stepped(sigmoid(model_.opacity_logit[i], 255.0), opacityStep(options_.steps), 255.0));
     }
     meta_["sh0"] = {{"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
   }

@@ -72,11 +72,11 @@ void writeZip(const std::filesystem::path& file, std::span<const ZipEntry> entri
         "cannot write: " + (number > 0 ? std::generic_category().message(number) : reasonOf(a, "the ZIP archive")));
   };
   check(archive_write_set_format_zip(a));
-  check(archive_write_zip_set_compression_store(a));
   check(archive_write_open_filename(a, file.c_str()));
   for (const ZipEntry& entry : entries) {
     const std::unique_ptr<archive_entry, void (*)(archive_entry*)> header(archive_entry_new(), archive_entry_free);
     if (!header) throw std::bad_alloc();
+    check(entry.deflate ? archive_write_zip_set_compression_deflate(a) : archive_write_zip_set_compression_store(a));
     archive_entry_set_pathname(header.get(), entry.name.c_str());
     archive_entry_set_size(header.get(), static_cast<la_int64_t>(entry.bytes.size()));
     archive_entry_set_filetype(header.get(), AE_IFREG);

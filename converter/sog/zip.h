@@ -12,6 +12,7 @@ namespace tg {
 struct ZipEntry {
   std::string name;
   std::vector<std::uint8_t> bytes;
+  bool deflate = false;  // when written, for what is not packed already
 };
 
 // An archive's entries by their names. `bytes` must outlive it; `path` starts the messages.
@@ -28,7 +29,7 @@ class ZipReader {
   std::string path_;
 };
 
-// Stored, not deflated: for entries that are packed already. Same entries in, same bytes out.
+// Same entries in, same bytes out, as long as zlib stays the same.
 void writeZip(const std::filesystem::path& file, std::span<const ZipEntry> entries);
 
 }  // namespace tg
