@@ -36,8 +36,9 @@ constexpr double kLastCode = 65535;        // of a coordinate
 // theirs at once, so that files shrink by little.
 double positionStep(double f, int axis) { return std::exp2(std::floor(2 + 1.5 * std::log2(f) + axis / 3.0)); }
 double opacityStep(double f) { return 4 * f - 2; }
-double rotationStep(double f) { return f; }
-double scaleStep(double f) { return std::pow(f, 0.6); }
+// Textures hang on the axes.
+double rotationStep(double f, bool textured) { return textured ? f / 4 : f; }
+double scaleStep(double f, bool textured) { return std::pow(textured ? f / 4 : f, 0.6); }
 
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
 
@@ -81,12 +82,12 @@ std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
 class SogWriter {
  public:
   SogWriter(GaussianModel model, const SogOptions& options, const std::string& path)
-      : model_(std::move(model)), options_(options), path_(path) {}
+      : model_(std::move(model)), textured_(isTextured(model_)), options_(options), path_(path) {}
 
   std::vector<ZipEntry> write() {
     meta_["version"] = sog::kVersion;
     meta_["count"] = model_.size();
-    if (isTextured(model_)) addTextures();  // first: the base holds what stands in for the texels as they are stored
+    if (textured_) addTextures();  // first: the base holds what stands in for the texels as they are stored
     addMeans();
     addScales();
     addRotations();
@@ -150,8 +151,8 @@ class SogWriter {
 
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
-    const std::vector<float> codebook =
-        makeCodebook(numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps))));
+    const std::vector<float> codebook = makeCodebook(
+        numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, textured_))));
     Json files;
     BytePixels& pixels = image(files, "scales.webp", model_.size());
     for (std::size_t i = 0; i < model_.size(); ++i) {
@@ -186,7 +187,7 @@ class SogWriter {
       for (int k = 0, to = 0; k < 4; ++k) {
         if (k != largest)
           bytes[to++] = static_cast<std::uint8_t>(
-              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), rotationStep(options_.steps), 255.0));
+              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), rotationStep(options_.steps, textured_), 255.0));
       }
       bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
     }
@@ -292,6 +293,7 @@ class SogWriter {
   }
 
   GaussianModel model_;
+  const bool textured_;
   const SogOptions& options_;
   const std::string& path_;
   Json meta_ = Json::object(), textures_;

@@ -118,7 +118,7 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const std::string train = "scene --overwrite --iterations 60 --texture-iterations 20 --target-size ";
   for (const auto& [bytes, flags] : std::initializer_list<std::pair<std::uint64_t, std::string>>{
-           {9'000, ""}, {10'500, " --texture-mode none"}, {8'000, " --sh-degree 0"}, {10'000, " --run run"}}) {
+           {5'500, ""}, {6'800, " --texture-mode none"}, {4'700, " --sh-degree 0"}, {6'500, " --run run"}}) {
     const Outcome trained = tgtrain(folder, train + std::to_string(bytes) + " -o scene.sog" + flags);
     INFO(flags << '\n' << trained.output);
     REQUIRE(trained.code == 0);
@@ -131,7 +131,7 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
   CHECK_THAT(tgtrain(folder, train + "20KB --run run").output, Contains("expected -o scene.sog"));
   CHECK_THAT(tgtrain(folder, train + "1KB -o scene.sog").output, Contains("--target-size is out of reach"));
   // Chosen by hand and too many: the file is as small as it can be.
-  const Outcome large = tgtrain(folder, train + "8.4KB --start random --init-count 3000 --gaussians 3000 -o scene.sog");
+  const Outcome large = tgtrain(folder, train + "5.2KB --start random --init-count 3000 --gaussians 3000 -o scene.sog");
   INFO(large.output);
   CHECK(large.code == 0);
   CHECK_THAT(large.output, Contains("scene.sog: --target-size is out of reach") && Contains("wrote scene.sog"));

@@ -14,9 +14,9 @@ namespace tg {
 namespace {
 
 // Of .sog files at kPlannedSteps.
-constexpr double kFileBytes = 6000;                                     // names, codebooks, images' heads
-constexpr std::array<double, 4> kGaussianBytes = {12.5, 15.2, 19, 24};  // by SH degree
-constexpr double kTexelBytes = 1.2;
+constexpr double kFileBytes = 3000;                                         // names, codebooks, heads of images
+constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
+constexpr double kTexelBytes = 1.25;
 constexpr double kMostTexels = 8;        // a Gaussian
 constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100;

@@ -31,5 +31,5 @@ TEST_CASE("a plan has texels where the training views have pixels for them, and 
 
 TEST_CASE("a size without room for anything is refused with the least", "[size plan]") {
   CHECK_THROWS_WITH(planForSize(1000, 1, 3, TextureMode::rgba),
-                    "--target-size is out of reach (expected at least 8400 bytes, found 1000)");
+                    "--target-size is out of reach (expected at least 5180 bytes, found 1000)");
 }
