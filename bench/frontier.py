@@ -34,7 +34,7 @@ ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
 SEEDS = [1]
 STEPS = [1, 2, 3, 4, 6, 8]
 SIDE = 8  # [texels] of the textures that are cut
-TIE = 0.05  # [dB]
+LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
 
 def cells():
@@ -96,8 +96,8 @@ class Driver:
                   "model": self.score(scene, model, run), "files": []}
         for steps in STEPS:
             file = run / f"steps-{steps}.sog"
-            subprocess.run([self.options.bin / "tgconvert", model, file, "--steps", str(steps), "--overwrite", "--quiet"],
-                           check=True)
+            subprocess.run([self.options.bin / "tgconvert", model, file, "--steps", str(steps), "--overwrite",
+                            "--quiet"], check=True)
             report["files"].append({"steps": steps, "bytes": file.stat().st_size, **self.score(scene, file, run)})
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_suffix(".partial")
@@ -119,10 +119,10 @@ def training_of(model):
 # ---- The report
 
 
-def done_cells():
+def done_cells(folder):
     found = {}
     for name in cells():
-        path = CELLS / f"{name}.json"
+        path = folder / f"{name}.json"
         if path.exists():
             found[name] = json.loads(path.read_text())
     return found
@@ -163,14 +163,14 @@ def arm_of(name):
     return f"{int(count):,} Gaussians, SH {degree[2:]}" + ("" if arm == "plain" else f", {arm.replace('-', ' ')}")
 
 
-def report():
-    found = done_cells()
+def report(folder, page, picture):
+    found = done_cells(folder)
     if not found:
-        sys.exit(f"{CELLS}: no cell is done")
+        sys.exit(f"{folder}: no cell is done")
     blocks = [
-        Text("What a file of some size is worth: Gaussians with textures beside more Gaussians without. Every point is "
-             "a .sog file ([sog.md](sog.md)); its bytes are the file's, its PSNR is the file's over the test views. Both "
-             f"arms have {2 * LENGTH:,} iterations: {LENGTH:,} of stage 1, then as many with textures "
+        Text("What a file of some size is worth: Gaussians with textures beside more Gaussians without. Every point "
+             "is a .sog file ([sog.md](sog.md)); its bytes are the file's, its PSNR is the file's over the test views. "
+             f"Both arms have {2 * LENGTH:,} iterations: {LENGTH:,} of stage 1, then as many with textures "
              "(`--adaptive-texels`: so many texels a Gaussian in the mean) or without. A line is the upper hull of all "
              "counts, SH degrees and steps of its arm: what the best choice reaches."),
         Text("![PSNR over bytes, with textures and without](images/frontier.svg)"),
@@ -185,12 +185,12 @@ def report():
             rows.append([scene, f"{size / 1000:,.0f} kB", arm_of(name), f"{file['texels'] / file['gaussians']:.1f}",
                          f"{file['steps']}", f"{psnr:.2f}", "-" if other is None else f"{other:.2f}",
                          "-" if other is None else f"{psnr - other:+.2f}"])
-        lines = [svg_plot.Line("without textures", "twin", [(p[0] / 1000, p[1]) for p in plain]),
-                 svg_plot.Line("with textures", "rgba", [(p[0] / 1000, p[1]) for p in textured])]
+        lines = [svg_plot.Line(label, style, [(size / 1000, psnr) for size, psnr, *_ in chain])
+                 for (label, style), chain in zip(LINES, (plain, textured))]
         pictures.append(svg_plot.plot(scene, lines, "kB", "PSNR [dB]"))
     blocks += [Text("The files on the textured hull; the plain hull between its files at the same bytes."),
-               Table(["scene", "bytes", "with textures", "texels a Gaussian", "steps", "PSNR", "without textures", "gain"],
-                     rows),
+               Table(["scene", "bytes", "with textures", "texels a Gaussian", "steps", "PSNR", "without textures",
+                      "gain"], rows),
                Heading("Every cell"),
                Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS)],
                      [[f"`{name}`", f"{cell['model']['texels'] / cell['model']['gaussians']:.1f}",
@@ -200,19 +200,23 @@ def report():
     machines = sorted({f"{c['machine']['processor']}, {c['machine']['cores']} cores" for c in found.values()})
     blocks.append(Items(f"{name}; commits " + ", ".join(sorted({f"`{c['commit']}`" for c in found.values()}))
                         for name in machines))
-    PAGE.write_text(markdown("The best picture per byte", blocks))
-    PICTURE.write_text(standalone(pictures))
+    page.write_text(markdown("The best picture per byte", blocks))
+    picture.write_text(standalone(pictures))
 
 
 def standalone(pictures):
-    """The plots side by side in one SVG, for pages that show it as an image."""
-    width, height_ = svg_plot.WIDTH, svg_plot.HEIGHT
+    """The plots side by side and what their lines are, in one SVG for pages that show it as an image."""
+    pictures = [picture for picture in pictures if picture]
+    width, below = len(pictures) * svg_plot.WIDTH, svg_plot.HEIGHT + 20
     style = svg_plot.STYLE + ":root { --text: #57606a; --rule: #c5cad1 }"
-    inside = "".join(f'<g transform="translate({place * width} 0)">{picture[picture.index(">") + 1:-len("</svg>")]}</g>'
-                     for place, picture in enumerate(p for p in pictures if p))
-    shown = sum(bool(p) for p in pictures)
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" class="plot" viewBox="0 0 {shown * width} {height_}" '
-            f'width="{shown * width}" height="{height_}"><style>{style}</style>{inside}</svg>\n')
+    parts = [f'<g transform="translate({place * svg_plot.WIDTH} 0)">{picture[picture.index(">") + 1:-len("</svg>")]}</g>'
+             for place, picture in enumerate(pictures)]
+    for place, (label, line) in enumerate(LINES):
+        left = svg_plot.LEFT + 150 * place
+        parts.append(f'<path class="curve {line}" d="M{left} {below - 8}h24"/><text x="{left + 30}" y="{below - 4}">'
+                     f"{label}</text>")
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" class="plot" viewBox="0 0 {width} {below}" width="{width}" '
+            f'height="{below}"><style>{style}</style>{"".join(parts)}</svg>\n')
 
 
 def main():
@@ -223,10 +227,13 @@ def main():
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
     parser.add_argument("--only", action="append", metavar="GLOB", help="these cells")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--cells", type=pathlib.Path, default=CELLS, help="of the report")
+    parser.add_argument("--page", type=pathlib.Path, default=PAGE)
+    parser.add_argument("--picture", type=pathlib.Path, default=PICTURE)
     parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
     options = parser.parse_args()
     if options.verb == "report":
-        report()
+        report(options.cells, options.page, options.picture)
         return
     chosen = [name for name in cells() if any(fnmatch.fnmatch(name, glob) for glob in options.only or ["*"])]
     if not chosen:

@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds the report of bench/frontier.py against cells that are made up here, and docs/frontier.md against the tree's
+own.
+
+    tests/frontier_test.py
+"""
+import json
+import math
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "bench"))
+import frontier
+
+
+def add(folder, name, *files):
+    """files: (bytes, dB) of the first steps; what the others make is on no hull."""
+    report = {"cell": name, "commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
+              "model": {"gaussians": 100, "texels": 0 if "/plain/" in name else 800, "psnr": 40.0},
+              "files": [{"steps": steps, "bytes": 10**9, "psnr": 1.0, "gaussians": 100,
+                         "texels": 0 if "/plain/" in name else 800} for steps in frontier.STEPS]}
+    for file, (size, psnr) in zip(report["files"], files):
+        file.update(bytes=size, psnr=psnr)
+    path = folder / f"{name}.json"
+    path.parent.mkdir(parents=True)
+    path.write_text(json.dumps(report))
+
+
+class Frontier(unittest.TestCase):
+    def report(self, folder):
+        with tempfile.TemporaryDirectory() as out:
+            page, picture = pathlib.Path(out, "page.md"), pathlib.Path(out, "picture.svg")
+            run = subprocess.run([sys.executable, ROOT / "bench/frontier.py", "report", "--cells", folder, "--page",
+                                  page, "--picture", picture], capture_output=True, text=True)
+            self.assertEqual(run.returncode, 0, run.stderr)
+            return page.read_text(), picture.read_text()
+
+    def test_a_hull_leaves_out_what_others_beat(self):
+        chain = frontier.hull([(100, 20.0), (200, 21.0), (250, 20.5), (400, 26.0), (800, 27.0), (110, 19.0)])
+        self.assertEqual([point[0] for point in chain], [100, 400, 800])
+        self.assertAlmostEqual(frontier.height(chain, 200), 23.0)  # halfway in the logarithm
+        self.assertIsNone(frontier.height(chain, 900))
+        self.assertIsNone(frontier.height(chain, 99))
+        self.assertAlmostEqual(frontier.slope(chain[1], chain[2]), 1 / math.log(2))
+
+    def test_gains_are_between_hulls_at_equal_bytes(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            add(folder, "fox/1700/sh1/plain/1", (40000, 28.0), (10000, 20.0))
+            add(folder, "fox/1700/sh1/rgba-8/1", (20000, 25.5), (80000, 30.0))
+            page, picture = self.report(folder)
+        self.assertIn("2 of ", page)
+        self.assertIn("| fox | 20 kB | 1,700 Gaussians, SH 1, rgba 8 | 8.0 | 1 | 25.50 | 24.00 | +1.50 |", page)
+        self.assertIn("| fox | 80 kB | 1,700 Gaussians, SH 1, rgba 8 | 8.0 | 2 | 30.00 | - | - |", page)
+        self.assertIn("without textures", picture)
+        self.assertNotIn("lego", picture)
+
+    def test_the_trees_own(self):
+        page, picture = self.report(ROOT / "docs/lab/frontier")
+        for path, text in ((frontier.PAGE, page), (frontier.PICTURE, picture)):
+            self.assertTrue(path.read_text() == text,
+                            f"{path}: not what bench/frontier.py report makes now (run it again)")
+
+
+if __name__ == "__main__":
+    unittest.main()
