@@ -97,18 +97,32 @@ std::optional<tg::GaussianModel> startModel(const Options& options) {
   return tg::readModel(options.start_model).model;
 }
 
-// What nobody chose, so that the output has room for it.
+// What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md): SH degree
+// 1, and no textures where no flag speaks of them.
 void planSize(const Options& options, const tg::Dataset& dataset, tg::TrainSettings& settings) {
-  const auto given = [&](const char* name) {
-    return std::ranges::any_of(
-        options.chosen, [&](const auto& setting) { return setting.first->name == name && !setting.second.empty(); });
+  const auto given = [&](std::initializer_list<std::string_view> names) {
+    return std::ranges::any_of(options.chosen, [&](const auto& setting) {
+      return !setting.second.empty() && std::ranges::find(names, setting.first->name) != names.end();
+    });
   };
+  if (!given({"sh-degree"})) settings.sh_degree = tg::kPlannedShDegree;
+  if (!given({"texture-mode", "texture-size", "texel-budget", "adaptive-texels", "compare-untextured"})) {
+    settings.texture_mode = tg::TextureMode::none;
+    if (!given({"iterations", "texture-iterations"})) settings.iterations += settings.texture_iterations;
+  }
   const tg::SizePlan plan =
       tg::planForSize(options.target_bytes, tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);
-  if (!given("gaussians") && !given("percent")) settings.gaussians = plan.gaussians;
-  if (settings.texture_mode == tg::TextureMode::none || given("adaptive-texels") || given("texel-budget")) return;
-  settings.adaptive_texels = plan.texels;
-  if (!given("texture-size")) settings.texture_size = tg::kPlannedTextureSize;
+  if (!given({"gaussians", "percent"})) settings.gaussians = plan.gaussians;
+  const bool textured = settings.texture_mode != tg::TextureMode::none;
+  if (textured && !given({"adaptive-texels", "texel-budget"})) {
+    settings.adaptive_texels = static_cast<float>(plan.texels);
+    if (!given({"texture-size"})) settings.texture_size = tg::kPlannedTextureSize;
+  }
+  if (options.quiet) return;
+  std::printf("planned for %ju bytes: %zu Gaussians of SH degree %d", std::uintmax_t{options.target_bytes},
+              plan.gaussians, settings.sh_degree);
+  if (textured) std::printf(", %.1f texels each", plan.texels);
+  std::printf("\n");
 }
 
 std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {

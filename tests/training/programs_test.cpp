@@ -118,7 +118,7 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const std::string train = "scene --overwrite --iterations 60 --texture-iterations 20 --target-size ";
   for (const auto& [bytes, flags] : std::initializer_list<std::pair<std::uint64_t, std::string>>{
-           {5'500, ""}, {6'800, " --texture-mode none"}, {4'700, " --sh-degree 0"}, {6'500, " --run run"}}) {
+           {5'000, ""}, {6'800, " --sh-degree 3"}, {4'700, " --sh-degree 0 --texture-mode rgba"}, {5'400, " --run run"}}) {
     const Outcome trained = tgtrain(folder, train + std::to_string(bytes) + " -o scene.sog" + flags);
     INFO(flags << '\n' << trained.output);
     REQUIRE(trained.code == 0);

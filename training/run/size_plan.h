@@ -17,6 +17,7 @@ struct SizePlan {
   double texels = 0;
 };
 constexpr float kPlannedSteps = 2;
+constexpr int kPlannedShDegree = 1;
 constexpr int kPlannedTextureSize = 8;  // [texels] a side, of which the fewer are taken
 SizePlan planForSize(std::uint64_t bytes, std::uint64_t training_pixels, int sh_degree, TextureMode mode);
 
