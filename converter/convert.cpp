@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -51,8 +52,8 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-void measure(const Format& format, const std::filesystem::path& output, const Bundle& source, ConvertReport& report) {
-  const std::vector<Camera> views = qualityViews(source.model, source.cameras);
+void measure(const Format& format, const std::filesystem::path& output, const Bundle& source,
+             std::span<const Camera> views, ConvertReport& report) {
   report.views = views.size();
   const Bundle written = readModel(output);
   if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
@@ -69,10 +70,10 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
 }
 
 // See ConvertOptions::target_bytes. Steps are tried in files that nobody sees; what they cost and keep falls with them.
-float stepsFor(const Format& format, const Bundle& source, WriteOptions write_options, const ConvertOptions& options) {
+float stepsFor(const Format& format, const Bundle& source, std::span<const Camera> views, WriteOptions write_options,
+               const ConvertOptions& options) {
   const TemporaryFolder folder;
   const std::filesystem::path file = folder.path() / ("trial." + std::string(format.name));
-  const std::vector<Camera> views = qualityViews(source.model, source.cameras);
   const bool by_size = options.target_bytes > 0;
   double reached = 0;
   const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
@@ -164,6 +165,11 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.input_format = source.format;
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
+  // Pictures are compared from the source's cameras also where they are not written.
+  const bool targeted = options.target_bytes > 0 || options.target_psnr > 0;
+  const std::vector<Camera> views =
+      measured || targeted ? qualityViews(source.model, source.cameras) : std::vector<Camera>();
+  if (!options.cameras) source.cameras.clear();
   report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
   const bool changes = changesPictures(source.model, format, options);
@@ -171,13 +177,11 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.warnings.push_back(
         "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
-  if (options.target_bytes > 0 || options.target_psnr > 0) {
-    write_options.steps = stepsFor(format, source, write_options, options);
-  }
+  if (targeted) write_options.steps = stepsFor(format, source, views, write_options, options);
   report.steps = write_options.steps;
   write(source);
   if (measured && format.read && (changes || options.measure == Measure::always)) {
-    measure(format, output, source, report);
+    measure(format, output, source, views, report);
   }
   return report;
 }

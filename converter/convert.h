@@ -24,6 +24,7 @@ struct ConvertOptions {
   bool overwrite = false;
   bool base_only = false;  // see ReadOptions
   Measure measure = Measure::automatic;
+  bool cameras = true;                    // whether what is written has those of the source
   bool lean = false;                      // glb: see WriteOptions
   bool dry_run = false;                   // encode and count, write nothing; implies Measure::never
   AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png

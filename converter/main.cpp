@@ -32,6 +32,7 @@ struct Arguments {
   bool info = false;
   bool psnr = false;
   bool no_psnr = false;
+  bool no_cameras = false;
   bool stats = false;
   std::string to;
   tg::ConvertOptions options;
@@ -192,6 +193,7 @@ int convertMain(int argc, char** argv) {
   app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
   app.add_flag("--stats", arguments.stats, "with the distribution of every number; writes nothing");
   app.add_flag("--dry-run", arguments.options.dry_run, "say how large OUT would be and write nothing");
+  app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
   app.add_flag("--lean", arguments.options.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
   app.add_flag("--quantize", arguments.options.quantize,
                "glb, gltf: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
@@ -243,6 +245,7 @@ int convertMain(int argc, char** argv) {
   app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
   if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
   arguments.options.edits = edit_parser.edits();
+  arguments.options.cameras = !arguments.no_cameras;
   takeFiles(arguments);
   if (arguments.psnr) arguments.options.measure = tg::Measure::always;
   if (arguments.no_psnr || (arguments.quiet && !arguments.json)) arguments.options.measure = tg::Measure::never;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Smaller files: adaptive textures, atlas formats, integers, meshopt, and files beside a .gltf.
+#include <algorithm>
 #include <cstring>
 
 #include "converter/convert.h"
@@ -275,5 +276,31 @@ TEST_CASE("an atlas as pictures and JSON says where every texture lies") {
             Approx(texel[c]).margin(1.0 / 255 * atlas["scale"][c].get<double>()));
     }
     CHECK(alpha.at(x, y, 0) == Approx(texel.a).margin(0.51 / 255));
+  }
+}
+
+TEST_CASE("--no-cameras leaves them out of every format that holds some, and of nothing else") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::ordinary, 31, 40);
+  Bundle bundle;
+  bundle.model = scene.model;
+  bundle.cameras = {scene.camera, scene.camera};
+  const auto from = scratch.folder() / "source.tgz";
+  writeBundle(from, bundle);
+  for (const Format& format : formats()) {
+    if (!format.read || !format.write) continue;
+    CAPTURE(format.name);
+    const auto to = scratch.folder() / ("a." + std::string(format.name));
+    const ConvertReport kept = convert(from, to);
+    const std::size_t there = format.holds(kKeepsCameras) ? 2 : 0;
+    CHECK(kept.cameras == there);
+    CHECK(readModel(to).cameras.size() == there);
+    const ConvertReport report = convert(from, to, {.overwrite = true, .cameras = false});
+    CHECK(report.cameras == 0);
+    const Bundle back = readModel(to);
+    CHECK(back.cameras.empty());
+    CHECK(back.model.size() == 40);
+    CHECK(report.textured_psnr == kept.textured_psnr);  // seen from the same places
+    CHECK(std::ranges::none_of(report.warnings, [](const std::string& w) { return w.find("camera") != w.npos; }));
   }
 }
