@@ -208,7 +208,8 @@ int convertMain(int argc, char** argv) {
            }
            arguments.options.atlas = *format;
          },
-         "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")
+         "glb, gltf, html, png: texels as png8, png16, exr (half floats, with png8 for readers without EXR) or webp "
+         "(the numbers of png8 in fewer bytes)")
       ->type_name("FORMAT");
   CLI::Option* steps = app.add_option("--steps", arguments.options.steps,
                                       "sog: steps of all numbers so many times as wide: smaller and coarser")

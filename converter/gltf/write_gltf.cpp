@@ -24,6 +24,7 @@
 #include "converter/gltf/quantize.h"
 #include "core/file/atomic_files.h"
 #include "core/image/image.h"
+#include "core/image/webp.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -124,7 +125,7 @@ class Writer {
  private:
   Json addAtlas(Image& page, const std::string& name, GltfReport& report);
   // Index of a texture that shows the image.
-  std::size_t addTexture(std::vector<std::uint8_t> png, const std::string& name);
+  std::size_t addTexture(const Image& page, const std::string& name);
   MeshoptFilter filter(const MeshoptFilter& lossy) const { return content_.options.quantize ? lossy : MeshoptFilter{}; }
 
   const GltfContent& content_;
@@ -233,6 +234,19 @@ void Writer::addDc() {
 int bitsOf(AtlasFormat format) { return format == AtlasFormat::png16 ? 16 : 8; }
 auto encodePage(const Image& image, int bits) { return bits == 16 ? encodePng16(image) : encodePng(image); }
 
+// One channel becomes grey; opaque.
+BytePixels greyOrColorBytes(const Image& image) {
+  BytePixels pixels(image.width, image.height);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float value = image.data[i * static_cast<std::size_t>(image.channels) + (image.channels == 1 ? 0 : c)];
+      pixels.data[4 * i + c] = static_cast<std::uint8_t>(std::lround(value * 255.0f));
+    }
+    pixels.data[4 * i + 3] = 255;
+  }
+  return pixels;
+}
+
 // What of a Gaussian a reader of the glTF numbers gets back with other last bits.
 struct Changed {
   bool rotation = false, log_scale = false, opacity = false;
@@ -295,9 +309,17 @@ void Writer::addSource(bool textured, GltfReport& report) {
   }
 }
 
-std::size_t Writer::addTexture(std::vector<std::uint8_t> png, const std::string& name) {
-  const std::size_t image = builder.addImage(std::move(png), "image/png", name);
-  builder.document["textures"].push_back({{"source", image}, {"sampler", 0}});
+std::size_t Writer::addTexture(const Image& page, const std::string& name) {
+  Json texture;
+  if (content_.options.atlas == AtlasFormat::webp) {
+    texture["sampler"] = 0;
+    texture["extensions"][std::string(kWebpExtension)] = {
+        {"source", builder.addImage(encodeWebp(greyOrColorBytes(page)), "image/webp", name)}};
+  } else {
+    texture["source"] = builder.addImage(encodePage(page, bitsOf(content_.options.atlas)), "image/png", name);
+    texture["sampler"] = 0;
+  }
+  builder.document["textures"].push_back(std::move(texture));
   return builder.document["textures"].size() - 1;
 }
 
@@ -309,8 +331,8 @@ Json Writer::addAtlas(Image& page, const std::string& name, GltfReport& report) 
   const QuantizedPage quantized = quantizePage(page, bits);
   report.clipped_texels += quantized.clipped_texels;
   Json atlas;
-  if (hasColor(mode)) atlas["color"] = addTexture(encodePage(quantized.color, bits), name + "_color");
-  if (hasAlpha(mode)) atlas["alpha"] = addTexture(encodePage(quantized.alpha, bits), name + "_alpha");
+  if (hasColor(mode)) atlas["color"] = addTexture(quantized.color, name + "_color");
+  if (hasAlpha(mode)) atlas["alpha"] = addTexture(quantized.alpha, name + "_alpha");
   if (content_.options.atlas == AtlasFormat::exr) {
     const std::array<std::string, 4> channels = {"R", "G", "B", "alpha"};
     atlas["exr"] = builder.addImage(encodeExr(page, channels), "image/x-exr", name + "_values");
@@ -361,6 +383,8 @@ void Writer::addScene(Json nested) {
   Json used = Json::array({std::string(kSplatExtension)});
   if (!nested.is_null()) {
     used.push_back(std::string(kTextureExtension));
+    // Not required: only the extension above leads to these textures, and its fallback is the base.
+    if (content_.options.atlas == AtlasFormat::webp) used.push_back(std::string(kWebpExtension));
     splatting["extensions"][std::string(kTextureExtension)] = std::move(nested);
   }
   Json& root = builder.document;
@@ -425,8 +449,10 @@ GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& conte
 
 GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content) {
   const GaussianModel& model = content.model;
-  if (content.options.atlas == AtlasFormat::exr) {
-    throw Error(ErrorKind::usage, "a .png holds no EXR (expected png8 or png16)");
+  if (content.options.atlas == AtlasFormat::exr || content.options.atlas == AtlasFormat::webp) {
+    throw Error(ErrorKind::usage, std::string("a .png holds no ") +
+                                      (content.options.atlas == AtlasFormat::exr ? "EXR" : "WebP") +
+                                      " (expected png8 or png16)");
   }
   const TextureMode mode = model.texture_mode;
   PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxAtlasSide);

@@ -16,9 +16,10 @@ class GaussianBlocks;
 enum class AtlasFormat {
   png8,   // 8 bits a channel
   png16,  // 16 bits
-  exr     // half floats, with 8-bit PNG beside them for readers without EXR
+  exr,    // half floats, with 8-bit PNG beside them for readers without EXR
+  webp    // 8 bits a channel, lossless, by EXT_texture_webp
 };
-constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr"); }
+constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr", "webp"); }
 
 constexpr float kTextureStep = 1.0f / 32;
 
@@ -56,13 +57,13 @@ struct GltfReport {
 // meshopt). Throws Error(badData) for a model beyond GLB's 4 GiB or the atlas's limits, Error(cannotWrite),
 // Error(usage) for meshopt without the library.
 GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content);
-// The same as NAME.gltf with NAME.bin and NAME_atlas_*.png beside it.
+// The same as NAME.gltf with NAME.bin and NAME_atlas_* beside it.
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content);
 // The textures alone, for programs that know neither glTF nor the bundle: NAME.png and NAME_alpha.png as far as the
 // mode has them (NAME_1.png, ... for further atlases), and NAME.json: mode, intersection, extent, atlases with file
 // names, scale and offset as in the glTF extension, a rectangle per Gaussian, and `outside` where it is not base.
 // content.options.atlas: png8 or png16.
-// Throws Error(badData) for a model without textures, Error(usage) for exr.
+// Throws Error(badData) for a model without textures, Error(usage) for exr and webp.
 GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content);
 
 }  // namespace tg

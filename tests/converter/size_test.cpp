@@ -8,6 +8,7 @@
 #include "converter/gltf/meshopt.h"
 #include "converter/gltf/read_gltf.h"
 #include "core/bundle/bundle.h"
+#include "core/model/verbs.h"
 #include "edits.h"
 #include "glb.h"
 #include "scratch.h"
@@ -128,6 +129,31 @@ TEST_CASE("a bundle comes back bit by bit by way of EXR atlases, and closer with
       CHECK(with8 > 50.0);
       CHECK(with16 > with8 + 20.0);
     }
+  }
+}
+
+TEST_CASE("WebP atlases hold the numbers of 8-bit PNG ones, and need nothing of a reader that shows the base") {
+  const Scratch scratch;
+  for (const TextureMode mode : {TextureMode::rgba, TextureMode::rgb, TextureMode::alpha}) {
+    test::TestScene scene = test::makeScene(SceneKind::mixed, 57, 60);
+    scene.model.texture_mode = mode;
+    CAPTURE(name(mode));
+    const auto through = [&](const char* file, AtlasFormat atlas) {
+      const GltfContent content = {scene.model, {}, glm::vec3(0.0f), false, atlas};
+      std::string(file).ends_with(".glb") ? writeGlb(scratch.folder() / file, content)
+                                          : writeGltf(scratch.folder() / file, content);
+      return readModel(scratch.folder() / file).model;
+    };
+    const GaussianModel png = through("png.glb", AtlasFormat::png8);
+    CHECK(sameBits(png, through("webp.glb", AtlasFormat::webp)));
+    CHECK(sameBits(png, through("webp.gltf", AtlasFormat::webp)));
+    if (hasColor(mode)) CHECK(std::filesystem::exists(scratch.folder() / "webp_atlas_0_color.webp"));
+    const nlohmann::json json = Glb::read(scratch.folder() / "webp.glb").json;
+    CHECK(json["extensionsUsed"] ==
+          nlohmann::json({"KHR_gaussian_splatting", "TG_gaussian_splatting_texture", "EXT_texture_webp"}));
+    CHECK(!json.contains("extensionsRequired"));
+    for (const nlohmann::json& texture : json["textures"]) CHECK(!texture.contains("source"));
+    for (const nlohmann::json& image : json["images"]) CHECK(image["mimeType"] == "image/webp");
   }
 }
 

@@ -121,6 +121,16 @@ def main():
         expect("nothing was asked of a network", not asked, asked[:3])
         expect("no word on the console", not browser.log, browser.log[:3])
 
+        # The page's WebP atlases are the numbers of its PNG ones.
+        run(programs / "tgconvert", model, folder / "webp.html", "--atlas", "webp", "--quiet")
+        expect("WebP makes the page smaller",
+               (folder / "webp.html").stat().st_size < (folder / "model <1>.html").stat().st_size)
+        seen = []
+        for name in ("model <1>.html", "webp.html"):
+            browser.open(f"{(folder / name).as_uri()}?camera=0&size={size}&panel=off")
+            seen.append(browser.evaluate("tgViewer.picture({show: 'final'})"))
+        expect("and leaves its picture", seen[0] == seen[1])
+
         # A model that says itself what lies beyond its textures.
         if model.suffix == ".tgz":
             with_outside(model, folder / "clip.tgz", "clip")

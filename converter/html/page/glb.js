@@ -4,6 +4,7 @@
 
 const SPLATS = 'KHR_gaussian_splatting';
 const TEXTURES = 'TG_gaussian_splatting_texture';
+const WEBP = 'EXT_texture_webp';
 const COMPONENTS = {
   5120: {array: Int8Array, largest: 127, get: 'getInt8'},
   5121: {array: Uint8Array, largest: 255, get: 'getUint8'},
@@ -98,9 +99,10 @@ function placeOf(node) {
 async function readAtlas(file, entry, mode) {
   const image = async (index) => {
     const texture = file.list('textures')[index];
-    const source = texture && file.list('images')[texture.source];
+    const webp = texture && texture.extensions && texture.extensions[WEBP];
+    const source = texture && file.list('images')[(webp || texture).source];
     if (!source || source.bufferView === undefined) throw new Error('an atlas has no image in the file');
-    return decodePng(file.viewBytes(source.bufferView).bytes);
+    return (webp ? decodeWebp : decodePng)(file.viewBytes(source.bufferView).bytes);
   };
   const color = mode & MODES.rgb ? await image(entry.color) : null;
   const alpha = mode & MODES.alpha ? await image(entry.alpha) : null;

@@ -44,6 +44,7 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
   add("images.sog");
   add("png8.glb");
   add("exr.glb", {.atlas = AtlasFormat::exr});
+  add("webp.glb", {.atlas = AtlasFormat::webp});
   add("integers.glb", {.quantize = true});
   if (hasMeshopt()) add("packed.glb", {.quantize = true, .meshopt = true});
   add("page.html");
