@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "converter/formats/morton.h"
+#include "converter/formats/texel_spread.h"
 #include "converter/gltf/fallback.h"
 #include "converter/sog/codebook.h"
 #include "converter/sog/parts.h"
@@ -24,8 +25,6 @@ namespace tg {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kDeadZone = 0.1;  // [steps] that texels are nearer to no change than they are
 
 // At options.steps 1. Where a byte less costs a picture about as much whatever it is taken from
 // (docs/lab/converter.md); where 8 bits are too few for that, steps stay the least there are for longer.
@@ -69,24 +68,6 @@ std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
     codebook.push_back(static_cast<float>(k * used));
   }
   return codebook;
-}
-
-std::vector<std::uint32_t> mortonOrder(const GaussianModel& model) {
-  glm::dvec3 low(model.mean.front()), high(low);
-  for (const glm::vec3& mean : model.mean) {
-    low = glm::min(low, glm::dvec3(mean));
-    high = glm::max(high, glm::dvec3(mean));
-  }
-  const glm::dvec3 size = high - low;
-  const double extent = std::max({size.x, size.y, size.z, 1e-30});
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> codes(model.size());
-  for (std::size_t i = 0; i < model.size(); ++i) {
-    codes[i] = {mortonCode((glm::dvec3(model.mean[i]) - low) / extent), static_cast<std::uint32_t>(i)};
-  }
-  std::sort(codes.begin(), codes.end());
-  std::vector<std::uint32_t> order(model.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = codes[i].second;
-  return order;
 }
 
 // The images of a model whose Gaussians are in their order.
@@ -276,17 +257,15 @@ class SogWriter {
     std::size_t at = 0;
     GaussianModel base = bakeFallback(model_);
     for (const sog::SizeClass& group : sog::sizeClasses(model_.atlas.rects)) {
-      const std::vector<double> spreads = sog::texelSpreads(group.width, group.height);
+      const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {
         for (const std::uint32_t i : group.gaussians) {
-          const double spread = spreads[t] * sog::opacitySpread(toByte(opacityOf(base, i) * 255) / 255.0);
+          const double spread = spreads[t] * opacitySpread(toByte(opacityOf(base, i) * 255) / 255.0);
           glm::vec4& texel = model_.atlas.texels[model_.atlas.rects[i].offset + t];
           std::uint8_t* bytes = values.data.data() + 4 * at++;
           for (int k = 0; k < 4; ++k) {
             const double own = steps[k == 3] * spread, neutral = k == 3 ? 1.0 : 0.0;
-            const double steps_off = (texel[k] - neutral) / own;
-            const double whole = std::floor(std::max(std::abs(steps_off) + 0.5 - kDeadZone, 0.0));
-            bytes[k] = toByte(std::copysign(whole, steps_off) + sog::kNeutralByte);
+            bytes[k] = toByte(wholeSteps((texel[k] - neutral) / own) + sog::kNeutralByte);
             texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * own);
           }
           texel.a = std::clamp(texel.a, 0.0f, 1.0f);
@@ -319,7 +298,7 @@ std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const Gau
             "steps that the format has");
   if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
   const std::string name = path.string();
-  std::vector<std::uint32_t> order = mortonOrder(model);
+  std::vector<std::uint32_t> order = mortonOrder(model.mean);
   const std::vector<ZipEntry> entries = SogWriter(select(model, order), options, name).write();
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries); });
   return order;
