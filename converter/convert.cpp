@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "converter/formats/gaussian_blocks.h"
-#include "converter/sog/sog.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 
@@ -74,18 +73,20 @@ float stepsFor(const Format& format, const Bundle& source, std::span<const Camer
                const ConvertOptions& options) {
   const TemporaryFolder folder;
   const std::filesystem::path file = folder.path() / ("trial." + std::string(format.name));
+  write_options.replace = true;
   const bool by_size = options.target_bytes > 0;
   double reached = 0;
   const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
-    Written ignored;
+    Written trial;
     write_options.steps = static_cast<float>(std::exp2(logarithm));
-    writeModel(format, file, source, write_options, ignored);
-    reached = by_size ? static_cast<double>(std::filesystem::file_size(file))
+    writeModel(format, file, source, write_options, trial);
+    const std::uint64_t bytes = trial.output_bytes > 0 ? trial.output_bytes : std::filesystem::file_size(file);
+    reached = by_size ? static_cast<double>(bytes)
                       : renderedPsnr(source.model, readModel(file).model, views, source.background);
     return by_size ? reached > static_cast<double>(options.target_bytes) : reached >= options.target_psnr;
   };
   constexpr int kTrials = 8;  // halvings of nine octaves: steps of 2.5 %, files of less than 1 %
-  double fine = std::log2(kLeastSogSteps), coarse = std::log2(kMostSogSteps);
+  double fine = std::log2(kLeastSteps), coarse = std::log2(kMostSteps);
   if (by_size ? isFineEnough(coarse) : !isFineEnough(fine)) {
     const std::string wanted = std::to_string(by_size ? options.target_bytes : std::lround(options.target_psnr));
     const std::string limit = std::to_string(std::lround(reached));
@@ -101,9 +102,16 @@ float stepsFor(const Format& format, const Bundle& source, std::span<const Camer
   return static_cast<float>(std::exp2(by_size ? coarse : fine));
 }
 
+bool hasTarget(const ConvertOptions& options) { return options.target_bytes > 0 || options.target_psnr > 0; }
+
+// Whether numbers are rounded to steps because somebody asked for it.
+bool isInSteps(const Format& format, const ConvertOptions& options) {
+  return format.has_steps && (options.steps || hasTarget(options));
+}
+
 // Whether what is written may look otherwise than the model: not by the last bits of its numbers.
 bool changesPictures(const GaussianModel& model, const Format& format, const ConvertOptions& options) {
-  return isTextured(model) || !format.holds(kKeepsFloats) || options.quantize;
+  return isTextured(model) || !format.holds(kKeepsFloats) || options.quantize || isInSteps(format, options);
 }
 
 // The input, where it can be converted without being a model in between.
@@ -111,7 +119,9 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
                                              const ConvertOptions& options) {
   const bool rendered =
       options.measure == Measure::always || (options.measure == Measure::automatic && options.quantize);
-  if (!format.streams || !options.edits.empty() || options.meshopt || (rendered && !options.dry_run)) return nullptr;
+  if (!format.streams || !options.edits.empty() || options.meshopt || isInSteps(format, options) ||
+      (rendered && !options.dry_run))
+    return nullptr;
   if (detectFormat(input).name != "ply") return nullptr;
   auto file = std::make_unique<const SplatPlyFile>(input);
   return file->rows().plain() ? std::move(file) : nullptr;
@@ -122,8 +132,8 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
   const Format& format = outputFormat(output);
-  if ((options.target_bytes > 0 || options.target_psnr > 0) && !format.has_steps) {
-    throw Error(ErrorKind::usage, output.string(), "a target is only for .sog");
+  if (hasTarget(options) && !format.has_steps) {
+    throw Error(ErrorKind::usage, output.string(), "a target is only for .sog, .glb and .gltf");
   }
   if (!options.dry_run) checkOutput(output, options.overwrite);
   ConvertReport report;
@@ -166,9 +176,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
   // Pictures are compared from the source's cameras also where they are not written.
-  const bool targeted = options.target_bytes > 0 || options.target_psnr > 0;
   const std::vector<Camera> views =
-      measured || targeted ? qualityViews(source.model, source.cameras) : std::vector<Camera>();
+      measured || hasTarget(options) ? qualityViews(source.model, source.cameras) : std::vector<Camera>();
   if (!options.cameras) source.cameras.clear();
   report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
@@ -177,8 +186,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.warnings.push_back(
         "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
-  if (targeted) write_options.steps = stepsFor(format, source, views, write_options, options);
-  report.steps = write_options.steps;
+  if (hasTarget(options)) write_options.steps = stepsFor(format, source, views, write_options, options);
+  report.steps = format.has_steps ? write_options.steps.value_or(1.0f) : 1.0f;
   write(source);
   if (measured && format.read && (changes || options.measure == Measure::always)) {
     measure(format, output, source, views, report);

@@ -24,16 +24,16 @@ struct ConvertOptions {
   bool overwrite = false;
   bool base_only = false;  // see ReadOptions
   Measure measure = Measure::automatic;
-  bool cameras = true;                    // whether what is written has those of the source
-  bool lean = false;                      // glb: see WriteOptions
-  bool dry_run = false;                   // encode and count, write nothing; implies Measure::never
-  AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png
-  bool quantize = false;                  // glb, gltf: see WriteOptions
-  bool meshopt = false;                   // likewise
-  float steps = 1;                        // sog: see WriteOptions
-  float texture_step = kTextureStep;      // likewise
-  // sog: instead of `steps` the least with which the file is no larger [bytes], or the most with which its pictures are
-  // as near to the source's [dB] (textured where it is); 0: neither.
+  bool cameras = true;                     // whether what is written has those of the source
+  bool lean = false;                       // glb: see WriteOptions
+  bool dry_run = false;                    // encode and count, write nothing; implies Measure::never
+  AtlasFormat atlas = AtlasFormat::png8;   // glb, gltf, png
+  bool quantize = false;                   // glb, gltf: see WriteOptions
+  bool meshopt = false;                    // likewise
+  std::optional<float> steps = {};         // sog, glb, gltf: see WriteOptions
+  std::optional<float> texture_step = {};  // likewise
+  // sog, glb, gltf: instead of `steps` the least with which the file is no larger [bytes], or the most with which its
+  // pictures are as near to the source's [dB] (textured where it is); 0: neither.
   std::uint64_t target_bytes = 0;
   double target_psnr = 0;
   std::vector<Edit> edits = {};  // in this order, before anything is written

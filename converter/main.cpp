@@ -16,7 +16,6 @@
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/registry/file_format.h"
-#include "converter/sog/sog.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"
@@ -211,29 +210,30 @@ int convertMain(int argc, char** argv) {
          "glb, gltf, html, png: texels as png8, png16, exr (half floats, with png8 for readers without EXR) or webp "
          "(the numbers of png8 in fewer bytes)")
       ->type_name("FORMAT");
-  CLI::Option* steps = app.add_option("--steps", arguments.options.steps,
-                                      "sog: steps of all numbers so many times as wide: smaller and coarser")
-                           ->check(CLI::Range(tg::kLeastSogSteps, tg::kMostSogSteps))
-                           ->capture_default_str();
+  CLI::Option* steps =
+      app.add_option("--steps", arguments.options.steps,
+                     "sog, glb, gltf: steps of all numbers so many times as wide, 1 without it for sog, and packed for "
+                     "glb: smaller and coarser")
+          ->check(CLI::Range(tg::kLeastSteps, tg::kMostSteps));
   CLI::Option* target_size =
       app.add_option_function<double>(
              "--target-size", [&](double bytes) { arguments.options.target_bytes = static_cast<std::uint64_t>(bytes); },
-             "sog: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
+             "sog, glb, gltf: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
           ->transform(
               CLI::AsNumberWithUnit(std::map<std::string, double>{{"B", 1}, {"KB", 1e3}, {"MB", 1e6}, {"GB", 1e9}},
                                     CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"))
           ->check(CLI::Range(1.0, 1e15))
           ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target_psnr,
-                 "sog: the coarsest steps with which pictures are so near to the source's [dB]")
+                 "sog, glb, gltf: the coarsest steps with which pictures are so near to the source's [dB]")
       ->check(CLI::Range(1.0, 100.0))
       ->excludes(target_size)
       ->excludes(steps);
   app.add_option(
          "--texture-step", arguments.options.texture_step,
-         "sog: between a texture's colours, coarser where they weigh less; larger files are nearer to the model")
-      ->check(CLI::Range(1.0f / 1024, 0.5f))
-      ->capture_default_str();
+         "sog, glb, gltf: between a texture's colours, coarser where they weigh less; 1/32 without it for sog and "
+         "--steps")
+      ->check(CLI::Range(1.0f / 1024, 0.5f));
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(CLI::IsMember(tg::outputNames(true)));
   app.add_flag("--base-only", arguments.options.base_only, "glb, sog: leave the texture layer aside");

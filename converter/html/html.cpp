@@ -128,8 +128,9 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
     GltfContent lean = content;
     lean.options.lean = true;
     // What the page's script does not read.
-    if (lean.options.atlas == AtlasFormat::exr) lean.options.atlas = AtlasFormat::png16;
+    if (lean.options.atlas == AtlasFormat::exr && !lean.options.texture_step) lean.options.atlas = AtlasFormat::png16;
     lean.options.meshopt = false;
+    lean.options.steps.reset();
     try {
       report = writeGlb(glb_path, lean);
     } catch (const Error& error) {

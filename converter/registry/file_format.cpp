@@ -95,7 +95,9 @@ void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions&, W
 }
 
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  written.order = writeSog(path, source.model, {.steps = options.steps, .texture_step = options.texture_step});
+  written.order =
+      writeSog(path, source.model,
+               {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)});
 }
 
 constexpr Format kFormats[] = {
@@ -147,6 +149,7 @@ constexpr Format kFormats[] = {
      .overlooked = findOverlooked,
      .is_gltf = true,
      .has_base = true,
+     .has_steps = true,
      .streams = true},
     {.name = "gltf",
      .spoken = "gltf",
@@ -157,6 +160,7 @@ constexpr Format kFormats[] = {
      .overlooked = findOverlooked,
      .is_gltf = true,
      .has_base = true,
+     .has_steps = true,
      .streams = true},
     {.name = "html",
      .spoken = "our html",

@@ -294,7 +294,7 @@ class SogWriter {
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
                                     const SogOptions& options) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  TG_ASSERT(options.steps >= kLeastSogSteps && options.steps <= kMostSogSteps && options.texture_step > 0,
+  TG_ASSERT(options.steps >= kLeastSteps && options.steps <= kMostSteps && options.texture_step > 0,
             "steps that the format has");
   if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
   const std::string name = path.string();
