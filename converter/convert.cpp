@@ -133,7 +133,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                       const ConvertOptions& options) {
   const Format& format = outputFormat(output);
   if (hasTarget(options) && !format.has_steps) {
-    throw Error(ErrorKind::usage, output.string(), "a target is only for .sog, .glb and .gltf");
+    throw Error(ErrorKind::usage, output.string(), "a target is only for .sog, .glb, .gltf and .html");
   }
   if (!options.dry_run) checkOutput(output, options.overwrite);
   ConvertReport report;

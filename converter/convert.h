@@ -30,10 +30,10 @@ struct ConvertOptions {
   AtlasFormat atlas = AtlasFormat::png8;   // glb, gltf, png
   bool quantize = false;                   // glb, gltf: see WriteOptions
   bool meshopt = false;                    // likewise
-  std::optional<float> steps = {};         // sog, glb, gltf: see WriteOptions
+  std::optional<float> steps = {};         // sog, glb, gltf, html: see WriteOptions
   std::optional<float> texture_step = {};  // likewise
-  // sog, glb, gltf: instead of `steps` the least with which the file is no larger [bytes], or the most with which its
-  // pictures are as near to the source's [dB] (textured where it is); 0: neither.
+  // sog, glb, gltf, html: instead of `steps` the least with which the file is no larger [bytes], or the most with which
+  // its pictures are as near to the source's [dB] (textured where it is); 0: neither.
   std::uint64_t target_bytes = 0;
   double target_psnr = 0;
   std::vector<Edit> edits = {};  // in this order, before anything is written

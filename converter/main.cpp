@@ -194,9 +194,10 @@ int convertMain(int argc, char** argv) {
   app.add_flag("--dry-run", arguments.options.dry_run, "say how large OUT would be and write nothing");
   app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
   app.add_flag("--lean", arguments.options.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
-  app.add_flag("--quantize", arguments.options.quantize,
-               "glb, gltf: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
-  app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf: pack by EXT_meshopt_compression");
+  app.add_flag(
+      "--quantize", arguments.options.quantize,
+      "glb, gltf, html: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
+  app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf, html: pack by EXT_meshopt_compression");
   app.add_option_function<std::string>(
          "--atlas",
          [&](const std::string& text) {
@@ -211,28 +212,28 @@ int convertMain(int argc, char** argv) {
          "(the numbers of png8 in fewer bytes)")
       ->type_name("FORMAT");
   CLI::Option* steps =
-      app.add_option("--steps", arguments.options.steps,
-                     "sog, glb, gltf: steps of all numbers so many times as wide, 1 without it for sog, and packed for "
-                     "glb: smaller and coarser")
+      app.add_option(
+             "--steps", arguments.options.steps,
+             "sog, glb, gltf, html: steps of all numbers so many times as wide, 1 without it for sog, and packed for "
+             "glb: smaller and coarser")
           ->check(CLI::Range(tg::kLeastSteps, tg::kMostSteps));
   CLI::Option* target_size =
       app.add_option_function<double>(
              "--target-size", [&](double bytes) { arguments.options.target_bytes = static_cast<std::uint64_t>(bytes); },
-             "sog, glb, gltf: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
+             "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
           ->transform(
               CLI::AsNumberWithUnit(std::map<std::string, double>{{"B", 1}, {"KB", 1e3}, {"MB", 1e6}, {"GB", 1e9}},
                                     CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"))
           ->check(CLI::Range(1.0, 1e15))
           ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target_psnr,
-                 "sog, glb, gltf: the coarsest steps with which pictures are so near to the source's [dB]")
+                 "sog, glb, gltf, html: the coarsest steps with which pictures are so near to the source's [dB]")
       ->check(CLI::Range(1.0, 100.0))
       ->excludes(target_size)
       ->excludes(steps);
-  app.add_option(
-         "--texture-step", arguments.options.texture_step,
-         "sog, glb, gltf: between a texture's colours, coarser where they weigh less; 1/32 without it for sog and "
-         "--steps")
+  app.add_option("--texture-step", arguments.options.texture_step,
+                 "sog, glb, gltf, html: between a texture's colours, coarser where they weigh less; 1/32 without it "
+                 "for sog and --steps")
       ->check(CLI::Range(1.0f / 1024, 0.5f));
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(CLI::IsMember(tg::outputNames(true)));

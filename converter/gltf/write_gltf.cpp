@@ -458,9 +458,8 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
   WriteOptions options = content.options;
   if ((options.steps || options.texture_step) && options.atlas != AtlasFormat::png8 &&
       options.atlas != AtlasFormat::webp) {
-    throw Error(
-        ErrorKind::usage, path.string(),
-        "texels in steps have 8 bits (expected --atlas png8 or webp, found " + std::string(name(options.atlas)) + ")");
+    throw Error(ErrorKind::usage, "texels in steps have 8 bits (expected --atlas png8 or webp, found " +
+                                      std::string(name(options.atlas)) + ")");
   }
   if (!options.steps || content.model.size() == 0) {
     return write(path, {content.model, content.cameras, content.background, options}, binary);

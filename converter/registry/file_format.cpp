@@ -169,7 +169,8 @@ constexpr Format kFormats[] = {
      .read = readPage,
      .write = writeScene<writeHtml>,
      .is_gltf = true,
-     .has_base = true},
+     .has_base = true,
+     .has_steps = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
     {.name = "ksplat", .title = ".ksplat"},
 };

@@ -62,7 +62,7 @@ TEST_CASE("targets that nothing reaches, or that a format has no steps for, are 
   };
   CHECK(refusal(to, {.target_bytes = 1000}).starts_with("--target-size is out of reach (expected at least "));
   CHECK(refusal(to, {.target_psnr = 100}).starts_with("--target-psnr is out of reach (expected at most "));
-  CHECK(refusal(scratch.folder() / "a.html", {.target_bytes = 100000})
-            .ends_with("a target is only for .sog, .glb and .gltf"));
+  CHECK(refusal(scratch.folder() / "a.spz", {.target_bytes = 100000})
+            .ends_with("a target is only for .sog, .glb, .gltf and .html"));
   CHECK(!std::filesystem::exists(to));
 }
