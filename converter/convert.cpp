@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -29,8 +30,8 @@ void checkOutput(const std::filesystem::path& output, bool overwrite) {
   }
 }
 
-void measure(const Format& format, const std::filesystem::path& output, const Bundle& source, ConvertReport& report) {
-  const std::vector<Camera> views = qualityViews(source.model, source.cameras);
+void measure(const Format& format, const std::filesystem::path& output, const Bundle& source,
+             std::span<const Camera> views, ConvertReport& report) {
   report.views = views.size();
   const Bundle written = readModel(output);
   if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
@@ -46,9 +47,14 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
   }
 }
 
+// Whether numbers are rounded to steps because somebody asked for it.
+bool isInSteps(const Format& format, const ConvertOptions& options) {
+  return format.has_steps && (options.steps || options.target.given());
+}
+
 // Whether what is written may look otherwise than the model: not by the last bits of its numbers.
 bool changesPictures(const GaussianModel& model, const Format& format, const ConvertOptions& options) {
-  return isTextured(model) || !format.holds(kKeepsFloats) || options.quantize;
+  return isTextured(model) || !format.holds(kKeepsFloats) || options.quantize || isInSteps(format, options);
 }
 
 // The input, where it can be converted without being a model in between.
@@ -56,7 +62,9 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
                                              const ConvertOptions& options) {
   const bool rendered =
       options.measure == Measure::always || (options.measure == Measure::automatic && options.quantize);
-  if (!format.streams || !options.edits.empty() || options.meshopt || (rendered && !options.dry_run)) return nullptr;
+  if (!format.streams || !options.edits.empty() || options.meshopt || isInSteps(format, options) ||
+      (rendered && !options.dry_run))
+    return nullptr;
   if (detectFormat(input).name != "ply") return nullptr;
   auto file = std::make_unique<const SplatPlyFile>(input);
   return file->rows().plain() ? std::move(file) : nullptr;
@@ -68,7 +76,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                       const ConvertOptions& options) {
   const Format& format = outputFormat(output);
   if (options.target.given() && !format.has_steps) {
-    throw Error(ErrorKind::usage, output.string(), "a target is only for .sog");
+    throw Error(ErrorKind::usage, output.string(), "a target is only for .sog, .glb, .gltf and .html");
   }
   if (!options.dry_run) checkOutput(output, options.overwrite);
   ConvertReport report;
@@ -111,6 +119,10 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.input_format = source.format;
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;
+  // Pictures are compared from the source's cameras also where they are not written.
+  const std::vector<Camera> views =
+      measured || options.target.given() ? qualityViews(source.model, source.cameras) : std::vector<Camera>();
+  if (!options.cameras) source.cameras.clear();
   report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
   const bool changes = changesPictures(source.model, format, options);
@@ -118,11 +130,11 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.warnings.push_back(
         "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
-  if (options.target.given()) write_options.steps = stepsFor(format, source, write_options, options.target);
-  report.steps = write_options.steps;
+  if (options.target.given()) write_options.steps = stepsFor(format, source, views, write_options, options.target);
+  report.steps = format.has_steps ? write_options.steps.value_or(1.0f) : 1.0f;
   write(source);
   if (measured && format.read && (changes || options.measure == Measure::always)) {
-    measure(format, output, source, report);
+    measure(format, output, source, views, report);
   }
   return report;
 }

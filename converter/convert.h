@@ -25,16 +25,17 @@ struct ConvertOptions {
   bool overwrite = false;
   bool base_only = false;  // see ReadOptions
   Measure measure = Measure::automatic;
-  bool lean = false;                      // glb: see WriteOptions
-  bool dry_run = false;                   // encode and count, write nothing; implies Measure::never
-  AtlasFormat atlas = AtlasFormat::png8;  // glb, gltf, png
-  bool quantize = false;                  // glb, gltf: see WriteOptions
-  bool meshopt = false;                   // likewise
-  float steps = 1;                        // sog: see WriteOptions
-  float texture_step = kTextureStep;      // likewise
-  int spz_version = kNewestSpz;           // spz: likewise
-  Target target = {};                     // sog: instead of `steps`
-  std::vector<Edit> edits = {};           // in this order, before anything is written
+  bool cameras = true;                     // whether what is written has those of the source
+  bool lean = false;                       // glb: see WriteOptions
+  bool dry_run = false;                    // encode and count, write nothing; implies Measure::never
+  AtlasFormat atlas = AtlasFormat::png8;   // glb, gltf, png
+  bool quantize = false;                   // glb, gltf: see WriteOptions
+  bool meshopt = false;                    // likewise
+  std::optional<float> steps = {};         // sog, glb, gltf, html: see WriteOptions
+  std::optional<float> texture_step = {};  // likewise
+  int spz_version = kNewestSpz;            // spz: likewise
+  Target target = {};                      // sog, glb, gltf, html: instead of `steps`
+  std::vector<Edit> edits = {};            // in this order, before anything is written
 };
 
 struct ConvertReport : Written {

@@ -16,7 +16,6 @@
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/registry/file_format.h"
-#include "converter/sog/sog.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"
@@ -32,6 +31,7 @@ struct Arguments {
   bool info = false;
   bool psnr = false;
   bool no_psnr = false;
+  bool no_cameras = false;
   bool stats = false;
   std::string to;
   tg::ConvertOptions options;
@@ -193,10 +193,12 @@ int convertMain(int argc, char** argv) {
   app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
   app.add_flag("--stats", arguments.stats, "with the distribution of every number; writes nothing");
   app.add_flag("--dry-run", arguments.options.dry_run, "say how large OUT would be and write nothing");
+  app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
   app.add_flag("--lean", arguments.options.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
-  app.add_flag("--quantize", arguments.options.quantize,
-               "glb, gltf: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
-  app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf: pack by EXT_meshopt_compression");
+  app.add_flag(
+      "--quantize", arguments.options.quantize,
+      "glb, gltf, html: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
+  app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf, html: pack by EXT_meshopt_compression");
   app.add_option_function<std::string>(
          "--atlas",
          [&](const std::string& text) {
@@ -207,25 +209,28 @@ int convertMain(int argc, char** argv) {
            }
            arguments.options.atlas = *format;
          },
-         "glb, gltf, png: texels as png8, png16 or exr (half floats, with png8 for readers without EXR)")
+         "glb, gltf, html, png: texels as png8, png16, exr (half floats, with png8 for readers without EXR) or webp "
+         "(the numbers of png8 in fewer bytes)")
       ->type_name("FORMAT");
-  CLI::Option* steps = app.add_option("--steps", arguments.options.steps,
-                                      "sog: steps of all numbers so many times as wide: smaller and coarser")
-                           ->check(CLI::Range(tg::kLeastSogSteps, tg::kMostSogSteps))
-                           ->capture_default_str();
-  CLI::Option* target_size = tg::addBytes(app, "--target-size", arguments.options.target.bytes,
-                                          "sog: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
-                                 ->excludes(steps);
+  CLI::Option* steps =
+      app.add_option(
+             "--steps", arguments.options.steps,
+             "sog, glb, gltf, html: steps of all numbers so many times as wide, 1 without it for sog, and packed for "
+             "glb: smaller and coarser")
+          ->check(CLI::Range(tg::kLeastSteps, tg::kMostSteps));
+  CLI::Option* target_size =
+      tg::addBytes(app, "--target-size", arguments.options.target.bytes,
+                   "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
+          ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target.psnr,
-                 "sog: the coarsest steps with which pictures are so near to the source's [dB]")
+                 "sog, glb, gltf, html: the coarsest steps with which pictures are so near to the source's [dB]")
       ->check(CLI::Range(1.0, 100.0))
       ->excludes(target_size)
       ->excludes(steps);
-  app.add_option(
-         "--texture-step", arguments.options.texture_step,
-         "sog: between a texture's colours, coarser where they weigh less; larger files are nearer to the model")
-      ->check(CLI::Range(1.0f / 1024, 0.5f))
-      ->capture_default_str();
+  app.add_option("--texture-step", arguments.options.texture_step,
+                 "sog, glb, gltf, html: between a texture's colours, coarser where they weigh less; 1/32 without it "
+                 "for sog and --steps")
+      ->check(CLI::Range(1.0f / 1024, 0.5f));
   app.add_option("--spz-version", arguments.options.spz_version,
                  "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet")
       ->check(CLI::Range(tg::kOldestSpz, tg::kNewestSpz))
@@ -242,6 +247,7 @@ int convertMain(int argc, char** argv) {
   app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
   if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
   arguments.options.edits = edit_parser.edits();
+  arguments.options.cameras = !arguments.no_cameras;
   takeFiles(arguments);
   if (arguments.psnr) arguments.options.measure = tg::Measure::always;
   if (arguments.no_psnr || (arguments.quiet && !arguments.json)) arguments.options.measure = tg::Measure::never;

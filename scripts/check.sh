@@ -30,6 +30,7 @@ make_seeds() {
   for name in tgz ply compressed.ply spz sog splat glb html; do
     build-fuzz/bin/tgconvert docs/sample.tgz "$1/sample.$name" --decimate 100 --no-psnr --overwrite || return
   done
+  build-fuzz/bin/tgconvert docs/sample.tgz "$1/steps.glb" --decimate 100 --no-psnr --overwrite --steps 2 --atlas webp
 }
 
 fuzz() {

@@ -35,6 +35,47 @@ def png(width, height, channels, pixels, depth=8):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(raw, 9)) + chunk(b"IEND", b"")
 
 
+def riff(kind, data):
+    chunk = kind + struct.pack("<I", len(data)) + data.ljust((len(data) + 1) // 2 * 2, b"\0")
+    return b"RIFF" + struct.pack("<I", 4 + len(chunk)) + b"WEBP" + chunk
+
+
+def webp(width, height, channels, pixels):
+    """A lossless WebP without transforms, whose codes have 8 bits each (RFC 9649, section 3)."""
+    bits = []
+
+    def put(value, count):
+        bits.extend(value >> k & 1 for k in range(count))
+
+    put(0x2F, 8)
+    put(width - 1, 14)
+    put(height - 1, 14)
+    put(0, 1 + 3)  # no alpha; version
+    put(0, 1 + 1 + 1)  # no transform, no colour cache, one group of codes
+    for lengths in (280, 256, 256):  # green with run lengths, red, blue: literals of 8 bits, nothing else
+        put(0, 1)  # code lengths are coded
+        put(12 - 4, 4)
+        for symbol in (17, 18, 0, 1, 2, 3, 4, 5, 16, 6, 7, 8):
+            put(1 if symbol in (0, 8) else 0, 3)
+        put(0, 1)  # all lengths follow
+        for k in range(lengths):
+            put(1 if k < 256 else 0, 1)
+    put(0b1, 1), put(0, 1), put(1, 1), put(255, 8)  # alpha: always 255
+    put(0b1, 1), put(0, 1), put(0, 1), put(0, 1)  # distances: never
+    for i in range(len(pixels) // channels):
+        rgb = pixels[i * channels:(i + 1) * channels] if channels == 3 else pixels[i:i + 1] * 3
+        for value in (rgb[1], rgb[0], rgb[2]):
+            put(int(f"{value:08b}"[::-1], 2), 8)
+    bits.extend([0] * (-len(bits) % 8))
+    return riff(b"VP8L", bytes(sum(bits[k + j] << j for j in range(8)) for k in range(0, len(bits), 8)))
+
+
+def lossy_webp(width, height):
+    """The header of a lossy WebP (RFC 6386, section 9.1) and no picture."""
+    return riff(b"VP8 ", struct.pack("<I", 1 << 4 | 4 << 5)[:3] + b"\x9d\x01\x2a" + struct.pack("<HH", width, height) +
+                bytes(8))
+
+
 class Glb:
     """A file as JSON and a list of bufferViews' bytes."""
 
@@ -109,6 +150,14 @@ class Glb:
         self.json["images"].append({"bufferView": self.add_view(data), "mimeType": mime})
         self.json["textures"].append({"source": len(self.json["images"]) - 1, "sampler": 0})
         return len(self.json["textures"]) - 1
+
+    def to_webp(self, texture, data):
+        """The texture's image becomes a WebP file, by EXT_texture_webp and without a PNG."""
+        image = self.json["textures"][texture].pop("source")
+        self.json["images"][image]["mimeType"] = "image/webp"
+        self.views[self.json["images"][image]["bufferView"]] = data
+        self.json["textures"][texture]["extensions"] = {"EXT_texture_webp": {"source": image}}
+        self.json["extensionsUsed"] = [KHR, TG, "EXT_texture_webp"]
 
     def bytes(self):
         root = copy.deepcopy(self.json)
@@ -469,6 +518,45 @@ def _(g):
 def _(g):
     "a PNG of 70 bytes that claims 2^31 texels"
     g.views[g.json["images"][0]["bufferView"]] = png(65536, 32768, 3, b"")
+
+
+@valid("T20", "webp")
+def _(g):
+    "WebP images by EXT_texture_webp"
+    g.to_webp(0, webp(8, 8, 3, bytes(range(192))))
+    g.to_webp(1, webp(8, 8, 1, bytes(range(64))))
+
+
+@case("T20", "webp_lossy", "error", "/images/0", "a lossy WebP")
+def _(g):
+    "a lossy WebP"
+    g.to_webp(0, lossy_webp(8, 8))
+
+
+@case("T20", "webp_source", "error", "/images/0", "an atlas of another type")
+def _(g):
+    "a WebP as a texture's own source"
+    g.to_webp(0, webp(8, 8, 3, bytes(192)))
+    g.json["textures"][0] = {"source": 0}
+
+
+@case("T20", "webp_broken", "error", "/images/0", "")
+def _(g):
+    "a WebP that ends early"
+    g.to_webp(0, webp(8, 8, 3, bytes(192))[:150])
+
+
+@case("T20", "webp_huge", "error", "/images/0", "the atlas is too large")
+def _(g):
+    "a WebP that claims 2^28 texels"
+    g.to_webp(0, webp(16384, 16384, 3, bytes(192)))
+
+
+@case("T20", "webp_dangling", "error", "/textures/0/extensions/EXT_texture_webp/source", "")
+def _(g):
+    "a WebP that is not there"
+    g.to_webp(0, webp(8, 8, 3, bytes(192)))
+    g.json["textures"][0]["extensions"]["EXT_texture_webp"]["source"] = 9
 
 
 @case("T21", "axes", "warning", PRIMITIVE, "whose SCALE.z is not the smallest")

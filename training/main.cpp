@@ -110,8 +110,8 @@ void planSize(const Options& options, const tg::Dataset& dataset, tg::TrainSetti
     settings.texture_mode = tg::TextureMode::none;
     if (!given({"iterations", "texture-iterations"})) settings.iterations += settings.texture_iterations;
   }
-  const tg::SizePlan plan =
-      tg::planForSize(options.target_bytes, tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);
+  const tg::SizePlan plan = tg::planForSize(tg::bytesAsSog(options.output, options.target_bytes),
+                                            tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);
   if (!given({"gaussians", "percent"})) settings.gaussians = plan.gaussians;
   const bool textured = settings.texture_mode != tg::TextureMode::none;
   if (textured && !given({"adaptive-texels", "texel-budget"})) {
@@ -169,7 +169,7 @@ int runTraining(const Options& options) {
     throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
   }
   tg::TrainSettings settings = settingsOf(options);
-  tg::checkTarget(options.output, options.target_bytes);
+  if (options.target_bytes > 0) tg::bytesAsSog(options.output, options.target_bytes);
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
   // What a run wrote when it was stopped, it replaces when it goes on.
   const bool replace = options.overwrite || (run && run->hasCheckpoint());
@@ -277,7 +277,7 @@ void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("-o,--output", options.output,
                  "Model to write: ." + tg::listed(tg::outputNames(true)) + "; optional with --run");
   tg::addBytes(app, "--target-size", options.target_bytes,
-               "Of a .sog: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
+               "Of a .sog or .glb: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
       ->configurable(false);
   app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
       ->check(CLI::IsMember(tg::presetNames()))

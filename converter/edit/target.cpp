@@ -5,34 +5,34 @@
 #include <cmath>
 #include <filesystem>
 #include <string>
-#include <vector>
 
 #include "converter/edit/quality.h"
-#include "converter/sog/sog.h"
 #include "core/file/scratch_folder.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 
 namespace tg {
 
-float stepsFor(const Format& format, const Bundle& source, WriteOptions options, const Target& target) {
+float stepsFor(const Format& format, const Bundle& source, std::span<const Camera> views, WriteOptions options,
+               const Target& target) {
   TG_ASSERT(target.given(), "a target is given");
-  if (!format.has_steps) throw Error(ErrorKind::usage, "a target is only for .sog");
+  if (!format.has_steps) throw Error(ErrorKind::usage, "a target is only for .sog, .glb, .gltf and .html");
   const ScratchFolder folder;
   const std::filesystem::path file = folder.path() / ("trial." + std::string(format.name));
-  const std::vector<Camera> views = qualityViews(source.model, source.cameras);
+  options.replace = true;
   const bool by_size = target.bytes > 0;
   double reached = 0;
   const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
-    Written ignored;
+    Written trial;
     options.steps = static_cast<float>(std::exp2(logarithm));
-    writeModel(format, file, source, options, ignored);
-    reached = by_size ? static_cast<double>(std::filesystem::file_size(file))
+    writeModel(format, file, source, options, trial);
+    const std::uint64_t bytes = trial.output_bytes > 0 ? trial.output_bytes : std::filesystem::file_size(file);
+    reached = by_size ? static_cast<double>(bytes)
                       : renderedPsnr(source.model, readModel(file).model, views, source.background);
     return by_size ? reached > static_cast<double>(target.bytes) : reached >= target.psnr;
   };
   constexpr int kTrials = 8;  // halvings of nine octaves: steps of 2.5 %, files of less than 1 %
-  double fine = std::log2(kLeastSogSteps), coarse = std::log2(kMostSogSteps);
+  double fine = std::log2(kLeastSteps), coarse = std::log2(kMostSteps);
   if (by_size ? isFineEnough(coarse) : !isFineEnough(fine)) {
     const std::string wanted = std::to_string(by_size ? target.bytes : std::lround(target.psnr));
     const std::string limit = std::to_string(std::lround(reached));

@@ -124,7 +124,7 @@ std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, Mes
   return index;
 }
 
-void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, const MeshoptFilter& filter, Bounds* bounds) {
+void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter, Bounds* bounds) {
   const std::size_t count = gaussians_.size();
   std::vector<std::uint8_t> bytes(count * element.stride());
   std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
@@ -133,9 +133,10 @@ void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, const 
     fill(gaussians_.block(first, std::min(kBlock, count - first), scratch[static_cast<std::size_t>(worker)]),
          bytes.data() + first * element.stride());
   });
+  if (filter.kind == MeshoptFilter::Kind::fixed) filter.exponent = roundToSteps(bytes, filter.exponent);
   if (bounds) bounds->add(bytes);
   PackedView packed = packMeshopt(bytes, count, element.stride(), filter);
-  const char* filters[] = {"NONE", "QUATERNION", "EXPONENTIAL"};
+  const char* filters[] = {"NONE", "QUATERNION", "EXPONENTIAL", "EXPONENTIAL"};
   const std::uint64_t size = packed.bytes.size();
   const std::uint64_t offset = reserve(size);
   const std::uint64_t unpacked = std::uint64_t{count} * packed.stride;

@@ -25,10 +25,13 @@ struct ElementType {
   std::size_t stride() const { return (bytes + 3) / 4 * 4; }
 };
 
-// What EXT_meshopt_compression may do to an attribute before it is packed. All but none lose bits: `bits` are kept.
+// What EXT_meshopt_compression may do to an attribute before it is packed. All but none lose bits: `bits` are kept of
+// each number or, `fixed`, multiples of 2^exponent.
 struct MeshoptFilter {
-  enum class Kind { none, quaternion, exponential } kind = Kind::none;
+  enum class Kind { none, quaternion, exponential, fixed } kind = Kind::none;
   int bits = 0;
+  int exponent = 0;
+  bool rounded = false;  // quaternion: `bits` on top of the 16 that the filter can keep, where they pack better
 };
 
 class GltfBuilder {
@@ -75,7 +78,7 @@ class GltfBuilder {
   void setBounds(std::size_t accessor, const Bounds& bounds);
   std::uint64_t reserve(std::uint64_t bytes);
   std::size_t addView(std::uint64_t offset, std::uint64_t bytes);
-  void addPacked(const ElementType& element, const Fill& fill, const MeshoptFilter& filter, Bounds* bounds);
+  void addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter, Bounds* bounds);
   void addBlob(std::vector<std::uint8_t> bytes, std::uint64_t offset);
   // The binary part at `base` of a file, in one pass over the Gaussians, and then the document's bounds.
   void writeBinary(const FileWriter& file, std::uint64_t base, bool with_images);

@@ -22,6 +22,8 @@ namespace tg {
 inline constexpr std::string_view kSplatExtension = "KHR_gaussian_splatting";
 inline constexpr std::string_view kTextureExtension = "TG_gaussian_splatting_texture";
 
+inline constexpr std::string_view kWebpExtension = "EXT_texture_webp";
+
 inline constexpr std::uint64_t kMaxGltfBytes = 0xFFFFFFFF;  // what a GLB header can say
 
 struct GltfDocument {

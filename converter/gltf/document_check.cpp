@@ -19,8 +19,8 @@ namespace {
 using nlohmann::json;
 
 constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 32;  // of accessor elements: keeps every product below 2^64
-constexpr std::array<std::string_view, 4> kSupportedExtensions = {kSplatExtension, kTextureExtension, kSpzExtension,
-                                                                  "KHR_mesh_quantization"};
+constexpr std::array<std::string_view, 5> kSupportedExtensions = {kSplatExtension, kTextureExtension, kSpzExtension,
+                                                                  kWebpExtension, "KHR_mesh_quantization"};
 
 // The elements of a top-level array of objects; none when the key is absent.
 std::vector<JsonNode> elements(const JsonNode& root, const char* key) {
@@ -208,6 +208,9 @@ void checkImages(const JsonNode& root, const std::vector<View>& views) {
   const std::size_t images = countOf(root, "images");
   for (const JsonNode& texture : elements(root, "textures")) {
     if (texture.has("source")) texture.at("source").index(images, "image");
+    const std::string webp(kWebpExtension);
+    if (!texture.has("extensions") || !texture.at("extensions").object().has(webp.c_str())) continue;
+    texture.at("extensions").at(webp).object().at("source").index(images, "image");
   }
 }
 

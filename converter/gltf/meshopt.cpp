@@ -2,6 +2,10 @@
 // EXT_meshopt_compression by way of libmeshoptimizer.
 #include "converter/gltf/meshopt.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
 #include "core/system/assert.h"
 #include "core/system/error.h"
 
@@ -15,9 +19,64 @@ std::string_view missingMeshopt() {
   return "this program was built without libmeshoptimizer (Debian: libmeshoptimizer-dev)";
 }
 
+int roundToSteps(std::span<std::uint8_t> floats, int exponent) {
+  const auto at = [&](std::size_t i) {
+    float number;
+    std::memcpy(&number, floats.data() + i * sizeof(number), sizeof(number));
+    return static_cast<double>(number);
+  };
+  const std::size_t count = floats.size() / sizeof(float);
+  double most = 0;
+  for (std::size_t i = 0; i < count; ++i) most = std::max(most, std::abs(at(i)));
+  constexpr int bits = 23;  // of the filter's mantissa, without its sign
+  exponent = std::max(exponent, std::ilogb(std::max(most, 1e-30)) + 2 - bits);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double whole = std::nearbyint(std::ldexp(at(i), -exponent)) + 0.0;  // the filter has one zero
+    const auto number = static_cast<float>(std::ldexp(whole, exponent));
+    std::memcpy(floats.data() + i * sizeof(number), &number, sizeof(number));
+  }
+  return exponent;
+}
+
 #ifdef TG_MESHOPT
 
 namespace {
+
+constexpr int kMantissaBits = 24;  // with its sign
+
+// The codec packs each byte of an element by its difference from the element before. Numbers of few bits therefore
+// stand in the mantissa's highest bytes: below them are zeros, and no byte is a mere sign, which would cost 2 bits.
+void encodeFixed(std::uint8_t* to, std::span<const std::uint8_t> floats, int exponent) {
+  std::vector<std::int32_t> wholes(floats.size() / sizeof(float));
+  std::int32_t most = 0;
+  for (std::size_t i = 0; i < wholes.size(); ++i) {
+    float number;
+    std::memcpy(&number, floats.data() + i * sizeof(number), sizeof(number));
+    wholes[i] = static_cast<std::int32_t>(std::lround(std::ldexp(static_cast<double>(number), -exponent)));
+    most = std::max(most, wholes[i] < 0 ? -(wholes[i] + 1) : wholes[i]);
+  }
+  int shift = 0;
+  while (shift + 8 < kMantissaBits && most < 1 << (kMantissaBits - 9 - shift)) shift += 8;
+  for (std::size_t i = 0; i < wholes.size(); ++i) {
+    const std::uint32_t mantissa = static_cast<std::uint32_t>(wholes[i]) << shift;
+    const std::uint32_t word = static_cast<std::uint32_t>(exponent - shift) << kMantissaBits | (mantissa & 0xFFFFFFu);
+    std::memcpy(to + i * sizeof(word), &word, sizeof(word));
+  }
+}
+
+// The same of quaternions, whose numbers all have 16 bits for the filter: multiples of 2^(16 - bits) of its unit.
+void roundComponents(std::span<std::uint8_t> elements, int bits) {
+  const int unit = 1 << (16 - bits), most = 32767 / unit * unit;
+  for (std::size_t at = 0; at < elements.size(); at += 8) {
+    std::int16_t components[3];  // the fourth says which one is left out
+    std::memcpy(components, elements.data() + at, sizeof(components));
+    for (std::int16_t& c : components) {
+      c = static_cast<std::int16_t>(
+          std::clamp(static_cast<int>(std::lround(c / static_cast<double>(unit))) * unit, -most, most));
+    }
+    std::memcpy(elements.data() + at, components, sizeof(components));
+  }
+}
 
 // An exponent for every float.
 void encodeSingleFloats(void* to, std::size_t count, int bits, const float* from) {
@@ -44,11 +103,17 @@ PackedView packMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, s
   if (filter.kind == MeshoptFilter::Kind::quaternion) {
     packed.stride = 4 * sizeof(std::int16_t);
     filtered.resize(count * packed.stride);
-    meshopt_encodeFilterQuat(filtered.data(), count, packed.stride, filter.bits, floats);
+    meshopt_encodeFilterQuat(filtered.data(), count, packed.stride, filter.rounded ? 16 : filter.bits, floats);
+    if (filter.rounded) roundComponents(filtered, filter.bits);
     from = filtered;
   } else if (filter.kind == MeshoptFilter::Kind::exponential) {
     filtered.resize(count * stride);
     encodeSingleFloats(filtered.data(), count * stride / sizeof(float), filter.bits, floats);
+    from = filtered;
+  }
+  if (filter.kind == MeshoptFilter::Kind::fixed) {
+    filtered.resize(count * stride);
+    encodeFixed(filtered.data(), bytes, filter.exponent);
     from = filtered;
   }
   meshopt_encodeVertexVersion(0);  // what the extension knows

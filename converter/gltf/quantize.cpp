@@ -4,9 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
+#include "converter/formats/texel_spread.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 
 namespace tg {
@@ -54,6 +58,14 @@ double squaredError(const Image& page, int channel, const Range& range, const Le
   return sum;
 }
 
+// The number below which the magnitudes of 99.9 % lie. Reorders them; at least one.
+float percentileOf(std::vector<float>& magnitudes) {
+  const auto at =
+      magnitudes.begin() + static_cast<std::ptrdiff_t>(kPercentile * static_cast<double>(magnitudes.size() - 1));
+  std::nth_element(magnitudes.begin(), at, magnitudes.end());
+  return *at;
+}
+
 Range chooseRange(const Image& page, int channel, const Levels& levels) {
   std::vector<float> magnitudes;
   bool is_signed = false;
@@ -64,23 +76,16 @@ Range chooseRange(const Image& page, int channel, const Levels& levels) {
   }
   if (magnitudes.empty()) return {};
   const Range widest = rangeFor(*std::max_element(magnitudes.begin(), magnitudes.end()), is_signed, levels);
-  const auto percentile =
-      magnitudes.begin() + static_cast<std::ptrdiff_t>(kPercentile * static_cast<double>(magnitudes.size() - 1));
-  std::nth_element(magnitudes.begin(), percentile, magnitudes.end());
-  const Range narrow = rangeFor(*percentile, is_signed, levels);
+  const Range narrow = rangeFor(percentileOf(magnitudes), is_signed, levels);
   return squaredError(page, channel, narrow, levels) < squaredError(page, channel, widest, levels) ? narrow : widest;
 }
 
-}  // namespace
+double alphaUnit(const TexelSteps& steps) { return std::max(2 * steps.step, 1.0 / 255); }
 
-QuantizedPage quantizePage(const Image& page, int bits) {
-  TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
-  const Levels levels = levelsOf(bits);
+QuantizedPage quantizedBy(const Image& page, const std::array<Range, 4>& ranges, const Levels& levels) {
   QuantizedPage out;
   out.color = Image(page.width, page.height, 3);
   out.alpha = Image(page.width, page.height, 1);
-  std::array<Range, 4> ranges;
-  for (int c = 0; c < 3; ++c) ranges[c] = chooseRange(page, c, levels);
   for (int c = 0; c < 4; ++c) {
     out.scale[c] = ranges[c].scale;
     out.offset[c] = ranges[c].offset;
@@ -97,6 +102,64 @@ QuantizedPage quantizePage(const Image& page, int bits) {
     if (clipped) ++out.clipped_texels;
   }
   return out;
+}
+
+}  // namespace
+
+QuantizedPage quantizePage(const Image& page, int bits) {
+  TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
+  const Levels levels = levelsOf(bits);
+  std::array<Range, 4> ranges;
+  for (int c = 0; c < 3; ++c) ranges[c] = chooseRange(page, c, levels);
+  return quantizedBy(page, ranges, levels);
+}
+
+TexelSteps texelStepsOf(const TextureAtlas& atlas, double step) {
+  TG_ASSERT(step > 0, "steps have a width");
+  const Levels levels = levelsOf(8);
+  TexelSteps steps{step, {step, step, step}};
+  for (int c = 0; c < 3; ++c) {
+    std::vector<float> magnitudes;
+    for (const glm::vec4& texel : atlas.texels) magnitudes.push_back(std::abs(texel[c]));
+    if (magnitudes.empty()) continue;
+    const double most = static_cast<double>(percentileOf(magnitudes));
+    while (steps.units[c] * (levels.largest - levels.zero) < most) steps.units[c] *= 2;
+  }
+  return steps;
+}
+
+TextureAtlas texelsInSteps(const GaussianModel& model, const GaussianModel& base, const TexelSteps& steps) {
+  TG_ASSERT(base.size() == model.size(), "the base has the model's Gaussians");
+  TextureAtlas atlas = model.atlas;
+  std::map<std::pair<int, int>, std::vector<double>> spreads;  // by size
+  for (std::size_t i = 0; i < atlas.rects.size(); ++i) {
+    const TextureRect rect = atlas.rects[i];
+    if (rect.texelCount() == 0) continue;
+    std::vector<double>& own = spreads[{rect.width, rect.height}];
+    if (own.empty()) own = texelSpreads(rect.width, rect.height);
+    const double weight = opacitySpread(opacityOf(base, i));
+    for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
+      // Powers of 2 of what is stored: texels of all weights then have numbers in common, which is what coders live on,
+      // and none is rounded twice, which sends all halves outwards.
+      const auto rounded = [&](double value, double wanted, double stored) {
+        const double unit = stored * std::exp2(std::max(std::round(std::log2(wanted * own[t] * weight / stored)), 0.0));
+        return wholeSteps(value / unit) * unit;
+      };
+      glm::vec4& texel = atlas.texels[rect.offset + t];
+      for (int c = 0; c < 3; ++c) texel[c] = static_cast<float>(rounded(texel[c], steps.step, steps.units[c]));
+      texel.a = static_cast<float>(std::max(1 + rounded(texel.a - 1, 2 * steps.step, alphaUnit(steps)), 0.0));
+    }
+  }
+  return atlas;
+}
+
+QuantizedPage quantizePage(const Image& page, const TexelSteps& steps) {
+  const Levels levels = levelsOf(8);
+  std::array<Range, 4> ranges;
+  for (int c = 0; c < 3; ++c) ranges[c] = rangeFor(steps.units[c] * (levels.largest - levels.zero), true, levels);
+  const double scale = alphaUnit(steps) * levels.largest;
+  ranges[3] = {scale, 1 - scale};
+  return quantizedBy(page, ranges, levels);
 }
 
 }  // namespace tg

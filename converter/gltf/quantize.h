@@ -6,6 +6,7 @@
 
 #include "core/image/image.h"
 #include "core/model/atlas.h"
+#include "core/model/model.h"
 
 namespace tg {
 
@@ -21,5 +22,19 @@ struct QuantizedPage {
 // largest magnitude or the 99.9 percentile of the magnitudes, whichever loses less in the mean square. Alpha: [0, 1].
 // bits: 8 or 16.
 QuantizedPage quantizePage(const Image& page, int bits = 8);
+
+// Texels that are coarser where they weigh less, of 8 bits in the file.
+struct TexelSteps {
+  double step = 0;              // between the colours that weigh most; alpha's are twice as wide
+  std::array<double, 3> units;  // between stored numbers of a colour channel: step, or a power of 2 of it
+};
+// `step`: above 0. Units are as narrow as 127 of them reach the 99.9 percentile of a channel's magnitudes.
+TexelSteps texelStepsOf(const TextureAtlas& atlas, double step);
+// The textures of `model` with colours that are multiples of a unit, and alphas that are 1 less such; the unit is the
+// step times the power of 2 nearest to the texel's spread (converter/formats/texel_spread.h), and at least what is
+// stored. `base`: bakeFallback(model), whose opacities say how much a Gaussian weighs.
+TextureAtlas texelsInSteps(const GaussianModel& model, const GaussianModel& base, const TexelSteps& steps);
+// Of what texelsInSteps made: 128 stands for 0 in colour, 255 for 1 in alpha.
+QuantizedPage quantizePage(const Image& page, const TexelSteps& steps);
 
 }  // namespace tg

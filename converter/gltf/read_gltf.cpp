@@ -540,6 +540,14 @@ void findOverlooked(const std::filesystem::path& path, std::vector<std::string>&
                          " is listed: loaders that could show the rest refuse the file");
     }
   }
+  const std::string webp(kWebpExtension);
+  const json textures = root.value("textures", json::array());
+  const bool has_webp = std::any_of(textures.begin(), textures.end(), [&](const json& texture) {
+    return texture.value("extensions", json::object()).contains(webp);
+  });
+  if (has_webp && !lists(root, "extensionsUsed", webp)) {
+    errors.push_back("/extensionsUsed: " + webp + " is used and not listed");
+  }
 }
 
 }  // namespace tg

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "core/image/image.h"
+#include "core/image/webp.h"
 #include "core/model/verbs.h"
 #include "shared/limits.h"
 
@@ -86,6 +87,28 @@ struct Page {
   double largest = 255.0;
 };
 
+Page readPng(const Place& place, const std::vector<unsigned char>& bytes, std::uint64_t& texels) {
+  const auto [width, height] = pngSize(place, bytes);
+  checkPageSize(place, width, height, texels);
+  constexpr std::size_t bit_depth_at = 24;
+  return {decodeImage(bytes, place.document.path + ": " + place.pointer), bytes[bit_depth_at] == 16 ? 65535.0 : 255.0};
+}
+
+Page readWebp(const Place& place, const std::vector<unsigned char>& bytes, std::uint64_t& texels) {
+  const std::string path = place.document.path + ": " + place.pointer;
+  const WebpHeader header = readWebpHeader(bytes, path);
+  if (!header.lossless) place.fail("a lossy WebP, which mixes texels (expected a lossless one)");
+  checkPageSize(place, static_cast<std::uint64_t>(header.width), static_cast<std::uint64_t>(header.height), texels);
+  const BytePixels pixels = decodeWebp(bytes, path);
+  Page page;
+  page.image = Image(pixels.width, pixels.height, 3);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c)
+      page.image.data[3 * i + c] = static_cast<float>(pixels.data[4 * i + c]) / 255.0f;
+  }
+  return page;
+}
+
 // An image of the file by way of a texture index.
 Page readPage(const Place& place, const std::string& key, std::uint64_t& texels) {
   const tinygltf::Model& model = place.document.model;
@@ -95,20 +118,18 @@ Page readPage(const Place& place, const std::string& key, std::uint64_t& texels)
     place.fail("\"" + key + "\" names no texture (expected an index below " + std::to_string(model.textures.size()) +
                ", found " + (index.IsInt() ? std::to_string(texture) : "no integer") + ")");
   }
-  const int source = model.textures[texture].source;
-  if (source < 0) {
-    place.fail("texture " + std::to_string(texture) + " has no source image");
-  }
+  const auto& extensions = model.textures[texture].extensions;
+  const auto webp = extensions.find(std::string(kWebpExtension));
+  const bool is_webp = webp != extensions.end();
+  const int source = is_webp ? webp->second.Get("source").GetNumberAsInt() : model.textures[texture].source;
+  if (source < 0) place.fail("texture " + std::to_string(texture) + " has no source image");
   const Place image_place{place.document, place.value, "/images/" + std::to_string(source)};
   const tinygltf::Image& image = model.images[source];
-  if (!image.mimeType.empty() && image.mimeType != "image/png") {
-    image_place.fail("an atlas of another type (expected image/png, found " + image.mimeType + ")");
+  const std::string expected = is_webp ? "image/webp" : "image/png";
+  if (!image.mimeType.empty() && image.mimeType != expected) {
+    image_place.fail("an atlas of another type (expected " + expected + ", found " + image.mimeType + ")");
   }
-  const auto [width, height] = pngSize(image_place, image.image);
-  checkPageSize(image_place, width, height, texels);
-  constexpr std::size_t bit_depth_at = 24;
-  return {decodeImage(image.image, place.document.path + ": " + image_place.pointer),
-          image.image[bit_depth_at] == 16 ? 65535.0 : 255.0};
+  return is_webp ? readWebp(image_place, image.image, texels) : readPng(image_place, image.image, texels);
 }
 
 // A stored value in [0, 1] to the texel's. It is taken back to an integer: 128 then is exactly 0 where the offset says

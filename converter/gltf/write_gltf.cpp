@@ -9,12 +9,15 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "converter/formats/gaussian_blocks.h"
+#include "converter/formats/morton.h"
 #include "converter/formats/repair.h"
+#include "converter/gltf/attribute_filters.h"
 #include "converter/gltf/axes.h"
 #include "converter/gltf/builder.h"
 #include "converter/gltf/cameras.h"
@@ -23,8 +26,10 @@
 #include "converter/gltf/quantize.h"
 #include "core/file/atomic_files.h"
 #include "core/image/image.h"
+#include "core/image/webp.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
@@ -38,11 +43,6 @@ constexpr int kMaxAtlasSide = 4096;  // [texels] what every WebGL 2 device can l
 constexpr const char* kGenerator = "Textured Gaussians tgconvert";
 constexpr std::uint64_t kSourceBytes = 32;                             // of a Gaussian: rotation, scale, opacity
 constexpr std::uint64_t kMaxBinaryBytes = 0xFFFFFFFFull - (1u << 24);  // of a GLB, less room for the JSON
-// Bits that --quantize leaves a float's mantissa in a packed file.
-constexpr MeshoptFilter kQuaternionFilter{MeshoptFilter::Kind::quaternion, 14};
-constexpr MeshoptFilter kScaleFilter{MeshoptFilter::Kind::exponential, 14};
-constexpr MeshoptFilter kDcFilter{MeshoptFilter::Kind::exponential, 14};
-constexpr MeshoptFilter kShFilter{MeshoptFilter::Kind::exponential, 10};
 
 constexpr ElementType kFloat1{"SCALAR", 5126, false, 4};
 constexpr ElementType kFloat3{"VEC3", 5126, false, 12};
@@ -91,7 +91,9 @@ class Writer {
         content_(content),
         model_(content.model),
         gaussians_(gaussians),
-        limited_(limited) {}
+        limited_(limited),
+        filters_(content.options.steps ? filtersInSteps(content.model, static_cast<double>(*content.options.steps))
+                                       : wholeFilters(content.options.quantize)) {}
 
   // fill(model, i): the element of the model's Gaussian i.
   template <typename T, typename Fill>
@@ -114,7 +116,7 @@ class Writer {
   void addOpacity(Baked baked, std::string_view extension);
   void addColors(Baked baked);
   void addDc();
-  Json addTextures(GltfReport& report);
+  Json addTextures(const GaussianModel& base, GltfReport& report);
   void addSource(bool textured, GltfReport& report);
   void addScene(Json nested);
 
@@ -122,21 +124,20 @@ class Writer {
   Json attributes;
 
  private:
-  Json addAtlas(Image& page, const std::string& name, GltfReport& report);
+  Json addAtlas(Image& page, const std::string& name, const std::optional<TexelSteps>& steps, GltfReport& report);
   // Index of a texture that shows the image.
-  std::size_t addTexture(std::vector<std::uint8_t> png, const std::string& name);
-  MeshoptFilter filter(const MeshoptFilter& lossy) const { return content_.options.quantize ? lossy : MeshoptFilter{}; }
-
+  std::size_t addTexture(const Image& page, const std::string& name);
   const GltfContent& content_;
   const GaussianModel& model_;
   const GaussianBlocks& gaussians_;
   const bool limited_;
+  const AttributeFilters filters_;
 };
 
 void Writer::addPositions() {
   add<glm::vec3>(
-      "POSITION", kFloat3, [](const GaussianModel& model, std::size_t i) { return turnAxes(model.mean[i]); }, {},
-      nullptr, true);
+      "POSITION", kFloat3, [](const GaussianModel& model, std::size_t i) { return turnAxes(model.mean[i]); },
+      filters_.position, nullptr, true);
 }
 
 // Rotation and scale; local axes in the order of the texture extension when it is there.
@@ -159,7 +160,7 @@ void Writer::addShape(bool textured) {
       return out;
     });
   } else {
-    add<glm::vec4>(rotation_name, kFloat4, xyzw, filter(kQuaternionFilter));
+    add<glm::vec4>(rotation_name, kFloat4, xyzw, filters_.rotation);
   }
   add<glm::vec3>(
       attributeName(kSplatExtension, "SCALE"), kFloat3,
@@ -169,25 +170,28 @@ void Writer::addShape(bool textured) {
         if (textured) orderAxesForGltf(log_scale, rotation);
         return gltfScale(log_scale);
       },
-      filter(kScaleFilter));
+      filters_.scale);
 }
 
 void Writer::addOpacity(Baked baked, std::string_view extension) {
+  const bool stand_in = baked && hasAlpha(model_.texture_mode);
+  const MeshoptFilter& filter = stand_in ? filters_.base_opacity : filters_.opacity;
   const std::string semantic = attributeName(extension, "OPACITY");
   const auto opacity = [](const GaussianModel& model, std::size_t i) { return gltfOpacity(model.opacity_logit[i]); };
-  if (content_.options.quantize) {
+  if (content_.options.quantize && !content_.options.steps) {
     const auto rounded = [opacity](const GaussianModel& model, std::size_t i) {
       return static_cast<std::uint16_t>(std::lround(opacity(model, i) * 65535.0f));
     };
     add<std::uint16_t>(semantic, kUnsignedShort1, rounded, {}, baked);
   } else {
-    add<float>(semantic, kFloat1, opacity, {}, baked);
+    add<float>(semantic, kFloat1, opacity, filter, baked);
   }
 }
 
 void Writer::addColors(Baked baked) {
   const int degree = gaussians_.shDegree();
   const std::size_t count = shCountOf(degree);
+  const bool stand_in = baked && hasColor(model_.texture_mode);
   std::size_t k = 0;
   for (int l = 0; l <= degree; ++l) {
     for (int m = 0; m <= 2 * l; ++m, ++k) {
@@ -197,9 +201,13 @@ void Writer::addColors(Baked baked) {
       add<glm::vec3>(
           attributeName(kSplatExtension, name), kFloat3,
           [sign, count, k](const GaussianModel& model, std::size_t i) { return sign * model.sh[i * count + k]; },
-          filter(l == 0 ? kDcFilter : kShFilter), baked);
+          k > 0      ? filters_.sh[k]
+          : stand_in ? filters_.base_dc
+                     : filters_.dc,
+          baked);
     }
   }
+  if (content_.options.steps) return;  // COLOR_0 says once more what viewers of plain points alone need
   static const LinearFromSrgb linear;
   const auto color = [count](const GaussianModel& model, std::size_t i, int c) {
     return c == 3 ? static_cast<double>(gltfOpacity(model.opacity_logit[i]))
@@ -227,11 +235,29 @@ void Writer::addDc() {
   const std::size_t count = model_.shCount();
   add<glm::vec3>(
       attributeName(kTextureExtension, "SH_DEGREE_0_COEF_0"), kFloat3,
-      [count](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; }, filter(kDcFilter));
+      [count](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; }, filters_.dc);
 }
 
 int bitsOf(AtlasFormat format) { return format == AtlasFormat::png16 ? 16 : 8; }
 auto encodePage(const Image& image, int bits) { return bits == 16 ? encodePng16(image) : encodePng(image); }
+
+// Of options that have one [colour].
+double textureStep(const WriteOptions& options) {
+  return static_cast<double>(*options.texture_step) * static_cast<double>(options.steps.value_or(1.0f));
+}
+
+// One channel becomes grey; opaque.
+BytePixels greyOrColorBytes(const Image& image) {
+  BytePixels pixels(image.width, image.height);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float value = image.data[i * static_cast<std::size_t>(image.channels) + (image.channels == 1 ? 0 : c)];
+      pixels.data[4 * i + c] = static_cast<std::uint8_t>(std::lround(value * 255.0f));
+    }
+    pixels.data[4 * i + 3] = 255;
+  }
+  return pixels;
+}
 
 // What of a Gaussian a reader of the glTF numbers gets back with other last bits.
 struct Changed {
@@ -295,22 +321,31 @@ void Writer::addSource(bool textured, GltfReport& report) {
   }
 }
 
-std::size_t Writer::addTexture(std::vector<std::uint8_t> png, const std::string& name) {
-  const std::size_t image = builder.addImage(std::move(png), "image/png", name);
-  builder.document["textures"].push_back({{"source", image}, {"sampler", 0}});
+std::size_t Writer::addTexture(const Image& page, const std::string& name) {
+  Json texture;
+  if (content_.options.atlas == AtlasFormat::webp) {
+    texture["sampler"] = 0;
+    texture["extensions"][std::string(kWebpExtension)] = {
+        {"source", builder.addImage(encodeWebp(greyOrColorBytes(page)), "image/webp", name)}};
+  } else {
+    texture["source"] = builder.addImage(encodePage(page, bitsOf(content_.options.atlas)), "image/png", name);
+    texture["sampler"] = 0;
+  }
+  builder.document["textures"].push_back(std::move(texture));
   return builder.document["textures"].size() - 1;
 }
 
 // One atlas object. The page's texels are gone afterwards.
-Json Writer::addAtlas(Image& page, const std::string& name, GltfReport& report) {
+Json Writer::addAtlas(Image& page, const std::string& name, const std::optional<TexelSteps>& steps,
+                      GltfReport& report) {
   const TextureMode mode = model_.texture_mode;
   neutralize(pageTexels(page), mode);
   const int bits = bitsOf(content_.options.atlas);
-  const QuantizedPage quantized = quantizePage(page, bits);
+  const QuantizedPage quantized = steps ? quantizePage(page, *steps) : quantizePage(page, bits);
   report.clipped_texels += quantized.clipped_texels;
   Json atlas;
-  if (hasColor(mode)) atlas["color"] = addTexture(encodePage(quantized.color, bits), name + "_color");
-  if (hasAlpha(mode)) atlas["alpha"] = addTexture(encodePage(quantized.alpha, bits), name + "_alpha");
+  if (hasColor(mode)) atlas["color"] = addTexture(quantized.color, name + "_color");
+  if (hasAlpha(mode)) atlas["alpha"] = addTexture(quantized.alpha, name + "_alpha");
   if (content_.options.atlas == AtlasFormat::exr) {
     const std::array<std::string, 4> channels = {"R", "G", "B", "alpha"};
     atlas["exr"] = builder.addImage(encodeExr(page, channels), "image/x-exr", name + "_values");
@@ -322,8 +357,11 @@ Json Writer::addAtlas(Image& page, const std::string& name, GltfReport& report) 
 }
 
 // Atlases and rectangles. Returns the extension object; images are the last thing in the buffer.
-Json Writer::addTextures(GltfReport& report) {
-  PackedAtlas packed = packAtlas(model_.atlas, model_.size(), kMaxAtlasSide);
+Json Writer::addTextures(const GaussianModel& base, GltfReport& report) {
+  std::optional<TexelSteps> steps;
+  if (content_.options.texture_step) steps = texelStepsOf(model_.atlas, textureStep(content_.options));
+  PackedAtlas packed =
+      packAtlas(steps ? texelsInSteps(model_, base, *steps) : model_.atlas, model_.size(), kMaxAtlasSide);
   // Fills outlive this function.
   const auto placements = std::make_shared<const std::vector<AtlasPlacement>>(std::move(packed.placements));
   add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle,
@@ -345,7 +383,7 @@ Json Writer::addTextures(GltfReport& report) {
   for (std::size_t p = 0; p < packed.pages.size(); ++p) {
     report.atlas_width = packed.pages[p].width;
     report.atlas_height = packed.pages[p].height;
-    atlases.push_back(addAtlas(packed.pages[p], "atlas_" + std::to_string(p), report));
+    atlases.push_back(addAtlas(packed.pages[p], "atlas_" + std::to_string(p), steps, report));
   }
   report.atlases = static_cast<int>(packed.pages.size());
   return {{"mode", name(model_.texture_mode)},
@@ -361,6 +399,8 @@ void Writer::addScene(Json nested) {
   Json used = Json::array({std::string(kSplatExtension)});
   if (!nested.is_null()) {
     used.push_back(std::string(kTextureExtension));
+    // Not required: only the extension above leads to these textures, and its fallback is the base.
+    if (content_.options.atlas == AtlasFormat::webp) used.push_back(std::string(kWebpExtension));
     splatting["extensions"][std::string(kTextureExtension)] = std::move(nested);
   }
   Json& root = builder.document;
@@ -403,7 +443,7 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   if (textured) {
     if (hasAlpha(model.texture_mode)) writer.addOpacity(nullptr, kTextureExtension);
     if (hasColor(model.texture_mode)) writer.addDc();
-    nested = writer.addTextures(report);
+    nested = writer.addTextures(base, report);
   } else {
     writer.addSource(false, report);
   }
@@ -413,20 +453,44 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   return report;
 }
 
+// With the options that others imply.
+GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content, bool binary) {
+  WriteOptions options = content.options;
+  if ((options.steps || options.texture_step) && options.atlas != AtlasFormat::png8 &&
+      options.atlas != AtlasFormat::webp) {
+    throw Error(ErrorKind::usage, "texels in steps have 8 bits (expected --atlas png8 or webp, found " +
+                                      std::string(name(options.atlas)) + ")");
+  }
+  if (!options.steps || content.model.size() == 0) {
+    return write(path, {content.model, content.cameras, content.background, options}, binary);
+  }
+  TG_ASSERT(*options.steps >= kLeastSteps && *options.steps <= kMostSteps && !options.gaussians,
+            "steps that the formats have, of a model in memory");
+  options.quantize = options.meshopt = true;
+  if (!options.texture_step) options.texture_step = kTextureStep;
+  std::vector<std::uint32_t> order = mortonOrder(content.model.mean);
+  const GaussianModel ordered = select(content.model, order);
+  GltfReport report = write(path, {ordered, content.cameras, content.background, options}, binary);
+  report.order = std::move(order);
+  return report;
+}
+
 }  // namespace
 
 GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content) {
-  return write(path, content, true);
+  return writeAs(path, content, true);
 }
 
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content) {
-  return write(path, content, false);
+  return writeAs(path, content, false);
 }
 
 GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content) {
   const GaussianModel& model = content.model;
-  if (content.options.atlas == AtlasFormat::exr) {
-    throw Error(ErrorKind::usage, "a .png holds no EXR (expected png8 or png16)");
+  if (content.options.atlas == AtlasFormat::exr || content.options.atlas == AtlasFormat::webp) {
+    throw Error(ErrorKind::usage, std::string("a .png holds no ") +
+                                      (content.options.atlas == AtlasFormat::exr ? "EXR" : "WebP") +
+                                      " (expected png8 or png16)");
   }
   const TextureMode mode = model.texture_mode;
   PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxAtlasSide);

@@ -3,7 +3,9 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
+#include <vector>
 
 #include "converter/formats/spz.h"
 #include "core/model/camera.h"
@@ -17,10 +19,12 @@ class GaussianBlocks;
 enum class AtlasFormat {
   png8,   // 8 bits a channel
   png16,  // 16 bits
-  exr     // half floats, with 8-bit PNG beside them for readers without EXR
+  exr,    // half floats, with 8-bit PNG beside them for readers without EXR
+  webp    // 8 bits a channel, lossless, by EXT_texture_webp
 };
-constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr"); }
+constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr", "webp"); }
 
+constexpr float kLeastSteps = 1.0f / 8, kMostSteps = 64;
 constexpr float kTextureStep = 1.0f / 32;
 
 // What a writer is asked for. A format that has no such thing passes over it.
@@ -29,9 +33,14 @@ struct WriteOptions {
   AtlasFormat atlas = AtlasFormat::png8;
   // Integers for rotations, opacities and COLOR_0; with meshopt fewer bits for scales and SH; lean.
   bool quantize = false;
-  bool meshopt = false;                       // EXT_meshopt_compression, which readers must then know
-  float steps = 1;                            // sog: times as wide as they are (converter/sog/sog.h)
-  float texture_step = kTextureStep;          // sog: between a texture's colours
+  bool meshopt = false;  // EXT_meshopt_compression, which readers must then know
+  // Times as wide are the steps of all numbers: of sog (converter/sog/sog.h; without one: 1); of glb, gltf with
+  // quantize and meshopt, without COLOR_0, in Morton order (converter/gltf/attribute_filters.h). kLeastSteps to
+  // kMostSteps.
+  std::optional<float> steps = {};
+  // Between a texture's colours, coarser where they weigh less. sog, and glb, gltf with `steps`: without one
+  // kTextureStep.
+  std::optional<float> texture_step = {};
   int spz_version = kNewestSpz;               // spz: or kOldestSpz (converter/formats/spz.h)
   bool replace = true;                        // gltf, png: the files beside it where they are there already
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
@@ -52,19 +61,21 @@ struct GltfReport {
   std::uint64_t texels = 0;          // in rectangles
   std::uint64_t clipped_texels = 0;  // with a channel outside what the atlas's scale and offset can say
   bool dropped_source = false;       // the source numbers did not fit a GLB beside the rest
+  // Gaussian j of the file is Gaussian order[j] of the model; empty: theirs are one.
+  std::vector<std::uint32_t> order = {};
 };
 
 // Same model in, same bytes out. Atomic. Memory beyond the model's: its atlases, not its Gaussians (all of them with
 // meshopt). Throws Error(badData) for a model beyond GLB's 4 GiB or the atlas's limits, Error(cannotWrite),
 // Error(usage) for meshopt without the library.
 GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content);
-// The same as NAME.gltf with NAME.bin and NAME_atlas_*.png beside it.
+// The same as NAME.gltf with NAME.bin and NAME_atlas_* beside it.
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content);
 // The textures alone, for programs that know neither glTF nor the bundle: NAME.png and NAME_alpha.png as far as the
 // mode has them (NAME_1.png, ... for further atlases), and NAME.json: mode, intersection, extent, atlases with file
 // names, scale and offset as in the glTF extension, a rectangle per Gaussian, and `outside` where it is not base.
 // content.options.atlas: png8 or png16.
-// Throws Error(badData) for a model without textures, Error(usage) for exr.
+// Throws Error(badData) for a model without textures, Error(usage) for exr and webp.
 GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& content);
 
 }  // namespace tg

@@ -128,8 +128,8 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
     GltfContent lean = content;
     lean.options.lean = true;
     // What the page's script does not read.
-    if (lean.options.atlas == AtlasFormat::exr) lean.options.atlas = AtlasFormat::png16;
-    lean.options.meshopt = false;
+    const bool in_steps = lean.options.steps || lean.options.texture_step;  // which EXR is refused with
+    if (lean.options.atlas == AtlasFormat::exr && !in_steps) lean.options.atlas = AtlasFormat::png16;
     try {
       report = writeGlb(glb_path, lean);
     } catch (const Error& error) {

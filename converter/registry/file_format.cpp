@@ -103,7 +103,9 @@ void writePackedPly(const Path& path, const Bundle& source, const WriteOptions&,
 }
 
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  written.order = writeSog(path, source.model, {.steps = options.steps, .texture_step = options.texture_step});
+  written.order =
+      writeSog(path, source.model,
+               {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)});
 }
 
 constexpr Format kFormats[] = {
@@ -162,6 +164,7 @@ constexpr Format kFormats[] = {
      .overlooked = findOverlooked,
      .is_gltf = true,
      .has_base = true,
+     .has_steps = true,
      .streams = true},
     {.name = "gltf",
      .spoken = "gltf",
@@ -172,6 +175,7 @@ constexpr Format kFormats[] = {
      .overlooked = findOverlooked,
      .is_gltf = true,
      .has_base = true,
+     .has_steps = true,
      .streams = true},
     {.name = "html",
      .spoken = "our html",
@@ -180,7 +184,8 @@ constexpr Format kFormats[] = {
      .read = readPage,
      .write = writeScene<writeHtml>,
      .is_gltf = true,
-     .has_base = true},
+     .has_base = true,
+     .has_steps = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
 };
 

@@ -19,8 +19,6 @@ namespace tg {
 // png only.
 struct Written : GltfReport {
   std::string texture_mode;  // of what was written
-  // Gaussian j of the file is Gaussian order[j] of the model; empty: theirs are one.
-  std::vector<std::uint32_t> order;
   std::vector<std::string> warnings;
 };
 

@@ -26,7 +26,6 @@ constexpr const char* kTextures = "TG_gaussian_splatting_texture";  // key of me
 constexpr int kTextureVersion = 1;
 constexpr int kMaxSide = 255;      // [texels]
 constexpr int kNeutralByte = 128;  // of a texel's value
-constexpr double kMostSpread = 16;
 
 // Gaussians with textures of one size, in their order; classes by height, then width.
 struct SizeClass {
@@ -34,11 +33,5 @@ struct SizeClass {
   std::vector<std::uint32_t> gaussians;
 };
 std::vector<SizeClass> sizeClasses(std::span<const TextureRect> rects);
-
-// How many times the step a texel's value may be off: [height, width], 1 for the texels that weigh most. Errors then
-// weigh alike wherever they are.
-std::vector<double> texelSpreads(int width, int height);
-// The same of a Gaussian of this opacity (0 to 1).
-double opacitySpread(double opacity);
 
 }  // namespace tg::sog

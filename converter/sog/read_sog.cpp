@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/formats/repair.h"
+#include "converter/formats/texel_spread.h"
 #include "converter/sog/parts.h"
 #include "converter/sog/sog.h"
 #include "converter/sog/zip.h"
@@ -199,10 +200,10 @@ class SogReader {
     model.atlas.texels.resize(texels);
     std::size_t at = 0;
     for (const sog::SizeClass& group : sog::sizeClasses(model.atlas.rects)) {
-      const std::vector<double> spreads = sog::texelSpreads(group.width, group.height);
+      const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {
         for (const std::uint32_t i : group.gaussians) {
-          const double spread = spreads[t] * sog::opacitySpread(opacityOf(model, i));
+          const double spread = spreads[t] * opacitySpread(opacityOf(model, i));
           const std::uint8_t* bytes = values.data.data() + 4 * at++;
           glm::vec4& texel = model.atlas.texels[model.atlas.rects[i].offset + t];
           for (int k = 0; k < 4; ++k) {

@@ -18,11 +18,9 @@ namespace tg {
 Bundle readSog(const std::filesystem::path& path, bool base_only = false);
 Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bool base_only = false);
 
-constexpr float kLeastSogSteps = 1.0f / 8, kMostSogSteps = 64;
-
 struct SogOptions {
   // So many times as wide are the steps of SH and texels, and those of positions, opacities, rotations and scales as
-  // far as they are more than what all their bits give (docs/sog.md). kLeastSogSteps to kMostSogSteps.
+  // far as they are more than what all their bits give (docs/sog.md). kLeastSteps to kMostSteps.
   float steps = 1;
   // Of the colours in a texture's middle, where a Gaussian is opaque; elsewhere they may be coarser as they weigh less.
   float texture_step = kTextureStep;

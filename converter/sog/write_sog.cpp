@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "converter/formats/morton.h"
+#include "converter/formats/texel_spread.h"
 #include "converter/sog/codebook.h"
 #include "converter/sog/parts.h"
 #include "converter/sog/sog.h"
@@ -24,8 +25,6 @@ namespace tg {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kDeadZone = 0.1;  // [steps] that texels are nearer to no change than they are
 
 constexpr double kCoefficientStep = 0.03;  // of DC and SH, at options.steps 1
 constexpr double kLastCode = 65535;        // of a coordinate
@@ -265,17 +264,15 @@ class SogWriter {
     std::size_t at = 0;
     GaussianModel base = bakeFallback(model_);
     for (const sog::SizeClass& group : sog::sizeClasses(model_.atlas.rects)) {
-      const std::vector<double> spreads = sog::texelSpreads(group.width, group.height);
+      const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {
         for (const std::uint32_t i : group.gaussians) {
-          const double spread = spreads[t] * sog::opacitySpread(toByte(opacityOf(base, i) * 255) / 255.0);
+          const double spread = spreads[t] * opacitySpread(toByte(opacityOf(base, i) * 255) / 255.0);
           glm::vec4& texel = model_.atlas.texels[model_.atlas.rects[i].offset + t];
           std::uint8_t* bytes = values.data.data() + 4 * at++;
           for (int k = 0; k < 4; ++k) {
             const double own = steps[k == 3] * spread, neutral = k == 3 ? 1.0 : 0.0;
-            const double steps_off = (texel[k] - neutral) / own;
-            const double whole = std::floor(std::max(std::abs(steps_off) + 0.5 - kDeadZone, 0.0));
-            bytes[k] = toByte(std::copysign(whole, steps_off) + sog::kNeutralByte);
+            bytes[k] = toByte(wholeSteps((texel[k] - neutral) / own) + sog::kNeutralByte);
             texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * own);
           }
           texel.a = std::clamp(texel.a, 0.0f, 1.0f);
@@ -305,7 +302,7 @@ class SogWriter {
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
                                     const SogOptions& options) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  TG_ASSERT(options.steps >= kLeastSogSteps && options.steps <= kMostSogSteps && options.texture_step > 0,
+  TG_ASSERT(options.steps >= kLeastSteps && options.steps <= kMostSteps && options.texture_step > 0,
             "steps that the format has");
   if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
   const std::string name = path.string();

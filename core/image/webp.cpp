@@ -23,14 +23,20 @@ constexpr int kEffort =
 
 }  // namespace
 
-BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path) {
+WebpHeader readWebpHeader(std::span<const std::uint8_t> bytes, const std::string& path) {
   WebPBitstreamFeatures features;
   if (WebPGetFeatures(bytes.data(), bytes.size(), &features) != VP8_STATUS_OK) {
     throw Error(ErrorKind::badData, path, "no WebP file");
   }
   if (features.has_animation) throw Error(ErrorKind::badData, path, "an animated WebP (expected a single picture)");
-  checkImageSize(features.width, features.height, 4, bytes.size(), kMaxRatio, path);
-  BytePixels pixels(features.width, features.height);
+  constexpr int lossless = 2;  // 0 is unknown or mixed, 1 lossy
+  return {features.width, features.height, features.format == lossless};
+}
+
+BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path) {
+  const WebpHeader header = readWebpHeader(bytes, path);
+  checkImageSize(header.width, header.height, 4, bytes.size(), kMaxRatio, path);
+  BytePixels pixels(header.width, header.height);
   if (!WebPDecodeRGBAInto(bytes.data(), bytes.size(), pixels.data.data(), pixels.data.size(), 4 * pixels.width)) {
     throw Error(ErrorKind::badData, path, "broken WebP file");
   }

@@ -20,6 +20,14 @@ struct BytePixels {
   std::size_t size() const { return data.size() / 4; }  // [pixels]
 };
 
+struct WebpHeader {
+  int width = 0;  // [pixels]
+  int height = 0;
+  bool lossless = false;
+};
+// Reads the header alone: what a decoder would allocate by. Throws Error(badData): no WebP, an animation.
+WebpHeader readWebpHeader(std::span<const std::uint8_t> bytes, const std::string& path);
+
 // Lossy files are decoded, too. Throws Error(badData): no WebP, an animation, a size that its bytes cannot hold.
 BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path);
 // Same pixels in, same bytes out. Sides of 1 to kMaxWebpSide.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Smaller files: adaptive textures, atlas formats, integers, meshopt, and files beside a .gltf.
+#include <algorithm>
 #include <cstring>
 
 #include "converter/convert.h"
@@ -7,6 +8,7 @@
 #include "converter/gltf/read_gltf.h"
 #include "core/bundle/bundle.h"
 #include "core/model/texture_budget.h"
+#include "core/model/verbs.h"
 #include "edits.h"
 #include "glb.h"
 #include "render/contribution.h"
@@ -128,6 +130,31 @@ TEST_CASE("a bundle comes back bit by bit by way of EXR atlases, and closer with
       CHECK(with8 > 50.0);
       CHECK(with16 > with8 + 20.0);
     }
+  }
+}
+
+TEST_CASE("WebP atlases hold the numbers of 8-bit PNG ones, and need nothing of a reader that shows the base") {
+  const Scratch scratch;
+  for (const TextureMode mode : {TextureMode::rgba, TextureMode::rgb, TextureMode::alpha}) {
+    test::TestScene scene = test::makeScene(SceneKind::mixed, 57, 60);
+    scene.model.texture_mode = mode;
+    CAPTURE(name(mode));
+    const auto through = [&](const char* file, AtlasFormat atlas) {
+      const GltfContent content = {scene.model, {}, glm::vec3(0.0f), false, atlas};
+      std::string(file).ends_with(".glb") ? writeGlb(scratch.folder() / file, content)
+                                          : writeGltf(scratch.folder() / file, content);
+      return readModel(scratch.folder() / file).model;
+    };
+    const GaussianModel png = through("png.glb", AtlasFormat::png8);
+    CHECK(sameBits(png, through("webp.glb", AtlasFormat::webp)));
+    CHECK(sameBits(png, through("webp.gltf", AtlasFormat::webp)));
+    if (hasColor(mode)) CHECK(std::filesystem::exists(scratch.folder() / "webp_atlas_0_color.webp"));
+    const nlohmann::json json = Glb::read(scratch.folder() / "webp.glb").json;
+    CHECK(json["extensionsUsed"] ==
+          nlohmann::json({"KHR_gaussian_splatting", "TG_gaussian_splatting_texture", "EXT_texture_webp"}));
+    CHECK(!json.contains("extensionsRequired"));
+    for (const nlohmann::json& texture : json["textures"]) CHECK(!texture.contains("source"));
+    for (const nlohmann::json& image : json["images"]) CHECK(image["mimeType"] == "image/webp");
   }
 }
 
@@ -276,5 +303,31 @@ TEST_CASE("an atlas as pictures and JSON says where every texture lies") {
             Approx(texel[c]).margin(1.0 / 255 * atlas["scale"][c].get<double>()));
     }
     CHECK(alpha.at(x, y, 0) == Approx(texel.a).margin(0.51 / 255));
+  }
+}
+
+TEST_CASE("--no-cameras leaves them out of every format that holds some, and of nothing else") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::ordinary, 31, 40);
+  Bundle bundle;
+  bundle.model = scene.model;
+  bundle.cameras = {scene.camera, scene.camera};
+  const auto from = scratch.folder() / "source.tgz";
+  writeBundle(from, bundle);
+  for (const Format& format : formats()) {
+    if (!format.read || !format.write) continue;
+    CAPTURE(format.name);
+    const auto to = scratch.folder() / ("a." + std::string(format.name));
+    const ConvertReport kept = convert(from, to);
+    const std::size_t there = format.holds(kKeepsCameras) ? 2 : 0;
+    CHECK(kept.cameras == there);
+    CHECK(readModel(to).cameras.size() == there);
+    const ConvertReport report = convert(from, to, {.overwrite = true, .cameras = false});
+    CHECK(report.cameras == 0);
+    const Bundle back = readModel(to);
+    CHECK(back.cameras.empty());
+    CHECK(back.model.size() == 40);
+    CHECK(report.textured_psnr == kept.textured_psnr);  // seen from the same places
+    CHECK(std::ranges::none_of(report.warnings, [](const std::string& w) { return w.find("camera") != w.npos; }));
   }
 }

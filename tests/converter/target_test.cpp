@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of the size, or with pictures as near to the source's, as somebody asked for.
 #include "converter/convert.h"
+#include "converter/gltf/meshopt.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "core/bundle/bundle.h"
@@ -26,8 +27,11 @@ std::filesystem::path source(const Scratch& scratch) {
 
 TEST_CASE("a file of the size that is asked for is at most 2 % smaller") {
   const Scratch scratch;
-  const auto from = source(scratch), to = scratch.folder() / "a.sog";
-  for (const std::uint64_t bytes : {std::uint64_t{110000}, std::uint64_t{160000}}) {
+  const auto [name, sizes] = GENERATE(
+      table<std::string, std::vector<std::uint64_t>>({{"a.sog", {110000, 160000}}, {"a.glb", {170000, 250000}}}));
+  TG_SKIP_IF(name == "a.glb" && !hasMeshopt() ? std::string(missingMeshopt()) : std::string());
+  const auto from = source(scratch), to = scratch.folder() / name;
+  for (const std::uint64_t bytes : sizes) {
     const ConvertReport report = convert(from, to, {.overwrite = true, .target = {.bytes = bytes}});
     CAPTURE(bytes, report.steps);
     CHECK(report.output_bytes <= bytes);
@@ -38,7 +42,9 @@ TEST_CASE("a file of the size that is asked for is at most 2 % smaller") {
 
 TEST_CASE("pictures of the likeness that is asked for are hardly nearer") {
   const Scratch scratch;
-  const auto from = source(scratch), to = scratch.folder() / "a.sog";
+  const std::string name = GENERATE("a.sog", "a.glb");
+  TG_SKIP_IF(name == "a.glb" && !hasMeshopt() ? std::string(missingMeshopt()) : std::string());
+  const auto from = source(scratch), to = scratch.folder() / name;
   for (const double psnr : {30.0, 40.0}) {
     const ConvertReport report = convert(from, to, {.overwrite = true, .target = {.psnr = psnr}});
     CAPTURE(psnr, report.steps);
@@ -56,6 +62,7 @@ TEST_CASE("targets that nothing reaches, or that a format has no steps for, are 
   };
   CHECK(refusal(to, {.target = {.bytes = 1000}}).starts_with("--target-size is out of reach (expected at least "));
   CHECK(refusal(to, {.target = {.psnr = 100}}).starts_with("--target-psnr is out of reach (expected at most "));
-  CHECK(refusal(scratch.folder() / "a.glb", {.target = {.bytes = 100000}}).ends_with("a target is only for .sog"));
+  CHECK(refusal(scratch.folder() / "a.spz", {.target = {.bytes = 100000}})
+            .ends_with("a target is only for .sog, .glb, .gltf and .html"));
   CHECK(!std::filesystem::exists(to));
 }

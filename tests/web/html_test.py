@@ -121,6 +121,29 @@ def main():
         expect("nothing was asked of a network", not asked, asked[:3])
         expect("no word on the console", not browser.log, browser.log[:3])
 
+        # The page's WebP atlases are the numbers of its PNG ones.
+        run(programs / "tgconvert", model, folder / "webp.html", "--atlas", "webp", "--quiet")
+        expect("WebP makes the page smaller",
+               (folder / "webp.html").stat().st_size < (folder / "model <1>.html").stat().st_size)
+        seen = []
+        for name in ("model <1>.html", "webp.html"):
+            browser.open(f"{(folder / name).as_uri()}?camera=0&size={size}&panel=off")
+            seen.append(browser.evaluate("tgViewer.picture({show: 'final'})"))
+        expect("and leaves its picture", seen[0] == seen[1])
+
+        # Packed in steps, it shows what tgview shows of the same GLB.
+        steps = ["--steps", "1", "--atlas", "webp", "--quiet"]
+        run(programs / "tgconvert", model, folder / "steps.html", *steps)
+        run(programs / "tgconvert", model, folder / "steps.glb", *steps)
+        expect("steps make the page smaller by half",
+               (folder / "steps.html").stat().st_size < 0.5 * (folder / "webp.html").stat().st_size)
+        browser.open(f"{(folder / 'steps.html').as_uri()}?camera=0&size={size}&panel=off")
+        run(programs / "tgview", folder / "steps.glb", "--render", folder / "steps.png", "--size", size, "--backend",
+            "cpu", "--camera", 0)
+        difference = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture({show: 'final'})")),
+                                (folder / "steps.png").read_bytes())
+        expect(f"and the picture is that of the GLB, at least {FINAL_DB:.0f} dB", difference.psnr >= FINAL_DB, difference)
+
         # A model that says itself what lies beyond its textures.
         if model.suffix == ".tgz":
             with_outside(model, folder / "clip.tgz", "clip")

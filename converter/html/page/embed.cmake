@@ -4,8 +4,8 @@
 # bytes as a C++ source.
 #   cmake -D SHADERS=... -D OUT_PAGE=... -D OUT_SOURCE=... -P embed.cmake
 cmake_minimum_required(VERSION 3.24)
-set(files splat.vert splat.frag resolve.vert resolve.frag sort_worker.js png.js glb.js camera.js renderer.js viewer.js
-  style.css)
+set(files splat.vert splat.frag resolve.vert resolve.frag sort_worker.js png.js webp.js meshopt.js glb.js camera.js
+  renderer.js viewer.js style.css)
 
 # FILE(READ) into lists would trip over brackets and semicolons: text is only ever passed quoted.
 function(tg_inline_includes text_variable)

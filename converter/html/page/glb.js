@@ -4,6 +4,8 @@
 
 const SPLATS = 'KHR_gaussian_splatting';
 const TEXTURES = 'TG_gaussian_splatting_texture';
+const WEBP = 'EXT_texture_webp';
+const MESHOPT = 'EXT_meshopt_compression';
 const COMPONENTS = {
   5120: {array: Int8Array, largest: 127, get: 'getInt8'},
   5121: {array: Uint8Array, largest: 255, get: 'getUint8'},
@@ -34,13 +36,23 @@ class GlbFile {
   viewBytes(index) {
     const view = this.list('bufferViews')[index];
     if (!view) throw new Error(`/bufferViews/${index}: missing`);
-    if (view.buffer !== 0 || (this.list('buffers')[0] || {}).uri !== undefined) {
-      throw new Error(`/bufferViews/${index}: its buffer is outside the file`);
+    const packed = view.extensions && view.extensions[MESHOPT];
+    if (packed) {
+      const source = this.range(packed, `/bufferViews/${index}/extensions/${MESHOPT}`);
+      return {bytes: unpackMeshopt(packed, source), stride: packed.byteStride};
     }
     if (view.extensions) throw new Error(`/bufferViews/${index}: compressed data is not supported`);
+    return {bytes: this.range(view, `/bufferViews/${index}`), stride: view.byteStride || 0};
+  }
+
+  // The bytes that a view, or what stands for one, names.
+  range(view, where) {
+    if (view.buffer !== 0 || (this.list('buffers')[0] || {}).uri !== undefined) {
+      throw new Error(`${where}: its buffer is outside the file`);
+    }
     const begin = view.byteOffset || 0, end = begin + view.byteLength;
-    if (!(begin >= 0 && end <= this.binary.length)) throw new Error(`/bufferViews/${index}: leaves the buffer`);
-    return {bytes: this.binary.subarray(begin, end), stride: view.byteStride || 0};
+    if (!(begin >= 0 && end <= this.binary.length)) throw new Error(`${where}: leaves the buffer`);
+    return this.binary.subarray(begin, end);
   }
 
   // Count x width numbers as floats, normalised integers converted; `raw`: 16-bit integers as they are.
@@ -98,9 +110,10 @@ function placeOf(node) {
 async function readAtlas(file, entry, mode) {
   const image = async (index) => {
     const texture = file.list('textures')[index];
-    const source = texture && file.list('images')[texture.source];
+    const webp = texture && texture.extensions && texture.extensions[WEBP];
+    const source = texture && file.list('images')[(webp || texture).source];
     if (!source || source.bufferView === undefined) throw new Error('an atlas has no image in the file');
-    return decodePng(file.viewBytes(source.bufferView).bytes);
+    return (webp ? decodeWebp : decodePng)(file.viewBytes(source.bufferView).bytes);
   };
   const color = mode & MODES.rgb ? await image(entry.color) : null;
   const alpha = mode & MODES.alpha ? await image(entry.alpha) : null;

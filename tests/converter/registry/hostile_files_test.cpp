@@ -46,8 +46,10 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
   add("images.sog");
   add("png8.glb");
   add("exr.glb", {.atlas = AtlasFormat::exr});
+  add("webp.glb", {.atlas = AtlasFormat::webp});
   add("integers.glb", {.quantize = true});
   if (hasMeshopt()) add("packed.glb", {.quantize = true, .meshopt = true});
+  if (hasMeshopt()) add("steps.glb", {.atlas = AtlasFormat::webp, .steps = 2.0f});
   add("page.html");
   // Of the page, the viewer in front of the model is of no interest here.
   std::string& page = files.back().bytes;

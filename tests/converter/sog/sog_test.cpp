@@ -212,7 +212,7 @@ TEST_CASE("SOG: wider steps make smaller files, finer ones nearer models") {
   const auto path = scratch.folder() / "a.sog";
   double last_psnr = 1e9;
   std::uintmax_t last_bytes = std::numeric_limits<std::uintmax_t>::max();
-  for (const float steps : {kLeastSogSteps, 1.0f, 8.0f, kMostSogSteps}) {
+  for (const float steps : {kLeastSteps, 1.0f, 8.0f, kMostSteps}) {
     const GaussianModel sorted = select(scene.model, writeSog(path, scene.model, {.steps = steps}));
     const GaussianModel out = readSog(path).model;
     CAPTURE(steps);
