@@ -24,11 +24,14 @@ import sys
 
 import svg_plot
 from report_document import Code, Heading, Items, Table, Text, markdown
-from reproduce import LENGTH, ROOT, SCENES, commit, machine
+from reproduce import LENGTH, ROOT, Scene, commit, machine
+from reproduce import SCENES as TRIALS
 
 CELLS = ROOT / "docs/lab/frontier"
 PAGE, PICTURE = ROOT / "docs/frontier.md", ROOT / "docs/images/frontier.svg"
-COUNTS = {"fox": [850, 1700, 3400, 6800], "lego": [620, 1250, 2500, 5000], "printshop": [950, 1900, 3800, 7600]}
+# sample: the scene that tgtrain make-sample writes.
+SCENES = {**TRIALS, "sample": Scene("sample", 1)}
+COUNTS = {"sample": [850, 1700, 3400, 6800], "fox": [850, 1700, 3400, 6800], "lego": [620, 1250, 2500, 5000], "printshop": [950, 1900, 3800, 7600]}
 DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
 SEEDS = [1]
@@ -158,6 +161,32 @@ def height(chain, size):
     return None
 
 
+def size_of(chain, psnr):
+    """Bytes at which the hull has `psnr` dB; None outside it."""
+    for a, b in zip(chain, chain[1:]):
+        if a[1] <= psnr <= b[1]:
+            return a[0] * math.exp((psnr - a[1]) / slope(a, b))
+    return None
+
+
+def prices(found):
+    """Rows of every textured file: what a texel of it costs, and what it may cost to pay."""
+    rows = []
+    for name, cell in found.items():
+        scene, count, degree, arm, seed = name.split("/")
+        bare = found.get(f"{scene}/{count}/{degree}/plain/{seed}")
+        if arm == "plain" or not bare:
+            continue
+        chain = hull(points(found, scene, False))
+        for file, without in zip(cell["files"], bare["files"]):
+            as_good = size_of(chain, file["psnr"])
+            if as_good and file["steps"] <= 3:
+                rows.append([scene, arm_of(name), f"{file['steps']}", f"{file['psnr'] - without['psnr']:+.2f}",
+                             f"{(file['bytes'] - without['bytes']) / file['texels']:.2f}",
+                             f"{(as_good - without['bytes']) / file['texels']:.2f}"])
+    return rows
+
+
 def arm_of(name):
     _, count, degree, arm, _ = name.split("/")
     return f"{int(count):,} Gaussians, SH {degree[2:]}" + ("" if arm == "plain" else f", {arm.replace('-', ' ')}")
@@ -174,7 +203,8 @@ def report(folder, page, picture):
              "(`--adaptive-texels`: so many texels a Gaussian in the mean) or without. A line is the upper hull of all "
              "counts, SH degrees and steps of its arm: what the best choice reaches."),
         Text("![PSNR over bytes, with textures and without](images/frontier.svg)"),
-        Text(f"{len(found)} of {len(cells())} cells are done, half size, one seed. One of them again:"),
+        Text(f"{len(found)} of {len(cells())} cells are done, photographs at half size, one seed. sample is the scene "
+             "that `tgtrain make-sample` writes. One cell again:"),
         Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
         Heading("With textures against without, at equal bytes")]
     rows, pictures = [], []
@@ -191,6 +221,11 @@ def report(folder, page, picture):
     blocks += [Text("The files on the textured hull; the plain hull between its files at the same bytes."),
                Table(["scene", "bytes", "with textures", "texels a Gaussian", "steps", "PSNR", "without textures",
                       "gain"], rows),
+               Heading("When a texel pays"),
+               Text("A texel costs what the file has more bytes than that of the same Gaussians, trained without "
+                    "textures, at the same steps. It would pay at what more Gaussians cost that bring a plain file to the "
+                    "same PSNR. Gain: over the same Gaussians [dB]."),
+               Table(["scene", "with textures", "steps", "gain", "costs [bytes]", "would pay at [bytes]"], prices(found)),
                Heading("Every cell"),
                Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS)],
                      [[f"`{name}`", f"{cell['model']['texels'] / cell['model']['gaussians']:.1f}",

@@ -51,12 +51,14 @@ class Frontier(unittest.TestCase):
     def test_gains_are_between_hulls_at_equal_bytes(self):
         with tempfile.TemporaryDirectory() as folder:
             folder = pathlib.Path(folder)
-            add(folder, "fox/1700/sh1/plain/1", (40000, 28.0), (10000, 20.0))
+            add(folder, "fox/1700/sh1/plain/1", (10000, 20.0), (40000, 28.0))
             add(folder, "fox/1700/sh1/rgba-8/1", (20000, 25.5), (80000, 30.0))
             page, picture = self.report(folder)
         self.assertIn("2 of ", page)
         self.assertIn("| fox | 20 kB | 1,700 Gaussians, SH 1, rgba 8 | 8.0 | 1 | 25.50 | 24.00 | +1.50 |", page)
         self.assertIn("| fox | 80 kB | 1,700 Gaussians, SH 1, rgba 8 | 8.0 | 2 | 30.00 | - | - |", page)
+        # 800 texels bring 10 kB at 20 dB to 20 kB at 25.5 dB, for which plain Gaussians take 25.9 kB.
+        self.assertIn("| fox | 1,700 Gaussians, SH 1, rgba 8 | 1 | +5.50 | 12.50 | 19.92 |", page)
         self.assertIn("without textures", picture)
         self.assertNotIn("lego", picture)
 

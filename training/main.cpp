@@ -25,6 +25,7 @@
 #include "training/run/size_plan.h"
 #include "training/run/trained_bundle.h"
 #include "training/run/trainer.h"
+#include "training/settings/schedule.h"
 #include "training/watch.h"
 #include "training/write_scene.h"
 
@@ -108,7 +109,10 @@ void planSize(const Options& options, const tg::Dataset& dataset, tg::TrainSetti
   if (!given({"sh-degree"})) settings.sh_degree = tg::kPlannedShDegree;
   if (!given({"texture-mode", "texture-size", "texel-budget", "adaptive-texels", "compare-untextured"})) {
     settings.texture_mode = tg::TextureMode::none;
-    if (!given({"iterations", "texture-iterations"})) settings.iterations += settings.texture_iterations;
+    if (!given({"iterations", "texture-iterations", "densify-until"})) {
+      settings.densify_until = tg::makeSchedule(settings).densify_until;  // what is longer is for what stands
+      settings.iterations += settings.texture_iterations;
+    }
   }
   const tg::SizePlan plan = tg::planForSize(tg::bytesAsSog(options.output, options.target_bytes),
                                             tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);

@@ -306,7 +306,7 @@ TEST_CASE("an atlas as pictures and JSON says where every texture lies") {
   }
 }
 
-TEST_CASE("--no-cameras leaves them out of every format that holds some, and of nothing else") {
+TEST_CASE("cameras that nobody wants are left out of every format that holds some, and nothing else is") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::ordinary, 31, 40);
   Bundle bundle;
