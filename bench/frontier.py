@@ -31,7 +31,8 @@ CELLS = ROOT / "docs/lab/frontier"
 PAGE, PICTURE = ROOT / "docs/frontier.md", ROOT / "docs/images/frontier.svg"
 # sample: the scene that tgtrain make-sample writes.
 SCENES = {**TRIALS, "sample": Scene("sample", 1)}
-COUNTS = {"sample": [850, 1700, 3400, 6800], "fox": [850, 1700, 3400, 6800], "lego": [620, 1250, 2500, 5000], "printshop": [950, 1900, 3800, 7600]}
+COUNTS = {"sample": [850, 1700, 3400, 6800], "fox": [850, 1700, 3400, 6800], "lego": [620, 1250, 2500, 5000],
+          "printshop": [950, 1900, 3800, 7600]}
 DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
 SEEDS = [1]
@@ -223,9 +224,10 @@ def report(folder, page, picture):
                       "gain"], rows),
                Heading("When a texel pays"),
                Text("A texel costs what the file has more bytes than that of the same Gaussians, trained without "
-                    "textures, at the same steps. It would pay at what more Gaussians cost that bring a plain file to the "
-                    "same PSNR. Gain: over the same Gaussians [dB]."),
-               Table(["scene", "with textures", "steps", "gain", "costs [bytes]", "would pay at [bytes]"], prices(found)),
+                    "textures, at the same steps. It would pay at what more Gaussians cost that bring a plain file to "
+                    "the same PSNR. Gain: over the same Gaussians [dB]."),
+               Table(["scene", "with textures", "steps", "gain", "costs [bytes]", "would pay at [bytes]"],
+                     prices(found)),
                Heading("Every cell"),
                Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS)],
                      [[f"`{name}`", f"{cell['model']['texels'] / cell['model']['gaussians']:.1f}",
@@ -244,8 +246,8 @@ def standalone(pictures):
     pictures = [picture for picture in pictures if picture]
     width, below = len(pictures) * svg_plot.WIDTH, svg_plot.HEIGHT + 20
     style = svg_plot.STYLE + ":root { --text: #57606a; --rule: #c5cad1 }"
-    parts = [f'<g transform="translate({place * svg_plot.WIDTH} 0)">{picture[picture.index(">") + 1:-len("</svg>")]}</g>'
-             for place, picture in enumerate(pictures)]
+    insides = [picture[picture.index(">") + 1:-len("</svg>")] for picture in pictures]
+    parts = [f'<g transform="translate({place * svg_plot.WIDTH} 0)">{inside}</g>' for place, inside in enumerate(insides)]
     for place, (label, line) in enumerate(LINES):
         left = svg_plot.LEFT + 150 * place
         parts.append(f'<path class="curve {line}" d="M{left} {below - 8}h24"/><text x="{left + 30}" y="{below - 4}">'
