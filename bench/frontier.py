@@ -247,7 +247,8 @@ def standalone(pictures):
     width, below = len(pictures) * svg_plot.WIDTH, svg_plot.HEIGHT + 20
     style = svg_plot.STYLE + ":root { --text: #57606a; --rule: #c5cad1 }"
     insides = [picture[picture.index(">") + 1:-len("</svg>")] for picture in pictures]
-    parts = [f'<g transform="translate({place * svg_plot.WIDTH} 0)">{inside}</g>' for place, inside in enumerate(insides)]
+    parts = [f'<g transform="translate({place * svg_plot.WIDTH} 0)">{inside}</g>'
+             for place, inside in enumerate(insides)]
     for place, (label, line) in enumerate(LINES):
         left = svg_plot.LEFT + 150 * place
         parts.append(f'<path class="curve {line}" d="M{left} {below - 8}h24"/><text x="{left + 30}" y="{below - 4}">'

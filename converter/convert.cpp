@@ -97,7 +97,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   const auto write = [&](const Bundle& source) {
     const std::optional<ScratchFolder> folder =
         options.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
-    const std::filesystem::path file = folder ? folder->path() / ("forecast." + std::string(format.name)) : output;
+    const std::filesystem::path file = folder ? folder->path() / output.filename() : output;
     writeModel(format, file, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
   };
@@ -130,7 +130,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.warnings.push_back(
         "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
-  if (options.target.given()) write_options.steps = stepsFor(format, source, views, write_options, options.target);
+  if (options.target.given()) write_options.steps = stepsFor(format, output, source, views, write_options, options.target);
   report.steps = format.has_steps ? write_options.steps.value_or(1.0f) : 1.0f;
   write(source);
   if (measured && format.read && (changes || options.measure == Measure::always)) {

@@ -178,8 +178,7 @@ int convertMain(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(
       "Converts splat models to tgz, ply, compressed ply, splat, spz, sog, glb or a page that shows them. The input's "
-      "format is its "
-      "content, the output's its extension.",
+      "format is its content, the output's its extension.",
       "tgconvert");
   app.add_option("FILES", arguments.files,
                  "IN... OUT. IN: model to read, " + tg::listed(tg::inputNames()) +

@@ -55,8 +55,9 @@ struct Scene {
 Scene readScene(const std::string& path) {
   tg::Bundle bundle = tg::readModel(path);
   for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", warning.c_str());
-  // Formats that hold cameras say what is behind the scene, too.
-  if (!tg::findFormat(bundle.format)->holds(tg::kKeepsCameras)) return {std::move(bundle.model), std::nullopt};
+  // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
+  // lost on the same ways.
+  if (bundle.format != "tgz" && bundle.cameras.empty()) return {std::move(bundle.model), std::nullopt};
   return {std::move(bundle.model), bundle.background};
 }
 

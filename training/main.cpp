@@ -13,6 +13,7 @@
 
 #include "converter/registry/file_format.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "core/system/program.h"
@@ -51,6 +52,7 @@ struct Options {
   tg::DatasetFlags data;
   std::string preset = "default";
   std::uint64_t target_bytes = 0;                         // of the output; 0: any
+  bool from_file = false;                                 // --config is given
   std::map<const tg::SettingEntry*, std::string> chosen;  // over the preset; empty: not given
   std::string device = "auto";
   int threads = 0;
@@ -88,44 +90,60 @@ tg::TrainSettings settingsOf(const Options& options) {
     if (!value.empty()) entry->set(settings, value == "true" ? "on" : value == "false" ? "off" : value);
   }
   settings.compare_untextured |= !options.untextured_output.empty();
-  tg::checkSettings(settings);
+  if (options.target_bytes == 0) tg::checkSettings(settings);  // else what is planned completes them
   return settings;
 }
 
 // The model that --start-model names.
 std::optional<tg::GaussianModel> startModel(const Options& options) {
   if (options.start_model.empty()) return std::nullopt;
-  return tg::readModel(options.start_model).model;
+  tg::Bundle bundle = tg::readModel(options.start_model);
+  for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+  return std::move(bundle.model);
 }
 
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md): SH degree
-// 1, and no textures where no flag speaks of them.
-void planSize(const Options& options, const tg::Dataset& dataset, tg::TrainSettings& settings) {
-  const auto given = [&](std::initializer_list<std::string_view> names) {
+// 1, and no textures where neither a flag nor the start model speaks of them.
+void planSize(const Options& options, const tg::Dataset& dataset, bool textured_start, tg::TrainSettings& settings) {
+  const tg::TrainSettings preset = tg::presetSettings(options.preset);
+  // A file of settings names them all: those that are the preset's count as not chosen.
+  const auto given = [&](auto&& named) {
     return std::ranges::any_of(options.chosen, [&](const auto& setting) {
-      return !setting.second.empty() && std::ranges::find(names, setting.first->name) != names.end();
+      const tg::SettingEntry& entry = *setting.first;
+      const bool chosen = !setting.second.empty() && (!options.from_file || entry.get(settings) != entry.get(preset));
+      return chosen && named(std::string_view(entry.name));
     });
   };
-  if (!given({"sh-degree"})) settings.sh_degree = tg::kPlannedShDegree;
-  if (!given({"texture-mode", "texture-size", "texel-budget", "adaptive-texels", "compare-untextured"})) {
+  const auto is = [](std::initializer_list<std::string_view> names) {
+    return [names](std::string_view name) { return std::ranges::find(names, name) != names.end(); };
+  };
+  const bool speaks_of_textures = settings.compare_untextured || given([](std::string_view name) {
+                                    return name.find("texture") != name.npos || name.find("texel") != name.npos;
+                                  });
+  const bool counted = given(is({"gaussians", "percent"})), sized = given(is({"texture-size"}));
+  const bool shared_out = given(is({"adaptive-texels", "texel-budget"}));
+  const bool timed = given(is({"iterations", "densify-until"}));
+  if (!given(is({"sh-degree"}))) settings.sh_degree = tg::kPlannedShDegree;
+  if (!speaks_of_textures && !textured_start && settings.iterations > 0) {
     settings.texture_mode = tg::TextureMode::none;
-    if (!given({"iterations", "texture-iterations", "densify-until"})) {
+    if (!timed) {
       settings.densify_until = tg::makeSchedule(settings).densify_until;  // what is longer is for what stands
       settings.iterations += settings.texture_iterations;
     }
   }
-  const tg::SizePlan plan = tg::planForSize(tg::bytesAsSog(options.output, options.target_bytes),
-                                            tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);
-  if (!given({"gaussians", "percent"})) settings.gaussians = plan.gaussians;
   const bool textured = settings.texture_mode != tg::TextureMode::none;
-  if (textured && !given({"adaptive-texels", "texel-budget"})) {
+  const tg::SizePlan plan = tg::planForSize(options.target_bytes, tg::partOfSog(options.output),
+                                            tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);
+  if (!counted) settings.gaussians = plan.gaussians;
+  if (textured && !shared_out) {
     settings.adaptive_texels = static_cast<float>(plan.texels);
-    if (!given({"texture-size"})) settings.texture_size = tg::kPlannedTextureSize;
+    if (!sized) settings.texture_size = tg::kPlannedTextureSize;
   }
+  tg::checkSettings(settings);
   if (options.quiet) return;
-  std::printf("planned for %ju bytes: %zu Gaussians of SH degree %d", std::uintmax_t{options.target_bytes},
-              plan.gaussians, settings.sh_degree);
-  if (textured) std::printf(", %.1f texels each", plan.texels);
+  std::printf("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
+  if (!counted) std::printf(", %zu Gaussians", settings.gaussians);
+  if (textured && !shared_out) std::printf(", %.1f texels each", plan.texels);
   std::printf("\n");
 }
 
@@ -173,7 +191,7 @@ int runTraining(const Options& options) {
     throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
   }
   tg::TrainSettings settings = settingsOf(options);
-  if (options.target_bytes > 0) tg::bytesAsSog(options.output, options.target_bytes);
+  if (options.target_bytes > 0) tg::partOfSog(options.output);  // refuses what has no size
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
   // What a run wrote when it was stopped, it replaces when it goes on.
   const bool replace = options.overwrite || (run && run->hasCheckpoint());
@@ -185,7 +203,6 @@ int runTraining(const Options& options) {
 
   const auto start = std::chrono::steady_clock::now();
   const tg::Dataset dataset = loadData(options);
-  if (options.target_bytes > 0) planSize(options, dataset, settings);
   if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
   tg::handleStopSignals(requestStop);
   tg::TrainingJsonOptions json_options;
@@ -194,6 +211,7 @@ int runTraining(const Options& options) {
   json_options.device = renderer->deviceName();
   json_options.measurements = !options.reproducible;
   std::optional<tg::GaussianModel> start_model = startModel(options);
+  if (options.target_bytes > 0) planSize(options, dataset, start_model && tg::isTextured(*start_model), settings);
   std::optional<tg::RunState> state;
   if (run) {
     json_options.fingerprint = tg::datasetFingerprint(dataset);
@@ -227,7 +245,8 @@ int runTraining(const Options& options) {
     tg::Bundle bundle =
         tg::makeTrainedBundle(dataset, settings, result.report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
-    const std::string facts = tg::writeScene(path, std::move(bundle), replace, bytes);
+    const std::string facts =
+        tg::writeScene(path, std::move(bundle), replace, run != nullptr && path == options.output, bytes);
     if (path == options.output) written = facts;
     return training_json;
   };
@@ -385,6 +404,7 @@ int main(int argc, char** argv) {
         "undistort", "Writes a data set as training sees it: photographs of pinhole cameras, in nerfstudio's layout");
     addUndistortOptions(*undistorted, undistort_options);
     if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
+    options.from_file = app.get_config_ptr()->count() > 0;
     if (*sample) {
       tg::writeSample(sample_folder, sample_options, sample_overwrite);
       return 0;

@@ -9,14 +9,15 @@
 
 namespace tg {
 
-// The bytes of a .sog that holds what a file of `bytes` at `path` does. Throws Error(usage) for "" and for formats that
-// are not brought to a size.
-std::uint64_t bytesAsSog(const std::string& path, std::uint64_t bytes);
+// How many times as many bytes as a .sog a file at `path` takes. Throws Error(usage) for "" and for what is not brought
+// to a size.
+double partOfSog(const std::string& path);
 
 // Writes `scene`; its cameras only where the format has them and no size is asked for. replace: files beside it, too.
 // bytes: at most, by the finest steps of the format; a file that cannot be as small is as small as it can be, with a
-// line on stderr, since training took its time. 0: any. Returns what to say of it beside its name: "(59961 bytes, 41.2
-// dB to the model)", where numbers are rounded, over up to four views. Throws what the writers throw.
-std::string writeScene(const std::string& path, Bundle scene, bool replace, std::uint64_t bytes = 0);
+// line on stderr, since training took its time; 0: any. Returns what to say of it beside its name: "(59961 bytes, 41.2
+// dB to the model)", where numbers are rounded, over up to four views. Throws what the writers throw, after a model.tgz
+// beside the path where it is not `kept` elsewhere.
+std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, std::uint64_t bytes = 0);
 
 }  // namespace tg

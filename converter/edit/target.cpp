@@ -13,12 +13,12 @@
 
 namespace tg {
 
-float stepsFor(const Format& format, const Bundle& source, std::span<const Camera> views, WriteOptions options,
-               const Target& target) {
+float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
+               std::span<const Camera> views, WriteOptions options, const Target& target) {
   TG_ASSERT(target.given(), "a target is given");
   if (!format.has_steps) throw Error(ErrorKind::usage, "a target is only for .sog, .glb, .gltf and .html");
   const ScratchFolder folder;
-  const std::filesystem::path file = folder.path() / ("trial." + std::string(format.name));
+  const std::filesystem::path file = folder.path() / name.filename();
   options.replace = true;
   const bool by_size = target.bytes > 0;
   double reached = 0;
@@ -38,7 +38,7 @@ float stepsFor(const Format& format, const Bundle& source, std::span<const Camer
     const std::string limit = std::to_string(std::lround(reached));
     throw Error(ErrorKind::usage,
                 by_size ? "--target-size is out of reach" + expectedFound("at least " + limit + " bytes", wanted) +
-                              ": --decimate and --sh-degree leave more out"
+                              ": fewer Gaussians or a lower SH degree take less"
                         : "--target-psnr is out of reach" + expectedFound("at most " + limit + " dB", wanted));
   }
   for (int trial = 0; trial < kTrials; ++trial) {

@@ -2,6 +2,7 @@
 // A file of a size, or of a likeness to its model.
 #pragma once
 #include <cstdint>
+#include <filesystem>
 #include <span>
 
 #include "converter/registry/file_format.h"
@@ -16,9 +17,9 @@ struct Target {
 };
 
 // The finest WriteOptions::steps with which a file is no larger, or the coarsest with which its pictures are as near:
-// found to 2.5 % by writing to a temporary folder and, for the latter, by drawing `views`. Throws Error(usage) for a
-// format without steps and for what no steps reach, and what the format's writer throws.
-float stepsFor(const Format& format, const Bundle& source, std::span<const Camera> views, WriteOptions options,
-               const Target& target);
+// found to 2.5 % by writing to `name` in a temporary folder and, for the latter, by drawing `views`. Throws
+// Error(usage) for a format without steps and for what no steps reach, and what the format's writer throws.
+float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
+               std::span<const Camera> views, WriteOptions options, const Target& target);
 
 }  // namespace tg

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Linear scales of splat files as the model's logarithms, those without one included.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <glm/glm.hpp>

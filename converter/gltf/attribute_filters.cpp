@@ -23,7 +23,8 @@ constexpr double kRotationBits = 8;  // at least: the codec packs 5 to 8 alike
 
 // Multiples of the power of 2 nearest to `step`.
 MeshoptFilter fixed(double step) {
-  return {.kind = Kind::fixed, .exponent = std::clamp(static_cast<int>(std::lround(std::log2(step))), -100, 100)};
+  const double exponent = std::clamp(std::round(std::log2(step)), -100.0, 100.0);  // of 0 or infinity, too
+  return {.kind = Kind::fixed, .exponent = static_cast<int>(exponent)};
 }
 
 int bitsFor(double bits) { return std::clamp(static_cast<int>(std::lround(bits)), 3, 14); }

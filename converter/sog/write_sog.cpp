@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <charconv>
 #include <nlohmann/json.hpp>
-#include <numeric>
 
 #include "converter/formats/morton.h"
 #include "converter/formats/texel_spread.h"
@@ -206,10 +205,14 @@ class SogWriter {
       for (int k = 0; k < 3; ++k) {
         pixels.data[4 * i + k] = static_cast<std::uint8_t>(nearestIn(codebook, numbers[3 * i + k]));
       }
-      pixels.data[4 * i + 3] = static_cast<std::uint8_t>(
-          stepped(sigmoid(model_.opacity_logit[i], 255.0), opacityStep(options_.steps), 255.0));
+      pixels.data[4 * i + 3] = opacityByte(model_, i);
     }
     meta_["sh0"] = {{"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
+  }
+
+  std::uint8_t opacityByte(const GaussianModel& model, std::size_t i) const {
+    const double opacity = sigmoid(model.opacity_logit[i], 255.0);
+    return static_cast<std::uint8_t>(stepped(opacity, opacityStep(options_.steps), 255.0));
   }
 
   void addSh() {
@@ -267,7 +270,7 @@ class SogWriter {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {
         for (const std::uint32_t i : group.gaussians) {
-          const double spread = spreads[t] * opacitySpread(toByte(opacityOf(base, i) * 255) / 255.0);
+          const double spread = spreads[t] * opacitySpread(opacityByte(base, i) / 255.0);
           glm::vec4& texel = model_.atlas.texels[model_.atlas.rects[i].offset + t];
           std::uint8_t* bytes = values.data.data() + 4 * at++;
           for (int k = 0; k < 4; ++k) {

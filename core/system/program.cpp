@@ -66,7 +66,8 @@ CLI::Option* addBytes(CLI::App& app, const std::string& name, std::uint64_t& byt
       .add_option_function<double>(
           name, [&bytes](double number) { bytes = static_cast<std::uint64_t>(number); }, help)
       ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"))
-      ->check(CLI::Range(1.0, 1e15));
+      ->check(CLI::Range(1.0, 1e15))
+      ->type_name("SIZE");
 }
 
 int runProgram(const char* name, const std::function<int()>& body) {

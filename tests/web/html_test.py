@@ -142,7 +142,8 @@ def main():
             "cpu", "--camera", 0)
         difference = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture({show: 'final'})")),
                                 (folder / "steps.png").read_bytes())
-        expect(f"and the picture is that of the GLB, at least {FINAL_DB:.0f} dB", difference.psnr >= FINAL_DB, difference)
+        expect(f"and the picture is that of the GLB, at least {FINAL_DB:.0f} dB", difference.psnr >= FINAL_DB,
+               difference)
 
         # A model that says itself what lies beyond its textures.
         if model.suffix == ".tgz":

@@ -19,24 +19,24 @@ constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // b
 constexpr double kTexelBytes = 1.25;
 constexpr double kMostTexels = 8;        // a Gaussian
 constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
-constexpr std::size_t kFewestGaussians = 100;
+constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes
 
 }  // namespace
 
-SizePlan planForSize(std::uint64_t bytes, std::uint64_t training_pixels, int sh_degree, TextureMode mode) {
+SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pixels, int sh_degree, TextureMode mode) {
   TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "SH have degrees 0 to 3");
   const double each = kGaussianBytes[static_cast<std::size_t>(sh_degree)];
-  const double room = std::max(static_cast<double>(bytes) - kFileBytes, 0.0);
+  const double room = std::max(static_cast<double>(bytes) / part - kFileBytes, 0.0);
   if (room < kFewestGaussians * each) {
-    const auto needed = std::llround(kFileBytes + kFewestGaussians * each);
+    const auto needed = std::llround(part * (kFileBytes + kFewestGaussians * each));
     throw Error(ErrorKind::usage,
                 "--target-size is out of reach" +
                     expectedFound("at least " + std::to_string(needed) + " bytes", std::to_string(bytes)));
   }
   const double texels = std::min(static_cast<double>(training_pixels) / kPixelsPerTexel,
                                  kMostTexels * room / (each + kMostTexels * kTexelBytes));
-  if (mode == TextureMode::none) return {static_cast<std::size_t>(room / each), 0};
-  const double gaussians = (room - texels * kTexelBytes) / each;
+  if (mode == TextureMode::none) return {std::min(static_cast<std::size_t>(room / each), kMostGaussians), 0};
+  const double gaussians = std::min((room - texels * kTexelBytes) / each, static_cast<double>(kMostGaussians));
   return {static_cast<std::size_t>(gaussians), texels / gaussians};
 }
 

@@ -5,8 +5,8 @@
 
 const MESHOPT_GROUP = 16;  // bytes that have one width
 
-// The bytes `k` of up to 256 elements: groups of 16, 0, 2, 4 or 8 bits each, of which the largest number of 2 and 4 bits
-// says that a whole byte follows. Returns where the next ones begin.
+// The bytes `k` of up to 256 elements: groups of 16, 0, 2, 4 or 8 bits each, of which the largest number of 2 and 4
+// bits says that a whole byte follows. Returns where the next ones begin.
 function unpackMeshoptBytes(source, begin, count, out) {
   const groups = Math.ceil(count / MESHOPT_GROUP);
   let at = begin + Math.ceil(groups / 4);

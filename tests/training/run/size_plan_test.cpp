@@ -10,26 +10,26 @@ using tg::TextureMode;
 TEST_CASE("more bytes make room for more Gaussians, of a higher SH degree for fewer", "[size plan]") {
   std::size_t before = 0;
   for (const std::uint64_t bytes : {10'000u, 100'000u, 1'000'000u, 100'000'000u}) {
-    const std::size_t plain = planForSize(bytes, 1'000'000, 3, TextureMode::none).gaussians;
+    const std::size_t plain = planForSize(bytes, 1, 1'000'000, 3, TextureMode::none).gaussians;
     CHECK(plain > before);
     before = plain;
-    CHECK(planForSize(bytes, 1'000'000, 0, TextureMode::none).gaussians > plain);
-    CHECK(planForSize(bytes, 1'000'000, 3, TextureMode::rgba).gaussians <= plain);
+    CHECK(planForSize(bytes, 1, 1'000'000, 0, TextureMode::none).gaussians > plain);
+    CHECK(planForSize(bytes, 1, 1'000'000, 3, TextureMode::rgba).gaussians <= plain);
   }
 }
 
 TEST_CASE("a plan has texels where the training views have pixels for them, and eight a Gaussian at most",
           "[size plan]") {
   const auto texels = [](std::uint64_t bytes, std::uint64_t pixels) {
-    return planForSize(bytes, pixels, 1, TextureMode::rgba).texels;
+    return planForSize(bytes, 1, pixels, 1, TextureMode::rgba).texels;
   };
   CHECK(texels(100'000, 1'000'000'000) == Approx(8));
   CHECK(texels(100'000, 1'000'000) < 8);
   CHECK(texels(10'000'000, 1'000'000) < 0.1);
-  CHECK(planForSize(100'000, 1'000'000'000, 1, TextureMode::none).texels == 0);
+  CHECK(planForSize(100'000, 1, 1'000'000'000, 1, TextureMode::none).texels == 0);
 }
 
 TEST_CASE("a size without room for anything is refused with the least", "[size plan]") {
-  CHECK_THROWS_WITH(planForSize(1000, 1, 3, TextureMode::rgba),
+  CHECK_THROWS_WITH(planForSize(1000, 1, 1, 3, TextureMode::rgba),
                     "--target-size is out of reach (expected at least 5180 bytes, found 1000)");
 }
