@@ -31,8 +31,8 @@ CELLS = ROOT / "docs/lab/frontier"
 PAGE, PICTURE = ROOT / "docs/frontier.md", ROOT / "docs/images/frontier.svg"
 # sample: the scene that tgtrain make-sample writes.
 SCENES = {**TRIALS, "sample": Scene("sample", 1)}
-COUNTS = {"sample": [850, 1700, 3400, 6800], "fox": [850, 1700, 3400, 6800], "lego": [620, 1250, 2500, 5000],
-          "printshop": [950, 1900, 3800, 7600]}
+COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 6800, 13600],
+          "lego": [620, 1250, 2500, 5000, 10000], "printshop": [950, 1900, 3800, 7600, 15200]}
 DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
 SEEDS = [1]
@@ -49,7 +49,7 @@ def cells():
 
     def key(name):
         scene, count, degree, arm, seed = name.split("/")
-        outer = COUNTS[scene].index(int(count)) in (0, 3)
+        outer = COUNTS[scene].index(int(count)) not in (1, 2)
         return seed, DEGREES.index(int(degree[2:])) + outer, rank[arm] > 1, rank[arm]
 
     return sorted(names, key=key)
