@@ -18,7 +18,6 @@ import json
 import math
 import os
 import pathlib
-import shutil
 import subprocess
 import sys
 
@@ -107,7 +106,6 @@ class Driver:
         partial = path.with_suffix(".partial")
         partial.write_text(json.dumps(report, indent=1) + "\n")
         os.replace(partial, path)
-        shutil.rmtree(run / "previews", ignore_errors=True)
 
     def score(self, scene, model, run):
         self.call(scene, "tgeval", model, self.options.data / SCENES[scene].folder, "--json", run / "eval.json",
@@ -219,8 +217,8 @@ def report(folder, page, picture):
         lines = [svg_plot.Line(label, style, [(size / 1000, psnr) for size, psnr, *_ in chain])
                  for (label, style), chain in zip(LINES, (plain, textured))]
         pictures.append(svg_plot.plot(scene, lines, "kB", "PSNR [dB]"))
-    blocks += [Text("The files on the textured hull; the plain hull between its files at the same bytes, \"-\" where it "
-                    "has none as large. Another seed moves the fox by 0.5 dB, both columns alike."),
+    blocks += [Text("The files on the textured hull; the plain hull between its files at the same bytes, \"-\" "
+                    "where it has none as large. Another seed moves the fox by 0.5 dB, both columns alike."),
                Table(["scene", "bytes", "with textures", "texels a Gaussian", "steps", "PSNR", "without textures",
                       "gain"], rows),
                Heading("When a texel pays"),

@@ -62,9 +62,8 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
                                              const ConvertOptions& options) {
   const bool rendered =
       options.measure == Measure::always || (options.measure == Measure::automatic && options.quantize);
-  if (!format.streams || !options.edits.empty() || options.meshopt || isInSteps(format, options) ||
-      (rendered && !options.dry_run))
-    return nullptr;
+  const bool whole = !options.edits.empty() || options.meshopt || isInSteps(format, options);
+  if (!format.streams || whole || (rendered && !options.dry_run)) return nullptr;
   if (detectFormat(input).name != "ply") return nullptr;
   auto file = std::make_unique<const SplatPlyFile>(input);
   return file->rows().plain() ? std::move(file) : nullptr;
@@ -130,7 +129,9 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.warnings.push_back(
         "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
-  if (options.target.given()) write_options.steps = stepsFor(format, output, source, views, write_options, options.target);
+  if (options.target.given()) {
+    write_options.steps = stepsFor(format, output, source, views, write_options, options.target);
+  }
   report.steps = format.has_steps ? write_options.steps.value_or(1.0f) : 1.0f;
   write(source);
   if (measured && format.read && (changes || options.measure == Measure::always)) {

@@ -72,7 +72,7 @@ void checkOutputs(const Options& options, bool overwrite) {
     const bool model = &path != &paths.back();
     if (model && !tg::outputFormat(path).read) {
       throw tg::Error(tg::ErrorKind::usage, path,
-                      "is no model format (expected ." + tg::listed(tg::outputNames(true)) + ")");
+                      "is no model format (expected " + tg::listed(tg::outputNames(true)) + ")");
     }
     for (std::size_t j = 0; j < i; ++j) {
       if (fs::path(path).lexically_normal() == fs::path(paths[j]).lexically_normal()) {
@@ -298,7 +298,7 @@ void addSettingFlags(CLI::App& app, Options& options) {
 void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0");
   app.add_option("-o,--output", options.output,
-                 "Model to write: ." + tg::listed(tg::outputNames(true)) + "; optional with --run");
+                 "Model to write, by its extension: " + tg::listed(tg::outputNames(true)) + "; optional with --run");
   tg::addBytes(app, "--target-size", options.target_bytes,
                "Of a .sog or .glb: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
       ->configurable(false);

@@ -16,7 +16,7 @@ namespace tg {
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
                std::span<const Camera> views, WriteOptions options, const Target& target) {
   TG_ASSERT(target.given(), "a target is given");
-  if (!format.has_steps) throw Error(ErrorKind::usage, "a target is only for .sog, .glb, .gltf and .html");
+  TG_ASSERT(format.has_steps, "the format has steps");
   const ScratchFolder folder;
   const std::filesystem::path file = folder.path() / name.filename();
   options.replace = true;

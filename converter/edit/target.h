@@ -18,7 +18,7 @@ struct Target {
 
 // The finest WriteOptions::steps with which a file is no larger, or the coarsest with which its pictures are as near:
 // found to 2.5 % by writing to `name` in a temporary folder and, for the latter, by drawing `views`. Throws
-// Error(usage) for a format without steps and for what no steps reach, and what the format's writer throws.
+// Error(usage) for what no steps reach, and what the format's writer throws. The format has steps.
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
                std::span<const Camera> views, WriteOptions options, const Target& target);
 

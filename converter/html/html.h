@@ -12,8 +12,8 @@
 
 namespace tg {
 
-// The model goes into the page as the GLB that writeGlb makes (always lean, without steps EXR as 16-bit PNG), compressed
-// and in base64. The page's title is the file's name without extension. Same model and name, same bytes; atomic; memory
+// The model goes into the page as the GLB that writeGlb makes (always lean, EXR as 16-bit PNG, refused with steps),
+// compressed and in base64. The page's title is the file's name without extension. Same model and name, same bytes; atomic; memory
 // beyond writeGlb's does not grow with the model. Throws what writeGlb throws. The report's bytes are the page's.
 GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content);
 

@@ -42,7 +42,4 @@ Bundle readBundle(const std::filesystem::path& path, const BundleLimits& limits 
 // Error(cannotWrite).
 void writeBundle(const std::filesystem::path& path, const Bundle& bundle);
 
-// Whether the file starts as a gzip stream; says nothing about what is inside.
-bool looksLikeBundle(const std::filesystem::path& path);
-
 }  // namespace tg

@@ -406,10 +406,4 @@ Bundle readBundle(const std::filesystem::path& path, const BundleLimits& limits,
   return BundleReader(path, limits, progress).read();
 }
 
-bool looksLikeBundle(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  char magic[2] = {};
-  return file.read(magic, 2) && magic[0] == '\x1f' && magic[1] == '\x8b';
-}
-
 }  // namespace tg

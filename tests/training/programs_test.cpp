@@ -227,7 +227,7 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o m.tgz --json /dev/full --overwrite", 4, "/dev/full: exists and is not a regular file"},
            {"-o " + std::string(300, 'x') + ".tgz", 4, "cannot write here"},
            {"-o m.obj", 1, "m.obj: unknown output format (expected .compressed.ply, "},
-           {"-o m.png", 1, "m.png: is no model format (expected .compressed.ply, "},
+           {"-o m.png", 1, "m.png: is no model format (expected compressed.ply, "},
            {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"}}) {
     const Outcome outcome = tgtrain(folder, forever + outputs);
     INFO(outputs << '\n' << outcome.output);

@@ -13,7 +13,7 @@
 namespace tg {
 namespace {
 
-// Of .sog files at kPlannedSteps.
+// Of .sog files at steps of 2.
 constexpr double kFileBytes = 3000;                                         // names, codebooks, heads of images
 constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
 constexpr double kTexelBytes = 1.25;

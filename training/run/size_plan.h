@@ -9,14 +9,13 @@
 namespace tg {
 
 // What training is to make so that a file of `bytes`, `part` times as many as a .sog takes, holds it with steps near
-// kPlannedSteps: how many Gaussians, and with a texture mode how many texels each of them in the mean. From bytes a
+// 2: how many Gaussians, and with a texture mode how many texels each of them in the mean. From bytes a
 // Gaussian and a texel as measured (docs/lab/quality.md, "Texels where they pay"); the steps of the file make up for
 // what another scene takes. Throws Error(usage) for fewer bytes than a hundred Gaussians need.
 struct SizePlan {
   std::size_t gaussians = 0;
   double texels = 0;
 };
-constexpr float kPlannedSteps = 2;
 constexpr int kPlannedShDegree = 1;
 constexpr int kPlannedTextureSize = 8;  // [texels] a side, of which the fewer are taken
 SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pixels, int sh_degree, TextureMode mode);

@@ -40,7 +40,6 @@ TEST_CASE("a bundle comes back as it went in") {
   const tg::TemporaryFolder folder;
   const tg::Bundle bundle = tinyBundle();
   tg::writeBundle(folder / "a.tgz", bundle);
-  REQUIRE(tg::looksLikeBundle(folder / "a.tgz"));
   const tg::Bundle back = tg::readBundle(folder / "a.tgz");
   REQUIRE(back.warnings.empty());
   REQUIRE(back.model.sh_degree == 1);
@@ -169,14 +168,4 @@ TEST_CASE("a failed write leaves the older file as it was and nothing beside it"
   for (const auto& file : std::filesystem::directory_iterator(folder.path)) files += file.exists();
   REQUIRE(files == 1);
   REQUIRE_THROWS_AS(tg::writeBundle(folder / "missing" / "a.tgz", tinyBundle()), tg::Error);
-}
-
-TEST_CASE("only gzip files look like bundles") {
-  const tg::TemporaryFolder folder;
-  tg::writeFileAtomically(folder / "a", Bytes{0x1f});
-  REQUIRE_FALSE(tg::looksLikeBundle(folder / "a"));
-  tg::writeFileAtomically(folder / "a", Bytes{'p', 'l', 'y'});
-  REQUIRE_FALSE(tg::looksLikeBundle(folder / "a"));
-  REQUIRE_FALSE(tg::looksLikeBundle(folder / "nothing"));
-  REQUIRE_FALSE(tg::looksLikeBundle(folder.path));
 }
