@@ -10,6 +10,7 @@
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/actions.h"
+#include "viewer/view/legend.h"
 
 namespace tg {
 namespace {
@@ -175,6 +176,39 @@ void comparison(const ViewerState& state) {
   }
 }
 
+// In the lower left corner of the picture, as --legend draws it.
+void legend(const ViewerState& state) {
+  const DisplayState& display = state.display;
+  const bool error = hasLegend(state.compare.how.mode);
+  if (error ? !state.compare.problem.empty() : kNumberOutputs.has(display.output) && !display.scale) return;
+  const std::optional<Legend> legend =
+      error ? legendOf(state.compare.how)
+            : legendOf(display.output, display.settings, display.scale.value_or(ValueScale{}));
+  if (!legend) return;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float font = ImGui::GetFontSize(), pad = font * 0.5f;
+  const float width = std::max(11 * font, ImGui::CalcTextSize(legend->title.c_str()).x);
+  const ImVec2 corner(panelWidth(state, size.x) + font, size.y - 4.8f * font);
+  if (corner.x + width + 2 * pad > size.x) return;
+  ImDrawList* draw = ImGui::GetBackgroundDrawList();
+  draw->AddRectFilled(corner, {corner.x + width + 2 * pad, size.y - font}, IM_COL32(27, 30, 35, 215), font * 0.3f);
+  const ImU32 ink = ImGui::GetColorU32(ImGuiCol_Text);
+  draw->AddText({corner.x + pad, corner.y + 0.3f * font}, ink, legend->title.c_str());
+  const float left = corner.x + pad, top = corner.y + 1.5f * font, bottom = top + 0.8f * font;
+  constexpr int kSteps = 64;
+  for (int i = 0; i < kSteps; ++i) {
+    const glm::vec3 color = legend->color((static_cast<float>(i) + 0.5f) / kSteps);
+    const float from = std::floor(left + width * static_cast<float>(i) / kSteps);
+    const float to = std::floor(left + width * static_cast<float>(i + 1) / kSteps);
+    draw->AddRectFilled({from, top}, {to, bottom}, ImGui::ColorConvertFloat4ToU32({color.x, color.y, color.z, 1}));
+  }
+  for (int i = 0; i < 3; ++i) {
+    const std::string& number = legend->numbers[static_cast<std::size_t>(i)];
+    const float x = left + (width - ImGui::CalcTextSize(number.c_str()).x) * static_cast<float>(i) / 2;
+    draw->AddText({x, bottom + 0.2f * font}, ink, number.c_str());
+  }
+}
+
 void notice(const ViewerState& state) {
   const ImVec2 center = pictureCenter(state);
   const ImVec2 text = ImGui::CalcTextSize(state.messages.notice.c_str());
@@ -194,6 +228,7 @@ void overlays(ViewerState& state) {
   if (state.ui.help) help(state);
   if (state.follow.active && state.follow.reloads == 0 && !state.follow.problem.empty()) waiting(state);
   if (state.ui.panel) comparison(state);
+  if (state.ui.panel && state.scene.model) legend(state);
   if (!state.scene.model && !state.loading.active && !state.follow.active) empty(state);
   if (state.loading.active) progress(state);
   if (!state.messages.error.empty()) errorPanel(state);

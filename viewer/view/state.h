@@ -74,11 +74,12 @@ struct InspectState {
 // What is shown of the model, and how.
 struct DisplayState {
   Output output = Output::final;
-  RenderSettings settings;         // all but outputs and crop, which effectiveSettings fills in
-  bool textures_held_off = false;  // the A/B key is down
-  bool crop = false;               // only what lies in the box is drawn
-  CropBox box;                     // world; shown as lines while it crops
-  double resolution = 1;           // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
+  RenderSettings settings;          // all but outputs and crop, which effectiveSettings fills in
+  bool textures_held_off = false;   // the A/B key is down
+  bool crop = false;                // only what lies in the box is drawn
+  CropBox box;                      // world; shown as lines while it crops
+  std::optional<ValueScale> scale;  // of the picture on screen, where it has one; written by the window
+  double resolution = 1;  // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
 };
 constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
 constexpr double kMinResolution = 0.1, kMaxResolution = 2;

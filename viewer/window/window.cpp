@@ -139,6 +139,8 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
   state_.compare.with_photographs = comparison_.hasPhotographs();
   state_.compare.other = options.compare;
   if (!options.compare.empty() || comparison_.hasPhotographs()) state_.compare.how.mode = options.compare_mode;
+  state_.compare.how.gain = options.difference_gain;
+  state_.record.fps = options.fps;
   setTitle();
 }
 
@@ -436,6 +438,7 @@ void Viewer::takePicture() {
   }
   if (!news.picture) return;
   picture_ = std::move(news.picture);
+  state_.display.scale = picture_->scale;
   frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
   const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });

@@ -5,6 +5,7 @@
 #include <imgui.h>
 #include <imgui_internal.h>
 
+#include <array>
 #include <map>
 #include <memory>
 #include <string>
@@ -118,14 +119,19 @@ ViewerState fullState() {
 }  // namespace
 
 TEST_CASE("no two widgets of a page share an ID: the second of them could not be clicked") {
-  static_assert(kCount<CompareMode> == kCount<Tab>);  // each of the modes is met on one of the pages
+  // Each mode of comparing is met, and each kind of output: numbers, textures, the others.
+  constexpr std::array kOutputs = {Output::final, Output::depth, Output::texture};
   for (const Tab tab : valuesOf<Tab>()) {
-    INFO(name(tab));
-    ViewerState bare = bareState(), full = fullState();
-    bare.ui.tab = full.ui.tab = tab;
-    full.compare.how.mode = static_cast<CompareMode>(tab);
-    full.record.wanted = tab == Tab::path;
-    CHECK(sharedIds(bare) == "");
-    CHECK(sharedIds(full) == "");
+    for (const CompareMode mode : valuesOf<CompareMode>()) {
+      INFO(name(tab) << ", " << name(mode));
+      ViewerState bare = bareState(), full = fullState();
+      bare.ui.tab = full.ui.tab = tab;
+      full.compare.how.mode = mode;
+      full.display.output = kOutputs[static_cast<std::size_t>(mode) % kOutputs.size()];
+      full.display.scale = ValueScale{1, 2};
+      full.record.wanted = tab == Tab::path;
+      CHECK(sharedIds(bare) == "");
+      CHECK(sharedIds(full) == "");
+    }
   }
 }

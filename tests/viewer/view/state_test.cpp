@@ -221,12 +221,12 @@ TEST_CASE("V goes through the ways to compare, Shift+V shows the other one") {
   }
   state.compare.photographs = "images";
   std::vector<CompareMode> seen;
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < 6; ++i) {
     press(state, 'V');
     seen.push_back(state.compare.how.mode);
   }
   CHECK(seen == std::vector{CompareMode::side, CompareMode::wipe, CompareMode::flicker, CompareMode::difference,
-                            CompareMode::off});
+                            CompareMode::flip, CompareMode::off});
   press(state, 'V', true);
   CHECK(state.compare.how.mode == CompareMode::flicker);
   CHECK(state.compare.how.shows_other);
