@@ -46,8 +46,8 @@ void declare(CLI::App& app, Flags& flags) {
   for (const Format& format : formats()) {
     if (format.read) readable.emplace_back(format.spoken);
   }
-  app.add_option("model", flags.models, listed(readable) + ", several for the window; a run folder with --follow")
-      ->required();
+  app.add_option("model", flags.models,
+                 listed(readable) + ", several or none for the window; a run folder with --follow");
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
   app.add_option("--show", flags.show, allNames<Output>())->capture_default_str();
@@ -267,10 +267,15 @@ void parseShot(Flags& flags) {
 
 void parseValues(Flags& flags) {
   ViewOptions& view = flags.view;
-  view.model = flags.models.front();
-  view.more_models.assign(flags.models.begin() + 1, flags.models.end());
   const bool window = view.out.empty() && view.record.empty() && flags.benchmark.empty() && !flags.list_cameras &&
                       flags.inspect.empty();
+  if (flags.models.empty()) {
+    const bool needs_none = window && !view.follow && view.compare.empty() && view.photographs.empty();
+    refuseIf(!needs_none, "model is required (only a window of its own opens without)");
+  } else {
+    view.model = flags.models.front();
+    view.more_models.assign(flags.models.begin() + 1, flags.models.end());
+  }
   if (!view.more_models.empty() && (!window || view.follow)) {
     throw Error(ErrorKind::usage,
                 view.more_models.front().string() + ": several models are for the window (expected one model here)");

@@ -53,6 +53,7 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
     std::snprintf(text, sizeof text, ", %.2f dB in training", progress.psnr);
     scene.training += text;
   }
+  scene.training_json = std::move(loaded.training_json);
   scene.model = std::make_shared<const GaussianModel>(std::move(loaded.model));
   return scene;
 }

@@ -25,6 +25,9 @@ float panelWidth(const ViewerState& state, float window_width);
 // Whether a list or the colour picker is open: Esc is theirs then.
 bool popupIsOpen();
 
+// Whether what lies behind a dialog is still getting darker or brighter.
+bool isFading();
+
 void drawPanels(ViewerState& state, const FrameStatistics& statistics);
 
 }  // namespace tg

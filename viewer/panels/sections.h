@@ -36,6 +36,12 @@ void recordSection(ViewerState& state);
 void inspectSection(ViewerState& state);
 // time.cpp
 void timeSection(ViewerState& state, const FrameStatistics& statistics);
+// menu.cpp: as the first line of the panel, and over the picture while that is hidden
+void panelMenu(ViewerState& state);
+void hiddenMenu(ViewerState& state);
+bool closeListByEscape();  // the innermost list, if Esc was pressed and there is one
+// file_dialog.cpp; `escape`: it was pressed, and closes a dialog
+void dialogs(ViewerState& state, bool escape);
 // scene_overlay.cpp
 void sceneOverlay(const ViewerState& state);
 // overlays.cpp

@@ -6,6 +6,7 @@
 #include <array>
 #include <sstream>
 #include <string_view>
+#include <utility>
 
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -27,13 +28,19 @@ int parseFrames(const std::string& text, const std::string& what) {
 }
 
 int parseKey(const std::string& text, const std::string& what) {
-  if (text == "Space") return ' ';
-  if (text == "Esc") return kKeyEscape;
-  if (text == "PageUp") return kKeyPageUp;
-  if (text == "PageDown") return kKeyPageDown;
-  if (text == "Delete") return kKeyDelete;
+  constexpr std::pair<std::string_view, int> kNames[] = {
+      {"Space", ' '},     {"Esc", kKeyEscape},    {"PageUp", kKeyPageUp}, {"PageDown", kKeyPageDown},
+      {"Home", kKeyHome}, {"Delete", kKeyDelete}, {"F1", kKeyF1},         {"F11", kKeyF11},
+      {"Num1", kKeyPad1}, {"Num3", kKeyPad3},     {"Num7", kKeyPad7},
+  };
+  if (text.starts_with("Ctrl+")) return kControl | parseKey(text.substr(5), what);
+  for (const auto& [name, key] : kNames) {
+    if (text == name) return key;
+  }
   if (text.size() == 1 && text[0] > ' ' && text[0] <= ']') return text[0];
-  refuseValue(what, text, "a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown or Delete");
+  refuseValue(what, text,
+              "a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown, Home, Delete, F1, F11, Num1, Num3 or "
+              "Num7, after Ctrl+ if wanted");
 }
 
 int parseDocument(const Call& call) {

@@ -35,6 +35,21 @@ void stepHit(ViewerState& state, int step) {
   pickHit(state, state.inspect.picked < 0 ? 0 : state.inspect.picked + step);
 }
 
+void turnAbout(ViewerState& state, const Camera& camera, glm::ivec2 pixel, const std::vector<PixelHit>& hits) {
+  if (hits.empty()) return notify(state, "Nothing is seen there to turn about");
+  auto at =
+      std::find_if(hits.begin(), hits.end(), [](const PixelHit& h) { return h.transmittance * (1 - h.alpha) < 0.5; });
+  if (at == hits.end()) {
+    at = std::max_element(hits.begin(), hits.end(),
+                          [](const PixelHit& a, const PixelHit& b) { return a.weight < b.weight; });
+  }
+  const glm::dvec2 ray = (glm::dvec2(pixel) + 0.5 - camera.center) / camera.focal;
+  const glm::dvec3 seen = at->t * glm::dvec3(ray, 1.0);
+  centerOn(state.camera.pose, glm::transpose(camera.rotation) * (seen - camera.translation));
+  state.camera.index = -1;
+  state.path.playing = false;
+}
+
 void clearInspection(ViewerState& state) {
   const bool active = state.inspect.active;
   state.inspect = {};

@@ -15,6 +15,9 @@ void inspect(ViewerState& state, glm::ivec2 pixel);
 void pickHit(ViewerState& state, int hit);
 void stepHit(ViewerState& state, int step);
 void clearInspection(ViewerState& state);
+// Turns the camera about what those hits of a pixel show: the point at which half of its light is stopped, else the
+// brightest hit. It comes to the middle of the picture.
+void turnAbout(ViewerState& state, const Camera& camera, glm::ivec2 pixel, const std::vector<PixelHit>& hits);
 // The picked Gaussian's number in the model; nothing while none is picked.
 std::optional<std::uint32_t> pickedGaussian(const ViewerState& state);
 

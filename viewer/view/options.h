@@ -21,7 +21,7 @@ constexpr auto namesOf(Backend) { return enumNames("auto", "vulkan", "opengl", "
 
 // What the command line asks for, in a window or to a file.
 struct ViewOptions {
-  std::filesystem::path model;
+  std::filesystem::path model;                     // empty: a window that waits for one
   std::vector<std::filesystem::path> more_models;  // to open beside it in a window
   std::filesystem::path compare;                   // another model, to compare with
   std::filesystem::path photographs;               // a folder of the data set's, to compare with

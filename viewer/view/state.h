@@ -14,6 +14,7 @@
 #include "viewer/view/camera_controller.h"
 #include "viewer/view/camera_path.h"
 #include "viewer/view/compare.h"
+#include "viewer/view/desktop.h"
 #include "viewer/view/documents.h"
 #include "viewer/view/scene.h"
 
@@ -88,10 +89,14 @@ constexpr double kMinResolution = 0.1, kMaxResolution = 2;
 enum class Tab { view, camera, path, inspect, time };
 constexpr auto namesOf(Tab) { return enumNames("view", "camera", "path", "inspect", "time"); }
 
+constexpr double kLeastPanel = 19, kUsualPanel = 21, kMostPanel = 60;  // [font heights] of its width
+
 struct UiState {
   bool panel = true;
+  double panel_width = kUsualPanel;  // [font heights]
   Tab tab = Tab::view;
   bool help = false;
+  bool menu = false;        // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
   bool continuous = false;  // draw without pause, to watch frame times
 };
 
@@ -128,6 +133,7 @@ struct ViewerState {
   UiState ui;
   MessageState messages;
   FollowState follow;
+  DesktopState desktop;
 
   double time = 0;                  // [s] since the window opened, written by the window
   std::vector<std::string> recent;  // models opened before, the last one first; written by the window

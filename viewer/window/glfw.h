@@ -22,9 +22,16 @@ class Glfw {
   Glfw& operator=(Glfw&&) = delete;
 };
 
+// The left button going down.
+struct Press {
+  double time = -1;    // [s] of GLFW's clock
+  glm::dvec2 at{0.0};  // of the window, in its units
+};
+
 // What the callbacks collected since the last frame.
 struct Events {
-  std::vector<std::pair<int, bool>> keys;  // key, shift
+  std::vector<Press> presses;
+  std::vector<std::pair<int, bool>> keys;  // key (with kControl), shift
   std::vector<std::filesystem::path> dropped;
 };
 

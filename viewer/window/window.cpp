@@ -24,10 +24,12 @@
 #include "viewer/view/actions.h"
 #include "viewer/view/input.h"
 #include "viewer/view/inspection.h"
+#include "viewer/view/names.h"
 #include "viewer/view/path_editor.h"
 #include "viewer/view/state.h"
 #include "viewer/window/captures.h"
 #include "viewer/window/comparison_control.h"
+#include "viewer/window/desktop_control.h"
 #include "viewer/window/graphics.h"
 #include "viewer/window/timings.h"
 #include "viewer/window/window_session.h"
@@ -36,10 +38,12 @@ namespace tg {
 namespace {
 
 constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
-constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
+constexpr double kSmoothFrame = 30;      // [ms] a moving picture is drawn smaller when it takes longer than this
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
 constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
 constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
+constexpr double kDoubleClick = 0.4;     // [s] at most between its presses
+constexpr float kStill = 3;              // [ImGui units] a hand moves while it clicks
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
 
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
@@ -49,6 +53,16 @@ PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
   const double scale = std::min(static_cast<double>(area.size.x) / size.x, static_cast<double>(area.size.y) / size.y);
   const glm::ivec2 fitted = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
   return {area.origin + (area.size - fitted) / 2, fitted};
+}
+
+// Pointer or keyboard did something since the frame before.
+bool heardInput(const Events& events) {
+  const ImGuiIO& io = ImGui::GetIO();
+  const auto any = [](const auto& buttons) {
+    return std::any_of(std::begin(buttons), std::end(buttons), std::identity());
+  };
+  return !events.keys.empty() || !io.InputQueueCharacters.empty() || io.MouseWheel != 0 || io.MouseDelta.x != 0 ||
+         io.MouseDelta.y != 0 || any(io.MouseClicked) || any(io.MouseReleased);
 }
 
 class Viewer {
@@ -67,6 +81,7 @@ class Viewer {
   void followAspect();
   void handleEvents();
   bool handlePointer();
+  glm::dvec2 fromMiddle(glm::dvec2 place) const;
   void openCameraFiles();
   void inspectClick();
   bool scriptMayGoOn() const;
@@ -112,10 +127,14 @@ class Viewer {
   double last_full_ms_ = 0;                 // of the last picture at full size
   LoadTimings timings_{started_};
   FrameTimings frame_timings_;
+  bool shown_any_ = false;               // a model
   bool recovered_ = false;               // the device has failed once
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
+  DesktopControl desktop_;
   PictureRuns runs_;
+  Press last_press_;
+  bool double_clicked_ = false;  // since the frame before
   int frames_since_event_ = 0;
   double last_time_ = 0;
 };
@@ -130,6 +149,7 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
           [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }, additions.read),
       comparison_(options, [this] { wake(); }),
       graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options, additions.wrap_screen)),
+      desktop_(options, [this] { wake(); }),
       runs_(options, started_, script_.has_value()) {
   awake_ = true;
   session_.start(state_);
@@ -146,14 +166,22 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
 
 void Viewer::setTitle() {
   const Scene& scene = state_.scene;
-  std::string title = "tgview - " + (scene.path.empty() ? options_.model : scene.path).filename().string();
+  shown_any_ = shown_any_ || !scene.path.empty();
+  // What the command line names is the title until it is there.
+  const std::filesystem::path& path = shown_any_ ? scene.path : options_.model;
+  std::string title = "tgview";
+  if (!path.empty()) title += " - " + path.filename().string();
   if (!scene.training.empty()) title += " - " + scene.training;
   glfwSetWindowTitle(graphics_->window(), title.c_str());
 }
 
 void Viewer::run() {
-  while (!state_.quit && !glfwWindowShouldClose(graphics_->window())) {
+  while (!state_.quit) {
     waitForEvents();
+    if (glfwWindowShouldClose(graphics_->window())) {
+      glfwSetWindowShouldClose(graphics_->window(), GLFW_FALSE);
+      script_ ? void(state_.quit = true) : askToQuit(state_);
+    }
     glm::ivec2 pixels;
     glfwGetFramebufferSize(graphics_->window(), &pixels.x, &pixels.y);
     bool visible = false;
@@ -163,7 +191,8 @@ void Viewer::run() {
       continue;
     }
     state_.time = glfwGetTime();
-    graphics_->gui.beginFrame();
+    graphics_->gui.beginFrame(events_);
+    if (heardInput(events_)) frames_since_event_ = 0;
     followAspect();
     openCameraFiles();
     takePicture();
@@ -174,6 +203,7 @@ void Viewer::run() {
     }
     if (runs_.update(state_, pictureArea().size)) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
+    if (desktop_.update(state_, graphics_->window(), pictureSize())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
     }
@@ -181,6 +211,8 @@ void Viewer::run() {
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_);
+    forEachName(state_, [this](std::string_view text) { graphics_->gui.want(text); });
+    if (graphics_->gui.stale() || isFading()) frames_since_event_ = 0;
     graphics_->gui.endFrame();
     followAspect();
     askForPicture(moving);
@@ -193,9 +225,7 @@ void Viewer::run() {
     frame_timings_.frameShown();
   }
   if (options_.timings) frame_timings_.print();
-  glm::ivec2 window;
-  glfwGetWindowSize(graphics_->window(), &window.x, &window.y);
-  session_.keep(state_, window);
+  session_.keep(state_, desktop_.windowSize(graphics_->window()));
   validation_messages_ += graphics_->screen().messages();
   if (validation_messages_ > 0) {
     throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
@@ -290,9 +320,17 @@ void Viewer::followAspect() {
 
 void Viewer::handleEvents() {
   const Events events = std::exchange(events_, {});
+  // Dear ImGui sees one press a frame, however long that took.
+  double_clicked_ = false;
+  for (const Press& press : events.presses) {
+    const bool soon = last_press_.time >= 0 && press.time - last_press_.time < kDoubleClick;
+    const bool second = soon && glm::distance(press.at, last_press_.at) < kStill;
+    double_clicked_ = double_clicked_ || second;
+    last_press_ = second ? Press{} : press;
+  }
   for (const auto& [key, shift] : events.keys) {
     if (ImGui::GetIO().WantTextInput) break;
-    if (key == kKeyEscape && popupIsOpen()) continue;  // closes the list, not the viewer
+    if (isModal(state_) || (key == kKeyEscape && popupIsOpen())) continue;  // theirs
     pressKey(state_, key, shift);
   }
   state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
@@ -306,43 +344,58 @@ bool Viewer::handlePointer() {
   last_time_ = state_.time;
   input.shift = io.KeyShift;
   input.control = io.KeyCtrl;
+  input.alt = io.KeyAlt;
+  if (isModal(state_)) return advance(state_, input.seconds);
   inspectClick();
   if (comparison_.dragDivider(state_.compare.how, pictureArea())) {
     frames_since_event_ = 0;
   } else if (!io.WantCaptureMouse) {
     input.drag = {io.MouseDelta.x, io.MouseDelta.y};
     input.wheel = io.MouseWheel;
+    input.cursor = fromMiddle({io.MousePos.x, io.MousePos.y});
     input.left = io.MouseDown[0];
     input.right = io.MouseDown[1];
     input.middle = io.MouseDown[2];
   }
-  if (!io.WantTextInput) {
+  if (!io.WantTextInput && !io.KeyCtrl) {  // with Ctrl they are chords
     const auto axis = [this](int positive, int negative) { return held(positive) - held(negative); };
     input.fly = {axis(GLFW_KEY_D, GLFW_KEY_A), axis(GLFW_KEY_Q, GLFW_KEY_E), axis(GLFW_KEY_W, GLFW_KEY_S)};
     input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
+    input.arrows = {axis(GLFW_KEY_RIGHT, GLFW_KEY_LEFT), axis(GLFW_KEY_UP, GLFW_KEY_DOWN)};
   }
   if (!script_) state_.display.textures_held_off = !io.WantTextInput && held(kKeyTab);
   const double units_high = static_cast<float>(pictureArea().size.y) / std::max(io.DisplayFramebufferScale.y, 1e-3f);
   const bool moved = applyInput(state_, input, static_cast<int>(units_high));
   const bool advanced = advance(state_, input.seconds);
-  const bool active = moved || advanced || input.fly != glm::dvec3(0.0) || input.roll != 0;
+  const bool active =
+      moved || advanced || input.fly != glm::dvec3(0.0) || input.roll != 0 || input.arrows != glm::dvec2(0.0);
   if (active) frames_since_event_ = 0;
   return active;
 }
 
-// A click that was no drag, with Alt or while clicks inspect.
+// A click that was no drag, with Alt or while clicks inspect; else two of them set the pivot.
 void Viewer::inspectClick() {
-  constexpr float kStill = 3;  // [ImGui units] a hand moves while it clicks
   const ImGuiIO& io = ImGui::GetIO();
-  if (io.WantCaptureMouse || !(state_.inspect.active || io.KeyAlt) || !ImGui::IsMouseReleased(0)) return;
-  if (io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
+  const bool inspects = state_.inspect.active || io.KeyAlt;
+  if (io.WantCaptureMouse || io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
+  if (inspects ? !ImGui::IsMouseReleased(0) : !double_clicked_) return;
   const glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
                             glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
                         glm::dvec2(pictureArea().origin);
   const glm::ivec2 pixel(glm::floor(at / glm::dvec2(pictureSize()) * glm::dvec2(wantedSize())));
   if (glm::all(glm::greaterThanEqual(pixel, glm::ivec2(0))) && glm::all(glm::lessThan(pixel, wantedSize()))) {
-    inspect(state_, pixel);
+    inspects ? inspect(state_, pixel) : void(state_.desktop.turn_about = pixel);
   }
+}
+
+// [ImGui units] right and down of the middle of the picture that a place of the window lies on.
+glm::dvec2 Viewer::fromMiddle(glm::dvec2 place) const {
+  const ImGuiIO& io = ImGui::GetIO();
+  const glm::dvec2 scale(std::max(io.DisplayFramebufferScale.x, 1e-3f), std::max(io.DisplayFramebufferScale.y, 1e-3f));
+  const glm::dvec2 size = glm::dvec2(pictureSize()) / scale;
+  glm::dvec2 at = place - glm::dvec2(pictureArea().origin) / scale;
+  if (at.x >= size.x) at.x -= size.x;  // the right one of two
+  return at - 0.5 * size;
 }
 
 // A .json is no model: a camera path, or cameras that replace the cameras of the one shown.
@@ -474,7 +527,8 @@ void Viewer::drawFrame() {
 void Viewer::capture() {
   try {
     const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->screen());
-    if (!saved.empty() && !script_) notify(state_, "Saved " + saved.string());  // a script's next one must not show it
+    if (saved.empty() || script_) return;  // a script's next picture must not show it
+    notify(state_, "Saved " + std::filesystem::absolute(saved).string());
   } catch (const Error& error) {
     if (script_) throw;
     state_.messages.error = error.what();
@@ -485,13 +539,14 @@ void Viewer::capture() {
 
 void runWindow(const ViewOptions& options, const WindowAdditions& additions) {
   // What is no model at all is said without a window.
-  if (!options.follow) (void)detectFormat(options.model);
+  const bool names_file = !options.follow && !options.model.empty();
+  if (names_file) (void)detectFormat(options.model);
   std::unique_ptr<Viewer> viewer;
   try {
     viewer = std::make_unique<Viewer>(options, additions);
   } catch (const Error& error) {
     // A broken file is the better news: it stays broken on a machine with a display.
-    if (error.kind == ErrorKind::device && !options.follow) (void)readModel(options.model);
+    if (error.kind == ErrorKind::device && names_file) (void)readModel(options.model);
     throw;
   }
   viewer->run();

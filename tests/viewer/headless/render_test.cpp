@@ -389,7 +389,10 @@ TEST_CASE("every wrong use is one line and its exit code, and leaves no file") {
     return more;
   };
   const std::vector<Case> cases = {
-      {{}, 1},
+      {{}, 5},  // a window, and there is no display
+      {{"--render", "a.png"}, 1},
+      {{"--list-cameras"}, 1},
+      {{"--follow"}, 1},
       {{"model.tgz", "--unknown"}, 1},
       {with({"--show", "colour"}), 1},
       {with({"--textures", "on"}), 1},

@@ -260,3 +260,23 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   press(state, kKeyEscape);
   CHECK(state.quit);
 }
+
+TEST_CASE("a window without a file stays empty until one is opened, and says what cannot be") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  std::ofstream(folder / "broken.tgz") << "nothing";
+  Window window(ViewOptions{});
+  window.settle();
+  ViewerState& state = window.state;
+  CHECK(state.documents.open.empty());
+  window.open(folder / "broken.tgz");
+  CHECK_THAT(state.messages.error, Contains("broken.tgz"));
+  window.open(folder / "a.tgz");
+  CHECK(state.scene.gaussians == 3);
+  state.documents.close_request = 0;
+  window.settle();
+  CHECK(state.documents.open.empty());
+  CHECK(state.documents.shown == -1);
+  CHECK(state.scene.path.empty());
+  CHECK_FALSE(state.scene.model);
+}

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The real window under a window manager, driven by a pointer and a keyboard.
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 
 #include "core/bundle/camera_file.h"
@@ -9,39 +8,15 @@
 #include "core/model/camera.h"
 #include "support/catch.h"
 #include "viewer/process.h"
+#include "viewer/window/hand.h"
 
 using namespace tg;
 using test::backendOr;
-using test::noWindow;
-using test::ProcessResult;
+using test::noHand;
+using test::seen;
 using test::Workshop;
 
 namespace {
-
-// Why no hand can drive a window, "" when one can.
-std::string noHand() {
-  if (std::string why = noWindow(); !why.empty()) return why;
-  if (std::system("command -v xdotool openbox import >/dev/null 2>&1") == 0) return "";
-  return "no xdotool, openbox or import (packages xdotool, openbox, imagemagick)";
-}
-
-// `script` begins after the first picture, saved as ready.png. `hand`: lines of driver.sh.
-void play(const Workshop& shop, const std::string& script, const std::string& hand,
-          std::vector<std::string> models = {"model.tgz"}, const char* program = TG_TGVIEW) {
-  std::filesystem::copy(TG_DRIVER, shop / "driver.sh");
-  shop.write("hand.sh", hand);
-  shop.write("script.txt", "panel off\nwait 3\nwindow ready.png\n" + script);
-  models.insert(models.end(),
-                {"--script", "script.txt", "--size", "640x480", "--backend", backendOr("cpu"), "--validation"});
-  std::vector<std::string> prefix = test::kXServer;
-  prefix.insert(prefix.end(), {"sh", "driver.sh"});
-  const ProcessResult result = shop.tgview(models, prefix, program);
-  INFO(result.err);
-  REQUIRE(result.exit_code == 0);
-}
-
-// The script's part of driver.sh's function of that name.
-std::string seen(const std::string& name) { return "await-file " + name + "\nwindow " + name + ".png\n"; }
 
 constexpr int kPanelWidth = 270;      // [px] at least, in either font
 constexpr int kHalfButton = 10;       // [px] of its height
@@ -66,14 +41,15 @@ TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the ca
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   test::writeSample(shop / "other.tgz", 90);
-  play(shop,
-       "compare wipe\nwindow middle.png\n" + seen("held") + seen("dragged") + seen("released") +
-           "divider 0.25\nwindow quarter.png\nsave-camera before.json\nwindow stay.png\n" + seen("grabbed") +
-           seen("orbited") + "save-camera after.json\n",
-       "reached middle.png\nto 320 240\npress 1\nseen held\nto 240 240\nto 160 240\nseen dragged\nrelease 1\n"
-       "seen released\nreached stay.png\nto 400 240\npress 1\nseen grabbed\nto 440 240\nto 480 240\nseen orbited\n"
-       "release 1\n",
-       {"model.tgz", "other.tgz"});
+  test::playByHand(
+      shop,
+      "compare wipe\nwindow middle.png\n" + seen("held") + seen("dragged") + seen("released") +
+          "divider 0.25\nwindow quarter.png\nsave-camera before.json\nwindow stay.png\n" + seen("grabbed") +
+          seen("orbited") + "save-camera after.json\n",
+      "reached middle.png\nto 320 240\npress 1\nseen held\nto 240 240\nto 160 240\nseen dragged\nrelease 1\n"
+      "seen released\nreached stay.png\nto 400 240\npress 1\nseen grabbed\nto 440 240\nto 480 240\nseen orbited\n"
+      "release 1\n",
+      {"model.tgz", "other.tgz"});
   CHECK(psnr(shop.read("middle.png"), shop.read("dragged.png")) < 45);
   CHECK(psnr(shop.read("quarter.png"), shop.read("dragged.png")) > 60);
   const Camera before = readCameras(shop / "before.json").front(), after = readCameras(shop / "after.json").front();
@@ -96,14 +72,15 @@ TEST_CASE("buttons of one page that have one label are clicked each", "[window]"
   };
   const std::string textures = row("view.png", "textures.png"), crop = row("textures.png", "crop.png");
   const std::string bookmarks = row("camera.png", "bookmark.png");
-  play(shop,
-       "panel on\nsize " + kHigh + "\ncrop 0,0,0,9,9,9\ncrop off\nwindow begin.png\n" + seen("alpha") +
-           "picture got-alpha.png\n" + seen("off") + "picture got-off.png\n" + seen("cropped") +
-           "picture got-cropped.png\ntextures alpha\ncrop off\npicture alpha.png\ntextures off\npicture off.png\n"
-           "crop on\npicture cropped.png\ntab camera\nbookmark\nwindow bookmarked.png\n" +
-           seen("saved"),
-       "reached begin.png\nclick 108 " + textures + "\nseen alpha\nclick 44 " + textures + "\nseen off\nclick 50 " +
-           crop + "\nseen cropped\nreached bookmarked.png\nclick 140 " + bookmarks + "\nseen saved\n");
+  test::playByHand(
+      shop,
+      "panel on\nsize " + kHigh + "\ncrop 0,0,0,9,9,9\ncrop off\nwindow begin.png\n" + seen("alpha") +
+          "picture got-alpha.png\n" + seen("off") + "picture got-off.png\n" + seen("cropped") +
+          "picture got-cropped.png\ntextures alpha\ncrop off\npicture alpha.png\ntextures off\npicture off.png\n"
+          "crop on\npicture cropped.png\ntab camera\nbookmark\nwindow bookmarked.png\n" +
+          seen("saved"),
+      "reached begin.png\nclick 108 " + textures + "\nseen alpha\nclick 44 " + textures + "\nseen off\nclick 50 " +
+          crop + "\nseen cropped\nreached bookmarked.png\nclick 140 " + bookmarks + "\nseen saved\n");
   for (const std::string name : {"alpha.png", "off.png", "cropped.png"}) {
     INFO(name);
     CHECK(psnr(shop.read("got-" + name), shop.read(name)) > 60);
@@ -118,11 +95,12 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]"
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  play(shop,
-       seen("typed") + "output normal\nwindow normal.png\noutput final\nsave-camera far.json\nwindow far.png\n" +
-           seen("wheeled") + "save-camera near.json\nwindow near.png\n" + seen("clicked"),
-       "to 320 240\nkey 6\nseen typed\nreached far.png\nwheel 4\nseen wheeled\nreached near.png\nkey m\n"
-       "click 320 240\nseen clicked\n");
+  test::playByHand(shop,
+                   seen("typed") +
+                       "output normal\nwindow normal.png\noutput final\nsave-camera far.json\nwindow far.png\n" +
+                       seen("wheeled") + "save-camera near.json\nwindow near.png\n" + seen("clicked"),
+                   "to 320 240\nkey 6\nseen typed\nreached far.png\nwheel 4\nseen wheeled\nreached near.png\nkey m\n"
+                   "click 320 240\nseen clicked\n");
   CHECK(psnr(shop.read("typed.png"), shop.read("normal.png")) > 60);
   const Camera far = readCameras(shop / "far.json").front(), near = readCameras(shop / "near.json").front();
   CHECK(far.translation != near.translation);
@@ -139,10 +117,10 @@ TEST_CASE("a window that was minimised and hidden comes back with its picture", 
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  play(shop, "await-file restored\nwindow restored.png\noutput base\nwindow base.png\n",
-       "xdotool windowminimize \"$window\"\nsleep 1\nimport -window root PNG24:minimised.png\n"
-       "xdotool windowmap \"$window\"\nsleep 0.5\nxdotool windowunmap \"$window\"\nsleep 0.5\n"
-       "xdotool windowmap \"$window\"\nsleep 0.5\nimport -window root PNG24:mapped.png\ntouch restored\n");
+  test::playByHand(shop, "await-file restored\nwindow restored.png\noutput base\nwindow base.png\n",
+                   "xdotool windowminimize \"$window\"\nsleep 1\nimport -window root PNG24:minimised.png\n"
+                   "xdotool windowmap \"$window\"\nsleep 0.5\nxdotool windowunmap \"$window\"\nsleep 0.5\n"
+                   "xdotool windowmap \"$window\"\nsleep 0.5\nimport -window root PNG24:mapped.png\ntouch restored\n");
   CHECK(psnr(shop.read("ready.png"), shop.read("restored.png")) > 60);
   CHECK(psnr(shop.read("ready.png"), shop.read("base.png")) < 50);  // pictures still come
   CHECK(psnr(shop.read("mapped.png"), shop.read("minimised.png")) < 30);
@@ -152,12 +130,13 @@ TEST_CASE("the panels answer while a picture takes seconds", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  play(shop, "window before.png\nhold-picture enough\norbit 30 0\nwindow after.png\nhelp off\nwindow closed.png\n",
-       "reached before.png\nimport -window \"$window\" PNG24:still.png\nkey question\n"
-       "until import -window \"$window\" PNG24:helped.png\n"
-       "  [ \"$(identify -format %# helped.png)\" != \"$(identify -format %# still.png)\" ]\n"
-       "do sleep 0.1\ndone\n[ ! -e after.png ] || exit 92\ntouch enough\n",
-       {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  test::playByHand(
+      shop, "window before.png\nhold-picture enough\norbit 30 0\nwindow after.png\nhelp off\nwindow closed.png\n",
+      "reached before.png\nimport -window \"$window\" PNG24:still.png\nkey question\n"
+      "until import -window \"$window\" PNG24:helped.png\n"
+      "  [ \"$(identify -format %# helped.png)\" != \"$(identify -format %# still.png)\" ]\n"
+      "do sleep 0.1\ndone\n[ ! -e after.png ] || exit 92\ntouch enough\n",
+      {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
   // The old picture stays until the new one is there; the help lies over it already.
   CHECK(psnr(shop.read("before.png"), shop.read("still.png")) > 60);
   CHECK(psnr(shop.read("still.png"), shop.read("helped.png")) < 30);
