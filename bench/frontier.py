@@ -8,8 +8,8 @@
 
 A cell is SCENE/GAUSSIANS/shDEGREE/ARM/SEED: stage 1 to so many Gaussians, then as many iterations again of the arm:
 plain: without textures; rgba-8: with RGBA textures of 8 texels a Gaussian in the mean (tgtrain --adaptive-texels). Its
-model is written with several widths of steps; bytes are those of the .sog file, scores those of the file over the test
-views. One that is done leaves docs/lab/frontier/CELL.json. A call runs what is missing, in order, and may be stopped at
+model is written with several widths of steps, and with some of them trained for the file as well; bytes are those of the
+.sog file, scores those of the file over the test views. One that is done leaves docs/lab/frontier/CELL.json. A call runs what is missing, in order, and may be stopped at
 any moment: WORK keeps the run folders, and the same call goes on.
 """
 import argparse
@@ -36,6 +36,8 @@ DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
 SEEDS = [1]
 STEPS = [1, 2, 3, 4, 6, 8]
+TRAINED = [2, 4, 8]  # steps of the files that are trained for
+QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
 SIDE = 8  # [texels] of the textures that are cut
 LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
@@ -79,9 +81,18 @@ class Driver:
 
     def run(self, name):
         path = CELLS / f"{name}.json"
-        if path.exists():
+        report = json.loads(path.read_text()) if path.exists() else {}
+        if "trained" in report:
             return
         print(name, file=sys.stderr, flush=True)
+        if not report:
+            report = self.cut(name)
+            write(path, report)
+        report["trained"] = self.trained_for(name)
+        write(path, report)
+
+    def cut(self, name):
+        """Trains the cell's model, and writes it with every width of steps."""
         scene, count, degree, arm, seed = name.split("/")
         begun = commit()
         common = ["--sh-degree", degree[2:], "--seed", seed]
@@ -102,16 +113,34 @@ class Driver:
             subprocess.run([self.options.bin / "tgconvert", model, file, "--steps", str(steps), "--overwrite",
                             "--quiet"], check=True)
             report["files"].append({"steps": steps, "bytes": file.stat().st_size, **self.score(scene, file, run)})
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".partial")
-        partial.write_text(json.dumps(report, indent=1) + "\n")
-        os.replace(partial, path)
+        return report
+
+    def trained_for(self, name):
+        """The files for which its model goes on."""
+        scene, _, degree, arm, seed = name.split("/")
+        run, files = self.options.work / name, []
+        for steps in TRAINED:
+            file = run / f"trained-{steps}.sog"
+            self.call(scene, "tgtrain", self.options.data / SCENES[scene].folder, "--start-model", run / "model.tgz",
+                      "--sh-degree", degree[2:], "--seed", seed, "--iterations", 0, "--texture-iterations", 0,
+                      *(["--texture-mode", "none"] if arm == "plain" else []), "--quantize-iterations", QUANTIZE,
+                      "--steps", steps, "-o", file, "--overwrite", "-q", "--device", self.options.device)
+            files.append({"steps": steps, "commit": commit(), "bytes": file.stat().st_size,
+                          **self.score(scene, file, run)})
+        return files
 
     def score(self, scene, model, run):
         self.call(scene, "tgeval", model, self.options.data / SCENES[scene].folder, "--json", run / "eval.json",
                   "--overwrite")
         scores = json.loads((run / "eval.json").read_text())
         return {key: scores[key] for key in ("gaussians", "texels", "psnr", "ssim", "flip")}
+
+
+def write(path, report):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(report, indent=1) + "\n")
+    os.replace(partial, path)
 
 
 def training_of(model):
@@ -130,10 +159,23 @@ def done_cells(folder):
     return found
 
 
+def trained_scenes(found):
+    """Those all of whose cells have files that were trained for, so that both arms are alike."""
+    return [scene for scene in COUNTS if any(name.startswith(scene + "/") for name in found)
+            and all("trained" in cell for name, cell in found.items() if name.startswith(scene + "/"))]
+
+
+def files(found, name):
+    cell = found[name]
+    if name.split("/")[0] not in trained_scenes(found):
+        return cell["files"]
+    return [file for file in cell["files"] if file["steps"] == 1] + cell["trained"]
+
+
 def points(found, scene, textured):
     """(bytes, psnr, cell, file) of every file of the scene's arm."""
-    return [(file["bytes"], file["psnr"], name, file) for name, report in found.items()
-            if name.startswith(scene + "/") and ("/plain/" not in name) == textured for file in report["files"]]
+    return [(file["bytes"], file["psnr"], name, file) for name in found
+            if name.startswith(scene + "/") and ("/plain/" not in name) == textured for file in files(found, name)]
 
 
 def hull(of):
@@ -171,15 +213,15 @@ def size_of(chain, psnr):
 def prices(found):
     """Rows of every textured file: what a texel of it costs, and what it may cost to pay."""
     rows = []
-    for name, cell in found.items():
+    for name in found:
         scene, count, degree, arm, seed = name.split("/")
-        bare = found.get(f"{scene}/{count}/{degree}/plain/{seed}")
-        if arm == "plain" or not bare:
+        bare = f"{scene}/{count}/{degree}/plain/{seed}"
+        if arm == "plain" or bare not in found:
             continue
         chain = hull(points(found, scene, False))
-        for file, without in zip(cell["files"], bare["files"]):
+        for file, without in zip(files(found, name), files(found, bare)):
             as_good = size_of(chain, file["psnr"])
-            if as_good and file["steps"] <= 3:
+            if as_good and file["steps"] <= 4:
                 rows.append([scene, arm_of(name), f"{file['steps']}", f"{file['psnr'] - without['psnr']:+.2f}",
                              f"{(file['bytes'] - without['bytes']) / file['texels']:.2f}",
                              f"{(as_good - without['bytes']) / file['texels']:.2f}"])
@@ -201,6 +243,10 @@ def report(folder, page, picture):
              f"Both arms have {2 * LENGTH:,} iterations: {LENGTH:,} of stage 1, then as many with textures "
              "(`--adaptive-texels`: so many texels a Gaussian in the mean) or without. A line is the upper hull of all "
              "counts, SH degrees and steps of its arm: what the best choice reaches."),
+        Text("Files are trained for: " f"{QUANTIZE:,} iterations more, with parameters as the file holds them "
+             "([training.md](training.md#the-stages), stage 3), in " + " and ".join(trained) + "; those of the "
+             "other scenes are cut from the model as it is."
+             if (trained := trained_scenes(found)) else "Files are cut from the model as it is."),
         Text("![PSNR over bytes, with textures and without](images/frontier.svg)"),
         Text(f"{len(found)} of {len(cells())} cells are done, photographs at half size, one seed. sample is the scene "
              "that `tgtrain make-sample` writes. One cell again:"),
@@ -228,10 +274,13 @@ def report(folder, page, picture):
                Table(["scene", "with textures", "steps", "gain", "costs [bytes]", "would pay at [bytes]"],
                      prices(found)),
                Heading("Every cell"),
-               Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS)],
+               Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS),
+                      *(f"trained for {steps}" for steps in TRAINED)],
                      [[f"`{name}`", f"{cell['model']['texels'] / cell['model']['gaussians']:.1f}",
                        f"{cell['model']['psnr']:.2f}",
-                       *(f"{file['bytes'] / 1000:,.1f} kB, {file['psnr']:.2f}" for file in cell["files"])]
+                       *(f"{file['bytes'] / 1000:,.1f} kB, {file['psnr']:.2f}" for file in cell["files"]),
+                       *([f"{file['bytes'] / 1000:,.1f} kB, {file['psnr']:.2f}" for file in cell["trained"]]
+                         if "trained" in cell else ["-"] * len(TRAINED))]
                       for name, cell in found.items()])]
     machines = sorted({f"{c['machine']['processor']}, {c['machine']['cores']} cores" for c in found.values()})
     blocks.append(Items(f"{name}; commits " + ", ".join(sorted({f"`{c['commit']}`" for c in found.values()}))

@@ -52,6 +52,7 @@ struct Options {
   tg::DatasetFlags data;
   std::string preset = "default";
   std::uint64_t target_bytes = 0;                         // of the output; 0: any
+  float steps = 0;                                        // of the output; 0: its own, or what target_bytes leave
   bool from_file = false;                                 // --config is given
   std::map<const tg::SettingEntry*, std::string> chosen;  // over the preset; empty: not given
   std::string device = "auto";
@@ -102,18 +103,21 @@ std::optional<tg::GaussianModel> startModel(const Options& options) {
   return std::move(bundle.model);
 }
 
+// Whether a flag or a file of settings, which names them all, says other than the preset.
+template <typename Named>
+bool given(const Options& options, const tg::TrainSettings& settings, const Named& named) {
+  const tg::TrainSettings preset = tg::presetSettings(options.preset);
+  return std::ranges::any_of(options.chosen, [&](const auto& setting) {
+    const tg::SettingEntry& entry = *setting.first;
+    const bool chosen = !setting.second.empty() && (!options.from_file || entry.get(settings) != entry.get(preset));
+    return chosen && named(std::string_view(entry.name));
+  });
+}
+
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md): SH degree
 // 1, and no textures where neither a flag nor the start model speaks of them.
 void planSize(const Options& options, const tg::Dataset& dataset, bool textured_start, tg::TrainSettings& settings) {
-  const tg::TrainSettings preset = tg::presetSettings(options.preset);
-  // A file of settings names them all: those that are the preset's count as not chosen.
-  const auto given = [&](auto&& named) {
-    return std::ranges::any_of(options.chosen, [&](const auto& setting) {
-      const tg::SettingEntry& entry = *setting.first;
-      const bool chosen = !setting.second.empty() && (!options.from_file || entry.get(settings) != entry.get(preset));
-      return chosen && named(std::string_view(entry.name));
-    });
-  };
+  const auto given = [&](const auto& named) { return ::given(options, settings, named); };
   const auto is = [](std::initializer_list<std::string_view> names) {
     return [names](std::string_view name) { return std::ranges::find(names, name) != names.end(); };
   };
@@ -145,6 +149,20 @@ void planSize(const Options& options, const tg::Dataset& dataset, bool textured_
   if (!counted) std::printf(", %zu Gaussians", settings.gaussians);
   if (textured && !shared_out) std::printf(", %.1f texels each", plan.texels);
   std::printf("\n");
+}
+
+// For a file of coarser numbers, where nobody said how long: as long as it pays (docs/lab/quality.md).
+constexpr int kQuantizedShare = 10;  // of the iterations of the other stages
+void planQuantizing(const Options& options, tg::TrainSettings& settings) {
+  const bool coarse = options.target_bytes > 0 || options.steps > 0;
+  if (settings.quantize_iterations > 0 && !coarse) {
+    throw tg::Error(tg::ErrorKind::usage,
+                    "--quantize-iterations is for a file of coarser numbers (expected --target-size or --steps)");
+  }
+  const auto says = [](std::string_view name) { return name == "quantize-iterations"; };
+  if (!coarse || settings.compare_untextured || given(options, settings, says)) return;
+  const bool textured = settings.texture_mode != tg::TextureMode::none;
+  settings.quantize_iterations = (settings.iterations + (textured ? settings.texture_iterations : 0)) / kQuantizedShare;
 }
 
 std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
@@ -191,7 +209,7 @@ int runTraining(const Options& options) {
     throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
   }
   tg::TrainSettings settings = settingsOf(options);
-  if (options.target_bytes > 0) tg::partOfSog(options.output);  // refuses what has no size
+  if (options.target_bytes > 0 || options.steps > 0) tg::partOfSog(options.output);  // refuses what has none
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
   // What a run wrote when it was stopped, it replaces when it goes on.
   const bool replace = options.overwrite || (run && run->hasCheckpoint());
@@ -212,6 +230,7 @@ int runTraining(const Options& options) {
   json_options.measurements = !options.reproducible;
   std::optional<tg::GaussianModel> start_model = startModel(options);
   if (options.target_bytes > 0) planSize(options, dataset, start_model && tg::isTextured(*start_model), settings);
+  planQuantizing(options, settings);
   std::optional<tg::RunState> state;
   if (run) {
     json_options.fingerprint = tg::datasetFingerprint(dataset);
@@ -227,6 +246,10 @@ int runTraining(const Options& options) {
                               : tg::Trainer(dataset, settings, *renderer, std::exchange(start_model, {}));
   state.reset();
   start_model.reset();
+  trainer.onQuantizing([&](const tg::GaussianModel& model, float& steps) {
+    if (options.steps > 0) steps = options.steps;
+    return tg::asStored(options.output, model, options.target_bytes, steps);
+  });
   tg::ProgressLine line;
   if (!options.quiet) {
     trainer.onScoring([&](std::size_t done, std::size_t views) { line.show("scoring test views", done, views); });
@@ -241,15 +264,16 @@ int runTraining(const Options& options) {
   json_options.total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
   std::string written;  // what there is to say of the output
-  const auto save = [&](const std::string& path, tg::GaussianModel model, std::uint64_t bytes = 0) {
+  const auto save = [&](const std::string& path, tg::GaussianModel model, tg::SceneSize size = {}) {
     tg::Bundle bundle =
         tg::makeTrainedBundle(dataset, settings, result.report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
     const std::string facts =
-        tg::writeScene(path, std::move(bundle), replace, run != nullptr && path == options.output, bytes);
+        tg::writeScene(path, std::move(bundle), replace, run != nullptr && path == options.output, size);
     if (path == options.output) written = facts;
     return training_json;
   };
+  const tg::SceneSize size{options.target_bytes, options.steps > 0 ? options.steps : trainer.fileSteps()};
   std::string json;
   if (run) {
     json = run->finish(trainer);
@@ -257,10 +281,10 @@ int runTraining(const Options& options) {
     if (fs::path(options.output).extension() == ".tgz") {
       tg::copyFileAtomically(run->model(), options.output);
     } else if (!options.output.empty()) {
-      save(options.output, std::move(result.model), options.target_bytes);
+      save(options.output, std::move(result.model), size);
     }
   } else {
-    json = save(options.output, std::move(result.model), options.target_bytes);
+    json = save(options.output, std::move(result.model), size);
   }
   if (!options.untextured_output.empty() && result.untextured) {
     save(options.untextured_output, std::move(*result.untextured));
@@ -301,6 +325,11 @@ void addTrainingOptions(CLI::App& app, Options& options) {
                  "Model to write, by its extension: " + tg::listed(tg::outputNames(true)) + "; optional with --run");
   tg::addBytes(app, "--target-size", options.target_bytes,
                "Of a .sog or .glb: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
+      ->configurable(false);
+  app.add_option("--steps", options.steps,
+                 "Of a .sog or .glb: so many times as wide are the steps of its numbers (tgconvert --steps)")
+      ->check(CLI::Range(tg::kLeastSteps, tg::kMostSteps))
+      ->excludes("--target-size")
       ->configurable(false);
   app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
       ->check(CLI::IsMember(tg::presetNames()))

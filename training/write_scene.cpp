@@ -13,6 +13,8 @@
 #include "converter/edit/target.h"
 #include "converter/gltf/meshopt.h"
 #include "converter/registry/file_format.h"
+#include "core/file/scratch_folder.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -30,17 +32,23 @@ double partOfSog(const std::string& path) {
 
 namespace {
 
-void write(const std::string& path, Bundle& scene, bool replace, std::uint64_t bytes, std::span<const Camera> views) {
+// The finest for a file of so many bytes, or, with a line on stderr, the coarsest.
+float stepsWithin(const std::string& path, const Bundle& scene, std::uint64_t bytes) {
+  try {
+    return stepsFor(outputFormat(path), path, scene, {}, {}, {.bytes = bytes});
+  } catch (const Error& error) {
+    if (error.kind != ErrorKind::usage) throw;
+    std::fprintf(stderr, "tgtrain: %s: %s\n", path.c_str(), error.what());
+    return kMostSteps;
+  }
+}
+
+void write(const std::string& path, const Bundle& scene, bool replace, SceneSize size) {
   const Format& format = outputFormat(path);
   WriteOptions options{.replace = replace};
-  if (bytes > 0) {
-    try {
-      options.steps = stepsFor(format, path, scene, views, options, {.bytes = bytes});
-    } catch (const Error& error) {
-      if (error.kind != ErrorKind::usage) throw;
-      std::fprintf(stderr, "tgtrain: %s: %s\n", path.c_str(), error.what());
-      options.steps = kMostSteps;
-    }
+  if (size.steps > 0) options.steps = size.steps;
+  if (size.bytes > 0 && (size.steps == 0 || bytesOf(format, path, scene, options) > size.bytes)) {
+    options.steps = stepsWithin(path, scene, size.bytes);
   }
   Written written;
   writeModel(format, path, scene, options, written);
@@ -57,20 +65,36 @@ void keep(const std::string& path, const Bundle& scene) {
 
 }  // namespace
 
-std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, std::uint64_t bytes) {
+GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps) {
+  Bundle scene;
+  scene.model = model;
+  if (steps == 0) steps = stepsWithin(path, scene, bytes - bytes / 100);
+  const ScratchFolder folder;
+  const std::filesystem::path file = folder.path() / std::filesystem::path(path).filename();
+  Written written;
+  writeModel(outputFormat(path), file, scene, {.steps = steps}, written);
+  const GaussianModel stored = readModel(file).model;
+  if (written.order.empty()) return stored;
+  std::vector<std::uint32_t> place(written.order.size());
+  for (std::size_t j = 0; j < place.size(); ++j) place[written.order[j]] = static_cast<std::uint32_t>(j);
+  return select(stored, place);
+}
+
+std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, SceneSize size) {
   const Format& format = outputFormat(path);
   const std::vector<Camera> views = qualityViews(scene.model, scene.cameras);
   const std::vector<Camera> cameras = scene.cameras;
-  if (!format.holds(kKeepsCameras) || bytes > 0) scene.cameras.clear();
+  const bool coarse = size.bytes > 0 || size.steps > 0;
+  if (!format.holds(kKeepsCameras) || coarse) scene.cameras.clear();
   try {
-    write(path, scene, replace, bytes, views);
+    write(path, scene, replace, size);
   } catch (const Error&) {
     scene.cameras = cameras;
     if (!kept && format.name != "tgz") keep(path, scene);
     throw;
   }
   std::string facts = "(" + std::to_string(std::filesystem::file_size(path)) + " bytes";
-  if (!format.holds(kKeepsFloats) || bytes > 0) {
+  if (!format.holds(kKeepsFloats) || coarse) {
     char text[64];
     std::snprintf(text, sizeof text, ", %.1f dB to the model",
                   renderedPsnr(scene.model, readModel(path).model, views, scene.background));

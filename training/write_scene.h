@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/bundle/bundle.h"
-#include "training/settings/settings.h"
+#include "core/model/model.h"
 
 namespace tg {
 
@@ -13,11 +13,21 @@ namespace tg {
 // to a size.
 double partOfSog(const std::string& path);
 
-// Writes `scene`; its cameras only where the format has them and no size is asked for. replace: files beside it, too.
-// bytes: at most, by the finest steps of the format; a file that cannot be as small is as small as it can be, with a
-// line on stderr, since training took its time; 0: any. Returns what to say of it beside its name: "(59961 bytes, 41.2
+// What a file is to be: of a size, or of steps, or as its format is without either.
+struct SceneSize {
+  std::uint64_t bytes = 0;  // at most; 0: any
+  float steps = 0;          // of the format; 0: its own, or the finest for `bytes`
+};
+
+// `model` as a file at `path` will hold it, in its own order. Where `steps` are 0 it first sets them: the finest with
+// which `bytes` are not exceeded, with a hundredth of them to spare for what training still changes.
+GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps);
+
+// Writes `scene`; its cameras only where the format has them and neither size nor steps are asked for. replace: files
+// beside it, too. Of steps that exceed the size, and without any, the finest that do not; a file that cannot be as
+// small is as small as it can be, with a line on stderr, since training took its time. Returns what to say of it beside its name: "(59961 bytes, 41.2
 // dB to the model)", where numbers are rounded, over up to four views. Throws what the writers throw, after a model.tgz
 // beside the path where it is not `kept` elsewhere.
-std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, std::uint64_t bytes = 0);
+std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, SceneSize size = {});
 
 }  // namespace tg

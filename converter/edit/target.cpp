@@ -13,6 +13,17 @@
 
 namespace tg {
 
+namespace {
+
+std::uint64_t write(const Format& format, const std::filesystem::path& file, const Bundle& source,
+                    const WriteOptions& options) {
+  Written trial;
+  writeModel(format, file, source, options, trial);
+  return trial.output_bytes > 0 ? trial.output_bytes : std::filesystem::file_size(file);
+}
+
+}  // namespace
+
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
                std::span<const Camera> views, WriteOptions options, const Target& target) {
   TG_ASSERT(target.given(), "a target is given");
@@ -23,10 +34,8 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
   const bool by_size = target.bytes > 0;
   double reached = 0;
   const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
-    Written trial;
     options.steps = static_cast<float>(std::exp2(logarithm));
-    writeModel(format, file, source, options, trial);
-    const std::uint64_t bytes = trial.output_bytes > 0 ? trial.output_bytes : std::filesystem::file_size(file);
+    const std::uint64_t bytes = write(format, file, source, options);
     reached = by_size ? static_cast<double>(bytes)
                       : renderedPsnr(source.model, readModel(file).model, views, source.background);
     return by_size ? reached > static_cast<double>(target.bytes) : reached >= target.psnr;
@@ -46,6 +55,13 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
     (isFineEnough(middle) ? fine : coarse) = middle;
   }
   return static_cast<float>(std::exp2(by_size ? coarse : fine));
+}
+
+std::uint64_t bytesOf(const Format& format, const std::filesystem::path& name, const Bundle& source,
+                      WriteOptions options) {
+  const ScratchFolder folder;
+  options.replace = true;
+  return write(format, folder.path() / name.filename(), source, options);
 }
 
 }  // namespace tg

@@ -22,4 +22,8 @@ struct Target {
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
                std::span<const Camera> views, WriteOptions options, const Target& target);
 
+// Of what writeModel() makes of `source` at a file of this name.
+std::uint64_t bytesOf(const Format& format, const std::filesystem::path& name, const Bundle& source,
+                      WriteOptions options);
+
 }  // namespace tg

@@ -163,6 +163,15 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
     CHECK(size >= bytes * 98 / 100);
     CHECK_THAT(trained.output, Contains("wrote scene.sog (" + std::to_string(size) + " bytes, "));
   }
+  const std::string coarse = "scene --overwrite --iterations 60 --texture-iterations 20 --gaussians 200 -o ";
+  for (const std::string name : {"coarse.sog", "coarse.glb"}) {
+    const Outcome trained = tgtrain(folder, coarse + name + " --steps 6");
+    INFO(trained.output);
+    CHECK(trained.code == 0);
+    CHECK_THAT(trained.output, Contains("quantized        8 iterations"));
+  }
+  CHECK_THAT(tgtrain(folder, coarse + "fine.sog --quantize-iterations 5").output, Contains("coarser numbers"));
+  CHECK_THAT(tgtrain(folder, coarse + "fine.tgz --steps 2").output, Contains("a size is only for .sog and .glb"));
   CHECK_THAT(tgtrain(folder, train + "20KB -o scene.ply").output, Contains("scene.ply: a size is only for .sog"));
   CHECK_THAT(tgtrain(folder, train + "20KB --run run").output, Contains("(expected -o scene.sog or"));
   CHECK_THAT(tgtrain(folder, train + "1KB -o scene.sog").output, Contains("--target-size is out of reach"));

@@ -24,6 +24,7 @@
 #include "core/file/file.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "training/run/trainer.h"
 
 namespace tg {
 namespace {
@@ -32,7 +33,7 @@ static_assert(std::endian::native == std::endian::little, "numbers are written a
 static_assert(sizeof(int) == 4 && sizeof(std::size_t) == 8 && sizeof(TextureRect) == 8 && sizeof(glm::vec3) == 12);
 
 constexpr char kMagic[8] = {'T', 'G', 'C', 'K', 'P', 'T', '\r', '\n'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 static_assert(kFieldCount == 5, "older checkpoints lack the new parameter: raise kVersion");
 constexpr std::uint64_t kMaxTextBytes = 1 << 20;
 constexpr std::size_t kMaxGaussians = std::size_t{1} << 32;
@@ -202,8 +203,8 @@ class StateFields {
 
   void state(Is<RunState> auto& run) {
     auto& [stage, iteration, finished, default_gaussians, training, min_sigma, statistics, densify_random, view_order,
-           loss, squared_error, seconds, untextured_start, textured, report] = run;
-    choice("stage", stage, Stage::untextured);
+           loss, squared_error, seconds, file_steps, untextured_start, textured, report] = run;
+    choice("stage", stage, Stage::quantized);
     archive_.value("iteration", iteration);
     archive_.value("finished", finished);
     archive_.value("default_gaussians", default_gaussians);
@@ -215,6 +216,7 @@ class StateFields {
     runningMean("loss", loss);
     runningMean("squared_error", squared_error);
     archive_.value("seconds", seconds);
+    archive_.value("file_steps", file_steps);
     model("untextured_start", untextured_start);
     model("textured", textured);
     trainReport("report", report);
@@ -262,13 +264,14 @@ class StateFields {
     archive_.value(at + ".weight", weight);
   }
   void trainReport(const std::string& at, Is<TrainReport> auto& report) {
-    auto& [extent, initial_gaussians, count, plain, textured, untextured, interrupted] = report;
+    auto& [extent, initial_gaussians, count, plain, textured, untextured, quantized, interrupted] = report;
     archive_.value(at + ".extent", extent);
     archive_.value(at + ".initial_gaussians", initial_gaussians);
     optional(at + ".count", count, [&](auto& stage) { stageReport(at + ".count", stage); });
     stageReport(at + ".plain", plain);
     optional(at + ".textured", textured, [&](auto& stage) { stageReport(at + ".textured", stage); });
     optional(at + ".untextured", untextured, [&](auto& stage) { stageReport(at + ".untextured", stage); });
+    optional(at + ".quantized", quantized, [&](auto& stage) { stageReport(at + ".quantized", stage); });
     archive_.value(at + ".interrupted", interrupted);
   }
   void stageReport(const std::string& at, Is<StageReport> auto& report) {
@@ -500,8 +503,7 @@ void checkResumable(const Checkpoint& checkpoint, const RunIdentity& identity, c
   if (!data.empty()) throw Error(ErrorKind::usage, path, "is of a run with other data: " + data);
 
   const RunState& state = checkpoint.state;
-  const bool second = state.stage == Stage::textured || state.stage == Stage::untextured;
-  const int iterations = second ? settings.texture_iterations : settings.iterations;
+  const int iterations = iterationsOf(settings, state.stage);
   if (state.iteration < 0 || state.iteration > iterations) {
     throw Error(
         ErrorKind::badData, path,

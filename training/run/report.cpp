@@ -118,6 +118,7 @@ std::string formatSummary(const TrainReport& report, double total_seconds) {
   if (report.plain.gaussians > 0) text += stageLine(Stage::plain, report.plain);
   if (report.textured) text += stageLine(Stage::textured, *report.textured);
   if (report.untextured) text += stageLine(Stage::untextured, *report.untextured);
+  if (report.quantized) text += stageLine(Stage::quantized, *report.quantized);
   if (report.textured && report.textured->test && report.untextured && report.untextured->test) {
     text += formatted("textures gain %+.2f dB PSNR, %+.4f SSIM at the same Gaussians and iterations\n",
                       report.textured->test->psnr - report.untextured->test->psnr,
@@ -183,6 +184,7 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
   if (report.plain.gaussians > 0) json["stages"]["plain"] = stageJson(report.plain, options.measurements);
   if (report.textured) json["stages"]["textured"] = stageJson(*report.textured, options.measurements);
   if (report.untextured) json["stages"]["untextured"] = stageJson(*report.untextured, options.measurements);
+  if (report.quantized) json["stages"]["quantized"] = stageJson(*report.quantized, options.measurements);
   if (options.measurements) {
     json["machine"] = {{"device", options.device},
                        {"threads", options.threads},

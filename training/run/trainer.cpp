@@ -37,9 +37,35 @@ Random stream(std::uint64_t seed, Stream which) {
   return Random(Random(seed + 0x632be59bd9b4e019u * static_cast<std::uint64_t>(which)).bits());
 }
 
+// In which order stage quantized takes parameters from the optimizer, each for an equal part of its iterations: first
+// those whose rounding the others make up for best. Opacities are stored times what texels let through, so both
+// together; DC is last, and rounded by the file alone.
+enum class Quantized { geometry, texels_and_opacity, sh_rest };
+constexpr int kQuantizedPhases = 3;
+
+// After `done` of `iterations`.
+Quantized phaseOf(int done, int iterations) {
+  return static_cast<Quantized>(std::int64_t{done} * kQuantizedPhases / iterations);
+}
+
+// Between atlases of the same textures in another order.
+void copyTexels(const TextureAtlas& from, TextureAtlas& to) {
+  TG_ASSERT(from.rects.size() == to.rects.size(), "atlases of as many textures");
+  for (std::size_t i = 0; i < to.rects.size(); ++i) {
+    TG_ASSERT(from.rects[i].texelCount() == to.rects[i].texelCount(), "textures of the same size");
+    std::copy_n(from.texels.begin() + from.rects[i].offset, to.rects[i].texelCount(),
+                to.texels.begin() + to.rects[i].offset);
+  }
+}
+
 double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }
 
 }  // namespace
+
+int iterationsOf(const TrainSettings& settings, Stage stage) {
+  if (stage == Stage::quantized) return settings.quantize_iterations;
+  return stage == Stage::textured || stage == Stage::untextured ? settings.texture_iterations : settings.iterations;
+}
 
 Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
                  std::optional<GaussianModel> start)
@@ -107,10 +133,6 @@ void Trainer::pull() const {
 const RunState& Trainer::state() const {
   pull();
   return state_;
-}
-
-int Trainer::iterationsOf(Stage stage) const {
-  return stage == Stage::textured || stage == Stage::untextured ? settings_.texture_iterations : settings_.iterations;
 }
 
 std::size_t Trainer::limit() const {
@@ -196,6 +218,9 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                       : uniformRects(model.size(), size, settings_.texel_budget),
                   settings_.texture_mode, settings_.texture_init);
     }
+  } else if (stage == Stage::quantized) {
+    state_.training.model = model();  // what a file would hold: the filter is baked
+    state_.min_sigma.clear();
   } else {
     state_.textured = model();
     state_.training = {};
@@ -208,7 +233,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   const std::vector<std::size_t> train = dataset_.indices(false);
   state_.order = {};
   state_.order.views.assign(train.begin(), train.end());
-  const bool second = stage == Stage::textured || stage == Stage::untextured;
+  const bool second = stage > Stage::plain;
   state_.order.random = stream(settings_.seed, stage == Stage::count ? Stream::count
                                                : second              ? Stream::textured
                                                                      : Stream::plain);
@@ -267,7 +292,7 @@ bool Trainer::opacitiesSettled(int iteration) const {
 }
 
 void Trainer::updateFilter() {
-  if (settings_.filter_3d) engine_->updateFilter(state_, filter_cameras_);
+  if (settings_.filter_3d && state_.stage != Stage::quantized) engine_->updateFilter(state_, filter_cameras_);
 }
 
 bool Trainer::step(const std::atomic<bool>* stop) {
@@ -290,6 +315,7 @@ TrainProgress Trainer::progress() const {
   if (textured && settings_.compare_untextured && state_.stage < Stage::untextured) {
     left += settings_.texture_iterations;
   }
+  if (state_.stage != Stage::quantized) left += settings_.quantize_iterations;
   const double rate = std::max(state_.iteration, 1) / std::max(state_.seconds, 1e-9);
   return {state_.stage,
           state_.iteration,
@@ -307,6 +333,7 @@ void Trainer::iterate() {
       state_.iteration == settings_.texture_iterations / 2) {
     cutTextures();
   }
+  if (state_.stage == Stage::quantized) quantizeNext();
   const int iteration = ++state_.iteration;
   const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
   const bool adc = settings_.densification == Densification::adc;
@@ -332,6 +359,14 @@ void Trainer::iterate() {
   rates.texels =
       static_cast<float>(decayedRate(settings_.rate_texels, texels_end, iteration, iterationsOf(state_.stage)));
   rates.texel_decay = settings_.texel_decay;
+  if (state_.stage == Stage::quantized) {
+    const Quantized phase = phaseOf(iteration - 1, settings_.quantize_iterations);
+    rates.mean = rates.rotation = rates.log_scale = 0;
+    if (phase >= Quantized::texels_and_opacity) rates.opacity_logit = 0;
+    rates.texels = phase >= Quantized::texels_and_opacity ? 0 : texels_end;
+    rates.texel_decay = 0;
+    if (phase >= Quantized::sh_rest) rates.sh.rest = 0;
+  }
   StepInput input{
       .camera = dataset_.views[view],
       .view = view,
@@ -396,6 +431,34 @@ void Trainer::densifyAndSchedule(int iteration) {
   if (schedule_.raisesShDegree(iteration) && degree < settings_.sh_degree) engine_->growShDegree(state_, degree + 1);
 }
 
+void Trainer::quantizeNext() {
+  const int iterations = settings_.quantize_iterations;
+  const Quantized phase = phaseOf(state_.iteration, iterations);
+  if (state_.iteration > 0 && phaseOf(state_.iteration - 1, iterations) == phase) return;
+  TG_ASSERT(stored_, "the trainer knows what the file holds");
+  pull();
+  engine_->stateChanged();
+  GaussianModel& model = state_.training.model;
+  GaussianModel stored = stored_(model, state_.file_steps);
+  TG_ASSERT(stored.size() == model.size() && stored.sh_degree == model.sh_degree, "the file has the model's Gaussians");
+  switch (phase) {
+    case Quantized::geometry:
+      model.mean = std::move(stored.mean);
+      model.rotation = std::move(stored.rotation);
+      model.log_scale = std::move(stored.log_scale);
+      break;
+    case Quantized::texels_and_opacity:
+      model.opacity_logit = std::move(stored.opacity_logit);
+      copyTexels(stored.atlas, model.atlas);
+      break;
+    case Quantized::sh_rest:
+      for (std::size_t i = 0; i < model.sh.size(); ++i) {
+        if (i % model.shCount() > 0) model.sh[i] = stored.sh[i];
+      }
+      break;
+  }
+}
+
 float Trainer::mcmcGrowth() const {
   if (settings_.mcmc_growth >= 0) return settings_.mcmc_growth;
   constexpr float kPublished = 0.05f;
@@ -423,6 +486,7 @@ bool Trainer::end(const std::atomic<bool>* stop) {
     if (!report.test) return false;
   }
   const bool textured = settings_.texture_mode != TextureMode::none && settings_.texture_iterations > 0;
+  const bool quantized = settings_.quantize_iterations > 0;
   setReport(state_.report, state_.stage, report);
   if (state_.stage == Stage::count) {
     state_.default_gaussians = report.gaussians;
@@ -431,6 +495,8 @@ bool Trainer::end(const std::atomic<bool>* stop) {
     begin(Stage::textured, {});
   } else if (state_.stage == Stage::textured && settings_.compare_untextured) {
     begin(Stage::untextured, {});
+  } else if (quantized && state_.stage != Stage::quantized) {
+    begin(Stage::quantized, {});
   } else {
     state_.finished = true;
   }

@@ -23,6 +23,9 @@ struct TrainResult {
   TrainReport report;
 };
 
+// Of a stage, as settings have it.
+int iterationsOf(const TrainSettings& settings, Stage stage);
+
 struct TrainProgress {
   Stage stage = Stage::plain;
   int iteration = 0;
@@ -69,6 +72,12 @@ class Trainer {
   Image picture(const Camera& camera) const;
   // `told` from now on how many views of how many a test score has done.
   void onScoring(std::function<void(std::size_t done, std::size_t views)> told) { scoring_ = std::move(told); }
+  // What stage quantized is for; to be set before it begins, if it is to have iterations: gives back the model, its
+  // Gaussians in their order, as a file of `steps` will hold it. Where steps are 0 it chooses them.
+  using Stored = std::function<GaussianModel(const GaussianModel& model, float& steps)>;
+  void onQuantizing(Stored stored) { stored_ = std::move(stored); }
+  // Those that were chosen; 0: none yet.
+  float fileSteps() const { return state_.file_steps; }
   // On the held-out views; none without test views, or when `stop` is set meanwhile.
   std::optional<Score> testScore(const std::atomic<bool>* stop = nullptr) const;
   // What stands, finished or not.
@@ -92,7 +101,9 @@ class Trainer {
   bool picks() const;
   bool resetsOpacity(int iteration) const;
   bool opacitiesSettled(int iteration) const;
-  int iterationsOf(Stage stage) const;
+  int iterationsOf(Stage stage) const { return tg::iterationsOf(settings_, stage); }
+  // In stage quantized: the parameters whose turn has come are from now on as the file holds them.
+  void quantizeNext();
   std::size_t limit() const;  // of the count; 0: none
   // The published 5 % a round, or what reaches the limit halfway through the densification of a short run.
   float mcmcGrowth() const;
@@ -110,6 +121,7 @@ class Trainer {
   mutable RunState state_;
   mutable int known_losses_ = 0;  // of the stage's iterations
   std::function<void(std::size_t, std::size_t)> scoring_;
+  Stored stored_;
 };
 
 struct TrainHooks {

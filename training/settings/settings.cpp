@@ -67,6 +67,9 @@ std::vector<SettingEntry> makeEntries() {
   return {
       number("iterations", &S::iterations, 0, kMostIterations, "steps", "Stage 1: plain Gaussians"),
       number("texture-iterations", &S::texture_iterations, 0, kMostIterations, "steps", "Stage 2: with textures"),
+      number("quantize-iterations", &S::quantize_iterations, 0, kMostIterations, "steps",
+             "Stage 3: with parameters as --output will hold them (without the flag: a tenth of the others with "
+             "--target-size or --steps)"),
       number("seed", &S::seed, 0, 0x1p53, "", "Same seed, same model"),
       choice("start", &S::start, "Start from the data set's points, or from random ones"),
       number("init-count", &S::init_count, 0, kMostGaussians, "points",
@@ -198,6 +201,9 @@ void checkSettings(const TrainSettings& settings) {
   if (settings.texel_decay > 0 && settings.texture_init == TextureInit::paper) {
     throw Error(ErrorKind::usage,
                 "--texel-decay is towards texels that change nothing (expected --texture-init neutral)");
+  }
+  if (settings.quantize_iterations > 0 && settings.compare_untextured) {
+    throw Error(ErrorKind::usage, "--quantize-iterations has no twin without textures (expected one of both)");
   }
   if (settings.densification == Densification::mcmc && settings.gaussians == 0 && settings.percent == 0) {
     throw Error(ErrorKind::usage, "--densification mcmc needs a count to grow to (expected --gaussians or --percent)");

@@ -43,6 +43,7 @@ constexpr auto namesOf(TextureInit) { return enumNames("neutral", "paper"); }
 struct TrainSettings {
   int iterations = 7000;          // stage 1
   int texture_iterations = 7000;  // stage 2; none with texture mode none
+  int quantize_iterations = 0;    // stage 3, for a file that holds coarser numbers
   std::uint64_t seed = 1;
 
   Start start = Start::points;

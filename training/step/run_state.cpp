@@ -11,7 +11,7 @@ namespace {
 
 // By stage; the plain one always has a report.
 constexpr std::optional<StageReport> TrainReport::* kReports[] = {&TrainReport::count, nullptr, &TrainReport::textured,
-                                                                  &TrainReport::untextured};
+                                                                  &TrainReport::untextured, &TrainReport::quantized};
 static_assert(std::size(kReports) == kCount<Stage>);
 
 }  // namespace

@@ -13,8 +13,9 @@
 namespace tg {
 
 // count: a stage 1 without limit, only to learn how many Gaussians it makes. untextured: stage 2 without textures.
-enum class Stage { count, plain, textured, untextured };
-constexpr auto namesOf(Stage) { return enumNames("count", "plain", "textured", "untextured"); }
+// quantized: what stands, parameter by parameter as a file will hold it, while those that are left make up for it.
+enum class Stage { count, plain, textured, untextured, quantized };
+constexpr auto namesOf(Stage) { return enumNames("count", "plain", "textured", "untextured", "quantized"); }
 
 // Every view once in random order, then again in another.
 struct ViewOrder {
@@ -59,6 +60,7 @@ struct TrainReport {
   StageReport plain;
   std::optional<StageReport> textured;
   std::optional<StageReport> untextured;
+  std::optional<StageReport> quantized;
   bool interrupted = false;
 };
 
@@ -80,6 +82,8 @@ struct RunState {
   RunningMean loss;
   RunningMean squared_error;
   double seconds = 0;  // in the stage
+
+  float file_steps = 0;  // of the file that stage quantized is for; 0: not chosen yet
 
   GaussianModel untextured_start;  // stage-1 model that waits for stage untextured; empty: none
   GaussianModel textured;          // finished model of stage textured, while stage untextured runs

@@ -67,7 +67,8 @@ tg::RunState richState(const tg::Dataset& dataset, tg::DifferentiableRenderer& r
   while (trainer.state().stage != tg::Stage::untextured) trainer.step();
   tg::RunState state = trainer.state();
   state.untextured_start = state.training.model;
-  state.report.count = state.report.plain;
+  state.report.count = state.report.quantized = state.report.plain;
+  state.file_steps = 2.5f;
   return state;
 }
 

@@ -16,6 +16,7 @@
 #include "training/run/init.h"
 #include "training/run/report.h"
 #include "training/sample_dataset.h"
+#include "training/score/evaluate.h"
 #include "training/settings/schedule.h"
 #include "training/step/optimizer.h"
 #include "training/step/textures.h"
@@ -238,6 +239,81 @@ TEST_CASE("adaptive textures keep to their number of texels, and show what more 
   const tg::TrainResult uniform = tg::train(dataset, settings, *renderer);
   REQUIRE((adaptive.report.textured && uniform.report.textured));
   CHECK(adaptive.report.textured->train_psnr > uniform.report.textured->train_psnr);
+}
+
+namespace {
+
+// What a coarse file would leave of a model, the textures in an order of their own.
+tg::GaussianModel rounded(const tg::GaussianModel& model, float step) {
+  const auto round = [&](auto value) { return glm::round(value / step) * step; };
+  tg::GaussianModel stored = model;
+  for (glm::vec3& mean : stored.mean) mean = round(mean);
+  for (glm::vec3& log_scale : stored.log_scale) log_scale = round(log_scale);
+  for (float& logit : stored.opacity_logit) logit = round(logit);
+  for (glm::vec3& sh : stored.sh) sh = round(sh);
+  stored.atlas = {};
+  for (std::size_t i = model.size(); i-- > 0;) {
+    tg::TextureRect rect = model.atlas.rects[i];
+    const auto from = model.atlas.texels.begin() + rect.offset;
+    rect.offset = static_cast<std::uint32_t>(stored.atlas.texels.size());
+    for (std::size_t t = 0; t < rect.texelCount(); ++t) stored.atlas.texels.push_back(round(from[t]));
+    stored.atlas.rects.insert(stored.atlas.rects.begin(), rect);
+  }
+  return stored;
+}
+
+}  // namespace
+
+TEST_CASE("what a coarse file takes, training for it gives back in part", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.sh_degree = 1;
+  settings.iterations = 600;
+  settings.texture_iterations = 200;
+  const auto psnr = [&](const tg::GaussianModel& model) {
+    const auto draw = [&](const tg::Camera& camera) {
+      return tg::renderPicture(*renderer, model, camera, dataset.background);
+    };
+    return tg::meanScore(tg::scoreViews(dataset, dataset.indices(false), draw)).psnr;
+  };
+  constexpr float kStep = 0.2f;
+  const double without = psnr(rounded(tg::train(dataset, settings, *renderer).model, kStep));
+
+  settings.quantize_iterations = 180;
+  std::vector<float> asked;
+  const auto stored = [&](const tg::GaussianModel& model, float& steps) {
+    asked.push_back(std::exchange(steps, kStep));
+    return rounded(model, kStep);
+  };
+  tg::Trainer trainer(dataset, settings, *renderer);
+  trainer.onQuantizing(stored);
+  std::optional<tg::RunState> middle;
+  while (trainer.step()) {
+    const tg::RunState& state = trainer.state();
+    if (state.stage != tg::Stage::quantized) continue;
+    const tg::GaussianModel& model = state.training.model;
+    const tg::GaussianModel file = rounded(model, kStep);
+    CHECK(model.mean == file.mean);
+    CHECK(model.log_scale == file.log_scale);
+    CHECK((model.opacity_logit == file.opacity_logit) == (state.iteration > 60));
+    CHECK((model.sh[1] == file.sh[1] && model.sh[3] == file.sh[3]) == (state.iteration > 120));
+    if (state.iteration == 80) middle = state;
+  }
+  CHECK(asked == std::vector<float>{0, kStep, kStep});
+  CHECK(trainer.fileSteps() == kStep);
+  const tg::GaussianModel last = trainer.model();
+  CHECK(psnr(rounded(last, kStep)) > without + 1);
+  REQUIRE(trainer.report().quantized);
+  CHECK(trainer.report().quantized->iterations == 180);
+
+  REQUIRE(middle);
+  tg::Trainer resumed(dataset, settings, *renderer, *middle);
+  resumed.onQuantizing(stored);
+  while (resumed.step()) continue;
+  tg::test::checkSame(resumed.model(), last);
+  settings.compare_untextured = true;
+  CHECK_THROWS_WITH(tg::checkSettings(settings), Catch::Matchers::Contains("no twin without textures"));
 }
 
 TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {
