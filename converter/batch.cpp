@@ -28,6 +28,17 @@ bool isModel(const std::filesystem::path& path) {
   }
 }
 
+// The name without its format: of a.compressed.ply, too, which a.ply is not to become.
+std::string stemOf(const std::filesystem::path& model) {
+  const std::string name = model.filename().string();
+  std::size_t extension = model.extension().string().size();
+  for (const Format& format : formats()) {
+    const std::string ending = "." + std::string(format.name);
+    if (name.ends_with(ending) && name != ending) extension = std::max(extension, ending.size());
+  }
+  return name.substr(0, name.size() - extension);
+}
+
 std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> models;
   std::error_code error;
@@ -51,7 +62,7 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
   for (const std::filesystem::path& model : modelsIn(input)) {
     BatchItem item;
     item.input = model;
-    item.output = output / (model.stem().string() + "." + extension);
+    item.output = output / (stemOf(model) + "." + extension);
     if (!outputs.insert(item.output).second) {
       throw Error(ErrorKind::usage, model.string() + ": two models would become " + item.output.string());
     }

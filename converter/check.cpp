@@ -2,8 +2,9 @@
 // Says what is wrong with a file, and where.
 #include "converter/check.h"
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "converter/registry/file_format.h"
@@ -23,31 +24,68 @@ Finding findingOf(std::string text, const std::string& path) {
   return {text.substr(0, end), text.substr(end + 2)};
 }
 
-void addAll(std::vector<Finding>& findings, const std::vector<std::string>& messages, const std::string& path) {
-  for (const std::string& message : messages) {
-    Finding finding = findingOf(message, path);
-    const bool known = std::ranges::any_of(
-        findings, [&](const Finding& f) { return f.pointer == finding.pointer && f.message == finding.message; });
-    if (!known) findings.push_back(std::move(finding));
+// Lines that differ by numbers alone, as those of one rule at many places do, are one.
+std::string kindOf(const std::string& line) {
+  std::string kind;
+  for (const char c : line) {
+    const bool digit = c >= '0' && c <= '9';
+    if (!digit) kind += c;
+    if (digit && !kind.ends_with('#')) kind += '#';
   }
+  return kind;
 }
 
-void tryRead(const Format& format, const std::filesystem::path& path, bool base_only, CheckReport& report) {
+// Each line once, in order. `grouped`: also each kind.
+std::vector<Finding> findingsOf(const std::vector<std::string>& lines, const std::string& path, bool grouped) {
+  std::vector<Finding> findings;
+  std::unordered_set<std::string> known;
+  std::unordered_map<std::string, std::size_t> kinds;
+  for (const std::string& line : lines) {
+    Finding finding = findingOf(line, path);
+    if (!known.insert(finding.pointer + ": " + finding.message).second) continue;
+    if (grouped) {
+      const auto [kind, first] = kinds.try_emplace(kindOf(finding.pointer + ": " + finding.message), findings.size());
+      if (!first) {
+        ++findings[kind->second].more;
+        continue;
+      }
+    }
+    findings.push_back(std::move(finding));
+  }
+  return findings;
+}
+
+// What is found, as lines "pointer: message", perhaps after the file's name.
+struct Lines {
+  std::vector<std::string> errors, warnings;
+
+  void addErrors(const std::vector<std::string>& added) { errors.insert(errors.end(), added.begin(), added.end()); }
+  void addWarnings(const std::vector<std::string>& added) {
+    warnings.insert(warnings.end(), added.begin(), added.end());
+  }
+};
+
+void tryRead(const Format& format, const std::filesystem::path& path, bool base_only, CheckReport& report,
+             Lines& lines) {
   std::vector<std::string> errors;  // of a glTF file, more than one
   try {
     Bundle loaded = format.read(path, {.base_only = base_only, .errors = &errors});
     report.gaussians = loaded.model.size();
-    addAll(report.warnings, loaded.warnings, report.file);
+    lines.addWarnings(loaded.warnings);
   } catch (const Error& error) {
     if (error.kind != ErrorKind::badData) throw;
     if (errors.empty()) errors.push_back(error.what());
-    addAll(report.errors, errors, report.file);
+    lines.addErrors(errors);
   }
 }
 
 Json toJson(const std::vector<Finding>& findings) {
   Json list = Json::array();
-  for (const Finding& finding : findings) list.push_back({{"pointer", finding.pointer}, {"message", finding.message}});
+  for (const Finding& finding : findings) {
+    Json entry = {{"pointer", finding.pointer}, {"message", finding.message}};
+    if (finding.more > 0) entry["more"] = finding.more;
+    list.push_back(std::move(entry));
+  }
   return list;
 }
 
@@ -56,33 +94,36 @@ Json toJson(const std::vector<Finding>& findings) {
 CheckReport checkFile(const std::filesystem::path& path) {
   CheckReport report;
   report.file = path.string();
+  Lines lines;
   const auto attempt = [&](const auto& step) {
     try {
       step();
     } catch (const Error& error) {
       if (error.kind != ErrorKind::badData) throw;
-      addAll(report.errors, {error.what()}, report.file);
+      lines.addErrors({error.what()});
     }
   };
   const Format* format = nullptr;
   attempt([&] { format = &detectFormat(path); });
-  if (!format) return report;
-  report.format = format->name;
-  tryRead(*format, path, true, report);
-  if (!format->overlooked) return report;
-  tryRead(*format, path, false, report);
-  std::vector<std::string> errors, warnings;
-  attempt([&] { format->overlooked(path, errors, warnings); });
-  addAll(report.errors, errors, report.file);
-  addAll(report.warnings, warnings, report.file);
+  if (format) {
+    report.format = format->name;
+    tryRead(*format, path, true, report, lines);
+  }
+  if (format && format->overlooked) {
+    tryRead(*format, path, false, report, lines);
+    attempt([&] { format->overlooked(path, lines.errors, lines.warnings); });
+  }
+  report.errors = findingsOf(lines.errors, report.file, false);
+  report.warnings = findingsOf(lines.warnings, report.file, true);
   return report;
 }
 
 std::string describe(const CheckReport& report) {
   std::string text;
   const auto add = [&](const char* severity, const Finding& finding) {
-    text +=
-        std::string(severity) + ": " + (finding.pointer.empty() ? "" : finding.pointer + ": ") + finding.message + "\n";
+    text += std::string(severity) + ": " + (finding.pointer.empty() ? "" : finding.pointer + ": ") + finding.message;
+    if (finding.more > 0) text += " (and " + std::to_string(finding.more) + " more of this kind)";
+    text += "\n";
   };
   for (const Finding& finding : report.errors) add("error", finding);
   for (const Finding& finding : report.warnings) add("warning", finding);

@@ -10,6 +10,8 @@
 #include <utility>
 
 #include "converter/formats/gaussian_blocks.h"
+#include "core/bundle/splat_rows.h"
+#include "core/file/atomic_files.h"
 #include "core/file/scratch_folder.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -96,6 +98,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   const auto write = [&](const Bundle& source) {
     const std::optional<ScratchFolder> folder =
         options.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
+    const KeepExisting no_other_run(!options.overwrite && !options.dry_run);
     const std::filesystem::path file = folder ? folder->path() / output.filename() : output;
     writeModel(format, file, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
@@ -105,12 +108,13 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.input_format = "ply";
     report.gaussians = blocks.size();
     report.sh_degree = blocks.shDegree();
+    if (file->rows().trailing() != 0) report.warnings.push_back(trailingWarning(file->rows().trailing()));
     write_options.gaussians = &blocks;
     write({});
     return report;
   }
 
-  Bundle source = readModel(input, {.base_only = options.base_only});
+  Bundle source = readModel(input, {.base_only = options.base_only, .spz_axes = options.spz_axes});
   const bool small = bytesOf(source.model) <= kMeasuredBytes;
   const bool measured =
       !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));

@@ -34,6 +34,7 @@ struct ConvertOptions {
   std::optional<float> steps = {};         // sog, glb, gltf, html: see WriteOptions
   std::optional<float> texture_step = {};  // likewise
   int spz_version = kNewestSpz;            // spz: likewise
+  std::optional<SpzAxes> spz_axes = {};    // of an spz that is read: see ReadOptions
   Target target = {};                      // sog, glb, gltf, html: instead of `steps`
   std::vector<Edit> edits = {};            // in this order, before anything is written
 };

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -95,7 +96,8 @@ int runBatch(const Arguments& arguments) {
 // The exit code.
 int run(const Arguments& arguments) {
   if (arguments.info || arguments.stats || arguments.output == "null") {
-    const tg::Bundle loaded = tg::readModel(arguments.input, {.base_only = arguments.options.base_only});
+    const tg::Bundle loaded = tg::readModel(
+        arguments.input, {.base_only = arguments.options.base_only, .spz_axes = arguments.options.spz_axes});
     warn(arguments, loaded.warnings);
     print(arguments, tg::describe(loaded, arguments.stats), tg::describeJson(loaded, arguments.stats));
     return 0;
@@ -118,8 +120,9 @@ void takeFiles(Arguments& arguments) {
     files.pop_back();
   }
   for (auto file = files.rbegin(); file != files.rend(); ++file) {
-    arguments.options.edits.insert(arguments.options.edits.begin(), {"--merge", *file});
+    arguments.options.edits.insert(arguments.options.edits.begin(), {"--merge", *file, {}});
   }
+  for (tg::Edit& edit : arguments.options.edits) edit.reading.spz_axes = arguments.options.spz_axes;
 }
 
 // Options of one name may be given often; their order among all edits is what counts.
@@ -144,7 +147,7 @@ class EditParser {
       const std::string name = option->get_name();
       for (const tg::EditOption& known : tg::editOptions()) {
         if (known.name != name) continue;
-        edits.push_back({name, known.value.empty() ? std::string() : option->results().at(next[option]++)});
+        edits.push_back({name, known.value.empty() ? std::string() : option->results().at(next[option]++), {}});
       }
     }
     return edits;
@@ -159,6 +162,67 @@ std::string outputExtensions() {
   for (const std::string& name : tg::outputNames(false)) names.push_back(name);
   for (std::string& name : names) name.insert(0, ".");
   return tg::listed(names);
+}
+
+// Options that shape a file, and of which formats.
+struct ShapingOption {
+  const char* name;
+  bool (*shapes)(const tg::Format& format);
+};
+constexpr ShapingOption kShapingOptions[] = {
+    {"--lean", [](const tg::Format& format) { return format.is_gltf; }},
+    {"--quantize", [](const tg::Format& format) { return format.is_gltf; }},
+    {"--meshopt", [](const tg::Format& format) { return format.is_gltf; }},
+    {"--atlas", [](const tg::Format& format) { return format.is_gltf || format.name == "png"; }},
+    {"--steps", [](const tg::Format& format) { return format.has_steps; }},
+    {"--target-size", [](const tg::Format& format) { return format.has_steps; }},
+    {"--target-psnr", [](const tg::Format& format) { return format.has_steps; }},
+    {"--texture-step", [](const tg::Format& format) { return format.has_steps; }},
+    {"--spz-version", [](const tg::Format& format) { return format.name == "spz"; }},
+};
+
+// What is asked for and does nothing is a mistake that nobody would see.
+void refuseIdle(const CLI::App& app, const Arguments& arguments) {
+  const auto given = [&](const char* name) { return app.get_option(name)->count() > 0; };
+  const auto refuse = [](const std::string& name, const std::string& formats) {
+    throw tg::Error(tg::ErrorKind::usage, name + " does nothing here: it is only for " + formats);
+  };
+  const bool folder = std::filesystem::is_directory(arguments.input);
+  if (given("--to") && !folder) {
+    throw tg::Error(tg::ErrorKind::usage, "--to is for a folder (OUT's extension names the format of a file)");
+  }
+  const bool writes = !arguments.info && !arguments.stats && arguments.output != "null" && !arguments.output.empty();
+  const tg::Format* output = nullptr;
+  if (writes && !folder) output = &tg::outputFormat(arguments.output);
+  if (writes && folder && given("--to")) output = tg::findFormat(arguments.to);
+  for (const ShapingOption& option : kShapingOptions) {
+    if (output == nullptr || !given(option.name) || option.shapes(*output)) continue;
+    std::vector<std::string> names;
+    for (const tg::Format& format : tg::formats()) {
+      if (format.write && option.shapes(format)) names.push_back("." + std::string(format.name));
+    }
+    refuse(option.name, tg::listed(names));
+  }
+  if (folder) return;
+  // Of what is read. What cannot be told apart says so itself, later.
+  std::vector<std::string> inputs = {arguments.input};
+  for (const tg::Edit& edit : arguments.options.edits) {
+    if (edit.option == "--merge") inputs.push_back(edit.value);
+  }
+  const auto reads = [&](const auto& suits) {
+    return std::ranges::any_of(inputs, [&](const std::string& input) {
+      try {
+        return suits(tg::detectFormat(input));
+      } catch (const tg::Error&) {
+        return true;
+      }
+    });
+  };
+  if (given("--spz-axes") && !reads([](const tg::Format& format) { return format.name == "spz"; })) {
+    refuse("--spz-axes", "an .spz that is read");
+  }
+  const bool based = reads([](const tg::Format& format) { return format.has_base || format.is_gltf; });
+  if (given("--base-only") && !based) refuse("--base-only", "a .glb, .gltf, .html or .sog that is read");
 }
 
 int checkMain(int argc, char** argv) {
@@ -234,6 +298,12 @@ int convertMain(int argc, char** argv) {
                  "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet")
       ->check(CLI::Range(tg::kOldestSpz, tg::kNewestSpz))
       ->capture_default_str();
+  app.add_option_function<std::string>(
+         "--spz-axes",
+         [&](const std::string& text) { arguments.options.spz_axes = tg::parse<tg::SpzAxes>(text, "--spz-axes"); },
+         "of an spz that is read, whatever it says: rub (x right, y up, z back, the format's own), or rdf for files "
+         "that hold a PLY's numbers, as tgconvert 0.2 wrote them")
+      ->type_name("AXES");
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(CLI::IsMember(tg::outputNames(true)));
   app.add_flag("--base-only", arguments.options.base_only, "glb, sog: leave the texture layer aside");
@@ -250,6 +320,7 @@ int convertMain(int argc, char** argv) {
   takeFiles(arguments);
   if (arguments.psnr) arguments.options.measure = tg::Measure::always;
   if (arguments.no_psnr || (arguments.quiet && !arguments.json)) arguments.options.measure = tg::Measure::never;
+  refuseIdle(app, arguments);
   return run(arguments);
 }
 

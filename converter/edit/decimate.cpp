@@ -6,10 +6,13 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
+#include "converter/edit/merged_texture.h"
 #include "converter/edit/select.h"
 #include "converter/formats/morton.h"
 #include "converter/gltf/axes.h"
@@ -30,6 +33,9 @@ constexpr double kRoundPart = 0.2;        // of the Gaussians merged before neig
 constexpr double kLeastVariance = 1e-20;  // [world units^2] where Gaussians lie on one spot
 constexpr double kLeastMass = 1e-200;
 constexpr double kLargestSigma = 1e50;
+constexpr double kTexturePart = 3.0;  // of a squared difference of 1 in colour, for a texture's squared contrast
+constexpr double kRemovedPart = 2.0;  // of what views show of a Gaussian, where it is not merged but removed
+constexpr double kUnseenRemoved = 1e-15;
 constexpr double kUnseenPart = 1e-12;  // orders pairs that no view shows
 
 struct Moments {
@@ -49,11 +55,16 @@ double areaOf(glm::dvec3 scale) {
   return scale.y * scale.z;
 }
 
-Moments momentsOf(const GaussianModel& model, std::size_t i) {
+double opaqueArea(const GaussianModel& model, std::size_t i) {
+  return opacityOf(model, i) * areaOf(boundedSigma(model, i));
+}
+
+// `alpha`: its texture's mean factor.
+Moments momentsOf(const GaussianModel& model, std::size_t i, double alpha) {
   glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
   const glm::dvec3 scale = boundedSigma(model, i);
   for (int k = 0; k < 3; ++k) axes[k] *= scale[k];
-  return {std::max(opacityOf(model, i) * areaOf(scale), kLeastMass), glm::dvec3(model.mean[i]),
+  return {std::max(opacityOf(model, i) * alpha * areaOf(scale), kLeastMass), glm::dvec3(model.mean[i]),
           axes * glm::transpose(axes)};
 }
 
@@ -106,7 +117,7 @@ void setMoments(GaussianModel& model, std::size_t i, const Moments& moments) {
 
 struct Pair {
   double cost;
-  std::uint32_t a, b;  // a < b
+  std::uint32_t a, b;  // a < b; a = b: it is removed
   bool operator<(const Pair& other) const {
     if (cost != other.cost) return cost < other.cost;
     return a != other.a ? a < other.a : b < other.b;
@@ -122,7 +133,13 @@ class PairMerger {
   std::size_t round(std::size_t most) {
     const std::size_t n = model_.size();
     moments_.resize(n);
-    for (std::size_t i = 0; i < n; ++i) moments_[i] = momentsOf(model_, i);
+    means_.assign(n, glm::vec4(0.0f, 0.0f, 0.0f, 1.0f));
+    contrast_.assign(n, 0.0);
+    if (isTextured(model_)) {
+      means_ = textureMeans(model_.atlas, n);
+      contrast_ = contrasts();
+    }
+    for (std::size_t i = 0; i < n; ++i) moments_[i] = momentsOf(model_, i, means_[i].a);
     std::vector<Pair> pairs = candidates();
     std::sort(pairs.begin(), pairs.end());
     std::vector<std::uint8_t> keep(n, 1), used(n, 0);
@@ -132,7 +149,7 @@ class PairMerger {
       if (used[pair.a] || used[pair.b]) continue;
       used[pair.a] = used[pair.b] = 1;
       keep[pair.b] = 0;
-      merge(pair);
+      if (pair.a != pair.b) merge(pair);
       ++done;
     }
     std::size_t to = 0;
@@ -145,6 +162,24 @@ class PairMerger {
   }
 
  private:
+  std::vector<double> contrasts() {
+    std::vector<double> found(model_.size(), 0.0);
+    std::map<int, std::vector<double>> shares;
+    for (const TextureRect& rect : model_.atlas.rects) {
+      for (const int size : {int{rect.width}, int{rect.height}}) {
+        if (size > 0 && !shares.contains(size)) shares[size] = texelShares(size);
+      }
+    }
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const TextureRect& rect = model_.atlas.rects[i];
+      for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
+        const glm::dvec4 from = glm::dvec4(model_.atlas.texels[rect.offset + t] - means_[i]);
+        found[i] += shares[rect.width][t % rect.width] * shares[rect.height][t / rect.width] * glm::dot(from, from);
+      }
+    }
+    return found;
+  }
+
   // Pairs of neighbours. The second curve is shifted, so that no place lies on a corner of both.
   std::vector<Pair> candidates() const {
     glm::dvec3 low(moments_.front().mean), high(low);
@@ -159,7 +194,6 @@ class PairMerger {
     for (const double shift : {0.0, 0.37}) {
       order.clear();
       for (std::size_t i = 0; i < moments_.size(); ++i) {
-        if (rectOf(model_, i).texelCount() != 0) continue;
         const glm::dvec3 place = shift + 0.6 * (moments_[i].mean - low) / extent;
         order.emplace_back(mortonCode(place), static_cast<std::uint32_t>(i));
       }
@@ -170,19 +204,44 @@ class PairMerger {
         const std::size_t k = static_cast<std::size_t>(item);
         for (std::size_t j = k + 1; j < std::min(order.size(), k + 1 + kNeighbours); ++j) {
           const auto [a, b] = std::minmax(order[k].second, order[j].second);
+          if ((weights_[a] > 0.0) != (weights_[b] > 0.0)) continue;  // what is seen stays as it is
           pairs[first + k * kNeighbours + j - k - 1] = {cost(a, b), a, b};
         }
       });
     }
     std::erase_if(pairs, [](const Pair& pair) { return pair.a == pair.b; });
+    if (std::ranges::all_of(weights_, [](double weight) { return weight == 0.0; })) return pairs;
+    double largest = kLeastMass;
+    for (std::size_t i = 0; i < moments_.size(); ++i) largest = std::max(largest, opaqueArea(model_, i));
+    for (std::size_t i = 0; i < moments_.size(); ++i) {
+      const auto alone = static_cast<std::uint32_t>(i);
+      // Of what no view shows the least goes first.
+      pairs.push_back({kRemovedPart * weights_[i] + kUnseenRemoved * opaqueArea(model_, i) / largest, alone, alone});
+    }
     return pairs;
+  }
+
+  // How much of each one's mass counts: views that show less of one's mass than of the other's would see more of it
+  // than before, and the other distorted. What none shows counts as it is.
+  std::pair<double, double> shownParts(std::size_t a, std::size_t b) const {
+    const double x = weights_[a] / moments_[a].mass, y = weights_[b] / moments_[b].mass;
+    const double most = std::max(x, y);
+    if (!(most > 0.0) || !std::isfinite(most)) return {1.0, 1.0};
+    return {x / most, y / most};
+  }
+
+  std::pair<Moments, Moments> shownMoments(std::size_t a, std::size_t b) const {
+    const auto [x, y] = shownParts(a, b);
+    std::pair<Moments, Moments> both{moments_[a], moments_[b]};
+    both.first.mass = std::max(both.first.mass * x, kLeastMass);
+    both.second.mass = std::max(both.second.mass * y, kLeastMass);
+    return both;
   }
 
   // What pictures would show of the change: how much larger the whole is than its parts, and how their colours differ,
   // where the views show both.
   double cost(std::size_t a, std::size_t b) const {
-    const Moments& x = moments_[a];
-    const Moments& y = moments_[b];
+    const auto [x, y] = shownMoments(a, b);
     const Moments whole = merged(x, y);
     glm::dmat3 axes;
     const double area = areaOf(scaleOf(whole, axes));
@@ -190,17 +249,24 @@ class PairMerger {
         (x.mass * areaOf(boundedSigma(model_, a)) + y.mass * areaOf(boundedSigma(model_, b))) / whole.mass;
     const double growth = std::log(std::max(area / std::max(parts, kLeastVariance), 1.0));
     const std::size_t count = model_.shCount();
-    const glm::dvec3 color = double{kShC0} * glm::dvec3(model_.sh[a * count] - model_.sh[b * count]);
+    const glm::dvec3 color =
+        double{kShC0} * glm::dvec3(model_.sh[a * count] - model_.sh[b * count]) + glm::dvec3(means_[a] - means_[b]);
     const double sum = weights_[a] + weights_[b];
     const double weight = sum > 0.0 ? weights_[a] * weights_[b] / sum : 0.0;
-    return weight * (growth + kColorPart * glm::dot(color, color)) + kUnseenPart * growth;
+    const double difference = glm::dot(color, color) + kTexturePart * (contrast_[a] + contrast_[b]);
+    return weight * (growth + kColorPart * difference) + kUnseenPart * growth;
   }
 
   // Into the place of pair.a.
   void merge(const Pair& pair) {
-    const Moments whole = merged(moments_[pair.a], moments_[pair.b]);
-    const float part = static_cast<float>(moments_[pair.a].mass / whole.mass);
-    setMoments(model_, pair.a, whole);
+    const auto [x, y] = shownMoments(pair.a, pair.b);
+    const Moments whole = merged(x, y);
+    const float part = static_cast<float>(x.mass / whole.mass);
+    if (rectOf(model_, pair.a).texelCount() + rectOf(model_, pair.b).texelCount() != 0) {
+      mergeTextures(pair, whole, part);
+    } else {
+      setMoments(model_, pair.a, whole);
+    }
     const std::size_t count = model_.shCount();
     for (std::size_t k = 0; k < count; ++k) {
       glm::vec3& to = model_.sh[pair.a * count + k];
@@ -209,9 +275,32 @@ class PairMerger {
     weights_[pair.a] += weights_[pair.b];
   }
 
+  // Shape, opacity and texture of the merged one.
+  void mergeTextures(const Pair& pair, const Moments& whole, float part) {
+    const GaussianModel& model = model_;
+    MergedShape shape;
+    shape.mean = whole.mean;
+    shape.sigma = scaleOf(whole, shape.axes);
+    if (glm::determinant(shape.axes) < 0.0) shape.axes[2] = -shape.axes[2];  // as setMoments has them
+    shape.opacity = std::min(whole.mass / areaOf(shape.sigma), kMostOpacity);
+    shape.dc = glm::dvec3(glm::mix(model.sh[pair.b * model.shCount()], model.sh[pair.a * model.shCount()], part));
+    std::tie(shape.part_a, shape.part_b) = shownParts(pair.a, pair.b);
+    const MergedTexture texture = mergedTexture(model, pair.a, pair.b, shape, fits_);
+    setMoments(model_, pair.a, whole);
+    model_.opacity_logit[pair.a] = logitFromOpacity(texture.opacity);
+    const std::size_t offset = model_.atlas.texels.size();  // keepGaussians puts them in order again
+    if (offset + texture.texels.size() > kMaxModelTexels) throw Error(ErrorKind::badData, "too many texels to merge");
+    model_.atlas.texels.insert(model_.atlas.texels.end(), texture.texels.begin(), texture.texels.end());
+    model_.atlas.rects[pair.a] = {static_cast<std::uint32_t>(offset), static_cast<std::uint16_t>(texture.size.x),
+                                  static_cast<std::uint16_t>(texture.size.y)};
+  }
+
   GaussianModel& model_;
   std::vector<double> weights_;  // [N] of render/contribution.h
   std::vector<Moments> moments_;
+  std::vector<glm::vec4> means_;  // [N] of textures
+  std::vector<double> contrast_;  // [N] of textures: mean square from the mean, colour and alpha
+  AxisFits fits_;
 };
 
 }  // namespace
@@ -227,7 +316,7 @@ void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> v
   const std::vector<double> weights = blendWeights(model, views);
   std::vector<Rank> ranks(model.size());
   for (std::size_t i = 0; i < ranks.size(); ++i) {
-    ranks[i] = {weights[i], opacityOf(model, i) * areaOf(boundedSigma(model, i)), static_cast<std::uint32_t>(i)};
+    ranks[i] = {weights[i], opaqueArea(model, i), static_cast<std::uint32_t>(i)};
   }
   const auto before = [](const Rank& a, const Rank& b) {
     if (a.weight != b.weight) return a.weight > b.weight;
@@ -249,7 +338,7 @@ void decimateByMerging(GaussianModel& model, std::size_t count, std::span<const 
     const auto part = static_cast<std::size_t>(kRoundPart * static_cast<double>(model.size()));
     if (merger.round(std::min(model.size() - count, std::max<std::size_t>(1, part))) == 0) break;
   }
-  decimate(model, count, views);  // what has textures
+  decimate(model, count, views);  // where no pair is left
 }
 
 }  // namespace tg

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <initializer_list>
+#include <unordered_map>
 
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
@@ -95,10 +96,38 @@ void cropSphere(Bundle& loaded, const Edit& edit) {
 
 void keepWhere(Bundle& loaded, const Edit& edit) { keepGaussians(loaded.model, whereValue(loaded.model, edit.value)); }
 
+// Those of one data set are both models': they count once.
+void addCameras(std::vector<Camera>& cameras, const std::vector<Camera>& added) {
+  std::unordered_multimap<std::string, std::size_t> named;
+  for (std::size_t c = 0; c < cameras.size(); ++c) named.emplace(cameras[c].name, c);
+  const std::size_t before = cameras.size();
+  for (const Camera& camera : added) {
+    const auto [first, last] = named.equal_range(camera.name);
+    const bool known = std::any_of(first, last, [&](const auto& entry) {
+      return entry.second < before && static_cast<const Pinhole&>(cameras[entry.second]) == camera;
+    });
+    if (!known) cameras.push_back(camera);
+  }
+}
+
+// As checkModel, of an edit's result.
+void checkCameras(const std::vector<Camera>& cameras, const std::string& place) {
+  for (const Camera& camera : cameras) {
+    const glm::dvec3 position = camera.position();
+    for (int k = 0; k < 3; ++k) {
+      // What is written of it are floats, too.
+      if (std::isfinite(static_cast<float>(position[k])) && std::isfinite(static_cast<float>(camera.translation[k]))) {
+        continue;
+      }
+      throw Error(ErrorKind::badData, place + ": a camera's position is not finite");
+    }
+  }
+}
+
 void merge(Bundle& loaded, const Edit& edit) {
-  const Bundle other = readModel(edit.value);
+  const Bundle other = readModel(edit.value, edit.reading);
   mergeModel(loaded.model, other.model, edit.value);
-  loaded.cameras.insert(loaded.cameras.end(), other.cameras.begin(), other.cameras.end());
+  addCameras(loaded.cameras, other.cameras);
   for (const std::string& warning : other.warnings) loaded.warnings.push_back(edit.value + ": " + warning);
   loaded.training_json.clear();  // it tells of one of them
 }
@@ -174,9 +203,7 @@ constexpr std::array<Command, 16> kCommands = {{
     {{"--keep", "EXPR", "keep by value: \"opacity > 0.1\", \"0.01 <= max_scale < 2\""}, keepWhere, false},
     {{"--merge", "FILE", "put another model beside it"}, merge, false},
     {{"--decimate", "N|P%", "leave the N Gaussians, or P % of them, that pictures show most"}, decimateTo, true},
-    {{"--merge-pairs", "N|P%", "leave N Gaussians, or P %, by merging neighbours that have no textures"},
-     mergeTo,
-     true},
+    {{"--merge-pairs", "N|P%", "leave N Gaussians, or P %, by merging neighbours"}, mergeTo, true},
     {{"--sh-degree", "D", "leave SH degrees up to D"}, reduceSh, true},
     {{"--texture-size", "WxH", "give every texture this size [texels]"}, textureSize, true},
     {{"--texel-budget", "N", "at most N texels in all, where pictures show them most"}, texelBudget, true},
@@ -216,6 +243,7 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
     report.after = loaded.model.size();
     if (report.after == 0) throw Error(ErrorKind::badData, place + ": no Gaussian is left");
     checkModel(loaded.model, place);  // floats may not hold what was asked for
+    checkCameras(loaded.cameras, place);
     if (compares) {
       report.psnr = renderedPsnr(before, loaded.model, qualityViews(before, loaded.cameras), loaded.background);
     }

@@ -7,13 +7,15 @@
 #include <string_view>
 #include <vector>
 
+#include "converter/formats/read_options.h"
 #include "core/bundle/bundle.h"
 
 namespace tg {
 
 struct Edit {
-  std::string option;  // "--translate"
-  std::string value;   // "1,2,3"; "" for an option without one
+  std::string option;        // "--translate"
+  std::string value;         // "1,2,3"; "" for an option without one
+  ReadOptions reading = {};  // of the file that is merged
 };
 
 struct EditReport {

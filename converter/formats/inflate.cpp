@@ -79,12 +79,13 @@ std::vector<std::uint8_t> GzipBytes::take(std::uint64_t size, const std::string&
   return bytes;
 }
 
-std::uint64_t GzipBytes::skipRest(std::uint64_t limit) {
+std::vector<std::uint8_t> GzipBytes::takeRest(std::uint64_t limit) {
   std::vector<std::uint8_t> piece(kPieceBytes);
-  std::uint64_t bytes = 0;
+  std::vector<std::uint8_t> bytes;
   while (!state_->finished) {
-    bytes += state_->read(piece.data(), piece.size());
-    if (bytes > limit) {
+    const std::size_t got = state_->read(piece.data(), piece.size());
+    bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
+    if (bytes.size() > limit) {
       throw Error(ErrorKind::badData, state_->path,
                   "too many bytes after the splats (expected at most " + std::to_string(limit) + ")");
     }

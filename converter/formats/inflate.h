@@ -19,8 +19,8 @@ class GzipBytes {
 
   // The next `size` bytes. Throws Error(badData) when the stream is broken or ends before them; `what` names them.
   std::vector<std::uint8_t> take(std::uint64_t size, const std::string& what);
-  // Reads on to the end and its checksum; the number of bytes that were left. Throws Error(badData) beyond `limit`.
-  std::uint64_t skipRest(std::uint64_t limit);
+  // Reads on to the end and its checksum; the bytes that were left. Throws Error(badData) beyond `limit`.
+  std::vector<std::uint8_t> takeRest(std::uint64_t limit);
 
  private:
   struct State;

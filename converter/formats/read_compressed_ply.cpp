@@ -87,7 +87,8 @@ float shFromByte(float byte) {
 
 }  // namespace
 
-GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std::string& path) {
+GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std::string& path,
+                                 std::uint64_t* trailing) {
   const PlyVertices splats(bytes, path, "Gaussian");
   const PlyVertices chunks(bytes, path, "chunk", "chunk");
   const int position = splats.requireWord("packed_position"), rotation = splats.requireWord("packed_rotation");
@@ -108,6 +109,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
     }
     sh_degree = sh->shDegree(1);
   }
+  if (trailing != nullptr) *trailing = sh ? sh->trailing() : splats.trailing();
   GaussianModel model;
   resizeGaussians(model, n, sh_degree);
   const std::size_t sh_count = model.shCount();
@@ -142,8 +144,8 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
   return model;
 }
 
-GaussianModel readCompressedPly(const std::filesystem::path& path) {
-  return parseCompressedPly(readFile(path, kMaxCompressedPlyBytes), path.string());
+GaussianModel readCompressedPly(const std::filesystem::path& path, std::uint64_t* trailing) {
+  return parseCompressedPly(readFile(path, kMaxCompressedPlyBytes), path.string(), trailing);
 }
 
 }  // namespace tg

@@ -16,7 +16,8 @@ constexpr std::size_t kCompressedPlyChunk = 256;  // Gaussians
 constexpr float kCompressedPlyShRange = 8.0f;     // the bytes of SH span [-4, 4]
 
 // SH degree 0-3, with or without bounds of colours. Throws Error(cannotRead / badData).
-GaussianModel readCompressedPly(const std::filesystem::path& path);
-GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std::string& path);
+GaussianModel readCompressedPly(const std::filesystem::path& path, std::uint64_t* trailing = nullptr);
+GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std::string& path,
+                                 std::uint64_t* trailing = nullptr);
 
 }  // namespace tg

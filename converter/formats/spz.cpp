@@ -133,7 +133,63 @@ glm::vec4 rotationFrom4(std::span<const std::uint8_t> from) {
   return {xyzw[3], xyzw[0], xyzw[1], xyzw[2]};
 }
 
-GaussianModel decode(const SpzHeader& header, const Streams& streams) {
+// What turns the numbers of a file's axes to another's: the sign of each axis.
+using Signs = glm::vec3;
+
+constexpr Signs kModelFromRub(1.0f, -1.0f, -1.0f);  // its own inverse, as every Signs
+
+// Of a quaternion w, x, y, z; no handedness is lost: a Gaussian's mirror image is one turned so.
+glm::vec4 turned(glm::vec4 q, Signs s) { return {q.x, q.y * s.y * s.z, q.z * s.x * s.z, q.w * s.x * s.y}; }
+
+// Of SH of degrees 0 to 3, order -l to l: what each turns into where x, y or z changes its sign.
+std::array<float, 16> shSigns(Signs s) {
+  const float x = s.x, y = s.y, z = s.z, xyz = x * y * z;
+  return {1, y, z, x, x * y, y * z, 1, x * z, 1, y, xyz, y, z, x, z, x};
+}
+
+// SPZ_ADOBE_coordinate_system numbers the axes of x, y, z from 1 on: in its bits whether x is right (else left), y up
+// (down), z front (back), and whether y and z have changed places.
+Signs modelFromNamed(std::uint32_t system, const std::string& path) {
+  constexpr std::array<const char*, 16> names = {"LDB", "RDB", "LUB", "RUB", "LDF", "RDF", "LUF", "RUF",
+                                                 "LFD", "RFD", "LFU", "RFU", "LBD", "RBD", "LBU", "RBU"};
+  const auto fail = [&](const std::string& found) {
+    throw Error(ErrorKind::badData, path,
+                "SPZ: axes that are not supported" + expectedFound("LDB to RUF, 1 to 8", found));
+  };
+  if (system == 0 || system > names.size()) fail(std::to_string(system));
+  const std::uint32_t bits = system - 1;
+  if ((bits & 8) != 0) fail(names[bits]);
+  return {(bits & 1) != 0 ? 1.0f : -1.0f, (bits & 2) != 0 ? -1.0f : 1.0f, (bits & 4) != 0 ? 1.0f : -1.0f};
+}
+
+constexpr std::uint32_t kAxesExtension = 0xADBE0003;
+
+struct Extensions {
+  std::optional<std::uint32_t> axes;  // of SPZ_ADOBE_coordinate_system
+  bool others = false;
+};
+
+// Records of type, length and content. What is cut is nobody's: it counts as another's.
+Extensions readExtensions(std::span<const std::uint8_t> bytes) {
+  Extensions found;
+  while (!bytes.empty()) {
+    const std::uint64_t length = bytes.size() < 8 ? 0 : readU32(bytes, 4);
+    if (bytes.size() < 8 || length > bytes.size() - 8) {
+      found.others = true;
+      break;
+    }
+    if (readU32(bytes, 0) == kAxesExtension && length == 4) {
+      found.axes = readU32(bytes, 8);
+    } else {
+      found.others = true;
+    }
+    bytes = bytes.subspan(8 + static_cast<std::size_t>(length));
+  }
+  return found;
+}
+
+GaussianModel decode(const SpzHeader& header, const Streams& streams, Signs signs) {
+  const std::array<float, 16> sh_signs = shSigns(signs);
   GaussianModel model;
   const std::size_t n = header.count;
   resizeGaussians(model, n, std::min(header.sh_degree, kMaxModelDegree));
@@ -145,29 +201,45 @@ GaussianModel decode(const SpzHeader& header, const Streams& streams) {
     glm::vec3* sh = model.sh.data() + i * coefficients;
     for (int k = 0; k < 3; ++k) {
       const std::size_t at = i * 3 + static_cast<std::size_t>(k);
-      model.mean[i][k] = positionFrom(position + 3 * k, header.fractional_bits);
+      model.mean[i][k] = signs[k] * positionFrom(position + 3 * k, header.fractional_bits);
       model.log_scale[i][k] = static_cast<float>(streams[kSpzScales][at]) * kSpzScaleStep + kSpzLowestScale;
       sh[0][k] = (static_cast<float>(streams[kSpzColors][at]) / 255.0f - 0.5f) / kSpzColorScale;
       for (std::size_t c = 1; c < coefficients; ++c) {
         const float byte = streams[kSpzSh][(i * stored + c - 1) * 3 + static_cast<std::size_t>(k)];
-        sh[c][k] = (byte - 128.0f) * kSpzShStep;
+        sh[c][k] = sh_signs[c] * (byte - 128.0f) * kSpzShStep;
       }
     }
     const std::span<const std::uint8_t> rotation = streams[kSpzRotations].subspan(i * rotation_bytes, rotation_bytes);
-    model.rotation[i] = header.version == 2 ? rotationFrom3(rotation.data()) : rotationFrom4(rotation);
+    model.rotation[i] = turned(header.version == 2 ? rotationFrom3(rotation.data()) : rotationFrom4(rotation), signs);
     model.opacity_logit[i] = logitFromOpacity(streams[kSpzAlphas][i] / 255.0);
   }
   return model;
 }
 
-Bundle finish(const SpzHeader& header, const Streams& streams, const std::string& path) {
+// What a file of other axes than the format's own says of them, and what the caller knows better.
+struct Asked {
+  const std::string& path;
+  std::optional<SpzAxes> axes;
+};
+
+Bundle finish(const SpzHeader& header, const Streams& streams, std::span<const std::uint8_t> extension_bytes,
+              const Asked& asked) {
+  const std::string& path = asked.path;
+  Extensions extensions;
+  if ((header.flags & kSpzExtensions) != 0) extensions = readExtensions(extension_bytes);
+  Signs signs = kModelFromRub;
+  if (asked.axes) {
+    signs = *asked.axes == SpzAxes::rdf ? Signs(1.0f) : kModelFromRub;
+  } else if (extensions.axes && *extensions.axes != 0) {  // 0: nothing is said
+    signs = modelFromNamed(*extensions.axes, path);
+  }
   Bundle loaded;
-  loaded.model = decode(header, streams);
+  loaded.model = decode(header, streams, signs);
   if (header.sh_degree > kMaxModelDegree) loaded.warnings.push_back("SH of degree 4 is left out");
   if ((header.flags & kSpzAntialiased) != 0) {
     loaded.warnings.push_back("trained with antialiasing, which the model has no word for");
   }
-  if ((header.flags & kSpzExtensions) != 0) loaded.warnings.push_back("vendor extensions are left out");
+  if (extensions.others) loaded.warnings.push_back("vendor extensions are left out");
   checkModel(loaded.model, path);
   return loaded;
 }
@@ -191,7 +263,8 @@ void checkTrailer(const SpzHeader& header, std::uint64_t bytes, const std::strin
   throw Error(ErrorKind::badData, path, "SPZ: " + std::to_string(bytes) + " bytes follow the splats (expected none)");
 }
 
-Bundle parseGzip(std::span<const std::uint8_t> bytes, const std::string& path) {
+Bundle parseGzip(std::span<const std::uint8_t> bytes, const Asked& asked) {
+  const std::string& path = asked.path;
   GzipBytes gzip(bytes, path);
   const SpzHeader header = readHeader(gzip.take(kSpzHeaderBytes, "the SPZ header"), path);
   if (header.version > 3) {
@@ -199,12 +272,14 @@ Bundle parseGzip(std::span<const std::uint8_t> bytes, const std::string& path) {
                 "SPZ: a gzip stream of version " + std::to_string(header.version) + " (expected 2 or 3)");
   }
   const std::vector<std::uint8_t> payload = gzip.take(payloadBytes(header), "the SPZ payload");
-  checkTrailer(header, gzip.skipRest(kMaxExtensionBytes), path);
-  return finish(header, split(header, payload), path);
+  const std::vector<std::uint8_t> rest = gzip.takeRest(kMaxExtensionBytes);
+  checkTrailer(header, rest.size(), path);
+  return finish(header, split(header, payload), rest, asked);
 }
 
 // Version 4: header, extensions, a table of stream sizes, streams.
-Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes, const std::string& path) {
+Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes, const Asked& asked) {
+  const std::string& path = asked.path;
   const auto fail = [&](const std::string& what) { throw Error(ErrorKind::badData, path, "SPZ: " + what); };
   if (bytes.size() < kSpz4HeaderBytes) fail("the file ends inside the header");
   const std::size_t streams = bytes[15];
@@ -240,7 +315,8 @@ Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes
     at += packed;
   }
   checkTrailer({}, bytes.size() - at, path);
-  return finish(header, views, path);
+  return finish(header, views, bytes.subspan(kSpz4HeaderBytes, static_cast<std::size_t>(table) - kSpz4HeaderBytes),
+                asked);
 }
 
 constexpr int kUsualFraction = 12;  // bits: 0.24 mm where the unit is a metre
@@ -361,11 +437,12 @@ Bytes packStreams(const SpzHeader& header, std::span<const std::uint8_t> start, 
 
 }  // namespace
 
-Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
-  if (bytes.size() >= 2 && bytes[0] == 0x1f && bytes[1] == 0x8b) return parseGzip(bytes, path);
+Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path, std::optional<SpzAxes> axes) {
+  const Asked asked{path, axes};
+  if (bytes.size() >= 2 && bytes[0] == 0x1f && bytes[1] == 0x8b) return parseGzip(bytes, asked);
   if (bytes.size() < kSpzHeaderBytes) throw Error(ErrorKind::badData, path, "SPZ: the file ends inside the header");
   const SpzHeader header = readHeader(bytes, path);
-  if (header.version > 3) return parseStreams(header, bytes, path);
+  if (header.version > 3) return parseStreams(header, bytes, asked);
   const std::uint64_t expected = payloadBytes(header);
   if (expected > bytes.size() - kSpzHeaderBytes) {
     throw Error(ErrorKind::badData, path,
@@ -373,11 +450,12 @@ Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path) {
                     std::to_string(kSpzHeaderBytes + expected) + " bytes, found " + std::to_string(bytes.size()) + ")");
   }
   checkTrailer(header, bytes.size() - kSpzHeaderBytes - expected, path);
-  return finish(header, split(header, bytes.subspan(kSpzHeaderBytes)), path);
+  return finish(header, split(header, bytes.subspan(kSpzHeaderBytes)),
+                bytes.subspan(kSpzHeaderBytes + static_cast<std::size_t>(expected)), asked);
 }
 
-Bundle readSpz(const std::filesystem::path& path) {
-  return parseSpz(readFile(path, kMaxGaussians * kMaxBytesPerSplat + kMaxExtensionBytes), path.string());
+Bundle readSpz(const std::filesystem::path& path, std::optional<SpzAxes> axes) {
+  return parseSpz(readFile(path, kMaxGaussians * kMaxBytesPerSplat + kMaxExtensionBytes), path.string(), axes);
 }
 
 Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& report, int version) {
@@ -397,7 +475,8 @@ Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& 
   for (int value : {header.sh_degree, header.fractional_bits, 0, 0}) bytes.push_back(static_cast<std::uint8_t>(value));
   for (const glm::vec3& p : model.mean) {
     for (int k = 0; k < 3; ++k) {
-      const double fixed = std::floor(std::ldexp(static_cast<double>(p[k]), header.fractional_bits) + 0.5);
+      const double turned = static_cast<double>(p[k]) * kModelFromRub[k];
+      const double fixed = std::floor(std::ldexp(turned, header.fractional_bits) + 0.5);
       const auto bits = static_cast<std::int32_t>(std::clamp(fixed, -kLargestFixed, kLargestFixed));
       for (int shift : {0, 8, 16}) bytes.push_back(static_cast<std::uint8_t>(bits >> shift));
     }
@@ -420,12 +499,14 @@ Bytes formatSpz(const GaussianModel& model, const std::string& path, SpzReport& 
     }
     report.clipped_scales += clipped;
   }
-  for (const glm::vec4& rotation : model.rotation) appendU32(bytes, packRotation(rotation));
+  for (const glm::vec4& rotation : model.rotation) appendU32(bytes, packRotation(turned(rotation, kModelFromRub)));
+  const std::array<float, 16> sh_signs = shSigns(kModelFromRub);
   for (std::size_t i = 0; i < model.size() && coefficients > 1; ++i) {
     bool clipped = false;
     for (std::size_t k = 1; k < coefficients; ++k) {
       for (int c = 0; c < 3; ++c) {
-        bytes.push_back(shByte(model.sh[i * coefficients + k][c], k < 4 ? kSh1Bits : kShRestBits, clipped));
+        const float coefficient = sh_signs[k] * model.sh[i * coefficients + k][c];
+        bytes.push_back(shByte(coefficient, k < 4 ? kSh1Bits : kShRestBits, clipped));
       }
     }
     report.clipped_sh += clipped;

@@ -92,12 +92,38 @@ void check(json& root, std::span<const std::uint8_t>& bytes, std::vector<std::ui
   checkGltfJson(root, partsOf(bytes, path), path);
 }
 
+// Where they stand in a checked document.
+std::vector<std::string> hollowLayers(const json& root) {
+  std::vector<std::string> found;
+  const json none = json::array();
+  const auto member = [&](const json& object, std::string_view key) -> const json& {
+    const auto at = object.is_object() ? object.find(std::string(key)) : object.end();
+    return at == object.end() ? none : *at;
+  };
+  std::size_t m = 0;
+  for (const json& mesh : member(root, "meshes")) {
+    std::size_t p = 0;
+    for (const json& primitive : member(mesh, "primitives")) {
+      const json& extensions = member(member(member(primitive, "extensions"), kSplatExtension), "extensions");
+      const auto layer = extensions.is_object() ? extensions.find(std::string(kTextureExtension)) : extensions.end();
+      if (layer != extensions.end() && (!layer->is_object() || layer->empty())) {
+        found.push_back("/meshes/" + std::to_string(m) + "/primitives/" + std::to_string(p) + "/extensions/" +
+                        std::string(kSplatExtension) + "/extensions/" + std::string(kTextureExtension));
+      }
+      ++p;
+    }
+    ++m;
+  }
+  return found;
+}
+
 GltfDocument load(json root, std::span<const std::uint8_t> bytes, const std::string& path,
                   const std::optional<std::filesystem::path>& folder) {
   GltfDocument document;
   document.path = path;
   std::vector<std::uint8_t> resolved;
   check(root, bytes, resolved, path, folder);
+  document.hollow_layers = hollowLayers(root);
   parse(document.model, path, isGlb(bytes), bytes);
   return document;
 }
@@ -143,6 +169,7 @@ GltfDocument openGltf(const std::filesystem::path& path) {
     return load(std::move(root), bytes, document.path, folderOf(path));
   }
   checkGltfJson(root, parts, document.path);
+  document.hollow_layers = hollowLayers(root);
   // The library would want the bytes of buffers and images: it gets the rest, which is new text.
   const json images = root.value("images", json::array());
   root.erase("buffers");

@@ -16,6 +16,7 @@
 
 #include "core/file/file.h"
 #include "core/system/error.h"
+#include "core/system/shortened.h"
 
 namespace tg {
 
@@ -34,6 +35,8 @@ struct GltfDocument {
   std::shared_ptr<const FileReader> file;
   std::uint64_t bin_offset = 0;  // of that chunk's content in the file
   std::vector<std::string> warnings;
+  // JSON pointers of texture layers that the library drops without a word: null, {}, and what is no object.
+  std::vector<std::string> hollow_layers;
   // tgconvert check: errors go here and reading goes on where it can. Null: the first one ends it.
   std::vector<std::string>* errors = nullptr;
 
@@ -57,10 +60,10 @@ struct GltfDocument {
   void read(int view, std::uint64_t offset, std::span<std::uint8_t> out) const;
   // The error for something wrong at a JSON pointer.
   Error bad(const std::string& pointer, const std::string& what) const {
-    return Error(ErrorKind::badData, path, pointer + ": " + what);
+    return Error(ErrorKind::badData, path, shortened(pointer) + ": " + shortened(what));
   }
   void warn(const std::string& pointer, const std::string& what) {
-    warnings.push_back(printable(pointer + ": " + what));
+    warnings.push_back(printable(shortened(pointer) + ": " + shortened(what)));
   }
 };
 

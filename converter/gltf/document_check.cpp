@@ -19,6 +19,11 @@ namespace {
 using nlohmann::json;
 
 constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 32;  // of accessor elements: keeps every product below 2^64
+// What says nothing of splats, nor of where they and their textures lie.
+constexpr std::array<std::string_view, 6> kIgnoredExtensions = {"KHR_lights_punctual",   "EXT_lights_image_based",
+                                                                "KHR_texture_transform", "KHR_xmp",
+                                                                "KHR_xmp_json_ld",       "KHR_animation_pointer"};
+constexpr std::string_view kIgnoredMaterials = "KHR_materials_";
 constexpr std::array<std::string_view, 5> kSupportedExtensions = {kSplatExtension, kTextureExtension, kSpzExtension,
                                                                   kWebpExtension, "KHR_mesh_quantization"};
 
@@ -41,7 +46,8 @@ void checkExtensions(const JsonNode& root) {
     for (std::size_t i = 0; i < list.size(); ++i) {
       const std::string extension = list.element(i).string();
       const bool known =
-          std::find(kSupportedExtensions.begin(), kSupportedExtensions.end(), extension) != kSupportedExtensions.end();
+          std::ranges::count(kSupportedExtensions, extension) + std::ranges::count(kIgnoredExtensions, extension) > 0 ||
+          extension.starts_with(kIgnoredMaterials);
       if (key == std::string_view("extensionsRequired") && !known) {
         list.element(i).fail("the file requires " + extension + ", which this reader does not support");
       }

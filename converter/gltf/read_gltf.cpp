@@ -14,8 +14,10 @@
 #include "converter/gltf/accessor.h"
 #include "converter/gltf/axes.h"
 #include "converter/gltf/cameras.h"
+#include "converter/gltf/core_rules.h"
 #include "converter/gltf/document.h"
 #include "converter/gltf/document_check.h"
+#include "converter/gltf/linear_colors.h"
 #include "converter/gltf/nodes.h"
 #include "converter/gltf/numbers.h"
 #include "converter/gltf/spz_extension.h"
@@ -38,6 +40,7 @@ struct SplatInstance {
   SplatPrimitive splats;
   RigidScale place;
   int degree = 0;
+  bool linear = false;                  // its colours
   std::optional<GaussianModel> packed;  // an SPZ's splats, which stand for the attributes
 };
 
@@ -93,6 +96,9 @@ int findDegree(const GltfDocument& document, const SplatPrimitive& splats) {
 
 void checkExtensionPlaces(const GltfDocument& document) {
   const std::string ours(kTextureExtension);
+  for (const std::string& pointer : document.hollow_layers) {
+    document.attempt([&] { throw document.bad(pointer, "is no object with a \"mode\""); });
+  }
   const auto refuse = [&](const tinygltf::ExtensionMap& extensions, const std::string& pointer) {
     if (extensions.count(ours) == 0) return;
     document.attempt([&] {
@@ -133,10 +139,16 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
   }
   document.attempt([&] {
     if (text("kernel") == "ellipse" || (packed && !extension.Has("kernel"))) return;
+    const bool layered = extension.Has("extensions") && extension.Get("extensions").Has(std::string(kTextureExtension));
+    if (!text("kernel").empty() && !layered) {  // as KHR_gaussian_splatting has it
+      document.warn(pointer, "unknown \"kernel\", taken for ellipse: found \"" + text("kernel") + "\"");
+      return;
+    }
     throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
   });
   if (const std::string space = text("colorSpace"); space == "lin_rec709_display") {
-    document.warn(pointer, "colours are linear: the numbers are kept and shown as they are");
+    document.warn(pointer,
+                  "colours of linear light: turned to sRGB Gaussian by Gaussian, which blends a little differently");
   } else if (space != "srgb_rec709_display" && !(packed && space.empty())) {
     document.warn(pointer, "unknown colorSpace \"" + space + "\", taken for srgb_rec709_display");
   }
@@ -178,7 +190,8 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
           throw document.bad(instance.splats.pointer + "/attributes", "the attribute POSITION is missing");
         }
         const tinygltf::Accessor& accessor = model.accessors[position->second];
-        if (accessor.minValues.empty() || accessor.maxValues.empty()) {
+        const bool bounded = !accessor.minValues.empty() && !accessor.maxValues.empty();
+        if (!bounded && document.errors == nullptr) {  // tgconvert check has an error of its own for it
           document.warn(instance.splats.pointer + "/attributes/POSITION", "no min and max");
         }
         instance.splats.count = accessor.count;
@@ -193,6 +206,8 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
           instance.degree = findDegree(document, instance.splats);
         }
         instance.place = decompose(document, placed);
+        instance.linear = found->second.Has("colorSpace") && found->second.Get("colorSpace").IsString() &&
+                          found->second.Get("colorSpace").Get<std::string>() == "lin_rec709_display";
         instances.push_back(std::move(instance));
       });
     }
@@ -452,6 +467,7 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
           static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(layer->mode));
     }
     Repairs repairs;
+    const std::size_t before = model.size();
     const std::size_t block = blockOf(document, instance);
     for (std::size_t first = 0; first < instance.splats.count; first += block) {
       const SplatRange range{first, std::min(block, instance.splats.count - first)};
@@ -466,6 +482,7 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
       append(instance, base, layer ? &*layer : nullptr, model, repairs);
     }
     warnRepairs(document, instance, repairs);
+    if (instance.linear) encodeLinearColors(model, before);
   }
   if (document.errors != nullptr && !document.errors->empty()) {
     throw Error(ErrorKind::badData, document.errors->front());
@@ -548,6 +565,7 @@ void findOverlooked(const std::filesystem::path& path, std::vector<std::string>&
   if (has_webp && !lists(root, "extensionsUsed", webp)) {
     errors.push_back("/extensionsUsed: " + webp + " is used and not listed");
   }
+  checkCoreRules(root, openGltf(path), errors, warnings);
 }
 
 }  // namespace tg

@@ -75,7 +75,7 @@ class Resolver {
   };
 
   [[noreturn]] void fail(const std::string& pointer, const std::string& what) const {
-    throw Error(ErrorKind::badData, path_, pointer + ": " + what);
+    throw Error(ErrorKind::badData, path_, shortened(pointer) + ": " + shortened(what));
   }
 
   std::uint64_t number(const json& object, const char* key, std::optional<std::uint64_t> otherwise,
@@ -101,7 +101,9 @@ class Resolver {
     return offset;
   }
 
-  std::vector<std::uint8_t> readExternal(const json& uri, const std::string& pointer) const {
+  // At least `least` bytes, or all of an image.
+  std::vector<std::uint8_t> readExternal(const json& uri, const std::string& pointer,
+                                         std::optional<std::uint64_t> least) const {
     if (!uri.is_string()) fail(pointer, "wrong type (expected a string)");
     if (!folder_) fail(pointer, "external files are not read here (expected a GLB or a base64 data URI)");
     const std::string& text = uri.get_ref<const std::string&>();
@@ -120,11 +122,19 @@ class Resolver {
                 name.find('\0') == name.npos;
     for (const std::filesystem::path& part : std::filesystem::path(name)) safe = safe && part != "..";
     if (!safe) fail(pointer, "no name of a file beside this one (expected a relative path without \"..\")");
+    std::uint64_t size = 0;
     try {
-      return readFile(*folder_ / name, kMaxResolvedBytes);
+      const FileReader file(*folder_ / name, kMaxResolvedBytes);  // of a regular file, whose size is known
+      size = file.size();
+      if (size >= least.value_or(0)) {
+        std::vector<std::uint8_t> bytes(static_cast<std::size_t>(least.value_or(size)));
+        file.read(0, bytes);
+        return bytes;
+      }
     } catch (const Error& error) {
       fail(pointer, std::string("external file: ") + error.what());
     }
+    fail(pointer, "the file is too short" + expectedFound(*least, size));
   }
 
   void buffers() {
@@ -136,12 +146,7 @@ class Resolver {
       Source source;
       source.bytes = number(buffer, "byteLength", std::nullopt, pointer);
       if (isExternal(buffer)) {
-        const std::vector<std::uint8_t> bytes = readExternal(buffer.at("uri"), pointer + "/uri");
-        if (bytes.size() < source.bytes) {
-          fail(pointer, "the file is too short (expected " + std::to_string(source.bytes) + " bytes, found " +
-                            std::to_string(bytes.size()) + ")");
-        }
-        source.offset = append(std::span(bytes).first(static_cast<std::size_t>(source.bytes)));
+        source.offset = append(readExternal(buffer.at("uri"), pointer + "/uri", source.bytes));
         source.there = source.packed_in_bin = true;
       } else if (buffer.contains("uri")) {
         source.buffer = kept.size();
@@ -234,7 +239,7 @@ class Resolver {
       if (!isExternal(image)) continue;
       const std::string pointer = "/images/" + std::to_string(i);
       if (image.contains("bufferView")) fail(pointer, "needs either a uri or a bufferView");
-      const std::vector<std::uint8_t> bytes = readExternal(image["uri"], pointer + "/uri");
+      const std::vector<std::uint8_t> bytes = readExternal(image["uri"], pointer + "/uri", {});
       if (!root_.contains("bufferViews")) root_["bufferViews"] = json::array();
       const std::uint64_t offset = append(bytes);
       image["bufferView"] = root_["bufferViews"].size();
@@ -252,7 +257,11 @@ class Resolver {
       for (const json& name : root_[list]) {
         if (name != json(kCodecs[0]) && name != json(kCodecs[1])) rest.push_back(name);
       }
-      root_[list] = std::move(rest);
+      if (rest.empty()) {
+        root_.erase(list);
+      } else {
+        root_[list] = std::move(rest);
+      }
     }
     std::string text = root_.dump(-1, ' ', false, json::error_handler_t::replace);
     text.resize((text.size() + 3) / 4 * 4, ' ');

@@ -2,26 +2,23 @@
 // SPZ inside glTF.
 #include "converter/gltf/spz_extension.h"
 
-#include <array>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "converter/formats/spz.h"
+#include "converter/gltf/axes.h"
 
 namespace tg {
 namespace {
 
-// The half turn about y: (x, y, z) -> (-x, y, -z).
-void turnAboutY(GaussianModel& model) {
-  // Of degrees 0 to 3, order -l to l.
-  constexpr std::array<float, 16> signs = {1, 1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1};
+// SPZ's axes are x right, y up, z back; the draft turns them half around y to glTF's. Its reader has given the model's.
+void turnToGltf(GaussianModel& model) {
   const std::size_t count = model.shCount();
   for (std::size_t i = 0; i < model.size(); ++i) {
-    glm::vec3& mean = model.mean[i];
-    mean = {-mean.x, mean.y, -mean.z};
-    glm::vec4& q = model.rotation[i];
-    q = {-q.z, q.w, q.x, -q.y};  // (w, x, y, z) = (0, 0, 1, 0) * q
-    for (std::size_t k = 0; k < count; ++k) model.sh[i * count + k] *= signs[k];
+    model.mean[i] = turnAxes(model.mean[i]);
+    model.rotation[i] = gltfFromModelRotation(model.rotation[i]);
+    turnShAxes(std::span(model.sh).subspan(i * count, count));
   }
 }
 
@@ -51,7 +48,7 @@ GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& spl
     throw document.bad(pointer, "the count differs from POSITION's" + expectedFound(splats.count, loaded.model.size()));
   }
   for (const std::string& warning : loaded.warnings) document.warn(pointer, warning);
-  turnAboutY(loaded.model);
+  turnToGltf(loaded.model);
   return std::move(loaded.model);
 }
 

@@ -110,7 +110,7 @@ std::vector<std::uint8_t> unpacked(const std::vector<std::uint8_t>& packed, cons
   const std::uint64_t length = std::max<std::uint64_t>(readU32(glb, 8), kGlbHeaderBytes);
   const std::vector<std::uint8_t> rest = stream.take(length - kGlbHeaderBytes, "the GLB");
   glb.insert(glb.end(), rest.begin(), rest.end());
-  if (stream.skipRest(1) != 0) throw Error(ErrorKind::badData, path, "the page's GLB is longer than it says");
+  if (!stream.takeRest(1).empty()) throw Error(ErrorKind::badData, path, "the page's GLB is longer than it says");
   return glb;
 }
 

@@ -18,6 +18,7 @@
 #include "converter/html/html.h"
 #include "converter/sog/sog.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
@@ -31,7 +32,7 @@ using Path = std::filesystem::path;
 
 bool isSpz(const FileStart& start) { return start.begins("NGSP") || start.inside_gzip == "NGSP"; }
 bool isPly(const FileStart& start) { return start.begins("ply\n") || start.begins("ply\r"); }
-bool isPacked(const FileStart& start) { return start.bytes.find("packed_position") != std::string::npos; }
+bool isPacked(const FileStart& start) { return start.holds("packed_position"); }
 
 bool isJson(const FileStart& start) {
   const std::size_t first = start.bytes.find_first_not_of(" \t\r\n", start.begins("\xef\xbb\xbf") ? 3 : 0);
@@ -57,7 +58,19 @@ Bundle readPage(const Path& path, const ReadOptions& options) {
   return checked(parseGltf(readHtmlGlb(path), path.string(), options), path);
 }
 
-Bundle readPly(const Path& path, const ReadOptions& options) { return bundleOf(readSplatPly(path, options.progress)); }
+Bundle readPly(const Path& path, const ReadOptions& options) {
+  Bundle loaded = bundleOf(readSplatPly(path, options.progress));
+  if (const std::uint64_t bytes = SplatPlyFile(path).rows().trailing())
+    loaded.warnings.push_back(trailingWarning(bytes));
+  return loaded;
+}
+
+Bundle readPackedPly(const Path& path, const ReadOptions&) {
+  std::uint64_t bytes = 0;
+  Bundle loaded = bundleOf(readCompressedPly(path, &bytes));
+  if (bytes != 0) loaded.warnings.push_back(trailingWarning(bytes));
+  return loaded;
+}
 
 void writePly(const Path& path, const Bundle& source, const WriteOptions&, Written&) {
   writeSplatPly(path, source.model);
@@ -127,7 +140,7 @@ constexpr Format kFormats[] = {
      .title = "compressed PLY",
      .keeps = kKeepsSh,
      .sniff = [](const FileStart& start) { return isPly(start) && isPacked(start); },
-     .read = [](const Path& path, const ReadOptions&) { return bundleOf(readCompressedPly(path)); },
+     .read = readPackedPly,
      .write = writePackedPly},
     {.name = "splat",
      .spoken = "splat",
@@ -144,7 +157,7 @@ constexpr Format kFormats[] = {
      .title = "SPZ",
      .keeps = kKeepsSh,
      .sniff = isSpz,
-     .read = [](const Path& path, const ReadOptions&) { return readSpz(path); },
+     .read = [](const Path& path, const ReadOptions& options) { return readSpz(path, options.spz_axes); },
      .write = writeBaseSpz},
     {.name = "sog",
      .spoken = "sog",
@@ -256,6 +269,10 @@ std::string listed(const std::vector<std::string>& names) {
 const Format& detectFormat(const Path& path) {
   const FileStart start = readStart(path);
   if (start.bytes.empty()) throw Error(ErrorKind::badData, path.string(), "the file is empty");
+  if (isJson(start) && start.holds("\"means\"") && start.holds("\"scales\"")) {
+    throw Error(ErrorKind::badData, path.string(),
+                "is the meta.json of an unbundled SOG (expected a .sog, a ZIP archive of it and its images)");
+  }
   for (const Format& format : kFormats) {
     if (format.sniff && format.sniff(start)) return format;
   }
@@ -272,10 +289,10 @@ const Format& outputFormat(const Path& path) {
   for (const Format& format : kFormats) {
     if (!format.write) continue;
     known.push_back(extensionOf(format));
-    if (!name.ends_with(known.back()) || name == known.back()) continue;
+    if (!name.ends_with(known.back())) continue;
     if (!found || format.name.size() > found->name.size()) found = &format;  // .compressed.ply before .ply
   }
-  if (found) return *found;
+  if (found && name != extensionOf(*found)) return *found;
   std::ranges::sort(known);
   throw Error(ErrorKind::usage, path.string(),
               "unknown output format (expected " + listed(known) + ", found \"" + path.extension().string() + "\")");

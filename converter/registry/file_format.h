@@ -28,6 +28,7 @@ struct FileStart {
   std::string inside_gzip;  // the first four bytes inside a gzip stream; "" for other files and broken streams
 
   bool begins(std::string_view magic) const { return bytes.starts_with(magic); }
+  bool holds(std::string_view text) const { return bytes.find(text) != std::string::npos; }
 };
 
 // What a file can hold.

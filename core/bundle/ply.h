@@ -19,8 +19,9 @@ constexpr std::uint64_t kMaxPlyBytes = kMaxGaussians * 62 * 8;  // of a file of 
 
 // Reads by property name, so extra properties and any order are fine; ASCII, binary little and big endian; SH degree
 // 0-3 from the number of f_rest_*. Throws Error(cannotRead / badData): missing property, count and size that disagree
-// with the file's length, non-finite values (with Gaussian index and property). The result has no textures and has
-// passed checkModel. `progress` may be null; throws ReadCancelled when it says so.
+// with the file's length, non-finite values (with Gaussian index and property). Bytes behind binary rows are passed
+// over (SplatRows::trailing). The result has no textures and has passed checkModel. `progress` may be null; throws
+// ReadCancelled when it says so.
 GaussianModel readSplatPly(const std::filesystem::path& path, ReadProgress* progress = nullptr);
 GaussianModel parseSplatPly(std::span<const std::uint8_t> bytes, const std::string& path);
 

@@ -260,10 +260,7 @@ void PlyVertices::locateVertices(const std::vector<Element>& elements, std::stri
   stride_ = vertex->stride;
   properties_ = vertex->properties;
   last_element_ = vertex + 1 == elements.end();
-  if (format_ != Format::ascii && last_element_ && total_ - begin_ != count_ * stride_) {
-    fail("file is longer than its counts say (expected " + std::to_string(count_ * stride_) +
-         " bytes after the header, found " + std::to_string(total_ - begin_) + ")");
-  }
+  if (format_ != Format::ascii && last_element_) trailing_ = total_ - begin_ - count_ * stride_;
 }
 
 std::string PlyVertices::label(std::size_t vertex) const {

@@ -41,8 +41,9 @@ class PlyVertices {
 
   // Rows are binary, little endian, and the properties are float32.
   bool plainFloats(std::span<const int> indices) const;
-  std::uint64_t firstRow() const { return begin_; }  // [bytes] from the start of a binary file
-  std::size_t stride() const { return stride_; }     // [bytes] of a binary row
+  std::uint64_t firstRow() const { return begin_; }     // [bytes] from the start of a binary file
+  std::uint64_t trailing() const { return trailing_; }  // [bytes] behind the rows of a binary file's last element
+  std::size_t stride() const { return stride_; }        // [bytes] of a binary row
 
   // A 32-bit pattern that a float would round: property `index` of a vertex, of type uint32 in a binary file.
   std::uint32_t word(std::size_t vertex, int index) const;
@@ -84,6 +85,7 @@ class PlyVertices {
   std::size_t count_ = 0;
   std::size_t stride_ = 0;
   bool last_element_ = false;
+  std::uint64_t trailing_ = 0;
   std::uint64_t tokens_before_ = 0;  // ASCII values of elements before the vertices
   std::vector<PlyProperty> properties_;
   std::vector<std::string> element_names_;

@@ -143,6 +143,11 @@ void SplatStream::add(std::span<const std::uint8_t> bytes) {
 
 void SplatStream::start() {
   rows_.emplace(pending_, total_, path_);
+  if (rows_->trailing() != 0) {
+    throw Error(ErrorKind::badData, path_,
+                "file is longer than its counts say (expected " + std::to_string(total_ - rows_->trailing()) +
+                    " bytes, found " + std::to_string(total_) + ")");
+  }
   if (!rows_->plain()) {
     pending_.reserve(static_cast<std::size_t>(total_));
     return;

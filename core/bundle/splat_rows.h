@@ -30,6 +30,7 @@ class SplatRows {
   int shDegree() const { return sh_degree_; }
   std::uint64_t firstRow() const { return vertices_.firstRow(); }  // [bytes] from the start of a binary file
   std::size_t stride() const { return vertices_.stride(); }        // [bytes] of a binary row
+  std::uint64_t trailing() const { return vertices_.trailing(); }  // [bytes] that belong to no row
   // Rows are binary, little endian and float32 throughout: only then may convert() be called.
   bool plain() const { return plain_; }
 
@@ -100,6 +101,11 @@ class SplatStream {
   std::size_t ready_ = 0;
   GaussianModel model_;
 };
+
+// For a reader's warnings, of SplatRows::trailing.
+inline std::string trailingWarning(std::uint64_t bytes) {
+  return std::to_string(bytes) + " bytes behind the rows are passed over";
+}
 
 // The header of INRIA's layout, and the bytes of a row.
 std::string splatHeader(std::size_t gaussians, int sh_degree);

@@ -31,4 +31,15 @@ class AtomicFiles {
   std::vector<std::unique_ptr<Entry>> entries_;
 };
 
+// While it lives, what this thread writes atomically replaces no file: not even one that came while it was written.
+class KeepExisting {
+ public:
+  explicit KeepExisting(bool keep = true);
+  ~KeepExisting();
+  KeepExisting& operator=(KeepExisting&&) = delete;
+
+ private:
+  const bool before_;
+};
+
 }  // namespace tg

@@ -125,7 +125,8 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
 }
 
 FileReader::FileReader(const std::filesystem::path& path, std::uint64_t max_bytes) : path_(path.string()) {
-  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  // Not to wait for somebody who writes into a pipe.
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
   if (file.fd < 0) throw Error(ErrorKind::cannotRead, path_, "cannot open: " + systemReason());
   struct stat status{};
   if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + systemReason());
@@ -189,7 +190,33 @@ struct AtomicFiles::Entry {
   TemporaryFile temporary;
 };
 
-AtomicFiles::AtomicFiles(bool replace) : replace_(replace) {}
+namespace {
+
+thread_local bool replaces = true;
+
+Error existsAlready(const std::filesystem::path& path) {
+  return {ErrorKind::cannotWrite, path.string(), "exists already (--overwrite replaces it)"};
+}
+
+// Gives a file its name unless another one has it: of several that try, one wins. False with errno.
+bool renameWithoutReplacing(const std::filesystem::path& from, const std::filesystem::path& to) {
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
+  if (errno != EINVAL && errno != ENOSYS) return false;
+  // A file system that does not know this.
+  if (::link(from.c_str(), to.c_str()) == 0) return ::unlink(from.c_str()) == 0;
+  if (errno == EEXIST) return false;
+  struct stat status{};
+  if (::lstat(to.c_str(), &status) != 0) return ::rename(from.c_str(), to.c_str()) == 0;
+  errno = EEXIST;
+  return false;
+}
+
+}  // namespace
+
+KeepExisting::KeepExisting(bool keep) : before_(std::exchange(replaces, replaces && !keep)) {}
+KeepExisting::~KeepExisting() { replaces = before_; }
+
+AtomicFiles::AtomicFiles(bool replace) : replace_(replace && replaces) {}
 AtomicFiles::~AtomicFiles() = default;
 
 void AtomicFiles::add(const std::filesystem::path& path,
@@ -197,7 +224,7 @@ void AtomicFiles::add(const std::filesystem::path& path,
   requireFileName(path);
   std::error_code ignored;
   if (!replace_ && std::filesystem::exists(path, ignored)) {
-    throw Error(ErrorKind::cannotWrite, path.string(), "exists already (--overwrite replaces it)");
+    throw existsAlready(path);
   }
   const Entry& entry = *entries_.emplace_back(std::make_unique<Entry>(path));
   write(entry.temporary.path);
@@ -210,7 +237,10 @@ void AtomicFiles::add(const std::filesystem::path& path, std::span<const std::ui
 
 void AtomicFiles::commit() {
   for (const std::unique_ptr<Entry>& entry : entries_) {
-    if (::rename(entry->temporary.path.c_str(), entry->path.c_str()) != 0) {
+    const bool renamed = replace_ ? ::rename(entry->temporary.path.c_str(), entry->path.c_str()) == 0
+                                  : renameWithoutReplacing(entry->temporary.path, entry->path);
+    if (!renamed && !replace_ && errno == EEXIST) throw existsAlready(entry->path);
+    if (!renamed) {
       throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + systemReason());
     }
     entry->temporary.released = true;

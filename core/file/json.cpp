@@ -8,23 +8,42 @@
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
+#include "core/system/shortened.h"
 
 namespace tg {
 namespace {
 
 std::string inQuotes(std::string_view key) { return std::string("\"").append(key).append("\""); }
 
+// Levels of brackets outside of strings.
+bool nestsTooDeep(std::string_view text) {
+  int depth = 0;
+  bool inside = false;  // a string
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (inside) {
+      if (c == '\\') ++i;
+      inside = c != '"';
+    } else if (c == '"') {
+      inside = true;
+    } else if (c == '[' || c == '{') {
+      if (++depth > kMaxJsonDepth) return true;
+    } else if (c == ']' || c == '}') {
+      --depth;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 nlohmann::json parseJson(std::string_view text, const std::string& path, const JsonWords& words) {
-  const auto bounded = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-    if (depth > kMaxJsonDepth) throw Error(ErrorKind::badData, path, words.deep);
-    return true;
-  };
+  // The library would count levels by a callback, with which it looks at all elements of an array after each of them.
+  if (nestsTooDeep(text)) throw Error(ErrorKind::badData, path, words.deep);
   try {
-    return nlohmann::json::parse(text, bounded);
+    return nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& e) {
-    throw Error(ErrorKind::badData, path, std::string(words.broken) + e.what());
+    throw Error(ErrorKind::badData, path, std::string(words.broken) + shortened(e.what()));
   }
 }
 
@@ -37,7 +56,7 @@ std::string dumpJson(const nlohmann::ordered_json& value, int indent) {
 }
 
 void JsonNode::fail(const std::string& what) const {
-  throw Error(ErrorKind::badData, path, place.empty() ? what : place + ": " + what);
+  throw Error(ErrorKind::badData, path, (place.empty() ? "" : shortened(place) + ": ") + shortened(what));
 }
 
 bool JsonNode::has(const char* key) const { return value.contains(key); }

@@ -10,8 +10,10 @@
 #include <map>
 #include <new>
 #include <string>
+#include <system_error>
 
 #include "core/system/error.h"
+#include "core/system/shortened.h"
 
 namespace tg {
 namespace {
@@ -43,6 +45,8 @@ void checkProcessor() {
   }
 #endif
 }
+
+constexpr std::size_t kMessageStart = 2000, kMessageEnd = 500;  // [bytes] of one that quotes a file at length
 
 }  // namespace
 
@@ -77,11 +81,16 @@ int runProgram(const char* name, const std::function<int()>& body) {
     if (code == 0) flushOutput();
     return code;
   } catch (const Error& error) {
-    std::fprintf(stderr, "%s: %s\n", name, error.what());
+    std::fprintf(stderr, "%s: %s\n", name, shortened(error.what(), kMessageStart, kMessageEnd).c_str());
     return exitCode(error);
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "%s: out of memory\n", name);
     return static_cast<int>(ErrorKind::device);
+  } catch (const std::system_error& error) {
+    // A thread that cannot start. What is wrong with a file says so itself.
+    const bool again = error.code() == std::errc::resource_unavailable_try_again;
+    std::fprintf(stderr, "%s: %s%s\n", name, again ? "no thread can be started: " : "", error.what());
+    return static_cast<int>(again ? ErrorKind::device : ErrorKind::badData);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s: %s\n", name, error.what());
     return static_cast<int>(ErrorKind::badData);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // .splat, SPZ and compressed PLY: every number where it belongs, and nothing but errors from broken files.
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "converter/formats/read_compressed_ply.h"
@@ -54,6 +56,7 @@ void checkCloseTo(glm::vec4 found, glm::vec4 expected, float tolerance) {
 
 }  // namespace
 
+// The file's axes are x right, y up, z back.
 TEST_CASE("SPZ of every version: every number where it belongs") {
   for (std::uint32_t version : {2u, 3u, 4u}) {
     const SpzParts parts(version);
@@ -63,24 +66,76 @@ TEST_CASE("SPZ of every version: every number where it belongs") {
     REQUIRE(model.size() == 2);
     REQUIRE(model.sh_degree == 1);
     CHECK(loaded.warnings.empty());
-    checkCloseTo(model.mean[0], {1.0f, -2.0f, 0.5f});
-    checkCloseTo(model.mean[1], {-1.0f / 4096, 0.0f, 8388607.0f / 4096}, 1e-3f);
+    checkCloseTo(model.mean[0], {1.0f, 2.0f, -0.5f});
+    checkCloseTo(model.mean[1], {-1.0f / 4096, 0.0f, -8388607.0f / 4096}, 1e-3f);
     checkCloseTo(model.log_scale[0], {0.0f, -1.0f, -2.0f});
     checkCloseTo(model.log_scale[1], {-10.0f, 5.9375f, -9.0f});
     CHECK(model.opacity_logit[0] == 20.0f);
     CHECK(model.opacity_logit[1] == Approx(std::log(0.25)));
     checkCloseTo(model.sh[0], {0.5f / 0.15f, -0.5f / 0.15f, (128 / 255.0f - 0.5f) / 0.15f}, 1e-5f);
-    checkCloseTo(model.sh[1], {-0.5f, -0.4375f, -0.375f});
-    checkCloseTo(model.sh[2], {-0.3125f, -0.25f, -0.1875f});
+    checkCloseTo(model.sh[1], {0.5f, 0.4375f, 0.375f});
+    checkCloseTo(model.sh[2], {0.3125f, 0.25f, 0.1875f});
     checkCloseTo(model.sh[3], {-0.125f, -0.0625f, 0.0f});
     if (version == 2) {
       checkCloseTo(model.rotation[0], {0, 1, 0, 0}, 6e-3f);
-      checkCloseTo(model.rotation[1], {0, 0, -1, 0}, 6e-3f);
+      checkCloseTo(model.rotation[1], {0, 0, 1, 0}, 6e-3f);
     } else {
       const float half = std::sqrt(0.5f);
       checkCloseTo(model.rotation[0], {1, 0, 0, 0}, 1e-6f);
-      checkCloseTo(model.rotation[1], {0, -half, half, 0}, 1e-6f);
+      checkCloseTo(model.rotation[1], {0, -half, -half, 0}, 1e-6f);
     }
+  }
+}
+
+TEST_CASE("SPZ: axes are those that the caller names, else the file, else the format") {
+  const auto axes = [](std::uint32_t system) {
+    ByteWriter record;
+    record.add(std::uint32_t{0xADBE0003}).add(std::uint32_t{4}).add(system);
+    return record.bytes;
+  };
+  const auto read = [&](const std::string& extensions, std::optional<SpzAxes> asked = {}) {
+    SpzParts parts(4);
+    parts.flags = extensions.empty() ? 0 : 2;
+    return parseSpz(bytesOf(parts.version4(extensions)), "a.spz", asked);
+  };
+  const GaussianModel stored = read("", SpzAxes::rdf).model;
+  checkCloseTo(stored.mean[0], {1.0f, -2.0f, 0.5f});
+  const GaussianModel usual = read("").model;
+  checkCloseTo(usual.mean[0], {1.0f, 2.0f, -0.5f});
+  CHECK(read(axes(6)).model.mean == stored.mean);  // RDF
+  CHECK(read(axes(6)).model.sh == stored.sh);
+  CHECK(read(axes(6)).model.rotation == stored.rotation);
+  CHECK(read(axes(6)).warnings.empty());
+  CHECK(read(axes(4)).model.mean == usual.mean);  // RUB
+  CHECK(read(axes(0)).model.mean == usual.mean);  // nothing said
+  CHECK(read(axes(6), SpzAxes::rub).model.mean == usual.mean);
+  checkCloseTo(read(axes(7)).model.mean[0], {-1.0f, 2.0f, 0.5f});  // LUF
+  const std::string other("\x02\0\xbe\xad\4\0\0\0abcd", 12);
+  CHECK(read(other + axes(6)).model.mean == stored.mean);
+  CHECK(read(other + axes(6)).warnings.size() == 1);
+  CHECK(messageOf([&] { read(axes(10)); }) ==
+        "a.spz: SPZ: axes that are not supported (expected LDB to RUF, 1 to 8, found RFD)");
+  CHECK(messageOf([&] { read(axes(99)); }) ==
+        "a.spz: SPZ: axes that are not supported (expected LDB to RUF, 1 to 8, found 99)");
+  // In one gzip stream they stand behind the splats.
+  SpzParts third(3);
+  third.flags = 2;
+  CHECK(spz(gzipped(third.whole() + axes(6))).model.mean == stored.mean);
+  CHECK(spz(third.whole() + axes(6)).model.mean == stored.mean);
+}
+
+TEST_CASE("SPZ: every coefficient of SH turns as the functions do") {
+  SpzParts parts(4);
+  parts.degree = 3;
+  parts.streams[5] = std::string(2 * 45, '\x90');  // all 1/8
+  const auto read = [&](SpzAxes axes) { return parseSpz(bytesOf(parts.version4()), "a.spz", axes).model; };
+  const GaussianModel stored = read(SpzAxes::rdf), turned = read(SpzAxes::rub);
+  // y: 1, 9, 11 have an odd power of it, z, xy, ... of the two together (docs/math.md's order).
+  const std::vector<int> flipped = {1, 2, 4, 7, 9, 11, 12, 14};
+  for (int k = 1; k < 16; ++k) {
+    CAPTURE(k);
+    const bool flips = std::ranges::find(flipped, k) != flipped.end();
+    CHECK(turned.sh[static_cast<std::size_t>(k)].x == (flips ? -stored.sh[static_cast<std::size_t>(k)].x : 0.125f));
   }
 }
 
@@ -197,8 +252,10 @@ TEST_CASE("compressed PLY: counts that disagree and columns of other types are r
   CHECK(refused(good, "binary_little_endian", "ascii").find("a.ply: ") == 0);
   CHECK(refused(good, "element vertex 300", "element vertex 63000000").find("too short for its counts") !=
         std::string::npos);
-  CHECK(messageOf([&] { parseCompressedPly(bytesOf(good + "x"), "a.ply"); }).find("longer than its counts") !=
-        std::string::npos);
+  const Scratch scratch;
+  const Bundle longer = readModel(scratch.write("a.ply", good + "xyz"));
+  REQUIRE(longer.warnings.size() == 1);
+  CHECK(longer.warnings[0] == "3 bytes behind the rows are passed over");
 }
 
 TEST_CASE("compressed PLY: truncated and spoilt files are errors or sound models") {

@@ -8,12 +8,12 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/edit/quality.h"
-#include "core/model/fallback.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "converter/sog/zip.h"
 #include "core/file/file.h"
 #include "core/image/webp.h"
+#include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "shared/splat.h"

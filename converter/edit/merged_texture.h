@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// The texture of a Gaussian that stands for two.
+#pragma once
+#include <cstddef>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "core/model/model.h"
+#include "core/model/texture_fit.h"
+
+namespace tg {
+
+// The one that takes the place: its shape, and its colour of degree 0 without a texture.
+struct MergedShape {
+  glm::dvec3 mean;
+  glm::dvec3 sigma;  // > 0
+  glm::dmat3 axes;   // columns
+  glm::dvec3 dc;
+  double opacity;                     // of textures without alpha
+  double part_a = 1.0, part_b = 1.0;  // of both opacities, that count
+};
+
+struct MergedTexture {
+  glm::ivec2 size;  // [texels] the larger of both, along each axis
+  std::vector<glm::vec4> texels;
+  double opacity;
+};
+
+// What Gaussians a and b, one of them textured at least, show in the plane of the merged one to who looks along its
+// normal: each of its texels looks where its point falls in both, and takes their light and opacity together. The grid
+// is the nearest to that in the mean square, with the merged Gaussian's square as weight.
+MergedTexture mergedTexture(const GaussianModel& model, std::size_t a, std::size_t b, const MergedShape& shape,
+                            AxisFits& fits);
+
+}  // namespace tg

@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+// What check finds of glTF's own rules, and what reading a large or a strange file costs.
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "converter/check.h"
+#include "converter/glb.h"
+#include "converter/gltf/write_gltf.h"
+#include "converter/registry/file_format.h"
+#include "converter/scenes.h"
+#include "converter/scratch.h"
+#include "core/bundle/bundle.h"
+#include "core/model/fallback.h"
+#include "support/catch.h"
+
+using namespace tg;
+using nlohmann::json;
+using tg::test::SceneKind;
+
+namespace {
+
+const std::string kPrimitive = "/meshes/0/primitives/0";
+
+Glb smallGlb(const Scratch& scratch) {
+  const test::TestScene scene = test::makeScene(SceneKind::ordinary, 61, 12);
+  const std::vector<Camera> cameras = {scene.camera};
+  writeGlb(scratch.folder() / "small.glb", {scene.model, cameras, glm::vec3(0.0f)});
+  return Glb::read(scratch.folder() / "small.glb");
+}
+
+std::string errorsOf(const std::filesystem::path& path) {
+  std::string text;
+  for (const Finding& finding : checkFile(path).errors) text += finding.pointer + ": " + finding.message + "\n";
+  return text;
+}
+
+double secondsOf(const std::function<void()>& step) {
+  const auto processor = [] {
+    rusage used{};
+    getrusage(RUSAGE_SELF, &used);
+    return static_cast<double>(used.ru_utime.tv_sec) + 1e-6 * static_cast<double>(used.ru_utime.tv_usec);
+  };
+  const double before = processor();
+  step();
+  return processor() - before;
+}
+
+float encoded(float linear) {
+  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
+}
+
+}  // namespace
+
+TEST_CASE("check finds what glTF itself forbids") {
+  const Scratch scratch;
+  const Glb sound = smallGlb(scratch);
+  CHECK(errorsOf(scratch.folder() / "small.glb").empty());
+  const auto errors = [&](const std::function<void(Glb&)>& spoil) {
+    Glb glb = sound;
+    spoil(glb);
+    return errorsOf(scratch.write("a.glb", glb.bytes()));
+  };
+  const auto position = [](Glb& g) -> json& { return g.accessor("POSITION"); };
+  const auto camera = [](Glb& g) -> json& { return g.json["cameras"][0]["perspective"]; };
+  const auto node = [](Glb& g, const json& added) { g.json["nodes"].push_back(added); };
+  const std::vector<std::pair<std::function<void(Glb&)>, std::string>> cases = {
+      {[&](Glb& g) { position(g).erase("min"); }, kPrimitive + "/attributes/POSITION: has no min and max"},
+      {[&](Glb& g) { position(g)["min"].erase(0); }, "/accessors/0/min: wrong value (expected 3 numbers)"},
+      {[&](Glb& g) { position(g)["max"][1] = 1000; }, "/accessors/0/max: is not the numbers' own (expected "},
+      {[&](Glb& g) { position(g)["min"][2] = 0.5; }, "/accessors/0/min: is not the numbers' own (expected "},
+      {[&](Glb& g) {
+         const float nan = std::numeric_limits<float>::quiet_NaN();
+         std::memcpy(g.bin.data() + g.start("POSITION") + 4, &nan, 4);
+       },
+       "/accessors/0: 1 values are not finite"},
+      {[&](Glb& g) { position(g)["normalized"] = true; }, "/accessors/0/normalized: only 8 and 16 bits are normalised"},
+      {[&](Glb& g) { g.accessor("COLOR_0")["componentType"] = 5122; },
+       kPrimitive + "/attributes/COLOR_0: wrong type (expected VEC3 or VEC4 of float"},
+      {[&](Glb& g) { g.accessor("COLOR_0")["count"] = 11; },
+       kPrimitive + "/attributes/COLOR_0: the count differs from POSITION's (expected 12, found 11)"},
+      {[&](Glb& g) { g.primitive()["attributes"]["COLOR_00"] = 0; }, "/attributes/COLOR_00: no attribute of glTF"},
+      {[&](Glb& g) { g.primitive()["material"] = 5; },
+       kPrimitive + "/material: names none of \"materials\" (expected an index below 0, found 5)"},
+      {[&](Glb& g) { camera(g)["yfov"] = 0; }, "/cameras/0/perspective/yfov: out of range (found 0)"},
+      {[&](Glb& g) { camera(g).erase("znear"); }, "'znear' property is missing"},
+      {[&](Glb& g) { camera(g)["zfar"] = 0.001; }, "/cameras/0/perspective/zfar: is not beyond znear"},
+      {[&](Glb& g) { camera(g)["aspectRatio"] = 0; }, "/cameras/0/perspective/aspectRatio: out of range"},
+      {[&](Glb& g) { node(g, {{"rotation", {0, 0, 0, 2}}}); }, "/nodes/2/rotation: is not of unit length"},
+      {[&](Glb& g) { node(g, {{"skin", 0}}); }, "/nodes/2/skin: names none of \"skins\""},
+      {[&](Glb& g) { node(g, {{"children", json::array()}}); }, "/nodes/2/children: is empty"},
+      {[&](Glb& g) {
+         node(g, {{"children", {3}}});
+         node(g, {{"children", {2}}});
+       },
+       "/nodes/2: is its own ancestor"},
+      {[&](Glb& g) {
+         node(g, {{"children", {1}}});
+         node(g, {{"children", {1}}});
+       },
+       "/nodes/1: has two parents"},
+      {[&](Glb& g) { g.json["extensionsUsed"].push_back("KHR_gaussian_splatting"); },
+       "/extensionsUsed: names something twice"},
+      {[&](Glb& g) { g.json["extensionsRequired"] = {"KHR_materials_unlit"}; },
+       "/extensionsRequired/0: is required and not listed in extensionsUsed"},
+      {[&](Glb& g) { g.json["asset"]["minVersion"] = "2.5"; }, "/asset/minVersion: is above the version"},
+      {[&](Glb& g) { g.json["images"][0].erase("mimeType"); }, "/images/0: has a bufferView and no mimeType"},
+      {[&](Glb& g) { g.json["animations"] = {{{"samplers", json::array()}}}; },
+       "/animations/0/channels: is empty or missing"},
+      {[&](Glb& g) { g.json["skins"] = {{{"joints", {999}}}}; }, "/skins/0/joints/0: names no node"},
+      {[&](Glb& g) { g.json["materials"] = {{{"pbrMetallicRoughness", {{"metallicFactor", 2}}}}}; },
+       "/materials/0/pbrMetallicRoughness/metallicFactor: out of range"},
+  };
+  for (const auto& [spoil, expected] : cases) {
+    const std::string found = errors(spoil);
+    CAPTURE(expected, found);
+    CHECK(found.find(expected) != std::string::npos);
+  }
+}
+
+TEST_CASE("warnings of one kind are one line") {
+  const Scratch scratch;
+  Glb glb = smallGlb(scratch);
+  json other = glb.primitive();
+  other.erase("extensions");
+  for (int i = 0; i < 20; ++i) glb.json["meshes"][0]["primitives"].push_back(other);
+  const auto path = scratch.write("many.glb", glb.bytes());
+  const CheckReport report = checkFile(path);
+  CHECK(report.errors.empty());
+  REQUIRE(report.warnings.size() == 1);
+  CHECK(report.warnings[0].pointer == "/meshes/0/primitives/1");
+  CHECK(report.warnings[0].more == 19);
+  CHECK(describe(report).find("ignored (and 19 more of this kind)\n") != std::string::npos);
+}
+
+TEST_CASE("a hundred thousand elements of any top-level array are read and checked in linear time") {
+  const Scratch scratch;
+  const Glb sound = smallGlb(scratch);
+  const auto written = [&](const char* name, int copies, const std::function<void(json&, int)>& add) {
+    Glb glb = sound;
+    for (int i = 0; i < copies; ++i) add(glb.json, i);
+    return scratch.write(name, glb.bytes());
+  };
+  const std::vector<std::function<void(json&, int)>> kinds = {
+      [](json& g, int) { g["nodes"].push_back(json::object()); },
+      [](json& g, int) { g["accessors"].push_back(g["accessors"][0]); },
+      [](json& g, int) { g["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", 0}}}}); },
+      [](json& g, int i) { g["extras"]["x" + std::to_string(i)] = 1; },
+  };
+  for (std::size_t kind = 0; kind < kinds.size(); ++kind) {
+    CAPTURE(kind);
+    const auto path = written("many.glb", 100'000, kinds[kind]);
+    // Quadratic it took 5 to 60 s; linear 0.3 to 1.5 s.
+    CHECK(secondsOf([&] { CHECK(readModel(path).model.size() == 12); }) < 4.0);
+    CHECK(secondsOf([&] { (void)checkFile(path); }) < 8.0);
+  }
+}
+
+TEST_CASE("an empty texture layer is an error, and the base is read where it is asked for") {
+  const Scratch scratch;
+  Glb glb = smallGlb(scratch);
+  for (const json& hollow : {json::object(), json(), json::array(), json(1)}) {
+    glb.splatting()["extensions"]["TG_gaussian_splatting_texture"] = hollow;
+    CAPTURE(hollow.dump());
+    const auto path = scratch.write("a.glb", glb.bytes());
+    CHECK(refusal(path) == kPrimitive +
+                               "/extensions/KHR_gaussian_splatting/extensions/TG_gaussian_splatting_texture: "
+                               "is no object with a \"mode\"");
+    CHECK(errorsOf(path).find("is no object with a ") != std::string::npos);
+    CHECK(readModel(path, {.base_only = true}).model.size() == 12);
+  }
+}
+
+TEST_CASE("required extensions that mean nothing to splats are passed over, and unknown kernels are ellipses") {
+  const Scratch scratch;
+  Glb glb = smallGlb(scratch);
+  const GaussianModel before = readModel(scratch.folder() / "small.glb", {.base_only = true}).model;
+  glb.json["extensionsRequired"] = {"KHR_materials_unlit", "KHR_lights_punctual"};
+  CHECK(readModel(scratch.write("a.glb", glb.bytes())).model.size() == 12);
+  glb.json["extensionsRequired"] = {"KHR_draco_mesh_compression"};
+  CHECK(refusal(scratch.write("a.glb", glb.bytes())).find("requires KHR_draco_mesh_compression") != std::string::npos);
+  glb.json.erase("extensionsRequired");
+  glb.splatting().erase("extensions");
+  glb.splatting()["kernel"] = "surfel";
+  const Bundle loaded = readModel(scratch.write("b.glb", glb.bytes()));
+  CHECK(loaded.model.mean == before.mean);
+  REQUIRE(loaded.warnings.size() == 1);
+  CHECK(loaded.warnings[0].find("unknown \"kernel\", taken for ellipse: found \"surfel\"") != std::string::npos);
+}
+
+TEST_CASE("colours of linear light are turned to sRGB") {
+  const Scratch scratch;
+  const Bundle sample = readBundle("docs/sample.tgz");
+  Camera camera = sample.cameras[0];
+  writeGlb(scratch.folder() / "small.glb", {bakeFallback(sample.model), {}, glm::vec3(0.0f)});
+  Glb glb = Glb::read(scratch.folder() / "small.glb");
+  glb.splatting()["colorSpace"] = "lin_rec709_display";
+  const Bundle loaded = readModel(scratch.write("linear.glb", glb.bytes()));
+  REQUIRE(loaded.warnings.size() == 1);
+  // As the specification has it: the picture of linear light is encoded.
+  Image expected = picture(readModel(scratch.folder() / "small.glb").model, camera);
+  const Image found = picture(loaded.model, camera);
+  for (float& value : expected.data) value = encoded(std::clamp(value, 0.0f, 1.0f));
+  const double kept = psnr(expected, picture(readModel(scratch.folder() / "small.glb").model, camera));
+  const double turned = psnr(expected, found);
+  CAPTURE(turned, kept);  // measured: 22.9 and 16.3 dB
+  CHECK(turned > 21.0);
+  CHECK(turned > kept + 5.0);
+}
+
+TEST_CASE("what is no regular file beside a .gltf is refused at once") {
+  const Scratch scratch;
+  const auto written = [&](const char* uri) {
+    const json root = {{"asset", {{"version", "2.0"}}}, {"buffers", {{{"byteLength", 4}, {"uri", uri}}}}};
+    return scratch.write("a.gltf", root.dump());
+  };
+  std::filesystem::create_symlink("/dev/zero", scratch.folder() / "zero.bin");
+  REQUIRE(::mkfifo((scratch.folder() / "pipe.bin").c_str(), 0600) == 0);
+  for (const char* name : {"zero.bin", "pipe.bin"}) {
+    CAPTURE(name);
+    const std::string found = refusal(written(name));
+    CHECK(found == "/buffers/0/uri: external file: " + (scratch.folder() / name).string() + ": is no regular file");
+  }
+  scratch.write("short.bin", "abc");
+  CHECK(refusal(written("short.bin")) == "/buffers/0/uri: the file is too short (expected 4, found 3)");
+}
+
+TEST_CASE("messages stay short however long what they quote is") {
+  const Scratch scratch;
+  const std::string token(3'000'000, 'x');
+  CHECK(refusal(scratch.write("a.gltf", "{\"asset\": " + token + "}")).size() < 600);
+  const auto root = [&](const std::string& key) { return "{\"asset\": {\"version\": \"2.0\"}, \"" + key + "\": "; };
+  CHECK(refusal(scratch.write("b.gltf", root("extensionsRequired") + "[\"" + token + "\"]}")).size() < 600);
+  CHECK(
+      refusal(scratch.write("c.gltf", root("buffers") + "[{\"byteLength\": 4, \"uri\": \"" + token + "\"}]}")).size() <
+      4000);
+}
+
+TEST_CASE("the meta.json of an unbundled SOG is called that") {
+  const Scratch scratch;
+  const auto path = scratch.write(
+      "meta.json",
+      R"({"version":2,"asset":{"generator":"x"},"count":1,"means":{"mins":[0]},"scales":{"codebook":[0]}})");
+  CHECK(refusal(path) == "is the meta.json of an unbundled SOG (expected a .sog, a ZIP archive of it and its images)");
+}
