@@ -23,9 +23,6 @@ const test::Tolerance kTrained{.tight = 2e-5, .outlier_share = 2e-2, .loose = 1e
 // Of the pixels of any output, between any two backends: farther apart than 1e-3 of the larger of 1 and their size.
 constexpr double kApart = 1e-3;
 constexpr double kApartShare = 2e-2;
-constexpr OutputSet kAllOutputs = {Output::final,    Output::base,       Output::texture, Output::alpha,
-                                   Output::depth,    Output::normal,     Output::count,   Output::depthMedian,
-                                   Output::overdraw, Output::ellipsoids, Output::centers, Output::texelDensity};
 
 struct Backend {
   std::string name;
