@@ -80,7 +80,7 @@ class Trial : public tg::TemporaryFolder {
            "case \"$*\" in *rawvideo*) echo frames >>calls.txt; [ -f film.raw ] && cat film.raw;;"
            "*) for last; do :; done; echo take >>calls.txt; cp answer/*.jpg \"$(dirname \"${last#file:}\")\";; esac");
     script("colmap",
-           "while [ $# -gt 0 ]; do case $1 in help) echo 'COLMAP 3.8 -- x'; echo matches_importer;;"
+           "while [ $# -gt 0 ]; do case $1 in help) echo 'COLMAP 4.0 -- x'; echo matches_importer;;"
            "--database_path) database=$2;; --output_path) output=$2;; --image_list_path|--match_list_path) list=$2;;"
            "feature_extractor|matches_importer|mapper) task=$1;; -h) exit 0;; esac; shift; done;"
            "[ -n \"$task\" ] || exit 0; echo $task >>calls.txt; [ -n \"$list\" ] && cat \"$list\" >>lists.txt;"

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <tuple>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "core/file/file.h"
+#include "core/file/json.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "training/photos/child.h"
@@ -54,6 +56,12 @@ class Job {
                   std::to_string(cameras().size()) + (cameras().size() == 1 ? " camera" : " cameras"));
     const std::string lens(name(options_.lens));
     const std::string with = std::string(name(options_.solver)) + ", ";
+    // Databases go from one COLMAP to another in one direction at most.
+    if (ledger_.isDone(PhotoStage::features, with + "lens " + lens) &&
+        !ledger_.isDone(PhotoStage::cameras, with + std::string(name(options_.mapper)) + " mapper") &&
+        ledger_.result(PhotoStage::features) != solverName()) {
+      ledger_.begin(PhotoStage::features, "");
+    }
     stage(PhotoStage::features, with + "lens " + lens, [&](bool) { return features(); });
     std::vector<std::optional<Place>> places;
     for (const Prepared& photograph : photographs_) places.push_back(photograph.place);
@@ -112,6 +120,11 @@ class Job {
     return cameras;
   }
 
+  std::string solverName() {  // as JSON
+    const Solver& solver = findSolverOnce();
+    return dumpJson(std::string(name(solver.kind)) + " " + solver.version);
+  }
+
   const Solver& findSolverOnce() {
     if (!solver_) {
       solver_ = findSolver(options_.solver, work_ / "logs/solver.txt", stop_);
@@ -165,7 +178,7 @@ class Job {
     for (const Prepared& photograph : photographs_) known += photograph.focal > 0;
     return {
         "of " + std::to_string(before) + " photographs, " + std::to_string(known) + " with a focal length from EXIF",
-        "null"};
+        solverName()};
   }
 
   Outcome matches(bool goes_on, Matching matching, const std::vector<std::optional<Place>>& places) {
