@@ -195,7 +195,8 @@ int runTraining(const Options& options) {
   }
   if (options.data.layout == "auto" && tg::isForPhotos(options.dataset)) {
     throw tg::Error(tg::ErrorKind::badData, options.dataset,
-                    "not a data set, but photographs without cameras: `tgtrain photos " + options.dataset +
+                    (tg::isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
+                        std::string(": `tgtrain photos ") + options.dataset +
                         " -o model.tgz` finds the cameras and trains");
   }
   tg::TrainSettings settings = settingsOf(options);
@@ -387,7 +388,7 @@ int runPhotos(const tg::PhotosFlags& flags, Options& options) {
   const tg::PhotosOptions photos =
       tg::photosOptions(flags, options.dataset, options.output, std::max(options.threads, 0));
   if (own_run) options.run.folder = photos.work / "run";
-  checkOutputs(options, options.overwrite || fs::exists(options.run.folder / "checkpoint"));
+  checkOutputs(options, options.overwrite || tg::isFile(options.run.folder / "checkpoint"));
   if (options.threads > 0) tg::setThreadCount(options.threads);
   tg::checkInput(photos);
   tg::Ledger ledger(photos.work);

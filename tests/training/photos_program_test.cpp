@@ -323,6 +323,7 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   CHECK(pointed.code == 1);
   says(run(trial, "'" TG_TGTRAIN "' ./photos -o x.tgz"), 3,
        "./photos: not a data set, but photographs without cameras: `tgtrain photos ./photos -o model.tgz`");
+  says(run(trial, "'" TG_TGTRAIN "' broken.mp4 -o x.tgz"), 3, "broken.mp4: is a film: `tgtrain photos broken.mp4");
   says(run(trial, "'" TG_TGTRAIN "' -q photos photos -o x.tgz"), 1, "expected before every flag");
 }
 

@@ -27,8 +27,10 @@ namespace fs = std::filesystem;
 using Bytes = std::span<const std::uint8_t>;
 
 constexpr std::uint64_t kMaxPhotographBytes = std::uint64_t{1} << 30;
-constexpr double kFilmDiagonal = 43.2666;         // [mm] of 36 x 24
-constexpr double kSameShape = 0.02;               // relative difference of two aspect ratios
+constexpr std::int64_t kAlwaysAllowed = std::int64_t{64} << 20;  // [bytes] of pixels
+constexpr std::int64_t kMaxRatio = 3000;                         // bytes of pixels in one of HEIC
+constexpr double kFilmDiagonal = 43.2666;                        // [mm] of 36 x 24
+constexpr double kSameShape = 0.02;                              // relative difference of two aspect ratios
 constexpr double kShortest = 0.1, kLongest = 50;  // focal length over diagonal: what is beyond is no lens
 
 // The numbers of an entry, as many as it has.
@@ -166,6 +168,11 @@ TakenPhotograph readHeif(Bytes bytes, const std::string& path) {
     throw Error(ErrorKind::badData, path,
                 "image size out of range" + atMost(kMaxImagePixels, static_cast<std::uint64_t>(claimed)));
   }
+  if (3 * claimed > kAlwaysAllowed && 3 * claimed / kMaxRatio > static_cast<std::int64_t>(bytes.size())) {
+    throw Error(ErrorKind::badData, path,
+                "file is too short for its image size (found " + std::to_string(bytes.size()) + " bytes for " +
+                    std::to_string(claimed) + " pixels)");
+  }
   heif_image* decoded = nullptr;
   check(heif_decode_image(opened, &decoded, heif_colorspace_RGB, heif_chroma_interleaved_RGB, nullptr));
   const std::unique_ptr<heif_image, void (*)(const heif_image*)> pixels(decoded, heif_image_release);
@@ -216,17 +223,20 @@ ExifFacts readExif(Bytes block, int width, int height) {
 }
 
 TakenPhotograph readPhotograph(const fs::path& file) {
-  const PictureFormat format = pictureFormat(file);
-  const std::vector<std::uint8_t> bytes = readFile(file, kMaxPhotographBytes);
-  if (format == PictureFormat::heif) return readHeif(bytes, file.string());
+  return decodePhotograph(readFile(file, kMaxPhotographBytes), file.string());
+}
+
+TakenPhotograph decodePhotograph(Bytes bytes, const std::string& path) {
+  const PictureFormat format = pictureFormat(bytes);
+  if (format == PictureFormat::heif) return readHeif(bytes, path);
   TakenPhotograph photograph;
   Bytes exif;
   if (format == PictureFormat::webp) {
-    const BytePixels pixels = decodeWebp(bytes, file.string());
+    const BytePixels pixels = decodeWebp(bytes, path);
     photograph.image = fromBytes(pixels.data.data(), std::size_t{4} * pixels.width, pixels.width, pixels.height, 4);
     exif = exifOfChunks(bytes, 12, "EXIF", false);
   } else {
-    photograph.image = decodeImage(bytes, file.string());
+    photograph.image = decodeImage(bytes, path);
     exif = format == PictureFormat::jpeg ? exifOfJpeg(bytes) : exifOfChunks(bytes, 8, "eXIf", true);
   }
   photograph.facts = readExif(exif, photograph.image.width, photograph.image.height);
@@ -254,8 +264,13 @@ Image turned(Image image, int orientation) {
   return result;
 }
 
-Image reducedTo(const Image& image, int width, int height) {
+Image reducedTo(Image image, int width, int height) {
   TG_ASSERT(width >= 1 && height >= 1 && width <= image.width && height <= image.height, "neither side grows");
+  // What is transparent has no share in the colour.
+  const bool transparent = image.channels == 4;
+  for (std::size_t i = 0; transparent && i < image.data.size(); i += 4) {
+    for (std::size_t c = 0; c < 3; ++c) image.data[i + c] *= image.data[i + 3];
+  }
   // Along x, then along y: `length` samples, `stride` apart, become `count`.
   const auto reduce = [](const float* in, std::size_t stride, int length, float* out, std::size_t out_stride,
                          int count) {
@@ -282,6 +297,10 @@ Image reducedTo(const Image& image, int width, int height) {
   parallelFor(static_cast<std::int64_t>(row), 64, [&](std::int64_t column) {
     reduce(&narrow.data[column], row, image.height, &result.data[column], row, height);
   });
+  for (std::size_t i = 0; transparent && i < result.data.size(); i += 4) {
+    const float alpha = result.data[i + 3];
+    for (std::size_t c = 0; c < 3 && alpha > 0; ++c) result.data[i + c] /= alpha;
+  }
   return result;
 }
 

@@ -37,11 +37,12 @@ struct TakenPhotograph {
 
 // Throws Error(cannotRead / badData).
 TakenPhotograph readPhotograph(const std::filesystem::path& file);
+TakenPhotograph decodePhotograph(std::span<const std::uint8_t> bytes, const std::string& path);
 
 // The picture, turned or mirrored as `orientation` asks for; 1 and what is no orientation leave it.
 Image turned(Image image, int orientation);
 
 // The mean over the area of each new pixel; neither side grows.
-Image reducedTo(const Image& image, int width, int height);
+Image reducedTo(Image image, int width, int height);
 
 }  // namespace tg

@@ -312,7 +312,11 @@ void checkInput(const PhotosOptions& options) { madeOf(options); }
 
 void preparePhotos(const PhotosOptions& options, Ledger& ledger, const PhotosListener& listener,
                    const std::atomic<int>& stop) {
-  Job(options, ledger, listener, stop).run();
+  try {
+    Job(options, ledger, listener, stop).run();
+  } catch (const fs::filesystem_error& error) {
+    throw Error(ErrorKind::cannotWrite, error.path1().string(), error.code().message());
+  }
 }
 
 }  // namespace tg

@@ -3,6 +3,7 @@
 #include "training/photos/prepare.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -50,7 +51,8 @@ Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_si
     const auto reduced = [&](int side) {
       return std::max(1, static_cast<int>(std::lround(double(side) * longest_side / longer)));
     };
-    photograph.image = reducedTo(photograph.image, reduced(photograph.image.width), reduced(photograph.image.height));
+    const int width = reduced(photograph.image.width), height = reduced(photograph.image.height);
+    photograph.image = reducedTo(std::move(photograph.image), width, height);
     photograph.as_stored = false;
   }
   Prepared prepared;
@@ -212,6 +214,9 @@ std::vector<Prepared> preparedFromJson(const std::string& json) {
     const JsonNode entry{value, path, "photograph " + std::to_string(photographs.size())};
     Prepared& photograph = photographs.emplace_back();
     photograph.name = entry.string("name");
+    const bool plain = std::ranges::all_of(
+        photograph.name, [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; });
+    if (!plain || photograph.name.starts_with(".")) entry.fail("no plain name");
     photograph.source = entry.string("source");
     photograph.width = static_cast<int>(entry.integer("width", 1, 1 << 20));
     photograph.height = static_cast<int>(entry.integer("height", 1, 1 << 20));

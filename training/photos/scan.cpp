@@ -2,6 +2,8 @@
 // A folder's files, sniffed.
 #include "training/photos/scan.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -44,9 +46,14 @@ bool isFilmName(const fs::path& path) {
 
 PictureFormat pictureFormat(const fs::path& file) {
   if (!isFile(file)) return PictureFormat::none;
-  char start[12] = {};
-  std::ifstream(file, std::ios::binary).read(start, sizeof start);
-  const std::string_view bytes(start, sizeof start);
+  std::array<std::uint8_t, 12> start{};
+  std::ifstream(file, std::ios::binary).read(reinterpret_cast<char*>(start.data()), start.size());
+  return pictureFormat(start);
+}
+
+PictureFormat pictureFormat(std::span<const std::uint8_t> start) {
+  const std::string_view bytes(reinterpret_cast<const char*>(start.data()), std::min<std::size_t>(start.size(), 12));
+  if (bytes.size() < 12) return PictureFormat::none;
   using namespace std::string_view_literals;
   if (bytes.starts_with("\xff\xd8\xff"sv)) return PictureFormat::jpeg;
   if (bytes.starts_with("\x89PNG"sv)) return PictureFormat::png;
@@ -75,7 +82,7 @@ PhotographList findPhotographs(const fs::path& folder) {
     if (pictureFormat(path) != PictureFormat::none) {
       list.photographs.push_back(below);
     } else {
-      list.ignored.push_back(below.string());
+      list.ignored.push_back(below.string() + (::access(path.c_str(), R_OK) == 0 ? "" : " (" + systemReason() + ")"));
     }
   }
   if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot list: " + error.message());

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which files of a folder are photographs, told by their first bytes.
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -12,6 +14,7 @@ namespace tg {
 enum class PictureFormat { none, jpeg, png, webp, heif };
 constexpr auto namesOf(PictureFormat) { return enumNames("no photograph", "JPEG", "PNG", "WebP", "HEIC"); }
 
+PictureFormat pictureFormat(std::span<const std::uint8_t> start);
 PictureFormat pictureFormat(const std::filesystem::path& file);
 
 struct PhotographList {

@@ -35,8 +35,8 @@ struct Solver {
   bool global_mapper = false;
 };
 
-// What is on the PATH: `automatic` takes colmap if it is there, but pycolmap 4 before an older one without CUDA. Throws Error(device) that says what to
-// install.
+// What is on the PATH: `automatic` takes colmap if it is there, but pycolmap 4 before an older one without CUDA. Throws
+// Error(device) that says what to install.
 Solver findSolver(SolverKind asked, const std::filesystem::path& log, const std::atomic<int>& stop);
 
 struct SolverFiles {

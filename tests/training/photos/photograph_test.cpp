@@ -142,6 +142,33 @@ TEST_CASE("reduced photographs keep the mean of what each pixel covers", "[photo
   CHECK(small.at(2, 0, 0) == Approx(0).margin(1e-6));
 }
 
+TEST_CASE("what is transparent has no share in a reduced photograph's colour", "[photos]") {
+  tg::Image image(2, 1, 4, 0.0f);
+  image.data = {1, 0.5f, 0, 1, 0, 1, 1, 0};
+  const tg::Image small = tg::reducedTo(image, 1, 1);
+  CHECK(small.data == std::vector<float>{1, 0.5f, 0, 0.5f});
+}
+
+TEST_CASE("hostile photographs end in an error or in a picture, wherever they are cut or changed", "[photos]") {
+  const tg::TemporaryFolder folder;
+  writeJpegWithExif(folder / "a.jpg", kBlock);
+  const Bytes whole = tg::readFile(folder / "a.jpg", 1 << 20);
+  const auto decode = [](const Bytes& bytes) {
+    try {
+      const tg::TakenPhotograph photograph = tg::decodePhotograph(bytes, "hostile");
+      CHECK(tg::hasImageShape(photograph.image));
+    } catch (const tg::Error& error) {
+      CHECK(error.kind == tg::ErrorKind::badData);
+    }
+  };
+  for (std::size_t length = 0; length < whole.size(); length += 3) decode({whole.begin(), whole.begin() + length});
+  for (std::size_t i = 0; i < whole.size(); i += 2) {
+    Bytes changed = whole;
+    changed[i] ^= 0x41;
+    decode(changed);
+  }
+}
+
 TEST_CASE("PNG, WebP and HEIC are photographs, too; a transparent one keeps its alpha", "[photos]") {
   const tg::TemporaryFolder folder;
   tg::writeImage(folder / "a.png", picture());
