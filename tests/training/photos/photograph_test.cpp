@@ -169,7 +169,7 @@ TEST_CASE("hostile photographs end in an error or in a picture, wherever they ar
   }
 }
 
-TEST_CASE("PNG, WebP and HEIC are photographs, too; a transparent one keeps its alpha", "[photos]") {
+TEST_CASE("PNG, WebP and HEIC are photographs, too, and a transparent one keeps its alpha", "[photos]") {
   const tg::TemporaryFolder folder;
   tg::writeImage(folder / "a.png", picture());
   CHECK(tg::readPhotograph(folder / "a.png").image.data == picture().data);
@@ -194,7 +194,7 @@ TEST_CASE("PNG, WebP and HEIC are photographs, too; a transparent one keeps its 
   CHECK(heic.image.width * heic.image.height == 1200);
 }
 
-TEST_CASE("files are photographs by their bytes; the others are named", "[photos]") {
+TEST_CASE("files are photographs by their bytes, and the others are named", "[photos]") {
   const tg::TemporaryFolder folder;
   for (const char* below : {"in", "in/sub", "in/.hidden", "in/__MACOSX", "in/old.photos"}) {
     fs::create_directory(folder / below);
