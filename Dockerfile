@@ -13,10 +13,11 @@ RUN ldd /usr/local/bin/tg* | awk '$3 ~ /^\// {print $3}' | sort -u | xargs realp
 
 FROM debian:12-slim
 COPY --from=build /usr/local /usr/local
-# The drivers are opened by name: Mesa's, on the CPU where the container is given no GPU.
+# The drivers are opened by name: Mesa's, on the CPU where the container is given no GPU. colmap and ffmpeg are
+# for tgtrain photos.
 RUN apt-get update -qq \
   && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(cat /usr/local/runtime_packages) \
-    libvulkan1 mesa-vulkan-drivers libegl1 libgl1-mesa-dri \
+    libvulkan1 mesa-vulkan-drivers libegl1 libgl1-mesa-dri colmap ffmpeg \
   && rm -rf /var/lib/apt/lists/* && tgtrain --version && tgeval --version && tgconvert --version && tgview --version
 WORKDIR /data
 CMD ["tgview", "--help"]

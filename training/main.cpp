@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "converter/registry/file_format.h"
@@ -21,6 +22,8 @@
 #include "training/cli.h"
 #include "training/data/sample.h"
 #include "training/data/write_dataset.h"
+#include "training/photos/scan.h"
+#include "training/photos_flags.h"
 #include "training/run/report.h"
 #include "training/run/run_folder.h"
 #include "training/run/size_plan.h"
@@ -208,6 +211,12 @@ int runTraining(const Options& options) {
   if (options.dataset.empty() || (options.output.empty() && options.run.folder.empty())) {
     throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
   }
+  if (options.data.layout == "auto" && tg::isForPhotos(options.dataset)) {
+    throw tg::Error(tg::ErrorKind::badData, options.dataset,
+                    (tg::isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
+                        std::string(": `tgtrain photos ") + options.dataset +
+                        " -o model.tgz` finds the cameras and trains");
+  }
   tg::TrainSettings settings = settingsOf(options);
   if (options.target_bytes > 0 || options.steps > 0) tg::partOfSog(options.output);  // refuses what has none
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
@@ -381,6 +390,68 @@ void addRunOptions(CLI::App& app, Options& options) {
   add(app.add_flag("--watch", options.watch, "Show the model in tgview while it trains"));
 }
 
+// What a training from photographs depends on beside them.
+std::string trainingMadeOf(const Options& options) {
+  const tg::DatasetFlags& data = options.data;
+  std::string text = tg::formatSettings(settingsOf(options));
+  for (const std::string& part :
+       {options.start_model, data.background, data.images, data.points, data.masks, std::to_string(data.downscale),
+        std::to_string(data.test_every), std::to_string(data.validation), std::to_string(options.target_bytes),
+        options.target_bytes > 0 ? fs::path(options.output).extension().string() : ""}) {
+    text += part + "\n";
+  }
+  return text;
+}
+
+int runPhotos(const tg::PhotosFlags& flags, Options& options) {
+  if (options.print_config) return runTraining(options);
+  if (options.dataset.empty() || options.output.empty()) {
+    throw tg::Error(tg::ErrorKind::usage,
+                    "photos: expected a folder of photographs or a film, and -o model.tgz (see tgtrain photos --help)");
+  }
+  // Before the hours that cameras take: what training would refuse.
+  const std::string made_of = trainingMadeOf(options);
+  if (options.target_bytes > 0) tg::partOfSog(options.output);
+  if (options.watch) tg::requireViewer();
+  const bool own_run = options.run.folder.empty();
+  const tg::PhotosOptions photos =
+      tg::photosOptions(flags, options.dataset, options.output, std::max(options.threads, 0));
+  if (own_run) options.run.folder = photos.work / "run";
+  checkOutputs(options, options.overwrite || tg::isFile(options.run.folder / "checkpoint"));
+  if (options.threads > 0) tg::setThreadCount(options.threads);
+  tg::checkInput(photos);
+  tg::Ledger ledger(photos.work);
+  tg::preparePhotosAloud(photos, ledger, options.quiet);
+
+  options.dataset = photos.work.string();
+  options.run.resume = !own_run || ledger.isBegun(tg::PhotoStage::training, made_of);
+  if (!options.run.resume) {
+    checkOutputs(options, options.overwrite);
+    std::error_code error;
+    fs::remove_all(options.run.folder, error);
+    if (error) throw tg::Error(tg::ErrorKind::cannotWrite, options.run.folder.string(), error.message());
+    ledger.begin(tg::PhotoStage::training, made_of);
+  }
+  const int code = runTraining(options);
+  if (code != 0 || stop_requested) return code;
+  if (!flags.no_open && !options.watch && tg::canShow()) {
+    tg::showModel(options.output);
+  } else if (!options.quiet) {
+    std::printf("tgview %s shows it\n", options.output.c_str());
+  }
+  return code;
+}
+
+std::shared_ptr<CLI::App> photosApp(Options& options, tg::PhotosFlags& flags) {
+  auto app = std::make_shared<CLI::App>(
+      "Finds the cameras of photographs or of a film by COLMAP, trains a model and opens it.", "photos");
+  addTrainingOptions(*app, options);
+  app->get_option("dataset")->description("Folder of photographs (JPEG, PNG, WebP, HEIC), or a film");
+  addRunOptions(*app, options);
+  tg::addPhotosFlags(*app, flags);
+  return app;
+}
+
 void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& options, bool& overwrite) {
   app.add_option("folder", folder, "Folder to write")->required();
   app.add_option("--size", options.size, "Side of the images in pixels")->capture_default_str();
@@ -418,6 +489,15 @@ int undistort(const UndistortOptions& options) {
 
 int main(int argc, char** argv) {
   return tg::runProgram("tgtrain", [&] {
+    Options photos_options;
+    tg::PhotosFlags photos_flags;
+    const std::shared_ptr<CLI::App> photos = photosApp(photos_options, photos_flags);
+    if (argc > 1 && std::string_view(argv[1]) == "photos") {  // by itself: CLI11 reads --config for no subcommand
+      photos->name("tgtrain photos");
+      if (const std::optional<int> code = tg::parseCommandLine(*photos, argc - 1, argv + 1)) return *code;
+      photos_options.from_file = photos->get_config_ptr()->count() > 0;
+      return runPhotos(photos_flags, photos_options);
+    }
     CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
     app.require_subcommand(0, 1);
     Options options;
@@ -428,6 +508,7 @@ int main(int argc, char** argv) {
     bool sample_overwrite = false;
     CLI::App* sample = app.add_subcommand("make-sample", "Writes the built-in scene as a NeRF-synthetic data set");
     addSampleOptions(*sample, sample_folder, sample_options, sample_overwrite);
+    app.add_subcommand(photos);
     UndistortOptions undistort_options;
     CLI::App* undistorted = app.add_subcommand(
         "undistort", "Writes a data set as training sees it: photographs of pinhole cameras, in nerfstudio's layout");
@@ -438,6 +519,8 @@ int main(int argc, char** argv) {
       tg::writeSample(sample_folder, sample_options, sample_overwrite);
       return 0;
     }
+    if (*photos)
+      throw tg::Error(tg::ErrorKind::usage, "photos: expected before every flag (tgtrain photos FOLDER ...)");
     if (*undistorted) return undistort(undistort_options);
     return runTraining(options);
   });

@@ -9,6 +9,8 @@
 #include <memory>
 #include <string>
 #include <system_error>
+#include <utility>
+#include <vector>
 
 #include "core/system/error.h"
 
@@ -20,6 +22,29 @@ std::filesystem::path viewerProgram() {
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
   if (error) throw Error(ErrorKind::device, "--watch: cannot tell where this program lies: " + error.message());
   return self.parent_path() / "tgview";
+}
+
+// In a process group of its own.
+void start(std::vector<std::string> words) {
+  requireViewer();
+  const std::string viewer = viewerProgram().string();
+  words.insert(words.begin(), viewer);
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  posix_spawnattr_t attributes;
+  if (const int error = ::posix_spawnattr_init(&attributes)) {
+    throw Error(ErrorKind::device, viewer, "cannot start: " + std::generic_category().message(error));
+  }
+  const std::unique_ptr<posix_spawnattr_t, int (*)(posix_spawnattr_t*)> destroyed(&attributes,
+                                                                                  ::posix_spawnattr_destroy);
+  // A process group of its own keeps the terminal's Ctrl-C away; the training's handlers are reset by exec itself.
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  ::posix_spawnattr_setpgroup(&attributes, 0);
+  pid_t process = 0;
+  if (const int error = ::posix_spawn(&process, viewer.c_str(), nullptr, &attributes, arguments.data(), environ)) {
+    throw Error(ErrorKind::device, viewer, "cannot start: " + std::generic_category().message(error));
+  }
 }
 
 }  // namespace
@@ -34,24 +59,17 @@ void requireViewer() {
   }
 }
 
-void startViewer(const std::filesystem::path& folder) {
-  requireViewer();
-  const std::string viewer = viewerProgram().string(), shown = folder.string();
-  std::string words[] = {viewer, "--follow", "--", shown};
-  char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
-  posix_spawnattr_t attributes;
-  if (const int error = ::posix_spawnattr_init(&attributes)) {
-    throw Error(ErrorKind::device, viewer, "cannot start: " + std::generic_category().message(error));
-  }
-  const std::unique_ptr<posix_spawnattr_t, int (*)(posix_spawnattr_t*)> destroyed(&attributes,
-                                                                                  ::posix_spawnattr_destroy);
-  // A process group of its own keeps the terminal's Ctrl-C away; the training's handlers are reset by exec itself.
-  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
-  ::posix_spawnattr_setpgroup(&attributes, 0);
-  pid_t process = 0;
-  if (const int error = ::posix_spawn(&process, viewer.c_str(), nullptr, &attributes, arguments, environ)) {
-    throw Error(ErrorKind::device, viewer, "cannot start: " + std::generic_category().message(error));
+bool canShow() {
+  try {
+    requireViewer();
+    return true;
+  } catch (const Error&) {
+    return false;
   }
 }
+
+void startViewer(const std::filesystem::path& folder) { start({"--follow", "--", folder.string()}); }
+
+void showModel(const std::filesystem::path& model) { start({"--", model.string()}); }
 
 }  // namespace tg

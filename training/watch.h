@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// --watch: tgview on a run folder, beside the training.
+// tgview beside this program: on a run folder while it trains (--watch), or on a model.
 #pragma once
 #include <filesystem>
 
@@ -12,5 +12,10 @@ void requireViewer();
 // Starts `tgview --follow FOLDER` and returns at once. The window belongs to itself: Ctrl-C in the terminal does not
 // close it, nor does the end of the training. Throws what requireViewer does.
 void startViewer(const std::filesystem::path& folder);
+
+// The same with a model that is there.
+void showModel(const std::filesystem::path& model);
+// Whether there is a tgview beside this program and a display.
+bool canShow();
 
 }  // namespace tg

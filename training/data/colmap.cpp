@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // COLMAP sparse models, binary and text: cameras, images, points3D.
+#include "training/data/colmap.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -371,6 +373,21 @@ DatasetIndex readColmap(const fs::path& folder) {
     index.points = binary ? readPointsBinary(points_path) : readPointsText(points_path);
   }
   return index;
+}
+
+ColmapSummary summarizeColmap(const fs::path& model) {
+  ColmapSummary summary;
+  for (const ColmapImage& image : readImagesBinary(model / "images.bin")) summary.images.push_back(image.name);
+  Reader reader(model / "points3D.bin");
+  summary.points = reader.readCount(51, "points");
+  double sum = 0;
+  for (std::size_t i = 0; i < summary.points; ++i) {
+    reader.skip(sizeof(std::uint64_t) + 3 * sizeof(double) + 3, "a point");
+    sum += reader.read<double>("a point's error");
+    reader.skip(reader.readCount(8, "a point's track") * 8, "a point's track");
+  }
+  if (summary.points > 0) summary.error = sum / static_cast<double>(summary.points);
+  return summary;
 }
 
 }  // namespace tg

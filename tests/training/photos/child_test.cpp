@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Children: what they say, how they end, and that they end with their parent.
+#include "training/photos/child.h"
+
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <fstream>
+#include <iterator>
+#include <thread>
+
+#include "core/system/error.h"
+#include "support/catch.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace {
+
+std::string textOf(const std::filesystem::path& path) {
+  std::ifstream stream(path);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+bool lives(pid_t id) { return ::kill(id, 0) == 0; }
+
+}  // namespace
+
+TEST_CASE("a child gets its words as they are, and its own come line by line and into the log", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const std::atomic<int> stop{0};
+  std::vector<std::string> lines;
+  const std::string odd = "a 'b' \"c\" $HOME\n*";
+  const tg::ChildEnd end =
+      tg::runChild({{"/bin/sh", "-c", "printf '%s' \"$1\"; printf 'x\\ry\\n' >&2; exit 7", "sh", odd},
+                    folder / "log.txt",
+                    [&](std::string_view line) { lines.emplace_back(line); },
+                    {}},
+                   stop);
+  CHECK(end.code == 7);
+  CHECK(lines == std::vector<std::string>{"a 'b' \"c\" $HOME", "*x", "y"});
+  CHECK(end.last == "a 'b' \"c\" $HOME | *x | y");
+  CHECK(textOf(folder / "log.txt") == odd + "x\ry\n");
+}
+
+TEST_CASE("a child's output goes where it is asked for, however much it is", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const std::atomic<int> stop{0};
+  std::size_t bytes = 0;
+  const auto output = [&](std::span<const std::uint8_t> piece) { bytes += piece.size(); };
+  const tg::ChildEnd end = tg::runChild(
+      {{"/bin/sh", "-c", "head -c 3000000 /dev/zero; echo said >&2"}, folder / "log.txt", {}, output}, stop);
+  CHECK(end.code == 0);
+  CHECK(bytes == 3'000'000);
+  CHECK(textOf(folder / "log.txt") == "said\n");
+}
+
+TEST_CASE("a child that cannot be started, or dies by a signal, is told", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const std::atomic<int> stop{0};
+  CHECK(tg::test::messageOf([&] { tg::runChild({{"/absent/program"}, folder / "log.txt", {}, {}}, stop); },
+                            tg::ErrorKind::device) == "/absent/program: cannot start: No such file or directory");
+  CHECK(tg::runChild({{"/bin/sh", "-c", "kill -9 $$"}, folder / "log.txt", {}, {}}, stop).code == 128 + SIGKILL);
+  CHECK_THROWS_AS(tg::runChild({{"/bin/true"}, folder / "absent/log.txt", {}, {}}, stop), tg::Error);
+}
+
+TEST_CASE("a child that is to stop ends, with its own children, also one that does not listen", "[photos]") {
+  const tg::TemporaryFolder folder;
+  std::atomic<int> stop{0};
+  std::vector<pid_t> ids;
+  const auto line = [&](std::string_view text) {
+    ids.push_back(std::stoi(std::string(text)));
+    if (ids.size() == 2) stop = SIGINT;
+  };
+  CHECK_THROWS_AS(
+      tg::runChild({{"/bin/sh", "-c", "sleep 60 & echo $!; echo $$; wait"}, folder / "log.txt", line, {}}, stop),
+      tg::Stopped);
+  REQUIRE(ids.size() == 2);
+  for (int wait = 0; wait < 100 && (lives(ids[0]) || lives(ids[1])); ++wait) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  CHECK_FALSE(lives(ids[1]));
+  CHECK_THROWS_AS(tg::runChild({{"/bin/true"}, folder / "log.txt", {}, {}}, stop), tg::Stopped);
+}
+
+TEST_CASE("programs are found on the PATH alone, and only those that may be run", "[photos]") {
+  const tg::TemporaryFolder folder;
+  std::ofstream(folder / "tool") << "#!/bin/sh\n";
+  const std::string before = std::getenv("PATH");
+  ::setenv("PATH", folder.path.c_str(), 1);
+  const auto not_yet = tg::findProgram("tool");
+  std::filesystem::permissions(folder / "tool", std::filesystem::perms::owner_all);
+  const auto found = tg::findProgram("tool");
+  const auto absent = tg::findProgram("sh");
+  ::setenv("PATH", before.c_str(), 1);
+  CHECK_FALSE(not_yet);
+  CHECK(found == folder / "tool");
+  CHECK_FALSE(absent);
+  CHECK(tg::findProgram("/bin/sh"));
+}

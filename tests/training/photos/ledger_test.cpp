@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// What counts as done.
+#include "training/photos/ledger.h"
+
+#include <fstream>
+
+#include "core/system/error.h"
+#include "support/catch.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+using tg::Ledger;
+using tg::PhotoStage;
+
+TEST_CASE("a stage is done once it is finished, from what it was made of, until one before it begins", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const std::string odd = "na\xffme \"%\n";
+  {
+    Ledger ledger(folder / "work");
+    CHECK_FALSE(ledger.isBegun(PhotoStage::photographs, odd));
+    ledger.begin(PhotoStage::photographs, odd);
+    CHECK(ledger.isBegun(PhotoStage::photographs, odd));
+    CHECK_FALSE(ledger.isDone(PhotoStage::photographs, odd));
+    ledger.finish(PhotoStage::photographs, "[1,2]");
+    ledger.begin(PhotoStage::features, "f");
+    CHECK(tg::test::messageOf([&] { Ledger second(folder / "work"); }, tg::ErrorKind::cannotWrite) ==
+          (folder / "work").string() + ": another tgtrain is at work in this folder");
+  }
+  {
+    Ledger ledger(folder / "work");
+    CHECK(ledger.isDone(PhotoStage::photographs, odd));
+    CHECK_FALSE(ledger.isDone(PhotoStage::photographs, "another"));
+    CHECK(ledger.result(PhotoStage::photographs) == "[1,2]");
+    CHECK(ledger.isBegun(PhotoStage::features, "f"));
+    CHECK_FALSE(ledger.isDone(PhotoStage::features, "f"));
+    ledger.begin(PhotoStage::photographs, "new");
+  }
+  const Ledger ledger(folder / "work");
+  CHECK_FALSE(ledger.isDone(PhotoStage::photographs, odd));
+  CHECK_FALSE(ledger.isBegun(PhotoStage::features, "f"));
+}
+
+TEST_CASE("a folder with other people's files is refused, a broken list is none", "[photos]") {
+  const tg::TemporaryFolder folder;
+  std::ofstream(folder / "thesis.txt") << "years of work";
+  CHECK_THAT(tg::test::messageOf([&] { Ledger ledger(folder.path); }, tg::ErrorKind::cannotWrite),
+             Catch::Matchers::Contains("holds other files"));
+  std::filesystem::create_directory(folder / "work");
+  for (const char* text : {"", "{", "[]", "{\"format\": 1}", "{\"format\": \"tgtrain photos\", \"version\": 1}",
+                           "{\"format\": \"tgtrain photos\", \"version\": 1, \"stages\": {\"photographs\": 7}}"}) {
+    std::ofstream(folder / "work/photos.json") << text;
+    const Ledger ledger(folder / "work");
+    CHECK_FALSE(ledger.isBegun(PhotoStage::photographs, ""));
+  }
+}

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs as cameras leave them: turned, of several formats, with EXIF; and which files are none.
+#include "training/photos/photograph.h"
+
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <fstream>
+#include <vector>
+
+#include "core/file/file.h"
+#include "core/image/webp.h"
+#include "core/system/error.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "training/photos/child.h"
+
+namespace fs = std::filesystem;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// A TIFF block, little-endian: an IFD with entries of a value each, then one that the tag 0x8769 points to.
+struct Entry {
+  int tag;
+  int type;  // 2 text, 3 short, 5 rational
+  std::uint32_t value;
+  std::string text = {};
+};
+void put(Bytes& bytes, std::uint32_t value, int count) {
+  for (int i = 0; i < count; ++i) bytes.push_back(static_cast<std::uint8_t>(value >> 8 * i));
+}
+Bytes exifBlock(std::vector<Entry> main, const std::vector<Entry>& camera) {
+  Bytes bytes = {'I', 'I', 42, 0, 8, 0, 0, 0};
+  const std::size_t camera_at = 8 + 2 + 12 * (main.size() + 1) + 4;
+  main.push_back({0x8769, 4, static_cast<std::uint32_t>(camera_at)});
+  std::size_t data_at = camera_at + 2 + 12 * camera.size() + 4;
+  Bytes data;
+  for (const std::vector<Entry>& entries : {main, camera}) {
+    put(bytes, static_cast<std::uint32_t>(entries.size()), 2);
+    for (const Entry& entry : entries) {
+      put(bytes, entry.tag, 2);
+      put(bytes, entry.type, 2);
+      put(bytes, entry.type == 2 ? static_cast<std::uint32_t>(entry.text.size() + 1) : 1, 4);
+      if (entry.type == 2) {
+        put(bytes, static_cast<std::uint32_t>(data_at + data.size()), 4);
+        data.insert(data.end(), entry.text.begin(), entry.text.end());
+        data.push_back(0);
+      } else {
+        put(bytes, entry.value, 4);
+      }
+    }
+    put(bytes, 0, 4);
+  }
+  bytes.insert(bytes.end(), data.begin(), data.end());
+  return bytes;
+}
+
+const Bytes kBlock = exifBlock({{0x010f, 2, 0, "Phone Company"}, {0x0110, 2, 0, "Phone 7"}, {0x0112, 3, 6}},
+                               {{0xa002, 3, 40}, {0xa003, 3, 30}, {0xa405, 3, 26}});
+
+// 40 x 30, red on the left, blue on the right; a green top row.
+tg::Image picture() {
+  tg::Image image(40, 30, 3, 0.0f);
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 40; ++x) image.at(x, y, x < 20 ? 0 : 2) = 1;
+  }
+  return image;
+}
+
+void writeJpegWithExif(const fs::path& path, const Bytes& block) {
+  tg::writeImage(path, picture());
+  Bytes jpeg = tg::readFile(path, 1 << 20);
+  Bytes segment = {0xff, 0xe1};
+  const std::size_t size = block.size() + 8;
+  segment.push_back(static_cast<std::uint8_t>(size >> 8));
+  segment.push_back(static_cast<std::uint8_t>(size & 255));
+  for (const char c : {'E', 'x', 'i', 'f', '\0', '\0'}) segment.push_back(static_cast<std::uint8_t>(c));
+  segment.insert(segment.end(), block.begin(), block.end());
+  jpeg.insert(jpeg.begin() + 2, segment.begin(), segment.end());
+  tg::writeFileAtomically(path, jpeg);
+}
+
+}  // namespace
+
+TEST_CASE("a photograph is turned as its EXIF says, and its lens is known", "[photos]") {
+  const tg::TemporaryFolder folder;
+  writeJpegWithExif(folder / "a.jpg", kBlock);
+  const tg::TakenPhotograph photograph = tg::readPhotograph(folder / "a.jpg");
+  CHECK(photograph.image.width == 30);
+  CHECK(photograph.image.height == 40);
+  CHECK_FALSE(photograph.as_stored);
+  // Orientation 6: what is stored on the left is the top.
+  CHECK(photograph.image.at(15, 5, 0) > 0.9f);
+  CHECK(photograph.image.at(15, 35, 2) > 0.9f);
+  CHECK(photograph.facts.camera == "Phone Company Phone 7");
+  CHECK(photograph.facts.focal_per_diagonal == Approx(26 / 43.2666).epsilon(1e-4));
+
+  tg::writeImage(folder / "plain.jpg", picture());
+  CHECK(tg::readPhotograph(folder / "plain.jpg").as_stored);
+  CHECK(tg::readPhotograph(folder / "plain.jpg").facts.focal_per_diagonal == 0);
+}
+
+TEST_CASE("the eight orientations put the stored corner where TIFF says", "[photos]") {
+  tg::Image stored(3, 2, 1);
+  for (int i = 0; i < 6; ++i) stored.data[i] = static_cast<float>(i);
+  const std::vector<std::vector<float>> expected = {{0, 1, 2, 3, 4, 5}, {2, 1, 0, 5, 4, 3}, {5, 4, 3, 2, 1, 0},
+                                                    {3, 4, 5, 0, 1, 2}, {0, 3, 1, 4, 2, 5}, {3, 0, 4, 1, 5, 2},
+                                                    {5, 2, 4, 1, 3, 0}, {2, 5, 1, 4, 0, 3}};
+  for (int orientation = 1; orientation <= 8; ++orientation) {
+    const tg::Image image = tg::turned(stored, orientation);
+    CAPTURE(orientation);
+    CHECK(image.width == (orientation < 5 ? 3 : 2));
+    CHECK(image.data == expected[orientation - 1]);
+  }
+}
+
+TEST_CASE("a cropped photograph has no known lens, and a broken block says nothing", "[photos]") {
+  CHECK(tg::readExif(kBlock, 30, 40).focal_per_diagonal > 0);
+  CHECK(tg::readExif(kBlock, 40, 40).focal_per_diagonal == 0);
+  for (std::size_t length = 0; length < kBlock.size(); ++length) {
+    tg::readExif(std::span(kBlock).first(length), 40, 30);
+  }
+  for (std::size_t i = 0; i < kBlock.size(); ++i) {
+    Bytes broken = kBlock;
+    broken[i] = 0xff;
+    const tg::ExifFacts facts = tg::readExif(broken, 40, 30);
+    CHECK((facts.orientation >= 1 && facts.orientation <= 8));
+  }
+}
+
+TEST_CASE("reduced photographs keep the mean of what each pixel covers", "[photos]") {
+  const tg::Image image = picture();
+  const tg::Image same = tg::reducedTo(image, 40, 30);
+  CHECK(same.data == image.data);
+  const tg::Image small = tg::reducedTo(image, 3, 2);
+  REQUIRE(small.data.size() == 18);
+  CHECK(small.at(0, 1, 0) == Approx(1).margin(1e-6));
+  CHECK(small.at(1, 0, 0) == Approx(0.5).margin(1e-6));
+  CHECK(small.at(1, 0, 2) == Approx(0.5).margin(1e-6));
+  CHECK(small.at(2, 0, 0) == Approx(0).margin(1e-6));
+}
+
+TEST_CASE("what is transparent has no share in a reduced photograph's colour", "[photos]") {
+  tg::Image image(2, 1, 4, 0.0f);
+  image.data = {1, 0.5f, 0, 1, 0, 1, 1, 0};
+  const tg::Image small = tg::reducedTo(image, 1, 1);
+  CHECK(small.data == std::vector<float>{1, 0.5f, 0, 0.5f});
+}
+
+TEST_CASE("hostile photographs end in an error or in a picture, wherever they are cut or changed", "[photos]") {
+  const tg::TemporaryFolder folder;
+  writeJpegWithExif(folder / "a.jpg", kBlock);
+  const Bytes whole = tg::readFile(folder / "a.jpg", 1 << 20);
+  const auto decode = [](const Bytes& bytes) {
+    try {
+      const tg::TakenPhotograph photograph = tg::decodePhotograph(bytes, "hostile");
+      CHECK(tg::hasImageShape(photograph.image));
+    } catch (const tg::Error& error) {
+      CHECK(error.kind == tg::ErrorKind::badData);
+    }
+  };
+  for (std::size_t length = 0; length < whole.size(); length += 3) decode({whole.begin(), whole.begin() + length});
+  for (std::size_t i = 0; i < whole.size(); i += 2) {
+    Bytes changed = whole;
+    changed[i] ^= 0x41;
+    decode(changed);
+  }
+}
+
+TEST_CASE("PNG, WebP and HEIC are photographs, too, and a transparent one keeps its alpha", "[photos]") {
+  const tg::TemporaryFolder folder;
+  tg::writeImage(folder / "a.png", picture());
+  CHECK(tg::readPhotograph(folder / "a.png").image.data == picture().data);
+  tg::BytePixels pixels(4, 2);
+  for (std::size_t i = 0; i < pixels.data.size(); ++i) pixels.data[i] = i % 4 == 3 ? 255 : 51;
+  tg::writeFileAtomically(folder / "a.webp", tg::encodeWebp(pixels));
+  CHECK(tg::readPhotograph(folder / "a.webp").image.channels == 3);
+  CHECK(tg::readPhotograph(folder / "a.webp").image.at(1, 1, 1) == Approx(0.2));
+  pixels.data[3] = 0;
+  tg::writeFileAtomically(folder / "b.webp", tg::encodeWebp(pixels));
+  CHECK(tg::readPhotograph(folder / "b.webp").image.channels == 4);
+
+  const auto encoder = tg::findProgram("heif-enc");
+  TG_SKIP_IF(encoder ? "" : "no heif-enc");
+  writeJpegWithExif(folder / "h.jpg", kBlock);
+  const std::string name = (folder / "h").string();
+  REQUIRE(std::system(
+              (encoder->string() + " -q 90 '" + name + ".jpg' -o '" + name + ".heic' >/dev/null 2>&1").c_str()) == 0);
+  const tg::TakenPhotograph heic = tg::readPhotograph(folder / "h.heic");
+  CHECK(tg::pictureFormat(folder / "h.heic") == tg::PictureFormat::heif);
+  CHECK(heic.facts.camera == "Phone Company Phone 7");
+  CHECK(heic.image.width * heic.image.height == 1200);
+}
+
+TEST_CASE("files are photographs by their bytes, and the others are named", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* below : {"in", "in/sub", "in/.hidden", "in/__MACOSX", "in/old.photos"}) {
+    fs::create_directory(folder / below);
+  }
+  for (const char* name :
+       {"in/b.jpg", "in/sub/a.JPG", "in/.hidden/c.jpg", "in/__MACOSX/d.jpg", "in/old.photos/e.jpg"}) {
+    tg::writeImage(folder / "t.jpg", picture());
+    fs::copy_file(folder / "t.jpg", folder / name);
+  }
+  std::ofstream(folder / "in/old.photos/photos.json") << "{}";
+  std::ofstream(folder / "in/notes.txt") << "hello";
+  std::ofstream(folder / "in/fake.jpg") << "no picture";
+  std::ofstream(folder / "in/empty.png");
+  const tg::PhotographList list = tg::findPhotographs(folder / "in");
+  CHECK(list.photographs == std::vector<fs::path>{"b.jpg", "sub/a.JPG"});
+  CHECK(list.ignored == std::vector<std::string>{"empty.png", "fake.jpg", "notes.txt"});
+  CHECK(tg::isForPhotos(folder / "in"));
+  CHECK_FALSE(tg::isForPhotos(folder / "in/notes.txt"));
+  std::ofstream(folder / "in/transforms.json") << "{}";
+  CHECK_FALSE(tg::isForPhotos(folder / "in"));
+}
+
+TEST_CASE("copies have plain names, each its own", "[photos]") {
+  CHECK(tg::plainNames({"IMG 1.jpg", "IMG_1.JPG", "a/b'\n\".heic", "img_1.png", "\xc3\xa4.jpg"}) ==
+        std::vector<std::string>{"IMG_1", "IMG_1_2", "a_b___", "img_1_3", "__"});
+}

@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: Apache-2.0
+// `tgtrain photos` from photographs to a model, with programs in the place of colmap and ffmpeg that do what a test
+// says; and with the real ones.
+#include <sqlite3.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "core/bundle/bundle.h"
+#include "core/file/file.h"
+#include "core/image/image.h"
+#include "program.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "training/data/dataset.h"
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+using tg::test::Outcome;
+using tg::test::run;
+
+namespace {
+
+class Writer {
+ public:
+  template <typename T>
+  Writer& add(T value) {
+    const auto* const bytes = reinterpret_cast<const std::uint8_t*>(&value);
+    bytes_.insert(bytes_.end(), bytes, bytes + sizeof value);
+    return *this;
+  }
+  Writer& add(const std::string& text) {
+    bytes_.insert(bytes_.end(), text.c_str(), text.c_str() + text.size() + 1);
+    return *this;
+  }
+  void save(const fs::path& path) const { tg::writeFileAtomically(path, bytes_); }
+
+ private:
+  std::vector<std::uint8_t> bytes_;
+};
+
+glm::dvec4 quaternionOf(const glm::dmat3& m) {  // w, x, y, z; m[column][row]
+  const double w = std::sqrt(std::max(0.0, 1 + m[0][0] + m[1][1] + m[2][2])) / 2;
+  const auto part = [](double square, double sign) {
+    return std::copysign(std::sqrt(std::max(0.0, square)) / 2, sign);
+  };
+  return {w, part(1 + m[0][0] - m[1][1] - m[2][2], m[1][2] - m[2][1]),
+          part(1 - m[0][0] + m[1][1] - m[2][2], m[2][0] - m[0][2]),
+          part(1 - m[0][0] - m[1][1] + m[2][2], m[0][1] - m[1][0])};
+}
+
+// The folder of a test: photographs of the built-in scene in photos/, what COLMAP would make of them in answer/, a
+// colmap and an ffmpeg in bin/ that hand that out and add a word to calls.txt each time.
+class Trial : public tg::TemporaryFolder {
+ public:
+  explicit Trial(int views = 6) {
+    const std::string sample =
+        "'" TG_TGTRAIN "' make-sample scene --size 32 --test-views 1 --points 50 --supersampling 1";
+    REQUIRE(run(*this, sample + " --views " + std::to_string(views)).code == 0);
+    for (const char* below : {"photos", "answer", "bin"}) fs::create_directory(path / below);
+    tg::DatasetOptions options;
+    options.only_test = false;
+    const tg::Dataset dataset = tg::loadDataset(path / "scene", options);
+    for (std::size_t i = 0; i < dataset.views.size(); ++i) {
+      const std::string number = std::to_string(i);
+      tg::Image image = tg::readImage(path / "scene/train" / ("r_" + number + ".png"));
+      const float white[3] = {1, 1, 1};
+      image = tg::compositeOver(image, white);
+      tg::writeImage(path / "photos" / ("IMG " + number + ".jpg"), image);
+      tg::writeImage(path / "answer" / formatted(i + 1), image);
+      names_.push_back("IMG_" + number + ".jpg");
+    }
+    answer(dataset, names_);
+    script("ffmpeg",
+           "case \"$*\" in *rawvideo*) echo frames >>calls.txt; [ -f film.raw ] && cat film.raw;;"
+           "*) for last; do :; done; echo take >>calls.txt; cp answer/*.jpg \"$(dirname \"${last#file:}\")\";; esac");
+    script("colmap",
+           "while [ $# -gt 0 ]; do case $1 in help) echo 'COLMAP 4.0 -- x'; echo matches_importer;;"
+           "--database_path) database=$2;; --output_path) output=$2;; --image_list_path|--match_list_path) list=$2;;"
+           "feature_extractor|matches_importer|mapper) task=$1;; -h) exit 0;; esac; shift; done;"
+           "[ -n \"$task\" ] || exit 0; echo $task >>calls.txt; [ -n \"$list\" ] && cat \"$list\" >>lists.txt;"
+           "[ -f \"hang_$task\" ] && { rm \"hang_$task\"; echo $$ >child.txt; exec sleep 600; };"
+           "[ -f \"fail_$task\" ] && { echo 'what a pity'; exit 1; };"
+           "case $task in feature_extractor) cp answer/database.db \"$database\"; echo 'Processed file [1/6]';;"
+           "mapper) for model in models/*; do cp -r \"$model\" \"$output\"; done;; esac; exit 0");
+    ::unsetenv("DISPLAY");
+    ::unsetenv("WAYLAND_DISPLAY");
+  }
+
+  // COLMAP's model of those photographs, and its database.
+  void answer(const tg::Dataset& dataset, const std::vector<std::string>& names, const std::string& model = "0") {
+    const fs::path folder = path / "models" / model;
+    fs::create_directories(folder);
+    const tg::Camera& first = dataset.views.front();
+    Writer()
+        .add(std::uint64_t{1})
+        .add(std::uint32_t{1})
+        .add(std::int32_t{1})
+        .add(std::uint64_t{32})
+        .add(std::uint64_t{32})
+        .add(first.focal.x)
+        .add(first.focal.y)
+        .add(16.0)
+        .add(16.0)
+        .save(folder / "cameras.bin");
+    Writer images;
+    images.add(std::uint64_t{names.size()});
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const tg::Camera& camera = dataset.views[i];
+      const glm::dvec4 rotation = quaternionOf(camera.rotation);
+      images.add(std::uint32_t(i + 1));
+      for (int c = 0; c < 4; ++c) images.add(double(rotation[c]));
+      for (int c = 0; c < 3; ++c) images.add(double(camera.translation[c]));
+      images.add(std::uint32_t{1}).add(names[i]).add(std::uint64_t{0});
+    }
+    images.save(folder / "images.bin");
+    Writer points;
+    points.add(std::uint64_t{dataset.points.position.size()});
+    for (std::size_t i = 0; i < dataset.points.position.size(); ++i) {
+      points.add(std::uint64_t(i));
+      for (int c = 0; c < 3; ++c) points.add(double(dataset.points.position[i][c]));
+      for (int c = 0; c < 3; ++c) points.add(std::uint8_t{128});
+      points.add(0.5).add(std::uint64_t{0});
+    }
+    points.save(folder / "points3D.bin");
+    fs::remove(path / "answer/database.db");
+    sqlite3* database = nullptr;
+    REQUIRE(sqlite3_open((path / "answer/database.db").c_str(), &database) == SQLITE_OK);
+    REQUIRE(sqlite3_exec(
+                database,
+                "CREATE TABLE images (image_id INTEGER, name TEXT); CREATE TABLE keypoints (image_id INTEGER, rows "
+                "INTEGER); CREATE TABLE matches (pair_id INTEGER, rows INTEGER); CREATE TABLE two_view_geometries "
+                "(pair_id INTEGER, rows INTEGER); INSERT INTO images VALUES (9, 'IMG_5.jpg');"
+                "INSERT INTO keypoints VALUES (9, 7);",
+                nullptr, nullptr, nullptr) == SQLITE_OK);
+    sqlite3_close(database);
+  }
+
+  void script(const std::string& name, const std::string& text) const {
+    const fs::path file = path / "bin" / name;
+    std::ofstream(file) << "#!/bin/sh\ncd '" << path.string() << "'\n" << text << "\n";
+    fs::permissions(file, fs::perms::owner_all);
+  }
+
+  Outcome photos(const std::string& arguments, const std::string& path_before = "$PWD/bin:$PATH") const {
+    return run(*this, "PATH=\"" + path_before + "\" '" TG_TGTRAIN "' photos " + arguments);
+  }
+  // The words since the last call.
+  std::string calls() const {
+    std::string text = textOf("calls.txt");
+    fs::remove(path / "calls.txt");
+    return text;
+  }
+  std::string textOf(const std::string& name) const {
+    std::ifstream stream(path / name);
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+  const std::vector<std::string>& names() const { return names_; }
+
+ private:
+  static std::string formatted(std::size_t number) {
+    const std::string digits = std::to_string(number);
+    return std::string(6 - digits.size(), '0') + digits + ".jpg";
+  }
+  std::vector<std::string> names_;
+};
+
+const std::string kShort = " --iterations 4 --texture-iterations 2 --gaussians 40";
+const std::string kAll = "feature_extractor\nmatches_importer\nmapper\n";
+
+}  // namespace
+
+TEST_CASE("photographs become a model by one command, which does nothing twice", "[photos]") {
+  const Trial trial;
+  std::ofstream(trial / "photos/notes.txt") << "not a photograph";
+  std::ofstream(trial / "photos/broken.jpg") << "\xff\xd8\xff and no more";
+  const Outcome made = trial.photos("photos -o model.tgz" + kShort);
+  INFO(made.output);
+  REQUIRE(made.code == 0);
+  CHECK_THAT(made.output, Contains("ignored, no photographs: notes.txt"));
+  CHECK_THAT(made.output, Contains("photos/broken.jpg: broken JPEG") && Contains("left out"));
+  CHECK_THAT(made.output, Contains("6 photographs of 1 camera") && Contains("15 pairs (exhaustive)"));
+  CHECK_THAT(made.output, Contains("cameras: 6 of 6 photographs, 49 points, mean reprojection error 0.50 px"));
+  CHECK_THAT(made.output, Contains("wrote model.tgz") && Contains("tgview model.tgz shows it"));
+  CHECK(trial.calls() == kAll);
+  CHECK_THAT(trial.textOf("lists.txt"), Contains("IMG_0.jpg\nIMG_1.jpg\n") && Contains("IMG_4.jpg IMG_5.jpg\n"));
+  CHECK(tg::readBundle(trial / "model.tgz").cameras.size() == 6);
+
+  const Outcome again = trial.photos("photos -o model.tgz" + kShort);
+  INFO(again.output);
+  CHECK(again.code == 0);
+  CHECK_THAT(again.output, Contains("matches: done before"));
+  CHECK(trial.calls().empty());
+
+  // Another setting of training: a new run, which may not replace the model by itself.
+  const Outcome other = trial.photos("photos -o model.tgz --iterations 5 --texture-iterations 2 --gaussians 40");
+  CHECK(other.code == 4);
+  CHECK_THAT(other.output, Contains("model.tgz: exists already (add --overwrite to replace it)"));
+  CHECK(trial.photos("photos -o model.tgz --iterations 5 --texture-iterations 2 --gaussians 40 --overwrite").code == 0);
+  CHECK(trial.calls().empty());
+
+  // Another way to match: from there on anew.
+  CHECK(trial.photos("photos -o model.tgz --overwrite --matching sequential" + kShort).code == 0);
+  CHECK(trial.calls() == "matches_importer\nmapper\n");
+  // Another photograph: all anew.
+  tg::copyFileAtomically(trial / "photos/IMG 0.jpg", trial / "photos/IMG 00.jpg");
+  CHECK(trial.photos("photos -o model.tgz --overwrite --matching sequential" + kShort).code == 0);
+  CHECK(trial.calls() == kAll);
+}
+
+TEST_CASE("a command that was killed goes on where it was, and its child ends with it", "[photos]") {
+  const Trial trial;
+  const std::string task = GENERATE(std::string("feature_extractor"), "matches_importer", "mapper");
+  CAPTURE(task);
+  std::ofstream(trial / ("hang_" + task)) << "";
+  REQUIRE(run(trial, "PATH=\"$PWD/bin:$PATH\" '" TG_TGTRAIN "' photos photos -o model.tgz" + kShort +
+                         " >first.txt 2>&1 & echo $! >parent.txt")
+              .code == 0);
+  for (int wait = 0; wait < 1000 && trial.textOf("child.txt").empty(); ++wait) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  const pid_t parent = std::stoi(trial.textOf("parent.txt")), child = std::stoi(trial.textOf("child.txt"));
+  const int signal = GENERATE(SIGKILL, SIGTERM);
+  REQUIRE(::kill(parent, signal) == 0);
+  for (int wait = 0; wait < 500 && ::kill(child, 0) == 0; ++wait)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  CHECK(::kill(child, 0) != 0);
+  for (int wait = 0; wait < 500 && ::kill(parent, 0) == 0; ++wait)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  if (signal == SIGTERM) CHECK_THAT(trial.textOf("first.txt"), Contains("stopped; the same command goes on"));
+  CHECK_FALSE(fs::exists(trial / "model.tgz"));
+  trial.calls();
+
+  const Outcome on = trial.photos("photos -o model.tgz" + kShort);
+  INFO(on.output);
+  CHECK(on.code == 0);
+  CHECK(trial.calls() == kAll.substr(kAll.find(task)));
+}
+
+TEST_CASE("the largest model is taken, and who is in none hears why", "[photos]") {
+  Trial trial;
+  const tg::Dataset dataset = tg::loadDataset(trial / "scene", {});
+  const std::vector<std::string>& names = trial.names();
+  trial.answer(dataset, {names[0], names[1]});
+  trial.answer(dataset, {names.begin(), names.begin() + 4}, "1");
+  const Outcome made = trial.photos("photos -o model.tgz" + kShort);
+  INFO(made.output);
+  CHECK(made.code == 0);
+  CHECK_THAT(made.output, Contains("fall into 2 models") && Contains("the largest, of 4, is taken (others have 2)"));
+  CHECK_THAT(made.output, Contains("left out: IMG 5.jpg: too little to hold on to: 7 features"));
+  const Outcome few = trial.photos("photos -o model.tgz --least-registered 70" + kShort);
+  CHECK(few.code == 3);
+  CHECK_THAT(few.output, Contains("too few photographs have a camera (expected at least 70 % of 6, found 4)"));
+}
+
+TEST_CASE("what COLMAP cannot do is an error with its last words", "[photos]") {
+  const Trial trial;
+  std::ofstream(trial / "fail_feature_extractor") << "";
+  const Outcome features = trial.photos("photos -o model.tgz" + kShort);
+  CHECK(features.code == 3);
+  CHECK_THAT(features.output, Contains("model.photos/logs/features.txt: colmap failed (exit code 1): what a pity"));
+  fs::remove(trial / "fail_feature_extractor");
+  std::ofstream(trial / "fail_mapper") << "";
+  const Outcome mapper = trial.photos("photos -o model.tgz" + kShort);
+  CHECK(mapper.code == 3);
+  CHECK_THAT(mapper.output, Contains("no cameras found. What helps: ") && Contains("what a pity"));
+  CHECK_THAT(mapper.output, Contains("photographs: done before"));
+  CHECK_FALSE(fs::exists(trial / "model.tgz"));
+}
+
+TEST_CASE("a film gives its sharpest frames", "[photos]") {
+  Trial trial;
+  constexpr std::size_t kSide = 720;
+  std::vector<std::uint8_t> film(12 * kSide * kSide, 0);
+  for (std::size_t frame = 0; frame < 12; frame += 2) {  // the odd ones are blurred
+    for (std::size_t i = 0; i < kSide * kSide; i += 3) film[frame * kSide * kSide + i] = 255;
+  }
+  tg::writeFileAtomically(trial / "film.raw", film);
+  std::ofstream(trial / "a film.mp4") << "any bytes";
+  std::vector<std::string> names;
+  for (const char* number : {"1", "3", "5", "7", "9"}) names.push_back(std::string("frame_00000") + number + ".jpg");
+  names.push_back("frame_000011.jpg");
+  trial.answer(tg::loadDataset(trial / "scene", {}), names);
+  const Outcome made = trial.photos("'a film.mp4' -o model.tgz --frames 6" + kShort);
+  INFO(made.output);
+  CHECK(made.code == 0);
+  CHECK_THAT(made.output, Contains("the sharpest 6 of 12 frames are kept, 32 x 32"));
+  CHECK_THAT(made.output, Contains("pairs (sequential)"));
+  CHECK(trial.calls() == "frames\ntake\n" + kAll);
+  CHECK(fs::exists(trial / "model.photos/images/frame_000011.jpg"));
+}
+
+TEST_CASE("inputs that are none, and programs that are not there, are told in a line", "[photos]") {
+  const Trial trial;
+  fs::create_directory(trial / "empty");
+  std::ofstream(trial / "broken.mp4") << "no film";
+  const auto says = [&](const Outcome& outcome, int code, const std::string& text) {
+    INFO(outcome.output);
+    CHECK(outcome.code == code);
+    CHECK_THAT(outcome.output, Contains(text));
+    CHECK(std::ranges::count(outcome.output, '\n') <= 2);
+  };
+  says(trial.photos("absent -o x.tgz"), 2, "absent: cannot open");
+  says(trial.photos("empty -o x.tgz"), 3, "empty: too few photographs");
+  says(trial.photos("'photos/IMG 0.jpg' -o x.tgz"), 3, "too few photographs");
+  says(trial.photos("scene -o x.tgz"), 1, "scene: is a data set with cameras already: `tgtrain scene -o model.tgz`");
+  CHECK_FALSE(fs::exists(trial / "x.photos"));
+  says(trial.photos("broken.mp4 -o x.tgz"), 3, "broken.mp4: is no film that ffmpeg can read");
+  says(trial.photos("photos"), 1, "expected a folder of photographs or a film, and -o model.tgz");
+  says(trial.photos("photos -o x.tgz --work photos"), 4, "photos: holds other files");
+  says(trial.photos("photos -o y.tgz", "/nowhere"), 5,
+       "no COLMAP found (expected colmap on the PATH, as `apt install colmap`");
+  says(trial.photos("photos -o y.tgz --mapper global"), 5, "has no global mapper");
+  fs::create_directory(trial / "only");
+  fs::copy(trial / "bin/colmap", trial / "only/colmap");
+  says(trial.photos("broken.mp4 -o z.tgz", "$PWD/only:/nowhere"), 5, "no ffmpeg found");
+  const Outcome pointed = run(trial, "'" TG_TGTRAIN "' photos -o x.tgz");
+  CHECK(pointed.code == 1);
+  says(run(trial, "'" TG_TGTRAIN "' ./photos -o x.tgz"), 3,
+       "./photos: not a data set, but photographs without cameras: `tgtrain photos ./photos -o model.tgz`");
+  says(run(trial, "'" TG_TGTRAIN "' broken.mp4 -o x.tgz"), 3, "broken.mp4: is a film: `tgtrain photos broken.mp4");
+  says(run(trial, "'" TG_TGTRAIN "' -q photos photos -o x.tgz"), 1, "expected before every flag");
+}
+
+TEST_CASE("a film of the real ffmpeg becomes frames, the right way up", "[photos]") {
+  const Trial trial(12);
+  TG_SKIP_IF(run(trial, "command -v ffmpeg").code == 0 ? "" : "no ffmpeg");
+  fs::remove(trial / "bin/ffmpeg");
+  REQUIRE(run(trial,
+              "ffmpeg -v error -framerate 5 -pattern_type glob -i 'photos/*.jpg' -vf scale=96:64 -q:v 2 'my film.avi'")
+              .code == 0);
+  std::ofstream(trial / "fail_mapper") << "";
+  const Outcome made = trial.photos("'my film.avi' -o model.tgz --frames 4 --longest-side 48");
+  INFO(made.output);
+  CHECK(made.code == 3);  // the answer is of other photographs
+  CHECK_THAT(made.output, Contains("the sharpest 4 of 12 frames are kept, 48 x 32"));
+  std::size_t frames = 0;
+  for (const fs::directory_entry& entry : fs::directory_iterator(trial / "model.photos/images")) {
+    const tg::Image image = tg::readImage(entry.path());
+    CHECK((image.width == 48 && image.height == 32));
+    ++frames;
+  }
+  CHECK(frames == 4);
+}

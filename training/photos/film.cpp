@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// Laplacians, stretches, arguments.
+#include "training/photos/film.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/system/assert.h"
+#include "core/system/numbers.h"
+#include "core/system/parallel.h"
+
+namespace tg {
+namespace {
+
+constexpr std::size_t kJudgedBytes = std::size_t{kJudgedSide} * kJudgedSide;
+
+// ffmpeg takes "a:b" for a protocol and "-x" for an option.
+std::string fileWord(const std::filesystem::path& path) { return "file:" + std::filesystem::absolute(path).string(); }
+
+}  // namespace
+
+double sharpness(std::span<const std::uint8_t> grey) {
+  TG_ASSERT(grey.size() == kJudgedBytes, "a grey square");
+  std::vector<double> sums(kJudgedSide, 0.0), squares(kJudgedSide, 0.0);
+  parallelFor(kJudgedSide - 2, 32, [&](std::int64_t row) {
+    const std::uint8_t* const at = grey.data() + (row + 1) * kJudgedSide;
+    std::int64_t sum = 0, square = 0;
+    for (int x = 1; x < kJudgedSide - 1; ++x) {
+      const int value = 4 * at[x] - at[x - 1] - at[x + 1] - at[x - kJudgedSide] - at[x + kJudgedSide];
+      sum += value;
+      square += value * value;
+    }
+    sums[row] = static_cast<double>(sum);
+    squares[row] = static_cast<double>(square);
+  });
+  double sum = 0, square = 0;
+  for (int row = 0; row < kJudgedSide; ++row) {
+    sum += sums[row];
+    square += squares[row];
+  }
+  const double count = double(kJudgedSide - 2) * (kJudgedSide - 2);
+  return square / count - sum / count * (sum / count);
+}
+
+void SharpnessMeter::add(std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const std::size_t taken = std::min(bytes.size(), kJudgedBytes - frame_.size());
+    frame_.insert(frame_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(taken));
+    bytes = bytes.subspan(taken);
+    if (frame_.size() < kJudgedBytes) return;
+    frames_.push_back(sharpness(frame_));
+    frame_.clear();
+  }
+}
+
+std::vector<std::size_t> sharpestFrames(std::span<const double> sharpness, std::size_t count) {
+  std::vector<std::size_t> chosen;
+  count = std::min(count, sharpness.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto begin = sharpness.begin() + static_cast<std::ptrdiff_t>(i * sharpness.size() / count);
+    const auto end = sharpness.begin() + static_cast<std::ptrdiff_t>((i + 1) * sharpness.size() / count);
+    chosen.push_back(static_cast<std::size_t>(std::max_element(begin, end) - sharpness.begin()));
+  }
+  return chosen;
+}
+
+std::vector<std::string> judgeFrames(const std::string& ffmpeg, const std::filesystem::path& film) {
+  const std::string side = std::to_string(kJudgedSide);
+  return {ffmpeg,
+          "-nostdin",
+          "-hide_banner",
+          "-i",
+          fileWord(film),
+          "-map",
+          "0:v:0",
+          "-vf",
+          "scale=" + side + ":" + side + ":flags=area,format=gray",
+          "-fps_mode",
+          "passthrough",
+          "-f",
+          "rawvideo",
+          "-"};
+}
+
+std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::filesystem::path& film,
+                                       std::span<const std::size_t> frames, int longest,
+                                       const std::filesystem::path& folder) {
+  std::string filter = "select='";
+  for (const std::size_t frame : frames) {
+    filter += (filter.back() == '\'' ? "eq(n," : "+eq(n,") + std::to_string(frame) + ")";
+  }
+  filter += "'";
+  if (longest > 0) {
+    const std::string most = std::to_string(longest);
+    filter +=
+        ",scale=w='min(iw," + most + ")':h='min(ih," + most + ")':force_original_aspect_ratio=decrease:flags=area";
+  }
+  // A pattern may not hold a name of the user's: '%' counts in it.
+  std::string pattern = folder.string();
+  for (std::size_t at = 0; (at = pattern.find('%', at)) != pattern.npos; at += 2) pattern.insert(at, 1, '%');
+  return {ffmpeg,
+          "-nostdin",
+          "-hide_banner",
+          "-i",
+          fileWord(film),
+          "-map",
+          "0:v:0",
+          "-vf",
+          filter,
+          "-fps_mode",
+          "passthrough",
+          "-q:v",
+          "2",
+          "-f",
+          "image2",
+          "-y",
+          "file:" + pattern + "/%06d.jpg"};
+}
+
+void FilmLength::read(std::string_view line) {
+  if (const std::size_t at = line.find("Duration: "); at != line.npos && line.size() >= at + 21) {
+    const auto hours = parseWhole<double>(line.substr(at + 10, 2)),
+               minutes = parseWhole<double>(line.substr(at + 13, 2)),
+               seconds = parseWhole<double>(line.substr(at + 16, 5));
+    if (hours && minutes && seconds) seconds_ = *hours * 3600 + *minutes * 60 + *seconds;
+  }
+  if (const std::size_t at = line.find(" fps,"); at != line.npos && line.find("Video: ") < at) {
+    const std::size_t begin = line.rfind(' ', at - 1) + 1;
+    if (const auto rate = parseWhole<double>(line.substr(begin, at - begin)); rate && *rate > 0 && *rate < 1e4) {
+      per_second_ = *rate;
+    }
+  }
+}
+
+}  // namespace tg

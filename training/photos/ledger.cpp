@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// photos.json in and out.
+#include "training/photos/ledger.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/system/assert.h"
+#include "core/system/error.h"
+#include "core/system/numbers.h"
+
+namespace tg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kMaxLedgerBytes = std::uint64_t{64} << 20;
+constexpr const char* kFormat = "tgtrain photos";
+constexpr int kVersion = 1;
+
+// Names of files may hold bytes that are no UTF-8, which JSON would not bring back.
+std::string ascii(const std::string& text) {
+  std::string plain;
+  for (const char c : text) {
+    const bool shown = (c >= 0x20 && c < 0x7f && c != '%') || c == '\n';
+    plain += shown ? std::string(1, c) : formatted("%%%02x", static_cast<unsigned>(static_cast<unsigned char>(c)));
+  }
+  return plain;
+}
+
+}  // namespace
+
+Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
+  std::error_code error;
+  fs::create_directories(folder_, error);
+  if (error) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot make this folder: " + error.message());
+  lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ < 0) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot open this folder: " + systemReason());
+  try {
+    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      throw Error(ErrorKind::cannotWrite, folder_.string(), "another tgtrain is at work in this folder");
+    }
+    const fs::path file = folder_ / kFile;
+    if (!isFile(file)) {
+      for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
+        if (entry.path().filename().string().starts_with(".tg-")) continue;
+        throw Error(ErrorKind::cannotWrite, folder_.string(),
+                    "holds other files (expected a folder of tgtrain photos, or none; --work names another)");
+      }
+      write();
+      return;
+    }
+    try {
+      const nlohmann::json json = parseJson(readFile(file, kMaxLedgerBytes), file.string());
+      if (json.at("format") != kFormat || json.at("version") != kVersion) return;
+      std::map<PhotoStage, Entry> entries;
+      for (const PhotoStage stage : valuesOf<PhotoStage>()) {
+        const auto found = json.at("stages").find(std::string(name(stage)));
+        if (found == json.at("stages").end()) break;
+        entries[stage] = {found->at("made_of").get<std::string>(), found->at("done").get<bool>(),
+                          found->at("result").dump()};
+        if (!entries[stage].done) break;
+      }
+      entries_ = std::move(entries);
+    } catch (const Error& broken) {
+      if (broken.kind == ErrorKind::cannotRead) throw;
+    } catch (const nlohmann::json::exception&) {  // of another version: everything is done anew
+    }
+  } catch (...) {
+    ::close(lock_);
+    throw;
+  }
+}
+
+Ledger::~Ledger() { ::close(lock_); }
+
+bool Ledger::isBegun(PhotoStage stage, const std::string& made_of) const {
+  const auto found = entries_.find(stage);
+  return found != entries_.end() && found->second.made_of == ascii(made_of);
+}
+
+bool Ledger::isDone(PhotoStage stage, const std::string& made_of) const {
+  return isBegun(stage, made_of) && entries_.at(stage).done;
+}
+
+void Ledger::begin(PhotoStage stage, const std::string& made_of) {
+  entries_.erase(entries_.lower_bound(stage), entries_.end());
+  entries_[stage].made_of = ascii(made_of);
+  write();
+}
+
+void Ledger::finish(PhotoStage stage, const std::string& result) {
+  TG_ASSERT(entries_.contains(stage), "a stage begins before it is done");
+  entries_[stage].done = true;
+  entries_[stage].result = result;
+  write();
+}
+
+const std::string& Ledger::result(PhotoStage stage) const {
+  TG_ASSERT(entries_.contains(stage) && entries_.at(stage).done, "the stage is done");
+  return entries_.at(stage).result;
+}
+
+void Ledger::write() const {
+  nlohmann::ordered_json json = {
+      {"format", kFormat}, {"version", kVersion}, {"stages", nlohmann::ordered_json::object()}};
+  for (const auto& [stage, entry] : entries_) {
+    json["stages"][std::string(name(stage))] = {
+        {"made_of", entry.made_of}, {"done", entry.done}, {"result", nlohmann::ordered_json::parse(entry.result)}};
+  }
+  writeTextAtomically(folder_ / kFile, dumpJson(json, 1) + "\n");
+}
+
+}  // namespace tg

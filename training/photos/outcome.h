@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// What COLMAP made of the photographs, and why not of all.
+#pragma once
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "training/data/colmap.h"
+
+namespace tg {
+
+struct FoundModel {
+  std::filesystem::path folder;
+  ColmapSummary summary;
+};
+// Those in the folders of `models`, by the number of their photographs, the largest first. One that cannot be read
+// throws Error(badData / cannotRead).
+std::vector<FoundModel> findModels(const std::filesystem::path& models);
+
+// For each name, what the database knows of why it is in no model: too few features, no pair, a pair too weak. Nothing
+// for a database that cannot be read.
+std::vector<std::string> whyLeftOut(const std::filesystem::path& database, const std::vector<std::string>& names);
+
+// Removes what matching wrote, so that it is done anew. False: not possible.
+bool forgetMatches(const std::filesystem::path& database);
+
+}  // namespace tg

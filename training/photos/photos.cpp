@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+// The stages in a row.
+#include "training/photos/photos.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/system/error.h"
+#include "core/system/numbers.h"
+#include "training/photos/child.h"
+#include "training/photos/outcome.h"
+#include "training/photos/prepare.h"
+
+namespace tg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kPairsAtOnce = 200;  // between two lines of progress
+constexpr std::size_t kMostNamed = 10;     // photographs that are left out, in words
+constexpr std::size_t kFewestCameras = 3;
+constexpr std::size_t kSmallestModel = 10;  // COLMAP's own choice, where there are enough photographs
+constexpr double kUsualFocal = 1.2;         // of the longer side: COLMAP's guess
+
+// "12.3 s", "3 min 05 s"
+std::string duration(double seconds) {
+  return seconds < 100 ? formatted("%.1f s", seconds)
+                       : formatted("%d min %02d s", int(seconds) / 60, int(seconds) % 60);
+}
+
+class Job {
+ public:
+  Job(const PhotosOptions& options, Ledger& ledger, const PhotosListener& listener, const std::atomic<int>& stop)
+      : options_(options), ledger_(ledger), listener_(listener), stop_(stop), work_(ledger.folder()) {}
+
+  void run() {
+    const std::string made_of = madeOf(options_);
+    std::error_code ignored;
+    const bool film = !fs::is_directory(options_.input, ignored);
+    fs::create_directories(work_ / "logs", ignored);
+    // A machine that cannot go on says so before it reads a film.
+    if (!ledger_.isDone(PhotoStage::photographs, made_of)) findSolverOnce();
+    stage(PhotoStage::photographs, made_of, [&](bool) { return prepare(); });
+    photographs_ = preparedFromJson(ledger_.result(PhotoStage::photographs));
+    listener_.say(std::to_string(photographs_.size()) + (film ? " frames" : " photographs") + " of " +
+                  std::to_string(cameras().size()) + (cameras().size() == 1 ? " camera" : " cameras"));
+    const std::string lens(name(options_.lens));
+    const std::string with = std::string(name(options_.solver)) + ", ";
+    // Databases go from one COLMAP to another in one direction at most.
+    if (ledger_.isDone(PhotoStage::features, with + "lens " + lens) &&
+        !ledger_.isDone(PhotoStage::cameras, with + std::string(name(options_.mapper)) + " mapper") &&
+        ledger_.result(PhotoStage::features) != solverName()) {
+      ledger_.begin(PhotoStage::features, "");
+    }
+    stage(PhotoStage::features, with + "lens " + lens, [&](bool) { return features(); });
+    std::vector<std::optional<Place>> places;
+    for (const Prepared& photograph : photographs_) places.push_back(photograph.place);
+    const Matching matching = chosenMatching(options_.matching, film, places);
+    stage(PhotoStage::matches, with + std::string(name(matching)),
+          [&](bool goes_on) { return matches(goes_on, matching, places); });
+    const std::string made = with + std::string(name(options_.mapper)) + " mapper";
+    if (ledger_.isDone(PhotoStage::cameras, made) && !isFile(work_ / "sparse/0/images.bin")) {
+      ledger_.begin(PhotoStage::cameras, "");
+    }
+    stage(PhotoStage::cameras, made, [&](bool) { return solve(); });
+    judge(film);
+  }
+
+ private:
+  fs::path images() const { return work_ / "images"; }
+  SolverFiles files() const { return {work_ / "database.db", images()}; }
+
+  // Does what is not done. `work` is told whether it goes on with what was begun, and returns the result.
+  template <typename Work>
+  void stage(PhotoStage stage, const std::string& made_of, Work work) {
+    if (stop_ != 0) throw Stopped();
+    const std::string title(name(stage));
+    std::error_code ignored;
+    const bool there =
+        stage == PhotoStage::photographs ? fs::is_directory(images(), ignored) : isFile(files().database);
+    if (there && ledger_.isDone(stage, made_of)) return listener_.say(title + ": done before");
+    const bool goes_on = there && ledger_.isBegun(stage, made_of);
+    if (!goes_on) ledger_.begin(stage, made_of);
+    const auto start = std::chrono::steady_clock::now();
+    const auto [told, result] = work(goes_on);
+    ledger_.finish(stage, result);
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    listener_.say(title + ": " + told + " in " + duration(seconds));
+  }
+  using Outcome = std::pair<std::string, std::string>;  // what to say, what to keep
+
+  Outcome prepare() {
+    const fs::path part = work_ / "images.part";
+    makeEmpty(part);
+    const std::vector<Prepared> prepared =
+        prepareImages(options_, part, work_ / "logs/photographs.txt", listener_, stop_);
+    giveName(part, images());
+    return {std::to_string(prepared.size()) + " prepared", toJson(prepared)};
+  }
+
+  // Photographs that share a camera: of one size, one make and one focal length.
+  std::vector<std::vector<const Prepared*>> cameras() const {
+    std::map<std::tuple<int, int, std::string, long>, std::vector<const Prepared*>> groups;
+    for (const Prepared& photograph : photographs_) {
+      const long focal = std::lround(photograph.focal);
+      groups[{photograph.width, photograph.height, photograph.camera, focal}].push_back(&photograph);
+    }
+    std::vector<std::vector<const Prepared*>> cameras;
+    for (auto& [key, group] : groups) cameras.push_back(std::move(group));
+    return cameras;
+  }
+
+  std::string solverName() {  // as JSON
+    const Solver& solver = findSolverOnce();
+    return dumpJson(std::string(name(solver.kind)) + " " + solver.version);
+  }
+
+  const Solver& findSolverOnce() {
+    if (!solver_) {
+      solver_ = findSolver(options_.solver, work_ / "logs/solver.txt", stop_);
+      if (options_.mapper == Mapper::global && !solver_->global_mapper) {
+        throw Error(ErrorKind::device, solver_->program,
+                    "has no global mapper" + expectedFound("COLMAP or pycolmap 4", "version " + solver_->version));
+      }
+      listener_.say(std::string("cameras by ") + (solver_->kind == SolverKind::colmap ? "colmap " : "pycolmap ") +
+                    solver_->version + ", " + solver_->program + (solver_->gpu ? ", on the GPU" : ""));
+    }
+    return *solver_;
+  }
+
+  // Runs COLMAP; `counted` is told of the photographs done.
+  void colmap(std::vector<std::string> words, PhotoStage stage, const std::function<void(std::size_t)>& counted) {
+    const fs::path log = work_ / "logs" / (std::string(name(stage)) + ".txt");
+    const auto line = [&](std::string_view text) {
+      const std::size_t done = photographsDone(text, stage == PhotoStage::cameras);
+      if (done > 0 && counted) counted(done);
+    };
+    const ChildEnd end = runChild({std::move(words), log, line, {}}, stop_);
+    if (end.code == 0) return;
+    throw Error(end.code >= 128 ? ErrorKind::device : ErrorKind::badData, log.string(),
+                (solver_->kind == SolverKind::colmap ? "colmap" : "pycolmap") + std::string(" failed (exit code ") +
+                    std::to_string(end.code) + "): " + end.last);
+  }
+
+  // Always all of them: COLMAP gives photographs that are added later a camera of their own.
+  Outcome features() {
+    const Solver& solver = findSolverOnce();
+    for (const char* file : {"database.db", "database.db-wal", "database.db-shm", "database.db-journal"}) {
+      std::error_code ignored;
+      fs::remove(work_ / file, ignored);
+    }
+    std::size_t before = 0;
+    for (const std::vector<const Prepared*>& camera : cameras()) {
+      std::string list;
+      for (const Prepared* photograph : camera) list += photograph->name + "\n";
+      const fs::path names = work_ / "list.txt";
+      writeTextAtomically(names, list);
+      const Prepared& first = *camera.front();
+      // Parameters count as known in COLMAP; without EXIF it guesses and varies them.
+      const std::string parameters =
+          first.focal > 0 ? lensParameters(options_.lens, first.focal, first.width, first.height) : "";
+      colmap(findFeatures(solver, files(), names, options_.lens, parameters, options_.threads), PhotoStage::features,
+             [&](std::size_t done) { listener_.progress("features", before + done - 1, photographs_.size()); });
+      before += camera.size();
+    }
+    listener_.progress("features", before, before);
+    std::size_t known = 0;
+    for (const Prepared& photograph : photographs_) known += photograph.focal > 0;
+    return {
+        "of " + std::to_string(before) + " photographs, " + std::to_string(known) + " with a focal length from EXIF",
+        solverName()};
+  }
+
+  Outcome matches(bool goes_on, Matching matching, const std::vector<std::optional<Place>>& places) {
+    const Solver& solver = findSolverOnce();
+    if (!goes_on && !forgetMatches(files().database)) {
+      throw Error(ErrorKind::badData, files().database.string(), "no database of COLMAP (remove it to start anew)");
+    }
+    Pairs pairs;
+    if (matching == Matching::exhaustive) {
+      pairs = allPairs(photographs_.size());
+      if (photographs_.size() > kMostExhaustive) {
+        listener_.warn(std::to_string(pairs.size()) +
+                       " pairs are matched, which takes long (--matching sequential: fewer)");
+      }
+    } else if (matching == Matching::sequential) {
+      pairs = sequentialPairs(photographs_.size());
+      if (options_.matching == Matching::automatic && photographs_.size() > kMostExhaustive && !isFilm()) {
+        listener_.warn(
+            "photographs are matched with those of neighbouring names, since they do not all say where they "
+            "were taken and all pairs would take long (--matching exhaustive)");
+      }
+    } else {
+      std::vector<Place> known;
+      for (std::size_t i = 0; i < places.size(); ++i) {
+        if (!places[i]) {
+          throw Error(ErrorKind::usage, photographs_[i].source,
+                      "does not say where it was taken, as --matching spatial expects of all");
+        }
+        known.push_back(*places[i]);
+      }
+      pairs = spatialPairs(known);
+    }
+    for (std::size_t begin = 0; begin < pairs.size(); begin += kPairsAtOnce) {
+      listener_.progress("matching pairs", begin, pairs.size());
+      const std::size_t end = std::min(begin + kPairsAtOnce, pairs.size());
+      std::string list;
+      for (std::size_t i = begin; i < end; ++i) {
+        list += photographs_[pairs[i].first].name + " " + photographs_[pairs[i].second].name + "\n";
+      }
+      writeTextAtomically(work_ / "list.txt", list);
+      colmap(matchPairs(solver, files(), work_ / "list.txt", options_.threads), PhotoStage::matches, {});
+    }
+    listener_.progress("matching pairs", pairs.size(), pairs.size());
+    return {std::to_string(pairs.size()) + " pairs (" + std::string(name(matching)) + ")", "null"};
+  }
+
+  Outcome solve() {
+    const Solver& solver = findSolverOnce();
+    const fs::path part = work_ / "sparse.part";
+    makeEmpty(part);
+    const std::size_t count = photographs_.size();
+    const std::size_t smallest = std::min(kSmallestModel, std::max(kFewestCameras, count / 3));
+    try {
+      colmap(solveCameras(solver, files(), part, options_.mapper, smallest, options_.threads), PhotoStage::cameras,
+             [&](std::size_t done) { listener_.progress("cameras", std::min(done, count - 1), count); });
+    } catch (const Error& error) {
+      // It also fails where it finds none.
+      if (error.kind != ErrorKind::badData || !findModels(part).empty()) throw;
+      throw Error(ErrorKind::badData, std::string("no cameras found. ") + kAdvice + " (" + error.what() + ")");
+    }
+    listener_.progress("cameras", count, count);
+    const std::vector<FoundModel> models = findModels(part);
+    if (models.empty()) throw Error(ErrorKind::badData, std::string("no cameras found. ") + kAdvice);
+    if (models.size() > 1) {
+      std::string sizes;
+      for (std::size_t i = 1; i < models.size(); ++i) {
+        sizes += (i > 1 ? ", " : "") + std::to_string(models[i].summary.images.size());
+      }
+      listener_.warn("the photographs fall into " + std::to_string(models.size()) +
+                     " models that do not hang together: the largest, of " +
+                     std::to_string(models[0].summary.images.size()) + ", is taken (others have " + sizes + ")");
+    }
+    const fs::path chosen = part / "chosen";
+    fs::rename(models[0].folder, chosen);
+    makeEmpty(work_ / "sparse");
+    giveName(chosen, work_ / "sparse/0");
+    std::error_code ignored;
+    fs::remove_all(part, ignored);
+    return {"found", "null"};
+  }
+
+  // What came out, and whether it is enough; also when the stage was done before.
+  void judge(bool film) {
+    const ColmapSummary summary = summarizeColmap(work_ / "sparse/0");
+    const std::size_t count = photographs_.size(), placed = summary.images.size();
+    listener_.say("cameras: " + std::to_string(placed) + " of " + std::to_string(count) +
+                  (film ? " frames" : " photographs") +
+                  formatted(", %zu points, mean reprojection error %.2f px", summary.points, summary.error));
+    const std::set<std::string> have(summary.images.begin(), summary.images.end());
+    std::vector<std::string> names;
+    std::vector<const Prepared*> left_out;
+    for (const Prepared& photograph : photographs_) {
+      if (have.contains(photograph.name)) continue;
+      names.push_back(photograph.name);
+      left_out.push_back(&photograph);
+    }
+    const std::vector<std::string> reasons = whyLeftOut(files().database, names);
+    for (std::size_t i = 0; i < std::min(names.size(), kMostNamed); ++i) {
+      listener_.warn("left out: " + left_out[i]->source + (reasons[i].empty() ? "" : ": " + reasons[i]));
+    }
+    if (names.size() > kMostNamed) listener_.warn("left out: " + std::to_string(names.size() - kMostNamed) + " more");
+    const double percent = 100.0 * static_cast<double>(placed) / static_cast<double>(count);
+    if (placed < kFewestCameras || percent < options_.least_registered) {
+      throw Error(ErrorKind::badData, options_.input.string(),
+                  "too few photographs have a camera" +
+                      expectedFound(formatted("at least %.0f %% of %zu", options_.least_registered, count),
+                                    std::to_string(placed)) +
+                      ". " + kAdvice + " --least-registered P goes on with fewer.");
+    }
+  }
+
+  bool isFilm() const { return photographs_.front().source.starts_with("frame "); }
+
+  static constexpr const char* kAdvice =
+      "What helps: more photographs, each sharing two thirds of its view with the next; walk around rather than turn "
+      "on the "
+      "spot; sharp pictures, no zoom, no mirrors, something with a pattern in view; --matching exhaustive.";
+
+  const PhotosOptions& options_;
+  Ledger& ledger_;
+  const PhotosListener& listener_;
+  const std::atomic<int>& stop_;
+  const fs::path work_;
+  std::vector<Prepared> photographs_;
+  std::optional<Solver> solver_;
+};
+
+}  // namespace
+
+void checkInput(const PhotosOptions& options) { madeOf(options); }
+
+void preparePhotos(const PhotosOptions& options, Ledger& ledger, const PhotosListener& listener,
+                   const std::atomic<int>& stop) {
+  try {
+    Job(options, ledger, listener, stop).run();
+  } catch (const fs::filesystem_error& error) {
+    throw Error(ErrorKind::cannotWrite, error.path1().string(), error.code().message());
+  }
+}
+
+}  // namespace tg

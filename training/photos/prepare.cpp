@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs to copies that COLMAP and training read alike.
+#include "training/photos/prepare.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/system/error.h"
+#include "core/system/numbers.h"
+#include "training/photos/child.h"
+#include "training/photos/film.h"
+#include "training/photos/photograph.h"
+
+namespace tg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kFewestPhotographs = 3;
+constexpr std::size_t kNamed = 5;  // files in one message
+
+std::string identity(const fs::path& file) {
+  std::error_code ignored;
+  return std::to_string(fs::file_size(file, ignored)) + " " +
+         std::to_string(fs::last_write_time(file, ignored).time_since_epoch().count());
+}
+
+std::string someOf(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), kNamed); ++i) text += (i > 0 ? ", " : "") + names[i];
+  return names.size() > kNamed ? text + " and " + std::to_string(names.size() - kNamed) + " more" : text;
+}
+
+[[noreturn]] void tooFew(const fs::path& input, std::size_t found) {
+  throw Error(ErrorKind::badData, input.string(),
+              "too few photographs" + expectedFound("at least " + std::to_string(kFewestPhotographs) +
+                                                        " JPEG, PNG, WebP or HEIC files, better 30 to 200",
+                                                    std::to_string(found)));
+}
+
+// A photograph as it is kept: bytes as they are where nothing has to be done.
+Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_side, const fs::path& folder,
+              const std::string& plain_name) {
+  const int longer = std::max(photograph.image.width, photograph.image.height);
+  if (longest_side > 0 && longer > longest_side) {
+    const auto reduced = [&](int side) {
+      return std::max(1, static_cast<int>(std::lround(double(side) * longest_side / longer)));
+    };
+    const int width = reduced(photograph.image.width), height = reduced(photograph.image.height);
+    photograph.image = reducedTo(std::move(photograph.image), width, height);
+    photograph.as_stored = false;
+  }
+  Prepared prepared;
+  prepared.name = plain_name + (photograph.image.channels == 4 ? ".png" : ".jpg");
+  prepared.width = photograph.image.width;
+  prepared.height = photograph.image.height;
+  prepared.camera = photograph.facts.camera;
+  prepared.focal = photograph.facts.focal_per_diagonal * std::hypot(double(prepared.width), double(prepared.height));
+  prepared.place = photograph.facts.place;
+  if (photograph.as_stored) {
+    copyFileAtomically(source, folder / prepared.name);
+  } else {
+    writeImage(folder / prepared.name, photograph.image);
+  }
+  return prepared;
+}
+
+std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path& folder,
+                                    const PhotosListener& listener, const std::atomic<int>& stop) {
+  const PhotographList list = findPhotographs(options.input);
+  if (!list.ignored.empty()) {
+    listener.warn(options.input.string() + ": ignored, no photographs: " + someOf(list.ignored));
+  }
+  const std::vector<std::string> names = plainNames(list.photographs);
+  std::vector<Prepared> prepared;
+  int largest = 0;  // [px] of the longer sides
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (stop != 0) throw Stopped();
+    listener.progress("preparing photographs", i, names.size());
+    const fs::path source = options.input / list.photographs[i];
+    try {
+      TakenPhotograph photograph = readPhotograph(source);
+      largest = std::max({largest, photograph.image.width, photograph.image.height});
+      prepared.push_back(keep(source, std::move(photograph), options.longest_side, folder, names[i]));
+      prepared.back().source = list.photographs[i].string();
+    } catch (const Error& error) {
+      if (error.kind == ErrorKind::cannotWrite) throw;
+      listener.warn(std::string(error.what()) + ": left out");
+    }
+  }
+  listener.progress("preparing photographs", names.size(), names.size());
+  if (prepared.size() < kFewestPhotographs) tooFew(options.input, prepared.size());
+  if (options.longest_side > 0 && largest > options.longest_side) {
+    listener.say("photographs of up to " + std::to_string(largest) + " px are reduced to " +
+                 std::to_string(options.longest_side) +
+                 " px on the longer side (--longest-side N for another, 0 for none)");
+  }
+  return prepared;
+}
+
+std::vector<Prepared> prepareFilm(const PhotosOptions& options, const fs::path& folder, const fs::path& log,
+                                  const PhotosListener& listener, const std::atomic<int>& stop) {
+  const std::optional<fs::path> ffmpeg = findProgram("ffmpeg");
+  if (!ffmpeg) {
+    throw Error(
+        ErrorKind::device,
+        "no ffmpeg found to take frames from a film (expected it on the PATH, as `apt install ffmpeg` puts it there)");
+  }
+  SharpnessMeter meter;
+  FilmLength length;
+  const auto judged = [&](std::span<const std::uint8_t> bytes) {
+    meter.add(bytes);
+    if (length.frames() == 0) return;
+    const std::size_t done = meter.frames().size();
+    listener.progress("looking for sharp frames", std::min(done, length.frames() - 1), length.frames());
+  };
+  const ChildEnd looked = runChild(
+      {judgeFrames(ffmpeg->string(), options.input), log, [&](std::string_view line) { length.read(line); }, judged},
+      stop);
+  const std::string input = options.input.string();
+  if (meter.frames().empty()) {
+    throw Error(ErrorKind::badData, input,
+                "is no film that ffmpeg can read, nor a folder of photographs: " + looked.last);
+  }
+  if (looked.code != 0) listener.warn(input + ": broken after frame " + std::to_string(meter.frames().size()));
+  const std::vector<std::size_t> chosen = sharpestFrames(meter.frames(), static_cast<std::size_t>(options.frames));
+  if (chosen.size() < kFewestPhotographs) tooFew(options.input, chosen.size());
+  const ChildEnd taken = runChild(
+      {extractFrames(ffmpeg->string(), options.input, chosen, options.longest_side, folder), log, {}, {}}, stop);
+  std::vector<Prepared> prepared;
+  int width = 0, height = 0;
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    const fs::path file = folder / formatted("%06zu.jpg", i + 1);
+    if (!isFile(file)) continue;
+    if (width == 0) {
+      const Image image = readImage(file);
+      width = image.width;
+      height = image.height;
+    }
+    Prepared& frame = prepared.emplace_back();
+    frame.name = formatted("frame_%06zu.jpg", chosen[i] + 1);
+    frame.source = "frame " + std::to_string(chosen[i] + 1);
+    frame.width = width;
+    frame.height = height;
+    fs::rename(file, folder / frame.name);
+  }
+  if (prepared.size() < kFewestPhotographs) {
+    throw Error(ErrorKind::badData, input, "ffmpeg cannot take frames from it: " + taken.last);
+  }
+  listener.say("the sharpest " + std::to_string(prepared.size()) + " of " + std::to_string(meter.frames().size()) +
+               " frames are kept, " + std::to_string(width) + " x " + std::to_string(height) +
+               " (--frames N for more, --longest-side N for another size)");
+  return prepared;
+}
+
+}  // namespace
+
+std::string madeOf(const PhotosOptions& options) {
+  const fs::path& input = options.input;
+  std::error_code error;
+  const fs::file_status status = fs::status(input, error);
+  if (!fs::exists(status)) {
+    throw Error(ErrorKind::cannotRead, input.string(), "cannot open: " + (error ? error.message() : "not there"));
+  }
+  const std::string size = "longest side " + std::to_string(options.longest_side) + "\n";
+  if (!fs::is_directory(status)) {
+    if (pictureFormat(input) != PictureFormat::none) tooFew(input, 1);
+    return "film " + identity(input) + "\nframes " + std::to_string(options.frames) + "\n" + size;
+  }
+  if (hasCameras(input)) {
+    throw Error(ErrorKind::usage, input.string(),
+                "is a data set with cameras already: `tgtrain " + input.string() +
+                    " -o model.tgz` trains it (its folder of photographs alone gets new cameras)");
+  }
+  const PhotographList list = findPhotographs(input);
+  if (list.photographs.size() < kFewestPhotographs) tooFew(input, list.photographs.size());
+  std::string text = size;
+  for (const fs::path& photograph : list.photographs) {
+    text += photograph.string() + " " + identity(input / photograph) + "\n";
+  }
+  return text;
+}
+
+std::vector<Prepared> prepareImages(const PhotosOptions& options, const fs::path& folder, const fs::path& log,
+                                    const PhotosListener& listener, const std::atomic<int>& stop) {
+  std::error_code ignored;
+  return fs::is_directory(options.input, ignored) ? prepareFolder(options, folder, listener, stop)
+                                                  : prepareFilm(options, folder, log, listener, stop);
+}
+
+std::string toJson(const std::vector<Prepared>& photographs) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const Prepared& photograph : photographs) {
+    nlohmann::ordered_json entry = {{"name", photograph.name},     {"source", photograph.source},
+                                    {"width", photograph.width},   {"height", photograph.height},
+                                    {"camera", photograph.camera}, {"focal", photograph.focal}};
+    if (photograph.place) entry["place"] = {photograph.place->latitude, photograph.place->longitude};
+    list.push_back(std::move(entry));
+  }
+  return dumpJson(list);
+}
+
+std::vector<Prepared> preparedFromJson(const std::string& json) {
+  const std::string path = Ledger::kFile;
+  const nlohmann::json list = parseJson(json, path);
+  std::vector<Prepared> photographs;
+  const JsonNode node{list, path, "photographs"};
+  for (const nlohmann::json& value : node.array().value) {
+    const JsonNode entry{value, path, "photograph " + std::to_string(photographs.size())};
+    Prepared& photograph = photographs.emplace_back();
+    photograph.name = entry.string("name");
+    const bool plain = std::ranges::all_of(
+        photograph.name, [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; });
+    if (!plain || photograph.name.starts_with(".")) entry.fail("no plain name");
+    photograph.source = entry.string("source");
+    photograph.width = static_cast<int>(entry.integer("width", 1, 1 << 20));
+    photograph.height = static_cast<int>(entry.integer("height", 1, 1 << 20));
+    photograph.camera = entry.string("camera");
+    photograph.focal = entry.number("focal", 0, 1e9);
+    if (entry.has("place")) {
+      const auto place = entry.numbers<2>("place");
+      photograph.place = Place{place[0], place[1]};
+    }
+  }
+  return photographs;
+}
+
+void makeEmpty(const fs::path& folder) {
+  std::error_code error;
+  fs::remove_all(folder, error);
+  if (!error) fs::create_directories(folder, error);
+  if (error) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + error.message());
+}
+
+void giveName(const fs::path& folder, const fs::path& name) {
+  std::error_code error;
+  fs::remove_all(name, error);
+  if (!error) fs::rename(folder, name, error);
+  if (error) throw Error(ErrorKind::cannotWrite, name.string(), "cannot make this folder: " + error.message());
+}
+
+}  // namespace tg

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// A folder's files, sniffed.
+#include "training/photos/scan.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <fstream>
+#include <set>
+#include <string_view>
+
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "training/data/dataset.h"
+#include "training/photos/ledger.h"
+
+namespace tg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxFiles = 100'000;
+constexpr std::size_t kLongestName = 80;
+
+bool isHidden(const fs::path& path) {
+  const std::string name = path.filename().string();
+  return name.starts_with(".") || name == "__MACOSX" || name == "Thumbs.db" || name == "desktop.ini";
+}
+
+// Of a container of ISO's kind that holds a still picture.
+bool isHeifBrand(std::string_view brand) {
+  constexpr std::array<std::string_view, 8> brands = {"heic", "heix", "heim", "heis", "mif1", "msf1", "hevc", "avif"};
+  return std::ranges::find(brands, brand) != brands.end();
+}
+
+bool isFilmName(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  constexpr std::array<std::string_view, 8> films = {".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mpg"};
+  return std::ranges::find(films, extension) != films.end();
+}
+
+}  // namespace
+
+PictureFormat pictureFormat(const fs::path& file) {
+  if (!isFile(file)) return PictureFormat::none;
+  std::array<std::uint8_t, 12> start{};
+  std::ifstream(file, std::ios::binary).read(reinterpret_cast<char*>(start.data()), start.size());
+  return pictureFormat(start);
+}
+
+PictureFormat pictureFormat(std::span<const std::uint8_t> start) {
+  const std::string_view bytes(reinterpret_cast<const char*>(start.data()), std::min<std::size_t>(start.size(), 12));
+  if (bytes.size() < 12) return PictureFormat::none;
+  using namespace std::string_view_literals;
+  if (bytes.starts_with("\xff\xd8\xff"sv)) return PictureFormat::jpeg;
+  if (bytes.starts_with("\x89PNG"sv)) return PictureFormat::png;
+  if (bytes.starts_with("RIFF"sv) && bytes.substr(8) == "WEBP"sv) return PictureFormat::webp;
+  if (bytes.substr(4, 4) == "ftyp"sv && isHeifBrand(bytes.substr(8))) return PictureFormat::heif;
+  return PictureFormat::none;
+}
+
+PhotographList findPhotographs(const fs::path& folder) {
+  std::error_code error;
+  PhotographList list;
+  std::size_t files = 0;
+  fs::recursive_directory_iterator entries(folder, error), end;
+  for (; !error && entries != end; entries.increment(error)) {
+    const fs::path path = entries->path();
+    std::error_code ignored;
+    if (isHidden(path) || (entries->is_directory(ignored) && isFile(path / Ledger::kFile))) {
+      entries.disable_recursion_pending();
+      continue;
+    }
+    if (!entries->is_regular_file(ignored)) continue;
+    if (++files > kMaxFiles) {
+      throw Error(ErrorKind::badData, folder.string(), "too many files" + atMost(kMaxFiles, files));
+    }
+    const fs::path below = path.lexically_relative(folder);
+    if (pictureFormat(path) != PictureFormat::none) {
+      list.photographs.push_back(below);
+    } else {
+      list.ignored.push_back(below.string() + (::access(path.c_str(), R_OK) == 0 ? "" : " (" + systemReason() + ")"));
+    }
+  }
+  if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot list: " + error.message());
+  std::ranges::sort(list.photographs);
+  std::ranges::sort(list.ignored);
+  return list;
+}
+
+bool hasCameras(const fs::path& folder) {
+  return findColmapModel(folder) || isFile(folder / "transforms_train.json") || isFile(folder / "transforms.json");
+}
+
+bool isForPhotos(const fs::path& path) {
+  if (isFile(path)) return isFilmName(path);
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored) || hasCameras(path)) return false;
+  try {
+    return !findPhotographs(path).photographs.empty();
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+std::vector<std::string> plainNames(const std::vector<fs::path>& photographs) {
+  std::vector<std::string> names;
+  std::set<std::string> taken;  // in lower case
+  const auto isNew = [&](std::string name) {
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+    return taken.insert(name).second;
+  };
+  for (const fs::path& photograph : photographs) {
+    std::string plain = fs::path(photograph).replace_extension().string().substr(0, kLongestName);
+    for (char& c : plain) {
+      const bool kept = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-';
+      if (!kept) c = '_';
+    }
+    std::string name = plain;
+    for (int copy = 2; !isNew(name); ++copy) name = plain + "_" + std::to_string(copy);
+    names.push_back(name);
+  }
+  return names;
+}
+
+}  // namespace tg

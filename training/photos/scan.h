@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which files of a folder are photographs, told by their first bytes.
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/system/names.h"
+
+namespace tg {
+
+enum class PictureFormat { none, jpeg, png, webp, heif };
+constexpr auto namesOf(PictureFormat) { return enumNames("no photograph", "JPEG", "PNG", "WebP", "HEIC"); }
+
+PictureFormat pictureFormat(std::span<const std::uint8_t> start);
+PictureFormat pictureFormat(const std::filesystem::path& file);
+
+struct PhotographList {
+  std::vector<std::filesystem::path> photographs;  // below the folder, sorted by name
+  std::vector<std::string> ignored;                // files below it that are none
+};
+
+// Of a folder and those in it, but for hidden ones, __MACOSX and work folders of tgtrain photos. Throws
+// Error(cannotRead) for a folder that cannot be listed.
+PhotographList findPhotographs(const std::filesystem::path& folder);
+
+// Whether training could begin with this folder as it is: it has cameras.
+bool hasCameras(const std::filesystem::path& folder);
+// Whether a folder without cameras holds photographs, or a path names a film: what `tgtrain photos` is for.
+bool isForPhotos(const std::filesystem::path& path);
+
+// A name for a copy of each photograph: its own where that is letters, digits, '_', '-', else with '_' in their place,
+// the folders before it; no two alike on any file system. Without extension.
+std::vector<std::string> plainNames(const std::vector<std::filesystem::path>& photographs);
+
+}  // namespace tg
