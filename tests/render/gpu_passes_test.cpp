@@ -163,7 +163,7 @@ TEST_CASE("a prefix sum beyond 32 bits stops at the largest number instead of wr
   CHECK(std::all_of(result.begin() + 4096, result.end(), [](std::uint32_t offset) { return offset == ~0u; }));
 }
 
-TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key and number of bits", "[sort]") {
+TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key and number of bits", "[sort][slow]") {
   const std::uint32_t count =
       GENERATE(0u, 1u, 2u, 63u, 64u, 65u, 255u, 256u, 257u, 2047u, 2048u, 2049u, 5000u, 100000u);
   const std::uint32_t bits = GENERATE(0u, 5u, 8u, 13u, 32u);

@@ -19,9 +19,10 @@ std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createTestDevice() {
   return device;
 }
 
+// Never destroyed, as its renderer: a layer's own statics may be gone by then.
 VulkanDevice& vulkanDevice() {
-  static const auto device = createTestDevice();
-  return *device;
+  static VulkanDevice& device = *createTestDevice().release();
+  return device;
 }
 
 }  // namespace
@@ -29,8 +30,8 @@ VulkanDevice& vulkanDevice() {
 Api testedApi() { return Api::vulkan; }
 
 GpuRenderer& gpuRenderer() {
-  static const auto renderer = makeVulkanRenderer(vulkanDevice());
-  return *renderer;
+  static GpuRenderer& renderer = *makeVulkanRenderer(vulkanDevice()).release();
+  return renderer;
 }
 
 std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning) {
