@@ -4,5 +4,5 @@ target_sources(vulkan_test PRIVATE vulkan_frames_test.cpp vulkan_limits_test.cpp
 # than storage buffers, which it reads in their place.
 add_test(NAME "vulkan_test: on SwiftShader"
   COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/on_swiftshader.sh ${PROJECT_BINARY_DIR}/swiftshader $<TARGET_FILE:vulkan_test>
-    ~[slow]~[limits])
+    ~[slow]~[limits]~[large])
 set_tests_properties("vulkan_test: on SwiftShader" PROPERTIES TIMEOUT 600 WORKING_DIRECTORY ${PROJECT_SOURCE_DIR} SKIP_REGULAR_EXPRESSION ${tg_skipped})

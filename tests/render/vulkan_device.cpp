@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The device of the tests that every GPU backend shares: Vulkan's.
+#define CATCH_CONFIG_EXTERNAL_INTERFACES  // version 2: listeners
 #include <cstdio>
 #include <utility>
 
 #include "gpu_device.h"
 #include "render/vulkan/pass_device.h"
 #include "render/vulkan/vulkan_renderer.h"
+#include "support/catch.h"
 
 namespace tg::test {
 namespace {
@@ -19,10 +21,29 @@ std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createTestDevice() {
   return device;
 }
 
-// Never destroyed, as its renderer: a layer's own statics may be gone by then.
+std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device(nullptr, nullptr);
+std::unique_ptr<GpuRenderer> renderer;
+
+#if __has_include(<catch2/catch_all.hpp>)
+using Listener = Catch::EventListenerBase;
+#else
+using Listener = Catch::TestEventListenerBase;
+#endif
+class EndOfRun : public Listener {
+ public:
+  using Listener::Listener;
+  void testRunEnded(const Catch::TestRunStats& stats) override {
+    for (const std::function<void()>& end : endings()) end();
+    renderer.reset();
+    device.reset();
+    Listener::testRunEnded(stats);
+  }
+};
+CATCH_REGISTER_LISTENER(EndOfRun)
+
 VulkanDevice& vulkanDevice() {
-  static VulkanDevice& device = *createTestDevice().release();
-  return device;
+  if (!device) device = createTestDevice();
+  return *device;
 }
 
 }  // namespace
@@ -30,8 +51,8 @@ VulkanDevice& vulkanDevice() {
 Api testedApi() { return Api::vulkan; }
 
 GpuRenderer& gpuRenderer() {
-  static GpuRenderer& renderer = *makeVulkanRenderer(vulkanDevice()).release();
-  return renderer;
+  if (!renderer) renderer = makeVulkanRenderer(vulkanDevice());
+  return *renderer;
 }
 
 std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning) {
