@@ -116,7 +116,8 @@ def main():
         listed = text.split("\nCommands (each has --help):\n")
         commands = re.findall(r"^  ([\w-]+)", listed[1].split("\n\n")[0], re.M) if len(listed) > 1 else []
         for command in commands:
-            texts[f"{program.name} {command}"], known[program.name][command] = check_help(program, [command])
+            texts[f"{program.name} {command}"], own = check_help(program, [command])
+            known[program.name][command] = own - {"--completion", "--man"}  # of the program
             result = run(program, command[:-2] + command[-1] + command[-2], "x")
             check(result.returncode == 1 and f"did you mean {command}?" in result.stderr, f"{command}: {result.stderr}")
     for name, text in texts.items():
