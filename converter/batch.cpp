@@ -136,7 +136,7 @@ std::string describeJson(const BatchReport& report) {
     }
     list.push_back(std::move(entry));
   }
-  return dumpJson(Json{{"models", std::move(list)}}, 2) + "\n";
+  return dumpJson(Json{{"format", "tgconvert-batch"}, {"version", 1}, {"models", std::move(list)}}, 2) + "\n";
 }
 
 }  // namespace tg

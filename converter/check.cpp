@@ -133,9 +133,14 @@ std::string describe(const CheckReport& report) {
 }
 
 std::string describeJson(const CheckReport& report) {
-  const Json json = {
-      {"file", report.file},           {"format", report.format},         {"valid", report.errors.empty()},
-      {"gaussians", report.gaussians}, {"errors", toJson(report.errors)}, {"warnings", toJson(report.warnings)}};
+  const Json json = {{"format", "tgconvert-check"},
+                     {"version", 1},
+                     {"file", report.file},
+                     {"file_format", report.format},
+                     {"valid", report.errors.empty()},
+                     {"gaussians", report.gaussians},
+                     {"errors", toJson(report.errors)},
+                     {"warnings", toJson(report.warnings)}};
   return dumpJson(json, 2) + "\n";
 }
 

@@ -11,6 +11,7 @@
 
 #include "converter/formats/gaussian_blocks.h"
 #include "core/bundle/splat_rows.h"
+#include "core/bundle/training_json.h"
 #include "core/file/atomic_files.h"
 #include "core/file/scratch_folder.h"
 #include "core/model/verbs.h"
@@ -18,9 +19,6 @@
 
 namespace tg {
 namespace {
-
-// Rendering holds both models, and what both renderers make of them.
-constexpr std::uint64_t kMeasuredBytes = std::uint64_t{1} << 29;
 
 void checkOutput(const std::filesystem::path& output, bool overwrite) {
   std::error_code status;
@@ -115,7 +113,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   }
 
   Bundle source = readModel(input, {.base_only = options.base_only, .spz_axes = options.spz_axes});
-  const bool small = bytesOf(source.model) <= kMeasuredBytes;
+  const bool small = isMeasuredUnasked(source.model);
   const bool measured =
       !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));
   report.edits = applyEdits(source, options.edits, measured);
@@ -128,6 +126,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (!options.cameras) source.cameras.clear();
   report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
+  if (wasInterrupted(source.training_json)) report.warnings.emplace_back(kInterruptedTraining);
   const bool changes = changesPictures(source.model, format, options);
   if (changes && !measured && !options.dry_run && options.measure == Measure::automatic) {
     report.warnings.push_back(

@@ -111,12 +111,12 @@ std::string describe(const ConvertReport& report) {
 }
 
 std::string describeJson(const ConvertReport& report) {
-  Json json;
+  Json json = {{"format", "tgconvert-summary"}, {"version", 1}};
   json["input"] = {
       {"format", report.input_format}, {"bytes", report.input_bytes}, {"axes", axesOf(report.input_format)}};
   json["output"] = {
       {"format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
-  json["dryRun"] = report.dry_run;
+  json["dry_run"] = report.dry_run;
   json["steps"] = report.steps;
   Json edits = Json::array();
   for (const EditReport& edit : report.edits) {
@@ -127,15 +127,15 @@ std::string describeJson(const ConvertReport& report) {
   }
   if (!edits.empty()) json["edits"] = std::move(edits);
   json["gaussians"] = report.gaussians;
-  json["shDegree"] = report.sh_degree;
+  json["sh_degree"] = report.sh_degree;
   json["cameras"] = report.cameras;
-  json["textures"] = {{"mode", report.texture_mode},      {"atlases", report.atlases},
-                      {"atlasWidth", report.atlas_width}, {"atlasHeight", report.atlas_height},
-                      {"texels", report.texels},          {"clippedTexels", report.clipped_texels}};
+  json["textures"] = {{"mode", report.texture_mode},       {"atlases", report.atlases},
+                      {"atlas_width", report.atlas_width}, {"atlas_height", report.atlas_height},
+                      {"texels", report.texels},           {"clipped_texels", report.clipped_texels}};
   if (report.deviation) {
     const Deviation& d = *report.deviation;
-    json["largestDifferences"] = {{"mean", d.mean},   {"shape", d.shape}, {"opacity", d.opacity},
-                                  {"color", d.color}, {"sh", d.sh},       {"texel", d.texel}};
+    json["largest_differences"] = {{"mean", d.mean},   {"shape", d.shape}, {"opacity", d.opacity},
+                                   {"color", d.color}, {"sh", d.sh},       {"texel", d.texel}};
   }
   if (report.views > 0) {
     Json psnr;
@@ -144,7 +144,7 @@ std::string describeJson(const ConvertReport& report) {
       psnr["textured"] = decibelsJson(report.textured_psnr);
       psnr["identical"] = std::isinf(*report.textured_psnr);
     }
-    if (report.base_psnr) psnr["baseOnly"] = decibelsJson(report.base_psnr);
+    if (report.base_psnr) psnr["base_only"] = decibelsJson(report.base_psnr);
     json["psnr"] = std::move(psnr);
   }
   json["warnings"] = report.warnings;
@@ -181,15 +181,14 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
   const GaussianModel& model = loaded.model;
   const ModelFacts facts = factsOf(model);
   const auto triple = [](glm::vec3 v) { return Json{v.x, v.y, v.z}; };
-  Json json;
-  json["format"] = loaded.format;
+  Json json = {{"format", "tgconvert-info"}, {"version", 1}, {"file_format", loaded.format}};
   json["gaussians"] = model.size();
-  json["shDegree"] = model.sh_degree;
+  json["sh_degree"] = model.sh_degree;
   json["textures"] = {{"mode", name(model.texture_mode)},
                       {"gaussians", facts.textured},
                       {"texels", facts.texels},
-                      {"smallestSide", facts.smallest},
-                      {"largestSide", facts.largest}};
+                      {"smallest_side", facts.smallest},
+                      {"largest_side", facts.largest}};
   json["intersection"] = name(model.intersection);
   json["outside"] = name(model.outside);
   json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};

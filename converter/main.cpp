@@ -10,13 +10,13 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "converter/batch.h"
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/registry/file_format.h"
+#include "core/bundle/training_json.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"
@@ -96,8 +96,9 @@ int runBatch(const Arguments& arguments) {
 // The exit code.
 int run(const Arguments& arguments) {
   if (arguments.info || arguments.stats || arguments.output == "null") {
-    const tg::Bundle loaded = tg::readModel(
+    tg::Bundle loaded = tg::readModel(
         arguments.input, {.base_only = arguments.options.base_only, .spz_axes = arguments.options.spz_axes});
+    if (tg::wasInterrupted(loaded.training_json)) loaded.warnings.emplace_back(tg::kInterruptedTraining);
     warn(arguments, loaded.warnings);
     print(arguments, tg::describe(loaded, arguments.stats), tg::describeJson(loaded, arguments.stats));
     return 0;
@@ -225,56 +226,33 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
   if (given("--base-only") && !based) refuse("--base-only", "a .glb, .gltf, .html or .sog that is read");
 }
 
-int checkMain(int argc, char** argv) {
+struct CheckArguments {
   std::string file;
   bool json = false;
-  CLI::App app("Says what is wrong with a splat file, and where. Exit code 3 when a reader would refuse it.",
-               "tgconvert check");
-  app.add_option("FILE", file, "any format that tgconvert reads")->required();
-  app.add_flag("--json", json, "print the findings as JSON");
-  if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
-  const tg::CheckReport report = tg::checkFile(file);
-  std::fputs((json ? tg::describeJson(report) : tg::describe(report)).c_str(), stdout);
+  bool quiet = false;
+};
+
+void addCheck(CLI::App& app, CheckArguments& arguments) {
+  app.add_option("FILE", arguments.file, "any format that tgconvert reads")->required();
+  app.add_flag("--json", arguments.json, "print the findings as JSON");
+  app.add_flag("-q,--quiet", arguments.quiet, "print nothing: the exit code says it");
+  tg::addExamples(app, {{"tgconvert check scene.glb", "a line for each finding, then the verdict"},
+                        {"tgconvert check scene.glb --json", "the same for programs, with JSON pointers"},
+                        {"tgconvert check scene.spz && tgconvert scene.spz scene.ply", "go on only if it is valid"},
+                        {"tgconvert check --quiet scene.sog || echo broken", "the exit code alone"},
+                        {"for f in *.ply; do tgconvert check \"$f\"; done", "many files"}});
+}
+
+int runCheck(const CheckArguments& arguments) {
+  const tg::CheckReport report = tg::checkFile(arguments.file);
+  if (arguments.json || !arguments.quiet) {
+    std::fputs((arguments.json ? tg::describeJson(report) : tg::describe(report)).c_str(), stdout);
+  }
   return report.errors.empty() ? 0 : static_cast<int>(tg::ErrorKind::badData);
 }
 
-int convertMain(int argc, char** argv) {
-  Arguments arguments;
-  CLI::App app(
-      "Converts splat models to tgz, ply, compressed ply, splat, spz, sog, glb or a page that shows them. The input's "
-      "format is its content, the output's its extension.",
-      "tgconvert");
-  app.add_option("FILES", arguments.files,
-                 "IN... OUT. IN: model to read, " + tg::listed(tg::inputNames()) +
-                     "; several are merged. OUT: file to write, " + outputExtensions() +
-                     "; null writes nothing and prints what IN holds")
-      ->required()
-      ->type_name("");
-  app.add_flag("--overwrite", arguments.options.overwrite, "replace OUT if it exists");
-  app.add_flag("--quiet", arguments.quiet, "print errors only");
-  app.add_flag("--json", arguments.json, "print the summary as JSON");
-  app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
-  app.add_flag("--stats", arguments.stats, "with the distribution of every number; writes nothing");
-  app.add_flag("--dry-run", arguments.options.dry_run, "say how large OUT would be and write nothing");
-  app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
-  app.add_flag("--lean", arguments.options.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
-  app.add_flag(
-      "--quantize", arguments.options.quantize,
-      "glb, gltf, html: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
-  app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf, html: pack by EXT_meshopt_compression");
-  app.add_option_function<std::string>(
-         "--atlas",
-         [&](const std::string& text) {
-           const auto format = tg::parse<tg::AtlasFormat>(text);
-           if (!format) {
-             throw CLI::ValidationError(
-                 "--atlas", "unknown format (expected " + tg::allNames<tg::AtlasFormat>() + ", found " + text + ")");
-           }
-           arguments.options.atlas = *format;
-         },
-         "glb, gltf, html, png: texels as png8, png16, exr (half floats, with png8 for readers without EXR) or webp "
-         "(the numbers of png8 in fewer bytes)")
-      ->type_name("FORMAT");
+void addSizes(CLI::App& app, Arguments& arguments) {
+  app.option_defaults()->group("Size and precision");
   CLI::Option* steps =
       app.add_option(
              "--steps", arguments.options.steps,
@@ -294,6 +272,17 @@ int convertMain(int argc, char** argv) {
                  "sog, glb, gltf, html: between a texture's colours, coarser where they weigh less; 1/32 without it "
                  "for sog and --steps")
       ->check(CLI::Range(1.0f / 1024, 0.5f));
+  app.add_flag(
+      "--quantize", arguments.options.quantize,
+      "glb, gltf, html: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
+  app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf, html: pack by EXT_meshopt_compression");
+  app.add_flag("--lean", arguments.options.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
+  app.add_option_function<std::string>(
+         "--atlas",
+         [&](const std::string& text) { arguments.options.atlas = tg::parse<tg::AtlasFormat>(text, "--atlas"); },
+         "glb, gltf, html, png: texels as png8, png16, exr (half floats, with png8 for readers without EXR) or webp "
+         "(the numbers of png8 in fewer bytes)")
+      ->check(tg::oneOf<tg::AtlasFormat>());
   app.add_option("--spz-version", arguments.options.spz_version,
                  "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet")
       ->check(CLI::Range(tg::kOldestSpz, tg::kNewestSpz))
@@ -303,18 +292,60 @@ int convertMain(int argc, char** argv) {
          [&](const std::string& text) { arguments.options.spz_axes = tg::parse<tg::SpzAxes>(text, "--spz-axes"); },
          "of an spz that is read, whatever it says: rub (x right, y up, z back, the format's own), or rdf for files "
          "that hold a PLY's numbers, as tgconvert 0.2 wrote them")
-      ->type_name("AXES");
+      ->check(tg::oneOf<tg::SpzAxes>());
+}
+
+void addConversion(CLI::App& app, Arguments& arguments) {
+  app.add_option("FILES", arguments.files,
+                 "IN... OUT. IN: model to read, " + tg::listed(tg::inputNames()) +
+                     "; several are merged. OUT: file to write, " + outputExtensions() +
+                     "; null writes nothing and prints what IN holds")
+      ->type_name("FILE");
+  app.option_defaults()->group("What is written");
+  app.add_flag("--overwrite", arguments.options.overwrite, "replace OUT if it exists");
+  app.add_flag("--dry-run", arguments.options.dry_run, "say how large OUT would be and write nothing");
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
-      ->check(CLI::IsMember(tg::outputNames(true)));
+      ->check(tg::oneOf(tg::outputNames(true)));
   app.add_flag("--base-only", arguments.options.base_only, "glb, sog: leave the texture layer aside");
+  app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
+  addSizes(app, arguments);
+  app.option_defaults()->group("What is said");
+  app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
+  app.add_flag("--stats", arguments.stats, "with the distribution of every number; writes nothing");
+  app.add_flag("--json", arguments.json, "print the summary as JSON");
   CLI::Option* psnr = app.add_flag("--psnr", arguments.psnr,
                                    "render source and result for the summary also where no number is rounded, and "
                                    "however large the model is");
   app.add_flag("--no-psnr", arguments.no_psnr, "do not render them even where textures or rounding change pictures")
       ->excludes(psnr);
+  app.add_flag("-q,--quiet", arguments.quiet, "print errors only");
+  tg::addExamples(app,
+                  {{"tgconvert model.tgz scene.glb", "glTF with its textures"},
+                   {"tgconvert model.tgz scene.html", "a page that shows it in any browser"},
+                   {"tgconvert model.tgz scene.sog --target-size 900KB", "a file of at most that size"},
+                   {"tgconvert scan.ply small.spz --crop-box -2,-2,-2,2,2,2 --decimate 200000", "cut, then thin out"},
+                   {"tgconvert a.ply b.ply both.ply", "merge"},
+                   {"tgconvert models/ out/ --to glb", "every model of a folder"},
+                   {"tgconvert model.tgz --info --stats", "what a file holds"}});
+}
+
+int convertMain(int argc, char** argv) {
+  Arguments arguments;
+  CheckArguments check_arguments;
+  CLI::App app(
+      "Converts splat models to tgz, ply, compressed ply, splat, spz, sog, glb or a page that shows them. The input's "
+      "format is its content, the output's its extension.",
+      "tgconvert");
+  app.require_subcommand(0, 1);
+  addConversion(app, arguments);
   const EditParser edit_parser(app);
-  app.footer("tgconvert check FILE [--json] says what is wrong with a file.");
+  app.option_defaults()->group("Options");
+  CLI::App* check = app.add_subcommand(
+      "check", "Says what is wrong with a splat file, and where. Exit code 3 when a reader would refuse it.");
+  addCheck(*check, check_arguments);
   if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
+  if (*check) return runCheck(check_arguments);
+  if (arguments.files.empty()) throw tg::Error(tg::ErrorKind::usage, "IN and OUT are missing (see --help)");
   arguments.options.edits = edit_parser.edits();
   arguments.options.cameras = !arguments.no_cameras;
   takeFiles(arguments);
@@ -328,8 +359,5 @@ int convertMain(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   tg::handleStopSignals(tg::endAtOnce);
-  return tg::runProgram("tgconvert", [&] {
-    const bool check = argc > 1 && std::string_view(argv[1]) == "check";
-    return check ? checkMain(argc - 1, argv + 1) : convertMain(argc, argv);
-  });
+  return tg::runProgram("tgconvert", [&] { return convertMain(argc, argv); });
 }

@@ -10,6 +10,7 @@
 // are turned into outputs by the dispatch that reaches a tile's end.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#include "fetch.glsl"
 #include "pass.glsl"
 #include "shared/splat.h"
 #include "shared/texels.h"
@@ -26,11 +27,11 @@ layout(constant_id = 6) const bool kHalfTexels = true;  // otherwise 8 bits
 layout(constant_id = 7) const uint kOutside = kOutsideBase;
 const bool kTextured = kSample != kSampleNone;
 
-layout(binding = 0) uniform usamplerBuffer pair_keys;    // [pairs / 4] tile << kBlockBits | blocks, four to a texel
-layout(binding = 1) uniform usamplerBuffer pair_splats;  // [pairs]
-layout(binding = 2) uniform usamplerBuffer records;      // [N, 8] SplatRecord
-layout(binding = 3) uniform usamplerBuffer texels;       // cells of four texels (render/gpu/model_buffers.h)
-layout(binding = 4) uniform samplerBuffer texture_means; // [N] kSampleFootprint
+FETCHED_UVEC4S(0, PairKeys, pair_keys);         // [pairs / 4] tile << kBlockBits | blocks, four to a texel
+FETCHED_UINTS(1, PairSplats, pair_splats);      // [pairs]
+FETCHED_UVEC4S(2, Records, records);            // [N, 8] SplatRecord
+FETCHED_UVEC4S(3, Texels, texels);              // cells of four texels (render/gpu/model_buffers.h)
+FETCHED_VEC4S(4, TextureMeans, texture_means);  // [N] kSampleFootprint
 layout(std430, binding = 5) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 6) readonly buffer TileRanges { uvec2 tile_ranges[]; };       // [tiles]
 layout(std430, binding = 7) buffer BaseTransmittance { vec4 base_transmittance[]; };   // [pixels]
@@ -48,7 +49,7 @@ const float kHalfLog2E = 0.72134752044448170;  // exp(-x / 2) = exp2(-kHalfLog2E
 const float kPowerMax = 12.0;
 
 vec4 fetchRecord(uint splat, uint member) {
-  return uintBitsToFloat(texelFetch(records, int(splat * kRecordSize + member)));
+  return uintBitsToFloat(FETCH(records, splat * kRecordSize + member));
 }
 
 // Of the view: read once, since drivers read a uniform again wherever a loop or a branch uses it.
@@ -165,12 +166,12 @@ uint twoBytes(uint texel) { return texel & 0x00FF00FFu; }
 // most hardware: two channels are weighted at once.
 vec4 sampleCell(Tap tap) {
   if (kHalfTexels) {
-    uvec4 above = texelFetch(texels, tap.cell * 2);
-    uvec4 below = texelFetch(texels, tap.cell * 2 + 1);
+    uvec4 above = FETCH(texels, tap.cell * 2);
+    uvec4 below = FETCH(texels, tap.cell * 2 + 1);
     return between(between(halvesOf(above.xy), halvesOf(above.zw), tap.fraction.x),
                    between(halvesOf(below.xy), halvesOf(below.zw), tap.fraction.x), tap.fraction.y);
   }
-  uvec4 corners = texelFetch(texels, tap.cell);
+  uvec4 corners = FETCH(texels, tap.cell);
   uvec4 weights;  // their sum is kSteps
   weights.w = tap.steps.x * tap.steps.y + kSteps / 2u >> kStepBits;
   weights.yz = tap.steps - weights.w;
@@ -227,7 +228,7 @@ void blendSplat(uint splat, vec2 first_center) {
   vec2 texel_y = vec2(u_offset.z, v_size.z) * texels_per_sigma;
   TexelRange range = texelRange(place);
   int first_cell = int(kHalfTexels ? place : place & (1u << kCellBits) - 1u);
-  vec4 mean = kSample == kSampleFootprint ? inMode(texelFetch(texture_means, int(splat)), 1.0) : vec4(0.0);
+  vec4 mean = kSample == kSampleFootprint ? inMode(FETCH(texture_means, splat), 1.0) : vec4(0.0);
   float mean_share = kSample == kSampleFootprint ? footprintShare(normal.w) : 0.0;
   vec3 base = vec3(w_r.w, d_g.w, e_b.w);
   if (!kAll && kSample == kSampleBilinear) {  // what all samples have in common, once
@@ -353,7 +354,7 @@ void main() {
   bool done = allDone();
   while (!done) {
     while (hits == 0u && quad < quads) {
-      uvec4 bits = texelFetch(pair_keys, int(quad)) >> block & 1u;
+      uvec4 bits = FETCH(pair_keys, quad) >> block & 1u;
       hits = bits.x | bits.y << 1u | bits.z << 2u | bits.w << 3u;
       uint base = quad * 4u;
       if (base < begin) hits &= 0xFu << (begin - base);
@@ -363,7 +364,7 @@ void main() {
     if (hits == 0u) break;
     uint pair = (quad - 1u) * 4u + uint(findLSB(hits));
     hits &= hits - 1u;
-    blendSplat(texelFetch(pair_splats, int(pair)).x, first_center);
+    blendSplat(FETCH_UINT(pair_splats, pair), first_center);
     done = allDone();
   }
   bool finish = pass.first + pass.count >= length;

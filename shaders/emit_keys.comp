@@ -3,13 +3,14 @@
 // The (tile, splat) pairs in depth order of the splats: however many tiles a splat covers, a thread has as many pairs
 // as any other. A pair's key holds the tile and, below it, the blocks of the tile that the splat touches.
 #extension GL_GOOGLE_include_directive : require
+#include "fetch.glsl"
 #include "pass.glsl"
 #include "shared/record.h"
 
 layout(local_size_x = kGroupSize) in;
 // One pair per thread of Work::item_groups, or a run of pairs per thread of Work::partition_groups: fewer searches.
 layout(constant_id = 0) const bool kRuns = false;
-layout(binding = 0) uniform usamplerBuffer records;  // [N, 8] SplatRecord
+FETCHED_UVEC4S(0, Records, records);  // [N, 8] SplatRecord
 layout(std430, binding = 1) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 2) readonly buffer Order { uint order[]; };              // [visible] splats, near to far
 layout(std430, binding = 3) readonly buffer PairOffsets { uint offsets[]; };      // [visible] first pair of each
@@ -33,7 +34,7 @@ uint findEntry(uint pair, uint low, uint high) {
 }
 
 vec4 fetchRecord(uint splat, uint member) {
-  return uintBitsToFloat(texelFetch(records, int(splat * kRecordSize + member)));
+  return uintBitsToFloat(FETCH(records, splat * kRecordSize + member));
 }
 
 void main() {

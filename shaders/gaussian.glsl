@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A Gaussian of the model as the camera sees it, with the viewer's settings applied; for passes that bind the model.
+#include "fetch.glsl"
 #include "shared/splat.h"
 
-layout(binding = 0) uniform samplerBuffer mean_logit;     // [N] mean, opacity logit
-layout(binding = 1) uniform samplerBuffer rotation;       // [N] w, x, y, z
-layout(binding = 2) uniform usamplerBuffer scale_offset;  // [N] ln(sigma), texel offset
+FETCHED_VEC4S(0, MeanLogit, mean_logit);       // [N] mean, opacity logit
+FETCHED_VEC4S(1, Rotation, rotation);          // [N] w, x, y, z
+FETCHED_UVEC4S(2, ScaleOffset, scale_offset);  // [N] ln(sigma), texel offset
 
 // Sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a needle without width, or everywhere.
 const float kScaleMin = 1e-18;
@@ -20,15 +21,15 @@ struct Gaussian {
 
 // False: it cannot be seen.
 bool loadGaussian(uint i, out Gaussian g) {
-  vec4 mean = texelFetch(mean_logit, int(i));
+  vec4 mean = FETCH(mean_logit, i);
   g.mean = mean.xyz;
   g.mean_c = (view.camera_from_world * vec4(g.mean, 1.0)).xyz;
   g.opacity = min(1.0, view.opacity_scale / (1.0 + exp(-mean.w)));
-  vec3 scale = exp(uintBitsToFloat(texelFetch(scale_offset, int(i)).xyz));
+  vec3 scale = exp(uintBitsToFloat(FETCH(scale_offset, i).xyz));
   int c = shortestAxis(scale);
   int a = axisU(c);
   int b = axisV(c);
-  mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(texelFetch(rotation, int(i)));
+  mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(FETCH(rotation, i));
   g.axes_c = mat3(axes[a], axes[b], axes[c]);
   g.scale = view.splat_scale * vec3(scale[a], scale[b], scale[c]);
   if (decider(view.antialiasing) != 0u) {

@@ -10,8 +10,20 @@
 
 layout(local_size_x = kGroupSize) in;
 layout(constant_id = 0) const uint kShape = kShapeSplats;
-layout(binding = 3) uniform usamplerBuffer texture_size;  // [N] width | height << 16
-layout(binding = 4) uniform samplerBuffer sh;             // [N, rows, 3] 4 coefficients
+FETCHED_UINTS(3, TextureSize, texture_size);  // [N] width | height << 16
+layout(constant_id = 1) const bool kHalfSh = false;  // a texel buffer's format tells as well
+// [N, rows, 3] 4 coefficients
+#ifdef TG_STORAGE
+layout(std430, binding = 4) readonly buffer Sh { uvec2 sh[]; };
+vec4 fetchSh(int i) {
+  if (kHalfSh) return vec4(unpackHalf2x16(sh[i].x), unpackHalf2x16(sh[i].y));
+  return uintBitsToFloat(uvec4(sh[2 * i], sh[2 * i + 1]));
+}
+#define FETCH_SH(i) fetchSh(i)
+#else
+layout(binding = 4) uniform samplerBuffer sh;
+#define FETCH_SH(i) texelFetch(sh, i)
+#endif
 layout(std430, binding = 5) writeonly buffer Records { SplatRecord records[]; };   // [chunk]
 layout(std430, binding = 6) writeonly buffer PixelRects { uvec2 pixel_rects[]; };  // [N] x0 | y0 << 16, x1 | y1 << 16
 layout(std430, binding = 7) writeonly buffer TileCounts { uint tile_counts[]; };   // [N] 0: culled
@@ -28,8 +40,8 @@ vec3 baseColour(uint i, vec3 dir) {
   for (uint row = 0u; row < rows; ++row) {
     int at = int((i * rows + row) * 3u);
     vec4 weights = mix(vec4(0.0), basis[row], lessThan(uvec4(row * 4u) + uvec4(0u, 1u, 2u, 3u), uvec4(used)));
-    colour += vec3(dot(weights, texelFetch(sh, at)), dot(weights, texelFetch(sh, at + 1)),
-                   dot(weights, texelFetch(sh, at + 2)));
+    colour += vec3(dot(weights, FETCH_SH(at)), dot(weights, FETCH_SH(at + 1)),
+                   dot(weights, FETCH_SH(at + 2)));
   }
   return max(colour, vec3(0.0));
 }
@@ -79,8 +91,8 @@ void main() {
 
   vec3 dir = normalize(g.mean - view.camera_position.xyz);
   Splat splat = makeSplat(g.mean_c, g.axes_c, g.scale, view.focal_center, g.opacity, baseColour(i, dir));
-  uint size = texelFetch(texture_size, int(i)).x;
-  splat.dy_offset.w = uintBitsToFloat(texelFetch(scale_offset, int(i)).w);
+  uint size = FETCH_UINT(texture_size, i);
+  splat.dy_offset.w = uintBitsToFloat(FETCH(scale_offset, i).w);
   splat.d0_size.w = uintBitsToFloat(size);
   SplatRecord record = makeRecord(splat, intersection, facingNormal(g.axes_c[2], g.mean_c), outline);
   if (kShape == kShapeCenters) {

@@ -9,9 +9,9 @@
 
 layout(local_size_x = 16, local_size_y = 16) in;
 layout(constant_id = 0) const uint kShape = kShapeEllipsoids;
-layout(binding = 3) uniform usamplerBuffer pair_keys;    // [pairs] tile << kBlockBits | blocks
-layout(binding = 4) uniform usamplerBuffer pair_splats;  // [pairs]
-layout(binding = 5) uniform usamplerBuffer records;      // [N, 8] SplatRecord
+FETCHED_UINTS(3, PairKeys, pair_keys);      // [pairs] tile << kBlockBits | blocks
+FETCHED_UINTS(4, PairSplats, pair_splats);  // [pairs]
+FETCHED_UVEC4S(5, Records, records);        // [N, 8] SplatRecord
 layout(std430, binding = 6) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 7) readonly buffer TileRanges { uvec2 tile_ranges[]; };      // [tiles]
 layout(std430, binding = 8) buffer BaseTransmittance { vec4 base_transmittance[]; };  // [pixels] colour, depth so far
@@ -19,7 +19,7 @@ layout(std430, binding = 8) buffer BaseTransmittance { vec4 base_transmittance[]
 const float kNothing = 3e38;
 
 vec4 fetchRecord(uint splat, uint member) {
-  return uintBitsToFloat(texelFetch(records, int(splat * kRecordSize + member)));
+  return uintBitsToFloat(FETCH(records, splat * kRecordSize + member));
 }
 
 // Camera z at which the ray through the pixel centre meets the splat's surface; kNothing when it does not.
@@ -72,8 +72,8 @@ void main() {
   uint block = gl_LocalInvocationID.y / 4u * 4u + gl_LocalInvocationID.x / 4u;
   uint end = range.x + min(length, pass.first + pass.count);
   for (uint pair = range.x + min(length, pass.first); pair < end; ++pair) {
-    if ((texelFetch(pair_keys, int(pair)).x >> block & 1u) == 0u) continue;
-    uint splat = texelFetch(pair_splats, int(pair)).x;
+    if ((FETCH_UINT(pair_keys, pair) >> block & 1u) == 0u) continue;
+    uint splat = FETCH_UINT(pair_splats, pair);
     float depth = surfaceDepth(splat, center);
     if (depth < nearest) {
       nearest = depth;

@@ -2,11 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // sort_scatter with one thread per partition. Stable, because a thread moves its items in order.
 #extension GL_GOOGLE_include_directive : require
+#include "fetch.glsl"
 #include "pass.glsl"
 
 layout(local_size_x = kRunThreads) in;
-layout(binding = 0) uniform usamplerBuffer keys_in;
-layout(binding = 1) uniform usamplerBuffer values_in;
+FETCHED_UINTS(0, KeysIn, keys_in);
+FETCHED_UINTS(1, ValuesIn, values_in);
 layout(std430, binding = 2) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 3) writeonly buffer KeysOut { uint keys_out[]; };
 layout(std430, binding = 4) writeonly buffer ValuesOut { uint values_out[]; };
@@ -24,11 +25,11 @@ void main() {
     before += digit_totals[digit];
   }
   for (uint i = begin; i < end; ++i) {
-    uint key = texelFetch(keys_in, int(i)).x;
+    uint key = FETCH_UINT(keys_in, i);
     uint slot = (key >> pass.shift & (kDigitCount - 1u)) * kMaxPartitions + part;
     uint place = histogram[slot];
     histogram[slot] = place + 1u;
     keys_out[place] = key;
-    values_out[place] = texelFetch(values_in, int(i)).x;
+    values_out[place] = FETCH_UINT(values_in, i);
   }
 }

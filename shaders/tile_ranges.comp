@@ -2,14 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where each tile's splats begin and end in the sorted pairs. Tiles without pairs keep the zeros they were cleared to.
 #extension GL_GOOGLE_include_directive : require
+#include "fetch.glsl"
 #include "pass.glsl"
 
 layout(local_size_x = kGroupSize) in;
-layout(binding = 0) uniform usamplerBuffer pair_keys;  // [pairs], ascending by tile
+FETCHED_UINTS(0, PairKeys, pair_keys);  // [pairs], ascending by tile
 layout(std430, binding = 1) buffer CountersBlock { Counters counters; };
 layout(std430, binding = 2) writeonly buffer Ranges { uint tile_ranges[]; };  // [tiles, 2] begin, end
 
-uint tileOf(uint pair) { return texelFetch(pair_keys, int(pair)).x >> kBlockBits; }
+uint tileOf(uint pair) { return FETCH_UINT(pair_keys, pair) >> kBlockBits; }
 
 void main() {
   uint count = counters.work[kWorkPairs].count;

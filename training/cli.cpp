@@ -10,6 +10,7 @@
 #include "core/system/error.h"
 #include "core/system/names.h"
 #include "core/system/numbers.h"
+#include "core/system/program.h"
 #ifdef TG_HAVE_CUDA
 #include "training/cuda/renderer.h"
 #endif
@@ -17,32 +18,35 @@
 namespace tg {
 
 void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
-  constexpr auto layouts = namesOf(DatasetLayout{});
+  const std::string before = app.option_defaults()->get_group();
+  app.option_defaults()->group("Data set");
   app.add_option("--layout", flags.layout, "How the data set is laid out")
-      ->check(CLI::IsMember(std::vector<std::string>(layouts.begin(), layouts.end())))
+      ->check(oneOf<DatasetLayout>())
       ->capture_default_str();
   app.add_option("--downscale", flags.downscale, "Shrink the photographs by an integer")->capture_default_str();
   app.add_option(
-      "--background", flags.background,
-      "white, black, r,g,b in [0,1], or random: transparent pixels over a new colour every time, scored over "
-      "the default (white for nerf-synthetic, else black)");
+         "--background", flags.background,
+         "white, black, r,g,b in [0,1], or random: transparent pixels over a new colour every time, scored over "
+         "the default (white for nerf-synthetic, else black)")
+      ->type_name("COLOUR");
   app.add_option("--test-every", flags.test_every, "Hold out every n-th image where no split is given (0: none)")
       ->capture_default_str();
   app.add_flag("--validation", flags.validation,
                "Hold out every 8th training view instead, for choosing settings: the test views are not looked at");
-  constexpr auto meanings = namesOf(MaskMeaning{});
   app.add_option("--masks", flags.masks,
                  "What 0 in a mask means: the pixel does not count, or is background and counts")
-      ->check(CLI::IsMember(std::vector<std::string>(meanings.begin(), meanings.end())))
+      ->check(oneOf<MaskMeaning>())
       ->capture_default_str();
   app.add_option("--image-folder", flags.images,
                  "Folder of the photographs (with --downscale N, images_N where it fits)")
+      ->type_name("FOLDER")
       ->capture_default_str();
   app.add_option("--image-memory", flags.image_memory,
                  "MiB for decoded photographs; more are decoded when needed (0: a quarter of the machine's memory)")
       ->check(CLI::Range(0, 1 << 30))
       ->capture_default_str();
-  app.add_option("--points", flags.points, "Initial points (.ply) instead of the data set's own");
+  app.add_option("--points", flags.points, "Initial points (.ply) instead of the data set's own")->type_name("FILE");
+  app.option_defaults()->group(before);
 }
 
 DatasetOptions datasetOptions(const DatasetFlags& flags) {
@@ -69,7 +73,7 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
 }
 
 void addDeviceFlag(CLI::App& app, std::string& device, const std::string& help) {
-  app.add_option("--device", device, help)->check(CLI::IsMember({"auto", "cpu", "cuda"}))->capture_default_str();
+  app.add_option("--device", device, help)->check(oneOf({"auto", "cpu", "cuda"}))->capture_default_str();
 }
 
 #ifdef TG_HAVE_CUDA

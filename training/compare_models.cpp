@@ -108,11 +108,11 @@ ReportedDataset scoreGroup(const EvalOptions& options, const EvalGroup& group, s
   CropChooser crops(std::move(wanted), options.found_crops);
   ReportedDataset result{displayText(dataset.name), options.split, dataset.views.size(), {}, {}};
   ProgressLine progress;
-  progress.show("scoring views", 0, result.asked);
+  if (!options.quiet) progress.show("scoring views", 0, result.asked);
   for (std::size_t view = 0; view < result.asked && !(stop && view > 0); ++view) {
     if (view + 1 < result.asked) dataset.prefetch(view + 1);
     scoreView(dataset, view, how, contestants, crops);
-    progress.show("scoring views", view + 1, result.asked);
+    if (!options.quiet) progress.show("scoring views", view + 1, result.asked);
   }
   progress.finish();
   for (Contestant& contestant : contestants) result.models.push_back(std::move(contestant.reported));
@@ -187,9 +187,9 @@ void compareModels(const EvalOptions& options, std::span<const EvalGroup> groups
     report.datasets.push_back(scoreGroup(options, group, std::move(labels), scoreOptions(options, lpips), wishes,
                                          &group == &groups.back(), stop));
   }
-  print(report);
+  if (!options.quiet) print(report);
   writeReportFolder(options.report, options.overwrite, reportFiles(report));
-  if (stop) std::printf("interrupted: the report is of what was scored\n");
+  if (stop && !options.quiet) std::printf("interrupted: the report is of what was scored\n");
 }
 
 }  // namespace tg

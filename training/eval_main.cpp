@@ -23,10 +23,13 @@ namespace {
 namespace fs = std::filesystem;
 
 std::atomic<bool> stop_requested{false};
+std::atomic<int> stop_signal{0};
 
 // The first Ctrl-C ends after the current view and reports what was scored; the second ends the program at once.
 void requestStop(int signal) {
-  if (stop_requested.exchange(true)) tg::endAtOnce(signal);
+  int none = 0;
+  if (!stop_signal.compare_exchange_strong(none, signal)) tg::endAtOnce(signal);
+  stop_requested = true;
 }
 
 // Where each picture goes, by view: named after the photograph's file, with a number where that is taken (train/0.png
@@ -67,7 +70,7 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const std::string& f
   views.device = renderer.device();
   tg::handleStopSignals(requestStop);
   tg::ProgressLine progress;
-  progress.show("scoring views", 0, views.asked);
+  if (!options.quiet) progress.show("scoring views", 0, views.asked);
   for (std::size_t i = 0; i < views.asked && !stop_requested; ++i) {
     if (i + 1 < views.asked) dataset.prefetch(i + 1);
     const tg::Camera& camera = dataset.views[i];
@@ -77,7 +80,7 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const std::string& f
     views.scores.push_back(tg::scoreView(camera.name, *photograph, picture, views.options, &flip_map));
     if (!pictures[i].empty()) tg::writeImage(pictures[i], picture);
     if (!comparisons[i].empty()) tg::writeImage(comparisons[i], tg::sideBySide(*photograph, picture, flip_map));
-    progress.show("scoring views", i + 1, views.asked);
+    if (!options.quiet) progress.show("scoring views", i + 1, views.asked);
   }
   progress.finish();
   return views;
@@ -98,14 +101,15 @@ int scoreOne(const tg::EvalOptions& options, const tg::EvalGroup& group) {
   report.bytes = scene.bytes;
   if (options.effective_rank) {
     report.ranks = tg::effectiveRanks(scene.model->log_scale);
-    std::fputs(tg::formatRanks(*report.ranks).c_str(), stdout);
+    if (!options.quiet) std::fputs(tg::formatRanks(*report.ranks).c_str(), stdout);
   }
   if (!group.dataset.empty()) {
     report.views = score(options, group.dataset, scene, lpips);
-    std::fputs(tg::formatScores(report).c_str(), stdout);
+    if (!options.quiet) std::fputs(tg::formatScores(report).c_str(), stdout);
   }
   if (!options.json.empty()) tg::writeTextAtomically(options.json, tg::formatEvalJson(report));
-  return 0;
+  const bool interrupted = report.views && report.views->scores.size() < report.views->asked;
+  return interrupted ? 128 + stop_signal : 0;
 }
 
 // A flag that would do nothing is a mistake of whoever typed it.
@@ -128,7 +132,8 @@ void refuseIdleFlags(const CLI::App& app, const tg::EvalOptions& options, const 
   if (!groups.back().dataset.empty() || !options.report.empty()) return;
   for (const CLI::Option* option : app.get_options()) {
     const std::string name = option->get_name();
-    static const std::set<std::string> idle_free = {"models", "--json", "--effective-rank", "--threads", "--overwrite"};
+    static const std::set<std::string> idle_free = {"models",    "--json",      "--effective-rank",
+                                                    "--threads", "--overwrite", "--quiet"};
     if (option->count() > 0 && name.starts_with("--") && !idle_free.contains(name)) {
       throw tg::Error(tg::ErrorKind::usage, name, "is about photographs (expected a data set after the model)");
     }
@@ -155,7 +160,7 @@ int run(const CLI::App& app, const tg::EvalOptions& options, const std::vector<s
   if (options.report.empty()) return scoreOne(options, groups.front());
   tg::handleStopSignals(requestStop);
   tg::compareModels(options, groups, stop_requested);
-  return 0;
+  return stop_requested ? 128 + stop_signal : 0;
 }
 
 }  // namespace
@@ -170,39 +175,58 @@ int main(int argc, char** argv) {
                    "A model, then its data set's folder, as for tgtrain; with --report several models before each "
                    "folder, and several folders. Models: " +
                        tg::listed(tg::inputNames()))
-        ->required();
+        ->required()
+        ->type_name("FILE");
+    app.option_defaults()->group("What is scored");
     app.add_option("--split", options.split, "Which views")
-        ->check(CLI::IsMember({"test", "train", "all"}))
+        ->check(tg::oneOf({"test", "train", "all"}))
         ->capture_default_str();
-    app.add_option("--json", options.json, "Write the numbers here");
-    app.add_option("--images", options.images, "Write the renderings into this folder");
+    app.add_option("--outside", outside, tg::renderSetting("outside").help)->check(tg::oneOf<tg::TextureOutside>());
+    app.add_option("--flip-ppd", options.pixels_per_degree, "FLIP: pixels per degree of vision")
+        ->check(CLI::Range(1.0, 10000.0))
+        ->capture_default_str();
+    app.add_option("--lpips", options.lpips, "LPIPS with these weights (.safetensors, see docs/training.md)")
+        ->type_name("FILE");
+    app.add_option("--lpips-range", lpips_range, "LPIPS input: symmetric = [-1,1], unit = [0,1]")
+        ->check(tg::oneOf({"symmetric", "unit"}))
+        ->capture_default_str();
+    app.add_flag("--effective-rank", options.effective_rank,
+                 "Histogram of the shapes of the Gaussians, needle to disc to ball; needs no data set");
+    app.option_defaults()->group("What is written");
+    app.add_option("--json", options.json, "Write the numbers here")->type_name("FILE");
+    app.add_option("--images", options.images, "Write the renderings into this folder")->type_name("FOLDER");
     app.add_option("--side-by-side", options.side_by_side,
-                   "Write photograph | rendering | FLIP error into this folder, as PNG");
+                   "Write photograph | rendering | FLIP error into this folder, as PNG")
+        ->type_name("FOLDER");
+    app.add_flag("--overwrite", options.overwrite, "Replace existing files");
+    app.add_flag("-q,--quiet", options.quiet, "Errors only: no table, no progress");
+    app.option_defaults()->group("Report");
     app.add_option("--report", options.report,
-                   "Write tables (HTML, CSV, LaTeX), charts (SVG) and crops of all models into this folder");
+                   "Write tables (HTML, CSV, LaTeX), charts (SVG) and crops of all models into this folder")
+        ->type_name("FOLDER");
     app.add_option("--label", options.labels, "What a model is called in the report: once for each, in their order")
+        ->type_name("LABEL")
         ->allow_extra_args(false);
     app.add_option("--crop", options.crops, "x,y,w,h or x,y,w,h@VIEW [px]: show this in the report; may be repeated")
+        ->type_name("CROP")
         ->allow_extra_args(false);
     app.add_option("--crops", options.found_crops, "Crops of each data set that the report chooses")
         ->check(CLI::Range(0, 100))
         ->capture_default_str();
-    app.add_option("--flip-ppd", options.pixels_per_degree, "FLIP: pixels per degree of vision")
-        ->check(CLI::Range(1.0, 10000.0))
-        ->capture_default_str();
-    app.add_option("--lpips", options.lpips, "LPIPS with these weights (.safetensors, see docs/training.md)");
-    app.add_option("--lpips-range", lpips_range, "LPIPS input: symmetric = [-1,1], unit = [0,1]")
-        ->check(CLI::IsMember({"symmetric", "unit"}))
-        ->capture_default_str();
-    app.add_flag("--effective-rank", options.effective_rank,
-                 "Histogram of the shapes of the Gaussians, needle to disc to ball; needs no data set");
-    app.add_option("--outside", outside, tg::renderSetting("outside").help);
+    app.option_defaults()->group("Device");
     tg::addDatasetFlags(app, options.data);
     app.remove_option(app.get_option("--points"));  // training alone starts from points
     tg::addDeviceFlag(app, options.device,
                       "Where to draw; auto: a CUDA device if there is one; metrics are the CPU's work");
     app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(CLI::Range(0, 4096));
-    app.add_flag("--overwrite", options.overwrite, "Replace existing files");
+    tg::addExamples(app,
+                    {{"tgeval model.tgz scene", "PSNR, SSIM and FLIP of every test view"},
+                     {"tgeval model.tgz scene --json scores.json --quiet", "for programs"},
+                     {"tgeval model.tgz scene --side-by-side sides", "pictures beside their photographs"},
+                     {"tgeval scene.sog scene --split all --images out", "renderings of all views"},
+                     {"tgeval model.tgz scene --lpips vgg.safetensors", "LPIPS, too"},
+                     {"tgeval model.tgz --effective-rank", "the shapes of its Gaussians"}},
+                    "Interrupted it reports what was scored and exits with 128 + the signal's number.");
     if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
     if (lpips_range == "unit") options.lpips_range = tg::LpipsRange::unit;
     if (!outside.empty()) tg::renderSetting("outside").set(options.render, outside, "--outside");

@@ -38,11 +38,14 @@ namespace {
 namespace fs = std::filesystem;
 
 std::atomic<bool> stop_requested{false};
+std::atomic<int> stop_signal{0};
 
 // The first Ctrl-C ends training after the current step and writes the model; the second ends the program at once, with
 // no file half written.
 void requestStop(int signal) {
-  if (stop_requested.exchange(true)) tg::endAtOnce(signal);
+  int none = 0;
+  if (!stop_signal.compare_exchange_strong(none, signal)) tg::endAtOnce(signal);
+  stop_requested = true;
 }
 
 struct Options {
@@ -273,9 +276,9 @@ int runTraining(const Options& options) {
   json_options.total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
   std::string written;  // what there is to say of the output
-  const auto save = [&](const std::string& path, tg::GaussianModel model, tg::SceneSize size = {}) {
-    tg::Bundle bundle =
-        tg::makeTrainedBundle(dataset, settings, result.report, std::move(model), *renderer, json_options);
+  const auto save = [&](const std::string& path, tg::GaussianModel model, const tg::TrainReport& report,
+                        tg::SceneSize size = {}) {
+    tg::Bundle bundle = tg::makeTrainedBundle(dataset, settings, report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
     const std::string facts =
         tg::writeScene(path, std::move(bundle), replace, run != nullptr && path == options.output, size);
@@ -290,13 +293,18 @@ int runTraining(const Options& options) {
     if (fs::path(options.output).extension() == ".tgz") {
       tg::copyFileAtomically(run->model(), options.output);
     } else if (!options.output.empty()) {
-      save(options.output, std::move(result.model), size);
+      save(options.output, std::move(result.model), result.report, size);
     }
   } else {
-    json = save(options.output, std::move(result.model), size);
+    json = save(options.output, std::move(result.model), result.report, size);
   }
   if (!options.untextured_output.empty() && result.untextured) {
-    save(options.untextured_output, std::move(*result.untextured));
+    // Of what it went through alone.
+    settings.texture_mode = tg::TextureMode::none;
+    settings.compare_untextured = false;
+    tg::TrainReport report = result.report;
+    report.textured.reset();
+    save(options.untextured_output, std::move(*result.untextured), report);
   }
   if (!options.json.empty()) tg::writeTextAtomically(options.json, json);
   if (!options.quiet) {
@@ -309,7 +317,8 @@ int runTraining(const Options& options) {
       std::printf("the same command with --resume goes on from %s\n", run->checkpoint().c_str());
     }
   }
-  return 0;
+  // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
+  return result.report.interrupted ? 128 + stop_signal : 0;
 }
 
 // Every entry of the settings as a flag; what is given stands in `chosen`, over the preset. Switches are flags that
@@ -321,17 +330,24 @@ void addSettingFlags(CLI::App& app, Options& options) {
     const std::string value = entry.get(defaults);
     const bool is_switch = value == "on" || value == "off";
     const std::string help = entry.help + (entry.unit.empty() ? "" : " [" + entry.unit + "]");
-    CLI::Option* option = is_switch
-                              ? app.add_flag(flag, options.chosen[&entry], help)
-                              : app.add_option(flag, options.chosen[&entry], help)->default_str(value)->type_name("");
-    option->group("Recipe");
+    CLI::Option* option = is_switch ? app.add_flag(flag, options.chosen[&entry], help)
+                                    : app.add_option(flag, options.chosen[&entry], help)->default_str(value);
+    if (!entry.choices.empty()) {
+      option->check(tg::oneOf(entry.choices))->type_name("NAME");
+    } else if (!is_switch) {
+      option->type_name("N");
+    }
+    option->group("Recipe: numbers and names of --print-config");
   }
 }
 
 void addTrainingOptions(CLI::App& app, Options& options) {
-  app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0");
+  app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0")
+      ->type_name("FOLDER");
+  app.option_defaults()->group("Model and report");
   app.add_option("-o,--output", options.output,
-                 "Model to write, by its extension: " + tg::listed(tg::outputNames(true)) + "; optional with --run");
+                 "Model to write, by its extension: " + tg::listed(tg::outputNames(true)) + "; optional with --run")
+      ->type_name("FILE");
   tg::addBytes(app, "--target-size", options.target_bytes,
                "Of a .sog or .glb: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
       ->configurable(false);
@@ -340,37 +356,42 @@ void addTrainingOptions(CLI::App& app, Options& options) {
       ->check(CLI::Range(tg::kLeastSteps, tg::kMostSteps))
       ->excludes("--target-size")
       ->configurable(false);
-  app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
-      ->check(CLI::IsMember(tg::presetNames()))
-      ->capture_default_str();
-  app.set_config("--config", "", "Settings from a file, as --print-config writes it; flags go over it")
-      ->configurable(false);
-  app.allow_config_extras(CLI::config_extras_mode::error);
-  app.add_flag("--print-config", options.print_config, "Print all settings with their units and end")
-      ->configurable(false);
-  addSettingFlags(app, options);
-  tg::addDatasetFlags(app, options.data);
-  app.add_option(
-      "--start-model", options.start_model,
-      "Go on from this model (of any format); with --iterations 0, only add textures to it; one with textures goes "
-      "on in stage 2");
   app.add_option("--untextured-output", options.untextured_output,
-                 "Write the untextured model too (implies --compare-untextured)");
-  app.add_option("--json", options.json, "Also write training.json here");
-  tg::addDeviceFlag(app, options.device, "Where to train; auto: a CUDA device if there is one");
-  app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
-      ->check(CLI::Range(0, 4096));
+                 "Write the untextured model too (implies --compare-untextured)")
+      ->type_name("FILE");
+  app.add_option("--json", options.json, "Also write training.json here")->type_name("FILE");
   app.add_flag("--reproducible", options.reproducible,
                "No times and no memory in training.json: same seed, same bytes");
   app.add_flag("--overwrite", options.overwrite, "Replace existing files");
   app.add_flag("-q,--quiet", options.quiet, "Errors only");
+  tg::addDatasetFlags(app, options.data);
+  app.option_defaults()->group("Settings");
+  app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
+      ->check(tg::oneOf(tg::presetNames()))
+      ->capture_default_str();
+  app.set_config("--config", "", "Settings from a file, as --print-config writes it; flags go over it")
+      ->type_name("FILE")
+      ->configurable(false);
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  app.add_flag("--print-config", options.print_config, "Print all settings with their units and end")
+      ->configurable(false);
+  app.add_option(
+         "--start-model", options.start_model,
+         "Go on from this model (of any format); with --iterations 0, only add textures to it; one with textures goes "
+         "on in stage 2")
+      ->type_name("FILE");
+  tg::addDeviceFlag(app, options.device, "Where to train; auto: a CUDA device if there is one");
+  app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
+      ->check(CLI::Range(0, 4096));
+  addSettingFlags(app, options);
 }
 
 void addRunOptions(CLI::App& app, Options& options) {
   const auto add = [&](auto* option) { option->group("Run folder")->configurable(false); };
   const CLI::Range iterations(0, 10'000'000);
   add(app.add_option("--run", options.run.folder,
-                     "Folder for checkpoint, model.tgz, metrics.jsonl and previews/ of this run"));
+                     "Folder for checkpoint, model.tgz, metrics.jsonl and previews/ of this run")
+          ->type_name("FOLDER"));
   add(app.add_flag("--resume", options.run.resume, "Go on from the run folder's checkpoint, to the same model"));
   add(app.add_option("--checkpoint-every", options.run.checkpoint_seconds,
                      "Time between checkpoints (0: after every step) [s]")
@@ -449,17 +470,29 @@ std::shared_ptr<CLI::App> photosApp(Options& options, tg::PhotosFlags& flags) {
   app->get_option("dataset")->description("Folder of photographs (JPEG, PNG, WebP, HEIC), or a film");
   addRunOptions(*app, options);
   tg::addPhotosFlags(*app, flags);
+  tg::addExamples(*app, {{"tgtrain photos jpegs -o model.tgz", "a folder of photographs"},
+                         {"tgtrain photos walk.mp4 -o model.tgz", "a film"},
+                         {"tgtrain photos walk.mp4 -o model.tgz --frames 200", "more frames of it"},
+                         {"tgtrain photos jpegs -o model.tgz --preset quick", "soon, and worse"},
+                         {"tgtrain photos jpegs -o scene.sog --target-size 2MB", "a file to ship"},
+                         {"tgtrain photos jpegs -o model.tgz --no-open", "without a window at the end"}});
   return app;
 }
 
-void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& options, bool& overwrite) {
-  app.add_option("folder", folder, "Folder to write")->required();
+void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& options, bool& overwrite, bool& quiet) {
+  app.add_option("folder", folder, "Folder to write")->required()->type_name("FOLDER");
   app.add_option("--size", options.size, "Side of the images in pixels")->capture_default_str();
   app.add_option("--views", options.train_views, "Training views")->capture_default_str();
   app.add_option("--test-views", options.test_views, "Test views")->capture_default_str();
   app.add_option("--points", options.points, "Points in points3d.ply")->capture_default_str();
   app.add_option("--supersampling", options.supersampling, "Rays per pixel and axis")->capture_default_str();
   app.add_flag("--overwrite", overwrite, "Replace an existing data set");
+  app.add_flag("-q,--quiet", quiet, "Errors only");
+  tg::addExamples(app, {{"tgtrain make-sample scene", "the built-in scene"},
+                        {"tgtrain make-sample scene --size 400 --views 60", "larger, and seen from more places"},
+                        {"tgtrain make-sample scene --overwrite", "anew"},
+                        {"tgtrain make-sample tiny --size 32 --views 4 --test-views 2", "for a test of a second"},
+                        {"tgtrain make-sample scene && tgtrain scene -o model.tgz", "and train it"}});
 }
 
 // The same flags as training, so that the same photographs come out; transparency is kept.
@@ -468,12 +501,19 @@ struct UndistortOptions {
   std::string folder;
   tg::DatasetFlags dataset;
   bool overwrite = false;
+  bool quiet = false;
 };
 void addUndistortOptions(CLI::App& app, UndistortOptions& options) {
-  app.add_option("dataset", options.data, "Data set to read")->required();
-  app.add_option("folder", options.folder, "Folder to write")->required();
-  tg::addDatasetFlags(app, options.dataset);
+  app.add_option("dataset", options.data, "Data set to read")->required()->type_name("FOLDER");
+  app.add_option("folder", options.folder, "Folder to write")->required()->type_name("FOLDER");
   app.add_flag("--overwrite", options.overwrite, "Replace an existing data set");
+  app.add_flag("-q,--quiet", options.quiet, "Errors only");
+  tg::addDatasetFlags(app, options.dataset);
+  tg::addExamples(app, {{"tgtrain undistort fox straight", "photographs of pinhole cameras"},
+                        {"tgtrain undistort fox straight --downscale 2", "at half the size"},
+                        {"tgtrain undistort truck straight --layout colmap", "of a folder that holds several layouts"},
+                        {"tgtrain undistort fox straight --overwrite", "anew"},
+                        {"tgview model.tgz --photos straight", "to compare a model with"}});
 }
 int undistort(const UndistortOptions& options) {
   tg::DatasetOptions dataset_options = tg::datasetOptions(options.dataset);
@@ -481,7 +521,7 @@ int undistort(const UndistortOptions& options) {
   const tg::Dataset dataset = tg::loadDataset(options.data, dataset_options);
   tg::printNotes(options.data, dataset);
   tg::writeDataset(options.folder, dataset, options.overwrite);
-  std::printf("wrote %zu photographs to %s\n", dataset.views.size(), options.folder.c_str());
+  if (!options.quiet) std::printf("wrote %zu photographs to %s\n", dataset.views.size(), options.folder.c_str());
   return 0;
 }
 
@@ -503,11 +543,22 @@ int main(int argc, char** argv) {
     Options options;
     addTrainingOptions(app, options);
     addRunOptions(app, options);
+    app.option_defaults()->group("Options");
+    tg::addExamples(app,
+                    {{"tgtrain make-sample scene && tgtrain scene -o model.tgz", "the built-in scene"},
+                     {"tgtrain fox -o fox.tgz --downscale 2", "photographs at half their size"},
+                     {"tgtrain fox --run run --watch", "a run that can stop and go on, in a window"},
+                     {"tgtrain fox --run run --resume", "go on where it stopped"},
+                     {"tgtrain fox -o fox.sog --target-size 900KB", "a file to ship, of at most that size"},
+                     {"tgtrain fox -o fox.tgz --iterations 0 --start-model scan.ply", "only add textures"},
+                     {"tgtrain --preset quick --print-config > quick.toml", "settings to change by hand"}},
+                    "Interrupted (Ctrl-C, kill) it writes the model so far, and exits with 128 +\n"
+                    "the signal's number.");
     tg::SampleOptions sample_options;
     std::string sample_folder;
-    bool sample_overwrite = false;
+    bool sample_overwrite = false, sample_quiet = false;
     CLI::App* sample = app.add_subcommand("make-sample", "Writes the built-in scene as a NeRF-synthetic data set");
-    addSampleOptions(*sample, sample_folder, sample_options, sample_overwrite);
+    addSampleOptions(*sample, sample_folder, sample_options, sample_overwrite, sample_quiet);
     app.add_subcommand(photos);
     UndistortOptions undistort_options;
     CLI::App* undistorted = app.add_subcommand(

@@ -8,6 +8,7 @@
 
 #include "core/system/error.h"
 #include "core/system/names.h"
+#include "core/system/program.h"
 #include "core/system/signals.h"
 #include "training/photos/child.h"
 #include "training/run/report.h"
@@ -33,7 +34,7 @@ std::vector<std::string> everyName() {
 void addPhotosFlags(CLI::App& app, PhotosFlags& flags) {
   const auto add = [&](CLI::Option* option) { option->group("Photographs")->configurable(false); };
   const auto one_of = [](CLI::Option* option, const std::vector<std::string>& names) {
-    return option->check(CLI::IsMember(names))->capture_default_str();
+    return option->check(oneOf(names))->capture_default_str();
   };
   add(app.add_option(
       "--work", flags.work,

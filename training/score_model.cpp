@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "converter/registry/file_format.h"
+#include "core/bundle/training_json.h"
 #include "core/system/error.h"
 #include "training/run/report.h"
 
@@ -15,6 +16,9 @@ namespace tg {
 EvalScene readEvalScene(const std::string& path) {
   Bundle bundle = readModel(path);
   for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", warning.c_str());
+  if (wasInterrupted(bundle.training_json)) {
+    std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), kInterruptedTraining);
+  }
   EvalScene scene{std::make_shared<const GaussianModel>(std::move(bundle.model)), bundle.background,
                   std::filesystem::file_size(path)};
   // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
@@ -32,7 +36,9 @@ Dataset readEvalViews(const EvalOptions& options, const std::string& folder,
   if (!data.background) data.background = background;
   if (options.split != "all") data.only_test = options.split == "test";
   ProgressLine line;
-  data.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
+  if (!options.quiet) {
+    data.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
+  }
   Dataset dataset = loadDataset(folder, data);
   printNotes(folder, dataset);
   if (dataset.views.empty()) {

@@ -23,6 +23,7 @@ struct EvalOptions {
   int threads = 0;
   bool effective_rank = false;
   bool overwrite = false;
+  bool quiet = false;  // neither tables nor progress
   DatasetFlags data;
 
   std::string report;               // a folder; empty: none

@@ -94,7 +94,8 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, bool
     throw;
   }
   std::string facts = "(" + std::to_string(std::filesystem::file_size(path)) + " bytes";
-  if (!format.holds(kKeepsFloats) || coarse) {
+  const bool rounded = !format.holds(kKeepsFloats) || coarse;
+  if (rounded && isMeasuredUnasked(scene.model)) {
     char text[64];
     std::snprintf(text, sizeof text, ", %.1f dB to the model",
                   renderedPsnr(scene.model, readModel(path).model, views, scene.background));

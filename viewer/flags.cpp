@@ -27,7 +27,8 @@ namespace tg {
 namespace {
 
 constexpr const char* kFooter =
-    "Keys in the window: press ? or F1. Exit codes: 1 usage, 2 cannot read, 3 bad data, 4 cannot write, 5 device.";
+    "Keys in the window: press ? or F1.\n"
+    "Exit codes: 1 usage, 2 cannot read, 3 bad data, 4 cannot write, 5 device.";
 
 // Flags as typed; their values are checked here so that every refusal names its flag.
 struct Flags {
@@ -41,29 +42,44 @@ struct Flags {
   bool list_cameras = false, window = false, no_session = false;
 };
 
-void declare(CLI::App& app, Flags& flags) {
-  std::vector<std::string> readable;
-  for (const Format& format : formats()) {
-    if (format.read) readable.emplace_back(format.spoken);
-  }
-  app.add_option("model", flags.models,
-                 listed(readable) + ", several or none for the window; a run folder with --follow");
-  app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
-  app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
-  app.add_option("--show", flags.show, allNames<Output>())->capture_default_str();
+std::vector<std::string> choicesOf(const RenderSetting& setting) {
+  std::vector<std::string> names;
+  for (const RenderSetting::Choice& choice : setting.choices) names.emplace_back(choice.name);
+  return names;
+}
+
+void declarePicture(CLI::App& app, Flags& flags) {
+  app.option_defaults()->group("Picture");
+  app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers")
+      ->type_name("FILE");
+  app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)")
+      ->type_name("FILE");
+  app.add_option("--show", flags.show, "what is shown")->check(oneOf<Output>())->capture_default_str();
   flags.settings["textures"] = texturesName(RenderSettings().textures);
   for (const RenderSetting& setting : renderSettings()) {
     if (setting.name == "background") {  // its place in the help
-      app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window");
+      app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window")->type_name("SIZE");
     }
     const std::string unit = setting.unit.empty() ? "" : "[" + std::string(setting.unit) + "] ";
-    app.add_option("--" + std::string(setting.name), flags.settings[setting.name], unit + setting.help)
-        ->capture_default_str();
+    CLI::Option* option =
+        app.add_option("--" + std::string(setting.name), flags.settings[setting.name], unit + setting.help)
+            ->capture_default_str();
+    if (const std::vector<std::string> choices = choicesOf(setting); !choices.empty()) {
+      option->check(oneOf(choices));
+    } else {
+      option->type_name("VALUE");
+    }
   }
+}
+
+void declareDevice(CLI::App& app, Flags& flags) {
+  app.option_defaults()->group("Device");
   app.add_option("--backend", flags.backend,
                  "auto, vulkan, opengl or cpu: what renders; auto is Vulkan or OpenGL on a GPU, else the CPU")
+      ->check(oneOf<Backend>())
       ->capture_default_str();
-  app.add_option("--device", flags.view.device, "number in --list-devices, or part of the name, of the device to use");
+  app.add_option("--device", flags.view.device, "number in --list-devices, or part of the name, of the device to use")
+      ->type_name("DEVICE");
   app.add_flag_callback(
       "--list-devices",
       [] {
@@ -73,33 +89,69 @@ void declare(CLI::App& app, Flags& flags) {
       "print the devices of Vulkan and OpenGL with their limits and exit");
   app.add_flag("--validation", flags.view.validation,
                "run under Vulkan's validation layer or OpenGL's debug output; messages are errors");
-  app.add_flag("--follow", flags.view.follow,
-               "read the model again whenever it changes; model may be a run folder of tgtrain");
-  app.add_option("-o,--output", flags.view.record,
-                 "record --path or --turntable: a video (.mp4, .mov, .mkv, .webm), frames/####.png, or a folder");
-  app.add_option("--path", flags.view.path,
-                 "a camera path, or a cameras.json: its cameras, a second apart; without -o, for the window");
-  app.add_option("--turntable", flags.turntable, "once round the model in that many frames");
-  app.add_option("--elevation", flags.elevation, "[degrees] of the turntable above the horizon");
-  app.add_option("--radius", flags.radius, "[world units] of the turntable");
-  app.add_option("--fps", flags.fps, "frames a second of --path and videos")->capture_default_str();
-  app.add_option("--benchmark", flags.benchmark, "time a camera path's frames and print JSON");
-  app.add_flag("--window", flags.window, "with --benchmark: in a window, as it is shown");
-  app.add_option("--up", flags.up, "cameras, +x, -x, +y, -y, +z or -z: what the horizon is kept by")
-      ->capture_default_str();
-  app.add_option("--compare", flags.view.compare, "another model, to compare the first with");
-  app.add_option("--photos", flags.view.photographs, "a folder of the data set's photographs, to compare with");
-  app.add_option("--compare-mode", flags.compare_mode, "side, wipe, difference, flip or (in a window) flicker");
-  app.add_flag("--legend", flags.view.legend, "draw into the picture what its colours stand for");
   app.add_option("--frames-in-flight", flags.view.frames_in_flight, "frames that a Vulkan window has under way: 1 or 2")
       ->check(CLI::Range(1, 2));
-  app.add_flag("--timings", flags.view.timings, "print how long the window took to its first pictures");
-  app.add_option("--inspect", flags.inspect, "x,y: print the splats under that pixel as JSON and exit");
-  app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
-  app.add_option("--session", flags.view.session, "keep the window's state in this file instead of the usual one");
+}
+
+void declareRecording(CLI::App& app, Flags& flags) {
+  app.option_defaults()->group("Camera path");
+  app.add_option("-o,--output", flags.view.record,
+                 "record --path or --turntable: a video (.mp4, .mov, .mkv, .webm), frames/####.png, or a folder")
+      ->type_name("FILE");
+  app.add_option("--path", flags.view.path,
+                 "a camera path, or a cameras.json: its cameras, a second apart; without -o, for the window")
+      ->type_name("FILE");
+  app.add_option("--turntable", flags.turntable, "once round the model in that many frames")->type_name("N");
+  app.add_option("--elevation", flags.elevation, "[degrees] of the turntable above the horizon")->type_name("X");
+  app.add_option("--radius", flags.radius, "[world units] of the turntable")->type_name("X");
+  app.add_option("--fps", flags.fps, "frames a second of --path and videos")->type_name("X")->capture_default_str();
+  app.add_option("--benchmark", flags.benchmark, "time a camera path's frames and print JSON")->type_name("FILE");
+  app.add_flag("--window", flags.window, "with --benchmark: in a window, as it is shown");
+}
+
+void declare(CLI::App& app, Flags& flags) {
+  std::vector<std::string> readable;
+  for (const Format& format : formats()) {
+    if (format.read) readable.emplace_back(format.spoken);
+  }
+  app.add_option("model", flags.models,
+                 listed(readable) + ", several or none for the window; a run folder with --follow")
+      ->type_name("FILE");
+  declarePicture(app, flags);
+  app.option_defaults()->group("Comparison");
+  app.add_option("--compare", flags.view.compare, "another model, to compare the first with")->type_name("FILE");
+  app.add_option("--photos", flags.view.photographs, "a folder of the data set's photographs, to compare with")
+      ->type_name("FOLDER");
+  app.add_option("--compare-mode", flags.compare_mode, "side, wipe, difference, flip or (in a window) flicker")
+      ->check(oneOf<CompareMode>());
+  app.add_flag("--legend", flags.view.legend, "draw into the picture what its colours stand for");
+  app.option_defaults()->group("Window");
+  app.add_flag("--follow", flags.view.follow,
+               "read the model again whenever it changes; model may be a run folder of tgtrain");
+  app.add_option("--up", flags.up, "cameras, +x, -x, +y, -y, +z or -z: what the horizon is kept by")
+      ->check(oneOf<UpAxis>())
+      ->capture_default_str();
+  app.add_option("--session", flags.view.session, "keep the window's state in this file instead of the usual one")
+      ->type_name("FILE");
   app.add_flag("--no-session", flags.no_session, "keep nothing of this run, and begin with nothing of the last one");
-  app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)");
-  app.footer(kFooter);
+  app.add_option("--script", flags.view.script, "drive the window from a file (docs/viewer.md)")->type_name("FILE");
+  app.add_flag("--timings", flags.view.timings, "print how long the window took to its first pictures");
+  declareRecording(app, flags);
+  app.option_defaults()->group("Facts");
+  app.add_option("--inspect", flags.inspect, "x,y: print the splats under that pixel as JSON and exit")
+      ->type_name("X,Y");
+  app.add_flag("--list-cameras", flags.list_cameras, "print the model's cameras and exit");
+  app.add_flag("-q,--quiet", flags.view.quiet, "errors only: no warnings, no progress, no line about what is written");
+  declareDevice(app, flags);
+  addExamples(app,
+              {{"tgview model.tgz", "in a window"},
+               {"tgview model.tgz --render a.png --size 1920x1080", "to a file, without a display"},
+               {"tgview model.tgz --photos fox --camera 3 --render a.png", "beside the photograph"},
+               {"tgview model.tgz --turntable 120 -o turn.mp4", "a video"},
+               {"tgview a.tgz --compare b.tgz", "two models"},
+               {"tgview --follow run", "a training run"},
+               {"tgview model.tgz --inspect 640,360", "what is blended at a pixel"}},
+              kFooter);
 }
 
 void parseSettings(Flags& flags) {

@@ -112,6 +112,8 @@ double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<co
   return psnr(all_a, all_b);
 }
 
+bool isMeasuredUnasked(const GaussianModel& model) { return bytesOf(model) <= std::uint64_t{1} << 29; }
+
 std::optional<Deviation> deviationOf(const GaussianModel& a, const GaussianModel& b) {
   TG_ASSERT(lengthsAgree(a) && lengthsAgree(b), "the model's arrays have their lengths");
   if (a.size() != b.size()) return std::nullopt;

@@ -20,6 +20,10 @@ std::vector<Camera> contributionViews(const GaussianModel& model, std::span<cons
 double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<const Camera> views,
                     glm::vec3 background);
 
+// Whether a summary has that figure without being asked for it: rendering holds both models, and what both renderers
+// make of them.
+bool isMeasuredUnasked(const GaussianModel& model);
+
 // The largest differences between two models of the same Gaussians.
 struct Deviation {
   double mean = 0;     // [world units]

@@ -530,7 +530,9 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
     report.texels += std::uint64_t{at.w} * at.h;
     rectangles.push_back({at.x, at.y, at.w, at.h, at.page});
   }
-  Json root = {{"mode", name(model.texture_mode)},
+  Json root = {{"format", "tgconvert-atlas"},
+               {"version", 1},
+               {"mode", name(model.texture_mode)},
                {"intersection", name(model.intersection)},
                {"extent", double{kTextureExtent}},
                {"filter", "bilinear"},

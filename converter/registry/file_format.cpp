@@ -316,6 +316,7 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
   }
   written.texture_mode = name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none);
   if (format.holds(kKeepsTextures) || !isTextured(source.model)) return format.write(path, source, options, written);
+  written.warnings.push_back(title + " holds no textures: their means go into colours and opacities, the rest is lost");
   Bundle base = bundleOf(bakeFallback(source.model));
   base.cameras = source.cameras;
   base.background = source.background;

@@ -2,26 +2,59 @@
 // The outermost catch, and the words for a wrong command line.
 #include "core/system/program.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <filesystem>
 #include <iostream>
 #include <map>
 #include <new>
 #include <string>
+#include <string_view>
 #include <system_error>
+#include <utility>
 
+#include "core/system/command_table.h"
 #include "core/system/error.h"
 #include "core/system/shortened.h"
 
 namespace tg {
 namespace {
 
+std::string meant(std::string_view text, const std::vector<std::string>& names) {
+  const std::string name = nearestName(text, names);
+  return name.empty() ? "" : " (did you mean " + name + "?)";
+}
+
+// "--name" of every option, "name" if not `dashed`.
+std::vector<std::string> longNames(const CLI::App& app, bool dashed) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back(dashed ? "--" + name : name);
+  }
+  return names;
+}
+
+// What nothing takes: a flag that is not there, or one word too many.
+std::string unexpected(const CLI::App& app) {
+  const std::vector<std::string> left = app.remaining(true);
+  const auto flag = std::ranges::find_if(left, [](const std::string& word) { return word.starts_with("-"); });
+  if (flag == left.end()) return "unexpected argument: " + (left.empty() ? "" : left.front());
+  const std::string name = flag->substr(0, flag->find('='));
+  const std::vector<CLI::App*> commands = app.get_subcommands();
+  return "no such option: " + name + meant(name, longNames(commands.empty() ? app : *commands.front(), true));
+}
+
 std::string usageMessage(const CLI::App* app, const CLI::Error& error) {
   std::string message = error.what();
   const std::string unknown = "INI was not able to parse ";
-  if (message.starts_with(unknown)) message = "--config: no such setting: " + message.substr(unknown.size());
+  if (message.starts_with(unknown)) {
+    const std::string setting = message.substr(unknown.size());
+    message = "--config: no such setting: " + setting + meant(setting, longNames(*app, false));
+  }
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) message = unexpected(*app);
   if (const std::size_t at = message.find(": At Most 1 required"); at != message.npos) {
     message = message.substr(0, at) + " is given more than once";
   }
@@ -34,6 +67,33 @@ void flushOutput() {
   std::cout.flush();
   if (std::fflush(stdout) != 0 || std::ferror(stdout) || !std::cout) {
     throw Error(ErrorKind::cannotWrite, "standard output", std::string("cannot write: ") + std::strerror(errno));
+  }
+}
+
+// `tgtrain make-sampel`: a word that is neither a command nor a file.
+void refuseUnknownCommand(const CLI::App& app, int argc, char** argv) {
+  std::error_code ignored;
+  if (argc < 2 || argv[1][0] == '-' || std::filesystem::exists(argv[1], ignored)) return;
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(command->get_name());
+  }
+  if (std::ranges::find(names, argv[1]) != names.end()) return;
+  const std::string hint = meant(argv[1], names);
+  if (!hint.empty()) throw Error(ErrorKind::usage, std::string(argv[1]) + ": no such command or file" + hint);
+}
+
+void addGeneralOptions(CLI::App& app, const std::string& program) {
+  constexpr const char* kGroup = "General";
+  app.set_help_flag("-h,--help", "Print this help and exit")->group(kGroup);
+  app.set_version_flag("--version", program + " " TG_VERSION, "Print the version and exit")->group(kGroup);
+  app.formatter_fn([](const CLI::App* shown, const std::string& name, CLI::AppFormatMode) {
+    CommandTable table = tableOf(*shown);
+    table.name = name;
+    return formatHelp(table, terminalWidth());
+  });
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    addGeneralOptions(*command, program);
   }
 }
 
@@ -51,10 +111,32 @@ constexpr std::size_t kMessageStart = 2000, kMessageEnd = 500;  // [bytes] of on
 }  // namespace
 
 std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
-  app.set_version_flag("--version", app.get_name() + " " TG_VERSION, "Print the version and exit");
+  addGeneralOptions(app, app.get_name());
+  std::string shell;
+  bool manual = false;
+  app.add_option("--completion", shell, "Print what makes a shell complete the options, and exit")
+      ->check(oneOf({"bash", "zsh", "fish"}))
+      ->configurable(false)
+      ->group("General");
+  app.add_flag("--man", manual, "Print the manual page and exit: --man | man -l -")
+      ->configurable(false)
+      ->group("General");
   app.failure_message(usageMessage);
+  // Where nothing else is asked for nothing else is required.
+  if (argc == 3 && std::string_view(argv[1]) == "--completion") {
+    std::fputs(formatCompletion(tableOf(app), argv[2]).c_str(), stdout);
+    return 0;
+  }
+  if (argc == 2 && std::string_view(argv[1]) == "--man") {
+    std::fputs(formatManual(tableOf(app)).c_str(), stdout);
+    return 0;
+  }
+  refuseUnknownCommand(app, argc, argv);
   try {
     app.parse(argc, argv);
+    if (!shell.empty() || manual) {
+      throw Error(ErrorKind::usage, "--completion and --man stand alone (expected nothing else with them)");
+    }
     return std::nullopt;
   } catch (const CLI::FileError& error) {
     app.exit(error);
@@ -62,6 +144,27 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : static_cast<int>(ErrorKind::usage);
   }
+}
+
+void addExamples(CLI::App& app, std::initializer_list<Example> examples, const std::string& more) {
+  std::string text = "Examples:";
+  for (const Example& example : examples) {
+    text += "\n  " + std::string(example.command) + "\n      " + example.meaning;
+  }
+  app.footer(more.empty() ? text : text + "\n\n" + more);
+}
+
+CLI::Validator oneOf(std::vector<std::string> names) {
+  std::string listed, all;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    listed += (i == 0 ? "" : i + 1 == names.size() ? " or " : ", ") + names[i];
+    all += (i == 0 ? "" : ",") + names[i];
+  }
+  const auto check = [names = std::move(names), listed](const std::string& text) {
+    if (std::ranges::find(names, text) != names.end()) return std::string();
+    return "expected " + listed + ", found \"" + text + "\"" + meant(text, names);
+  };
+  return {check, "{" + all + "}"};
 }
 
 CLI::Option* addBytes(CLI::App& app, const std::string& name, std::uint64_t& bytes, const std::string& help) {
@@ -78,7 +181,7 @@ int runProgram(const char* name, const std::function<int()>& body) {
   try {
     checkProcessor();
     const int code = body();
-    if (code == 0) flushOutput();
+    if (code == 0 || code > 128) flushOutput();  // a success, or one that a signal cut short
     return code;
   } catch (const Error& error) {
     std::fprintf(stderr, "%s: %s\n", name, shortened(error.what(), kMessageStart, kMessageEnd).c_str());

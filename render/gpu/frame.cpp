@@ -66,7 +66,7 @@ void addProject(PassList& list, const FrameInputs& in) {
               {s.records, first * sizeof(SplatRecord), count * sizeof(SplatRecord)},
               s.pixel_rects,
               s.tile_counts},
-             uniforms, Groups::fixed(groups.x, groups.y), {{in.variant.shape}});
+             uniforms, Groups::fixed(groups.x, groups.y), {{in.variant.shape, m.precision == ModelPrecision::compact}});
   }
 }
 

@@ -39,7 +39,10 @@ struct ShaderModule {
   std::uint32_t texel_count = 0;        // uniform texel buffers, which come first
   std::uint32_t buffer_count = 0;       // storage buffers
   bool image = false;                   // at binding 0, before both
+  // SPIR-V 1.0 that reads storage buffers where `code` reads texel buffers; empty: there are none.
+  std::span<const std::uint32_t> storage{};
 };
 const ShaderModule& moduleOf(Shader shader);
+std::span<const ShaderModule> shaderModules();  // all of them
 
 }  // namespace tg

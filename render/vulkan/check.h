@@ -5,9 +5,10 @@
 
 namespace tg {
 
-// Throws Error(device) with the call's text, the result's name and the place when `result` is an error.
-void checkVulkan(VkResult result, const char* call, const char* file, int line);
+// Throws Error(device) with the function's and the result's names when `result` is an error. `call` begins with the
+// function.
+void checkVulkan(VkResult result, const char* call);
 
 }  // namespace tg
 
-#define TG_VK(call) ::tg::checkVulkan((call), #call, __FILE__, __LINE__)
+#define TG_VK(call) ::tg::checkVulkan((call), #call)

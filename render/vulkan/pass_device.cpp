@@ -141,7 +141,7 @@ void VulkanProgram::record(VkCommandBuffer commands, const ViewUniforms& view) {
   stageBarrier(commands, kTransfer, VK_PIPELINE_STAGE_HOST_BIT);
 }
 
-GpuLimits VulkanPassDevice::limits() const { return limitsOf(device_.properties); }
+GpuLimits VulkanPassDevice::limits() const { return limitsOf(device_.properties, device_.storage_texels); }
 
 BufferPtr VulkanPassDevice::makeBuffer(const char* name, std::uint64_t bytes) {
   return std::make_unique<Buffer>(device_, name, bytes);

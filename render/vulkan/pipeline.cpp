@@ -17,14 +17,14 @@ constexpr VkFormat kFormats[] = {VK_FORMAT_UNDEFINED, VK_FORMAT_R32_UINT, VK_FOR
                                  VK_FORMAT_R32G32B32A32_SFLOAT, VK_FORMAT_R16G16B16A16_SFLOAT};  // as Texels
 static_assert(std::size(kFormats) == static_cast<std::size_t>(Texels::rgba16f) + 1);
 
-VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const ShaderModule& module) {
+VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const ShaderModule& module, const Pipeline& counts) {
   std::vector<VkDescriptorSetLayoutBinding> bindings;
   const auto add = [&](std::uint32_t binding, VkDescriptorType type) {
     bindings.push_back({binding, type, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
   };
   if (module.image) add(0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE);
-  for (std::uint32_t i = 0; i < module.texel_count + module.buffer_count; ++i) {
-    const bool texel = i < module.texel_count;
+  for (std::uint32_t i = 0; i < counts.texel_count + counts.buffer_count; ++i) {
+    const bool texel = i < counts.texel_count;
     add(module.image + i, texel ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
   }
   add(kViewBinding, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER);
@@ -37,11 +37,11 @@ VkDescriptorSetLayout createSetLayout(const VulkanDevice& device, const ShaderMo
   return layout;
 }
 
-VkPipeline createPipeline(const VulkanDevice& device, VkPipelineLayout layout, const ShaderModule& module,
+VkPipeline createPipeline(const VulkanDevice& device, VkPipelineLayout layout, std::span<const std::uint32_t> spirv,
                           std::span<const std::uint32_t> constants) {
   VkShaderModuleCreateInfo code{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
-  code.codeSize = module.code.size_bytes();
-  code.pCode = module.code.data();
+  code.codeSize = spirv.size_bytes();
+  code.pCode = spirv.data();
   std::vector<VkSpecializationMapEntry> entries;
   for (std::uint32_t i = 0; i < constants.size(); ++i) entries.push_back({i, i * 4, 4});
   const VkSpecializationInfo specialization{static_cast<std::uint32_t>(entries.size()), entries.data(),
@@ -76,16 +76,17 @@ const Pipeline& Pipelines::get(Shader shader, std::span<const std::uint32_t> con
   if (pipeline.pipeline) return pipeline;
   const ShaderModule& module = moduleOf(shader);
   pipeline.first_buffer = module.image;
-  pipeline.texel_count = module.texel_count;
-  pipeline.buffer_count = module.buffer_count;
-  if (!pipeline.set_layout) pipeline.set_layout = createSetLayout(device_, module);
+  const bool storage = device_.storage_texels && !module.storage.empty();
+  pipeline.texel_count = storage ? 0 : module.texel_count;
+  pipeline.buffer_count = module.buffer_count + module.texel_count - pipeline.texel_count;
+  if (!pipeline.set_layout) pipeline.set_layout = createSetLayout(device_, module, pipeline);
   if (!pipeline.layout) {
     VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
     info.setLayoutCount = 1;
     info.pSetLayouts = &pipeline.set_layout;
     TG_VK(vkCreatePipelineLayout(device_.device, &info, nullptr, &pipeline.layout));
   }
-  pipeline.pipeline = createPipeline(device_, pipeline.layout, module, constants);
+  pipeline.pipeline = createPipeline(device_, pipeline.layout, storage ? module.storage : module.code, constants);
   return pipeline;
 }
 
@@ -130,7 +131,7 @@ VkDescriptorSet DescriptorSets::make(const Pipeline& pipeline, const Pass& pass)
     const Binding& binding = pass.buffers[i];
     const auto& buffer = static_cast<const Buffer&>(*binding.buffer);
     infos[i] = {buffer.handle(), binding.offset, binding.bytes ? binding.bytes : buffer.size()};
-    if (binding.texels != Texels::none) views[i] = buffer.view(kFormats[static_cast<std::size_t>(binding.texels)]);
+    if (i < pipeline.texel_count) views[i] = buffer.view(kFormats[static_cast<std::size_t>(binding.texels)]);
   }
   const VkDescriptorBufferInfo view{view_.handle(), 0, sizeof(ViewUniforms)};
   const VkDescriptorBufferInfo slot{pass_slots_.handle(), 0, sizeof(PassUniforms)};

@@ -5,20 +5,23 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
-#include <filesystem>
 #include <optional>
 #include <utility>
 
 #include "core/system/error.h"
+#include "render/gpu/shaders.h"
 #include "render/vulkan/check.h"
 
 namespace tg {
 namespace {
 
 constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
-constexpr std::uint32_t kStorageBuffersPerStage = 16;  // the most that a pass binds (blend)
-constexpr std::uint32_t kGroupSize = 256;              // threads of the widest pass
-constexpr std::uint32_t kSharedMemory = 20 * 1024;     // [bytes] of the pass with the most (sort_scatter)
+constexpr const char* kPortabilitySubset = "VK_KHR_portability_subset";  // of a device: Vulkan but for a few features
+// Texel buffers of fewer elements, Vulkan's least being 65,536, are too few for models of today.
+constexpr std::uint32_t kEnoughTexels = 1u << 24;
+constexpr std::uint32_t kLargestTexel = 16;         // [bytes]
+constexpr std::uint32_t kWidestGroup = 256;         // threads
+constexpr std::uint32_t kSharedMemory = 20 * 1024;  // [bytes] of the pass with the most (sort_scatter)
 
 constexpr std::pair<VkResult, const char*> kResults[] = {{VK_ERROR_OUT_OF_HOST_MEMORY, "out of host memory"},
                                                          {VK_ERROR_OUT_OF_DEVICE_MEMORY, "out of device memory"},
@@ -91,9 +94,22 @@ bool hasValidationLayer() {
                      [](const VkLayerProperties& layer) { return !std::strcmp(layer.layerName, kValidationLayer); });
 }
 
+// The loader can show devices that are Vulkan but for a few features, none of which a pass needs.
+bool listsPortabilityDevices() {
+  std::uint32_t count = 0;
+  TG_VK(vkEnumerateInstanceExtensionProperties(nullptr, &count, nullptr));
+  std::vector<VkExtensionProperties> known(count);
+  TG_VK(vkEnumerateInstanceExtensionProperties(nullptr, &count, known.data()));
+  return std::any_of(known.begin(), known.end(), [](const VkExtensionProperties& extension) {
+    return !std::strcmp(extension.extensionName, VK_KHR_PORTABILITY_ENUMERATION_EXTENSION_NAME);
+  });
+}
+
 void createInstance(const VulkanOptions& options, OwnedDevice& device) {
   device.validation = options.validation && hasValidationLayer();
   std::vector<const char*> extensions = options.instance_extensions;
+  const bool portability = listsPortabilityDevices();
+  if (portability) extensions.push_back(VK_KHR_PORTABILITY_ENUMERATION_EXTENSION_NAME);
   if (device.validation) extensions.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
 
   VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
@@ -101,6 +117,7 @@ void createInstance(const VulkanOptions& options, OwnedDevice& device) {
   application.apiVersion = VK_API_VERSION_1_1;
   VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
   info.pApplicationInfo = &application;
+  if (portability) info.flags = VK_INSTANCE_CREATE_ENUMERATE_PORTABILITY_BIT_KHR;
   info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
   info.ppEnabledExtensionNames = extensions.data();
 
@@ -148,20 +165,22 @@ bool hasExtension(VkPhysicalDevice physical, const char* name) {
   });
 }
 
+bool readsStorage(const VkPhysicalDeviceLimits& limits) { return limits.maxTexelBufferElements < kEnoughTexels; }
+
+// The most that one pass binds.
+std::uint32_t storageBuffersPerStage(bool storage_texels) {
+  std::uint32_t most = 0;
+  for (const ShaderModule& module : shaderModules()) {
+    most = std::max(most, module.buffer_count + (storage_texels ? module.texel_count : 0));
+  }
+  return most;
+}
+
 // Why a device cannot run the passes, or empty.
 std::string whatIsMissing(VkPhysicalDevice physical, const VkPhysicalDeviceProperties& properties,
                           const VulkanOptions& options, VkSurfaceKHR surface) {
-  const VkPhysicalDeviceLimits& limits = properties.limits;
   if (properties.apiVersion < VK_API_VERSION_1_1) return "Vulkan 1.1";
-  if (limits.maxPerStageDescriptorStorageBuffers < kStorageBuffersPerStage) {
-    return std::to_string(kStorageBuffersPerStage) + " storage buffers per stage";
-  }
-  if (limits.maxComputeWorkGroupInvocations < kGroupSize || limits.maxComputeWorkGroupSize[0] < kGroupSize) {
-    return "workgroups of " + std::to_string(kGroupSize) + " threads";
-  }
-  if (limits.maxComputeSharedMemorySize < kSharedMemory) {
-    return std::to_string(kSharedMemory) + " bytes of shared memory";
-  }
+  if (std::string lacking = whatLimitsLack(properties.limits); !lacking.empty()) return lacking;
   if (!findQueueFamily(physical, surface)) return surface ? "a queue that draws to the window" : "a graphics queue";
   if (options.swapchain && !hasExtension(physical, VK_KHR_SWAPCHAIN_EXTENSION_NAME)) {
     return VK_KHR_SWAPCHAIN_EXTENSION_NAME;
@@ -200,6 +219,7 @@ void pickPhysicalDevice(const VulkanOptions& options, VulkanDevice& device) {
       best = rank(properties.deviceType);
       device.physical = candidates[i];
       device.properties = properties;
+      device.storage_texels = readsStorage(properties.limits);
     }
   }
   if (best >= 0) return;
@@ -221,12 +241,14 @@ void createLogicalDevice(const VulkanOptions& options, VulkanDevice& device) {
   queue.queueFamilyIndex = device.queue_family;
   queue.queueCount = two ? 2 : 1;
   queue.pQueuePriorities = priorities;
-  const char* swapchain = VK_KHR_SWAPCHAIN_EXTENSION_NAME;
+  std::vector<const char*> extensions;
+  if (options.swapchain) extensions.push_back(VK_KHR_SWAPCHAIN_EXTENSION_NAME);
+  if (hasExtension(device.physical, kPortabilitySubset)) extensions.push_back(kPortabilitySubset);
   VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queue;
-  info.enabledExtensionCount = options.swapchain ? 1 : 0;
-  info.ppEnabledExtensionNames = &swapchain;
+  info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
+  info.ppEnabledExtensionNames = extensions.data();
   TG_VK(vkCreateDevice(device.physical, &info, nullptr, &device.device));
   vkGetDeviceQueue(device.device, device.queue_family, 0, &device.queue);
   vkGetDeviceQueue(device.device, device.queue_family, two ? 1 : 0, &device.window_queue);
@@ -234,11 +256,11 @@ void createLogicalDevice(const VulkanOptions& options, VulkanDevice& device) {
 
 }  // namespace
 
-void checkVulkan(VkResult result, const char* call, const char* file, int line) {
+void checkVulkan(VkResult result, const char* call) {
   if (result >= 0) return;
-  const std::string place = std::filesystem::path(file).filename().string() + ":" + std::to_string(line);
+  const std::string text(call);
   throw Error(ErrorKind::device, "Vulkan: " + std::string(resultName(result)) + " (" + std::to_string(result) +
-                                     ") in " + call + " at " + place);
+                                     ") in " + text.substr(0, text.find('(')));
 }
 
 std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const VulkanOptions& options) {
@@ -258,20 +280,35 @@ std::vector<DeviceInfo> listVulkanDevices() {
     VkPhysicalDeviceProperties properties;
     vkGetPhysicalDeviceProperties(physical, &properties);
     const std::uint32_t version = properties.apiVersion;
-    infos.push_back({"Vulkan",
-                     std::to_string(VK_API_VERSION_MAJOR(version)) + "." +
-                         std::to_string(VK_API_VERSION_MINOR(version)) + "." +
-                         std::to_string(VK_API_VERSION_PATCH(version)),
-                     properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU, limitsOf(properties),
-                     whatIsMissing(physical, properties, {}, VK_NULL_HANDLE)});
+    infos.push_back(
+        {"Vulkan",
+         std::to_string(VK_API_VERSION_MAJOR(version)) + "." + std::to_string(VK_API_VERSION_MINOR(version)) + "." +
+             std::to_string(VK_API_VERSION_PATCH(version)),
+         properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU, limitsOf(properties, readsStorage(properties.limits)),
+         whatIsMissing(physical, properties, {}, VK_NULL_HANDLE)});
   }
   return infos;
 }
 
-GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties) {
+GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties, bool storage_texels) {
   const VkPhysicalDeviceLimits& limits = properties.limits;
-  return {properties.deviceName, limits.maxStorageBufferRange, limits.maxTexelBufferElements,
-          limits.maxImageDimension2D};
+  const std::uint32_t texels =
+      storage_texels ? limits.maxStorageBufferRange / kLargestTexel : limits.maxTexelBufferElements;
+  return {properties.deviceName, limits.maxStorageBufferRange, texels, limits.maxImageDimension2D};
+}
+
+std::string whatLimitsLack(const VkPhysicalDeviceLimits& limits) {
+  const std::uint32_t buffers = storageBuffersPerStage(readsStorage(limits));
+  if (limits.maxPerStageDescriptorStorageBuffers < buffers) {
+    return std::to_string(buffers) + " storage buffers per stage";
+  }
+  if (limits.maxComputeWorkGroupInvocations < kWidestGroup || limits.maxComputeWorkGroupSize[0] < kWidestGroup) {
+    return "workgroups of " + std::to_string(kWidestGroup) + " threads";
+  }
+  if (limits.maxComputeSharedMemorySize < kSharedMemory) {
+    return std::to_string(kSharedMemory) + " bytes of shared memory";
+  }
+  return {};
 }
 
 }  // namespace tg

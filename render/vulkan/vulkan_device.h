@@ -33,6 +33,8 @@ struct VulkanDevice {
   VkQueue queue = VK_NULL_HANDLE;         // what renderers submit to
   VkQueue window_queue = VK_NULL_HANDLE;  // what a window submits and presents to; `queue` where there is only one
   VkPhysicalDeviceProperties properties{};
+  // Passes read storage buffers where others read texel buffers: the driver's texel buffers hold too little.
+  bool storage_texels = false;
   bool validation = false;                       // the layer is on: asked for and installed
   std::vector<std::string> validation_messages;  // every warning and error, in order; tests demand none
 
@@ -46,7 +48,9 @@ struct VulkanDevice {
 // Throws Error(device): no loader, no device, missing feature - with the name of what is missing.
 std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createVulkanDevice(const VulkanOptions& options);
 
-GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties);
+GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties, bool storage_texels);
+// Why these limits do not suffice for the passes; "": they do.
+std::string whatLimitsLack(const VkPhysicalDeviceLimits& limits);
 
 // Those that createVulkanDevice() chooses from. Throws Error(device) when there is no loader.
 std::vector<DeviceInfo> listVulkanDevices();

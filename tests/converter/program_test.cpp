@@ -198,6 +198,7 @@ TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit c
   const Result good = tgconvert(scratch, "check good.glb");
   CHECK(good.code == 0);
   CHECK(good.out == "good.glb: valid, 0 errors, 0 warnings\n");
+  CHECK(tgconvert(scratch, "check good.glb --quiet").out.empty());
 
   Glb glb = Glb::read(scratch.folder() / "good.glb");
   glb.textures()["mode"] = "rgbx";
@@ -422,7 +423,7 @@ TEST_CASE("tgconvert writes what it says and refuses with one line and the right
 
   const Result info = tgconvert(scratch, "a.glb --info --json");
   REQUIRE(info.code == 0);
-  CHECK(nlohmann::json::parse(info.out)["shDegree"] == 3);
+  CHECK(nlohmann::json::parse(info.out)["sh_degree"] == 3);
 
   CHECK(tgconvert(scratch, "").code == 1);
   CHECK(tgconvert(scratch, "in.ply").code == 1);

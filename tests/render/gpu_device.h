@@ -2,6 +2,9 @@
 // The API under test: each program that runs these tests has one, in vulkan_device.cpp or opengl_device.cpp. One
 // validated device for the whole program: drivers that compile shaders on the CPU take seconds to warm up.
 #pragma once
+#include <functional>
+#include <vector>
+
 #include "render/devices/devices.h"
 
 namespace tg::test {
@@ -11,6 +14,12 @@ Api testedApi();
 GpuRenderer& gpuRenderer();
 std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning);
 std::unique_ptr<GpuDevice> makePassDevice();
+// What lives on the device from case to case registers here how it ends: with the run, and not with the program, when a
+// layer's or a driver's own statics may be gone.
+inline std::vector<std::function<void()>>& endings() {
+  static std::vector<std::function<void()>> all;
+  return all;
+}
 
 // The messages since the last call, one a line: CHECK(validationMessages() == "").
 std::string validationMessages();

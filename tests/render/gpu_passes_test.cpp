@@ -64,8 +64,12 @@ class PassBench {
 };
 
 PassBench& bench() {
-  static PassBench passes;
-  return passes;
+  static std::unique_ptr<PassBench> passes;
+  if (!passes) {
+    passes = std::make_unique<PassBench>();
+    endings().emplace_back([] { passes.reset(); });
+  }
+  return *passes;
 }
 
 Numbers randomNumbers(std::size_t count, std::uint32_t most) {
@@ -163,7 +167,7 @@ TEST_CASE("a prefix sum beyond 32 bits stops at the largest number instead of wr
   CHECK(std::all_of(result.begin() + 4096, result.end(), [](std::uint32_t offset) { return offset == ~0u; }));
 }
 
-TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key and number of bits", "[sort]") {
+TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key and number of bits", "[sort][slow]") {
   const std::uint32_t count =
       GENERATE(0u, 1u, 2u, 63u, 64u, 65u, 255u, 256u, 257u, 2047u, 2048u, 2049u, 5000u, 100000u);
   const std::uint32_t bits = GENERATE(0u, 5u, 8u, 13u, 32u);
@@ -201,7 +205,7 @@ TEST_CASE("the radix sort equals std::stable_sort for every size, kind of key an
   CHECK(validationMessages() == "");
 }
 
-TEST_CASE("a sort of a million keys uses partitions of more than the smallest size", "[sort]") {
+TEST_CASE("a sort of a million keys uses partitions of more than the smallest size", "[sort][slow]") {
   const bool runs = GENERATE(false, true);
   const std::uint32_t first_bit = GENERATE(0u, 16u);
   const std::uint32_t count = 1100000;

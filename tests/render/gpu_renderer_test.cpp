@@ -120,7 +120,7 @@ TEST_CASE("every texture mode agrees with the reference, as the model's and as t
   checkAgainstReference(scene, settings, allowed(SceneKind::mixed, scene.model.intersection));
 }
 
-TEST_CASE("a model that compact storage holds agrees with the reference from it, too") {
+TEST_CASE("a model that compact storage holds agrees with the reference from it, too", "[slow]") {
   const SceneKind kind = GENERATE(SceneKind::mixed, SceneKind::flat, SceneKind::aroundCamera);
   const bool constant = GENERATE(true, false);  // textures of one colour: no weights, which have 8 bits
   TestScene scene = makeScene(kind, 21);
@@ -215,7 +215,7 @@ TEST_CASE("a frame is the same every time") {
   CHECK(same(first, renderScene(scene)));
 }
 
-TEST_CASE("pictures are the same but for rounding however the passes are cut") {
+TEST_CASE("pictures are the same but for rounding however the passes are cut", "[slow]") {
   const SceneKind kind = GENERATE(SceneKind::mixed, SceneKind::stacked, SceneKind::aroundCamera);
   const TestScene scene = makeScene(kind, 12, 300, 90, 70);
   const std::uint32_t side = GENERATE(1u, 2u);
@@ -318,7 +318,7 @@ TEST_CASE("a tile's list longer than 65535 splats is blended to its end") {
   CHECK(validationMessages() == "");
 }
 
-TEST_CASE("a model larger than a binding is rendered in parts, bit for bit the same") {
+TEST_CASE("a model larger than a binding is rendered in parts, bit for bit the same", "[limits]") {
   const TestScene scene = makeScene(SceneKind::mixed, 4, 1500);
   const Frame whole = renderScene(scene);
   const BindingLimit limit(64 << 10);  // 512 records
@@ -326,7 +326,7 @@ TEST_CASE("a model larger than a binding is rendered in parts, bit for bit the s
   CHECK(validationMessages() == "");
 }
 
-TEST_CASE("a picture larger than a binding is rendered in bands, the same but for rounding") {
+TEST_CASE("a picture larger than a binding is rendered in bands, the same but for rounding", "[limits]") {
   const TestScene scene = makeScene(SceneKind::mixed, 4, 300, 90, 70);
   RenderSettings settings;
   settings.outputs = kBlendedOutputs | OutputSet{Output::centers};
@@ -344,7 +344,7 @@ TEST_CASE("a picture larger than a binding is rendered in bands, the same but fo
   CHECK(validationMessages() == "");
 }
 
-TEST_CASE("what exceeds every binding is an error that names numbers") {
+TEST_CASE("what exceeds every binding is an error that names numbers", "[limits]") {
   const BindingLimit limit(16 << 10, 12000);
   GpuRenderer& renderer = gpuRenderer();
   CHECK_THROWS_WITH(renderer.setModel(facingScene(1501).model),
@@ -364,7 +364,8 @@ TEST_CASE("what exceeds every binding is an error that names numbers") {
   CHECK(validationMessages() == "");
 }
 
-TEST_CASE("a frame with more pairs than there is room for is rendered again, or completed by the next recording") {
+TEST_CASE("a frame with more pairs than there is room for is rendered again, or completed by the next recording",
+          "[slow]") {
   TestScene scene = facingScene(250);                                              // 250 splats x 80 tiles
   for (glm::vec3& log_scale : scene.model.log_scale) log_scale = glm::vec3(3.0f);  // around the camera
   for (float& logit : scene.model.opacity_logit) logit = -4.0f;  // faint, so that no ray ends before the last

@@ -93,7 +93,7 @@ TEST_CASE("the footprint filter agrees with the reference from one texel a pixel
   checkBlended(scene, settings, SceneKind::oddTextures);
 }
 
-TEST_CASE("beyond textures every treatment agrees with the reference") {
+TEST_CASE("beyond textures every treatment agrees with the reference", "[slow]") {
   const SceneKind kind = GENERATE(SceneKind::edgeOn, SceneKind::flat, SceneKind::oddTextures, SceneKind::mixed);
   const TestScene scene = halfTexels(makeScene(kind, 28));
   RenderSettings settings;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The device of the tests that every GPU backend shares: Vulkan's.
+#define CATCH_CONFIG_EXTERNAL_INTERFACES  // version 2: listeners
 #include <cstdio>
 #include <utility>
 
 #include "gpu_device.h"
 #include "render/vulkan/pass_device.h"
 #include "render/vulkan/vulkan_renderer.h"
+#include "support/catch.h"
 
 namespace tg::test {
 namespace {
@@ -19,8 +21,28 @@ std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createTestDevice() {
   return device;
 }
 
+std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device(nullptr, nullptr);
+std::unique_ptr<GpuRenderer> renderer;
+
+#if __has_include(<catch2/catch_all.hpp>)
+using Listener = Catch::EventListenerBase;
+#else
+using Listener = Catch::TestEventListenerBase;
+#endif
+class EndOfRun : public Listener {
+ public:
+  using Listener::Listener;
+  void testRunEnded(const Catch::TestRunStats& stats) override {
+    for (const std::function<void()>& end : endings()) end();
+    renderer.reset();
+    device.reset();
+    Listener::testRunEnded(stats);
+  }
+};
+CATCH_REGISTER_LISTENER(EndOfRun)
+
 VulkanDevice& vulkanDevice() {
-  static const auto device = createTestDevice();
+  if (!device) device = createTestDevice();
   return *device;
 }
 
@@ -29,7 +51,7 @@ VulkanDevice& vulkanDevice() {
 Api testedApi() { return Api::vulkan; }
 
 GpuRenderer& gpuRenderer() {
-  static const auto renderer = makeVulkanRenderer(vulkanDevice());
+  if (!renderer) renderer = makeVulkanRenderer(vulkanDevice());
   return *renderer;
 }
 

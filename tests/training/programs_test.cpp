@@ -56,7 +56,13 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   CHECK_THAT(json["machine"]["device"].get<std::string>(),
              Contains("CPU, ") && Contains(" threads") || Contains("CUDA, "));
   CHECK(bundle.training_json.find(folder.path.filename().string()) == std::string::npos);
-  CHECK(tg::readBundle(folder / "plain.tgz").model.texture_mode == tg::TextureMode::none);
+  const tg::Bundle plain = tg::readBundle(folder / "plain.tgz");
+  CHECK(plain.model.texture_mode == tg::TextureMode::none);
+  const nlohmann::json twin = nlohmann::json::parse(plain.training_json);
+  CHECK(twin["settings"]["texture-mode"] == "none");
+  CHECK_FALSE(twin["stages"].contains("textured"));
+  CHECK(twin["stages"]["untextured"] == json["stages"]["untextured"]);
+  CHECK(twin["texels"] == 0);
 
   const Outcome scored = tgeval(folder, "model.tgz scene --json scores.json --images pictures");
   INFO(scored.output);
@@ -68,6 +74,8 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   // The file's texels are half floats: the trainer's own score is met to that precision.
   CHECK(scores["psnr"].get<double>() == Approx(json["stages"]["textured"]["test_psnr"].get<double>()).margin(0.01));
   CHECK(tgeval(folder, "model.tgz scene --json scores.json").code == 4);
+  CHECK(tgeval(folder, "model.tgz scene --quiet --json quiet.json").output.empty());
+  CHECK(fs::exists(folder / "quiet.json"));
   CHECK(tgeval(folder, "absent.tgz scene").code == 2);
   CHECK(tgeval(folder, "model.tgz pictures").code == 3);
   CHECK(tgeval(folder, "model.tgz").code == 1);
@@ -290,7 +298,7 @@ TEST_CASE("an interrupt ends training early and writes the model", "[programs]")
                                       "' scene -o model.tgz --run run --iterations 1000000 & "
                                       "until [ -e run/model.tgz ]; do sleep 0.01; done; kill -TERM $!; wait $!");
   INFO(outcome.output);
-  CHECK(outcome.code == 0);
+  CHECK(outcome.code == 128 + 15);
   CHECK_THAT(outcome.output, Contains("interrupted; wrote model.tgz"));
   const tg::Bundle bundle = tg::readBundle(folder / "model.tgz");
   CHECK(nlohmann::json::parse(bundle.training_json)["interrupted"] == true);

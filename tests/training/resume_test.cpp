@@ -19,11 +19,11 @@
 #include "core/bundle/bundle.h"
 #include "core/file/file.h"
 #include "core/image/image.h"
+#include "core/system/random.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "training/program.h"
 #include "training/run/checkpoint.h"
-#include "core/system/random.h"
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
@@ -170,7 +170,7 @@ TEST_CASE("Ctrl-C leaves a checkpoint and a model, says how to go on, and going 
     Child child(folder, settings + "-o model.tgz --run run");
     child.until([&] { return fs::exists(folder / "run/model.tgz"); });
     child.send(SIGINT);
-    CHECK(child.end() == 0);
+    CHECK(child.end() == 128 + SIGINT);
     CHECK_THAT(child.output(), Contains("interrupted; wrote model.tgz") && Contains("--resume goes on from"));
   }
   const tg::Checkpoint checkpoint = tg::readCheckpoint(folder / "run/checkpoint");
@@ -181,6 +181,8 @@ TEST_CASE("Ctrl-C leaves a checkpoint and a model, says how to go on, and going 
   CHECK(json["interrupted"] == true);
   CHECK(json["stages"]["plain"]["iterations"] == checkpoint.state.iteration);
   CHECK(bytesOf(folder / "run/model.tgz") == bytesOf(folder / "model.tgz"));
+  CHECK_THAT(tg::test::run(folder, "'" TG_TGEVAL "' model.tgz scene").output,
+             Contains("model.tgz: its training was interrupted"));
 
   // The same command again is refused; with --resume it goes on, and may replace what it wrote itself.
   const Outcome again = tgtrain(folder, settings + "-o other.tgz --run run");

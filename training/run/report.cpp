@@ -156,7 +156,8 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
                                const GaussianModel& model, const TrainingJsonOptions& options) {
   const Camera& camera = dataset.views.front();
   Json json;
-  json["program"] = "tgtrain";
+  json["format"] = "tgtrain-training";
+  json["version"] = 1;
   json["dataset"] = {{"name", dataset.name},
                      {"layout", name(dataset.layout)},
                      {"train_views", dataset.indices(false).size()},

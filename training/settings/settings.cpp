@@ -21,13 +21,17 @@ namespace {
 template <Named Enum>
 SettingEntry choice(std::string entry, Enum TrainSettings::* member, std::string help) {
   const std::string names = allNames<Enum>(", ");
-  return {entry, "", std::move(help) + " (" + names + ")",
+  constexpr auto choices = namesOf(Enum{});
+  return {entry,
+          "",
+          std::move(help) + " (" + names + ")",
           [member](const TrainSettings& s) { return std::string(name(s.*member)); },
           [entry, member, names](TrainSettings& s, const std::string& text) {
             const std::optional<Enum> value = parse<Enum>(text);
             if (!value) refuse(entry, names, text);
             s.*member = *value;
-          }};
+          },
+          std::vector<std::string>(choices.begin(), choices.end())};
 }
 
 SettingEntry onOff(std::string entry, bool TrainSettings::* member, std::string help) {

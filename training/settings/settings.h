@@ -114,6 +114,7 @@ struct SettingEntry {
   std::function<std::string(const TrainSettings&)> get;
   // Throws Error(usage) naming the entry, what it expects and what it found.
   std::function<void(TrainSettings&, const std::string&)> set;
+  std::vector<std::string> choices{};  // all values of a name
 };
 // In the order of the struct.
 const std::vector<SettingEntry>& settingEntries();

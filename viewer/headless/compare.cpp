@@ -22,6 +22,15 @@ Image pictureOf(Renderer& renderer, const Scene& scene, const Camera& camera, co
   return visualize(renderer.render(camera, settings), options.show, settings);
 }
 
+// Each half of a picture of two beside each other has its camera fitted into it once.
+ViewOptions viewOf(const ViewOptions& options, CompareMode mode, const Scene& scene) {
+  ViewOptions view = options;
+  if (mode != CompareMode::side) return view;
+  const glm::ivec2 size = cameraFor(options, scene).size;
+  view.size = glm::ivec2(sideWidth(size.x), size.y);
+  return view;
+}
+
 // The view's photograph, and what it is called.
 std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& options, const Scene& scene,
                                                          const Camera& view, glm::vec3 background) {
@@ -36,7 +45,7 @@ std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& opti
   if (file.empty()) {
     throw Error(ErrorKind::cannotRead, options.photographs.string(), "holds no photograph \"" + taken.name + "\"");
   }
-  return {resampled(readImage(file), taken, view, background), file.filename().string()};
+  return {resampled(readImage(file), taken, view, background), file.string()};
 }
 
 }  // namespace
@@ -56,8 +65,7 @@ void compareToFile(const ViewOptions& options) {
   }
 
   const Scene scene = readScene(options);
-  Camera camera = cameraFor(options, scene);
-  if (how.mode == CompareMode::side) camera = fitted(camera, sideWidth(camera.size.x), camera.size.y);
+  const Camera camera = cameraFor(viewOf(options, how.mode, scene), scene);
   const glm::vec3 background = options.background.value_or(scene.background);
 
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
@@ -78,6 +86,7 @@ void compareToFile(const ViewOptions& options) {
   Image picture = composed(first, other, mask, how);
   if (options.legend) picture = withLegend(std::move(picture), *legendOf(how));
   writeImage(options.out, picture);
+  if (options.quiet) return;
   const std::optional<PictureMetrics> metrics = metricsOf(first, other, mask);
   std::printf("%s: %dx%d, %s of %s, %s and %s: %s\n", options.out.c_str(), picture.width, picture.height,
               std::string(name(how.mode)).c_str(), std::string(name(options.show)).c_str(), options.model.c_str(),

@@ -17,7 +17,8 @@ namespace {
 // A line that is overwritten on a terminal; in a log, a line every tenth of the way.
 class Progress {
  public:
-  explicit Progress(std::size_t frames) : frames_(frames), terminal_(::isatty(STDERR_FILENO) != 0) {}
+  Progress(std::size_t frames, bool shown)
+      : frames_(frames), shown_(shown), terminal_(shown && ::isatty(STDERR_FILENO) != 0) {}
   ~Progress() {
     if (terminal_ && done_ > 0) std::fputc('\n', stderr);
   }
@@ -25,6 +26,7 @@ class Progress {
 
   void step() {
     ++done_;
+    if (!shown_) return;
     if (!terminal_ && done_ * 10 / frames_ == (done_ - 1) * 10 / frames_) return;
     const double seconds = this->seconds();
     std::fprintf(stderr, "%sframe %zu / %zu, %.0f ms a frame, %.0f s left%s", terminal_ ? "\r" : "", done_, frames_,
@@ -37,6 +39,7 @@ class Progress {
 
  private:
   const std::size_t frames_;
+  const bool shown_;
   const bool terminal_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::size_t done_ = 0;
@@ -56,7 +59,7 @@ void recordToFile(const ViewOptions& options) {
 
   double seconds = 0;
   {
-    Progress progress(cameras.size());
+    Progress progress(cameras.size(), !options.quiet);
     for (const Camera& camera : cameras) {
       const Frame frame = backend.renderer->render(camera, settings);
       writer.add(numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
@@ -66,6 +69,7 @@ void recordToFile(const ViewOptions& options) {
     writer.finish();
     seconds = progress.seconds();
   }
+  if (options.quiet) return;
   std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),
               cameras.size(), cameras.front().size.x, cameras.front().size.y, std::string(name(options.show)).c_str(),
               texturesName(settings.textures).c_str(), scene.gaussians, seconds,

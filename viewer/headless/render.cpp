@@ -30,6 +30,7 @@ void render(const Scene& scene, const ViewOptions& options, bool numbers, const 
   requireNoValidationMessages(backend);
   writeImage(options.out, numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
 
+  if (options.quiet) return;
   double milliseconds = 0;
   for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;
   std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s%s\n", options.out.c_str(), frame.width,

@@ -44,7 +44,7 @@ HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options) {
   }
   if (!any && !missing.empty()) {
     if (asked) throw Error(ErrorKind::device, missing);
-    std::fprintf(stderr, "tgview: no device (%s); rendering on the CPU\n", missing.c_str());
+    if (!options.quiet) std::fprintf(stderr, "tgview: no device (%s); rendering on the CPU\n", missing.c_str());
   }
   result.renderer = makeCpuRenderer();
   result.backend = "cpu";
@@ -82,7 +82,7 @@ Scene sceneFor(const ViewOptions& options, Bundle loaded) {
   Scene scene = sceneOf(std::move(loaded), options.model);
   scene.up = upOf(options.up, scene.up);
   for (const std::string& warning : scene.warnings) {
-    std::fprintf(stderr, "%s: warning: %s\n", options.model.c_str(), warning.c_str());
+    if (!options.quiet) std::fprintf(stderr, "%s: warning: %s\n", options.model.c_str(), warning.c_str());
   }
   return scene;
 }

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "core/bundle/training_json.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
 
@@ -69,8 +70,7 @@ TrainingProgress trainingProgress(const std::string& training_json) {
   }
   const nlohmann::json* stages = member(json, "stages");
   if (!stages) return progress;
-  const auto interrupted = json.find("interrupted");
-  progress.finished = interrupted == json.end() || !interrupted->is_boolean() || !interrupted->get<bool>();
+  progress.finished = !wasInterrupted(training_json);
   // The stage that the run is in is the last one with steps; stages not begun have none. Stage untextured trains
   // another model for comparison: what this file holds is no part of it.
   for (const std::string stage : {"count", "plain", "textured", "untextured"}) {

@@ -183,7 +183,7 @@ void comparison(const ViewerState& state) {
   const float left = panelWidth(state, size.x), width = size.x - left, font = ImGui::GetFontSize();
   const int document = otherDocument(state);
   const std::string first = state.scene.path.filename().string();
-  const std::string other = state.compare.with_photographs ? "photograph"
+  const std::string other = state.compare.with_photographs ? state.compare.photograph
                             : document >= 0
                                 ? state.documents.open[static_cast<std::size_t>(document)].path.filename().string()
                                 : "";

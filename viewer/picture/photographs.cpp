@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <tuple>
 #include <utility>
 
 #include "core/system/error.h"
@@ -21,6 +22,13 @@ std::ptrdiff_t depth(const std::filesystem::path& path) { return std::distance(p
 
 bool hasPart(const std::filesystem::path& path, const char* part) {
   return std::find(path.begin(), path.end(), part) != path.end();
+}
+
+// images/, images_4/ and the like.
+bool isNamedForPhotographs(const std::filesystem::path& path) {
+  return std::any_of(path.begin(), path.end(), [&](const std::filesystem::path& part) {
+    return part != path.filename() && part.string().starts_with("images");
+  });
 }
 
 }  // namespace
@@ -52,14 +60,14 @@ std::filesystem::path Photographs::find(const Camera& camera) const {
   auto found = by_stem_.find(name.filename().string());  // a name without extension may hold a dot
   if (found == by_stem_.end()) found = by_stem_.find(name.stem().string());
   if (found == by_stem_.end()) return {};
-  const std::vector<std::filesystem::path>& paths = found->second;
-  const auto exact = std::find_if(paths.begin(), paths.end(), [&](const std::filesystem::path& path) {
-    return path == name || path.lexically_relative(*path.begin()) == name;
-  });
-  const auto split = std::find_if(paths.begin(), paths.end(), [&](const std::filesystem::path& path) {
-    return hasPart(path, camera.test ? "test" : "train");
-  });
-  return folder_ / (split != paths.end() ? *split : exact != paths.end() ? *exact : paths.front());
+  // A rendering is a .png, most often, whatever the photograph was, and lies in a folder that is called otherwise.
+  const auto likeness = [&](const std::filesystem::path& path) {
+    return std::tuple(hasPart(path, camera.test ? "test" : "train"), path.filename() == name.filename(),
+                      path == name || path.lexically_relative(*path.begin()) == name, isNamedForPhotographs(path));
+  };
+  // Of those that are equally alike the least deep.
+  const auto best = std::ranges::max_element(found->second, {}, likeness);
+  return folder_ / *best;
 }
 
 }  // namespace tg

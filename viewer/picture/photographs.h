@@ -21,8 +21,8 @@ class Photographs {
   const std::filesystem::path& folder() const { return folder_; }
   std::size_t size() const { return count_; }
   // The file of a camera's name, with or without folder and extension; empty: none. Of several that are called alike
-  // (images/ and images_4/, train/ and test/): the one whose folder says the camera's split, else the one least deep
-  // and first by name.
+  // (images/ and images_4/, train/ and test/, renderings): the one whose folder says the camera's split, then with the
+  // camera's extension, in its folder, in a folder called images..., then the one least deep and first by name.
   std::filesystem::path find(const Camera& camera) const;
 
  private:

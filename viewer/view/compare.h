@@ -71,6 +71,7 @@ struct CompareState {
 
   // Written by the window.
   std::string problem;                    // why there is nothing to compare with; "" = there is
+  std::string photograph;                 // its file below the folder; "" = none
   bool measured = false;                  // `metrics` are those of the picture on screen
   std::optional<PictureMetrics> metrics;  // of the last picture measured; none: not yet, or no pixel counts
 };

@@ -40,6 +40,7 @@ struct ViewOptions {
   std::string device;  // a number of --list-devices, or part of a device's name
   bool validation = false;
   std::optional<int> frames_in_flight;              // 1 or 2; default: 2 where a Vulkan device has two queues
+  bool quiet = false;                               // without a window: errors alone are said
   bool timings = false;                             // say how long it took from the start to the first pictures
   std::filesystem::path session;                    // keeps the window's state between runs; empty: nothing is kept
   bool show_given = false, textures_given = false;  // else the session's, where there is one

@@ -52,7 +52,8 @@ std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, s
 void ComparisonControl::update(ViewerState& state, const Picture* picture, bool newest) {
   CompareState& compare = state.compare;
   compare.problem.clear();
-  (void)other(state, compare.problem);
+  const std::optional<OtherPicture> found = other(state, compare.problem);
+  compare.photograph = found ? found->photograph.lexically_relative(compare.photographs).string() : std::string();
   if (compare.problem.empty() && picture && newest) compare.problem = picture->problem;
   if (compare.how.mode == CompareMode::flicker && compare.timed && state.time - flickered_ >= compare.flicker_seconds) {
     compare.how.shows_other = !compare.how.shows_other;

@@ -271,7 +271,7 @@ TEST_CASE("the report states both figures and what was written") {
   CHECK(describe(report).find("textured ") != std::string::npos);
   CHECK(describe(report).find("base only ") != std::string::npos);
   const auto json = nlohmann::json::parse(describeJson(report));
-  CHECK(json["psnr"]["baseOnly"].get<double>() == Approx(*report.base_psnr));
+  CHECK(json["psnr"]["base_only"].get<double>() == Approx(*report.base_psnr));
 
   const ConvertReport ply = convert(scratch.folder() / "out.glb", scratch.folder() / "out.ply");
   CHECK(!ply.textured_psnr);

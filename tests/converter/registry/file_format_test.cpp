@@ -97,6 +97,9 @@ TEST_CASE("every format that is written is read again with what its row says tha
     CHECK(back.cameras.size() == (format.holds(kKeepsCameras) ? 1 : 0));
     CHECK(back.model.sh_degree == (format.holds(kKeepsSh) ? source.model.sh_degree : 0));
     CHECK(written.warnings.empty() == (format.keeps == kKeepsAll || !format.read));
+    const bool baked = std::ranges::any_of(
+        written.warnings, [](const std::string& w) { return w.find(" holds no textures: ") != std::string::npos; });
+    CHECK(baked != format.holds(kKeepsTextures));
   }
 }
 

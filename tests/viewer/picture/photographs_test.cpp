@@ -17,11 +17,12 @@ TEST_CASE("photographs are found by the names of cameras, in the folders of the 
     std::ofstream(folder / name) << "x";
   };
   for (const char* name : {"images/0001.jpg", "images_4/0001.jpg", "images/frame.02.PNG", "train/r_0.png",
-                           "test/r_0.png", "sparse/0/points.bin", "notes.txt"}) {
+                           "test/r_0.png", "sparse/0/points.bin", "notes.txt", "0001.png", "eval/frame.02.png",
+                           "eval/r_0.png", "r_0.png", "images/b.png", "a/b.png"}) {
     touch(name);
   }
   const Photographs photographs(folder.path);
-  CHECK(photographs.size() == 5);
+  CHECK(photographs.size() == 11);
   Camera camera;
   const auto found = [&](const std::string& name, bool test) {
     camera.name = name;
@@ -31,7 +32,8 @@ TEST_CASE("photographs are found by the names of cameras, in the folders of the 
   CHECK(found("0001.jpg", false) == "images/0001.jpg");
   CHECK(found("images_4/0001.jpg", false) == "images_4/0001.jpg");
   CHECK(found("0001", false) == "images/0001.jpg");
-  CHECK(found("0001.png", true) == "images/0001.jpg");
+  CHECK(found("frame.02.PNG", false) == "images/frame.02.PNG");
+  CHECK(found("b.png", false) == "images/b.png");
   CHECK(found("frame.02", false) == "images/frame.02.PNG");
   CHECK(found("r_0", false) == "train/r_0.png");
   CHECK(found("r_0.png", true) == "test/r_0.png");

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Options as a table, and the name that was meant.
+#include "core/system/command_table.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "core/system/error.h"
+#include "core/system/program.h"
+#include "support/catch.h"
+
+using namespace tg;
+
+TEST_CASE("a slip of a letter or two is the nearest name, what is far from all is none") {
+  const std::vector<std::string> names = {"--textures", "--turntable", "--render", "check"};
+  CHECK(nearestName("--textrues", names) == "--textures");
+  CHECK(nearestName("--rendr", names) == "--render");
+  CHECK(nearestName("chekc", names) == "check");
+  CHECK(nearestName("--turn", names) == "--turntable");  // its beginning
+  CHECK(nearestName("--quality", names).empty());
+  CHECK(nearestName("", names).empty());
+}
+
+TEST_CASE("an option's row knows its value, its choices, its range and its default") {
+  CLI::App app("Does things.", "tool");
+  std::string name = "fast";
+  int count = 3;
+  bool flag = false;
+  std::vector<std::string> files;
+  app.add_option("files", files, "what to read")->required()->type_name("FILE");
+  app.add_option("--mode", name, "how")->check(oneOf({"fast", "exact"}))->capture_default_str();
+  app.add_option("-n,--count", count, "how often")->check(CLI::Range(1, 9))->capture_default_str();
+  app.add_flag("--dry-run", flag, "write nothing");
+  const CommandTable table = tableOf(app);
+  const auto row = [&](const std::string& wanted) {
+    return *std::ranges::find_if(table.options, [&](const OptionRow& option) { return option.names.back() == wanted; });
+  };
+  CHECK(row("files").argument);
+  CHECK(row("files").many);
+  CHECK(titleOf(row("files")) == "files...");
+  CHECK(row("--mode").choices == std::vector<std::string>{"fast", "exact"});
+  CHECK(meaningOf(row("--mode")) == "how (fast or exact; default: fast)");
+  CHECK(titleOf(row("--count")) == "-n, --count N");
+  CHECK(meaningOf(row("--count")) == "how often (1 to 9; default: 3)");
+  CHECK(row("--dry-run").value.empty());
+  CHECK(usageOf(table) == "tool [OPTIONS] files...");
+  CHECK_THROWS_AS(formatCompletion(table, "csh"), Error);
+}
