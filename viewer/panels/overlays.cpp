@@ -92,6 +92,13 @@ void errorPanel(ViewerState& state) {
   ImGui::End();
 }
 
+void question(ViewerState& state) {
+  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::Begin("question", nullptr, kOverlay);
+  questionPanel(state);
+  ImGui::End();
+}
+
 // In the middle while --follow has no model yet.
 void waiting(const ViewerState& state) {
   ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
@@ -197,6 +204,7 @@ void overlays(ViewerState& state) {
   if (!state.scene.model && !state.loading.active && !state.follow.active) empty(state);
   if (state.loading.active) progress(state);
   if (!state.messages.error.empty()) errorPanel(state);
+  if (state.question) question(state);
   if (state.time < state.messages.notice_until) notice(state);
 }
 

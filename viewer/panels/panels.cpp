@@ -16,11 +16,12 @@ constexpr float kPanelFonts = 21;   // panel width in font heights
 constexpr float kNarrowFonts = 46;  // windows below this: the panel lies over the picture
 
 void tabs(ViewerState& state) {
-  constexpr std::array<const char*, kCount<Tab>> labels = {"View", "Camera", "Path", "Inspect", "Time"};
+  constexpr std::array<const char*, kCount<Tab>> labels = {"View", "Camera", "Path", "Inspect", "Edit", "Time"};
+  constexpr int kColumns = 3;
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
   for (const Tab tab : valuesOf<Tab>()) {
     const int i = static_cast<int>(tab);
-    if (segment(labels[static_cast<std::size_t>(i)], state.ui.tab == tab, i, kCount<Tab>)) state.ui.tab = tab;
+    if (segment(labels[static_cast<std::size_t>(i)], state.ui.tab == tab, i % kColumns, kColumns)) state.ui.tab = tab;
   }
 }
 
@@ -36,6 +37,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   documentsSection(state);
   modelSection(state);
   compareSection(state);
+  historySection(state);
   tabs(state);
   ImGui::BeginChild("page");
   switch (state.ui.tab) {
@@ -60,6 +62,12 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
       break;
     case Tab::inspect:
       inspectSection(state);
+      break;
+    case Tab::edit:
+      selectSection(state);
+      valueSection(state);
+      changeSection(state);
+      saveSection(state);
       break;
     case Tab::time:
       timeSection(state, statistics);

@@ -34,8 +34,17 @@ void pathFileSection(ViewerState& state);
 void recordSection(ViewerState& state);
 // inspect.cpp
 void inspectSection(ViewerState& state);
+// edit.cpp
+void historySection(ViewerState& state);
+void selectSection(ViewerState& state);
+void valueSection(ViewerState& state);
+void changeSection(ViewerState& state);
+void saveSection(ViewerState& state);
+void questionPanel(ViewerState& state);  // inside of a window; state.question is there
 // time.cpp
 void timeSection(ViewerState& state, const FrameStatistics& statistics);
+// edit_overlay.cpp
+void editOverlay(const ViewerState& state, const PictureOnScreen& picture);
 // scene_overlay.cpp
 void sceneOverlay(const ViewerState& state);
 // overlays.cpp

@@ -39,15 +39,18 @@ bool InspectorThread::update(ViewerState& state, glm::ivec2 size) {
       inspection.pixel = answer->pixel;
       inspection.inspected = true;
       inspection.isolated = false;
-      pickHit(state, 0);
+      pickHit(state, strongestHit(inspection.hits));
     }
   }
   if (!inspection.asked || busy_) return fresh;
   const glm::ivec2 pixel = *std::exchange(inspection.asked, std::nullopt);
   if (!state.scene.model) return fresh;
   busy_ = inspection.busy = true;
-  asked_.give({toCamera(state.camera.pose, state.camera.lens, size.x, size.y), pixel, state.scene.model,
-               inspectedSettings(state), {}});
+  asked_.give({toCamera(state.camera.pose, state.camera.lens, size.x, size.y),
+               pixel,
+               state.scene.model,
+               inspectedSettings(state),
+               {}});
   return fresh;
 }
 

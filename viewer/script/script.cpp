@@ -32,8 +32,9 @@ int parseKey(const std::string& text, const std::string& what) {
   if (text == "PageUp") return kKeyPageUp;
   if (text == "PageDown") return kKeyPageDown;
   if (text == "Delete") return kKeyDelete;
+  if (text.size() == 2 && text[0] == 'F' && text[1] >= '1' && text[1] <= '9') return kKeyF2 + text[1] - '2';
   if (text.size() == 1 && text[0] > ' ' && text[0] <= ']') return text[0];
-  refuseValue(what, text, "a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown or Delete");
+  refuseValue(what, text, "a capital letter, a digit, a sign, Space, Esc, F1 to F9, PageUp, PageDown or Delete");
 }
 
 int parseDocument(const Call& call) {
@@ -63,9 +64,11 @@ bool arrived(Script& script, const ViewerState& state, const ScriptCommand& comm
 constexpr std::array kVerbs = {
     Verb{"key", 1, kFramesOfPanels,
          [](const Call& c) {
-           const bool shift = c[0].starts_with("Shift+");
-           const int key = parseKey(shift ? c[0].substr(6) : c[0], c.what);
-           pressKey(c.state, key, shift);
+           const bool control = c[0].starts_with("Ctrl+");
+           const std::string rest = control ? c[0].substr(5) : c[0];
+           const bool shift = rest.starts_with("Shift+");
+           const int key = parseKey(shift ? rest.substr(6) : rest, c.what);
+           pressKey(c.state, control ? key | kControl : key, shift);
          }},
     Verb{"tab", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.tab = c.named<Tab>(); }},
     Verb{"panel", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.panel = c.on(); }},
@@ -104,7 +107,7 @@ constexpr std::array kVerbs = {
 
 const Verb* findVerb(std::string_view name, std::span<const Verb> more) {
   for (const std::span<const Verb> verbs :
-       {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs(), settingVerbs(), more}) {
+       {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs(), editVerbs(), settingVerbs(), more}) {
     const auto at = std::find_if(verbs.begin(), verbs.end(), [name](const Verb& verb) { return verb.name == name; });
     if (at != verbs.end()) return &*at;
   }

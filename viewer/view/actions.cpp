@@ -7,6 +7,7 @@
 
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/documents.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/path_editor.h"
 
@@ -97,11 +98,29 @@ void closeDocument(ViewerState& state) {
   if (state.documents.shown >= 0) state.documents.close_request = state.documents.shown;
 }
 
+// Not twice what it says: a second press must not close the model that is being edited.
+void deleteKey(ViewerState& state) {
+  const bool editing = state.edit.tool != EditTool::none || state.ui.tab == Tab::edit;
+  editing || state.edit.selection ? deleteChosen(state) : closeDocument(state);
+}
+
+template <EditTool kTool>
+void tool(ViewerState& state) {
+  setTool(state, kTool);
+  if (state.edit.tool == kTool) state.ui.tab = Tab::edit;
+}
+
 void escape(ViewerState& state) {
-  if (!state.messages.error.empty()) {
+  if (state.question) {
+    answer(state, questionChoices(*state.question).size() - 1);
+  } else if (!state.messages.error.empty()) {
     state.messages.error.clear();
   } else if (state.ui.help) {
     state.ui.help = false;
+  } else if (state.edit.moving || state.edit.selecting) {
+    cancelDrag(state);
+  } else if (state.edit.tool != EditTool::none) {
+    setTool(state, EditTool::none);
   } else if (state.loading.active) {
     state.loading.cancel = true;
   } else {
@@ -165,11 +184,23 @@ constexpr std::array kBindings = {
     KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera},
     KeyBinding{kKeyPageDown, false, "Page Down / Up", "Next, previous open model", [](S& s) { stepDocument(s, 1); }},
     KeyBinding{kKeyPageUp, false, "", "", [](S& s) { stepDocument(s, -1); }},
-    KeyBinding{kKeyDelete, false, "Delete", "Close the model shown", closeDocument},
+    KeyBinding{kControl | 'Z', false, "Ctrl+Z", "Undo", undo},
+    KeyBinding{kControl | 'Y', false, "Ctrl+Y, Ctrl+Shift+Z", "Redo", redo},
+    KeyBinding{kControl | 'Z', true, "", "", redo},
+    KeyBinding{kControl | 'A', false, "Ctrl+A", "Select all Gaussians", chooseAll},
+    KeyBinding{kControl | 'A', true, "Ctrl+Shift+A", "Select none", chooseNone},
+    KeyBinding{kControl | 'I', false, "Ctrl+I", "Select the others", invertChoice},
+    KeyBinding{kKeyF2, false, "F2, F3, F4", "Select: rectangle, brush, sphere", tool<EditTool::rectangle>},
+    KeyBinding{kKeyF2 + 1, false, "", "", tool<EditTool::brush>},
+    KeyBinding{kKeyF2 + 2, false, "", "", tool<EditTool::sphere>},
+    KeyBinding{kKeyF2 + 3, false, "F5, F6, F7", "Move, turn, scale the selection", tool<EditTool::move>},
+    KeyBinding{kKeyF2 + 4, false, "", "", tool<EditTool::turn>},
+    KeyBinding{kKeyF2 + 5, false, "", "", tool<EditTool::scale>},
+    KeyBinding{kKeyDelete, false, "Delete", "Delete the selection, else close the model", deleteKey},
     KeyBinding{'H', false, "H", "Hide or show the panel", [](S& s) { s.ui.panel = !s.ui.panel; }},
     KeyBinding{'/', true, "? or F1", "This help", toggleHelp},
     KeyBinding{290, false, "", "", toggleHelp},  // F1
-    KeyBinding{kKeyEscape, false, "Esc", "Close this, stop loading, or quit", escape},
+    KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop loading, or quit", escape},
 };
 
 constexpr std::array kMouseHelp = {

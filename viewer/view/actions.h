@@ -11,17 +11,19 @@
 namespace tg {
 
 struct KeyBinding {
-  int key = 0;
+  int key = 0;  // kControl | a letter: with Ctrl held
   bool shift = false;
   const char* keys = "";  // as the help shows it; "" = an alias that is not listed
   const char* text = "";
   void (*run)(ViewerState& state) = nullptr;  // null: steps through the choices of
   std::string_view setting{};                 // a RenderSetting, which `text` calls what it has before its colon
 };
+constexpr int kControl = 1 << 10;  // above all keys
 constexpr int kKeyEscape = 256;
 constexpr int kKeyDelete = 261;
 constexpr int kKeyPageUp = 266;
 constexpr int kKeyPageDown = 267;
+constexpr int kKeyF2 = 291;
 constexpr int kKeyTab = 258;  // held: textures off
 std::span<const KeyBinding> keyBindings();
 // False: the key does nothing.

@@ -24,6 +24,7 @@ struct ViewPose {
   glm::dvec3 forward() const;
   glm::dvec3 pivot() const { return position + distance * forward(); }
   glm::dmat3 cameraFromWorldRotation() const;
+  bool operator==(const ViewPose&) const = default;
 };
 
 // What a pinhole camera is besides its pose, independent of the image size.
@@ -41,7 +42,7 @@ struct SceneBounds {
 };
 
 constexpr double kDegrees = 3.14159265358979323846 / 180.0;  // [rad]
-constexpr double kMinFov = 0.05;  // [rad] of the lens, either way
+constexpr double kMinFov = 0.05;                             // [rad] of the lens, either way
 constexpr double kMaxFov = 2.6;
 constexpr double kMaxPixelAspect = 1000;  // of the lens, fx / fy, either way
 constexpr double kMaxShift = 1000;        // of its principal point, in focal lengths

@@ -27,7 +27,11 @@ struct Scene {
   std::vector<std::string> warnings;
   glm::dvec3 up{0, -1, 0};
   SceneBounds bounds;
-  std::string training;  // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
+  std::string training_json;  // of the file, for the one that is saved; "": none
+  std::string training;       // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
 };
+
+// Counts and bounds of its model, which is there.
+void measure(Scene& scene);
 
 }  // namespace tg

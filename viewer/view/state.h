@@ -15,6 +15,8 @@
 #include "viewer/view/camera_path.h"
 #include "viewer/view/compare.h"
 #include "viewer/view/documents.h"
+#include "viewer/view/edit_state.h"
+#include "viewer/view/history.h"
 #include "viewer/view/scene.h"
 
 namespace tg {
@@ -58,6 +60,9 @@ struct RecordState {
 };
 constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
 
+// What the list of a pixel's splats is sorted by. order: front to back, as they are blended.
+enum class HitColumn { order, index, depth, weight, alpha, opacity, size };
+
 // What lies under a pixel. Panels, keys and scripts ask; the window answers.
 struct InspectState {
   bool active = false;              // a click on the picture inspects
@@ -68,7 +73,10 @@ struct InspectState {
   Camera camera;                    // of the picture that it was a pixel of
   std::vector<PixelHit> hits;       // front to back
   int picked = -1;                  // of hits
-  bool isolated = false;            // the picked Gaussian alone is drawn
+  bool seek = false;                // the list is to show it
+  HitColumn sorted_by = HitColumn::order;
+  bool descending = false;
+  bool isolated = false;  // the picked Gaussian alone is drawn
 };
 
 // What is shown of the model, and how.
@@ -84,8 +92,8 @@ constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
 constexpr double kMinResolution = 0.1, kMaxResolution = 2;
 
 // The pages of the panel.
-enum class Tab { view, camera, path, inspect, time };
-constexpr auto namesOf(Tab) { return enumNames("view", "camera", "path", "inspect", "time"); }
+enum class Tab { view, camera, path, inspect, edit, time };
+constexpr auto namesOf(Tab) { return enumNames("view", "camera", "path", "inspect", "edit", "time"); }
 
 struct UiState {
   bool panel = true;
@@ -114,6 +122,14 @@ struct CaptureRequest {
   std::filesystem::path camera;   // .json: the picture's camera, for --camera
 };
 
+// What must be answered before something is lost.
+struct Question {
+  enum class Kind { quit, close, readAgain, replaceFile };
+  Kind kind = Kind::quit;
+  int document = -1;  // of DocumentState::open, of the model that it is about
+  std::filesystem::path path;
+};
+
 struct ViewerState {
   Scene scene;  // the one shown
   DocumentState documents;
@@ -124,6 +140,8 @@ struct ViewerState {
   InspectState inspect;
   DisplayState display;
   CompareState compare;
+  EditState edit;
+  History history;
   UiState ui;
   MessageState messages;
   FollowState follow;
@@ -131,6 +149,9 @@ struct ViewerState {
   double time = 0;                  // [s] since the window opened, written by the window
   std::vector<std::string> recent;  // models opened before, the last one first; written by the window
   CaptureRequest capture;
+  std::optional<Question> question;    // asked in the middle of the picture
+  std::optional<Question> after_save;  // what was to be done once the model is saved
+  bool discard_all = false;            // quits whatever is not saved
   bool quit = false;
 };
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/system/error.h"
+#include "viewer/view/actions.h"
 
 namespace tg {
 namespace {
@@ -23,7 +24,9 @@ std::string lastError() {
 Events& eventsOf(GLFWwindow* window) { return *static_cast<Events*>(glfwGetWindowUserPointer(window)); }
 
 void onKey(GLFWwindow* window, int key, int, int action, int mods) {
-  if (action == GLFW_PRESS) eventsOf(window).keys.emplace_back(key, (mods & GLFW_MOD_SHIFT) != 0);
+  if (action != GLFW_PRESS) return;
+  const int control = (mods & GLFW_MOD_CONTROL) != 0 ? kControl : 0;
+  eventsOf(window).keys.emplace_back(key | control, (mods & GLFW_MOD_SHIFT) != 0);
 }
 
 void onDrop(GLFWwindow* window, int count, const char** paths) {

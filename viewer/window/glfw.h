@@ -24,7 +24,7 @@ class Glfw {
 
 // What the callbacks collected since the last frame.
 struct Events {
-  std::vector<std::pair<int, bool>> keys;  // key, shift
+  std::vector<std::pair<int, bool>> keys;  // key, with kControl where Ctrl is held; shift
   std::vector<std::filesystem::path> dropped;
 };
 

@@ -16,12 +16,14 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
+#include "viewer/model/edit_saver.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
 #include "viewer/picture/inspector_thread.h"
 #include "viewer/picture/runs.h"
 #include "viewer/script/script.h"
 #include "viewer/view/actions.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/input.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/path_editor.h"
@@ -38,6 +40,7 @@ namespace {
 constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
 constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
+constexpr double kHandleRest = 0.3;      // [s] without a move after which a dragged handle rests
 constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
 constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
@@ -59,12 +62,15 @@ class Viewer {
   void run();
 
  private:
+  bool ended();
   void wake() const {
     if (awake_) glfwPostEmptyEvent();
   }
   void waitForEvents();
   PixelRect pictureArea() const;
   void followAspect();
+  void keepEdits(bool moving);
+  bool handleMoves();
   void handleEvents();
   bool handlePointer();
   void openCameraFiles();
@@ -100,6 +106,7 @@ class Viewer {
   std::atomic<bool> awake_{false};  // GLFW may be called from other threads
   WindowSession session_;
   OpenModels documents_;
+  EditSaver saver_;
   ComparisonControl comparison_;
   Glfw glfw_;
   Events events_;
@@ -117,6 +124,9 @@ class Viewer {
   InspectorThread inspector_;
   PictureRuns runs_;
   int frames_since_event_ = 0;
+  int chord_key_ = 0;          // was pressed with Ctrl, and is held
+  glm::dvec2 handle_at_{0.0};  // [ImGui units] the pointer while it drags a handle
+  double handle_moved_ = -1;   // [s] window time
   double last_time_ = 0;
 };
 
@@ -128,6 +138,7 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       documents_(
           options, [this] { wake(); },
           [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }, additions.read),
+      saver_([this] { wake(); }),
       comparison_(options, [this] { wake(); }),
       graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options, additions.wrap_screen)),
       runs_(options, started_, script_.has_value()) {
@@ -149,8 +160,21 @@ void Viewer::setTitle() {
   glfwSetWindowTitle(graphics_->window(), title.c_str());
 }
 
+// Unsaved edits are asked for first; a script is done when it is done.
+bool Viewer::ended() {
+  GLFWwindow* window = graphics_->window();
+  if (glfwWindowShouldClose(window)) {
+    state_.quit = true;
+    glfwSetWindowShouldClose(window, GLFW_FALSE);
+  }
+  const bool asked = state_.question.has_value();
+  if (!script_) guardUnsaved(state_);
+  if (!asked && state_.question) frames_since_event_ = 0;
+  return state_.quit;
+}
+
 void Viewer::run() {
-  while (!state_.quit && !glfwWindowShouldClose(graphics_->window())) {
+  while (!ended()) {
     waitForEvents();
     glm::ivec2 pixels;
     glfwGetFramebufferSize(graphics_->window(), &pixels.x, &pixels.y);
@@ -166,6 +190,8 @@ void Viewer::run() {
     openCameraFiles();
     takePicture();
     if (state_.loading.part_owed) state_.loading.part_owed = state_.scene.partial && !complete();
+    if (!script_) guardUnsaved(state_);
+    saver_.update(state_, script_.has_value());
     if (documents_.update(state_)) {
       frames_since_event_ = 0;
       setTitle();
@@ -179,9 +205,10 @@ void Viewer::run() {
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_);
+    keepEdits(moving);
     graphics_->gui.endFrame();
     followAspect();
-    askForPicture(moving);
+    askForPicture(moving || handleMoves());
     comparison_.measure(state_.compare, picture_.get(), complete());
     timedOnDevice([&] {
       drawFrame();
@@ -240,7 +267,8 @@ bool Viewer::scriptMayGoOn() const {
   const DocumentState& documents = state_.documents;
   const bool asked = !documents.open_requests.empty() || documents.show_request || documents.close_request;
   const bool loading = state_.loading.active && !state_.loading.script_goes_on;
-  return complete() && !measuring() && !capturing() && !asked && !loading;
+  const bool saving = state_.edit.saving || state_.edit.save_request;
+  return complete() && !measuring() && !capturing() && !asked && !loading && !saving;
 }
 
 // Sleeps while nothing changes: a still picture costs nothing. A finished picture is an event, and so is a model.
@@ -277,19 +305,38 @@ PixelRect Viewer::pictureArea() const {
   return area;
 }
 
+// Steps that can be undone, and the picture of a drag: a new one is made when the one before it is on screen.
+void Viewer::keepEdits(bool moving) {
+  const ImGuiIO& io = ImGui::GetIO();
+  const bool held = io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2] || ImGui::IsAnyItemActive();
+  recordChanges(state_, held || animating() || state_.edit.moving || state_.edit.selecting, moving);
+  if (picture_ && picture_->request.model == shownModel(state_)) updatePreview(state_);
+}
+
+// Whether a handle is dragged, and not held still.
+bool Viewer::handleMoves() {
+  const glm::dvec2 at(ImGui::GetIO().MousePos.x, ImGui::GetIO().MousePos.y);
+  if (at != std::exchange(handle_at_, at)) handle_moved_ = state_.time;
+  return state_.edit.moving && state_.time - handle_moved_ < kHandleRest;
+}
+
 // A model's camera stays wholly in view when the window changes its shape.
 void Viewer::followAspect() {
   const glm::ivec2 size = pictureSize();
   const double aspect = static_cast<double>(size.x) / size.y;
   if (aspect == state_.camera.aspect) return;
   state_.camera.aspect = aspect;
-  if (state_.camera.index >= 0) state_.camera.lens = lensOf(state_.scene.cameras[state_.camera.index], aspect);
+  if (state_.camera.index < 0) return;
+  state_.camera.lens = lensOf(state_.scene.cameras[state_.camera.index], aspect);
+  forgetLens(state_);
 }
 
 void Viewer::handleEvents() {
   const Events events = std::exchange(events_, {});
   for (const auto& [key, shift] : events.keys) {
-    if (ImGui::GetIO().WantTextInput) break;
+    if ((key & kControl) != 0) chord_key_ = key & ~kControl;
+    if (ImGui::GetIO().WantTextInput) continue;
+    if (state_.question && key != kKeyEscape) continue;
     if (key == kKeyEscape && popupIsOpen()) continue;  // closes the list, not the viewer
     pressKey(state_, key, shift);
   }
@@ -304,17 +351,20 @@ bool Viewer::handlePointer() {
   last_time_ = state_.time;
   input.shift = io.KeyShift;
   input.control = io.KeyCtrl;
+  const PointerTaken taken = editInput(state_);
   inspectClick();
   if (comparison_.dragDivider(state_.compare.how, pictureArea())) {
     frames_since_event_ = 0;
   } else if (!io.WantCaptureMouse) {
     input.drag = {io.MouseDelta.x, io.MouseDelta.y};
-    input.wheel = io.MouseWheel;
-    input.left = io.MouseDown[0];
+    input.wheel = taken.wheel ? 0 : io.MouseWheel;
+    input.left = io.MouseDown[0] && !taken.button;
     input.right = io.MouseDown[1];
     input.middle = io.MouseDown[2];
   }
-  if (!io.WantTextInput) {
+  // Ctrl+Z neither rolls nor, with Ctrl let go first, begins to.
+  if (chord_key_ != 0 && !held(chord_key_)) chord_key_ = 0;
+  if (!io.WantTextInput && chord_key_ == 0) {
     const auto axis = [this](int positive, int negative) { return held(positive) - held(negative); };
     input.fly = {axis(GLFW_KEY_D, GLFW_KEY_A), axis(GLFW_KEY_Q, GLFW_KEY_E), axis(GLFW_KEY_W, GLFW_KEY_S)};
     input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
@@ -332,7 +382,8 @@ bool Viewer::handlePointer() {
 void Viewer::inspectClick() {
   constexpr float kStill = 3;  // [ImGui units] a hand moves while it clicks
   const ImGuiIO& io = ImGui::GetIO();
-  if (io.WantCaptureMouse || !(state_.inspect.active || io.KeyAlt) || !ImGui::IsMouseReleased(0)) return;
+  const bool picks = state_.inspect.active && state_.edit.tool == EditTool::none;
+  if (io.WantCaptureMouse || !(picks || io.KeyAlt) || !ImGui::IsMouseReleased(0)) return;
   if (io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
   const glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
                             glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
@@ -377,7 +428,7 @@ glm::ivec2 Viewer::pictureSize() const {
 
 PictureRequest Viewer::request(glm::ivec2 size) const {
   std::string ignored;
-  return {state_.scene.model, toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+  return {shownModel(state_), toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
           effectiveSettings(state_), state_.display.output, comparison_.other(state_, ignored)};
 }
 

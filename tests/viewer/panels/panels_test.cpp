@@ -12,6 +12,7 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "viewer/view/bookmarks.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/path_editor.h"
 
 using namespace tg;
@@ -99,7 +100,10 @@ ViewerState fullState() {
   ViewerState state = bareState();
   state.scene.cameras = {lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48)};
   state.scene.warnings = {"a warning"};
-  state.documents.open = {{"tiny.tgz", state.scene, {}, {}, -1}, {"other.tgz", state.scene, {}, {}, -1}};
+  for (const char* path : {"tiny.tgz", "other.tgz"}) {
+    state.documents.open.emplace_back().path = path;
+    state.documents.open.back().scene = state.scene;
+  }
   state.documents.shown = 0;
   state.recent = {"tiny.tgz"};
   for (int i = 0; i < 3; ++i) {
@@ -118,13 +122,15 @@ ViewerState fullState() {
 }  // namespace
 
 TEST_CASE("no two widgets of a page share an ID: the second of them could not be clicked") {
-  static_assert(kCount<CompareMode> == kCount<Tab>);  // each of the modes is met on one of the pages
+  static_assert(kCount<CompareMode> <= kCount<Tab>);  // each of the modes is met on one of the pages
   for (const Tab tab : valuesOf<Tab>()) {
     INFO(name(tab));
     ViewerState bare = bareState(), full = fullState();
     bare.ui.tab = full.ui.tab = tab;
-    full.compare.how.mode = static_cast<CompareMode>(tab);
+    full.compare.how.mode = static_cast<CompareMode>(static_cast<int>(tab) % kCount<CompareMode>);
     full.record.wanted = tab == Tab::path;
+    full.edit.tool = full.record.wanted ? EditTool::none : EditTool::turn;
+    chooseAll(full);
     CHECK(sharedIds(bare) == "");
     CHECK(sharedIds(full) == "");
   }
