@@ -253,7 +253,7 @@ class Driver:
                 frames = self.options.work / "grazing"
                 shutil.rmtree(frames, ignore_errors=True)
                 command = [self.options.bin / "tgview", model, "--backend", "cpu", "--turntable", 1, "--elevation",
-                           90 - angle, "--size", "320x160", "--outside", treatment, "--no-session", "-o", frames]
+                           90 - angle, "--size", "320x160", "--outside", treatment, "-o", frames]
                 subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
                 folder.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(frames / "0000.png", folder / f"{angle}-{treatment}.png")

@@ -2,8 +2,10 @@
 // The outputs of a frame as numbers and as pictures for people.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
+#include "core/image/color_map.h"
 #include "core/system/error.h"
 #include "render/renderer.h"
 
@@ -11,12 +13,9 @@ namespace tg {
 namespace {
 
 constexpr float kFarthestGrey = 0.15f;  // so that the farthest hit still differs from nothing at all
-// [log2(texels / px)] of black and white
-constexpr float kLowestDensity = -6.0f;
-constexpr float kHighestDensity = 2.0f;
-
-// Black, red, yellow, white for x in [0, 1].
-glm::vec3 heat(float x) { return {3.0f * x, 3.0f * x - 1.0f, 3.0f * x - 2.0f}; }
+// [texels / px] of black and white
+constexpr float kLowestDensity = 1.0f / 64;
+constexpr float kHighestDensity = 4.0f;
 
 template <typename T>
 struct Plane {
@@ -55,7 +54,9 @@ void requireOutput(const Frame& frame, Output output) {
   }
 }
 
-// How the numbers of a frame map to heat or grey: the range over its pixels that are not 0; (0, 0) when there are none.
+constexpr bool isDepth(Output output) { return output == Output::depth || output == Output::depthMedian; }
+
+// Over the pixels that are not 0; (0, 0) when there are none.
 glm::vec2 rangeOf(const std::vector<float>& numbers) {
   glm::vec2 range(std::numeric_limits<float>::max(), 0.0f);
   for (float x : numbers) {
@@ -64,21 +65,60 @@ glm::vec2 rangeOf(const std::vector<float>& numbers) {
   return range.y > 0.0f ? range : glm::vec2(0.0f);
 }
 
-glm::vec3 depthGrey(float z, glm::vec2 range) {
-  if (z <= 0.0f) return glm::vec3(0.0f);
-  const float span = range.y - range.x;
-  const float x = span > 0.0f ? (z - range.x) / span : 0.0f;
-  return glm::vec3(1.0f - (1.0f - kFarthestGrey) * x);
+// The numbers that so many percent of those above 0 lie below.
+glm::vec2 percentiles(const std::vector<float>& numbers, PercentRange range) {
+  std::vector<float> positive;
+  std::ranges::copy_if(numbers, std::back_inserter(positive), [](float x) { return x > 0.0f; });
+  if (positive.empty()) return glm::vec2(0.0f);
+  const auto at = [&](float percent) {
+    const auto place = std::lround(static_cast<double>(percent) / 100 * static_cast<double>(positive.size() - 1));
+    std::nth_element(positive.begin(), positive.begin() + place, positive.end());
+    return positive[static_cast<std::size_t>(place)];
+  };
+  return {at(range.low), at(range.high)};
 }
 
-glm::vec3 numberColor(Output output, float x, glm::vec2 range) {
-  if (output == Output::depth || output == Output::depthMedian) return depthGrey(x, range);
-  if (output == Output::count || output == Output::overdraw) return heat(range.y > 0.0f ? x / range.y : 0.0f);
-  if (output != Output::texelDensity) return glm::vec3(x);
-  return heat(x > 0.0f ? (std::log2(x) - kLowestDensity) / (kHighestDensity - kLowestDensity) : 0.0f);
+// In [0, 1] of a number above 0.
+float placeOn(const ValueScale& scale, float x) {
+  float low = scale.low, high = scale.high;
+  if (scale.logarithmic) {
+    x = std::log2(x);
+    low = std::log2(low);
+    high = std::log2(high);
+  }
+  const float at_once = scale.near_is_bright ? 0.0f : 1.0f;  // where all numbers are one
+  return high > low ? std::clamp((x - low) / (high - low), 0.0f, 1.0f) : at_once;
+}
+
+glm::vec3 numberColor(Output output, const RenderSettings& settings, const ValueScale& scale, float x) {
+  if (x <= 0.0f) return glm::vec3(0.0f);  // nothing is there
+  return scaleColor(output, settings.colors, placeOn(scale, x));
 }
 
 }  // namespace
+
+ValueScale ownScale(Output output, float least, float most) {
+  if (isDepth(output)) return {least, most, false, true};
+  if (output == Output::texelDensity) return {kLowestDensity, kHighestDensity, true, false};
+  return {0.0f, output == Output::alpha ? 1.0f : most, false, false};
+}
+
+glm::vec3 scaleColor(Output output, Colors colors, float place) {
+  if (colors == Colors::automatic) {
+    if (isDepth(output)) return glm::vec3(1.0f - (1.0f - kFarthestGrey) * place);
+    return colorOf(output == Output::alpha ? ColorMap::grey : ColorMap::heat, place);
+  }
+  if (colors == Colors::grey && isDepth(output)) return scaleColor(output, Colors::automatic, place);
+  const float x = isDepth(output) ? 1.0f - place : place;
+  return colorOf(colors == Colors::turbo     ? ColorMap::turbo
+                 : colors == Colors::viridis ? ColorMap::viridis
+                                             : ColorMap::grey,
+                 x);
+}
+
+bool mapsOnHost(Output output, const RenderSettings& settings) {
+  return kNumberOutputs.has(output) && (settings.colors != Colors::automatic || settings.range != PercentRange{});
+}
 
 Image extract(const Frame& frame, Output output) {
   requireOutput(frame, output);
@@ -96,7 +136,7 @@ Image extract(const Frame& frame, Output output) {
   return image;
 }
 
-Image visualize(const Frame& frame, Output output, float exposure_stops) {
+Image visualize(const Frame& frame, Output output, const RenderSettings& settings, ValueScale* scale) {
   requireOutput(frame, output);
   Image image(frame.width, frame.height, 3);
   const std::size_t pixels = image.data.size() / 3;
@@ -104,15 +144,23 @@ Image visualize(const Frame& frame, Output output, float exposure_stops) {
     for (int c = 0; c < 3; ++c) image.data[pixel * 3 + c] = std::clamp(value[c], 0.0f, 1.0f);
   };
   if (const auto* numbers = scalars(frame, output)) {
-    const glm::vec2 range = rangeOf(*numbers);
-    for (std::size_t i = 0; i < pixels; ++i) put(i, numberColor(output, (*numbers)[i], range));
+    const bool whole = settings.range == PercentRange{};
+    const glm::vec2 range = whole ? rangeOf(*numbers) : percentiles(*numbers, settings.range);
+    ValueScale shown = ownScale(output, range.x, range.y);
+    if (!whole) {
+      shown.low = range.x;
+      shown.high = range.y;
+    }
+    for (std::size_t i = 0; i < pixels; ++i) put(i, numberColor(output, settings, shown, (*numbers)[i]));
+    if (scale) *scale = shown;
     return image;
   }
   const std::vector<glm::vec3>& values = colors(frame, output);
-  const float exposure = std::exp2(exposure_stops);
+  const float exposure = std::exp2(settings.exposure);
   for (std::size_t i = 0; i < pixels; ++i) {
     glm::vec3 value = output == Output::final ? frame.color(i) : values[i];
     if (output == Output::final || output == Output::base) value *= exposure;
+    if (output == Output::texture) value *= settings.gain;
     if (output == Output::normal) value *= glm::vec3(1, -1, -1);
     if (output == Output::normal || output == Output::texture) value = 0.5f + 0.5f * value;
     put(i, value);

@@ -62,11 +62,26 @@ using Frame = FrameT<float>;
 // One output as numbers: 3 channels for colours and normals, else 1. Not clamped. Throws Error(usage) when the frame
 // does not hold it.
 Image extract(const Frame& frame, Output output);
-// One output as a picture in [0,1], 3 channels: texture as 0.5 + value / 2, normal as 0.5 + n / 2 with x right, y up
-// and z to the viewer, depths as near = bright over their range, count and overdraw as a heat map with white = highest,
-// texel density as a heat map of its logarithm from 1/64 (black) to 4 (white) texels a pixel. exposure_stops: final and
-// base times 2^stops before they are clamped. Throws as extract does.
-Image visualize(const Frame& frame, Output output, float exposure_stops = 0.0f);
+// What the ends of a picture's colours stand for.
+struct ValueScale {
+  float low = 0, high = 0;
+  bool logarithmic = false;     // between them
+  bool near_is_bright = false;  // the low end has the last colour
+  bool operator==(const ValueScale&) const = default;
+};
+// Of an output of kNumberOutputs over its own range: `least` and `most` of the numbers above 0, 0 where there are none.
+ValueScale ownScale(Output output, float least, float most);
+// The colour of a place on the scale, 0 at its low end.
+glm::vec3 scaleColor(Output output, Colors colors, float place);
+// Whether the picture is mapped by visualize() alone: no device has the formulas.
+bool mapsOnHost(Output output, const RenderSettings& settings);
+
+// One output as a picture in [0,1], 3 channels: texture as 0.5 + gain value / 2, normal as 0.5 + n / 2 with x right, y
+// up and z to the viewer, depths as near = bright over their range, count and overdraw as a heat map with white =
+// highest, texel density as a heat map of its logarithm from 1/64 (black) to 4 (white) texels a pixel, unless colours
+// and range of the settings are others; final and base times 2^exposure before they are clamped. `scale` receives that
+// of an output of kNumberOutputs. Throws as extract does.
+Image visualize(const Frame& frame, Output output, const RenderSettings& settings = {}, ValueScale* scale = nullptr);
 
 struct PassTime {
   std::string name;

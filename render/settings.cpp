@@ -18,8 +18,8 @@ using S = RenderSettings;
 // A new member breaks this line: it needs a row in makeSettings(). `outputs` has none, it is what a frame holds.
 [[maybe_unused]] void eachMemberHasARow(const S& settings) {
   [[maybe_unused]] const auto& [textures, intersection, outside, background, outputs, order, texture_filter,
-                                antialiasing, opacity_scale, splat_scale, max_sh_degree, near, crop, exposure] =
-      settings;
+                                antialiasing, opacity_scale, splat_scale, max_sh_degree, near, crop, exposure, gain,
+                                colors, range] = settings;
 }
 
 [[noreturn]] void refuse(std::string_view what, const std::string& problem) {
@@ -143,6 +143,22 @@ RenderSetting crop() {
   return row;
 }
 
+RenderSetting range() {
+  RenderSetting row{"range", "", "low,high percentiles of the numbers above 0 that the colours span, 0,100: all", ""};
+  row.get = [](const S& s) { return numberText(s.range.low) + "," + numberText(s.range.high); };
+  row.set = [](S& s, const std::string& text, const std::string& what) {
+    std::array<float, 2> ends{};
+    if (!parseList<float>(text, ends) || !(ends[0] >= 0 && ends[0] < ends[1] && ends[1] <= 100)) {
+      refuseValue(what, text, "two percentiles low,high from 0 to 100");
+    }
+    s.range = {ends[0], ends[1]};
+  };
+  row.section = "COLOURS";
+  row.choices = {{"0,100", "Whole range", "The ends of the colours are the output's own"},
+                 {"2,98", "2 - 98 %", "The 2 % at either end have its colour: a few outliers take no contrast"}};
+  return row;
+}
+
 RenderSetting background() {
   RenderSetting row{"background", "", "r,g,b in [0,1], white or black instead of the model's own", ""};
   row.get = [](const S& s) {
@@ -157,7 +173,7 @@ RenderSetting background() {
 }
 
 std::vector<RenderSetting> makeSettings() {
-  return {
+  std::vector<RenderSetting> rows = {
       textures(),
       intersection(),
       outside(),
@@ -184,8 +200,29 @@ std::vector<RenderSetting> makeSettings() {
       crop(),
       number("exposure", &S::exposure, "", -10, 10, "stops", "brighter or darker, of final and base", "BACKGROUND",
              {"Exposure %+.2f stops", "Of final and base, before they are clamped; double click to type", -10, 10}),
+      number("gain", &S::gain, "", 0.1, 64, "", "on the colour of textures, or on --compare-mode difference", "COLOURS",
+             {"Texture x %.1f", "On what textures add to the colour", 0.1f, 64, true}),
+      choice("colors", &S::colors, "", ", of outputs with one number a pixel: depths, counts, texels", "COLOURS",
+             {{{"Own", "Grey for alpha and depths; black, red, yellow, white for the others"},
+               {"Turbo", "A rainbow without false edges"},
+               {"Viridis", "Even steps of brightness, also for eyes that tell few colours apart"},
+               {"Grey", "Black to white"}}}),
+      range(),
       background(),
   };
+  const auto only = [&rows](OutputSet outputs, std::initializer_list<std::string_view> names) {
+    for (const std::string_view name : names) std::ranges::find(rows, name, &RenderSetting::name)->outputs = outputs;
+  };
+  constexpr OutputSet kOrdered = kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
+  constexpr OutputSet kHit = kOrdered | OutputSet{Output::overdraw};
+  only(kOrdered, {"sort"});
+  only(kHit, {"textures", "intersection", "outside", "texture-filter", "opacity-scale"});
+  only(kHit | OutputSet{Output::ellipsoids}, {"antialiasing", "splat-scale"});
+  only(kSolidOutputs | OutputSet{Output::final, Output::base}, {"sh-degree", "background"});
+  only({Output::final, Output::base}, {"exposure"});
+  only({Output::texture}, {"gain"});
+  only(kNumberOutputs, {"colors", "range"});
+  return rows;
 }
 
 }  // namespace

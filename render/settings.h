@@ -56,6 +56,13 @@ class OutputSet {
 constexpr OutputSet kBlendedOutputs = {Output::final, Output::base,   Output::texture, Output::alpha,
                                        Output::depth, Output::normal, Output::count};
 
+constexpr OutputSet kSolidOutputs = {Output::ellipsoids, Output::centers};
+// One number a pixel: pictures of them have a scale.
+constexpr OutputSet kNumberOutputs = {Output::alpha,       Output::depth,    Output::count,
+                                      Output::depthMedian, Output::overdraw, Output::texelDensity};
+constexpr OutputSet kAllOutputs =
+    kNumberOutputs | kSolidOutputs | OutputSet{Output::final, Output::base, Output::texture, Output::normal};
+
 // In what order a pixel's splats are blended: by the camera z of their means, one order for all pixels; or by that of
 // the pixel's own hits, so that nothing pops when the camera turns (docs/math.md 5.1).
 enum class SplatOrder { global, perPixel };
@@ -66,6 +73,17 @@ constexpr auto namesOf(TextureFilter) { return enumNames("bilinear", "footprint"
 // screen: no Gaussian is narrower than about a pixel, and its opacity makes up for it (docs/math.md 1.4).
 enum class Antialiasing { off, screen };
 constexpr auto namesOf(Antialiasing) { return enumNames("off", "screen"); }
+
+// What outputs of one number a pixel are coloured with. automatic: grey for alpha and depths, heat for the others.
+enum class Colors { automatic, turbo, viridis, grey };
+constexpr auto namesOf(Colors) { return enumNames("auto", "turbo", "viridis", "grey"); }
+// Whose numbers the ends of the colours stand for: percentiles of the pixels that are above 0. The whole range is the
+// output's own.
+struct PercentRange {
+  float low = 0;  // 0 <= low < high <= 100
+  float high = 100;
+  bool operator==(const PercentRange&) const = default;
+};
 
 // World space, faces included.
 struct CropBox {
@@ -90,7 +108,11 @@ struct RenderSettings {
   int max_sh_degree = 3;        // 0..3: higher bands of the model are left out
   float near = kNear;           // [world units] > 0: no mean and no hit at or before this camera z is drawn
   std::optional<CropBox> crop;  // Gaussians whose mean lies outside are not drawn
-  float exposure = 0.0f;        // [stops] of final and base where they become pictures: visualize(), never of a frame
+  // Of pictures alone, never of a frame: visualize().
+  float exposure = 0.0f;  // [stops] of final and base
+  float gain = 1.0f;      // on the texture's colour
+  Colors colors = Colors::automatic;
+  PercentRange range;
 
   bool operator==(const RenderSettings&) const = default;
 };
@@ -126,6 +148,7 @@ struct RenderSetting {
   float RenderSettings::* number = nullptr;            // what the slider moves, or
   int RenderSettings::* whole = nullptr;
   Slider slider{};
+  OutputSet outputs = kAllOutputs;  // that the setting may change, in frames or pictures
 };
 // In the order of the help.
 const std::vector<RenderSetting>& renderSettings();

@@ -4,10 +4,10 @@
 set -euo pipefail
 
 build_packages=(build-essential cmake ninja-build pkg-config ccache
-  libglfw3-dev libvulkan-dev mesa-vulkan-drivers libepoxy-dev libegl1 libgl1-mesa-dri libimgui-dev libstb-dev libglm-dev libtinygltf-dev
+  libglfw3-dev libvulkan-dev mesa-vulkan-drivers libepoxy-dev libegl1 libgl1-mesa-dri libimgui-dev libfontconfig-dev libstb-dev libglm-dev libtinygltf-dev
   nlohmann-json3-dev libopenexr-dev libimath-dev glslang-tools libcli11-dev libhwy-dev libpng-dev libjpeg-dev libwebp-dev
   zlib1g-dev libzstd-dev libarchive-dev libssl-dev libmeshoptimizer-dev)
-test_packages=(catch2 vulkan-validationlayers xvfb xauth xdotool openbox imagemagick spirv-cross python3)
+test_packages=(catch2 desktop-file-utils shared-mime-info vulkan-validationlayers xvfb xauth xdotool openbox imagemagick spirv-cross python3)
 
 packages=("${build_packages[@]}")
 [ "${1:-build}" = test ] && packages+=("${test_packages[@]}")

@@ -43,7 +43,7 @@ vec3 densityHeat(float density) {
 // place of the base colour.
 vec3 shown(uint i) {
   switch (decider(pass.output_kind)) {
-    case kOutputTexture: return 0.5 + 0.5 * texture_depth[i].xyz;
+    case kOutputTexture: return 0.5 + 0.5 * view.exposure * texture_depth[i].xyz;
     case kOutputAlpha: return vec3(1.0 - base_transmittance[i].w);
     case kOutputDepth: return depthGrey(texture_depth[i].w);
     case kOutputNormal: return 0.5 + 0.5 * vec3(1.0, -1.0, -1.0) * normal_count[i].xyz;

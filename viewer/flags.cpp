@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <map>
 #include <string>
 #include <string_view>
@@ -15,7 +16,9 @@
 #include "core/system/program.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/follower.h"
+#include "viewer/picture/frame_writer.h"
 #include "viewer/view/camera_path.h"
+#include "viewer/view/legend.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/session.h"
 #include "viewer/view/state.h"
@@ -43,8 +46,8 @@ void declare(CLI::App& app, Flags& flags) {
   for (const Format& format : formats()) {
     if (format.read) readable.emplace_back(format.spoken);
   }
-  app.add_option("model", flags.models, listed(readable) + ", several for the window; a run folder with --follow")
-      ->required();
+  app.add_option("model", flags.models,
+                 listed(readable) + ", several or none for the window; a run folder with --follow");
   app.add_option("--render", flags.view.out, "write one image and exit: .png, .jpg, or .exr for the raw numbers");
   app.add_option("--camera", flags.view.camera, "number of a model's camera, or a cameras.json (its first camera)");
   app.add_option("--show", flags.show, allNames<Output>())->capture_default_str();
@@ -86,7 +89,8 @@ void declare(CLI::App& app, Flags& flags) {
       ->capture_default_str();
   app.add_option("--compare", flags.view.compare, "another model, to compare the first with");
   app.add_option("--photos", flags.view.photographs, "a folder of the data set's photographs, to compare with");
-  app.add_option("--compare-mode", flags.compare_mode, "side, wipe, difference or (in a window) flicker");
+  app.add_option("--compare-mode", flags.compare_mode, "side, wipe, difference, flip or (in a window) flicker");
+  app.add_flag("--legend", flags.view.legend, "draw into the picture what its colours stand for");
   app.add_option("--frames-in-flight", flags.view.frames_in_flight, "frames that a Vulkan window has under way: 1 or 2")
       ->check(CLI::Range(1, 2));
   app.add_flag("--timings", flags.view.timings, "print how long the window took to its first pictures");
@@ -111,6 +115,121 @@ void parseSettings(Flags& flags) {
 
 void refuseIf(bool wrong, const char* problem) {
   if (wrong) throw Error(ErrorKind::usage, problem);
+}
+
+// What a run does: it decides what a flag can change.
+enum class Task { window, picture, numbers, comparison, recording, benchmark, windowBenchmark, inspection, cameraList };
+constexpr auto namesOf(Task) {
+  return enumNames("in a window", "with --render", "with --render to .exr", "with --render of a comparison",
+                   "with --output", "with --benchmark", "with --benchmark --window", "with --inspect",
+                   "with --list-cameras");
+}
+
+Task taskOf(const Flags& flags) {
+  const ViewOptions& view = flags.view;
+  if (flags.list_cameras) return Task::cameraList;
+  if (view.inspect) return Task::inspection;
+  if (!view.out.empty()) {
+    if (!view.compare.empty() || !view.photographs.empty()) return Task::comparison;
+    return view.out.extension() == ".exr" ? Task::numbers : Task::picture;
+  }
+  if (view.benchmark) return flags.window ? Task::windowBenchmark : Task::benchmark;
+  return view.record.empty() ? Task::window : Task::recording;
+}
+
+[[noreturn]] void refuseIdle(const std::string& flag, Task task, const std::string& expected) {
+  throw Error(ErrorKind::usage, flag + ": does nothing " + std::string(name(task)) + " (expected " + expected + ")");
+}
+
+// Of a setting of the pictures.
+void refuseIdleSetting(const RenderSetting& setting, const Flags& flags, Task task) {
+  const std::string flag = "--" + std::string(setting.name);
+  if (task == Task::cameraList) refuseIdle(flag, task, "no other flag");
+  if (task == Task::window) return;
+  const bool for_pictures =
+      setting.name == "exposure" || setting.name == "gain" || setting.name == "colors" || setting.name == "range";
+  const bool no_picture = task == Task::numbers || task == Task::inspection ||
+                          (task == Task::recording && flags.view.record.extension() == ".exr");
+  if (for_pictures && no_picture) refuseIdle(flag, task, "a picture");
+  if (task == Task::inspection) return;
+  const bool own_colors = task == Task::benchmark || task == Task::windowBenchmark;
+  if (own_colors && (setting.name == "colors" || setting.name == "range"))
+    refuseIdle(flag, task, "--render or a window");
+  if (setting.name == "gain" && flags.view.compare_mode == CompareMode::difference) return;
+  // Photographs lie over it, too.
+  if (setting.name == "background" && !flags.view.photographs.empty()) return;
+  if (setting.outputs.has(flags.view.show)) return;
+  std::string outputs;
+  for (const Output output : valuesOf<Output>()) {
+    if (setting.outputs.has(output)) outputs += (outputs.empty() ? "" : ", ") + std::string(name(output));
+  }
+  throw Error(ErrorKind::usage, flag + ": does nothing to " + std::string(name(flags.view.show)) +
+                                    " (expected --show with one of " + outputs + ")");
+}
+
+// A flag that would do nothing is a mistake of whoever typed it.
+void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
+  using enum Task;
+  const ViewOptions& view = flags.view;
+  const Task task = taskOf(flags);
+  struct Use {
+    const char* flag;
+    std::vector<Task> tasks;  // that it changes
+    const char* expected;
+  };
+  const bool turns = view.turntable > 0, legible = hasLegend(view.show);
+  const std::vector<Task> drawn = {window, picture, numbers, comparison, recording, benchmark, windowBenchmark};
+  std::vector<Task> viewed = {window, picture, numbers, comparison, inspection};
+  std::vector<Task> timed = {window, benchmark, windowBenchmark}, turned = {},
+                    up = {window, picture, numbers, comparison, inspection};
+  if (turns) {
+    for (std::vector<Task>* tasks : {&viewed, &turned, &up}) tasks->push_back(recording);
+  }
+  if (!turns || (!view.record.empty() && parseRecordTarget(view.record, "--output").video)) timed.push_back(recording);
+  const std::vector<Use> uses = {
+      {"--render", {picture, numbers, comparison}, "one of them"},
+      {"--camera", viewed, "a view, no path"},
+      {"--show", drawn, "a picture"},
+      {"--size",
+       {window, picture, numbers, comparison, recording, benchmark, windowBenchmark, inspection},
+       "a picture"},
+      {"--backend", drawn, "a picture"},
+      {"--device", drawn, "a picture"},
+      {"--validation", drawn, "a picture"},
+      {"--follow", {window, picture, numbers}, "a window or --render"},
+      {"--output", {recording}, "one of them"},
+      {"--path", {window, recording}, "a window or --output"},
+      {"--turntable", {recording}, "--output"},
+      {"--elevation", turned, "--turntable"},
+      {"--radius", turned, "--turntable"},
+      {"--fps", timed, "a path, a video or a window"},
+      {"--benchmark", {benchmark, windowBenchmark}, "one of them"},
+      {"--up", up, "a view, no path"},
+      {"--compare", {window, comparison}, "a window or --render"},
+      {"--photos", {window, comparison}, "a window or --render"},
+      {"--frames-in-flight", {window, windowBenchmark}, "a window"},
+      {"--timings", {window, windowBenchmark}, "a window"},
+      {"--session", {window, windowBenchmark}, "a window"},
+      {"--no-session", {window, windowBenchmark}, "a window"},
+      {"--script", {window}, "a window"},
+      {"--legend", {picture, comparison, recording}, "a picture; a window shows it by itself"},
+  };
+  for (const Use& use : uses) {
+    if (app.count(use.flag) > 0 && std::ranges::find(use.tasks, task) == use.tasks.end()) {
+      refuseIdle(use.flag, task, use.expected);
+    }
+  }
+  for (const RenderSetting& setting : renderSettings()) {
+    if (app.count("--" + std::string(setting.name)) > 0) refuseIdleSetting(setting, flags, task);
+  }
+  refuseIf(view.legend && task == comparison && !hasLegend(view.compare_mode),
+           "--legend: side and wipe have none (expected --compare-mode difference or flip with it)");
+  refuseIf(
+      view.legend && task != comparison && (!legible || view.record.extension() == ".exr"),
+      "--legend: there are no numbers to explain (expected a picture, and --show with one of texture, alpha, depth, "
+      "count, depth-median, overdraw, texel-density)");
+  refuseIf(app.count("--frames-in-flight") > 0 && (view.backend == Backend::opengl || view.backend == Backend::cpu),
+           "--frames-in-flight: is of Vulkan (expected --backend vulkan or auto with it)");
 }
 
 void parseShot(Flags& flags) {
@@ -148,9 +267,15 @@ void parseShot(Flags& flags) {
 
 void parseValues(Flags& flags) {
   ViewOptions& view = flags.view;
-  view.model = flags.models.front();
-  view.more_models.assign(flags.models.begin() + 1, flags.models.end());
-  const bool window = view.out.empty() && view.record.empty() && flags.benchmark.empty() && !flags.list_cameras;
+  const bool window = view.out.empty() && view.record.empty() && flags.benchmark.empty() && !flags.list_cameras &&
+                      flags.inspect.empty();
+  if (flags.models.empty()) {
+    const bool needs_none = window && !view.follow && view.compare.empty() && view.photographs.empty();
+    refuseIf(!needs_none, "model is required (only a window of its own opens without)");
+  } else {
+    view.model = flags.models.front();
+    view.more_models.assign(flags.models.begin() + 1, flags.models.end());
+  }
   if (!view.more_models.empty() && (!window || view.follow)) {
     throw Error(ErrorKind::usage,
                 view.more_models.front().string() + ": several models are for the window (expected one model here)");
@@ -160,6 +285,9 @@ void parseValues(Flags& flags) {
   if (!flags.size.empty()) view.size = parseSize(flags.size, "--size");
   view.backend = parse<Backend>(flags.backend, "--backend");
   if (!flags.compare_mode.empty()) view.compare_mode = parse<CompareMode>(flags.compare_mode, "--compare-mode");
+  if (view.compare_mode == CompareMode::difference) {
+    view.difference_gain = std::exchange(view.settings.gain, 1.0f);
+  }
   const bool compares = !view.compare.empty() || !view.photographs.empty();
   refuseIf(compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow),
            "--compare and --photos are for windows and pictures (expected no --output, --benchmark, --follow)");
@@ -181,7 +309,9 @@ std::optional<int> readFlags(int argc, char** argv, CommandLine& line) {
   if (const std::optional<int> code = parseCommandLine(app, argc, argv)) return code;
   flags.view.show_given = app.count("--show") > 0;
   flags.view.textures_given = app.count("--textures") > 0;
+  flags.view.up_given = app.count("--up") > 0;
   parseValues(flags);
+  refuseIdleFlags(app, flags);
   // A script's run must not depend on what someone did before.
   if (flags.view.session.empty() && flags.view.script.empty() && flags.benchmark.empty()) {
     flags.view.session = sessionFile();

@@ -240,7 +240,8 @@ FrameVariant GpuRenderer::variantOf(const RenderSettings& settings, FrameVariant
 GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
                                             const OutputRange& beside) {
   fitImage(camera);
-  const ViewUniforms view = viewOf(camera, settings, *model_, *image_, beside);
+  ViewUniforms view = viewOf(camera, settings, *model_, *image_, beside);
+  if (variant.shown == Output::texture) view.exposure = settings.gain;
   variant = variantOf(settings, variant);
   if (variant != variant_) program_.reset();
   variant_ = variant;

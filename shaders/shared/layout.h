@@ -25,7 +25,7 @@ struct ViewUniforms {
   float opacity_scale;
   float splat_scale;
   float near;            // [world units] camera z at and before which nothing is drawn
-  float exposure;        // factor on the pictures of final and base
+  float exposure;        // factor on the pictures of final, base and texture
   uint sh_used;          // highest SH degree that counts
   uint antialiasing;     // 1: screen
   uint range_least;      // Counters::output_range of what lies outside of this part of a picture

@@ -4,6 +4,7 @@
 #include <hwy/targets.h>
 
 #include <cmath>
+#include <map>
 
 #include "core/bundle/bundle.h"
 #include "core/system/parallel.h"
@@ -368,4 +369,52 @@ TEST_CASE("all settings on a trained model equal the reference's") {
   settings.order = SplatOrder::perPixel;
   CHECK(strays(renderCpu(bundle.model, camera, settings).picture, renderReference(exact, camera, settings).picture,
                2e-3) <= 0.01);
+}
+
+TEST_CASE("a setting changes the outputs that its row names, and no others") {
+  // Settings that one view of one model may not show: the union over several is what they change.
+  const std::map<std::string_view, std::string> values = {{"textures", "off"},
+                                                          {"intersection", "plane"},
+                                                          {"sort", "per-pixel"},
+                                                          {"texture-filter", "footprint"},
+                                                          {"antialiasing", "screen"},
+                                                          {"opacity-scale", "0.3"},
+                                                          {"splat-scale", "0.5"},
+                                                          {"sh-degree", "0"},
+                                                          {"near", "3.5"},
+                                                          {"crop", "-9,-9,-9,0.2,9,9"},
+                                                          {"exposure", "-1.5"},
+                                                          {"background", "0.25,0.5,1"},
+                                                          {"outside", "clip"},
+                                                          {"gain", "4"},
+                                                          {"colors", "turbo"},
+                                                          {"range", "10,90"}};
+  std::map<std::string_view, OutputSet> changed;
+  for (const SceneKind kind : {SceneKind::ordinary, SceneKind::mixed, SceneKind::stacked, SceneKind::oddTextures}) {
+    TestScene scene = makeScene(kind, 5, 300, 64, 48);
+    if (kind == SceneKind::oddTextures) scene.camera = resized(scene.camera, 24, 18);  // texels smaller than pixels
+    scene.model.intersection = IntersectionModel::maxResponse;
+    const auto renderer = makeCpuRenderer();
+    renderer->setModel(scene.model);
+    // As --render asks, one output at a time.
+    const auto drawn = [&](RenderSettings settings, Output output) {
+      settings.outputs = {output};
+      return visualize(renderer->render(scene.camera, settings), output, settings).data;
+    };
+    for (const Output output : valuesOf<Output>()) {
+      const std::vector<float> usual = drawn({}, output);
+      for (const RenderSetting& row : renderSettings()) {
+        REQUIRE(values.count(row.name) == 1);  // a new row: add a value above
+        RenderSettings settings;
+        row.set(settings, values.at(row.name), "");
+        if (drawn(settings, output) != usual) changed[row.name] = changed[row.name] | OutputSet{output};
+      }
+    }
+  }
+  for (const RenderSetting& row : renderSettings()) {
+    for (const Output output : valuesOf<Output>()) {
+      INFO(row.name << ", " << name(output));
+      CHECK(changed[row.name].has(output) == row.outputs.has(output));
+    }
+  }
 }

@@ -23,6 +23,14 @@ Frame twoPixels() {
   return frame;
 }
 
+// The defaults but for one member.
+template <typename T>
+RenderSettings with(T RenderSettings::* member, T value) {
+  RenderSettings settings;
+  settings.*member = value;
+  return settings;
+}
+
 std::vector<float> firstPixel(const Image& image) { return {image.data.begin(), image.data.begin() + image.channels}; }
 
 }  // namespace
@@ -68,9 +76,65 @@ TEST_CASE("visualize gives pictures between 0 and 1") {
 
 TEST_CASE("exposure brightens the colours before they are clamped, and nothing else") {
   const Frame frame = twoPixels();
-  CHECK(firstPixel(visualize(frame, Output::base, -1.0f)) == std::vector<float>{0.25f, 0.125f, 0.75f});
-  CHECK(firstPixel(visualize(frame, Output::final, 1.0f)) == std::vector<float>{1.0f, 0.0f, 1.0f});
-  CHECK(firstPixel(visualize(frame, Output::texture, 1.0f)) == firstPixel(visualize(frame, Output::texture)));
+  const RenderSettings darker = with(&RenderSettings::exposure, -1.0f);
+  const RenderSettings brighter = with(&RenderSettings::exposure, 1.0f);
+  CHECK(firstPixel(visualize(frame, Output::base, darker)) == std::vector<float>{0.25f, 0.125f, 0.75f});
+  CHECK(firstPixel(visualize(frame, Output::final, brighter)) == std::vector<float>{1.0f, 0.0f, 1.0f});
+  CHECK(firstPixel(visualize(frame, Output::texture, brighter)) == firstPixel(visualize(frame, Output::texture)));
+}
+
+TEST_CASE("gain is on the colour of textures, and on nothing else") {
+  const Frame frame = twoPixels();
+  const RenderSettings twice = with(&RenderSettings::gain, 2.0f);
+  CHECK(firstPixel(visualize(frame, Output::texture, twice)) == std::vector<float>{0.75f, 0.0f, 0.5f});
+  for (const Output output : kOutputs) {
+    if (output != Output::texture) CHECK(visualize(frame, output, twice).data == visualize(frame, output).data);
+  }
+}
+
+TEST_CASE("percentiles of what is there span the colours, and the scale says which numbers they are") {
+  Frame frame(101, 1, {Output::depth, Output::count});
+  for (int i = 1; i <= 100; ++i) frame.depth[i] = frame.count[i] = static_cast<float>(i == 100 ? 1000 : i);
+  const RenderSettings settings = with(&RenderSettings::range, PercentRange{10, 90});
+  ValueScale scale;
+  Image image = visualize(frame, Output::count, settings, &scale);
+  CHECK(scale == ValueScale{11, 90, false, false});  // of the 100 numbers, those at places 10 and 89
+  CHECK(image.at(90, 0, 2) == 1.0f);                 // white from the 90th on
+  CHECK(image.at(11, 0, 0) == 0.0f);
+  CHECK(image.at(50, 0, 0) > 0.0f);
+  image = visualize(frame, Output::depth, settings, &scale);
+  CHECK(scale == ValueScale{11, 90, false, true});
+  CHECK(image.at(5, 0, 0) == 1.0f);
+  CHECK(image.at(100, 0, 0) == Approx(0.15f));
+  CHECK(image.at(0, 0, 0) == 0.0f);  // nothing was hit
+  (void)visualize(frame, Output::count, {}, &scale);
+  CHECK(scale == ValueScale{0, 1000, false, false});
+}
+
+TEST_CASE("numbers have the colours of the map asked for, and are black where nothing is") {
+  Frame frame(3, 1, {Output::count, Output::depth, Output::texelDensity});
+  frame.count = {0, 1, 2};
+  frame.depth = {0, 3, 7};
+  frame.texel_density = {0, 1.0f / 64, 4};
+  const auto color = [](const Image& image, int x) {
+    return glm::ivec3(glm::round(255.0f * glm::vec3(image.at(x, 0, 0), image.at(x, 0, 1), image.at(x, 0, 2))));
+  };
+  const RenderSettings turbo = with(&RenderSettings::colors, Colors::turbo);
+  const RenderSettings viridis = with(&RenderSettings::colors, Colors::viridis);
+  const RenderSettings grey = with(&RenderSettings::colors, Colors::grey);
+  CHECK(color(visualize(frame, Output::count, turbo), 2) == glm::ivec3(122, 4, 3));
+  CHECK(color(visualize(frame, Output::count, turbo), 0) == glm::ivec3(0));
+  CHECK(color(visualize(frame, Output::count, viridis), 2) == glm::ivec3(253, 231, 37));
+  CHECK(color(visualize(frame, Output::count, grey), 1) == glm::ivec3(128));
+  CHECK(color(visualize(frame, Output::depth, viridis), 1) == glm::ivec3(253, 231, 37));  // near is bright
+  CHECK(color(visualize(frame, Output::depth, viridis), 2) == glm::ivec3(68, 1, 84));
+  CHECK(color(visualize(frame, Output::texelDensity, viridis), 1) == glm::ivec3(68, 1, 84));
+  CHECK(color(visualize(frame, Output::texelDensity, viridis), 2) == glm::ivec3(253, 231, 37));
+  for (const RenderSettings& settings : {turbo, viridis, grey, with(&RenderSettings::range, PercentRange{2, 98})}) {
+    CHECK(mapsOnHost(Output::depth, settings));
+    CHECK_FALSE(mapsOnHost(Output::final, settings));
+  }
+  CHECK_FALSE(mapsOnHost(Output::count, {}));
 }
 
 TEST_CASE("a frame gives no output that it does not hold") {

@@ -407,8 +407,12 @@ TEST_CASE("the recorded picture of every output is that of visualize()") {
   }
   settings.exposure = 1.5f;
   const Image brighter = recordPicture(gpuRenderer(), scene, settings, Output::final, &exposed);
-  settings.exposure = 0.0f;
-  CHECK(largestDifference(brighter, visualize(frame, Output::final, 1.5f)) <= 0.5f / 255 + 1e-4f);
+  CHECK(largestDifference(brighter, visualize(frame, Output::final, settings)) <= 0.5f / 255 + 1e-4f);
+  settings.gain = 3;
+  const Image stronger = recordPicture(gpuRenderer(), scene, settings, Output::texture, &exposed);
+  CHECK(largestDifference(stronger, visualize(frame, Output::texture, settings)) <= 0.5f / 255 + 1e-4f);
+  settings.exposure = 0;
+  settings.gain = 1;
   TestScene other = scene;
   other.camera = resized(scene.camera, 33, 17);
   bool complete = false;

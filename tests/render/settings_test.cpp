@@ -19,10 +19,14 @@ RenderSettings with(std::string_view name, const std::string& text) {
 
 // A value of each setting that is not its default.
 const std::map<std::string_view, std::string> kOthers = {
-    {"textures", "rgb"},        {"intersection", "plane"}, {"sort", "per-pixel"}, {"texture-filter", "footprint"},
-    {"antialiasing", "screen"}, {"opacity-scale", "0.5"},  {"splat-scale", "2"},  {"sh-degree", "1"},
-    {"near", "0.125"},          {"crop", "0,0,0,1,2,3"},   {"exposure", "-1.5"},  {"background", "0.25,0.5,1"},
-    {"outside", "clip"},
+    {"textures", "rgb"},        {"intersection", "plane"},
+    {"sort", "per-pixel"},      {"texture-filter", "footprint"},
+    {"antialiasing", "screen"}, {"opacity-scale", "0.5"},
+    {"splat-scale", "2"},       {"sh-degree", "1"},
+    {"near", "0.125"},          {"crop", "0,0,0,1,2,3"},
+    {"exposure", "-1.5"},       {"background", "0.25,0.5,1"},
+    {"outside", "clip"},        {"gain", "4"},
+    {"colors", "turbo"},        {"range", "2,98.5"},
 };
 
 }  // namespace
@@ -38,7 +42,7 @@ TEST_CASE("every member of the render settings has a row in the table") {
   }
   const RenderSettings usual;
   const auto& [textures, intersection, outside, background, outputs, order, texture_filter, antialiasing, opacity_scale,
-               splat_scale, max_sh_degree, near, crop, exposure] = settings;
+               splat_scale, max_sh_degree, near, crop, exposure, gain, colors, range] = settings;
   CHECK(textures != usual.textures);
   CHECK(intersection != usual.intersection);
   CHECK(outside != usual.outside);
@@ -53,6 +57,9 @@ TEST_CASE("every member of the render settings has a row in the table") {
   CHECK(near != usual.near);
   CHECK(crop != usual.crop);
   CHECK(exposure != usual.exposure);
+  CHECK(gain != usual.gain);
+  CHECK(colors != usual.colors);
+  CHECK(range != usual.range);
 }
 
 TEST_CASE("what a panel shows of a setting is a value of it") {
@@ -103,6 +110,11 @@ TEST_CASE("settings: a wrong name, number or box says what was expected") {
   refuses("opacity-scale", "-1", "a number from 0 to 10");
   refuses("near", "0", "a number from 1e-06 to 1e+06");
   refuses("exposure", "11", "a number from -10 to 10");
+  refuses("gain", "0", "a number from 0.1 to 64");
+  refuses("colors", "jet", "auto, turbo, viridis or grey");
+  for (const char* bad : {"", "2", "98,2", "5,5", "-1,50", "0,101", "nan,50", "1,2,3"}) {
+    refuses("range", bad, "two percentiles low,high from 0 to 100");
+  }
   CHECK_THROWS_AS(renderSetting("colour"), Error);
 }
 

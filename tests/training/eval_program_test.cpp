@@ -51,6 +51,8 @@ TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
   REQUIRE(outcome.code == 0);
   CHECK_THAT(outcome.output, Contains("PSNR [dB]") && Contains("FLIP") && Contains("effective rank"));
   const nlohmann::json json = readJson(folder / "s.json");
+  CHECK(json["format"] == "tgeval");
+  CHECK(json["version"] == 1);
   CHECK(json["interrupted"] == false);
   CHECK(json["views"].size() == 2);
   CHECK_THAT(json["device"].get<std::string>(), Contains("CPU, "));
@@ -140,4 +142,100 @@ TEST_CASE("an interrupt ends tgeval after the current view, with what was scored
   CHECK(json["views"].size() >= 1);
   CHECK(json["views"].size() < 400);
   CHECK(json["psnr"].get<double>() > 0);
+}
+
+TEST_CASE("tgeval compares several models on several data sets in a report, the same bytes for any number of threads",
+          "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 2);
+  tg::Bundle bundle;
+  bundle.model = tg::readSplatPly(folder / "model.ply");
+  bundle.model.texture_mode = tg::TextureMode::rgba;
+  for (std::uint32_t i = 0; i < bundle.model.size(); ++i) {
+    bundle.model.atlas.rects.push_back({i, 1, 1});
+    bundle.model.atlas.texels.emplace_back(0.1f, 0.0f, -0.1f, 0.9f);
+  }
+  bundle.background = glm::vec3(1);
+  tg::writeBundle(folder / "textured.tgz", bundle);
+  fs::create_directory(folder / "other");
+  fs::copy(folder / "model.ply", folder / "other/model.ply");
+  fs::copy(folder / "scene", folder / "second", fs::copy_options::recursive);
+  const std::string command =
+      "model.ply textured.tgz scene model.ply other/model.ply second --crop 4,4,8,8@r_1 --crops 1";
+  const Outcome outcome = tgeval(folder, command + " --report a --threads 1");
+  INFO(outcome.output);
+  REQUIRE(outcome.code == 0);
+  CHECK_THAT(outcome.output, Contains("scene, test split, 2 views") && Contains("base only"));
+  const auto bytes = [&](const std::string& name) {
+    const std::vector<std::uint8_t> data = tg::readFile(folder / name, 1 << 24);
+    return std::string(data.begin(), data.end());
+  };
+  const std::string csv = bytes("a/results.csv");
+  CHECK_THAT(csv, Contains("scene,test,textured,texture only,2,") && Contains("second,test,model,full,2,") &&
+                      Contains("second,test,other/model,full,2,"));
+  REQUIRE(tgeval(folder, "model.ply scene --json s.json").code == 0);
+  CHECK_THAT(csv, Contains("scene,test,model,full,2," + readJson(folder / "s.json")["psnr"].dump().substr(0, 12)));
+  CHECK(tg::readImage(folder / "a/crops/1-1-model-2.png").width == 8);
+  CHECK(tg::readImage(folder / "a/crops/2-2-flip-2.png").width == 16);
+
+  REQUIRE(tgeval(folder, command + " --report b --threads 2").code == 0);
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder / "a")) {
+    if (!entry.is_regular_file()) continue;
+    const std::string name = entry.path().lexically_relative(folder / "a").string();
+    INFO(name);
+    CHECK(bytes("a/" + name) == bytes("b/" + name));
+    CHECK(bytes("a/" + name).find(folder.path.string()) == std::string::npos);
+  }
+
+  const auto refuses = [&](const std::string& arguments, int code, const std::string& words) {
+    const Outcome refused = tgeval(folder, arguments);
+    INFO(arguments << ": " << refused.output);
+    CHECK(refused.code == code);
+    CHECK_THAT(refused.output, Contains(words));
+    CHECK(std::count(refused.output.begin(), refused.output.end(), '\n') == 1);
+  };
+  refuses("model.ply scene --report a", 4, "a: exists already (--overwrite replaces it)");
+  refuses("model.ply textured.tgz scene", 1, "textured.tgz: is a second model (expected --report with several)");
+  refuses("model.ply scene second --report c", 1, "second: is a data set without a model");
+  refuses("scene model.ply --report c", 1, "scene: is a data set without a model");
+  refuses("model.ply --report c", 1, "model.ply: has no data set after it");
+  refuses("model.ply scene --report c --label a --label b", 1,
+          "--label: expected one for each model (expected 1, found 2)");
+  refuses("model.ply scene --report c --crop 0,0,99,99", 1, "--crop 0,0,99,99: no view holds it");
+  refuses("model.ply scene --report c --crop 1,2", 1, "--crop: expected x,y,w,h");
+  CHECK_FALSE(fs::exists(folder / "c"));
+}
+
+TEST_CASE("an interrupted report is of what was scored, and says so", "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 400);
+  const Outcome outcome = run(folder, "'" TG_TGEVAL
+                                      "' model.ply scene --report r --crop 0,0,4,4@r_399 --threads 1 & "
+                                      "for i in $(seq 1000); do grep -Eq '^SigCgt:.[0-9a-f]{12}[4-7c-f]' "
+                                      "/proc/$!/status && break; sleep 0.01; done; kill -TERM $!; wait $!");
+  INFO(outcome.output);
+  CHECK(outcome.code == 0);
+  CHECK_THAT(outcome.output, Contains("interrupted: "));
+  const std::vector<std::uint8_t> page = tg::readFile(folder / "r/index.html", 1 << 24);
+  CHECK_THAT(std::string(page.begin(), page.end()), Contains("views of 400: interrupted"));
+}
+
+TEST_CASE("tgeval refuses flags that would do nothing", "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 1);
+  const auto refuses = [&](const std::string& arguments, const std::string& words) {
+    const Outcome refused = tgeval(folder, arguments);
+    INFO(arguments << ": " << refused.output);
+    CHECK(refused.code == 1);
+    CHECK_THAT(refused.output, Contains(words));
+  };
+  refuses("model.ply scene --label x", "--label: is of a report (expected --report with it)");
+  refuses("model.ply scene --crop 0,0,4,4", "--crop: is of a report");
+  refuses("model.ply scene --crops 2", "--crops: is of a report");
+  refuses("model.ply scene --lpips-range unit", "--lpips-range: says how (expected --lpips with it)");
+  refuses("model.ply scene --overwrite", "--overwrite: replaces files (expected an output with it)");
+  refuses("model.ply scene --report r --images i", "--images: is not of a report");
+  refuses("model.ply --effective-rank --split train", "--split: is about photographs");
+  refuses("model.ply --effective-rank --images i", "--images: is about photographs");
+  refuses("model.ply --effective-rank --device cpu", "--device: is about photographs");
 }

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "core/image/color_map.h"
 #include "core/system/assert.h"
 #include "core/system/numbers.h"
 
@@ -39,15 +40,6 @@ Json ranksJson(const EffectiveRanks& ranks) {
   return {{"mean", ranks.mean},   {"needle", ranks.needle}, {"flat", ranks.flat},
           {"round", ranks.round}, {"first", 1.0},           {"bin_width", 2.0 / EffectiveRanks::kBins},
           {"bins", ranks.bins}};
-}
-
-// x in [0, 1] to a colour whose brightness rises all the way.
-glm::vec3 heat(float x) {
-  static const glm::vec3 kStops[] = {
-      {0, 0, 0}, {0.35f, 0.05f, 0.5f}, {0.85f, 0.2f, 0.25f}, {1, 0.75f, 0.2f}, {1, 1, 1}};
-  const float position = std::clamp(x, 0.0f, 1.0f) * (std::size(kStops) - 1);
-  const auto stop = std::min(static_cast<std::size_t>(position), std::size(kStops) - 2);
-  return glm::mix(kStops[stop], kStops[stop + 1], position - static_cast<float>(stop));
 }
 
 }  // namespace
@@ -104,7 +96,7 @@ std::string formatRanks(const EffectiveRanks& ranks) {
 }
 
 std::string formatEvalJson(const EvalReport& report) {
-  Json json = Json::object();
+  Json json = {{"format", "tgeval"}, {"version", 1}};
   if (report.views) {
     json["dataset"] = report.views->dataset;
     json["split"] = report.views->split;
@@ -137,6 +129,16 @@ std::string formatEvalJson(const EvalReport& report) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
+Image flipPicture(const Image& flip_map) {
+  TG_ASSERT(flip_map.channels == 1, "a map has one number a pixel");
+  Image picture(flip_map.width, flip_map.height, 3);
+  for (std::size_t i = 0; i < flip_map.data.size(); ++i) {
+    const glm::vec3 color = colorOf(ColorMap::magma, flip_map.data[i]);
+    for (std::size_t c = 0; c < 3; ++c) picture.data[3 * i + c] = color[static_cast<glm::length_t>(c)];
+  }
+  return picture;
+}
+
 Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image& flip_map) {
   TG_ASSERT(picture.width == photograph.width && picture.height == photograph.height && picture.channels == 3,
             "the picture is the photograph's view");
@@ -149,7 +151,7 @@ Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image
       const bool counts =
           photograph.mask.empty() ||
           photograph.mask[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) + x] != 0;
-      const glm::vec3 error = counts ? heat(flip_map.at(x, y, 0)) : glm::vec3(kGapGrey);
+      const glm::vec3 error = counts ? colorOf(ColorMap::magma, flip_map.at(x, y, 0)) : glm::vec3(kGapGrey);
       for (int c = 0; c < 3; ++c) {
         result.at(x, y, c) = truth.at(x, y, c);
         result.at(x + picture.width + kGap, y, c) = picture.at(x, y, c);

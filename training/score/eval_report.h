@@ -33,8 +33,9 @@ std::string formatScores(const EvalReport& report);
 std::string formatRanks(const EffectiveRanks& ranks);
 std::string formatEvalJson(const EvalReport& report);
 
-// Photograph | rendering | error: the FLIP map from black (0) over violet, red and yellow to white (1); masked pixels
-// are grey there.
+// A FLIP map in its authors' colours, magma: from black (0) over violet and orange to light yellow (1).
+Image flipPicture(const Image& flip_map);
+// Photograph | rendering | error: flipPicture(), masked pixels grey.
 Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image& flip_map);
 
 }  // namespace tg

@@ -31,7 +31,7 @@ class FrameRunner {
 
   void draw(const Camera& camera) {
     if (!gpu_) {
-      (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.settings.exposure);
+      (void)visualize(renderer_.render(camera, request_.settings), request_.output, request_.settings);
       return;
     }
     request_.camera = camera;

@@ -9,6 +9,7 @@
 #include "viewer/headless/renderer.h"
 #include "viewer/picture/photographs.h"
 #include "viewer/view/compare.h"
+#include "viewer/view/legend.h"
 #include "viewer/view/shot.h"
 
 namespace tg {
@@ -18,7 +19,7 @@ Image pictureOf(Renderer& renderer, const Scene& scene, const Camera& camera, co
                 glm::vec3 background) {
   const RenderSettings settings = settingsFor(options, background);
   renderer.setModel(scene.model);
-  return visualize(renderer.render(camera, settings), options.show, settings.exposure);
+  return visualize(renderer.render(camera, settings), options.show, settings);
 }
 
 // The view's photograph, and what it is called.
@@ -48,9 +49,10 @@ void compareToFile(const ViewOptions& options) {
   }
   Comparison how;
   how.mode = options.compare_mode;
+  how.gain = options.difference_gain;
   if (how.mode == CompareMode::off || how.mode == CompareMode::flicker) {
     throw Error(ErrorKind::usage, "--compare-mode",
-                "expected side, wipe or difference with --render, found \"" + std::string(name(how.mode)) + "\"");
+                "expected side, wipe, difference or flip with --render, found \"" + std::string(name(how.mode)) + "\"");
   }
 
   const Scene scene = readScene(options);
@@ -73,7 +75,8 @@ void compareToFile(const ViewOptions& options) {
     against = file;
   }
   requireNoValidationMessages(backend);
-  const Image picture = composed(first, other, mask, how);
+  Image picture = composed(first, other, mask, how);
+  if (options.legend) picture = withLegend(std::move(picture), *legendOf(how));
   writeImage(options.out, picture);
   const std::optional<PictureMetrics> metrics = metricsOf(first, other, mask);
   std::printf("%s: %dx%d, %s of %s, %s and %s: %s\n", options.out.c_str(), picture.width, picture.height,

@@ -59,7 +59,7 @@ void recordToFile(const ViewOptions& options) {
     Progress progress(cameras.size());
     for (const Camera& camera : cameras) {
       const Frame frame = backend.renderer->render(camera, settings);
-      writer.add(numbers ? extract(frame, options.show) : visualize(frame, options.show, settings.exposure));
+      writer.add(numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
       progress.step();
     }
     requireNoValidationMessages(backend);

@@ -28,7 +28,7 @@ void render(const Scene& scene, const ViewOptions& options, bool numbers, const 
   backend.renderer->setModel(scene.model);
   const Frame frame = backend.renderer->render(camera, settings);
   requireNoValidationMessages(backend);
-  writeImage(options.out, numbers ? extract(frame, options.show) : visualize(frame, options.show, settings.exposure));
+  writeImage(options.out, numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
 
   double milliseconds = 0;
   for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;

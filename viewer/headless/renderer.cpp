@@ -8,6 +8,7 @@
 
 #include "core/system/error.h"
 #include "viewer/picture/device.h"
+#include "viewer/view/legend.h"
 
 namespace tg {
 namespace {
@@ -66,6 +67,13 @@ void printDevices() {
     std::printf("%zu  %s\n", i, line.c_str());
   }
   std::printf("-  %s: always there, --backend cpu\n", makeCpuRenderer()->deviceName().c_str());
+}
+
+Image shownPicture(const Frame& frame, const ViewOptions& options, const RenderSettings& settings) {
+  ValueScale scale;
+  Image picture = visualize(frame, options.show, settings, &scale);
+  const std::optional<Legend> legend = options.legend ? legendOf(options.show, settings, scale) : std::nullopt;
+  return legend ? withLegend(std::move(picture), *legend) : picture;
 }
 
 Scene readScene(const ViewOptions& options) { return sceneFor(options, readModel(options.model)); }

@@ -23,6 +23,8 @@ HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options);
 // options.model; its warnings go to stderr, a line each.
 Scene readScene(const ViewOptions& options);
 Scene sceneFor(const ViewOptions& options, Bundle loaded);  // the same of a model that has been read
+// The picture of --show, with its legend where --legend asks for it.
+Image shownPicture(const Frame& frame, const ViewOptions& options, const RenderSettings& settings);
 // Writes the devices of every API with their limits to stdout.
 void printDevices();
 // Throws Error(device) when validation has said anything.

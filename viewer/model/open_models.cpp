@@ -19,7 +19,7 @@ OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
     follower_ = std::make_unique<ModelFollower>(options.model, std::move(wake));
     return;
   }
-  loader_.open(options.model);
+  if (!options.model.empty()) loader_.open(options.model);
   for (const std::filesystem::path& path : options.more_models) loader_.open(path);
   if (!options.compare.empty()) loader_.open(options.compare);
 }
@@ -33,7 +33,7 @@ bool OpenModels::update(ViewerState& state) {
   DocumentState& documents = state.documents;
   for (const std::filesystem::path& path : std::exchange(documents.open_requests, {})) {
     loader_.open(path);
-    say(state, "Opening " + path.filename().string());
+    say(state, "Opening " + path.string());
   }
   if (std::exchange(state.loading.cancel, false)) {
     loader_.cancel();
@@ -98,7 +98,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       if (news->path == options_.compare && !std::exchange(compare_opened_, true)) {
         state.documents.show_request = documentOf(state, options_.model);
       }
-      if (opened_any_ || loader_.status().waiting > 0) say(state, "Opened " + news->path.filename().string());
+      if (opened_any_ || loader_.status().waiting > 0) say(state, "Opened " + news->path.string());
       opened_any_ = true;
       if (follower_ && news->path != follower_->file()) {
         follower_.reset();
@@ -108,7 +108,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       if (partial) close(state, document);
       if (!news->problem.empty()) {
         const bool last = loader_.status().path.empty();
-        if (last && !opened_any_ && state.documents.open.empty()) {
+        if (last && !opened_any_ && !options_.model.empty() && state.documents.open.empty()) {
           throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
         }
         state.messages.error = news->problem;
@@ -218,8 +218,7 @@ void OpenModels::close(ViewerState& state, int document) {
       show(state, document + 1 < static_cast<int>(open.size()) ? document + 1 : document - 1);
     } else {
       state.documents.shown = -1;
-      replaceScene(state, {});
-      state.history = {};
+      adopt_(state, {});
     }
   }
   open.erase(open.begin() + document);

@@ -14,8 +14,8 @@ namespace tg {
 class OpenModels {
  public:
   // Begins to read the models of `options` (with --follow, to watch the first). `wake` is called in other threads when
-  // update() has something to do; `adopt` makes a scene the one shown, with its own view and background; `read` is the
-  // loader's.
+  // update() has something to do; `adopt` makes a scene (an empty one: none) the one shown, with its own view and
+  // background; `read` is the loader's.
   OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt,
              ModelReader read = {});
 

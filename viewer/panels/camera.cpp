@@ -26,7 +26,6 @@ void cameraList(ViewerState& state) {
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - 2 * (button + spacing));
   if (ImGui::BeginCombo("##camera", preview.c_str(), ImGuiComboFlags_HeightLarge)) {
-    if (escapePressed()) ImGui::CloseCurrentPopup();
     ImGuiListClipper clipper;
     clipper.Begin(static_cast<int>(cameras.size()));
     while (clipper.Step()) {
@@ -117,7 +116,8 @@ void bookmarkSection(ViewerState& state) {
   if (segment("Save##bookmarks", false, 1, 3)) {
     attempt(state, [&] {
       saveBookmarks(state, file);
-      notify(state, "Saved " + file);
+      noteBookmarksKept(state);
+      notify(state, "Saved " + std::filesystem::absolute(file).string());
     });
   }
   hint("As a cameras.json of this name");

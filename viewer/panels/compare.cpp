@@ -72,19 +72,19 @@ void modeControls(CompareState& compare) {
 void compareSection(ViewerState& state) {
   CompareState& compare = state.compare;
   if (state.documents.open.size() < 2 && compare.photographs.empty()) return;
-  constexpr std::array<std::pair<const char*, const char*>, 5> labels = {{
+  constexpr std::array<std::pair<const char*, const char*>, kCount<CompareMode>> labels = {{
       {"Off", "V steps through these"},
       {"Side", "Beside each other"},
       {"Wipe", "Left and right of a line"},
       {"Flicker", "One after the other"},
       {"Difference", "How far they are apart"},
+      {"FLIP", "How far they are apart for the eye, when one flips between them"},
   }};
   heading("COMPARE");
   chooseOther(state);
   for (int i = 0; i < static_cast<int>(labels.size()); ++i) {
     const auto mode = static_cast<CompareMode>(i);
-    const int row_start = i < 3 ? 0 : 3, row_count = i < 3 ? 3 : 2;
-    if (segment(labels[static_cast<std::size_t>(i)].first, compare.how.mode == mode, i - row_start, row_count)) {
+    if (segment(labels[static_cast<std::size_t>(i)].first, compare.how.mode == mode, i % 3, 3)) {
       compare.how.mode = mode;
     }
     hint(labels[static_cast<std::size_t>(i)].second);

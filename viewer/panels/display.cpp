@@ -10,10 +10,12 @@
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/actions.h"
+#include "viewer/view/legend.h"
 
 namespace tg {
 
-constexpr std::size_t kMostButtons = 4;  // in a line
+constexpr std::size_t kMostButtons = 4;           // in a line
+constexpr const char* kColoursTitle = "COLOURS";  // holds what the output at hand has
 
 void outputSection(ViewerState& state) {
   struct Choice {
@@ -44,6 +46,7 @@ void outputSection(ViewerState& state) {
     }
     hint(choice.hint);
   }
+  if (hasLegend(state.display.output)) settingSection(state, kColoursTitle);
 }
 
 std::size_t settingWidgets(ViewerState& state, std::string_view heading) {
@@ -52,6 +55,7 @@ std::size_t settingWidgets(ViewerState& state, std::string_view heading) {
   std::vector<const RenderSetting*> sliders;
   for (const RenderSetting& setting : renderSettings()) {
     if (setting.section != heading) continue;
+    if (heading == kColoursTitle && !setting.outputs.has(state.display.output)) continue;
     if (setting.number || setting.whole) sliders.push_back(&setting);
     if (setting.choices.empty()) continue;
     if (lines.empty() || lines.back().size() + setting.choices.size() > kMostButtons) lines.emplace_back();

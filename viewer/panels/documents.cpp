@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 
+#include "core/system/error.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 
@@ -18,9 +19,9 @@ void recentList(ViewerState& state) {
   if (!ImGui::BeginCombo("##recent", "Recent models")) return;
   for (const std::string& path : state.recent) {
     ImGui::PushID(path.c_str());
-    const std::string label = std::filesystem::path(path).filename().string();
+    const std::string label = printable(std::filesystem::path(path).filename().string());
     if (ImGui::Selectable(label.c_str())) state.documents.open_requests.emplace_back(path);
-    hint(path.c_str());
+    hint(printable(path).c_str());
     ImGui::PopID();
   }
   ImGui::EndCombo();
@@ -43,8 +44,8 @@ void documentsSection(ViewerState& state) {
     }
     hint((open[i].path.string() + "\nPage Up / Page Down step through the open models").c_str());
     ImGui::SameLine(0, spacing);
-    if (ImGui::Button("x", {button, 0})) state.documents.close_request = i;
-    hint("Close (Delete closes the one shown)");
+    if (ImGui::Button("x", {button, 0})) askToClose(state, i);
+    hint("Close (Ctrl+W closes the one shown)");
     ImGui::PopID();
   }
   ImGui::Separator();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Choosing and changing Gaussians, undo and redo, saving, and the question before something is lost.
+// Choosing and changing Gaussians, undo and redo, saving.
 #include <imgui.h>
 
 #include <algorithm>
@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <string>
 
-#include "converter/registry/file_format.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/edits.h"
@@ -177,44 +176,15 @@ void changeSection(ViewerState& state) {
 }
 
 void saveSection(ViewerState& state) {
-  EditState& edit = state.edit;
   heading("SAVE");
-  const std::string target = saveTarget(state).string();
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  textField("##save", edit.file, target.c_str());
-  static const std::string names = listed(outputNames(true));
-  hint(("A file of any of these: " + names + "\n" + target).c_str());
-  ImGui::BeginDisabled(edit.saving || !state.scene.model);
-  if (segment(edit.saving ? "Saving ..." : "Save##model", false, 0, 1)) {
-    attempt(state, [&] { save(state, edit.file.empty() ? target : edit.file); });
-  }
+  ImGui::BeginDisabled(!state.scene.model);
+  if (segment("Save the model as", false, 0, 1)) state.desktop.wanted = FileUse::saveModel;
   ImGui::EndDisabled();
-  if (edit.revision != edit.saved) ImGui::TextColored(kWarningText, "edited, not saved");
-}
-
-void questionPanel(ViewerState& state) {
-  const Question& question = *state.question;
-  const char* text = "";
-  switch (question.kind) {
-    case Question::Kind::quit:
-    case Question::Kind::close:
-      text = "has edits that no file holds";
-      break;
-    case Question::Kind::readAgain:
-      text = "has edits that no file holds: reading it again loses them";
-      break;
-    case Question::Kind::replaceFile:
-      text = "is there already";
-      break;
-  }
-  ImGui::PushTextWrapPos(ImGui::GetFontSize() * 32);
-  ImGui::TextUnformatted(question.path.string().c_str());
-  ImGui::TextUnformatted(text);
-  ImGui::PopTextWrapPos();
-  const std::vector<std::string> choices = questionChoices(question);
-  for (std::size_t i = 0; i < choices.size(); ++i) {
-    if (i > 0) ImGui::SameLine();
-    if (ImGui::Button(choices[i].c_str())) return answer(state, i);
+  hint("Ctrl+S");
+  if (state.desktop.saving) {
+    ImGui::TextDisabled("saving ...");
+  } else if (state.edit.revision != state.edit.saved) {
+    ImGui::TextColored(kWarningText, "edited, not saved");
   }
 }
 

@@ -161,7 +161,7 @@ PointerTaken editInput(ViewerState& state) {
   pointer.at = {static_cast<double>(io.MousePos.x - picture.corner.x),
                 static_cast<double>(io.MousePos.y - picture.corner.y)};
   const glm::dvec2 size(picture.camera.size);
-  pointer.over = !state.question && !io.WantCaptureMouse && !io.KeyAlt && pointer.at.x >= 0 && pointer.at.y >= 0 &&
+  pointer.over = !io.WantCaptureMouse && !io.KeyAlt && pointer.at.x >= 0 && pointer.at.y >= 0 &&
                  pointer.at.x < size.x && pointer.at.y < size.y;
   pointer.pressed = ImGui::IsMouseClicked(0);
   pointer.down = io.MouseDown[0];

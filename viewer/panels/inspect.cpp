@@ -105,6 +105,7 @@ void list(ViewerState& state) {
   const GaussianModel& model = *state.scene.model;
   const std::vector<int> order = sortedHits(model, hits, state.inspect.sorted_by, state.inspect.descending);
   ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {1, 1});  // large models have long numbers
+  ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {ImGui::GetStyle().ItemSpacing.x, 2});  // no row reaches into the next
   const float row = ImGui::GetTextLineHeight() + 2;
   const float rows = std::min(static_cast<float>(hits.size()), kListRows);
   if (ImGui::BeginTable("hits", static_cast<int>(kColumns.size()),
@@ -147,7 +148,7 @@ void list(ViewerState& state) {
     }
     ImGui::EndTable();
   }
-  ImGui::PopStyleVar();
+  ImGui::PopStyleVar(2);
 }
 
 // Both halves of a texture side by side, with a ring where the hit fell.

@@ -2,6 +2,7 @@
 // Which model is shown, and what is in it.
 #include <imgui.h>
 
+#include "core/system/error.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 
@@ -15,12 +16,13 @@ void modelSection(ViewerState& state) {
   const ImVec2 clip = ImGui::GetCursorScreenPos();
   ImGui::PushClipRect(clip, {clip.x + right - ImGui::GetFontSize(), clip.y + ImGui::GetFrameHeight()}, true);
   ImGui::AlignTextToFramePadding();
-  ImGui::TextUnformatted(scene.path.filename().string().c_str());
+  ImGui::TextUnformatted(scene.path.empty() ? "No model" : printable(scene.path.filename().string()).c_str());
   ImGui::PopClipRect();
-  hint(scene.path.string().c_str());
+  if (!scene.path.empty()) hint(printable(std::filesystem::absolute(scene.path).string()).c_str());
   ImGui::SameLine(right);
   if (ImGui::Button(keys)) state.ui.help = !state.ui.help;
   hint("Keys and mouse; H hides this panel");
+  if (!scene.model && !state.follow.active) return;
   ImGui::TextDisabled("%s%s Gaussian%s, SH degree %d", scene.partial ? "a part: " : "",
                       grouped(scene.gaussians).c_str(), scene.gaussians == 1 ? "" : "s", scene.sh_degree);
   if (scene.textured > 0) {

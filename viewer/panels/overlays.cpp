@@ -7,9 +7,11 @@
 #include <cstdio>
 #include <vector>
 
+#include "core/system/error.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/actions.h"
+#include "viewer/view/legend.h"
 
 namespace tg {
 namespace {
@@ -34,7 +36,7 @@ void helpRow(const char* keys, const char* text) {
 
 const ImVec2 kHelpPadding(6, 1);  // [ImGui units] beside and above a cell
 
-// Two columns of lines of that size, in letters of full size, with the window around them.
+// Columns of `rows` lines, in letters of full size, with the window around them.
 ImVec2 helpSize(const std::vector<HelpLine>& lines, std::size_t rows) {
   float width = 0;
   for (std::size_t begin = 0; begin < lines.size(); begin += rows) {
@@ -56,12 +58,24 @@ void help(ViewerState& state) {
     if (*binding.keys) lines.push_back({binding.keys, binding.text});
   }
   lines.push_back({"Drop a file", "Open a model, cameras or a path"});
-  const std::size_t rows = (lines.size() + 1) / 2;
-  // Beside the panel where there is room, else over it; in smaller letters where even the window is too small.
-  const ImVec2 window = ImGui::GetIO().DisplaySize, size = helpSize(lines, rows);
+  // As many columns as leave the letters largest. Beside the panel where there is room, else over it; in smaller
+  // letters where even the window is too small.
+  const ImVec2 window = ImGui::GetIO().DisplaySize;
+  std::size_t columns = 0, rows = 0;
+  ImVec2 size;
+  float scale = 0;
+  for (std::size_t i = 2; i <= 4; ++i) {
+    const std::size_t of_each = (lines.size() + i - 1) / i;
+    const ImVec2 needed = helpSize(lines, of_each);
+    const float fits = std::min({1.0f, window.x / needed.x, window.y / needed.y});
+    if (fits <= scale) continue;
+    columns = i;
+    rows = of_each;
+    size = needed;
+    scale = fits;
+  }
   const bool beside = panelWidth(state, window.x) + size.x <= window.x;
   const ImVec2 center = beside ? pictureCenter(state) : ImVec2(window.x / 2, window.y / 2);
-  const float scale = std::min({1.0f, window.x / size.x, window.y / size.y});
   ImGui::SetNextWindowPos(center, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowBgAlpha(0.94f);
   ImGui::Begin("help", nullptr, kOverlay);
@@ -69,11 +83,10 @@ void help(ViewerState& state) {
   ImGui::TextDisabled("KEYS AND MOUSE");
   // Each column is read downwards.
   ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {kHelpPadding.x * scale, kHelpPadding.y * scale});
-  if (ImGui::BeginTable("keys", 4, ImGuiTableFlags_SizingFixedFit)) {
+  if (ImGui::BeginTable("keys", static_cast<int>(2 * columns), ImGuiTableFlags_SizingFixedFit)) {
     for (std::size_t row = 0; row < rows; ++row) {
       ImGui::TableNextRow();
-      helpRow(lines[row].keys, lines[row].text);
-      if (row + rows < lines.size()) helpRow(lines[row + rows].keys, lines[row + rows].text);
+      for (std::size_t i = row; i < lines.size(); i += rows) helpRow(lines[i].keys, lines[i].text);
     }
     ImGui::EndTable();
   }
@@ -89,13 +102,6 @@ void errorPanel(ViewerState& state) {
   ImGui::TextUnformatted(state.messages.error.c_str());
   ImGui::PopTextWrapPos();
   if (ImGui::Button("Close")) state.messages.error.clear();
-  ImGui::End();
-}
-
-void question(ViewerState& state) {
-  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
-  ImGui::Begin("question", nullptr, kOverlay);
-  questionPanel(state);
   ImGui::End();
 }
 
@@ -133,12 +139,39 @@ void progress(const ViewerState& state) {
   ImGui::End();
 }
 
-// Where a model would be.
-void empty(const ViewerState& state) {
+// Where a model would be: the ways to open one.
+void welcome(ViewerState& state) {
+  const float font = ImGui::GetFontSize(),
+              room = ImGui::GetIO().DisplaySize.x - panelWidth(state, ImGui::GetIO().DisplaySize.x);
+  const float width = std::min(30 * font, room - 2 * font);
+  constexpr std::size_t kMostRecent = 10;
   ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowBgAlpha(0.0f);
-  ImGui::Begin("empty", nullptr, kOverlay | ImGuiWindowFlags_NoInputs);
-  ImGui::TextDisabled("Drop a model here");
+  ImGui::Begin("welcome", nullptr, kOverlay | ImGuiWindowFlags_NoBringToFrontOnFocus);
+  const char* words = "Drop a model here";
+  ImGui::SetCursorPosX(ImGui::GetCursorPosX() + std::max((width - ImGui::CalcTextSize(words).x) / 2, 0.0f));
+  ImGui::TextDisabled("%s", words);
+  ImGui::Dummy({0, font * 0.3f});
+  ImGui::SetCursorPosX(ImGui::GetCursorPosX() + std::max((width - 10 * font) / 2, 0.0f));
+  if (ImGui::Button("Open", {10 * font, 0})) state.desktop.wanted = FileUse::open;
+  hint("Ctrl+O");
+  if (!state.recent.empty()) heading("RECENT");
+  for (std::size_t i = 0; i < std::min(state.recent.size(), kMostRecent); ++i) {
+    const std::filesystem::path path = state.recent[i];
+    ImGui::PushID(static_cast<int>(i));
+    const ImVec2 corner = ImGui::GetCursorScreenPos();
+    if (ImGui::Selectable("##recent", false, 0, {width, 0})) state.documents.open_requests.push_back(path);
+    hint(printable(path.string()).c_str());
+    // The name, and as much of its folder as there is room for.
+    ImGui::PopID();
+    const std::string name = printable(path.filename().string()), folder = printable(path.parent_path().string());
+    ImDrawList* draw = ImGui::GetWindowDrawList();
+    draw->PushClipRect(corner, {corner.x + width, corner.y + font * 1.5f}, true);
+    draw->AddText(corner, ImGui::GetColorU32(ImGuiCol_Text), name.c_str());
+    draw->AddText({corner.x + ImGui::CalcTextSize(name.c_str()).x + font, corner.y},
+                  ImGui::GetColorU32(ImGuiCol_TextDisabled), folder.c_str());
+    draw->PopClipRect();
+  }
   ImGui::End();
 }
 
@@ -182,6 +215,39 @@ void comparison(const ViewerState& state) {
   }
 }
 
+// In the lower left corner of the picture, as --legend draws it.
+void legend(const ViewerState& state) {
+  const DisplayState& display = state.display;
+  const bool error = hasLegend(state.compare.how.mode);
+  if (error ? !state.compare.problem.empty() : kNumberOutputs.has(display.output) && !display.scale) return;
+  const std::optional<Legend> legend =
+      error ? legendOf(state.compare.how)
+            : legendOf(display.output, display.settings, display.scale.value_or(ValueScale{}));
+  if (!legend) return;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float font = ImGui::GetFontSize(), pad = font * 0.5f;
+  const float width = std::max(11 * font, ImGui::CalcTextSize(legend->title.c_str()).x);
+  const ImVec2 corner(panelWidth(state, size.x) + font, size.y - 4.8f * font);
+  if (corner.x + width + 2 * pad > size.x) return;
+  ImDrawList* draw = ImGui::GetBackgroundDrawList();
+  draw->AddRectFilled(corner, {corner.x + width + 2 * pad, size.y - font}, IM_COL32(27, 30, 35, 215), font * 0.3f);
+  const ImU32 ink = ImGui::GetColorU32(ImGuiCol_Text);
+  draw->AddText({corner.x + pad, corner.y + 0.3f * font}, ink, legend->title.c_str());
+  const float left = corner.x + pad, top = corner.y + 1.5f * font, bottom = top + 0.8f * font;
+  constexpr int kSteps = 64;
+  for (int i = 0; i < kSteps; ++i) {
+    const glm::vec3 color = legend->color((static_cast<float>(i) + 0.5f) / kSteps);
+    const float from = std::floor(left + width * static_cast<float>(i) / kSteps);
+    const float to = std::floor(left + width * static_cast<float>(i + 1) / kSteps);
+    draw->AddRectFilled({from, top}, {to, bottom}, ImGui::ColorConvertFloat4ToU32({color.x, color.y, color.z, 1}));
+  }
+  for (int i = 0; i < 3; ++i) {
+    const std::string& number = legend->numbers[static_cast<std::size_t>(i)];
+    const float x = left + (width - ImGui::CalcTextSize(number.c_str()).x) * static_cast<float>(i) / 2;
+    draw->AddText({x, bottom + 0.2f * font}, ink, number.c_str());
+  }
+}
+
 void notice(const ViewerState& state) {
   const ImVec2 center = pictureCenter(state);
   const ImVec2 text = ImGui::CalcTextSize(state.messages.notice.c_str());
@@ -201,10 +267,10 @@ void overlays(ViewerState& state) {
   if (state.ui.help) help(state);
   if (state.follow.active && state.follow.reloads == 0 && !state.follow.problem.empty()) waiting(state);
   if (state.ui.panel) comparison(state);
-  if (!state.scene.model && !state.loading.active && !state.follow.active) empty(state);
+  if (state.ui.panel && state.scene.model) legend(state);
+  if (!state.scene.model && !state.loading.active && !state.follow.active) welcome(state);
   if (state.loading.active) progress(state);
   if (!state.messages.error.empty()) errorPanel(state);
-  if (state.question) question(state);
   if (state.time < state.messages.notice_until) notice(state);
 }
 

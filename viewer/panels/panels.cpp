@@ -4,7 +4,9 @@
 
 #include <imgui.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
@@ -12,8 +14,14 @@
 namespace tg {
 namespace {
 
-constexpr float kPanelFonts = 21;   // panel width in font heights
-constexpr float kNarrowFonts = 46;  // windows below this: the panel lies over the picture
+constexpr float kPictureFonts = 25;  // [font heights] where the panel leaves less it lies over the picture
+constexpr float kEdgeFonts = 0.5f;   // [font heights] of the panel's edge, which the pointer takes
+
+// Of the panel [ImGui units], whatever it covers.
+float fullWidth(const ViewerState& state) {
+  const float font = ImGui::GetFontSize();
+  return std::round(std::min(static_cast<float>(state.ui.panel_width) * font, ImGui::GetIO().DisplaySize.x));
+}
 
 void tabs(ViewerState& state) {
   constexpr std::array<const char*, kCount<Tab>> labels = {"View", "Camera", "Path", "Inspect", "Edit", "Time"};
@@ -25,15 +33,38 @@ void tabs(ViewerState& state) {
   }
 }
 
+// Drags the panel's width.
+void edge(ViewerState& state) {
+  const float font = ImGui::GetFontSize(), width = kEdgeFonts * font, top = ImGui::GetFrameHeight();
+  ImGui::SetCursorScreenPos({fullWidth(state) - width, top});
+  const float bottom = ImGui::GetIO().DisplaySize.y - ImGui::GetStyle().WindowPadding.y;  // below it scrolls
+  ImGui::PushClipRect({0, 0}, ImGui::GetIO().DisplaySize, false);  // it lies in the window's padding
+  ImGui::InvisibleButton("edge", {width, std::max(bottom - top, 1.0f)});
+  const bool held = ImGui::IsItemActive(), reached = held || ImGui::IsItemHovered();
+  if (reached) ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
+  if (held && ImGui::IsMouseDragging(0, 0)) {
+    const double wanted = (ImGui::GetIO().MousePos.x + width / 2) / font;
+    const double room = std::max<double>(ImGui::GetIO().DisplaySize.x / font - kPictureFonts, kLeastPanel);
+    state.ui.panel_width = std::clamp(wanted, kLeastPanel, std::min(kMostPanel, room));
+  }
+  if (reached && ImGui::IsMouseDoubleClicked(0)) state.ui.panel_width = kUsualPanel;
+  const float right = ImGui::GetItemRectMax().x;
+  const ImGuiCol color = held ? ImGuiCol_SliderGrabActive : reached ? ImGuiCol_SliderGrab : ImGuiCol_Separator;
+  ImGui::GetWindowDrawList()->AddRectFilled({right - 2, 0}, {right, ImGui::GetIO().DisplaySize.y},
+                                            ImGui::GetColorU32(color));
+  ImGui::PopClipRect();
+}
+
 void panel(ViewerState& state, const FrameStatistics& statistics) {
   const ImGuiIO& io = ImGui::GetIO();
   ImGui::SetNextWindowPos({0, 0});
-  ImGui::SetNextWindowSize({kPanelFonts * ImGui::GetFontSize(), io.DisplaySize.y});
+  ImGui::SetNextWindowSize({fullWidth(state), io.DisplaySize.y});
   ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, 0.0f);
   ImGui::Begin("panel", nullptr,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
-                   ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoBringToFrontOnFocus);
+                   ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_MenuBar);
   ImGui::PopStyleVar();
+  panelMenu(state);
   documentsSection(state);
   modelSection(state);
   compareSection(state);
@@ -74,22 +105,25 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
       break;
   }
   ImGui::EndChild();
+  edge(state);
   ImGui::End();
 }
 
 }  // namespace
 
 float panelWidth(const ViewerState& state, float window_width) {
-  const float font = ImGui::GetFontSize();
-  return state.ui.panel && window_width >= kNarrowFonts * font ? kPanelFonts * font : 0.0f;
+  const float width = fullWidth(state);
+  return state.ui.panel && window_width - width >= kPictureFonts * ImGui::GetFontSize() ? width : 0.0f;
 }
 
 bool popupIsOpen() { return ImGui::IsPopupOpen(nullptr, ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel); }
 
 void drawPanels(ViewerState& state, const FrameStatistics& statistics) {
+  const bool escape = !closeListByEscape() && escapePressed();
   sceneOverlay(state);
-  if (state.ui.panel) panel(state, statistics);
+  state.ui.panel ? panel(state, statistics) : hiddenMenu(state);
   overlays(state);
+  dialogs(state, escape);
 }
 
 }  // namespace tg

@@ -35,6 +35,9 @@ PointerTaken editInput(ViewerState& state);
 // Whether a list or the colour picker is open: Esc is theirs then.
 bool popupIsOpen();
 
+// Whether what lies behind a dialog is still getting darker or brighter.
+bool isFading();
+
 void drawPanels(ViewerState& state, const FrameStatistics& statistics);
 
 }  // namespace tg

@@ -62,7 +62,8 @@ void saveTo(ViewerState& state, const std::string& file,
             void (*save)(const ViewerState&, const std::filesystem::path&)) {
   attempt(state, [&] {
     save(state, file);
-    notify(state, "Saved " + file);
+    if (save == savePath) notePathKept(state);
+    notify(state, "Saved " + std::filesystem::absolute(file).string());
   });
 }
 

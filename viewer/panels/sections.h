@@ -40,11 +40,16 @@ void selectSection(ViewerState& state);
 void valueSection(ViewerState& state);
 void changeSection(ViewerState& state);
 void saveSection(ViewerState& state);
-void questionPanel(ViewerState& state);  // inside of a window; state.question is there
 // time.cpp
 void timeSection(ViewerState& state, const FrameStatistics& statistics);
 // edit_overlay.cpp
 void editOverlay(const ViewerState& state, const PictureOnScreen& picture);
+// menu.cpp: as the first line of the panel, and over the picture while that is hidden
+void panelMenu(ViewerState& state);
+void hiddenMenu(ViewerState& state);
+bool closeListByEscape();  // the innermost list, if Esc was pressed and there is one
+// file_dialog.cpp; `escape`: it was pressed, and closes a dialog
+void dialogs(ViewerState& state, bool escape);
 // scene_overlay.cpp
 void sceneOverlay(const ViewerState& state);
 // overlays.cpp

@@ -33,7 +33,9 @@ bool InspectorThread::update(ViewerState& state, glm::ivec2 size) {
   if (std::optional<Inspection> answer = answers_.poll()) {
     busy_ = inspection.busy = false;
     fresh = answer->model == state.scene.model;
-    if (fresh) {
+    if (fresh && answer->turns) {
+      turnAbout(state, answer->camera, answer->pixel, answer->hits);
+    } else if (fresh) {
       inspection.hits = std::move(answer->hits);
       inspection.camera = answer->camera;
       inspection.pixel = answer->pixel;
@@ -42,15 +44,19 @@ bool InspectorThread::update(ViewerState& state, glm::ivec2 size) {
       pickHit(state, strongestHit(inspection.hits));
     }
   }
-  if (!inspection.asked || busy_) return fresh;
-  const glm::ivec2 pixel = *std::exchange(inspection.asked, std::nullopt);
+  if (busy_) return fresh;
+  const bool turns = state.desktop.turn_about.has_value();
+  const auto asked = std::exchange(turns ? state.desktop.turn_about : inspection.asked, std::nullopt);
+  if (!asked) return fresh;
+  const glm::ivec2 pixel = *asked;
   if (!state.scene.model) return fresh;
   busy_ = inspection.busy = true;
   asked_.give({toCamera(state.camera.pose, state.camera.lens, size.x, size.y),
                pixel,
                state.scene.model,
                inspectedSettings(state),
-               {}});
+               {},
+               turns});
   return fresh;
 }
 

@@ -26,6 +26,7 @@ class InspectorThread {
     std::shared_ptr<const GaussianModel> model;
     RenderSettings settings;
     std::vector<PixelHit> hits;
+    bool turns = false;  // asked for a pivot
   };
   LatestValue<Inspection> asked_, answers_;
   bool busy_ = false;

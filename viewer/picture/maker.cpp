@@ -4,16 +4,24 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <limits>
 #include <utility>
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "viewer/view/legend.h"
 
 namespace tg {
 namespace {
 
 constexpr std::size_t kModelsAtOnce = 2;  // on the device: the one shown, and one to compare with or to go back to
+
+std::optional<ValueScale> scaleOf(Output output, const OutputRange& range) {
+  if (!kNumberOutputs.has(output)) return std::nullopt;
+  if (range.most == 0) return ownScale(output, 0, 0);
+  return ownScale(output, std::bit_cast<float>(range.least), std::bit_cast<float>(range.most));
+}
 
 FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
 
@@ -66,7 +74,7 @@ bool PictureMaker::begin(const PictureRequest& request) {
   TG_ASSERT(request.model != nullptr, "a picture is of a model");
   Begun begun{{}, nullptr, nullptr, Clock::now()};
   begun.picture.request = request;
-  const bool beside = !request.other && backend_ != "cpu";
+  const bool beside = !request.other && backend_ != "cpu" && !mapsOnHost(request.output, request.settings);
   if (!begun_.empty()) {
     const auto known = [&](const Loaded& l) { return l.model == request.model; };
     if (!beside || !begun_.back().model || std::none_of(loaded_.begin(), loaded_.end(), known)) return false;
@@ -104,7 +112,10 @@ std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
     if (!*whole) {
       // Those begun after it wait for their turn in the same way: a frame that overflows leaves none under way.
       oldest.start = Clock::now();
-      drawOnDevice(*oldest.model, oldest.picture.request, *oldest.target);
+      oldest.picture.scale =
+          scaleOf(oldest.picture.request.output, drawOnDevice(*oldest.model, oldest.picture.request, *oldest.target));
+    } else {
+      oldest.picture.scale = scaleOf(oldest.picture.request.output, oldest.model->gpu->counts().range);
     }
     describe(oldest.picture, *oldest.model);
   }
@@ -129,7 +140,7 @@ void PictureMaker::draw(Picture& picture) {
   const auto pair = request.other ? std::make_shared<PicturePair>() : nullptr;
   Loaded& model = loaded(request.model);
   const std::shared_ptr<PictureImage> image = freeImage(request.camera.size);
-  drawModel(model, request, *image, pair ? &pair->first : nullptr);
+  picture.scale = drawModel(model, request, *image, pair ? &pair->first : nullptr);
   picture.image = image;
   describe(picture, model);
   if (pair) {
@@ -143,7 +154,7 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
   const glm::ivec2 size = request.camera.size;
   const std::shared_ptr<PictureImage> image = freeImage(size);
   if (other.model) {
-    drawModel(loaded(other.model), request, *image, &pair.other);
+    (void)drawModel(loaded(other.model), request, *image, &pair.other);
   } else {
     if (photograph_path_ != other.photograph) {
       photograph_path_.clear();
@@ -161,31 +172,37 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
     device_.upload(pair.other, *image);
   }
   picture.other = image;
-  if (!other.difference) return;
-  const std::shared_ptr<PictureImage> difference = freeImage(size);
-  device_.upload(differenceOf(pair.first, pair.other, pair.mask, {.gain = other.gain, .with_sign = other.with_sign}),
-                 *difference);
-  picture.difference = difference;
+  if (!hasLegend(other.how.mode)) return;
+  const std::shared_ptr<PictureImage> error = freeImage(size);
+  device_.upload(composed(pair.first, pair.other, pair.mask, other.how), *error);
+  picture.error = error;
 }
 
-void PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target, Image* pixels) {
-  if (loaded.gpu) {
-    drawOnDevice(loaded, request, target);
+std::optional<ValueScale> PictureMaker::drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target,
+                                                  Image* pixels) {
+  if (loaded.gpu && !mapsOnHost(request.output, request.settings)) {
+    const OutputRange range = drawOnDevice(loaded, request, target);
     if (pixels) *pixels = device_.download(target);
-    return;
+    return scaleOf(request.output, range);
   }
   RenderSettings settings = request.settings;
   settings.outputs = {request.output};
-  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output, settings.exposure);
+  ValueScale scale;
+  Image picture = visualize(loaded.renderer->render(request.camera, settings), request.output, settings, &scale);
   device_.upload(picture, target);
   if (pixels) *pixels = std::move(picture);
+  return kNumberOutputs.has(request.output) ? std::optional(scale) : std::nullopt;
 }
 
-void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
+// Returns the range of the whole picture's numbers.
+OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
   FrameRequest frame = frameOf(request);
   const auto drawPart = [&](int top) { drawWhole([&] { return device_.draw(*loaded.gpu, frame, target, top); }); };
   const int height = request.camera.size.y, most = loaded.gpu->rowsAtOnce(request.camera);
-  if (most >= height) return drawPart(0);
+  if (most >= height) {
+    drawPart(0);
+    return loaded.gpu->counts().range;
+  }
   // Parts of one height, for which the buffers stay: the last one begins before the end of the one before it.
   const int parts = (height + most - 1) / most;
   frame.camera.size.y = (height + parts - 1) / parts;
@@ -202,6 +219,7 @@ void PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, P
   };
   frame.beside = drawAll();
   if (frame.beside.most > 0) drawAll();  // scaled by the range of all parts, which is only now known
+  return frame.beside;
 }
 
 }  // namespace tg

@@ -41,9 +41,10 @@ class PictureMaker {
   void describe(Picture& picture, const Loaded& model) const;
   Loaded& loaded(const std::shared_ptr<const GaussianModel>& model);
   std::shared_ptr<PictureImage> freeImage(glm::ivec2 size);
-  // `pixels`, which may be null, receives the picture on the host.
-  void drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target, Image* pixels);
-  void drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target);
+  // `pixels`, which may be null, receives the picture on the host. Returns the scale of an output that has one.
+  std::optional<ValueScale> drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target,
+                                      Image* pixels);
+  OutputRange drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target);
   void drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair);
 
   PictureDevice& device_;

@@ -2,15 +2,18 @@
 // What makes two requests one.
 #include "viewer/picture/picture.h"
 
+#include "viewer/view/legend.h"
+
 namespace tg {
 namespace {
 
 bool sameView(const Pinhole& a, const Pinhole& b) { return a == b; }  // whatever the cameras' names
 
 bool sameOther(const OtherPicture& a, const OtherPicture& b) {
-  if (a.model != b.model || a.difference != b.difference) return false;
+  if (a.model != b.model) return false;
   if (!a.model && (a.photograph != b.photograph || !sameView(a.taken, b.taken))) return false;
-  return !a.difference || (a.with_sign == b.with_sign && a.gain == b.gain);
+  // Of the other modes only the window's layout differs.
+  return hasLegend(a.how.mode) || hasLegend(b.how.mode) ? a.how == b.how : true;
 }
 
 }  // namespace

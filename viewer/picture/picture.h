@@ -21,11 +21,8 @@ namespace tg {
 struct OtherPicture {
   std::shared_ptr<const GaussianModel> model;  // null: the photograph
   std::filesystem::path photograph;
-  Camera taken;  // the photograph's
-  // Of CompareMode::difference; otherwise without meaning.
-  bool difference = false;
-  bool with_sign = false;
-  float gain = 1;
+  Camera taken;    // the photograph's
+  Comparison how;  // what comes of both: the difference or the FLIP map where it is one of these
 };
 
 struct PictureRequest {
@@ -46,9 +43,10 @@ inline double milliseconds(std::chrono::steady_clock::duration duration) {
 struct Picture {
   PictureRequest request;
   std::shared_ptr<const PictureImage> image;
-  std::shared_ptr<const PictureImage> other, difference;  // where asked for
-  std::shared_ptr<const PicturePair> pair;                // both on the host, where there is another one
-  std::string problem;                                    // why `other` is not there although asked for; "" = it is
+  std::shared_ptr<const PictureImage> other, error;  // where asked for; error: what OtherPicture::how says
+  std::optional<ValueScale> scale;                   // of an output of kNumberOutputs
+  std::shared_ptr<const PicturePair> pair;           // both on the host, where there is another one
+  std::string problem;                               // why `other` is not there although asked for; "" = it is
   std::vector<PassTime> passes;
   double milliseconds = 0;  // wall time of all of it
   std::string device;       // what drew it

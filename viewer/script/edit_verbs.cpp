@@ -115,7 +115,7 @@ constexpr std::array kEditVerbs = {
          [](const Call& c) {
            requireModel(c);
            requireFormat(c);
-           c.state.edit.save_request = c[0];
+           c.state.desktop.save_request = c[0];
          }},
 };
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <sstream>
 #include <string_view>
+#include <utility>
 
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -27,14 +28,20 @@ int parseFrames(const std::string& text, const std::string& what) {
 }
 
 int parseKey(const std::string& text, const std::string& what) {
-  if (text == "Space") return ' ';
-  if (text == "Esc") return kKeyEscape;
-  if (text == "PageUp") return kKeyPageUp;
-  if (text == "PageDown") return kKeyPageDown;
-  if (text == "Delete") return kKeyDelete;
-  if (text.size() == 2 && text[0] == 'F' && text[1] >= '1' && text[1] <= '9') return kKeyF2 + text[1] - '2';
+  constexpr std::pair<std::string_view, int> kNames[] = {
+      {"Space", ' '},     {"Esc", kKeyEscape},    {"PageUp", kKeyPageUp}, {"PageDown", kKeyPageDown},
+      {"Home", kKeyHome}, {"Delete", kKeyDelete}, {"Num1", kKeyPad1},     {"Num3", kKeyPad3},
+      {"Num7", kKeyPad7}, {"F11", kKeyF11},
+  };
+  for (const auto& [name, key] : kNames) {
+    if (text == name) return key;
+  }
+  if (text.size() == 2 && text[0] == 'F' && text[1] >= '1' && text[1] <= '9') return kKeyF1 + text[1] - '1';
   if (text.size() == 1 && text[0] > ' ' && text[0] <= ']') return text[0];
-  refuseValue(what, text, "a capital letter, a digit, a sign, Space, Esc, F1 to F9, PageUp, PageDown or Delete");
+  refuseValue(
+      what, text,
+      "a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown, Home, Delete, F1 to F9, F11, Num1, Num3 or "
+      "Num7, after Ctrl+, Shift+ or Ctrl+Shift+ if wanted");
 }
 
 int parseDocument(const Call& call) {

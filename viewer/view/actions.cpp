@@ -94,9 +94,7 @@ void toggleIsolated(ViewerState& state) {
 
 void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
 
-void closeDocument(ViewerState& state) {
-  if (state.documents.shown >= 0) state.documents.close_request = state.documents.shown;
-}
+void closeDocument(ViewerState& state) { askToClose(state, state.documents.shown); }
 
 // Not twice what it says: a second press must not close the model that is being edited.
 void deleteKey(ViewerState& state) {
@@ -111,9 +109,7 @@ void tool(ViewerState& state) {
 }
 
 void escape(ViewerState& state) {
-  if (state.question) {
-    answer(state, questionChoices(*state.question).size() - 1);
-  } else if (!state.messages.error.empty()) {
+  if (!state.messages.error.empty()) {
     state.messages.error.clear();
   } else if (state.ui.help) {
     state.ui.help = false;
@@ -123,9 +119,28 @@ void escape(ViewerState& state) {
     setTool(state, EditTool::none);
   } else if (state.loading.active) {
     state.loading.cancel = true;
+  } else if (state.desktop.fullscreen) {
+    state.desktop.fullscreen = false;
   } else {
-    state.quit = true;
+    askToQuit(state);
   }
+}
+
+void lookFrom(ViewerState& state, Side side) {
+  lookFrom(state.camera.pose, side);
+  state.camera.index = -1;
+  state.camera.turntable = false;
+  state.path.playing = false;
+}
+
+template <FileUse kUse>
+void ask(ViewerState& state) {
+  state.desktop.wanted = kUse;
+}
+
+template <Side kSide>
+void lookFrom(ViewerState& state) {
+  lookFrom(state, kSide);
 }
 
 std::string stemOf(const ViewerState& state) {
@@ -136,70 +151,120 @@ std::string stemOf(const ViewerState& state) {
 using S = ViewerState;
 
 constexpr std::array kBindings = {
-    KeyBinding{'1', false, "1", "Final picture", show<Output::final>},
-    KeyBinding{'2', false, "2", "Base colour (SH)", show<Output::base>},
-    KeyBinding{'3', false, "3", "Texture colour", show<Output::texture>},
-    KeyBinding{'4', false, "4", "Alpha", show<Output::alpha>},
-    KeyBinding{'5', false, "5", "Depth", show<Output::depth>},
-    KeyBinding{'6', false, "6", "Normals", show<Output::normal>},
-    KeyBinding{'7', false, "7", "Splats per pixel", show<Output::count>},
-    KeyBinding{'8', false, "8", "Median depth", show<Output::depthMedian>},
-    KeyBinding{'9', false, "9", "Overdraw", show<Output::overdraw>},
-    KeyBinding{'0', false, "0", "Ellipsoids", show<Output::ellipsoids>},
-    KeyBinding{'-', false, "-", "Centres", show<Output::centers>},
-    KeyBinding{'=', false, "=", "Texel density", show<Output::texelDensity>},
-    KeyBinding{'T', false, "T", "Textures: RGBA, RGB, alpha, off", nullptr, "textures"},
-    KeyBinding{'I', false, "I", "Intersection: plane / max response", nullptr, "intersection"},
-    KeyBinding{'O', false, "O", "Order: global / per pixel", nullptr, "sort"},
-    KeyBinding{'Y', false, "Y", "Texture filter: bilinear / footprint", nullptr, "texture-filter"},
-    KeyBinding{'Y', true, "Shift+Y", "Antialiasing: off / screen", nullptr, "antialiasing"},
-    KeyBinding{'J', false, "J", "Crop box on / off", [](S& s) { s.display.crop = !s.display.crop; }},
-    KeyBinding{'F', false, "F", "Frame the model", frameScene},
-    KeyBinding{'F', true, "Shift+F", "Back to the first view", resetView},
-    KeyBinding{' ', false, "Space", "Next camera of the model", [](S& s) { stepCamera(s, 1); }},
-    KeyBinding{' ', true, "Shift+Space", "Previous camera", [](S& s) { stepCamera(s, -1); }},
-    KeyBinding{'.', false, ". / ,", "Next, previous test camera", [](S& s) { stepSplit(s, 1, true); }},
-    KeyBinding{',', false, "", "", [](S& s) { stepSplit(s, -1, true); }},
-    KeyBinding{'.', true, "Shift+. / ,", "Next, previous training camera", [](S& s) { stepSplit(s, 1, false); }},
-    KeyBinding{',', true, "", "", [](S& s) { stepSplit(s, -1, false); }},
-    KeyBinding{'V', false, "V", "Compare: side, wipe, flicker, ...", cycleCompare},
-    KeyBinding{'V', true, "Shift+V", "Flicker: show the other one", showOther},
-    KeyBinding{'G', false, "G", "Left drag: orbit / look around", toggleFly},
-    KeyBinding{'U', false, "U", "Another up axis", nextUp},
-    KeyBinding{'R', false, "R", "Turntable", toggleTurntable},
-    KeyBinding{'B', false, "B", "Next bookmark", [](S& s) { stepBookmark(s, 1); }},
-    KeyBinding{'B', true, "Shift+B", "Bookmark this view", [](S& s) { attempt(s, [&s] { addBookmark(s); }); }},
-    KeyBinding{'K', false, "K", "Key frame of the path here", [](S& s) { attempt(s, [&s] { addKey(s); }); }},
-    KeyBinding{'L', false, "L", "Play or pause the path", togglePlaying},
-    KeyBinding{'R', true, "Shift+R", "Record path or turntable; cancel",
-               [](S& s) { s.record.wanted = !s.record.wanted; }},
-    KeyBinding{'M', false, "M", "A click inspects its pixel", toggleInspecting},
-    KeyBinding{'[', false, "[ / ]", "Splat in front, behind", [](S& s) { stepHit(s, -1); }},
-    KeyBinding{']', false, "", "", [](S& s) { stepHit(s, 1); }},
-    KeyBinding{'N', false, "N", "The picked Gaussian alone", toggleIsolated},
-    KeyBinding{'P', false, "P", "Save the picture as PNG",
-               [](S& s) { s.capture.picture = freeName(stemOf(s), ".png"); }},
-    KeyBinding{'P', true, "Shift+P", "Save the whole window as PNG",
-               [](S& s) { s.capture.window = freeName(stemOf(s) + "-window", ".png"); }},
-    KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera},
-    KeyBinding{kKeyPageDown, false, "Page Down / Up", "Next, previous open model", [](S& s) { stepDocument(s, 1); }},
-    KeyBinding{kKeyPageUp, false, "", "", [](S& s) { stepDocument(s, -1); }},
-    KeyBinding{kControl | 'Z', false, "Ctrl+Z", "Undo", undo},
-    KeyBinding{kControl | 'Y', false, "Ctrl+Y, Ctrl+Shift+Z", "Redo", redo},
+    KeyBinding{kControl | 'O', false, "Ctrl+O", "Open a file", ask<FileUse::open>, {}, Menu::file},
+    KeyBinding{kControl | 'S', false, "Ctrl+S", "Save the model as", ask<FileUse::saveModel>, {}, Menu::file},
+    KeyBinding{'P',
+               false,
+               "P",
+               "Save the picture as PNG",
+               [](S& s) { s.capture.picture = freeName(stemOf(s), ".png"); },
+               {},
+               Menu::file},
+    KeyBinding{kControl | 'P', false, "Ctrl+P", "Save the picture as", ask<FileUse::savePicture>, {}, Menu::file},
+    KeyBinding{'P',
+               true,
+               "Shift+P",
+               "Save the whole window as PNG",
+               [](S& s) { s.capture.window = freeName(stemOf(s) + "-window", ".png"); },
+               {},
+               Menu::file},
+    KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera, {}, Menu::file},
+    KeyBinding{kControl | 'C', false, "Ctrl+C", "Copy the camera", [](S& s) { s.desktop.copy = true; }, {}, Menu::file},
+    KeyBinding{kControl | 'V',
+               false,
+               "Ctrl+V",
+               "Go to the camera that was copied",
+               [](S& s) { s.desktop.paste = true; },
+               {},
+               Menu::file},
+    KeyBinding{kKeyPageDown, false, "Page Down", "Next open model", [](S& s) { stepDocument(s, 1); }, {}, Menu::file},
+    KeyBinding{kKeyPageUp, false, "Page Up", "Previous open model", [](S& s) { stepDocument(s, -1); }, {}, Menu::file},
+    KeyBinding{kControl | 'W', false, "Ctrl+W", "Close the model shown", closeDocument, {}, Menu::file},
+    KeyBinding{kControl | 'Q', false, "Ctrl+Q", "Quit", askToQuit, {}, Menu::file},
+    KeyBinding{kControl | 'Z', false, "Ctrl+Z", "Undo", undo, {}, Menu::edit},
+    KeyBinding{kControl | 'Y', false, "Ctrl+Y, Ctrl+Shift+Z", "Redo", redo, {}, Menu::edit},
     KeyBinding{kControl | 'Z', true, "", "", redo},
-    KeyBinding{kControl | 'A', false, "Ctrl+A", "Select all Gaussians", chooseAll},
-    KeyBinding{kControl | 'A', true, "Ctrl+Shift+A", "Select none", chooseNone},
-    KeyBinding{kControl | 'I', false, "Ctrl+I", "Select the others", invertChoice},
-    KeyBinding{kKeyF2, false, "F2, F3, F4", "Select: rectangle, brush, sphere", tool<EditTool::rectangle>},
-    KeyBinding{kKeyF2 + 1, false, "", "", tool<EditTool::brush>},
-    KeyBinding{kKeyF2 + 2, false, "", "", tool<EditTool::sphere>},
-    KeyBinding{kKeyF2 + 3, false, "F5, F6, F7", "Move, turn, scale the selection", tool<EditTool::move>},
-    KeyBinding{kKeyF2 + 4, false, "", "", tool<EditTool::turn>},
-    KeyBinding{kKeyF2 + 5, false, "", "", tool<EditTool::scale>},
-    KeyBinding{kKeyDelete, false, "Delete", "Delete the selection, else close the model", deleteKey},
-    KeyBinding{'H', false, "H", "Hide or show the panel", [](S& s) { s.ui.panel = !s.ui.panel; }},
-    KeyBinding{'/', true, "? or F1", "This help", toggleHelp},
-    KeyBinding{290, false, "", "", toggleHelp},  // F1
+    KeyBinding{kControl | 'A', false, "Ctrl+A", "Select all Gaussians", chooseAll, {}, Menu::edit},
+    KeyBinding{kControl | 'A', true, "Ctrl+Shift+A", "Select none", chooseNone, {}, Menu::edit},
+    KeyBinding{kControl | 'I', false, "Ctrl+I", "Select the others", invertChoice, {}, Menu::edit},
+    KeyBinding{kKeyF2, false, "F2", "Select by a rectangle", tool<EditTool::rectangle>, {}, Menu::edit},
+    KeyBinding{kKeyF3, false, "F3", "Select by a brush", tool<EditTool::brush>, {}, Menu::edit},
+    KeyBinding{kKeyF4, false, "F4", "Select by a sphere", tool<EditTool::sphere>, {}, Menu::edit},
+    KeyBinding{kKeyF5, false, "F5", "Move the selection", tool<EditTool::move>, {}, Menu::edit},
+    KeyBinding{kKeyF6, false, "F6", "Turn the selection", tool<EditTool::turn>, {}, Menu::edit},
+    KeyBinding{kKeyF7, false, "F7", "Scale the selection", tool<EditTool::scale>, {}, Menu::edit},
+    KeyBinding{kKeyDelete, false, "Delete", "Delete the selection, else close the model", deleteKey, {}, Menu::edit},
+    KeyBinding{'1', false, "1", "Final picture", show<Output::final>, {}, Menu::output},
+    KeyBinding{'2', false, "2", "Base colour (SH)", show<Output::base>, {}, Menu::output},
+    KeyBinding{'3', false, "3", "Texture colour", show<Output::texture>, {}, Menu::output},
+    KeyBinding{'4', false, "4", "Alpha", show<Output::alpha>, {}, Menu::output},
+    KeyBinding{'5', false, "5", "Depth", show<Output::depth>, {}, Menu::output},
+    KeyBinding{'6', false, "6", "Normals", show<Output::normal>, {}, Menu::output},
+    KeyBinding{'7', false, "7", "Splats per pixel", show<Output::count>, {}, Menu::output},
+    KeyBinding{'8', false, "8", "Median depth", show<Output::depthMedian>, {}, Menu::output},
+    KeyBinding{'9', false, "9", "Overdraw", show<Output::overdraw>, {}, Menu::output},
+    KeyBinding{'0', false, "0", "Ellipsoids", show<Output::ellipsoids>, {}, Menu::output},
+    KeyBinding{'-', false, "-", "Centres", show<Output::centers>, {}, Menu::output},
+    KeyBinding{'=', false, "=", "Texel density", show<Output::texelDensity>, {}, Menu::output},
+    KeyBinding{'T', false, "T", "Textures: RGBA, RGB, alpha, off", nullptr, "textures", Menu::view},
+    KeyBinding{'I', false, "I", "Intersection: plane / max response", nullptr, "intersection", Menu::view},
+    KeyBinding{'O', false, "O", "Order: global / per pixel", nullptr, "sort", Menu::view},
+    KeyBinding{'Y', false, "Y", "Texture filter: bilinear / footprint", nullptr, "texture-filter", Menu::view},
+    KeyBinding{'Y', true, "Shift+Y", "Antialiasing: off / screen", nullptr, "antialiasing", Menu::view},
+    KeyBinding{'J', false, "J", "Crop box on / off", [](S& s) { s.display.crop = !s.display.crop; }, {}, Menu::view},
+    KeyBinding{'V', false, "V", "Compare: side, wipe, flicker, ...", cycleCompare, {}, Menu::view},
+    KeyBinding{'V', true, "Shift+V", "Flicker: show the other one", showOther, {}, Menu::view},
+    KeyBinding{'M', false, "M", "A click inspects its pixel", toggleInspecting, {}, Menu::view},
+    KeyBinding{'[', false, "[", "Splat in front", [](S& s) { stepHit(s, -1); }, {}, Menu::view},
+    KeyBinding{']', false, "]", "Splat behind", [](S& s) { stepHit(s, 1); }, {}, Menu::view},
+    KeyBinding{'N', false, "N", "The picked Gaussian alone", toggleIsolated, {}, Menu::view},
+    KeyBinding{'H', false, "H", "Hide or show the panel", [](S& s) { s.ui.panel = !s.ui.panel; }, {}, Menu::view},
+    KeyBinding{kKeyF11,
+               false,
+               "F11",
+               "Full screen",
+               [](S& s) { s.desktop.fullscreen = !s.desktop.fullscreen; },
+               {},
+               Menu::view},
+    KeyBinding{'F', false, "F, Home", "Frame the model", frameScene, {}, Menu::camera},
+    KeyBinding{kKeyHome, false, "", "", frameScene},
+    KeyBinding{'F', true, "Shift+F", "Back to the first view", resetView, {}, Menu::camera},
+    KeyBinding{kKeyPad7, false, "Num 7", "From the top", lookFrom<Side::top>, {}, Menu::camera},
+    KeyBinding{kKeyPad1, false, "Num 1", "From the front", lookFrom<Side::front>, {}, Menu::camera},
+    KeyBinding{kKeyPad3, false, "Num 3", "From the right", lookFrom<Side::right>, {}, Menu::camera},
+    KeyBinding{kControl | kKeyPad7, false, "Ctrl+Num 7", "From below", lookFrom<Side::bottom>, {}, Menu::camera},
+    KeyBinding{kControl | kKeyPad1, false, "Ctrl+Num 1", "From behind", lookFrom<Side::back>, {}, Menu::camera},
+    KeyBinding{kControl | kKeyPad3, false, "Ctrl+Num 3", "From the left", lookFrom<Side::left>, {}, Menu::camera},
+    KeyBinding{' ', false, "Space", "Next camera of the model", [](S& s) { stepCamera(s, 1); }, {}, Menu::camera},
+    KeyBinding{' ', true, "Shift+Space", "Previous camera", [](S& s) { stepCamera(s, -1); }, {}, Menu::camera},
+    KeyBinding{'.', false, ".", "Next test camera", [](S& s) { stepSplit(s, 1, true); }, {}, Menu::camera},
+    KeyBinding{',', false, ",", "Previous test camera", [](S& s) { stepSplit(s, -1, true); }, {}, Menu::camera},
+    KeyBinding{'.', true, "Shift+.", "Next training camera", [](S& s) { stepSplit(s, 1, false); }, {}, Menu::camera},
+    KeyBinding{
+        ',', true, "Shift+,", "Previous training camera", [](S& s) { stepSplit(s, -1, false); }, {}, Menu::camera},
+    KeyBinding{'G', false, "G", "Left drag: orbit / look around", toggleFly, {}, Menu::camera},
+    KeyBinding{'U', false, "U", "Another up axis", nextUp, {}, Menu::camera},
+    KeyBinding{'R', false, "R", "Turntable", toggleTurntable, {}, Menu::camera},
+    KeyBinding{'B', false, "B", "Next bookmark", [](S& s) { stepBookmark(s, 1); }, {}, Menu::camera},
+    KeyBinding{'B',
+               true,
+               "Shift+B",
+               "Bookmark this view",
+               [](S& s) { attempt(s, [&s] { addBookmark(s); }); },
+               {},
+               Menu::camera},
+    KeyBinding{
+        'K', false, "K", "Key frame of the path here", [](S& s) { attempt(s, [&s] { addKey(s); }); }, {}, Menu::path},
+    KeyBinding{'L', false, "L", "Play or pause the path", togglePlaying, {}, Menu::path},
+    KeyBinding{'R',
+               true,
+               "Shift+R",
+               "Record path or turntable; cancel",
+               [](S& s) { s.record.wanted = !s.record.wanted; },
+               {},
+               Menu::path},
+    KeyBinding{'/', true, "? or F1", "This help", toggleHelp, {}, Menu::help},
+    KeyBinding{kKeyF1, false, "", "", toggleHelp},
     KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop loading, or quit", escape},
 };
 
@@ -208,10 +273,12 @@ constexpr std::array kMouseHelp = {
     HelpLine{"Right drag", "Look around"},
     HelpLine{"Middle, Shift+left drag", "Pan"},
     HelpLine{"Alt+click", "Inspect a pixel"},
-    HelpLine{"Wheel", "Closer or farther"},
+    HelpLine{"Double click", "Turn around that point"},
+    HelpLine{"Wheel", "Closer or farther, to the pointer"},
     HelpLine{"Ctrl+wheel", "Field of view"},
     HelpLine{"W A S D, Q E", "Fly; Q down, E up"},
-    HelpLine{"Shift / Ctrl", "Fly 4 x faster / slower"},
+    HelpLine{"Shift / Alt", "Fly 4 x faster / slower"},
+    HelpLine{"Arrows", "Orbit; with Shift pan"},
     HelpLine{"Z / X", "Roll"},
     HelpLine{"Tab, held", "Textures off, to compare"},
 };
@@ -221,10 +288,14 @@ constexpr std::array kMouseHelp = {
 std::span<const KeyBinding> keyBindings() { return kBindings; }
 std::span<const HelpLine> mouseHelp() { return kMouseHelp; }
 
+void runAction(ViewerState& state, const KeyBinding& binding) {
+  binding.run ? binding.run(state) : stepSetting(state, binding);
+}
+
 bool pressKey(ViewerState& state, int key, bool shift) {
   for (const KeyBinding& binding : kBindings) {
     if (binding.key != key || binding.shift != shift) continue;
-    binding.run ? binding.run(state) : stepSetting(state, binding);
+    runAction(state, binding);
     return true;
   }
   return false;

@@ -10,22 +10,33 @@
 
 namespace tg {
 
+// Where the menu bar has an action; `output` is a list in `view`.
+enum class Menu { none, file, edit, view, output, camera, path, help };
+
 struct KeyBinding {
-  int key = 0;  // kControl | a letter: with Ctrl held
+  int key = 0;  // kControl + a letter: with Ctrl held
   bool shift = false;
   const char* keys = "";  // as the help shows it; "" = an alias that is not listed
   const char* text = "";
   void (*run)(ViewerState& state) = nullptr;  // null: steps through the choices of
   std::string_view setting{};                 // a RenderSetting, which `text` calls what it has before its colon
+  Menu menu = Menu::none;
 };
 constexpr int kControl = 1 << 10;  // above all keys
 constexpr int kKeyEscape = 256;
 constexpr int kKeyDelete = 261;
 constexpr int kKeyPageUp = 266;
 constexpr int kKeyPageDown = 267;
-constexpr int kKeyF2 = 291;
+constexpr int kKeyHome = 268;
+constexpr int kKeyF1 = 290;
+constexpr int kKeyF2 = 291, kKeyF3 = 292, kKeyF4 = 293, kKeyF5 = 294, kKeyF6 = 295, kKeyF7 = 296;
+constexpr int kKeyF11 = 300;
+constexpr int kKeyPad1 = 321;
+constexpr int kKeyPad3 = 323;
+constexpr int kKeyPad7 = 327;
 constexpr int kKeyTab = 258;  // held: textures off
 std::span<const KeyBinding> keyBindings();
+void runAction(ViewerState& state, const KeyBinding& binding);
 // False: the key does nothing.
 bool pressKey(ViewerState& state, int key, bool shift);
 std::string keyOf(std::string_view setting);  // " (O)", to follow a text; "" where no key steps through the setting

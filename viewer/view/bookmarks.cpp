@@ -69,6 +69,7 @@ void readBookmarks(ViewerState& state, const std::filesystem::path& file) {
   }
   state.camera.bookmarks = std::move(cameras);
   state.camera.bookmark = -1;
+  noteBookmarksKept(state);
 }
 
 }  // namespace tg

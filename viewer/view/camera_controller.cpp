@@ -181,6 +181,34 @@ void dolly(ViewPose& pose, double factor) {
   pose.position = center - pose.distance * pose.forward();
 }
 
+void dollyTo(ViewPose& pose, double factor, glm::dvec3 fixed) {
+  TG_ASSERT(factor > 0, "a distance stays above 0");
+  const double before = pose.distance;
+  pose.distance = std::clamp(before * factor, kMinDistance, kMaxDistance);
+  pose.position = fixed + (pose.position - fixed) * (pose.distance / before);
+}
+
+void centerOn(ViewPose& pose, glm::dvec3 point) {
+  const double depth = glm::dot(point - pose.position, pose.forward());
+  if (!(depth > 0)) return;
+  pose.distance = std::clamp(depth, kMinDistance, kMaxDistance);
+  pose.position = point - pose.distance * pose.forward();
+}
+
+void lookFrom(ViewPose& pose, Side side) {
+  const glm::dvec3 center = pose.pivot();
+  constexpr double kQuarter = glm::half_pi<double>();
+  // Headings against world_from_level, whose second axis points away from who stands in front.
+  const bool level = side != Side::top && side != Side::bottom;
+  pose.pitch = level ? 0 : side == Side::top ? -kQuarter : kQuarter;
+  pose.yaw = side == Side::back    ? -kQuarter
+             : side == Side::left  ? 0
+             : side == Side::right ? glm::pi<double>()
+                                   : kQuarter;
+  pose.roll = 0;
+  pose.position = center - pose.distance * pose.forward();
+}
+
 void fly(ViewPose& pose, glm::dvec3 offset) {
   pose.position += glm::transpose(pose.cameraFromWorldRotation()) * offset;
 }

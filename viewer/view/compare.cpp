@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "core/image/color_map.h"
 #include "core/image/flip.h"
 #include "core/image/metrics.h"
 #include "core/system/assert.h"
@@ -62,6 +63,20 @@ Image differenceOf(const Image& first, const Image& other, const std::vector<std
   return result;
 }
 
+Image flipOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask) {
+  TG_ASSERT(first.width == other.width && first.height == other.height && first.channels == 3 && other.channels == 3,
+            "two pictures of one size and 3 channels");
+  constexpr float kGrey = 0.5f;
+  const Image map = flipMap(other, first);
+  Image result(first.width, first.height, 3, kGrey);
+  for (std::size_t i = 0; i < map.data.size(); ++i) {
+    if (!mask.empty() && !mask[i]) continue;
+    const glm::vec3 color = colorOf(ColorMap::magma, map.data[i]);
+    for (std::size_t c = 0; c < 3; ++c) result.data[3 * i + c] = color[static_cast<glm::length_t>(c)];
+  }
+  return result;
+}
+
 Image composed(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask, const Comparison& how) {
   TG_ASSERT(first.channels == 3 && other.channels == 3 && first.height == other.height,
             "two pictures of one height and 3 channels");
@@ -72,6 +87,8 @@ Image composed(const Image& first, const Image& other, const std::vector<std::ui
       return how.shows_other ? other : first;
     case CompareMode::difference:
       return differenceOf(first, other, mask, how);
+    case CompareMode::flip:
+      return flipOf(first, other, mask);
     case CompareMode::side:
     case CompareMode::wipe:
       break;

@@ -15,9 +15,10 @@
 namespace tg {
 
 // side: both beside each other, each at half the width. wipe: one left of the divider, the other right of it. flicker:
-// one after the other. difference: how far they are apart at every pixel.
-enum class CompareMode { off, side, wipe, flicker, difference };
-constexpr auto namesOf(CompareMode) { return enumNames("off", "side", "wipe", "flicker", "difference"); }
+// one after the other. difference: how far they are apart at every pixel. flip: how far for the eye
+// (core/image/flip.h).
+enum class CompareMode { off, side, wipe, flicker, difference, flip };
+constexpr auto namesOf(CompareMode) { return enumNames("off", "side", "wipe", "flicker", "difference", "flip"); }
 
 constexpr float kMaxGain = 64;
 constexpr double kFastestFlicker = 0.1, kSlowestFlicker = 5;  // [s] that each picture stays
@@ -35,6 +36,9 @@ struct Comparison {
 // width each. A pixel that does not count (mask 0; empty: all do) has no difference.
 Image differenceOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask,
                    const Comparison& how);
+// The FLIP map in its authors' colours, magma: 0 is black, 1 light yellow. A pixel that does not count is grey. Seconds
+// of work for large pictures.
+Image flipOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask);
 // What the mode shows. side: of the width of both.
 Image composed(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask, const Comparison& how);
 

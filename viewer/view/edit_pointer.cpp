@@ -82,6 +82,10 @@ void endMoving(ViewerState& state) {
 
 }  // namespace
 
+bool hasButton(const EditState& edit) {
+  return selects(edit.tool) || (edit.tool != EditTool::none && (edit.moving || edit.hovered != Handle::none));
+}
+
 std::optional<Gizmo> shownGizmo(const ViewerState& state, const Camera& camera) {
   if (!state.scene.model || state.scene.partial) return std::nullopt;
   GizmoKind kind = GizmoKind::move;

@@ -18,6 +18,8 @@ struct EditPointer {
 struct PointerTaken {
   bool button = false, wheel = false;  // not for the camera
 };
+// Whether a press of the left button there is a tool's.
+bool hasButton(const EditState& edit);
 PointerTaken editPointer(ViewerState& state, const EditPointer& pointer, const Camera& camera);
 
 // The handles that the state shows now; none without such a tool.

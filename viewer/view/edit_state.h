@@ -66,10 +66,6 @@ struct EditState {
   std::uint64_t revision = 0;
   std::uint64_t newest = 0;  // given last
   std::uint64_t saved = 0;   // what a file holds
-
-  std::string file;                                   // what Save writes; "": the model's own
-  std::optional<std::filesystem::path> save_request;  // taken up by the window
-  bool saving = false;                                // written by the window
 };
 
 // For another model: with the tool at hand.

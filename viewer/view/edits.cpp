@@ -176,16 +176,6 @@ std::filesystem::path saveTarget(const ViewerState& state) {
   return std::filesystem::path(own).replace_extension(".tgz");
 }
 
-void save(ViewerState& state, const std::filesystem::path& file) {
-  if (!mayEdit(state)) return;
-  (void)outputFormat(file);
-  if (std::filesystem::exists(file)) {
-    state.question = Question{Question::Kind::replaceFile, -1, file};
-  } else {
-    state.edit.save_request = file;
-  }
-}
-
 bool hasUnsavedEdits(const ViewerState& state, int document) {
   TG_ASSERT(document >= 0 && document < static_cast<int>(state.documents.open.size()), "the document is open");
   const EditState& edit =
@@ -201,74 +191,12 @@ std::vector<std::filesystem::path> unsavedModels(const ViewerState& state) {
   return paths;
 }
 
-void guardUnsaved(ViewerState& state) {
-  DocumentState& documents = state.documents;
-  if (state.discard_all) return;
-  if (state.quit && !unsavedModels(state).empty()) {
-    state.quit = false;
-    if (!hasUnsavedEdits(state, documents.shown)) {  // one that is not shown: it is asked for in view
-      documents.show_request = documentOf(state, unsavedModels(state).front());
-    }
-    state.question = Question{Question::Kind::quit, -1, unsavedModels(state).front()};
-  }
-  const int closing = documents.close_request.value_or(-1);
-  if (closing >= 0 && closing < static_cast<int>(documents.open.size()) && hasUnsavedEdits(state, closing)) {
-    documents.close_request.reset();
-    documents.show_request = closing;
-    state.question = Question{Question::Kind::close, closing, documents.open[static_cast<std::size_t>(closing)].path};
-  }
-  std::erase_if(documents.open_requests, [&](const std::filesystem::path& path) {
-    const int document = documentOf(state, path);
-    if (document < 0 || !hasUnsavedEdits(state, document)) return false;
-    documents.show_request = document;
-    state.question = Question{Question::Kind::readAgain, document, path};
-    return true;
-  });
-}
-
-std::vector<std::string> questionChoices(const Question& question) {
-  switch (question.kind) {
-    case Question::Kind::quit:
-      return {"Save and quit", "Quit without saving", "Cancel"};
-    case Question::Kind::close:
-      return {"Save and close", "Close without saving", "Cancel"};
-    case Question::Kind::readAgain:
-      return {"Read it again", "Cancel"};
-    case Question::Kind::replaceFile:
-      return {"Replace it", "Cancel"};
-  }
-  return {};
-}
-
-void answer(ViewerState& state, std::size_t choice) {
-  TG_ASSERT(state.question.has_value(), "something was asked");
-  const Question question = *std::exchange(state.question, std::nullopt);
-  const std::size_t cancel = questionChoices(question).size() - 1;
-  state.after_save.reset();
-  if (choice >= cancel) return;
-  EditState& edit = state.edit;
-  const auto forget = [](EditState& e) { e.saved = e.revision; };
-  switch (question.kind) {
-    case Question::Kind::quit:
-    case Question::Kind::close:
-      if (choice == 0) {
-        edit.save_request = saveTarget(state);
-        state.after_save = question;
-      } else if (question.kind == Question::Kind::quit) {
-        state.discard_all = state.quit = true;
-      } else {
-        forget(edit);
-        state.documents.close_request = question.document;
-      }
-      break;
-    case Question::Kind::readAgain:
-      forget(edit);
-      state.documents.open_requests.push_back(question.path);
-      break;
-    case Question::Kind::replaceFile:
-      edit.save_request = question.path;
-      break;
-  }
+void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision) {
+  const int document = documentOf(state, model);
+  if (document < 0) return;
+  EditState& edit =
+      document == state.documents.shown ? state.edit : state.documents.open[static_cast<std::size_t>(document)].edit;
+  edit.saved = revision;
 }
 
 }  // namespace tg

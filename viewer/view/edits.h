@@ -45,15 +45,10 @@ void updatePreview(ViewerState& state);
 std::filesystem::path saveTarget(const ViewerState& state);
 // Whether a file of that name would hold all of the model, or is of the format that the model came from.
 bool holdsModel(const std::filesystem::path& file, const Scene& scene);
-// Asks before it replaces a file. Throws Error(usage) for an extension that is not written.
-void save(ViewerState& state, const std::filesystem::path& file);
 // The open models with edits that no file holds.
 std::vector<std::filesystem::path> unsavedModels(const ViewerState& state);
 bool hasUnsavedEdits(const ViewerState& state, int document);  // of documents.open
-// Turns what would lose edits - quitting, closing, reading a file again - into a question.
-void guardUnsaved(ViewerState& state);
-// `choice`: of questionChoices().
-void answer(ViewerState& state, std::size_t choice);
-std::vector<std::string> questionChoices(const Question& question);  // the last one changes nothing
+// Once a file holds a revision of a model.
+void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision);
 
 }  // namespace tg

@@ -20,6 +20,11 @@ namespace {
 
 constexpr int kInspectVersion = 1;
 
+// [world] on the ray of a pixel's middle, at that camera z.
+glm::dvec3 pointAt(const Camera& camera, glm::ivec2 pixel, double depth) {
+  return glm::transpose(camera.rotation) * (depth * ray(camera, glm::dvec2(pixel) + 0.5) - camera.translation);
+}
+
 }  // namespace
 
 void inspect(ViewerState& state, glm::ivec2 pixel) {
@@ -80,14 +85,23 @@ void sortHits(ViewerState& state, HitColumn column) {
   inspection.seek = true;
 }
 
+void turnAbout(ViewerState& state, const Camera& camera, glm::ivec2 pixel, const std::vector<PixelHit>& hits) {
+  if (hits.empty()) return notify(state, "Nothing is seen there to turn about");
+  auto at =
+      std::find_if(hits.begin(), hits.end(), [](const PixelHit& h) { return h.transmittance * (1 - h.alpha) < 0.5; });
+  if (at == hits.end()) at = hits.begin() + strongestHit(hits);
+  centerOn(state.camera.pose, pointAt(camera, pixel, at->t));
+  state.camera.index = -1;
+  state.path.playing = false;
+}
+
 std::optional<glm::dvec3> inspectedPoint(const ViewerState& state) {
   const InspectState& inspection = state.inspect;
   if (!inspection.inspected) return std::nullopt;
   const Camera& camera = inspection.camera;
   const int picked = inspection.picked;
   const double depth = picked >= 0 ? inspection.hits[static_cast<std::size_t>(picked)].t : state.camera.pose.distance;
-  const glm::dvec3 p = depth * ray(camera, glm::dvec2(inspection.pixel) + 0.5);
-  return glm::transpose(camera.rotation) * (p - camera.translation);
+  return pointAt(camera, inspection.pixel, depth);
 }
 
 std::vector<glm::dvec3> outlineOf(const GaussianModel& model, std::size_t index, double sigmas, glm::dvec3 eye) {

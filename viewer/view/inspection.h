@@ -25,6 +25,9 @@ std::optional<glm::dvec3> inspectedPoint(const ViewerState& state);
 // [world] the outline of an ellipsoid of `sigmas` around a Gaussian, as seen from `eye`; empty from inside of it.
 std::vector<glm::dvec3> outlineOf(const GaussianModel& model, std::size_t index, double sigmas, glm::dvec3 eye);
 void clearInspection(ViewerState& state);
+// Turns the camera about what those hits of a pixel show: the point at which half of its light is stopped, else the
+// brightest hit. It comes to the middle of the picture.
+void turnAbout(ViewerState& state, const Camera& camera, glm::ivec2 pixel, const std::vector<PixelHit>& hits);
 // The picked Gaussian's number in the model; nothing while none is picked.
 std::optional<std::uint32_t> pickedGaussian(const ViewerState& state);
 

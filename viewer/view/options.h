@@ -21,11 +21,13 @@ constexpr auto namesOf(Backend) { return enumNames("auto", "vulkan", "opengl", "
 
 // What the command line asks for, in a window or to a file.
 struct ViewOptions {
-  std::filesystem::path model;
+  std::filesystem::path model;                     // empty: a window that waits for one
   std::vector<std::filesystem::path> more_models;  // to open beside it in a window
   std::filesystem::path compare;                   // another model, to compare with
   std::filesystem::path photographs;               // a folder of the data set's, to compare with
   CompareMode compare_mode = CompareMode::side;
+  float difference_gain = 1;     // --gain where the comparison is a difference; else it is of the settings
+  bool legend = false;           // drawn into pictures
   std::filesystem::path out;     // .png, .jpg: a picture; .exr: the numbers. Empty: a window
   std::filesystem::path script;  // drives the window; may be empty
   bool follow = false;           // the model is a file or a run folder that changes
@@ -42,6 +44,7 @@ struct ViewOptions {
   std::filesystem::path session;                    // keeps the window's state between runs; empty: nothing is kept
   bool show_given = false, textures_given = false;  // else the session's, where there is one
   UpAxis up = UpAxis::cameras;
+  bool up_given = false;
 
   std::filesystem::path record;     // --output: a video, pictures; empty: none
   std::filesystem::path path;       // a camera path; may be empty

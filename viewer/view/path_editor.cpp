@@ -141,6 +141,7 @@ void readPathFile(ViewerState& state, const std::filesystem::path& file) {
   CameraPath path = readPath(file);
   clearPath(state);
   state.path.path = std::move(path);
+  notePathKept(state);
 }
 
 bool recordsPath(const ViewerState& state) { return state.path.path.keys.size() >= 2; }

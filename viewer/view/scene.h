@@ -27,7 +27,7 @@ struct Scene {
   std::vector<std::string> warnings;
   glm::dvec3 up{0, -1, 0};
   SceneBounds bounds;
-  std::string training_json;  // of the file, for the one that is saved; "": none
+  std::string training_json;  // of its bundle, to be saved with it; "" = none
   std::string training;       // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
 };
 

@@ -50,6 +50,7 @@ std::string formatSession(const Session& session) {
                        {"version", kSessionVersion},
                        {"window", {session.window.x, session.window.y}},
                        {"panel", session.panel},
+                       {"panel_width", session.panel_width},
                        {"tab", name(session.tab)},
                        {"output", name(session.output)},
                        {"textures", texturesName(session.textures)},
@@ -76,6 +77,9 @@ Session parseSession(const std::string& json, const std::string& file) {
   }
   session.window = {static_cast<int>(width), static_cast<int>(height)};
   session.panel = object.boolean("panel");
+  if (object.has("panel_width")) {  // which version 1 had not at first
+    session.panel_width = std::clamp(object.number("panel_width"), kLeastPanel, kMostPanel);
+  }
   session.tab = named<Tab>(object, "tab");
   session.output = named<Output>(object, "output");
   RenderSettings settings;

@@ -20,6 +20,7 @@ struct ModelBookmarks {
 struct Session {
   glm::ivec2 window{1280, 720};  // [px]
   bool panel = true;
+  double panel_width = kUsualPanel;  // UiState::panel_width
   Tab tab = Tab::view;
   Output output = Output::final;
   TextureMode textures = TextureMode::rgba;

@@ -47,6 +47,10 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene) {
     const double aspect = static_cast<double>(size.x) / size.y;
     return toCamera(startPose(scene.up, scene.bounds, lens, aspect), lens, size.x, size.y);
   }
+  if (options.up_given && options.turntable == 0) {
+    throw Error(ErrorKind::usage,
+                "--up: does nothing for the view of a camera (expected a model without cameras, or --turntable)");
+  }
   const Camera camera = cameraOf(which, scene.cameras, "--camera");
   if (!isImageSize(camera.size.x, camera.size.y)) {
     throw Error(ErrorKind::badData, "--camera " + which,

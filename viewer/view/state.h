@@ -14,6 +14,7 @@
 #include "viewer/view/camera_controller.h"
 #include "viewer/view/camera_path.h"
 #include "viewer/view/compare.h"
+#include "viewer/view/desktop.h"
 #include "viewer/view/documents.h"
 #include "viewer/view/edit_state.h"
 #include "viewer/view/history.h"
@@ -82,11 +83,12 @@ struct InspectState {
 // What is shown of the model, and how.
 struct DisplayState {
   Output output = Output::final;
-  RenderSettings settings;         // all but outputs and crop, which effectiveSettings fills in
-  bool textures_held_off = false;  // the A/B key is down
-  bool crop = false;               // only what lies in the box is drawn
-  CropBox box;                     // world; shown as lines while it crops
-  double resolution = 1;           // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
+  RenderSettings settings;          // all but outputs and crop, which effectiveSettings fills in
+  bool textures_held_off = false;   // the A/B key is down
+  bool crop = false;                // only what lies in the box is drawn
+  CropBox box;                      // world; shown as lines while it crops
+  std::optional<ValueScale> scale;  // of the picture on screen, where it has one; written by the window
+  double resolution = 1;  // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
 };
 constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
 constexpr double kMinResolution = 0.1, kMaxResolution = 2;
@@ -95,10 +97,14 @@ constexpr double kMinResolution = 0.1, kMaxResolution = 2;
 enum class Tab { view, camera, path, inspect, edit, time };
 constexpr auto namesOf(Tab) { return enumNames("view", "camera", "path", "inspect", "edit", "time"); }
 
+constexpr double kLeastPanel = 19, kUsualPanel = 21, kMostPanel = 60;  // [font heights] of its width
+
 struct UiState {
   bool panel = true;
+  double panel_width = kUsualPanel;  // [font heights]
   Tab tab = Tab::view;
   bool help = false;
+  bool menu = false;        // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
   bool continuous = false;  // draw without pause, to watch frame times
 };
 
@@ -122,14 +128,6 @@ struct CaptureRequest {
   std::filesystem::path camera;   // .json: the picture's camera, for --camera
 };
 
-// What must be answered before something is lost.
-struct Question {
-  enum class Kind { quit, close, readAgain, replaceFile };
-  Kind kind = Kind::quit;
-  int document = -1;  // of DocumentState::open, of the model that it is about
-  std::filesystem::path path;
-};
-
 struct ViewerState {
   Scene scene;  // the one shown
   DocumentState documents;
@@ -145,13 +143,11 @@ struct ViewerState {
   UiState ui;
   MessageState messages;
   FollowState follow;
+  DesktopState desktop;
 
   double time = 0;                  // [s] since the window opened, written by the window
   std::vector<std::string> recent;  // models opened before, the last one first; written by the window
   CaptureRequest capture;
-  std::optional<Question> question;    // asked in the middle of the picture
-  std::optional<Question> after_save;  // what was to be done once the model is saved
-  bool discard_all = false;            // quits whatever is not saved
   bool quit = false;
 };
 

@@ -23,9 +23,12 @@ std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, s
   const CompareState& compare = state.compare;
   if (compare.how.mode == CompareMode::off) return std::nullopt;
   OtherPicture other;
-  other.difference = compare.how.mode == CompareMode::difference;
-  other.with_sign = compare.how.with_sign;
-  other.gain = compare.how.gain;
+  // What does not change the pictures of a mode would have them drawn anew.
+  other.how.mode = compare.how.mode;
+  if (compare.how.mode == CompareMode::difference) {
+    other.how.with_sign = compare.how.with_sign;
+    other.how.gain = compare.how.gain;
+  }
   if (compare.with_photographs && photographs_) {
     if (state.camera.index < 0) {
       problem = "No photograph was taken from here: go to a camera of the model (Space, or . and ,)";

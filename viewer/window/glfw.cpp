@@ -23,10 +23,24 @@ std::string lastError() {
 
 Events& eventsOf(GLFWwindow* window) { return *static_cast<Events*>(glfwGetWindowUserPointer(window)); }
 
-void onKey(GLFWwindow* window, int key, int, int action, int mods) {
-  if (action != GLFW_PRESS) return;
-  const int control = (mods & GLFW_MOD_CONTROL) != 0 ? kControl : 0;
-  eventsOf(window).keys.emplace_back(key | control, (mods & GLFW_MOD_SHIFT) != 0);
+// Alt and Super are the window system's. A chord is told by the letter that the keyboard's layout has there.
+void onKey(GLFWwindow* window, int key, int scancode, int action, int mods) {
+  if (action != GLFW_PRESS || (mods & (GLFW_MOD_ALT | GLFW_MOD_SUPER))) return;
+  const bool control = (mods & GLFW_MOD_CONTROL) != 0;
+  if (control) eventsOf(window).chord = key;
+  if (control && key >= GLFW_KEY_A && key <= GLFW_KEY_Z) {
+    const char* letter = glfwGetKeyName(key, scancode);
+    if (letter && letter[0] >= 'a' && letter[0] <= 'z' && !letter[1]) key = letter[0] - 'a' + GLFW_KEY_A;
+  }
+  eventsOf(window).keys.emplace_back(control ? key | kControl : key, (mods & GLFW_MOD_SHIFT) != 0);
+}
+
+void onButton(GLFWwindow* window, int button, int action, int mods) {
+  if ((mods & GLFW_MOD_ALT) == 0) eventsOf(window).alt_up = true;
+  if (button != GLFW_MOUSE_BUTTON_LEFT || action != GLFW_PRESS) return;
+  Press press{glfwGetTime(), {}};
+  glfwGetCursorPos(window, &press.at.x, &press.at.y);
+  eventsOf(window).presses.push_back(press);
 }
 
 void onDrop(GLFWwindow* window, int count, const char** paths) {
@@ -47,6 +61,9 @@ Glfw::Glfw() {
 
 WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug) {
   glfwDefaultWindowHints();
+  // As the desktop file has them.
+  glfwWindowHintString(GLFW_X11_CLASS_NAME, "tgview");
+  glfwWindowHintString(GLFW_X11_INSTANCE_NAME, "tgview");
   if (api == Api::vulkan) {
     if (!glfwVulkanSupported()) refuseWindow("GLFW finds no Vulkan loader");
     glfwWindowHint(GLFW_CLIENT_API, GLFW_NO_API);
@@ -63,6 +80,7 @@ WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug) {
   if (!window) refuseWindow(lastError());
   glfwSetWindowUserPointer(window.get(), &events);
   glfwSetKeyCallback(window.get(), onKey);
+  glfwSetMouseButtonCallback(window.get(), onButton);
   glfwSetDropCallback(window.get(), onDrop);
   return window;
 }

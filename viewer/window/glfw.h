@@ -22,9 +22,18 @@ class Glfw {
   Glfw& operator=(Glfw&&) = delete;
 };
 
+// The left button going down.
+struct Press {
+  double time = -1;    // [s] of GLFW's clock
+  glm::dvec2 at{0.0};  // of the window, in its units
+};
+
 // What the callbacks collected since the last frame.
 struct Events {
-  std::vector<std::pair<int, bool>> keys;  // key, with kControl where Ctrl is held; shift
+  std::vector<Press> presses;
+  std::vector<std::pair<int, bool>> keys;  // key (with kControl), shift
+  int chord = 0;                           // what was pressed last with Ctrl, by its place on the keyboard; 0: nothing
+  bool alt_up = false;                     // when a button went down: the window manager may keep the key going up
   std::vector<std::filesystem::path> dropped;
 };
 

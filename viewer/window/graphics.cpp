@@ -9,6 +9,7 @@
 
 #include "core/system/error.h"
 #include "viewer/picture/device.h"
+#include "viewer/view/legend.h"
 
 namespace tg {
 namespace {
@@ -94,7 +95,7 @@ std::vector<PictureBlit> layOut(const Picture& picture, const Comparison& how, P
     if (picture.other) blits.push_back(column(picture.other, 0, 1, right));
     return blits;
   }
-  if (how.mode == CompareMode::difference && picture.difference) return whole(picture.difference);
+  if (hasLegend(how.mode) && picture.error) return whole(picture.error);
   if (how.mode == CompareMode::flicker && how.shows_other && picture.other) return whole(picture.other);
   if (how.mode != CompareMode::wipe || !picture.other) return whole(first);
   std::vector<PictureBlit> blits = {column(first, 0, how.divider, area), column(picture.other, how.divider, 1, area)};

@@ -6,25 +6,14 @@
 #include <imgui.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <utility>
 
-#include "core/file/file.h"
+#include "viewer/view/actions.h"
+#include "viewer/window/glfw.h"
 
 namespace tg {
 namespace {
-
-constexpr float kFontSize = 14.0f;  // [px] at scale 1
-
-// The built-in font is a 13 px bitmap; a system's sans serif reads better and scales. Missing: the built-in one.
-constexpr std::array kFonts = {
-    "/usr/share/fonts/truetype/noto/NotoSans-Regular.ttf",
-    "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
-    "/usr/share/fonts/truetype/liberation/LiberationSans-Regular.ttf",
-    "/usr/share/fonts/truetype/ubuntu/Ubuntu-R.ttf",
-    "/usr/share/fonts/TTF/DejaVuSans.ttf",
-    "/usr/share/fonts/dejavu-sans-fonts/DejaVuSans.ttf",
-};
 
 // How much larger than 96 dpi the user wants things, in ImGui's units (which some window systems scale themselves).
 float interfaceScale(GLFWwindow* window) {
@@ -35,17 +24,6 @@ float interfaceScale(GLFWwindow* window) {
   glfwGetFramebufferSize(window, &pixels, &ignored);
   if (units > 0 && pixels > 0) scale *= static_cast<float>(units) / static_cast<float>(pixels);
   return std::clamp(scale, 1.0f, 4.0f);
-}
-
-void loadFont(float scale) {
-  ImGuiIO& io = ImGui::GetIO();
-  const float size = std::round(kFontSize * scale);
-  for (const char* path : kFonts) {
-    if (isFile(path) && io.Fonts->AddFontFromFileTTF(path, size)) return;
-  }
-  ImFontConfig config;
-  config.SizePixels = std::round(13.0f * scale);
-  io.Fonts->AddFontDefault(&config);
 }
 
 ImVec4 rgb(int hex, float alpha = 1.0f) {
@@ -87,19 +65,20 @@ void applyStyle(float scale) {
   colors[ImGuiCol_PlotLines] = rgb(0x74b6e4);
   colors[ImGuiCol_PlotHistogram] = rgb(0x3f86b9);
   colors[ImGuiCol_Separator] = rgb(0x31363e);
+  colors[ImGuiCol_MenuBarBg] = rgb(0x22262c);
+  colors[ImGuiCol_ModalWindowDimBg] = rgb(0x000000, 0.5f);
   colors[ImGuiCol_ScrollbarBg] = rgb(0x1b1e23, 0.0f);
   style.ScaleAllSizes(scale);
 }
 
 }  // namespace
 
-Gui::Gui(GLFWwindow* window, Screen& screen) : screen_(screen) {
+Gui::Gui(GLFWwindow* window, Screen& screen) : window_(window), screen_(screen), fonts_(interfaceScale(window)) {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
   ImGui::GetIO().IniFilename = nullptr;  // leaves no file in the user's folder
-  const float scale = interfaceScale(window);
-  loadFont(scale);
-  applyStyle(scale);
+  fonts_.load();
+  applyStyle(interfaceScale(window));
   screen_.startPanels();
 }
 
@@ -108,8 +87,28 @@ Gui::~Gui() {
   ImGui::DestroyContext();
 }
 
-void Gui::beginFrame() {
+void Gui::beginFrame([[maybe_unused]] const Events& events) {
+  if (fonts_.stale()) {
+    screen_.stopPanels();
+    fonts_.load();
+    screen_.startPanels();
+  }
   screen_.beginPanels();
+#if IMGUI_VERSION_NUM < 18700  // later ones queue keys themselves
+  ImGuiIO& io = ImGui::GetIO();
+  for (const int key : std::exchange(held_down_, {})) io.KeysDown[key] = glfwGetKey(window_, key) == GLFW_PRESS;
+  io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
+  if (events.alt_up) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = io.KeyAlt = false;
+  io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
+  for (const auto& [pressed, shift] : events.keys) {
+    const int key = pressed & ~kControl;
+    io.KeyCtrl = io.KeyCtrl || key != pressed;
+    io.KeyShift = io.KeyShift || shift;
+    if (key < 0 || key >= IM_ARRAYSIZE(io.KeysDown) || io.KeysDown[key]) continue;
+    io.KeysDown[key] = true;
+    held_down_.push_back(key);
+  }
+#endif
   ImGui::NewFrame();
 }
 

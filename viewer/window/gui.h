@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Dear ImGui's context for one window: fonts, colours, life and death. No widgets here.
 #pragma once
+#include <string_view>
+#include <vector>
+
+#include "viewer/window/fonts.h"
 #include "viewer/window/screen.h"
 
 struct GLFWwindow;
 
 namespace tg {
+
+struct Events;
 
 class Gui {
  public:
@@ -14,11 +20,18 @@ class Gui {
   ~Gui();
   Gui& operator=(Gui&&) = delete;
 
-  void beginFrame();
+  // A key of `events` that is up again by now is down in this frame.
+  void beginFrame(const Events& events);
+  // Asks for the letters of a text, which are there a frame later.
+  void want(std::string_view text) { fonts_.want(text); }
+  bool stale() const { return fonts_.stale(); }
   void endFrame();  // no widgets after this; Screen::draw() shows them
 
  private:
+  GLFWwindow* window_;
   Screen& screen_;
+  Fonts fonts_;
+  std::vector<int> held_down_;  // keys that are down for a frame only
 };
 
 }  // namespace tg

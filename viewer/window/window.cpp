@@ -16,7 +16,6 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
-#include "viewer/model/edit_saver.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
 #include "viewer/picture/inspector_thread.h"
@@ -26,10 +25,12 @@
 #include "viewer/view/edits.h"
 #include "viewer/view/input.h"
 #include "viewer/view/inspection.h"
+#include "viewer/view/names.h"
 #include "viewer/view/path_editor.h"
 #include "viewer/view/state.h"
 #include "viewer/window/captures.h"
 #include "viewer/window/comparison_control.h"
+#include "viewer/window/desktop_control.h"
 #include "viewer/window/graphics.h"
 #include "viewer/window/timings.h"
 #include "viewer/window/window_session.h"
@@ -38,11 +39,13 @@ namespace tg {
 namespace {
 
 constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
-constexpr double kSmoothFrame = 50;      // [ms] a moving picture is drawn smaller when it takes longer than this
+constexpr double kSmoothFrame = 30;      // [ms] a moving picture is drawn smaller when it takes longer than this
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
 constexpr double kHandleRest = 0.3;      // [s] without a move after which a dragged handle rests
 constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
 constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
+constexpr double kDoubleClick = 0.4;     // [s] at most between its presses
+constexpr float kStill = 3;              // [ImGui units] a hand moves while it clicks
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
 
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
@@ -54,6 +57,16 @@ PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
   return {area.origin + (area.size - fitted) / 2, fitted};
 }
 
+// Pointer or keyboard did something since the frame before.
+bool heardInput(const Events& events) {
+  const ImGuiIO& io = ImGui::GetIO();
+  const auto any = [](const auto& buttons) {
+    return std::any_of(std::begin(buttons), std::end(buttons), std::identity());
+  };
+  return !events.keys.empty() || !io.InputQueueCharacters.empty() || io.MouseWheel != 0 || io.MouseDelta.x != 0 ||
+         io.MouseDelta.y != 0 || any(io.MouseClicked) || any(io.MouseReleased);
+}
+
 class Viewer {
  public:
   Viewer(const ViewOptions& options, const WindowAdditions& additions);
@@ -62,7 +75,6 @@ class Viewer {
   void run();
 
  private:
-  bool ended();
   void wake() const {
     if (awake_) glfwPostEmptyEvent();
   }
@@ -73,6 +85,7 @@ class Viewer {
   bool handleMoves();
   void handleEvents();
   bool handlePointer();
+  glm::dvec2 fromMiddle(glm::dvec2 place) const;
   void openCameraFiles();
   void inspectClick();
   bool scriptMayGoOn() const;
@@ -106,7 +119,6 @@ class Viewer {
   std::atomic<bool> awake_{false};  // GLFW may be called from other threads
   WindowSession session_;
   OpenModels documents_;
-  EditSaver saver_;
   ComparisonControl comparison_;
   Glfw glfw_;
   Events events_;
@@ -119,10 +131,14 @@ class Viewer {
   double last_full_ms_ = 0;                 // of the last picture at full size
   LoadTimings timings_{started_};
   FrameTimings frame_timings_;
+  bool shown_any_ = false;               // a model
   bool recovered_ = false;               // the device has failed once
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
+  DesktopControl desktop_;
   PictureRuns runs_;
+  Press last_press_;
+  bool double_clicked_ = false;  // since the frame before
   int frames_since_event_ = 0;
   int chord_key_ = 0;          // was pressed with Ctrl, and is held
   glm::dvec2 handle_at_{0.0};  // [ImGui units] the pointer while it drags a handle
@@ -138,9 +154,9 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       documents_(
           options, [this] { wake(); },
           [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }, additions.read),
-      saver_([this] { wake(); }),
       comparison_(options, [this] { wake(); }),
       graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options, additions.wrap_screen)),
+      desktop_(options, [this] { wake(); }),
       runs_(options, started_, script_.has_value()) {
   awake_ = true;
   session_.start(state_);
@@ -150,32 +166,29 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
   state_.compare.with_photographs = comparison_.hasPhotographs();
   state_.compare.other = options.compare;
   if (!options.compare.empty() || comparison_.hasPhotographs()) state_.compare.how.mode = options.compare_mode;
+  state_.compare.how.gain = options.difference_gain;
+  state_.record.fps = options.fps;
   setTitle();
 }
 
 void Viewer::setTitle() {
   const Scene& scene = state_.scene;
-  std::string title = "tgview - " + (scene.path.empty() ? options_.model : scene.path).filename().string();
+  shown_any_ = shown_any_ || !scene.path.empty();
+  // What the command line names is the title until it is there.
+  const std::filesystem::path& path = shown_any_ ? scene.path : options_.model;
+  std::string title = "tgview";
+  if (!path.empty()) title += " - " + path.filename().string();
   if (!scene.training.empty()) title += " - " + scene.training;
   glfwSetWindowTitle(graphics_->window(), title.c_str());
 }
 
-// Unsaved edits are asked for first; a script is done when it is done.
-bool Viewer::ended() {
-  GLFWwindow* window = graphics_->window();
-  if (glfwWindowShouldClose(window)) {
-    state_.quit = true;
-    glfwSetWindowShouldClose(window, GLFW_FALSE);
-  }
-  const bool asked = state_.question.has_value();
-  if (!script_) guardUnsaved(state_);
-  if (!asked && state_.question) frames_since_event_ = 0;
-  return state_.quit;
-}
-
 void Viewer::run() {
-  while (!ended()) {
+  while (!state_.quit) {
     waitForEvents();
+    if (glfwWindowShouldClose(graphics_->window())) {
+      glfwSetWindowShouldClose(graphics_->window(), GLFW_FALSE);
+      script_ ? void(state_.quit = true) : askToQuit(state_);
+    }
     glm::ivec2 pixels;
     glfwGetFramebufferSize(graphics_->window(), &pixels.x, &pixels.y);
     bool visible = false;
@@ -185,19 +198,20 @@ void Viewer::run() {
       continue;
     }
     state_.time = glfwGetTime();
-    graphics_->gui.beginFrame();
+    graphics_->gui.beginFrame(events_);
+    if (heardInput(events_)) frames_since_event_ = 0;
     followAspect();
     openCameraFiles();
     takePicture();
     if (state_.loading.part_owed) state_.loading.part_owed = state_.scene.partial && !complete();
-    if (!script_) guardUnsaved(state_);
-    saver_.update(state_, script_.has_value());
+    if (!script_ && guardEdits(state_)) frames_since_event_ = 0;
     if (documents_.update(state_)) {
       frames_since_event_ = 0;
       setTitle();
     }
     if (runs_.update(state_, pictureArea().size)) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
+    if (desktop_.update(state_, graphics_->window(), pictureSize())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
     }
@@ -206,6 +220,8 @@ void Viewer::run() {
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_);
     keepEdits(moving);
+    forEachName(state_, [this](std::string_view text) { graphics_->gui.want(text); });
+    if (graphics_->gui.stale() || isFading()) frames_since_event_ = 0;
     graphics_->gui.endFrame();
     followAspect();
     askForPicture(moving || handleMoves());
@@ -218,9 +234,7 @@ void Viewer::run() {
     frame_timings_.frameShown();
   }
   if (options_.timings) frame_timings_.print();
-  glm::ivec2 window;
-  glfwGetWindowSize(graphics_->window(), &window.x, &window.y);
-  session_.keep(state_, window);
+  session_.keep(state_, desktop_.windowSize(graphics_->window()));
   validation_messages_ += graphics_->screen().messages();
   if (validation_messages_ > 0) {
     throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
@@ -267,7 +281,7 @@ bool Viewer::scriptMayGoOn() const {
   const DocumentState& documents = state_.documents;
   const bool asked = !documents.open_requests.empty() || documents.show_request || documents.close_request;
   const bool loading = state_.loading.active && !state_.loading.script_goes_on;
-  const bool saving = state_.edit.saving || state_.edit.save_request;
+  const bool saving = state_.desktop.saving || state_.desktop.save_request;
   return complete() && !measuring() && !capturing() && !asked && !loading && !saving;
 }
 
@@ -333,11 +347,18 @@ void Viewer::followAspect() {
 
 void Viewer::handleEvents() {
   const Events events = std::exchange(events_, {});
+  if (events.chord != 0) chord_key_ = events.chord;
+  // Dear ImGui sees one press a frame, however long that took.
+  double_clicked_ = false;
+  for (const Press& press : events.presses) {
+    const bool soon = last_press_.time >= 0 && press.time - last_press_.time < kDoubleClick;
+    const bool second = soon && glm::distance(press.at, last_press_.at) < kStill;
+    double_clicked_ = double_clicked_ || second;
+    last_press_ = second ? Press{} : press;
+  }
   for (const auto& [key, shift] : events.keys) {
-    if ((key & kControl) != 0) chord_key_ = key & ~kControl;
-    if (ImGui::GetIO().WantTextInput) continue;
-    if (state_.question && key != kKeyEscape) continue;
-    if (key == kKeyEscape && popupIsOpen()) continue;  // closes the list, not the viewer
+    if (ImGui::GetIO().WantTextInput) break;
+    if (isModal(state_) || (key == kKeyEscape && popupIsOpen())) continue;  // theirs
     pressKey(state_, key, shift);
   }
   state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
@@ -351,47 +372,64 @@ bool Viewer::handlePointer() {
   last_time_ = state_.time;
   input.shift = io.KeyShift;
   input.control = io.KeyCtrl;
+  input.alt = io.KeyAlt;
+  if (isModal(state_)) {
+    cancelDrag(state_);
+    return advance(state_, input.seconds);
+  }
   const PointerTaken taken = editInput(state_);
   inspectClick();
-  if (comparison_.dragDivider(state_.compare.how, pictureArea())) {
+  if (!taken.button && comparison_.dragDivider(state_.compare.how, pictureArea())) {
     frames_since_event_ = 0;
   } else if (!io.WantCaptureMouse) {
     input.drag = {io.MouseDelta.x, io.MouseDelta.y};
     input.wheel = taken.wheel ? 0 : io.MouseWheel;
+    input.cursor = fromMiddle({io.MousePos.x, io.MousePos.y});
     input.left = io.MouseDown[0] && !taken.button;
     input.right = io.MouseDown[1];
     input.middle = io.MouseDown[2];
   }
-  // Ctrl+Z neither rolls nor, with Ctrl let go first, begins to.
+  // With Ctrl they are chords, also when Ctrl is let go first.
   if (chord_key_ != 0 && !held(chord_key_)) chord_key_ = 0;
-  if (!io.WantTextInput && chord_key_ == 0) {
+  if (!io.WantTextInput && !io.KeyCtrl && chord_key_ == 0) {
     const auto axis = [this](int positive, int negative) { return held(positive) - held(negative); };
     input.fly = {axis(GLFW_KEY_D, GLFW_KEY_A), axis(GLFW_KEY_Q, GLFW_KEY_E), axis(GLFW_KEY_W, GLFW_KEY_S)};
     input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
+    input.arrows = {axis(GLFW_KEY_RIGHT, GLFW_KEY_LEFT), axis(GLFW_KEY_UP, GLFW_KEY_DOWN)};
   }
   if (!script_) state_.display.textures_held_off = !io.WantTextInput && held(kKeyTab);
   const double units_high = static_cast<float>(pictureArea().size.y) / std::max(io.DisplayFramebufferScale.y, 1e-3f);
   const bool moved = applyInput(state_, input, static_cast<int>(units_high));
   const bool advanced = advance(state_, input.seconds);
-  const bool active = moved || advanced || input.fly != glm::dvec3(0.0) || input.roll != 0;
+  const bool active =
+      moved || advanced || input.fly != glm::dvec3(0.0) || input.roll != 0 || input.arrows != glm::dvec2(0.0);
   if (active) frames_since_event_ = 0;
   return active;
 }
 
-// A click that was no drag, with Alt or while clicks inspect.
+// A click that was no drag, with Alt or while clicks inspect; else two of them set the pivot.
 void Viewer::inspectClick() {
-  constexpr float kStill = 3;  // [ImGui units] a hand moves while it clicks
   const ImGuiIO& io = ImGui::GetIO();
-  const bool picks = state_.inspect.active && state_.edit.tool == EditTool::none;
-  if (io.WantCaptureMouse || !(picks || io.KeyAlt) || !ImGui::IsMouseReleased(0)) return;
-  if (io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
+  const bool inspects = io.KeyAlt || (state_.inspect.active && state_.edit.tool == EditTool::none);
+  if (io.WantCaptureMouse || io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
+  if (inspects ? !ImGui::IsMouseReleased(0) : !double_clicked_ || hasButton(state_.edit)) return;
   const glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
                             glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
                         glm::dvec2(pictureArea().origin);
   const glm::ivec2 pixel(glm::floor(at / glm::dvec2(pictureSize()) * glm::dvec2(wantedSize())));
   if (glm::all(glm::greaterThanEqual(pixel, glm::ivec2(0))) && glm::all(glm::lessThan(pixel, wantedSize()))) {
-    inspect(state_, pixel);
+    inspects ? inspect(state_, pixel) : void(state_.desktop.turn_about = pixel);
   }
+}
+
+// [ImGui units] right and down of the middle of the picture that a place of the window lies on.
+glm::dvec2 Viewer::fromMiddle(glm::dvec2 place) const {
+  const ImGuiIO& io = ImGui::GetIO();
+  const glm::dvec2 scale(std::max(io.DisplayFramebufferScale.x, 1e-3f), std::max(io.DisplayFramebufferScale.y, 1e-3f));
+  const glm::dvec2 size = glm::dvec2(pictureSize()) / scale;
+  glm::dvec2 at = place - glm::dvec2(pictureArea().origin) / scale;
+  if (at.x >= size.x) at.x -= size.x;  // the right one of two
+  return at - 0.5 * size;
 }
 
 // A .json is no model: a camera path, or cameras that replace the cameras of the one shown.
@@ -487,6 +525,7 @@ void Viewer::takePicture() {
   }
   if (!news.picture) return;
   picture_ = std::move(news.picture);
+  state_.display.scale = picture_->scale;
   frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
   const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
@@ -522,7 +561,8 @@ void Viewer::drawFrame() {
 void Viewer::capture() {
   try {
     const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->screen());
-    if (!saved.empty() && !script_) notify(state_, "Saved " + saved.string());  // a script's next one must not show it
+    if (saved.empty() || script_) return;  // a script's next picture must not show it
+    notify(state_, "Saved " + std::filesystem::absolute(saved).string());
   } catch (const Error& error) {
     if (script_) throw;
     state_.messages.error = error.what();
@@ -533,13 +573,14 @@ void Viewer::capture() {
 
 void runWindow(const ViewOptions& options, const WindowAdditions& additions) {
   // What is no model at all is said without a window.
-  if (!options.follow) (void)detectFormat(options.model);
+  const bool names_file = !options.follow && !options.model.empty();
+  if (names_file) (void)detectFormat(options.model);
   std::unique_ptr<Viewer> viewer;
   try {
     viewer = std::make_unique<Viewer>(options, additions);
   } catch (const Error& error) {
     // A broken file is the better news: it stays broken on a machine with a display.
-    if (error.kind == ErrorKind::device && !options.follow) (void)readModel(options.model);
+    if (error.kind == ErrorKind::device && names_file) (void)readModel(options.model);
     throw;
   }
   viewer->run();

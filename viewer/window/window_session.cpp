@@ -15,6 +15,8 @@ void WindowSession::start(ViewerState& state) const {
   const Session& session = loaded_.session;
   const bool kept = !options_.session.empty();
   state.ui.panel = session.panel;
+  state.ui.panel_width = session.panel_width;
+  state.desktop.bookmarks_kept = kept;
   state.ui.tab = session.tab;
   state.camera.speed = session.speed;
   state.camera.fly = session.fly;
@@ -29,9 +31,12 @@ void WindowSession::start(ViewerState& state) const {
 
 void WindowSession::adopt(ViewerState& state, Scene scene) {
   Session& session = loaded_.session;
-  keepBookmarks(session, state.scene.path, state.camera.bookmarks);
+  if (!state.scene.path.empty()) keepBookmarks(session, state.scene.path, state.camera.bookmarks);
   setScene(state, std::move(scene));
+  if (state.scene.path.empty()) return;
   state.camera.bookmarks = bookmarksOf(session, state.scene.path);
+  noteBookmarksKept(state);
+  session.recent = state.recent;  // which the user may have cleared
   noteRecent(session, state.scene.path);
   if (!options_.session.empty()) state.recent = session.recent;
   if (std::exchange(adopted_any_, true) || !options_.settings.crop) return;
@@ -42,9 +47,11 @@ void WindowSession::adopt(ViewerState& state, Scene scene) {
 void WindowSession::keep(const ViewerState& state, glm::ivec2 window) {
   if (options_.session.empty()) return;
   Session& session = loaded_.session;
-  keepBookmarks(session, state.scene.path, state.camera.bookmarks);
+  if (!state.scene.path.empty()) keepBookmarks(session, state.scene.path, state.camera.bookmarks);
   session.window = window;
   session.panel = state.ui.panel;
+  session.panel_width = state.ui.panel_width;
+  session.recent = state.recent;
   session.tab = state.ui.tab;
   session.output = state.display.output;
   session.textures = state.display.settings.textures;

@@ -14,6 +14,7 @@
 #include "support/catch.h"
 #include "support/scenes.h"
 #include "viewer/process.h"
+#include "viewer/view/compare.h"
 
 using namespace tg;
 using test::ProcessResult;
@@ -244,6 +245,124 @@ TEST_CASE("without a display the window is refused with the way out") {
   }
 }
 
+TEST_CASE("colour maps, percentiles and gain give the same picture on every backend, the one that visualize() makes") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const Bundle bundle = readBundle(shop / "model.tgz");
+  std::vector<std::string> backends = test::deviceBackends();
+  backends.emplace_back("cpu");
+  for (const auto& [show, row, value] : std::vector<std::array<std::string, 3>>{{"depth", "colors", "turbo"},
+                                                                                {"count", "colors", "viridis"},
+                                                                                {"overdraw", "range", "2,98"},
+                                                                                {"texel-density", "colors", "grey"},
+                                                                                {"texture", "gain", "8"}}) {
+    RenderSettings settings;
+    settings.background = bundle.background;
+    settings.outputs = {*parse<Output>(show)};
+    renderSetting(row).set(settings, value, "");
+    const Image expected = visualize(cpuFrame(bundle, 1, settings), *parse<Output>(show), settings);
+    for (const std::string& backend : backends) {
+      INFO(show << " --" << row << " " << value << " on " << backend);
+      const ProcessResult result =
+          shop.tgview({"model.tgz", "--render", "a.png", "--show", show, "--" + row, value, "--backend", backend});
+      INFO(result.err);
+      REQUIRE(result.exit_code == 0);
+      // Backends sum in other orders: a splat more or less at a threshold.
+      CHECK(psnr8Bit(shop.read("a.png"), expected) > (backend == "cpu" ? 1e9 : 35));
+    }
+  }
+}
+
+TEST_CASE("a legend and a FLIP map are drawn where they are asked for") {
+  const Workshop shop;
+  test::writeSample(shop / "a.tgz");
+  test::writeSample(shop / "b.tgz", 200);
+  const auto render = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"a.tgz", "--render", "out.png", "--backend", "cpu", "--size", "320x240"});
+    const ProcessResult result = shop.tgview(more);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    return shop.read("out.png");
+  };
+  const Image plain = render({"--show", "count"}), legend = render({"--show", "count", "--legend"});
+  CHECK(legend.data != plain.data);
+  CHECK(legend.at(300, 10, 0) == plain.at(300, 10, 0));
+  CHECK(std::isinf(psnr8Bit(render({"--show", "count", "--legend"}), legend)));
+  const Image first = render({}), flip = render({"--compare", "b.tgz", "--compare-mode", "flip"});
+  const ProcessResult other = shop.tgview({"b.tgz", "--render", "b.png", "--backend", "cpu", "--size", "320x240"});
+  REQUIRE(other.exit_code == 0);
+  CHECK(psnr8Bit(flip, flipOf(first, shop.read("b.png"), {})) > 45);  // of pictures before they were rounded
+  const Image weak = render({"--compare", "b.tgz", "--compare-mode", "difference"});
+  const Image strong = render({"--compare", "b.tgz", "--compare-mode", "difference", "--gain", "4"});
+  CHECK(psnr8Bit(strong, differenceOf(first, shop.read("b.png"), {}, {.gain = 4})) > 40);
+  CHECK(psnr8Bit(strong, weak) < 40);
+}
+
+TEST_CASE("a flag that would do nothing is refused by name") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const std::vector<std::string> render = {"--render", "a.png", "--backend", "cpu"};
+  const std::vector<std::string> numbers = {"--render", "a.exr", "--backend", "cpu"};
+  const std::vector<std::string> path = {"--path", "cameras.json", "-o", "frames"};
+  struct Idle {
+    std::vector<std::string> run, flag;
+    std::string said;
+  };
+  const std::vector<Idle> cases = {
+      {render, {"--gain", "2"}, "does nothing to final"},
+      {render, {"--colors", "turbo"}, "does nothing to final (expected --show with one of alpha, depth"},
+      {render, {"--range", "2,98"}, "does nothing to final"},
+      {render, {"--legend"}, "there are no numbers to explain"},
+      {render,
+       {"--exposure", "1", "--show", "depth"},
+       "does nothing to depth (expected --show with one of final, base)"},
+      {render, {"--background", "white", "--show", "normal"}, "does nothing to normal"},
+      {render, {"--textures", "off", "--show", "centers"}, "does nothing to centers"},
+      {render, {"--sh-degree", "1", "--show", "count"}, "does nothing to count"},
+      {render, {"--timings"}, "does nothing with --render (expected a window)"},
+      {render, {"--session", "s.json"}, "(expected a window)"},
+      {render, {"--no-session"}, "(expected a window)"},
+      {render, {"--frames-in-flight", "1"}, "(expected a window)"},
+      {render, {"--elevation", "10"}, "(expected --turntable)"},
+      {render, {"--radius", "3"}, "(expected --turntable)"},
+      {render, {"--fps", "25"}, "does nothing with --render"},
+      {render, {"--up", "+z"}, "does nothing for the view of a camera"},
+      {numbers, {"--exposure", "1"}, "does nothing with --render to .exr (expected a picture)"},
+      {numbers, {"--colors", "grey", "--show", "depth"}, "(expected a picture)"},
+      {numbers, {"--legend", "--show", "depth"}, "(expected a picture"},
+      {{"--list-cameras"}, {"--show", "depth"}, "does nothing with --list-cameras"},
+      {{"--list-cameras"}, {"--render", "a.png"}, "does nothing with --list-cameras"},
+      {{"--list-cameras"}, {"--near", "1"}, "does nothing with --list-cameras"},
+      {{"--list-cameras"}, {"--follow"}, "does nothing with --list-cameras"},
+      {{"--inspect", "5,5"}, {"--show", "depth"}, "does nothing with --inspect"},
+      {{"--inspect", "5,5"}, {"--backend", "cpu"}, "does nothing with --inspect"},
+      {{"--inspect", "5,5"}, {"--exposure", "1"}, "does nothing with --inspect"},
+      {{"--inspect", "5,5"}, {"--compare", "model.tgz"}, "does nothing with --inspect"},
+      {path, {"--camera", "1"}, "does nothing with --output"},
+      {path, {"--up", "+z"}, "does nothing with --output"},
+      {path, {"--elevation", "10"}, "(expected --turntable)"},
+      {{"--benchmark", "cameras.json"}, {"--colors", "turbo", "--show", "depth"}, "does nothing with --benchmark"},
+      {{"--compare", "model.tgz", "--render", "a.png"}, {"--legend"}, "side and wipe have none"},
+      {{}, {"--legend"}, "does nothing in a window"},
+      {{}, {"--radius", "2"}, "does nothing in a window (expected --turntable)"},
+  };
+  for (const auto& [run, flag, said] : cases) {
+    std::vector<std::string> arguments = {"model.tgz"};
+    arguments.insert(arguments.end(), run.begin(), run.end());
+    arguments.insert(arguments.end(), flag.begin(), flag.end());
+    const ProcessResult result = shop.tgview(arguments);
+    INFO(flag.front() << ": " << result.err);
+    CHECK(result.exit_code == 1);
+    CHECK(contains(result.err, flag.front() + ": "));
+    CHECK(contains(result.err, said));
+    CHECK(std::count(result.err.begin(), result.err.end(), '\n') == 1);
+  }
+  const ProcessResult two = shop.tgview({"model.tgz", "model.tgz", "--inspect", "5,5"});
+  CHECK(two.exit_code == 1);
+  CHECK_FALSE(std::filesystem::exists(shop / "a.png"));
+  CHECK_FALSE(std::filesystem::exists(shop / "frames"));
+}
+
 TEST_CASE("every wrong use is one line and its exit code, and leaves no file") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -270,7 +389,10 @@ TEST_CASE("every wrong use is one line and its exit code, and leaves no file") {
     return more;
   };
   const std::vector<Case> cases = {
-      {{}, 1},
+      {{}, 5},  // a window, and there is no display
+      {{"--render", "a.png"}, 1},
+      {{"--list-cameras"}, 1},
+      {{"--follow"}, 1},
       {{"model.tgz", "--unknown"}, 1},
       {with({"--show", "colour"}), 1},
       {with({"--textures", "on"}), 1},

@@ -9,13 +9,11 @@
 
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
-#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "viewer/keys.h"
-#include "viewer/model/edit_saver.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/state.h"
 
@@ -135,45 +133,6 @@ TEST_CASE("an edit ends the following") {
   window.open_models.update(window.state);
   CHECK_FALSE(window.state.follow.active);
   CHECK(window.state.scene.gaussians == 9);
-}
-
-TEST_CASE("an edited model is saved with what came along, beside everything else, and is no longer unsaved") {
-  const TemporaryFolder folder;
-  writeModel(folder / "a.tgz", 9, {"x.png"}, {1, 0.5f, 0});
-  Window window(optionsFor(folder / "a.tgz"));
-  window.settle();
-  ViewerState& state = window.state;
-  state.scene.training_json = R"({"note": "kept"})";
-  choose(state, {1, 1, 0, 0, 0, 0, 0, 0, 0}, SelectMode::replace, nullptr);
-  deleteChosen(state);
-  EditSaver saver([] {});
-  const auto saveTo = [&](const std::string& name) {
-    state.edit.save_request = folder / name;
-    for (int i = 0; i < 2000; ++i) {
-      saver.update(state, false);
-      if (!state.edit.saving) return;
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-    FAIL("saving does not end");
-  };
-  saveTo("small.splat");
-  CHECK(std::filesystem::exists(folder / "small.splat"));
-  CHECK(unsavedModels(state).size() == 1);  // it holds no textures
-  saveTo("missing/b.tgz");
-  CHECK_THAT(state.messages.error, Contains("missing/b.tgz"));
-  CHECK(unsavedModels(state).size() == 1);
-  state.after_save = Question{Question::Kind::quit, -1, folder / "b.tgz"};
-  saveTo("b.tgz");
-  CHECK(unsavedModels(state).empty());
-  CHECK(state.quit);
-  const Bundle saved = readBundle(folder / "b.tgz");
-  // Where there is no texture its place in the atlas says nothing: as select() has it.
-  const std::vector<std::uint32_t> all = {0, 1, 2, 3, 4, 5, 6};
-  CHECK(select(saved.model, all) == select(*state.scene.model, all));
-  CHECK(saved.cameras.size() == 1);
-  CHECK(saved.background == glm::vec3(1, 0.5f, 0));
-  CHECK_THAT(saved.training_json, Contains("kept"));
-  CHECK(readBundle(folder / "a.tgz").model.size() == 9);
 }
 
 TEST_CASE("each model keeps its own view, models of one data set share theirs") {
@@ -346,4 +305,24 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   CHECK(state.messages.error.empty());
   press(state, kKeyEscape);
   CHECK(state.quit);
+}
+
+TEST_CASE("a window without a file stays empty until one is opened, and says what cannot be") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  std::ofstream(folder / "broken.tgz") << "nothing";
+  Window window(ViewOptions{});
+  window.settle();
+  ViewerState& state = window.state;
+  CHECK(state.documents.open.empty());
+  window.open(folder / "broken.tgz");
+  CHECK_THAT(state.messages.error, Contains("broken.tgz"));
+  window.open(folder / "a.tgz");
+  CHECK(state.scene.gaussians == 3);
+  state.documents.close_request = 0;
+  window.settle();
+  CHECK(state.documents.open.empty());
+  CHECK(state.documents.shown == -1);
+  CHECK(state.scene.path.empty());
+  CHECK_FALSE(state.scene.model);
 }

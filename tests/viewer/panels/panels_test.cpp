@@ -5,12 +5,15 @@
 #include <imgui.h>
 #include <imgui_internal.h>
 
+#include <array>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <string>
 
 #include "core/tiny_model.h"
 #include "support/catch.h"
+#include "support/temporary_folder.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/path_editor.h"
@@ -30,15 +33,17 @@ class Interface {
     io.Fonts->GetTexDataAsAlpha8(&pixels, &width, &height);
   }
 
-  // The widget under the pointer; 0: none.
-  ImGuiID hovered(ViewerState& state, ImVec2 pointer) const {
+  // The widget under the pointer, which presses or not; 0: none.
+  ImGuiID hovered(ViewerState& state, ImVec2 pointer, bool pressed = false) const {
     ImGui::GetIO().MousePos = pointer;
+    ImGui::GetIO().MouseDown[0] = pressed;
     ImGui::GetIO().DeltaTime = 0.01f;
     ImGui::NewFrame();
     drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}});
     ImGui::EndFrame();
     return context_->HoveredId;
   }
+  ImGuiID active() const { return context_->ActiveId; }
 
   static constexpr float kWidth = 900, kHeight = 1000;
 
@@ -49,8 +54,9 @@ class Interface {
   const std::unique_ptr<ImGuiContext, Destroy> context_{ImGui::CreateContext()};
 };
 
-// Where widgets lie that share an ID: the places where it is met leave gaps then. "": each has its own.
-std::string sharedIds(ViewerState& state) {
+// Where widgets lie that share an ID: the places where it is met leave gaps then. "": each has its own. At
+// least so many are met.
+std::string sharedIds(ViewerState& state, float right = 0, std::size_t least = 6) {
   constexpr float kStepX = 9, kStepY = 7;  // [ImGui units] less than the sides of the smallest button
   const Interface interface;
   for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});  // scroll bars and tables settle
@@ -59,7 +65,7 @@ std::string sharedIds(ViewerState& state) {
     int met = 0;
   };
   std::map<ImGuiID, Box> boxes;
-  const float width = panelWidth(state, Interface::kWidth);
+  const float width = right > 0 ? right : panelWidth(state, Interface::kWidth);
   REQUIRE(width > 0);
   for (float y = 1; y < Interface::kHeight; y += kStepY) {
     for (float x = 1; x < width; x += kStepX) {
@@ -70,7 +76,7 @@ std::string sharedIds(ViewerState& state) {
       ++box.met;
     }
   }
-  CHECK(boxes.size() >= 8);
+  CHECK(boxes.size() >= least);
   std::string shared;
   for (const auto& [id, box] : boxes) {
     const auto& [places, met] = box;
@@ -119,19 +125,109 @@ ViewerState fullState() {
   return state;
 }
 
+// A place of each widget of the panel.
+std::map<ImGuiID, ImVec2> widgets(ViewerState state) {
+  std::map<ImGuiID, ImVec2> places;
+  const Interface interface;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  const float width = panelWidth(state, Interface::kWidth);
+  for (float y = 1; y < Interface::kHeight; y += 7) {
+    for (float x = 1; x < width; x += 9) {
+      if (const ImGuiID id = interface.hovered(state, {x, y})) places.try_emplace(id, ImVec2(x, y));
+    }
+  }
+  return places;
+}
+
 }  // namespace
 
 TEST_CASE("no two widgets of a page share an ID: the second of them could not be clicked") {
-  static_assert(kCount<CompareMode> <= kCount<Tab>);  // each of the modes is met on one of the pages
+  // Each mode of comparing is met, and each kind of output: numbers, textures, the others.
+  constexpr std::array kOutputs = {Output::final, Output::depth, Output::texture};
+  for (const Tab tab : valuesOf<Tab>()) {
+    for (const CompareMode mode : valuesOf<CompareMode>()) {
+      INFO(name(tab) << ", " << name(mode));
+      ViewerState bare = bareState(), full = fullState();
+      bare.ui.tab = full.ui.tab = tab;
+      full.compare.how.mode = mode;
+      full.display.output = kOutputs[static_cast<std::size_t>(mode) % kOutputs.size()];
+      full.display.scale = ValueScale{1, 2};
+      full.record.wanted = tab == Tab::path;
+      full.edit.tool = full.record.wanted ? EditTool::none : EditTool::turn;
+      chooseAll(full);
+      CHECK(sharedIds(bare) == "");
+      CHECK(sharedIds(full) == "");
+    }
+  }
+}
+
+TEST_CASE("no two widgets of the welcome, a dialog or the question share an ID") {
+  const TemporaryFolder folder;
+  for (const char* name : {"a.tgz", "b.ply", "c.spz"}) std::ofstream(folder / name) << "abc";
+  ViewerState welcome;
+  welcome.recent = {"/models/one.tgz", "/models/two.tgz", "/others/one.tgz"};
+  CHECK(sharedIds(welcome, Interface::kWidth) == "");
+  for (const bool saves : {false, true}) {
+    ViewerState state = fullState();
+    FileDialog& dialog = state.desktop.dialog.emplace();
+    dialog.use = saves ? FileUse::saveModel : FileUse::open;
+    dialog.browser.saves = saves;
+    dialog.browser.types = {{".tgz", ""}, {".ply", "Holds no textures"}, {".spz", ""}};
+    enterFolder(dialog.browser, folder.path);
+    CHECK(sharedIds(state, Interface::kWidth) == "");
+    CHECK(state.desktop.dialog);  // looking at it chooses nothing
+  }
+  for (const Unsaved what : {Unsaved::path, Unsaved::bookmarks, Unsaved::edits}) {
+    ViewerState state = fullState();
+    state.desktop.question = ClosingQuestion{{}, what, "tiny.tgz"};
+    CHECK(sharedIds(state, Interface::kWidth, 3) == "");
+    CHECK(state.desktop.question);
+  }
+}
+
+TEST_CASE("a press of the pointer reaches the widget that it is over, on every page") {
   for (const Tab tab : valuesOf<Tab>()) {
     INFO(name(tab));
-    ViewerState bare = bareState(), full = fullState();
-    bare.ui.tab = full.ui.tab = tab;
-    full.compare.how.mode = static_cast<CompareMode>(static_cast<int>(tab) % kCount<CompareMode>);
-    full.record.wanted = tab == Tab::path;
-    full.edit.tool = full.record.wanted ? EditTool::none : EditTool::turn;
-    chooseAll(full);
-    CHECK(sharedIds(bare) == "");
-    CHECK(sharedIds(full) == "");
+    ViewerState state = fullState();
+    state.ui.tab = tab;
+    // What is grey has no press.
+    chooseAll(state);
+    state.history.steps.resize(2);
+    for (HistoryStep& step : state.history.steps) step.name = "Step";
+    state.history.done = 1;
+    const std::map<ImGuiID, ImVec2> places = widgets(state);
+    CHECK(places.size() > 20);
+    int only_looked_at = 0;
+    for (const auto& [id, place] : places) {
+      INFO(place.x << ", " << place.y);
+      ViewerState pressed = state;
+      const Interface interface;
+      for (int i = 0; i < 3; ++i) (void)interface.hovered(pressed, {-1, -1});
+      (void)interface.hovered(pressed, place);
+      (void)interface.hovered(pressed, place, true);
+      // A menu opens at once and has the pointer from then on.
+      if (interface.active() == id || popupIsOpen()) continue;
+      ++only_looked_at;
+      CHECK(tab == Tab::time);  // its chart
+    }
+    CHECK(only_looked_at <= 1);
   }
+}
+
+TEST_CASE("the panel's edge is dragged within its limits, and the picture begins where it ends") {
+  ViewerState state = fullState();
+  const Interface interface;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  const auto drag = [&](float to) {
+    const float from = panelWidth(state, Interface::kWidth) - 3;
+    (void)interface.hovered(state, {from, 300});
+    (void)interface.hovered(state, {from, 300}, true);
+    for (int i = 0; i < 2; ++i) (void)interface.hovered(state, {to, 300}, true);
+    (void)interface.hovered(state, {to, 300});
+    return panelWidth(state, Interface::kWidth);
+  };
+  CHECK(drag(400) == Approx(400).margin(6));
+  CHECK(drag(5000) < Interface::kWidth - 200);
+  CHECK(drag(5) == Approx(kLeastPanel * ImGui::GetFontSize()).margin(1));
+  CHECK(state.ui.panel_width == kLeastPanel);
 }

@@ -114,7 +114,7 @@ TEST_CASE("scripts choose, change and take back Gaussians") {
   CHECK(*state.scene.model == before);
   run("redo\nkey Ctrl+Z\nkey Ctrl+Shift+Z\nsave-model b.tgz");
   CHECK_FALSE(*state.scene.model == before);
-  CHECK(state.edit.save_request == std::filesystem::path("b.tgz"));
+  CHECK(state.desktop.save_request == std::filesystem::path("b.tgz"));
   for (const char* bad :
        {"select x>", "select everything", "select-sphere 0,0,0,-1", "select-rectangle 0 0 2 1", "move-selection 1,2",
         "move-selection 1,2,nan", "scale-selection 0", "tool hammer", "save-model a.docx", "key F0"}) {
@@ -132,7 +132,7 @@ TEST_CASE("a broken script names its line") {
   CHECK_THROWS_WITH(parseScript("orbit 5", "s.txt"), "s.txt: line 1: orbit (expected 2 words, found 1)");
   ViewerState state;
   for (const char* bad :
-       {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "size 1", "key Home", "key a",
+       {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "size 1", "key Pause", "key a",
         "panel yes", "fov wide", "orbit 1 x", "dolly 0", "dolly -1", "dolly 1e9"}) {
     Script script = parseScript(bad, "s.txt");
     CHECK_THROWS_AS(step(script, state), Error);

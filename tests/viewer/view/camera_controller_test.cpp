@@ -238,3 +238,41 @@ TEST_CASE("bounds ignore a few far floaters and survive absurd scales") {
   CHECK(std::isfinite(sceneBounds(model).radius));
   CHECK(sceneBounds(GaussianModel{}).radius == 1);
 }
+
+TEST_CASE("the sides of a scene are looked at level, around the pivot, with its up at the top") {
+  test::Random random(5);
+  for (const glm::dvec3 up : {glm::dvec3(0, -1, 0), glm::dvec3(0, 0, 1), glm::dvec3(0, 1, 0)}) {
+    ViewPose pose = levelPose(up, random.uniformVec3(-3, 3), random.uniformVec3(-1, 1));
+    const glm::dvec3 pivot = pose.pivot();
+    const auto forwardFrom = [&](Side side) {
+      lookFrom(pose, side);
+      CHECK(glm::distance(pose.pivot(), pivot) < 1e-9);
+      checkRotation(pose.cameraFromWorldRotation());
+      return pose.forward();
+    };
+    CHECK(glm::distance(forwardFrom(Side::top), -up) < 1e-9);
+    const glm::dvec3 top_of_picture = -(glm::transpose(pose.cameraFromWorldRotation())[1]);
+    CHECK(glm::distance(forwardFrom(Side::bottom), up) < 1e-9);
+    const glm::dvec3 front = forwardFrom(Side::front), right = forwardFrom(Side::right);
+    CHECK(glm::distance(top_of_picture, front) < 1e-9);
+    CHECK(std::abs(glm::dot(front, up)) < 1e-9);
+    CHECK(glm::distance(forwardFrom(Side::back), -front) < 1e-9);
+    CHECK(glm::distance(forwardFrom(Side::left), -right) < 1e-9);
+    // Who stands at the right looks to the left of who stands in front.
+    CHECK(glm::distance(right, glm::cross(up, front)) < 1e-9);
+  }
+}
+
+TEST_CASE("a pivot in front of the camera comes to the middle without a turn, one behind changes nothing") {
+  ViewPose pose = levelPose({0, -1, 0}, {0, 0, -4}, {0.3, 0.2, 1});
+  const ViewPose before = pose;
+  const glm::dvec3 point = pose.position + 2.5 * pose.forward() + glm::dvec3(0.4, 0.3, 0);
+  centerOn(pose, point);
+  CHECK(glm::distance(pose.pivot(), point) < 1e-9);
+  CHECK(pose.yaw == before.yaw);
+  CHECK(pose.pitch == before.pitch);
+  CHECK(pose.distance == Approx(glm::dot(point - before.position, before.forward())));
+  const ViewPose after = pose;
+  centerOn(pose, pose.position - pose.forward());
+  CHECK(pose.position == after.position);
+}

@@ -3,6 +3,7 @@
 #include "viewer/view/compare.h"
 
 #include <cmath>
+#include <numeric>
 
 #include "core/image/metrics.h"
 #include "support/catch.h"
@@ -33,10 +34,7 @@ Camera camera(int width, int height) { return lookAt({0, 0, -4}, {0, 0, 0}, {0, 
 }  // namespace
 
 TEST_CASE("mode names come back from text") {
-  for (CompareMode mode :
-       {CompareMode::off, CompareMode::side, CompareMode::wipe, CompareMode::flicker, CompareMode::difference}) {
-    CHECK(parse<CompareMode>(name(mode)) == mode);
-  }
+  for (const CompareMode mode : valuesOf<CompareMode>()) CHECK(parse<CompareMode>(name(mode)) == mode);
   CHECK_FALSE(parse<CompareMode>("both"));
 }
 
@@ -72,6 +70,19 @@ TEST_CASE("a difference is nothing for equal pictures, grows with the gain, and 
   CHECK(with_sign.at(2, 1, 0) == Approx(0.7f));
   const std::vector<std::uint8_t> mask = {1, 1, 1, 1, 0, 1};
   CHECK(differenceOf(a, b, mask, {}).at(1, 1, 0) == 0.0f);
+}
+
+TEST_CASE("a FLIP map is black where pictures are equal, bright where they are not, grey where nothing counts") {
+  const Image a = noise(32, 24, 1), b = noise(32, 24, 2);
+  const auto sumOf = [](const Image& image) { return std::accumulate(image.data.begin(), image.data.end(), 0.0); };
+  const Image equal = composed(a, a, {}, {.mode = CompareMode::flip});
+  CHECK(sumOf(equal) < 0.02 * static_cast<double>(equal.data.size()));  // magma begins at #000004
+  CHECK(sumOf(composed(a, b, {}, {.mode = CompareMode::flip})) > 5 * sumOf(equal));
+  std::vector<std::uint8_t> mask(32 * 24, 1);
+  mask[5] = 0;
+  const Image masked = flipOf(a, b, mask);
+  CHECK(masked.at(5, 0, 0) == 0.5f);
+  CHECK(masked.at(6, 0, 0) == flipOf(a, b, {}).at(6, 0, 0));
 }
 
 TEST_CASE("metrics are those of core, of the pixels that count, with the other picture as the reference") {

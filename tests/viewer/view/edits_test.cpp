@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <memory>
 #include <numeric>
 
@@ -13,7 +12,6 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/scenes.h"
-#include "support/temporary_folder.h"
 #include "viewer/keys.h"
 #include "viewer/view/actions.h"
 #include "viewer/view/bookmarks.h"
@@ -287,7 +285,7 @@ TEST_CASE("every kind of click is a step that can be undone and redone") {
     frame(state);
     CHECK(value() == after);
   };
-  auto& [output, settings, held, crop, box, resolution] = state.display;
+  auto& [output, settings, held, crop, box, scale, resolution] = state.display;
   check("Show depth", [&] { press(state, '5'); }, [&, &o = output] { return o; });
   check("Textures", [&] { press(state, 'T'); }, [&, &s = settings] { return s; });
   check("Exposure", [&, &s = settings] { s.exposure = 1; }, [&, &s = settings] { return s; });
@@ -445,59 +443,100 @@ TEST_CASE("the pointer drags rectangles, brushes, spheres and handles, and leave
 
 TEST_CASE("what would lose edits is asked first") {
   ViewerState state = sampleState();
-  state.quit = true;
-  guardUnsaved(state);
+  askToQuit(state);
   CHECK(state.quit);  // nothing to lose
   state.quit = false;
   choose(state, everyThird(400), SelectMode::replace, nullptr);
   deleteChosen(state);
-  for (const bool cancel : {true, false}) {
-    state.quit = true;
-    guardUnsaved(state);
-    CHECK_FALSE(state.quit);
-    REQUIRE(state.question);
-    CHECK(state.question->kind == Question::Kind::quit);
-    if (cancel) {
-      press(state, kKeyEscape);
-      CHECK_FALSE(state.question);
-    } else {
-      answer(state, 0);
-      CHECK(state.edit.save_request == std::filesystem::path("sample.tgz"));
-      REQUIRE(state.after_save);
-      state.edit.save_request.reset();
-      state.after_save.reset();
-    }
-  }
-  state.documents.close_request = 0;
-  guardUnsaved(state);
+  const std::uint64_t revision = state.edit.revision;
+  press(state, kControl | 'Q');
+  CHECK_FALSE(state.quit);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::edits);
+  CHECK(state.desktop.question->model == "sample.tgz");
+  keepUnsaved(state);
+  askToQuit(state);
+  saveUnsaved(state);
+  CHECK(state.desktop.wanted == FileUse::saveModel);
+  REQUIRE(state.desktop.after_saving);
+  noteModelKept(state, "sample.tgz", revision);
+  goOnClosing(state, *state.desktop.after_saving);
+  CHECK(state.quit);
+
+  // Edited once more: what was saved is another revision.
+  state.quit = false;
+  state.desktop = {};
+  undo(state);
+  CHECK(hasUnsavedEdits(state, 0));
+  press(state, kControl | 'W');
   CHECK_FALSE(state.documents.close_request);
-  REQUIRE(state.question);
-  state.question.reset();
-  state.documents.open_requests = {"sample.tgz", "another.tgz"};
-  guardUnsaved(state);
-  REQUIRE(state.documents.open_requests.size() == 1);
-  REQUIRE(state.question);
-  answer(state, 0);
-  CHECK(state.documents.open_requests.size() == 2);
-  CHECK(unsavedModels(state).empty());
+  REQUIRE(state.desktop.question);
+  discardUnsaved(state);
+  CHECK(state.documents.close_request == 0);
+  CHECK(hasUnsavedEdits(state, 0));  // until it is closed
 }
 
-TEST_CASE("saving asks before it replaces a file, and knows which formats hold all of a model") {
-  const TemporaryFolder folder;
+TEST_CASE("a file that is read again asks for the edits of its model, other files are opened at once") {
+  ViewerState state = sampleState();
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  deleteChosen(state);
+  using Paths = std::vector<std::filesystem::path>;
+  state.documents.open_requests = {"sample.tgz", "another.tgz"};
+  CHECK(guardEdits(state));
+  CHECK(state.documents.open_requests == Paths{"another.tgz"});
+  REQUIRE(state.desktop.question);
+  keepUnsaved(state);
+  CHECK_FALSE(guardEdits(state));
+  CHECK_FALSE(state.desktop.question);
+
+  state.documents.open_requests = {"sample.tgz"};
+  askToQuit(state);
+  CHECK_FALSE(guardEdits(state));  // one question at a time
+  CHECK(state.documents.open_requests.empty());
+  keepUnsaved(state);
+  CHECK(guardEdits(state));
+  discardUnsaved(state);
+  CHECK_FALSE(guardEdits(state));
+  CHECK(state.documents.open_requests == Paths{"sample.tgz"});
+  CHECK_FALSE(state.desktop.question);
+  CHECK(hasUnsavedEdits(state, 0));  // until it has been read
+}
+
+TEST_CASE("of several edited models each is asked for, in view, and a change of mind keeps them all") {
+  ViewerState state = sampleState();
+  Document& hidden = state.documents.open.emplace_back();
+  hidden.path = "hidden.tgz";
+  hidden.edit.revision = 3;
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  deleteChosen(state);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "sample.tgz");
+  CHECK_FALSE(state.documents.show_request);
+  discardUnsaved(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "hidden.tgz");
+  CHECK(state.documents.show_request == 1);
+  keepUnsaved(state);
+  CHECK(unsavedModels(state).size() == 2);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "sample.tgz");
+  keepUnsaved(state);
+  askToClose(state, 1);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "hidden.tgz");
+  discardUnsaved(state);
+  CHECK(state.documents.close_request == 1);
+}
+
+TEST_CASE("an edited model goes to its own file, or to a bundle beside it where that would lose something") {
   ViewerState state = sampleState();
   CHECK(saveTarget(state) == "sample.tgz");
   state.scene.path = "scene.splat";
   CHECK(saveTarget(state) == "scene.splat");  // it came from one
   CHECK_FALSE(holdsModel("a.ply", state.scene));
   CHECK(holdsModel("a.glb", state.scene));
-  CHECK_THROWS_AS(save(state, folder / "a.docx"), Error);
-  save(state, folder / "new.tgz");
-  CHECK(state.edit.save_request == folder / "new.tgz");
-  state.edit.save_request.reset();
-  std::ofstream(folder / "old.tgz") << "x";
-  save(state, folder / "old.tgz");
-  CHECK_FALSE(state.edit.save_request);
-  REQUIRE(state.question);
-  answer(state, 0);
-  CHECK(state.edit.save_request == folder / "old.tgz");
+  state.scene.path = "scene.gltf-of-another-kind";
+  CHECK(saveTarget(state) == "scene.tgz");
 }

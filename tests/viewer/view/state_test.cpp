@@ -178,6 +178,53 @@ TEST_CASE("the wheel comes closer, with Ctrl it changes the lens within its limi
   CHECK(state.camera.pose.distance > 0);
 }
 
+TEST_CASE("the wheel keeps what is under the pointer there, whatever the lens") {
+  ViewerState state = stateWithCameras(1);
+  state.camera.lens.pixel_aspect = 1.2;
+  state.camera.lens.shift = {0.05, -0.02};
+  const glm::dvec2 cursor(150, -70);
+  const Camera before = toCamera(state.camera.pose, state.camera.lens, 640, 480);
+  const glm::dvec2 ray = (cursor + glm::dvec2(320, 240) - before.center) / before.focal;
+  const glm::dvec3 seen = state.camera.pose.distance * glm::dvec3(ray, 1.0);
+  const glm::dvec3 point = glm::transpose(before.rotation) * (seen - before.translation);
+  const double distance = state.camera.pose.distance;
+  Input input;
+  input.wheel = 3;
+  input.cursor = cursor;
+  applyInput(state, input, 480);
+  CHECK(state.camera.pose.distance < 0.8 * distance);
+  const Camera after = toCamera(state.camera.pose, state.camera.lens, 640, 480);
+  const glm::dvec3 p = after.rotation * point + after.translation;
+  CHECK(after.focal.x * p.x / p.z + after.center.x == Approx(320 + cursor.x));
+  CHECK(after.focal.y * p.y / p.z + after.center.y == Approx(240 + cursor.y));
+}
+
+TEST_CASE("arrow keys go round the pivot, with Shift sideways, and when flying turn the camera") {
+  ViewerState state = stateWithCameras(1);
+  Input input;
+  input.seconds = 0.1;
+  input.arrows = {1, 1};
+  const ViewPose start = state.camera.pose;
+  applyInput(state, input, 480);
+  CHECK(glm::distance(state.camera.pose.pivot(), start.pivot()) < 1e-9);
+  // To its right, and up.
+  const glm::dvec3 moved = start.cameraFromWorldRotation() * (state.camera.pose.position - start.position);
+  CHECK(moved.x > 0);
+  CHECK(moved.y < 0);
+  state.camera.pose = start;
+  input.shift = true;
+  applyInput(state, input, 480);
+  CHECK(state.camera.pose.yaw == start.yaw);
+  CHECK((start.cameraFromWorldRotation() * (state.camera.pose.position - start.position)).x > 0);
+  state.camera.pose = start;
+  input.shift = false;
+  state.camera.fly = true;
+  applyInput(state, input, 480);
+  CHECK(state.camera.pose.position == start.position);
+  CHECK((start.cameraFromWorldRotation() * state.camera.pose.forward()).x > 0);
+  CHECK((start.cameraFromWorldRotation() * state.camera.pose.forward()).y < 0);
+}
+
 TEST_CASE("flying covers speed x radius in a second, whatever the frame rate") {
   for (int frames : {10, 60}) {
     ViewerState state = stateWithCameras(1);
@@ -221,12 +268,12 @@ TEST_CASE("V goes through the ways to compare, Shift+V shows the other one") {
   }
   state.compare.photographs = "images";
   std::vector<CompareMode> seen;
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < 6; ++i) {
     press(state, 'V');
     seen.push_back(state.compare.how.mode);
   }
   CHECK(seen == std::vector{CompareMode::side, CompareMode::wipe, CompareMode::flicker, CompareMode::difference,
-                            CompareMode::off});
+                            CompareMode::flip, CompareMode::off});
   press(state, 'V', true);
   CHECK(state.compare.how.mode == CompareMode::flicker);
   CHECK(state.compare.how.shows_other);

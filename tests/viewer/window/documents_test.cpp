@@ -125,7 +125,8 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
     };
     play(shop, {"a.tgz", "b.tgz"},
          "document 0\npanel off\ncompare side\nwindow side.png\ncompare wipe\ndivider 0.25\nwindow wipe.png\n"
-         "picture wipe-picture.png\ncompare difference\nwindow difference.png\ndifference signed 4\nwindow signed.png\n"
+         "picture wipe-picture.png\ncompare flip\npicture flip-picture.png\nwindow flip.png\ncompare "
+         "difference\nwindow difference.png\ndifference signed 4\nwindow signed.png\n"
          "compare flicker\nwindow first.png\nkey Shift+V\nwindow other.png\ncompare off\nwindow off.png\n",
          "240x180", backend);
     const Image a = render({"a.tgz", "--size", "240x180"}).first, b = render({"b.tgz", "--size", "240x180"}).first;
@@ -135,6 +136,9 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
     const Image wipe = composed(a, b, {}, {.mode = CompareMode::wipe, .divider = 0.25f});
     CHECK(psnr(shop.read("wipe.png"), wipe) > 45);
     CHECK(psnr(shop.read("wipe-picture.png"), wipe) > 45);
+    const Image flip = flipOf(a, b, {});
+    CHECK(psnr(shop.read("flip.png"), flip) > 35);
+    CHECK(psnr(shop.read("flip-picture.png"), flip) > 35);
     CHECK(psnr(shop.read("difference.png"), differenceOf(a, b, {}, {})) > 40);
     CHECK(psnr(shop.read("signed.png"), differenceOf(a, b, {}, {.gain = 4, .with_sign = true})) > 35);
     CHECK(psnr(shop.read("first.png"), a) > 45);

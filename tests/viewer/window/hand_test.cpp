@@ -2,7 +2,6 @@
 // The real window under a window manager, driven by a pointer and a keyboard.
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <set>
 
@@ -16,43 +15,19 @@
 #include "viewer/process.h"
 #include "viewer/view/gizmo.h"
 #include "viewer/view/selection.h"
+#include "viewer/window/hand.h"
 
 using namespace tg;
 using test::backendOr;
-using test::noWindow;
-using test::ProcessResult;
+using test::noHand;
+using test::seen;
 using test::Workshop;
 
 namespace {
 
-// Why no hand can drive a window, "" when one can.
-std::string noHand() {
-  if (std::string why = noWindow(); !why.empty()) return why;
-  if (std::system("command -v xdotool openbox import >/dev/null 2>&1") == 0) return "";
-  return "no xdotool, openbox or import (packages xdotool, openbox, imagemagick)";
-}
-
-// `script` begins after the first picture, saved as ready.png. `hand`: lines of driver.sh.
-void play(const Workshop& shop, const std::string& script, const std::string& hand,
-          std::vector<std::string> models = {"model.tgz"}, const char* program = TG_TGVIEW) {
-  std::filesystem::copy(TG_DRIVER, shop / "driver.sh");
-  shop.write("hand.sh", hand);
-  shop.write("script.txt", "panel off\nwait 3\nwindow ready.png\n" + script);
-  models.insert(models.end(),
-                {"--script", "script.txt", "--size", "640x480", "--backend", backendOr("cpu"), "--validation"});
-  std::vector<std::string> prefix = test::kXServer;
-  prefix.insert(prefix.end(), {"sh", "driver.sh"});
-  const ProcessResult result = shop.tgview(models, prefix, program);
-  INFO(result.err);
-  REQUIRE(result.exit_code == 0);
-}
-
-// The script's part of driver.sh's function of that name.
-std::string seen(const std::string& name) { return "await-file " + name + "\nwindow " + name + ".png\n"; }
-
 constexpr int kPanelWidth = 270;      // [px] at least, in either font
 constexpr int kHalfButton = 10;       // [px] of its height
-const std::string kHigh = "700x740";  // all of a page without scrolling
+const std::string kHigh = "700x780";  // all of a page without scrolling
 
 // The middle of the first row of the panel, from that one on, in which two pictures of the window differ.
 int changedRow(const Image& a, const Image& b, int from = 0) {
@@ -73,14 +48,15 @@ TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the ca
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   test::writeSample(shop / "other.tgz", 90);
-  play(shop,
-       "compare wipe\nwindow middle.png\n" + seen("held") + seen("dragged") + seen("released") +
-           "divider 0.25\nwindow quarter.png\nsave-camera before.json\nwindow stay.png\n" + seen("grabbed") +
-           seen("orbited") + "save-camera after.json\n",
-       "reached middle.png\nto 320 240\npress 1\nseen held\nto 240 240\nto 160 240\nseen dragged\nrelease 1\n"
-       "seen released\nreached stay.png\nto 400 240\npress 1\nseen grabbed\nto 440 240\nto 480 240\nseen orbited\n"
-       "release 1\n",
-       {"model.tgz", "other.tgz"});
+  test::playByHand(
+      shop,
+      "compare wipe\nwindow middle.png\n" + seen("held") + seen("dragged") + seen("released") +
+          "divider 0.25\nwindow quarter.png\nsave-camera before.json\nwindow stay.png\n" + seen("grabbed") +
+          seen("orbited") + "save-camera after.json\n",
+      "reached middle.png\nto 320 240\npress 1\nseen held\nto 240 240\nto 160 240\nseen dragged\nrelease 1\n"
+      "seen released\nreached stay.png\nto 400 240\npress 1\nseen grabbed\nto 440 240\nto 480 240\nseen orbited\n"
+      "release 1\n",
+      {"model.tgz", "other.tgz"});
   CHECK(psnr(shop.read("middle.png"), shop.read("dragged.png")) < 45);
   CHECK(psnr(shop.read("quarter.png"), shop.read("dragged.png")) > 60);
   const Camera before = readCameras(shop / "before.json").front(), after = readCameras(shop / "after.json").front();
@@ -104,14 +80,15 @@ TEST_CASE("buttons of one page that have one label are clicked each", "[window]"
   };
   const std::string textures = row("view.png", "textures.png"), crop = row("textures.png", "crop.png");
   const std::string bookmarks = row("camera.png", "bookmark.png");
-  play(shop,
-       "panel on\nsize " + kHigh + "\ncrop 0,0,0,9,9,9\ncrop off\nwindow begin.png\n" + seen("alpha") +
-           "picture got-alpha.png\n" + seen("off") + "picture got-off.png\n" + seen("cropped") +
-           "picture got-cropped.png\ntextures alpha\ncrop off\npicture alpha.png\ntextures off\npicture off.png\n"
-           "crop on\npicture cropped.png\ntab camera\nbookmark\nwindow bookmarked.png\n" +
-           seen("saved"),
-       "reached begin.png\nclick 108 " + textures + "\nseen alpha\nclick 44 " + textures + "\nseen off\nclick 50 " +
-           crop + "\nseen cropped\nreached bookmarked.png\nclick 140 " + bookmarks + "\nseen saved\n");
+  test::playByHand(
+      shop,
+      "panel on\nsize " + kHigh + "\ncrop 0,0,0,9,9,9\ncrop off\nwindow begin.png\n" + seen("alpha") +
+          "picture got-alpha.png\n" + seen("off") + "picture got-off.png\n" + seen("cropped") +
+          "picture got-cropped.png\ntextures alpha\ncrop off\npicture alpha.png\ntextures off\npicture off.png\n"
+          "crop on\npicture cropped.png\ntab camera\nbookmark\nwindow bookmarked.png\n" +
+          seen("saved"),
+      "reached begin.png\nclick 108 " + textures + "\nseen alpha\nclick 44 " + textures + "\nseen off\nclick 50 " +
+          crop + "\nseen cropped\nreached bookmarked.png\nclick 140 " + bookmarks + "\nseen saved\n");
   for (const std::string name : {"alpha.png", "off.png", "cropped.png"}) {
     INFO(name);
     CHECK(psnr(shop.read("got-" + name), shop.read(name)) > 60);
@@ -126,11 +103,12 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]"
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  play(shop,
-       seen("typed") + "output normal\nwindow normal.png\noutput final\nsave-camera far.json\nwindow far.png\n" +
-           seen("wheeled") + "save-camera near.json\nwindow near.png\n" + seen("clicked"),
-       "to 320 240\nkey 6\nseen typed\nreached far.png\nwheel 4\nseen wheeled\nreached near.png\nkey m\n"
-       "click 320 240\nseen clicked\n");
+  test::playByHand(shop,
+                   seen("typed") +
+                       "output normal\nwindow normal.png\noutput final\nsave-camera far.json\nwindow far.png\n" +
+                       seen("wheeled") + "save-camera near.json\nwindow near.png\n" + seen("clicked"),
+                   "to 320 240\nkey 6\nseen typed\nreached far.png\nwheel 4\nseen wheeled\nreached near.png\nkey m\n"
+                   "click 320 240\nseen clicked\n");
   CHECK(psnr(shop.read("typed.png"), shop.read("normal.png")) > 60);
   const Camera far = readCameras(shop / "far.json").front(), near = readCameras(shop / "near.json").front();
   CHECK(far.translation != near.translation);
@@ -147,12 +125,13 @@ TEST_CASE("a hand selects with a rectangle, deletes, and takes it back", "[windo
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  play(shop,
-       seen("pressed") + seen("dragged") + seen("deleted") + "save-model deleted.tgz\nwindow saved.png\n" +
-           seen("undone") + "save-model undone.tgz\n" + seen("redone") + "save-model redone.tgz\n",
-       "key F2\nto 200 120\npress 1\nseen pressed\nto 260 200\nto 330 400\nseen dragged\nrelease 1\nkey Delete\n"
-       "seen deleted\n"
-       "reached saved.png\nkey ctrl+z\nseen undone\nkey ctrl+shift+z\nseen redone\n");
+  test::playByHand(
+      shop,
+      seen("pressed") + seen("dragged") + seen("deleted") + "save-model deleted.tgz\nwindow saved.png\n" +
+          seen("undone") + "save-model undone.tgz\n" + seen("redone") + "save-model redone.tgz\n",
+      "key F2\nto 200 120\npress 1\nseen pressed\nto 260 200\nto 330 400\nseen dragged\nrelease 1\nkey Delete\n"
+      "seen deleted\n"
+      "reached saved.png\nkey ctrl+z\nseen undone\nkey ctrl+shift+z\nseen redone\n");
   const GaussianModel whole = readBundle(shop / "model.tgz").model, left = readBundle(shop / "deleted.tgz").model;
   CHECK(left.size() < whole.size());
   CHECK(left.size() > 0);
@@ -179,11 +158,11 @@ TEST_CASE("a hand moves the selection by an arrow in the picture", "[window]") {
     return std::to_string(std::lround(p.x)) + " " + std::to_string(std::lround(p.y));
   };
   const glm::dvec2 goal = tip + glm::dvec2(60, 0);
-  play(shop,
-       select + "tool move\nwindow begin.png\n" + seen("pressed") + seen("held") + seen("moved") +
-           "save-model moved.tgz\n",
-       "reached begin.png\nto " + at(tip) + "\npress 1\nseen pressed\nto " + at(tip + glm::dvec2(20, 0)) + "\nto " +
-           at(goal) + "\nseen held\nrelease 1\nseen moved\n");
+  test::playByHand(shop,
+                   select + "tool move\nwindow begin.png\n" + seen("pressed") + seen("held") + seen("moved") +
+                       "save-model moved.tgz\n",
+                   "reached begin.png\nto " + at(tip) + "\npress 1\nseen pressed\nto " + at(tip + glm::dvec2(20, 0)) +
+                       "\nto " + at(goal) + "\nseen held\nrelease 1\nseen moved\n");
   const GaussianModel moved = readBundle(shop / "moved.tgz").model;
   REQUIRE(moved.size() == whole.size());
   std::set<float> steps;
@@ -210,17 +189,17 @@ TEST_CASE("Undo and Redo are buttons, and a drag over the histogram selects", "[
   const int count_row = changedRow(shop.read("none.png"), shop.read("all.png"), undo_row + kHalfButton + 2);
   const std::string bars = std::to_string(count_row + 95);  // a heading and a row of buttons further down
   const std::string row = std::to_string(undo_row);
-  play(shop,
-       "panel on\nsize " + kHigh + "\noutput depth\nwindow depth.png\n" + seen("undone") +
-           "picture undone-picture.png\n" + seen("redone") +
-           "picture redone-picture.png\noutput final\npicture final.png\noutput depth\n"
-           "picture depth-picture.png\ntab edit\nwindow edit.png\n" +
-           seen("pressed") + seen("far") + seen("dragged") + "delete-selection\nsave-model left.tgz\n",
-       "reached depth.png\nclick 70 " + row + "\nseen undone\nclick 220 " + row +
-           "\nseen redone\nreached edit.png\n"
-           "to 14 " +
-           bars + "\npress 1\nseen pressed\nto 60 " + bars + "\nto 150 " + bars +
-           "\nseen far\nrelease 1\nseen dragged\n");
+  test::playByHand(shop,
+                   "panel on\nsize " + kHigh + "\noutput depth\nwindow depth.png\n" + seen("undone") +
+                       "picture undone-picture.png\n" + seen("redone") +
+                       "picture redone-picture.png\noutput final\npicture final.png\noutput depth\n"
+                       "picture depth-picture.png\ntab edit\nwindow edit.png\n" +
+                       seen("pressed") + seen("far") + seen("dragged") + "delete-selection\nsave-model left.tgz\n",
+                   "reached depth.png\nclick 70 " + row + "\nseen undone\nclick 220 " + row +
+                       "\nseen redone\nreached edit.png\n"
+                       "to 14 " +
+                       bars + "\npress 1\nseen pressed\nto 60 " + bars + "\nto 150 " + bars +
+                       "\nseen far\nrelease 1\nseen dragged\n");
   CHECK(psnr(shop.read("undone-picture.png"), shop.read("final.png")) > 60);
   CHECK(psnr(shop.read("redone-picture.png"), shop.read("depth-picture.png")) > 60);
   CHECK(psnr(shop.read("final.png"), shop.read("depth-picture.png")) < 45);
@@ -239,10 +218,10 @@ TEST_CASE("a window that was minimised and hidden comes back with its picture", 
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  play(shop, "await-file restored\nwindow restored.png\noutput base\nwindow base.png\n",
-       "xdotool windowminimize \"$window\"\nsleep 1\nimport -window root PNG24:minimised.png\n"
-       "xdotool windowmap \"$window\"\nsleep 0.5\nxdotool windowunmap \"$window\"\nsleep 0.5\n"
-       "xdotool windowmap \"$window\"\nsleep 0.5\nimport -window root PNG24:mapped.png\ntouch restored\n");
+  test::playByHand(shop, "await-file restored\nwindow restored.png\noutput base\nwindow base.png\n",
+                   "xdotool windowminimize \"$window\"\nsleep 1\nimport -window root PNG24:minimised.png\n"
+                   "xdotool windowmap \"$window\"\nsleep 0.5\nxdotool windowunmap \"$window\"\nsleep 0.5\n"
+                   "xdotool windowmap \"$window\"\nsleep 0.5\nimport -window root PNG24:mapped.png\ntouch restored\n");
   CHECK(psnr(shop.read("ready.png"), shop.read("restored.png")) > 60);
   CHECK(psnr(shop.read("ready.png"), shop.read("base.png")) < 50);  // pictures still come
   CHECK(psnr(shop.read("mapped.png"), shop.read("minimised.png")) < 30);
@@ -252,12 +231,13 @@ TEST_CASE("the panels answer while a picture takes seconds", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  play(shop, "window before.png\nhold-picture enough\norbit 30 0\nwindow after.png\nhelp off\nwindow closed.png\n",
-       "reached before.png\nimport -window \"$window\" PNG24:still.png\nkey question\n"
-       "until import -window \"$window\" PNG24:helped.png\n"
-       "  [ \"$(identify -format %# helped.png)\" != \"$(identify -format %# still.png)\" ]\n"
-       "do sleep 0.1\ndone\n[ ! -e after.png ] || exit 92\ntouch enough\n",
-       {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  test::playByHand(
+      shop, "window before.png\nhold-picture enough\norbit 30 0\nwindow after.png\nhelp off\nwindow closed.png\n",
+      "reached before.png\nimport -window \"$window\" PNG24:still.png\nkey question\n"
+      "until import -window \"$window\" PNG24:helped.png\n"
+      "  [ \"$(identify -format %# helped.png)\" != \"$(identify -format %# still.png)\" ]\n"
+      "do sleep 0.1\ndone\n[ ! -e after.png ] || exit 92\ntouch enough\n",
+      {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
   // The old picture stays until the new one is there; the help lies over it already.
   CHECK(psnr(shop.read("before.png"), shop.read("still.png")) > 60);
   CHECK(psnr(shop.read("still.png"), shop.read("helped.png")) < 30);

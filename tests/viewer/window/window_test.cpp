@@ -223,6 +223,10 @@ TEST_CASE("every way of drawing is the same in the window and by its flags", "[w
       {"output ellipsoids", {"--show", "ellipsoids"}},
       {"output centers", {"--show", "centers"}},
       {"output texel-density", {"--show", "texel-density"}},
+      {"output texture\ngain 6", {"--show", "texture", "--gain", "6"}},
+      {"output depth\ncolors turbo", {"--show", "depth", "--colors", "turbo"}},
+      {"output count\ncolors viridis\nrange 2,98", {"--show", "count", "--colors", "viridis", "--range", "2,98"}},
+      {"output overdraw\nrange 10,90", {"--show", "overdraw", "--range", "10,90"}},
   };
   const Workshop shop;
   test::writeSample(shop / "model.tgz");

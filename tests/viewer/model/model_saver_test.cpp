@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// Models written beside the window.
+#include "viewer/model/model_saver.h"
+
+#include <thread>
+
+#include "converter/registry/file_format.h"
+#include "core/file/file.h"
+#include "core/model/verbs.h"
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "viewer/model/scene_of.h"
+
+using namespace tg;
+using Catch::Matchers::Contains;
+
+namespace {
+
+Scene sceneWithAll() {
+  Bundle bundle;
+  bundle.model = tinyTexturedModel(6);
+  bundle.cameras = {lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48)};
+  bundle.background = glm::vec3(1.0f);
+  bundle.training_json = "{\"stages\": {}}";
+  return sceneOf(std::move(bundle), "tiny.tgz");
+}
+
+ModelSaver::News next(ModelSaver& saver) {
+  for (int i = 0; i < 3000; ++i) {
+    if (auto news = saver.take()) return *news;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  FAIL("saving does not end");
+  return {};
+}
+
+}  // namespace
+
+TEST_CASE("a scene is saved as everything that the converter writes and reads, with a word about what is lost") {
+  const TemporaryFolder folder;
+  const Scene scene = sceneWithAll();
+  const std::vector<FileType> types = modelTypes(scene);
+  REQUIRE(types.size() > 5);
+  CHECK(types.front().extension == ".tgz");
+  CHECK(types.front().note.empty());
+  ModelSaver saver([] {});
+  for (const FileType& type : types) {
+    INFO(type.extension);
+    const std::filesystem::path file = folder / ("saved" + type.extension);
+    saver.save(file, scene);
+    const ModelSaver::News news = next(saver);
+    CHECK(news.problem == "");
+    CHECK(news.path == file);
+    const Bundle back = readModel(file);
+    CHECK(back.model.size() == scene.model->size());
+    const bool textured = back.model.atlas.rects.size() > 0 && isTextured(back.model);
+    CHECK(textured == (type.note.find("textures") == std::string::npos));
+    CHECK(back.cameras.empty() == (type.note.find("cameras") != std::string::npos));
+  }
+  CHECK(readModel(folder / "saved.tgz").training_json == scene.training_json);
+}
+
+TEST_CASE("a model that cannot be saved is a problem with its file's name, and leaves nothing behind") {
+  const TemporaryFolder folder;
+  ModelSaver saver([] {});
+  saver.save(folder / "none/saved.tgz", sceneWithAll());
+  CHECK_THAT(next(saver).problem, Contains("none"));
+  saver.save(folder / "saved.nothing", sceneWithAll());
+  CHECK_THAT(next(saver).problem, Contains("unknown output format"));
+  CHECK(std::filesystem::is_empty(folder.path));
+}
+
+TEST_CASE("the saver says which revision of which model a file holds, and whether that is all of it") {
+  const TemporaryFolder folder;
+  const Scene scene = sceneWithAll();
+  ModelSaver saver([] {});
+  for (const bool whole : {true, false}) {
+    saver.save(folder / (whole ? "saved.tgz" : "saved.splat"), scene, 7);
+    const ModelSaver::News news = next(saver);
+    CHECK(news.model == "tiny.tgz");
+    CHECK(news.revision == 7);
+    CHECK(news.whole == whole);
+  }
+  saver.save(folder / "none/saved.tgz", scene, 8);
+  CHECK_FALSE(next(saver).whole);
+}
+
+TEST_CASE("a saver that ends has written what it was asked for") {
+  const TemporaryFolder folder;
+  {
+    ModelSaver saver([] {});
+    for (int i = 0; i < 3; ++i) saver.save(folder / (std::to_string(i) + ".ply"), sceneWithAll());
+  }
+  for (int i = 0; i < 3; ++i) CHECK(isFile(folder / (std::to_string(i) + ".ply")));
+}

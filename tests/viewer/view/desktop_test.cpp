@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is asked before a window or a model is closed.
+#include "viewer/view/desktop.h"
+
+#include <set>
+
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "viewer/keys.h"
+#include "viewer/view/bookmarks.h"
+#include "viewer/view/path_editor.h"
+
+using namespace tg;
+using test::press;
+
+namespace {
+
+ViewerState stateWithModel() {
+  Scene scene;
+  scene.path = "tiny.tgz";
+  scene.model = std::make_shared<GaussianModel>(tinyTexturedModel(6));
+  scene.bounds = sceneBounds(*scene.model);
+  ViewerState state;
+  setScene(state, scene);
+  state.documents.open.emplace_back().path = "tiny.tgz";
+  state.documents.shown = 0;
+  return state;
+}
+
+}  // namespace
+
+TEST_CASE("a window with nothing to lose closes at once, one with a new path asks, and not once it is saved") {
+  const TemporaryFolder folder;
+  ViewerState state = stateWithModel();
+  press(state, kKeyEscape);
+  CHECK(state.quit);
+
+  state = stateWithModel();
+  addKey(state);
+  press(state, kControl | 'Q');
+  CHECK_FALSE(state.quit);
+  REQUIRE(state.desktop.question);
+  CHECK(isModal(state));
+  keepUnsaved(state);
+  CHECK_FALSE(isModal(state));
+  savePath(state, folder / "path.json");
+  notePathKept(state);
+  askToQuit(state);
+  CHECK(state.quit);
+
+  state = stateWithModel();
+  readPathFile(state, folder / "path.json");
+  addKey(state);
+  askToQuit(state);
+  CHECK_FALSE(state.quit);
+  discardUnsaved(state);
+  CHECK(state.quit);
+}
+
+TEST_CASE("Save of the question asks for a file, and a change of mind forgets what was discarded") {
+  ViewerState state = stateWithModel();
+  addKey(state);
+  addBookmark(state);
+  askToQuit(state);
+  discardUnsaved(state);  // the path
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::bookmarks);
+  keepUnsaved(state);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::path);
+  saveUnsaved(state);
+  CHECK(state.desktop.wanted == FileUse::savePath);
+  REQUIRE(state.desktop.after_saving);
+  CHECK_FALSE(state.quit);
+}
+
+TEST_CASE("a model that is closed asks for its bookmarks, unless they are kept between runs") {
+  ViewerState state = stateWithModel();
+  addKey(state);  // the path stays with the window
+  press(state, kKeyDelete);
+  CHECK(state.documents.close_request == 0);
+  state.documents.close_request.reset();
+  addBookmark(state);
+  press(state, kControl | 'W');
+  CHECK_FALSE(state.documents.close_request);
+  REQUIRE(state.desktop.question);
+  discardUnsaved(state);
+  CHECK(state.documents.close_request == 0);
+  state.documents.close_request.reset();
+  state.desktop.bookmarks_kept = true;
+  askToClose(state, 0);
+  CHECK(state.documents.close_request == 0);
+}
+
+TEST_CASE("Esc leaves the full screen before it leaves the program") {
+  ViewerState state = stateWithModel();
+  press(state, kKeyF11);
+  CHECK(state.desktop.fullscreen);
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.desktop.fullscreen);
+  CHECK_FALSE(state.quit);
+}
+
+TEST_CASE("no key has two meanings, and a letter with Ctrl is not the letter") {
+  std::set<std::pair<int, bool>> keys;
+  for (const KeyBinding& binding : keyBindings()) {
+    INFO(binding.text);
+    CHECK(keys.emplace(binding.key, binding.shift).second);
+    CHECK((binding.menu == Menu::none || *binding.keys));
+  }
+  ViewerState state = stateWithModel();
+  const Output before = state.display.output;
+  CHECK_FALSE(pressKey(state, kControl | '5', false));
+  CHECK(state.display.output == before);
+  press(state, kControl | 'O');
+  CHECK(state.desktop.wanted == FileUse::open);
+}

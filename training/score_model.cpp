@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files in, pictures out.
+#include "training/score_model.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+
+#include "converter/registry/file_format.h"
+#include "core/system/error.h"
+#include "training/run/report.h"
+
+namespace tg {
+
+EvalScene readEvalScene(const std::string& path) {
+  Bundle bundle = readModel(path);
+  for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", warning.c_str());
+  EvalScene scene{std::make_shared<const GaussianModel>(std::move(bundle.model)), bundle.background,
+                  std::filesystem::file_size(path)};
+  // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
+  // lost on the same ways.
+  if (bundle.format != "tgz" && bundle.cameras.empty()) scene.background.reset();
+  return scene;
+}
+
+Dataset readEvalViews(const EvalOptions& options, const std::string& folder,
+                      const std::optional<glm::vec3>& background) {
+  DatasetOptions data = datasetOptions(options.data);
+  if (data.random_background) {
+    throw Error(ErrorKind::usage, "--background: scores need one colour (expected white, black or r,g,b)");
+  }
+  if (!data.background) data.background = background;
+  if (options.split != "all") data.only_test = options.split == "test";
+  ProgressLine line;
+  data.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
+  Dataset dataset = loadDataset(folder, data);
+  printNotes(folder, dataset);
+  if (dataset.views.empty()) {
+    throw Error(ErrorKind::usage, dataset.name, "has no " + options.split + " views (try --split all)");
+  }
+  return dataset;
+}
+
+ScoreOptions scoreOptions(const EvalOptions& options, const std::optional<Lpips>& lpips) {
+  return {true, options.pixels_per_degree, lpips ? &*lpips : nullptr, options.lpips_range};
+}
+
+EvalPictures::EvalPictures(const std::string& device, std::shared_ptr<const GaussianModel> model,
+                           const RenderSettings& settings)
+    : model_(std::move(model)), settings_(settings) {
+  std::string ignored;
+  cuda_ = openCuda(device, ignored);
+  if (cuda_) {
+    cuda_->setModel(*model_);
+  } else {
+    (void)cpu();
+  }
+}
+
+Renderer& EvalPictures::cpu() {
+  if (!cpu_) {
+    cpu_ = makeCpuRenderer();
+    cpu_->setModel(model_);
+  }
+  return *cpu_;
+}
+
+Image EvalPictures::draw(const Camera& camera) {
+  settings_.outputs = {Output::final};
+  Image picture = cuda_ ? imageOf(cuda_->forward(camera, settings_), camera)
+                        : extract(cpu().render(camera, settings_), Output::final);
+  clampToUnit(picture);
+  return picture;
+}
+
+EvalPictures::Parts EvalPictures::drawParts(const Camera& camera) {
+  settings_.outputs = {Output::base, Output::texture};
+  const Frame frame = cpu().render(camera, settings_);
+  Parts parts{extract(frame, Output::base), extract(frame, Output::texture)};
+  clampToUnit(parts.base);
+  clampToUnit(parts.texture);
+  return parts;
+}
+
+}  // namespace tg

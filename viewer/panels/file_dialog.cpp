@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+// The dialog that asks for a file, and the question before something is lost.
+#include <imgui.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <string>
+#include <utility>
+
+#include "core/system/error.h"
+#include "viewer/panels/sections.h"
+#include "viewer/panels/widgets.h"
+
+namespace tg {
+namespace {
+
+constexpr ImGuiWindowFlags kDialogWindow = ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize |
+                                           ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings;
+
+const char* titleOf(FileUse use) {
+  switch (use) {
+    case FileUse::open:
+      return "Open a model, cameras or a path";
+    case FileUse::saveModel:
+      return "Save the model as";
+    case FileUse::savePicture:
+      return "Save the picture as";
+    case FileUse::savePath:
+      return "Save the camera path as";
+    case FileUse::saveBookmarks:
+      return "Save the bookmarks as";
+  }
+  return "";
+}
+
+std::string sizeText(std::uint64_t bytes) {
+  constexpr std::array units = {"B", "kB", "MB", "GB", "TB"};
+  auto value = static_cast<double>(bytes);
+  std::size_t unit = 0;
+  for (; value >= 999.5 && unit + 1 < units.size(); ++unit) value /= 1000;
+  char text[32];
+  std::snprintf(text, sizeof text, unit > 0 && value < 9.95 ? "%.1f %s" : "%.0f %s", value, units[unit]);
+  return text;
+}
+
+// What keys do while the name is typed: the widget's own copy of the text has to follow.
+int onTyping(ImGuiInputTextCallbackData* data) {
+  auto& browser = *static_cast<FileBrowser*>(data->UserData);
+  const std::string before(data->Buf, static_cast<std::size_t>(data->BufTextLen));
+  if (data->EventFlag == ImGuiInputTextFlags_CallbackEdit) {
+    browser.text = before;
+    filterFiles(browser);
+  } else if (data->EventFlag == ImGuiInputTextFlags_CallbackCompletion) {
+    completeFileName(browser);
+  } else {
+    pickFile(browser, data->EventKey == ImGuiKey_UpArrow ? -1 : 1);
+  }
+  if (browser.text == before) return 0;
+  data->DeleteChars(0, data->BufTextLen);
+  data->InsertChars(0, browser.text.c_str());
+  return 0;
+}
+
+// True when Enter was pressed in it.
+bool nameField(FileDialog& dialog) {
+  FileBrowser& browser = dialog.browser;
+  // It has the keyboard whenever nothing else does.
+  const bool idle = !ImGui::IsAnyItemActive() && ImGui::IsWindowFocused(ImGuiFocusedFlags_RootAndChildWindows);
+  if (dialog.fresh || idle) ImGui::SetKeyboardFocusHere();
+  dialog.fresh = false;
+  std::array<char, kMaxFileName> text{};
+  browser.text.copy(text.data(), text.size() - 1);
+  ImGui::SetNextItemWidth(-1);
+  const char* hint = browser.saves ? "Name" : "Type to filter, or a path; Tab completes it";
+  return ImGui::InputTextWithHint("##name", hint, text.data(), text.size(),
+                                  ImGuiInputTextFlags_CallbackEdit | ImGuiInputTextFlags_CallbackCompletion |
+                                      ImGuiInputTextFlags_CallbackHistory | ImGuiInputTextFlags_EnterReturnsTrue |
+                                      ImGuiInputTextFlags_AutoSelectAll,
+                                  onTyping, &browser);
+}
+
+void places(FileBrowser& browser) {
+  if (ImGui::Button("Up")) leaveFolder(browser);
+  hint("The folder that this one lies in (../)");
+  ImGui::SameLine(0, ImGui::GetStyle().ItemInnerSpacing.x);
+  const char* home = std::getenv("HOME");
+  ImGui::BeginDisabled(!home || !*home);
+  if (ImGui::Button("Home")) enterFolder(browser, home);
+  ImGui::EndDisabled();
+  hint("~/");
+  ImGui::SameLine();
+  ImGui::AlignTextToFramePadding();
+  // The end of a long path says most.
+  const std::string path = printable(browser.folder.string());
+  const float room = ImGui::GetContentRegionAvail().x, width = ImGui::CalcTextSize(path.c_str()).x;
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  ImGui::PushClipRect(corner, {corner.x + room, corner.y + ImGui::GetFrameHeight()}, true);
+  if (width > room) ImGui::SetCursorPosX(ImGui::GetCursorPosX() + room - width);
+  ImGui::TextUnformatted(path.c_str());
+  ImGui::PopClipRect();
+  hint(path.c_str());
+}
+
+// True when a file was clicked twice.
+bool fileRow(FileBrowser& browser, int row) {
+  const FileEntry& entry = browser.entries[browser.shown[static_cast<std::size_t>(row)]];
+  const bool folder = entry.folder;
+  const std::string label = printable(entry.name) + (folder ? "/" : "");
+  const std::string size = folder ? "" : sizeText(entry.bytes);
+  if (folder) ImGui::PushStyleColor(ImGuiCol_Text, kHighlightText);
+  const bool clicked = ImGui::Selectable(label.c_str(), row == browser.picked, ImGuiSelectableFlags_AllowDoubleClick);
+  if (folder) ImGui::PopStyleColor();
+  if (!size.empty()) {
+    ImGui::SameLine(ImGui::GetContentRegionMax().x - ImGui::CalcTextSize(size.c_str()).x);
+    ImGui::TextDisabled("%s", size.c_str());
+  }
+  if (!clicked) return false;
+  browser.picked = -1;
+  pickFile(browser, row + 1);
+  return ImGui::IsMouseDoubleClicked(0);
+}
+
+// True when what is picked is chosen. `height` [ImGui units].
+bool fileList(FileBrowser& browser, float height) {
+  bool chosen = false;
+  ImGui::BeginChild("files", {0, height}, true);
+  if (!browser.problem.empty()) ImGui::TextColored(kWarningText, "%s", browser.problem.c_str());
+  if (browser.problem.empty() && browser.shown.empty()) ImGui::TextDisabled("Nothing here that fits");
+  ImGuiListClipper clipper;
+  clipper.Begin(static_cast<int>(browser.shown.size()));
+  const float row = ImGui::GetTextLineHeightWithSpacing();
+  while (clipper.Step() && !chosen) {
+    for (int i = clipper.DisplayStart; i < clipper.DisplayEnd && !chosen; ++i) {
+      ImGui::PushID(i);
+      chosen = fileRow(browser, i);
+      ImGui::PopID();
+    }
+  }
+  clipper.End();
+  if (std::exchange(browser.scrolls, false)) {
+    const float top = row * static_cast<float>(browser.picked);
+    if (top < ImGui::GetScrollY()) ImGui::SetScrollY(top);
+    if (top + 2 * row > ImGui::GetScrollY() + ImGui::GetWindowHeight()) {
+      ImGui::SetScrollY(top + 2 * row - ImGui::GetWindowHeight());
+    }
+  }
+  if (browser.more) ImGui::TextDisabled("and more: only %zu are listed", kMaxFolderEntries);
+  ImGui::EndChild();
+  return chosen;
+}
+
+void filters(FileBrowser& browser) {
+  if (ImGui::Checkbox("Hidden", &browser.hidden)) filterFiles(browser);
+  hint("Also names that begin with a dot");
+  ImGui::SameLine();
+  if (ImGui::Checkbox("All files", &browser.all_types)) filterFiles(browser);
+  if (!browser.saves || browser.types.size() < 2) return;
+  ImGui::SameLine();
+  const FileType* type = fileType(browser);
+  ImGui::SetNextItemWidth(ImGui::GetFontSize() * 9);
+  if (ImGui::BeginCombo("##type", type ? type->extension.c_str() : "format", ImGuiComboFlags_HeightLarge)) {
+    for (std::size_t i = 0; i < browser.types.size(); ++i) {
+      if (ImGui::Selectable(browser.types[i].extension.c_str(), &browser.types[i] == type)) setFileType(browser, i);
+      if (!browser.types[i].note.empty()) hint(browser.types[i].note.c_str());
+    }
+    ImGui::EndCombo();
+  }
+}
+
+// True when the first of the two was clicked.
+bool buttons(const char* yes, bool& cancelled) {
+  const float width = ImGui::GetFontSize() * 6, spacing = ImGui::GetStyle().ItemSpacing.x;
+  ImGui::SetCursorPosX(ImGui::GetContentRegionMax().x - 2 * width - spacing);
+  const bool clicked = ImGui::Button(yes, {width, 0});
+  ImGui::SameLine(0, spacing);
+  cancelled = ImGui::Button("Cancel", {width, 0}) || cancelled;
+  return clicked;
+}
+
+void contents(FileDialog& dialog, bool& cancelled) {
+  FileBrowser& browser = dialog.browser;
+  const float line = ImGui::GetFrameHeightWithSpacing();
+  ImGui::TextDisabled("%s", titleOf(dialog.use));
+  places(browser);
+  bool chosen = nameField(dialog);
+  const float below = 2 * line + ImGui::GetTextLineHeightWithSpacing();
+  chosen = fileList(browser, std::max(ImGui::GetContentRegionAvail().y - below, 3 * line)) || chosen;
+  filters(browser);
+  const FileType* type = fileType(browser);
+  if (browser.replaces) {
+    ImGui::TextColored(kWarningText, "A file of this name is there already");
+  } else {
+    ImGui::TextDisabled("%s", browser.saves && type ? type->note.c_str() : "");
+  }
+  const char* yes = browser.replaces ? "Replace" : browser.saves ? "Save" : "Open";
+  chosen = buttons(yes, cancelled) || chosen;
+  if (chosen) dialog.chosen = chooseFile(browser);
+}
+
+// True when it was not open before: the key that asked for it is not meant for it.
+bool open(const char* id) {
+  if (ImGui::IsPopupOpen(id)) return false;
+  ImGui::OpenPopup(id);
+  return true;
+}
+
+void fileDialog(ViewerState& state, bool escape) {
+  constexpr const char* kId = "file dialog";
+  if (!state.desktop.dialog) return;
+  escape = !open(kId) && escape;
+  const ImVec2 window = ImGui::GetIO().DisplaySize;
+  const float font = ImGui::GetFontSize();
+  ImGui::SetNextWindowPos({window.x / 2, window.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowSize({std::min(48 * font, window.x - font), std::min(34 * font, window.y - font)});
+  if (!ImGui::BeginPopupModal(kId, nullptr, kDialogWindow)) return;
+  bool cancelled = escape;
+  contents(*state.desktop.dialog, cancelled);
+  if (cancelled) {
+    state.desktop.dialog.reset();
+    keepUnsaved(state);
+  }
+  if (cancelled || state.desktop.dialog->chosen) ImGui::CloseCurrentPopup();
+  ImGui::EndPopup();
+}
+
+std::string lossOf(const ClosingQuestion& question) {
+  switch (question.what) {
+    case Unsaved::path:
+      return "The camera path has not been saved.";
+    case Unsaved::bookmarks:
+      return "The bookmarks have not been saved.";
+    case Unsaved::edits:
+      break;
+  }
+  const bool again = question.closing.way == Closing::Way::reading;
+  return "The edits of " + printable(question.model.filename().string()) + " have not been saved." +
+         (again ? "\nReading the file again loses them." : "");
+}
+
+void closingQuestion(ViewerState& state, bool escape) {
+  constexpr const char* kId = "closing";
+  if (!state.desktop.question) return;
+  escape = !open(kId) && escape;
+  const ImVec2 window = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({window.x / 2, window.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
+  if (!ImGui::BeginPopupModal(kId, nullptr, kDialogWindow | ImGuiWindowFlags_AlwaysAutoResize)) return;
+  ImGui::TextUnformatted(lossOf(*state.desktop.question).c_str());
+  ImGui::Dummy({0, ImGui::GetFontSize() * 0.3f});
+  const ImVec2 size(ImGui::GetFontSize() * 6, 0);
+  const bool enter = ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) ||
+                     ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_KeyPadEnter));
+  const bool save = ImGui::Button("Save", size) || enter;
+  hint("Enter");
+  ImGui::SameLine();
+  const bool discard = ImGui::Button("Discard", size);
+  ImGui::SameLine();
+  const bool cancel = ImGui::Button("Cancel", size) || escape;
+  hint("Esc");
+  if (save || discard || cancel) ImGui::CloseCurrentPopup();
+  ImGui::EndPopup();
+  if (save) {
+    saveUnsaved(state);
+  } else if (discard) {
+    discardUnsaved(state);
+  } else if (cancel) {
+    keepUnsaved(state);
+  }
+}
+
+}  // namespace
+
+void dialogs(ViewerState& state, bool escape) {
+  // One at a time: the question comes first, the dialog waits below it.
+  state.desktop.question ? closingQuestion(state, escape) : fileDialog(state, escape);
+}
+
+}  // namespace tg

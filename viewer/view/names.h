@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// The texts of a window that are not the program's own.
+#pragma once
+#include <functional>
+#include <string_view>
+
+#include "viewer/view/state.h"
+
+namespace tg {
+
+// Names of files, folders and cameras, what was typed, and messages, which name files: whatever the panels show of the
+// state.
+void forEachName(const ViewerState& state, const std::function<void(std::string_view)>& take);
+
+}  // namespace tg

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Between DesktopState and the rest: opens dialogs, does what a file was chosen for, full screen, clipboard.
+#pragma once
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <glm/glm.hpp>
+#include <optional>
+
+#include "viewer/model/model_saver.h"
+#include "viewer/view/options.h"
+#include "viewer/view/state.h"
+
+struct GLFWwindow;
+
+namespace tg {
+
+class DesktopControl {
+ public:
+  // `wake` is called in another thread when a file has been written.
+  DesktopControl(const ViewOptions& options, std::function<void()> wake);
+
+  // Once a frame, in the window's thread. `picture`: size of the picture's camera [px]. True when something that can be
+  // seen has changed.
+  bool update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture);
+  // Of the window when it is not full screen.
+  glm::ivec2 windowSize(GLFWwindow* window) const;
+
+ private:
+  void openDialog(ViewerState& state, FileUse use);
+  void useFile(ViewerState& state, const FileDialog& dialog);
+  void saveModel(ViewerState& state, const std::filesystem::path& model, const std::filesystem::path& file,
+                 std::optional<Closing> after);
+  void takeSaved(ViewerState& state);
+  void setFullscreen(GLFWwindow* window, bool on);
+
+  const bool quiet_;              // a script's pictures must not show lines that fade
+  std::filesystem::path folder_;  // of the last dialog
+  bool fullscreen_ = false;
+  glm::ivec2 place_{0}, size_{0};              // of the window before
+  std::deque<std::optional<Closing>> orders_;  // of the saver, under way: what follows each
+  ModelSaver saver_;
+};
+
+}  // namespace tg
