@@ -9,16 +9,20 @@
 #include <optional>
 #include <string>
 
+#include "core/model/effective_rank.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
+#include "core/system/parallel.h"
 #include "shared/limits.h"
 
 namespace tg {
 namespace {
 
 using Value = double (*)(const GaussianModel&, std::size_t);
+
+constexpr std::int64_t kValueGrain = 4096;  // Gaussians a thread takes at once
 
 double shEnergy(const GaussianModel& model, std::size_t i) {
   const std::size_t count = model.shCount();
@@ -34,11 +38,25 @@ double baseColor(const GaussianModel& model, std::size_t i, int channel) {
   return 0.5 + double{kShC0} * model.sh[i * model.shCount()][channel];
 }
 
+// Along every axis.
+glm::dvec3 medianMean(const GaussianModel& model) {
+  glm::dvec3 median(0.0);
+  if (model.size() == 0) return median;
+  std::vector<float> values(model.size());
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  for (int axis = 0; axis < 3; ++axis) {
+    std::ranges::transform(model.mean, values.begin(), [axis](glm::vec3 mean) { return mean[axis]; });
+    std::nth_element(values.begin(), middle, values.end());
+    median[axis] = *middle;
+  }
+  return median;
+}
+
 struct Property {
   std::string_view name;
-  Value value;
+  Value value;  // null: distance, which is of all of them
 };
-constexpr std::array<Property, 13> kProperties = {{
+constexpr std::array<Property, 15> kProperties = {{
     {"x", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].x; }},
     {"y", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].y; }},
     {"z", [](const GaussianModel& m, std::size_t i) -> double { return m.mean[i].z; }},
@@ -58,6 +76,8 @@ constexpr std::array<Property, 13> kProperties = {{
        const glm::dvec3 s = sigmaOf(m, i);
        return s.x * s.y * s.z;
      }},
+    {"rank", [](const GaussianModel& m, std::size_t i) { return effectiveRank(m.log_scale[i]); }},
+    {"distance", nullptr},
     {"index", [](const GaussianModel&, std::size_t i) { return static_cast<double>(i); }},
     {"sh_energy", shEnergy},
     {"texels", [](const GaussianModel& m, std::size_t i) -> double { return rectOf(m, i).texelCount(); }},
@@ -80,10 +100,8 @@ constexpr std::array<Relation, 6> kRelations = {{{"<=", [](double a, double b) {
 
 // A term of "a < b < c": a number or a property.
 struct Term {
-  Value property = nullptr;
+  const Property* property = nullptr;
   double number = 0.0;
-
-  double of(const GaussianModel& model, std::size_t i) const { return property ? property(model, i) : number; }
 };
 
 struct Expression {
@@ -104,7 +122,7 @@ struct Expression {
 
 Term parseTerm(std::string_view text, std::string_view expression) {
   const auto found = std::ranges::find(kProperties, text, &Property::name);
-  if (found != kProperties.end()) return {found->value, 0.0};
+  if (found != kProperties.end()) return {&*found, 0.0};
   const std::optional<double> number = parseWhole<double>(text);
   if (!number || !std::isfinite(*number)) {
     refuse(expression, text.empty() ? std::string("a value is missing") : "unknown value " + std::string(text));
@@ -169,13 +187,28 @@ std::vector<std::uint8_t> insideSphere(const GaussianModel& model, glm::dvec3 ce
   return keep;
 }
 
+std::vector<double> valuesOf(const GaussianModel& model, std::string_view name) {
+  const auto property = std::ranges::find(kProperties, name, &Property::name);
+  TG_ASSERT(property != kProperties.end(), "a number that there is");
+  const glm::dvec3 center = property->value ? glm::dvec3(0.0) : medianMean(model);
+  std::vector<double> values(model.size());
+  parallelFor(static_cast<std::int64_t>(values.size()), kValueGrain, [&](std::int64_t item) {
+    const auto i = static_cast<std::size_t>(item);
+    values[i] = property->value ? property->value(model, i) : glm::distance(glm::dvec3(model.mean[i]), center);
+  });
+  return values;
+}
+
 std::vector<std::uint8_t> whereValue(const GaussianModel& model, std::string_view text) {
   const Expression expression = parse(text);
+  const auto named = std::ranges::find_if(expression.terms, [](const Term& term) { return term.property != nullptr; });
+  const std::vector<double> values = valuesOf(model, named->property->name);
   std::vector<std::uint8_t> keep(model.size());
   for (std::size_t i = 0; i < model.size(); ++i) {
+    const auto of = [&](const Term& term) { return term.property ? values[i] : term.number; };
     bool ok = true;
     for (std::size_t r = 0; r < expression.relations.size(); ++r) {
-      ok = ok && expression.relations[r].holds(expression.terms[r].of(model, i), expression.terms[r + 1].of(model, i));
+      ok = ok && expression.relations[r].holds(of(expression.terms[r]), of(expression.terms[r + 1]));
     }
     keep[i] = ok;
   }

@@ -19,10 +19,14 @@ void keepGaussians(GaussianModel& model, std::span<const std::uint8_t> keep);
 std::vector<std::uint8_t> insideBox(const GaussianModel& model, glm::dvec3 low, glm::dvec3 high);
 std::vector<std::uint8_t> insideSphere(const GaussianModel& model, glm::dvec3 center, double radius);
 
-// "opacity > 0.1", "0.01 <= max_scale < 2", "index < 1000": one number of a Gaussian between bounds. Numbers: x y z
-// [world units], opacity, min_scale max_scale [world units, sigma], volume (product of the scales), index, sh_energy
-// (sum of the squares of all coefficients above degree 0), texels, red green blue (of the base, without SH above degree
-// 0). Throws Error(usage) that says what is wrong and what there is.
+// [N]: one number of every Gaussian: x y z [world units], opacity, min_scale max_scale [world units, sigma], volume
+// (product of the scales), rank (effective: 1 a needle, 2 a disc, 3 a ball), distance (of the mean from the median of
+// all means [world units]), index, sh_energy (sum of the squares of all coefficients above degree 0), texels, red green
+// blue (of the base, without SH above degree 0). `name` is one of these.
+std::vector<double> valuesOf(const GaussianModel& model, std::string_view name);
+
+// "opacity > 0.1", "0.01 <= max_scale < 2", "index < 1000": one of these numbers between bounds. Throws Error(usage)
+// that says what is wrong and what there is.
 std::vector<std::uint8_t> whereValue(const GaussianModel& model, std::string_view expression);
 
 }  // namespace tg

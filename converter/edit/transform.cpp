@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <span>
 
 #include "converter/gltf/axes.h"
 #include "core/system/assert.h"
@@ -28,7 +26,33 @@ void addToLogScale(glm::vec3& log_scale, glm::vec4& rotation, double log_factor)
   if (normal != 0 && log_scale[normal] >= shorter - kTieMargin) putNormalFirst(log_scale, rotation, normal);
 }
 
+// `count` Gaussians, the numbers of which `at` has.
+template <typename At>
+void transform(GaussianModel& model, const Similarity& similarity, std::size_t count, At at) {
+  TG_ASSERT(similarity.scale > 0.0, "a scale above 0");
+  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+  const bool turns = similarity.rotation != glm::dmat3(1.0);
+  const ShRotation sh_rotation(similarity.rotation);
+  const glm::dvec4 turn = quaternionFromMatrix(similarity.rotation);
+  const double log_factor = std::log(similarity.scale);
+  const std::size_t coefficients = model.shCount();
+  parallelFor(static_cast<std::int64_t>(count), kTransformGrain, [&](std::int64_t item) {
+    const std::size_t i = at(static_cast<std::size_t>(item));
+    model.mean[i] =
+        glm::vec3(similarity.scale * (similarity.rotation * glm::dvec3(model.mean[i])) + similarity.translation);
+    if (log_factor != 0.0) addToLogScale(model.log_scale[i], model.rotation[i], log_factor);
+    if (!turns) return;
+    model.rotation[i] = glm::vec4(multiply(turn, glm::dvec4(model.rotation[i])));
+    sh_rotation.apply(std::span(model.sh).subspan(i * coefficients, coefficients));
+  });
+}
+
 }  // namespace
+
+Similarity about(Similarity similarity, glm::dvec3 point) {
+  similarity.translation += point - similarity.scale * (similarity.rotation * point);
+  return similarity;
+}
 
 Similarity similarityFrom(const glm::dmat4& m) {
   const auto fail = [](const char* what) {
@@ -61,22 +85,12 @@ Similarity similarityFrom(const glm::dmat4& m) {
 }
 
 void transformModel(GaussianModel& model, const Similarity& similarity) {
-  TG_ASSERT(similarity.scale > 0.0, "a scale above 0");
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  const bool turns = similarity.rotation != glm::dmat3(1.0);
-  const ShRotation sh_rotation(similarity.rotation);
-  const glm::dvec4 turn = quaternionFromMatrix(similarity.rotation);
-  const double log_factor = std::log(similarity.scale);
-  const std::size_t coefficients = model.shCount();
-  parallelFor(static_cast<std::int64_t>(model.size()), kTransformGrain, [&](std::int64_t item) {
-    const std::size_t i = static_cast<std::size_t>(item);
-    model.mean[i] =
-        glm::vec3(similarity.scale * (similarity.rotation * glm::dvec3(model.mean[i])) + similarity.translation);
-    if (log_factor != 0.0) addToLogScale(model.log_scale[i], model.rotation[i], log_factor);
-    if (!turns) return;
-    model.rotation[i] = glm::vec4(multiply(turn, glm::dvec4(model.rotation[i])));
-    sh_rotation.apply(std::span(model.sh).subspan(i * coefficients, coefficients));
-  });
+  transform(model, similarity, model.size(), [](std::size_t item) { return item; });
+}
+
+void transformGaussians(GaussianModel& model, const Similarity& similarity, std::span<const std::uint32_t> which) {
+  TG_ASSERT(std::ranges::all_of(which, [&](std::uint32_t i) { return i < model.size(); }), "Gaussians of the model");
+  transform(model, similarity, which.size(), [which](std::size_t item) { return std::size_t{which[item]}; });
 }
 
 void transformCameras(std::vector<Camera>& cameras, const Similarity& similarity) {

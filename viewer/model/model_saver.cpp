@@ -7,6 +7,7 @@
 
 #include "converter/registry/file_format.h"
 #include "core/system/error.h"
+#include "viewer/view/edits.h"
 
 namespace tg {
 namespace {
@@ -20,21 +21,32 @@ Bundle bundleOf(const Scene& scene) {
   return bundle;
 }
 
+void write(const std::filesystem::path& path, const Scene& scene, ModelSaver::News& news) {
+  try {
+    Written written;
+    writeModel(outputFormat(path), path, bundleOf(scene), {}, written);
+    news.warnings = std::move(written.warnings);
+    news.whole = holdsModel(path, scene);
+  } catch (const Error& error) {
+    news.problem = error.what();
+    news.error_kind = static_cast<int>(error.kind);
+  } catch (const std::bad_alloc&) {
+    news.problem = path.string() + ": not enough memory";
+    news.error_kind = static_cast<int>(ErrorKind::device);
+  }
+}
+
 }  // namespace
 
 ModelSaver::ModelSaver(std::function<void()> wake)
     : news_(Queue<News>::kUnlimited, std::move(wake)), thread_(startWorker(news_, [this](const std::stop_token&) {
         while (auto order = orders_.take()) {
-          News news{order->path, "", {}};
-          try {
-            Written written;
-            writeModel(outputFormat(order->path), order->path, bundleOf(order->scene), {}, written);
-            news.warnings = std::move(written.warnings);
-          } catch (const Error& error) {
-            news.problem = error.what();
-          } catch (const std::bad_alloc&) {
-            news.problem = order->path.string() + ": not enough memory";
-          }
+          News news;
+          news.path = order->path;
+          news.model = order->scene.path;
+          news.revision = order->revision;
+          write(order->path, order->scene, news);
+          order.reset();
           news_.give(std::move(news));
         }
       })) {}
@@ -44,7 +56,9 @@ ModelSaver::~ModelSaver() {
   thread_.join();
 }
 
-void ModelSaver::save(std::filesystem::path path, const Scene& scene) { orders_.give({std::move(path), scene}); }
+void ModelSaver::save(std::filesystem::path path, const Scene& scene, std::uint64_t revision) {
+  orders_.give({std::move(path), scene, revision});
+}
 
 std::vector<FileType> modelTypes(const Scene& scene) {
   std::vector<FileType> types;

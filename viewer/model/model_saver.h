@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes models in a thread of its own, in any format of the converter, one after another.
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -21,11 +22,16 @@ class ModelSaver {
   // Waits for what has been asked for.
   ~ModelSaver();
 
-  void save(std::filesystem::path path, const Scene& scene);
+  // `revision`: of EditState, which the scene's model is.
+  void save(std::filesystem::path path, const Scene& scene, std::uint64_t revision = 0);
 
   struct News {
     std::filesystem::path path;
+    std::filesystem::path model;  // of the scene
+    std::uint64_t revision = 0;
+    bool whole = false;                 // the file holds all of the model
     std::string problem;                // why there is no file; "" = there is one
+    int error_kind = 0;                 // of the problem
     std::vector<std::string> warnings;  // what the format does not hold
   };
   std::optional<News> take() { return news_.poll(); }
@@ -34,6 +40,7 @@ class ModelSaver {
   struct Order {
     std::filesystem::path path;
     Scene scene;
+    std::uint64_t revision = 0;
   };
   Queue<Order> orders_;
   Queue<News> news_;

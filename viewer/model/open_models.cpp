@@ -7,6 +7,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/parse.h"
 
 namespace tg {
@@ -122,6 +123,12 @@ bool OpenModels::takeLoaded(ViewerState& state) {
 // The first model opens like any other; later ones change nothing but the model.
 bool OpenModels::takeFollowed(ViewerState& state) {
   if (!follower_) return false;
+  if (const int document = documentOf(state, follower_->file()); document >= 0 && hasUnsavedEdits(state, document)) {
+    follower_.reset();
+    state.follow.active = false;
+    say(state, "Edited: no longer following " + state.documents.open[document].path.filename().string());
+    return true;
+  }
   std::optional<ModelFollower::News> news = follower_->take();
   if (!news) return false;
   state.follow.problem = news->problem;
@@ -144,7 +151,7 @@ bool OpenModels::takeFollowed(ViewerState& state) {
 
 void OpenModels::open(ViewerState& state, Scene scene) {
   leaveDocument(state);
-  state.documents.open.push_back({scene.path, {}, {}, {}, -1});
+  state.documents.open.emplace_back().path = scene.path;
   state.documents.shown = static_cast<int>(state.documents.open.size()) - 1;
   std::string error = std::move(state.messages.error);  // of another file: stays until it is dismissed
   adopt_(state, std::move(scene));
@@ -155,6 +162,7 @@ void OpenModels::open(ViewerState& state, Scene scene) {
 
 // What the command line says about the first view.
 void OpenModels::firstView(ViewerState& state) {
+  state.history.last.reset();  // no step of the user's
   resetView(state);
   if (opened_any_) return;
   state.display.settings.background = options_.background.value_or(state.scene.background);
@@ -164,11 +172,11 @@ void OpenModels::firstView(ViewerState& state) {
 
 void OpenModels::replace(ViewerState& state, int document, Scene scene) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
-  if (document == state.documents.shown) {
-    replaceScene(state, std::move(scene));
-  } else {
-    state.documents.open[document].scene = std::move(scene);
-  }
+  if (document == state.documents.shown) return replaceScene(state, std::move(scene));
+  Document& hidden = state.documents.open[document];
+  hidden.scene = std::move(scene);
+  hidden.edit = {};
+  hidden.history = {};
 }
 
 void OpenModels::show(ViewerState& state, int document) {
@@ -181,8 +189,13 @@ void OpenModels::show(ViewerState& state, int document) {
   leaveDocument(state);
   Document& next = state.documents.open[document];
   state.documents.shown = document;
-  const Document kept = {next.path, {}, next.pose, next.lens, next.camera};
+  Document kept = {next.path, {}, next.pose, next.lens, next.camera, std::move(next.edit), std::move(next.history)};
+  const EditTool tool = state.edit.tool;
   adopt_(state, std::move(next.scene));
+  state.edit = std::move(kept.edit);
+  state.edit.tool = tool;
+  state.history = std::move(kept.history);
+  state.history.last.reset();
   if (!own_background) state.display.settings.background = background;
   // Models of one data set are looked at from one place.
   const bool together = sameCameras(before, state.scene);

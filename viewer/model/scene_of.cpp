@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model's numbers, counted once, and training.json, read without trust.
+// From files to scenes; training.json is read without trust.
 #include "viewer/model/scene_of.h"
 
 #include <cstdio>
@@ -30,22 +30,11 @@ const nlohmann::json* member(const nlohmann::json& object, const char* key) {
 }  // namespace
 
 Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
-  const GaussianModel& model = loaded.model;
   Scene scene;
   scene.path = path;
-  scene.gaussians = model.size();
-  for (const TextureRect& rect : model.atlas.rects) {
-    scene.textured += rect.texelCount() > 0;
-    scene.texels += rect.texelCount();
-  }
-  scene.sh_degree = model.sh_degree;
-  scene.texture_mode = model.texture_mode;
-  scene.intersection = model.intersection;
-  scene.outside = model.outside;
   scene.background = loaded.background;
   scene.warnings = std::move(loaded.warnings);
   scene.up = sceneUp(loaded.cameras);
-  scene.bounds = sceneBounds(model);
   scene.cameras = std::move(loaded.cameras);
   const TrainingProgress progress = trainingProgress(loaded.training_json);
   scene.training = formatProgress(progress);
@@ -56,6 +45,7 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   }
   scene.training_json = std::move(loaded.training_json);
   scene.model = std::make_shared<const GaussianModel>(std::move(loaded.model));
+  measure(scene);
   return scene;
 }
 

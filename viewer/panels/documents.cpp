@@ -45,7 +45,7 @@ void documentsSection(ViewerState& state) {
     hint((open[i].path.string() + "\nPage Up / Page Down step through the open models").c_str());
     ImGui::SameLine(0, spacing);
     if (ImGui::Button("x", {button, 0})) askToClose(state, i);
-    hint("Close (Delete closes the one shown)");
+    hint("Close (Ctrl+W closes the one shown)");
     ImGui::PopID();
   }
   ImGui::Separator();

@@ -224,6 +224,20 @@ void fileDialog(ViewerState& state, bool escape) {
   ImGui::EndPopup();
 }
 
+std::string lossOf(const ClosingQuestion& question) {
+  switch (question.what) {
+    case Unsaved::path:
+      return "The camera path has not been saved.";
+    case Unsaved::bookmarks:
+      return "The bookmarks have not been saved.";
+    case Unsaved::edits:
+      break;
+  }
+  const bool again = question.closing.way == Closing::Way::reading;
+  return "The edits of " + printable(question.model.filename().string()) + " have not been saved." +
+         (again ? "\nReading the file again loses them." : "");
+}
+
 void closingQuestion(ViewerState& state, bool escape) {
   constexpr const char* kId = "closing";
   if (!state.desktop.question) return;
@@ -231,8 +245,7 @@ void closingQuestion(ViewerState& state, bool escape) {
   const ImVec2 window = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({window.x / 2, window.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
   if (!ImGui::BeginPopupModal(kId, nullptr, kDialogWindow | ImGuiWindowFlags_AlwaysAutoResize)) return;
-  const bool path = state.desktop.question->what == Unsaved::path;
-  ImGui::TextUnformatted(path ? "The camera path has not been saved." : "The bookmarks have not been saved.");
+  ImGui::TextUnformatted(lossOf(*state.desktop.question).c_str());
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.3f});
   const ImVec2 size(ImGui::GetFontSize() * 6, 0);
   const bool enter = ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) ||
@@ -258,8 +271,8 @@ void closingQuestion(ViewerState& state, bool escape) {
 }  // namespace
 
 void dialogs(ViewerState& state, bool escape) {
-  fileDialog(state, escape);
-  closingQuestion(state, escape);
+  // One at a time: the question comes first, the dialog waits below it.
+  state.desktop.question ? closingQuestion(state, escape) : fileDialog(state, escape);
 }
 
 }  // namespace tg

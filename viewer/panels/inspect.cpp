@@ -3,8 +3,13 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <numeric>
+#include <string>
+#include <utility>
 #include <vector>
+
+#include "core/model/verbs.h"
 
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
@@ -65,20 +70,58 @@ void swatch(glm::vec3 color) {
   ImGui::GetWindowDrawList()->AddRectFilled(corner, {corner.x + side, corner.y + side}, packed(color), 2);
 }
 
+struct Column {
+  const char* label;
+  HitColumn column;
+  const char* help;
+};
+constexpr std::array kColumns = {
+    Column{"index", HitColumn::index, "Of the Gaussian"},
+    Column{"depth", HitColumn::depth, "Camera z of the hit"},
+    Column{"wt", HitColumn::weight, "Weight: its share of the pixel, T x alpha"},
+    Column{"al", HitColumn::alpha, "Alpha: opacity x value x texture, at the hit"},
+    Column{"op", HitColumn::opacity, "Opacity of the Gaussian"},
+    Column{"size", HitColumn::size, "Its longest sigma, in world units"},
+    Column{"b", HitColumn::order, "Base colour; sorts front to back"},
+    Column{"t", HitColumn::order, "What the texture adds; sorts front to back"},
+};
+
+// A click sorts by the column, a second one the other way round.
+void header(ViewerState& state) {
+  ImGui::TableNextRow(ImGuiTableRowFlags_Headers);
+  for (const Column& column : kColumns) {
+    ImGui::TableNextColumn();
+    const bool sorts = state.inspect.sorted_by == column.column && column.column != HitColumn::order;
+    if (sorts) ImGui::PushStyleColor(ImGuiCol_Text, kHighlightText);
+    if (ImGui::Selectable(column.label, false, 0, {ImGui::CalcTextSize(column.label).x + 4, 0}))
+      sortHits(state, column.column);
+    if (sorts) ImGui::PopStyleColor();
+    hint((std::string(column.help) + (sorts ? state.inspect.descending ? ", falling" : ", rising" : "")).c_str());
+  }
+}
+
 void list(ViewerState& state) {
   const std::vector<PixelHit>& hits = state.inspect.hits;
-  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {2, 1});
+  const GaussianModel& model = *state.scene.model;
+  const std::vector<int> order = sortedHits(model, hits, state.inspect.sorted_by, state.inspect.descending);
+  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {1, 1});  // large models have long numbers
+  ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {ImGui::GetStyle().ItemSpacing.x, 2});  // no row reaches into the next
   const float row = ImGui::GetTextLineHeight() + 2;
   const float rows = std::min(static_cast<float>(hits.size()), kListRows);
-  if (ImGui::BeginTable("hits", 7, ImGuiTableFlags_ScrollY | ImGuiTableFlags_SizingFixedFit,
-                        {0, (rows + 1) * row + 6})) {
+  if (ImGui::BeginTable("hits", static_cast<int>(kColumns.size()),
+                        ImGuiTableFlags_ScrollY | ImGuiTableFlags_SizingFixedFit, {0, (rows + 1) * row + 6})) {
     ImGui::TableSetupScrollFreeze(0, 1);
-    for (const char* name : {"index", "depth", "alpha", "T", "weight", "b", "t"}) ImGui::TableSetupColumn(name);
-    ImGui::TableHeadersRow();
+    for (const Column& column : kColumns) ImGui::TableSetupColumn(column.label);
+    header(state);
+    if (std::exchange(state.inspect.seek, false)) {
+      const auto at = std::ranges::find(order, state.inspect.picked) - order.begin();
+      ImGui::SetScrollY(std::max(0.0f, (static_cast<float>(at) - kListRows / 2) * row));
+    }
     ImGuiListClipper clipper;
     clipper.Begin(static_cast<int>(hits.size()));
     while (clipper.Step()) {
-      for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
+      for (int line = clipper.DisplayStart; line < clipper.DisplayEnd; ++line) {
+        const int i = order[static_cast<std::size_t>(line)];
         const PixelHit& hit = hits[static_cast<std::size_t>(i)];
         ImGui::TableNextRow();
         ImGui::TableNextColumn();
@@ -89,11 +132,14 @@ void list(ViewerState& state) {
         }
         ImGui::PopID();
         ImGui::TableNextColumn();
-        ImGui::Text("%.3f", hit.t);
-        for (const double value : {hit.alpha, hit.transmittance, hit.weight}) {
+        ImGui::Text("%.4g", hit.t);
+        for (const double value : {hit.weight, hit.alpha, opacityOf(model, hit.index)}) {
           ImGui::TableNextColumn();
           ImGui::Text("%.2f", value);
         }
+        const glm::dvec3 sigma = sigmaOf(model, hit.index);
+        ImGui::TableNextColumn();
+        ImGui::Text("%.2g", std::max({sigma.x, sigma.y, sigma.z}));
         ImGui::TableNextColumn();
         swatch(glm::vec3(hit.base));
         ImGui::TableNextColumn();
@@ -102,7 +148,7 @@ void list(ViewerState& state) {
     }
     ImGui::EndTable();
   }
-  ImGui::PopStyleVar();
+  ImGui::PopStyleVar(2);
 }
 
 // Both halves of a texture side by side, with a ring where the hit fell.
@@ -140,7 +186,8 @@ void picked(ViewerState& state, const PixelHit& hit) {
   ImGui::Text("sigma %.4g, %.4g, %.4g", facts.sigma.x, facts.sigma.y, facts.sigma.z);
   ImGui::Text("opacity %.3f, effective rank %.2f", facts.opacity, facts.effective_rank);
   hint("Rank: 1 a needle, 2 a disc, 3 a ball");
-  ImGui::Text("u %.2f, v %.2f sigma; value %.3f", hit.uv.x, hit.uv.y, hit.value);
+  ImGui::Text("u %.2f, v %.2f sigma; value %.3f; T %.3f", hit.uv.x, hit.uv.y, hit.value, hit.transmittance);
+  hint("Where the hit falls on the texture; the Gaussian there; the light that is left in front of it");
   if (facts.width > 0) {
     ImGui::Text("texture %d x %d, alpha x %.3f", facts.width, facts.height, hit.texture_alpha);
     texture(model, hit.index, facts, hit.uv);

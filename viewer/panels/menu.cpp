@@ -15,9 +15,12 @@ namespace {
 
 void actions(ViewerState& state, Menu menu) {
   for (const KeyBinding& binding : keyBindings()) {
-    if (binding.menu == menu && *binding.keys && ImGui::MenuItem(binding.text, binding.keys)) {
-      runAction(state, binding);
-    }
+    if (binding.menu != menu || !*binding.keys) continue;
+    // These two name what they would do, and are grey where there is nothing.
+    const bool steps = binding.run == undo || binding.run == redo;
+    const std::string step = !steps ? "" : binding.run == undo ? undoName(state) : redoName(state);
+    const std::string label = binding.text + (step.empty() ? "" : ": " + step) + "###" + binding.text;
+    if (ImGui::MenuItem(label.c_str(), binding.keys, false, !steps || !step.empty())) runAction(state, binding);
   }
 }
 
@@ -45,6 +48,10 @@ void items(ViewerState& state) {
   if (beginMenu("File")) {
     recentMenu(state);
     actions(state, Menu::file);
+    ImGui::EndMenu();
+  }
+  if (beginMenu("Edit")) {
+    actions(state, Menu::edit);
     ImGui::EndMenu();
   }
   if (beginMenu("View")) {

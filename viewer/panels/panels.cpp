@@ -24,11 +24,12 @@ float fullWidth(const ViewerState& state) {
 }
 
 void tabs(ViewerState& state) {
-  constexpr std::array<const char*, kCount<Tab>> labels = {"View", "Camera", "Path", "Inspect", "Time"};
+  constexpr std::array<const char*, kCount<Tab>> labels = {"View", "Camera", "Path", "Inspect", "Edit", "Time"};
+  constexpr int kColumns = 3;
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
   for (const Tab tab : valuesOf<Tab>()) {
     const int i = static_cast<int>(tab);
-    if (segment(labels[static_cast<std::size_t>(i)], state.ui.tab == tab, i, kCount<Tab>)) state.ui.tab = tab;
+    if (segment(labels[static_cast<std::size_t>(i)], state.ui.tab == tab, i % kColumns, kColumns)) state.ui.tab = tab;
   }
 }
 
@@ -67,6 +68,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   documentsSection(state);
   modelSection(state);
   compareSection(state);
+  historySection(state);
   tabs(state);
   ImGui::BeginChild("page");
   switch (state.ui.tab) {
@@ -91,6 +93,12 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
       break;
     case Tab::inspect:
       inspectSection(state);
+      break;
+    case Tab::edit:
+      selectSection(state);
+      valueSection(state);
+      changeSection(state);
+      saveSection(state);
       break;
     case Tab::time:
       timeSection(state, statistics);

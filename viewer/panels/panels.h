@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "viewer/view/edit_pointer.h"
 #include "viewer/view/state.h"
 
 namespace tg {
@@ -21,6 +22,15 @@ constexpr std::size_t kFrameHistory = 120;
 
 // Width of the panel [ImGui units]; 0 while it is hidden or the window is too narrow to give it room of its own.
 float panelWidth(const ViewerState& state, float window_width);
+
+// Where the picture lies in the window, and its camera, in ImGui's units; of two beside each other, the left one.
+struct PictureOnScreen {
+  Camera camera;
+  glm::vec2 corner{0.0f};
+};
+PictureOnScreen pictureOnScreen(const ViewerState& state);
+// What of the pointer is an edit tool's, not the camera's. Once a frame, before drawPanels().
+PointerTaken editInput(ViewerState& state);
 
 // Whether a list or the colour picker is open: Esc is theirs then.
 bool popupIsOpen();

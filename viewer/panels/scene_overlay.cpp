@@ -9,27 +9,32 @@
 
 namespace tg {
 
-void sceneOverlay(const ViewerState& state) {
-  const std::vector<SceneLine> lines = sceneLines(state);
-  if (lines.empty()) return;
+PictureOnScreen pictureOnScreen(const ViewerState& state) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float left = panelWidth(state, size.x);
   // In ImGui's units: the picture's pixels may be finer. Of two pictures beside each other, the left one.
   int width = std::max(static_cast<int>(size.x - left), 1);
   if (state.compare.how.mode == CompareMode::side) width = sideWidth(width);
-  const Camera camera = toCamera(state.camera.pose, state.camera.lens, width, std::max(static_cast<int>(size.y), 1));
+  return {toCamera(state.camera.pose, state.camera.lens, width, std::max(static_cast<int>(size.y), 1)), {left, 0}};
+}
+
+void sceneOverlay(const ViewerState& state) {
+  const PictureOnScreen picture = pictureOnScreen(state);
+  const Camera& camera = picture.camera;
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
-  draw->PushClipRect({left, 0}, {left + static_cast<float>(width), size.y});
-  for (const SceneLine& line : lines) {
+  draw->PushClipRect({picture.corner.x, picture.corner.y}, {picture.corner.x + static_cast<float>(camera.size.x),
+                                                            picture.corner.y + static_cast<float>(camera.size.y)});
+  for (const SceneLine& line : sceneLines(state)) {
     const auto ends = projected(camera, line.a, line.b);
     if (!ends) continue;
-    const auto pixel = [left](glm::dvec2 p) {
-      return ImVec2(left + static_cast<float>(std::clamp(p.x, -1e5, 1e5)),
-                    static_cast<float>(std::clamp(p.y, -1e5, 1e5)));
+    const auto pixel = [&](glm::dvec2 p) {
+      return ImVec2(picture.corner.x + static_cast<float>(std::clamp(p.x, -1e5, 1e5)),
+                    picture.corner.y + static_cast<float>(std::clamp(p.y, -1e5, 1e5)));
     };
     draw->AddLine(pixel(ends->first), pixel(ends->second),
                   ImGui::ColorConvertFloat4ToU32({line.color.x, line.color.y, line.color.z, 0.9f}), line.width);
   }
+  editOverlay(state, picture);
   draw->PopClipRect();
 }
 

@@ -34,8 +34,16 @@ void pathFileSection(ViewerState& state);
 void recordSection(ViewerState& state);
 // inspect.cpp
 void inspectSection(ViewerState& state);
+// edit.cpp
+void historySection(ViewerState& state);
+void selectSection(ViewerState& state);
+void valueSection(ViewerState& state);
+void changeSection(ViewerState& state);
+void saveSection(ViewerState& state);
 // time.cpp
 void timeSection(ViewerState& state, const FrameStatistics& statistics);
+// edit_overlay.cpp
+void editOverlay(const ViewerState& state, const PictureOnScreen& picture);
 // menu.cpp: as the first line of the panel, and over the picture while that is hidden
 void panelMenu(ViewerState& state);
 void hiddenMenu(ViewerState& state);

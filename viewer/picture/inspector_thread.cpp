@@ -41,7 +41,7 @@ bool InspectorThread::update(ViewerState& state, glm::ivec2 size) {
       inspection.pixel = answer->pixel;
       inspection.inspected = true;
       inspection.isolated = false;
-      pickHit(state, 0);
+      pickHit(state, strongestHit(inspection.hits));
     }
   }
   if (busy_) return fresh;

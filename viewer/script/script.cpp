@@ -30,17 +30,18 @@ int parseFrames(const std::string& text, const std::string& what) {
 int parseKey(const std::string& text, const std::string& what) {
   constexpr std::pair<std::string_view, int> kNames[] = {
       {"Space", ' '},     {"Esc", kKeyEscape},    {"PageUp", kKeyPageUp}, {"PageDown", kKeyPageDown},
-      {"Home", kKeyHome}, {"Delete", kKeyDelete}, {"F1", kKeyF1},         {"F11", kKeyF11},
-      {"Num1", kKeyPad1}, {"Num3", kKeyPad3},     {"Num7", kKeyPad7},
+      {"Home", kKeyHome}, {"Delete", kKeyDelete}, {"Num1", kKeyPad1},     {"Num3", kKeyPad3},
+      {"Num7", kKeyPad7}, {"F11", kKeyF11},
   };
-  if (text.starts_with("Ctrl+")) return kControl | parseKey(text.substr(5), what);
   for (const auto& [name, key] : kNames) {
     if (text == name) return key;
   }
+  if (text.size() == 2 && text[0] == 'F' && text[1] >= '1' && text[1] <= '9') return kKeyF1 + text[1] - '1';
   if (text.size() == 1 && text[0] > ' ' && text[0] <= ']') return text[0];
-  refuseValue(what, text,
-              "a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown, Home, Delete, F1, F11, Num1, Num3 or "
-              "Num7, after Ctrl+ if wanted");
+  refuseValue(
+      what, text,
+      "a capital letter, a digit, a sign, Space, Esc, PageUp, PageDown, Home, Delete, F1 to F9, F11, Num1, Num3 or "
+      "Num7, after Ctrl+, Shift+ or Ctrl+Shift+ if wanted");
 }
 
 int parseDocument(const Call& call) {
@@ -70,9 +71,11 @@ bool arrived(Script& script, const ViewerState& state, const ScriptCommand& comm
 constexpr std::array kVerbs = {
     Verb{"key", 1, kFramesOfPanels,
          [](const Call& c) {
-           const bool shift = c[0].starts_with("Shift+");
-           const int key = parseKey(shift ? c[0].substr(6) : c[0], c.what);
-           pressKey(c.state, key, shift);
+           const bool control = c[0].starts_with("Ctrl+");
+           const std::string rest = control ? c[0].substr(5) : c[0];
+           const bool shift = rest.starts_with("Shift+");
+           const int key = parseKey(shift ? rest.substr(6) : rest, c.what);
+           pressKey(c.state, control ? key | kControl : key, shift);
          }},
     Verb{"tab", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.tab = c.named<Tab>(); }},
     Verb{"panel", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.panel = c.on(); }},
@@ -111,7 +114,7 @@ constexpr std::array kVerbs = {
 
 const Verb* findVerb(std::string_view name, std::span<const Verb> more) {
   for (const std::span<const Verb> verbs :
-       {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs(), settingVerbs(), more}) {
+       {std::span<const Verb>(kVerbs), cameraVerbs(), displayVerbs(), editVerbs(), settingVerbs(), more}) {
     const auto at = std::find_if(verbs.begin(), verbs.end(), [name](const Verb& verb) { return verb.name == name; });
     if (at != verbs.end()) return &*at;
   }

@@ -44,6 +44,7 @@ constexpr int kFramesOfPanels = 2;  // an overlay measures itself in its first f
 
 std::span<const Verb> cameraVerbs();
 std::span<const Verb> displayVerbs();
+std::span<const Verb> editVerbs();
 std::span<const Verb> settingVerbs();  // of all render settings; `crop` is one of displayVerbs(), too, and does more
 
 }  // namespace tg

@@ -7,6 +7,7 @@
 
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/documents.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/path_editor.h"
 
@@ -95,11 +96,27 @@ void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
 
 void closeDocument(ViewerState& state) { askToClose(state, state.documents.shown); }
 
+// Not twice what it says: a second press must not close the model that is being edited.
+void deleteKey(ViewerState& state) {
+  const bool editing = state.edit.tool != EditTool::none || state.ui.tab == Tab::edit;
+  editing || state.edit.selection ? deleteChosen(state) : closeDocument(state);
+}
+
+template <EditTool kTool>
+void tool(ViewerState& state) {
+  setTool(state, kTool);
+  if (state.edit.tool == kTool) state.ui.tab = Tab::edit;
+}
+
 void escape(ViewerState& state) {
   if (!state.messages.error.empty()) {
     state.messages.error.clear();
   } else if (state.ui.help) {
     state.ui.help = false;
+  } else if (state.edit.moving || state.edit.selecting) {
+    cancelDrag(state);
+  } else if (state.edit.tool != EditTool::none) {
+    setTool(state, EditTool::none);
   } else if (state.loading.active) {
     state.loading.cancel = true;
   } else if (state.desktop.fullscreen) {
@@ -162,9 +179,21 @@ constexpr std::array kBindings = {
                Menu::file},
     KeyBinding{kKeyPageDown, false, "Page Down", "Next open model", [](S& s) { stepDocument(s, 1); }, {}, Menu::file},
     KeyBinding{kKeyPageUp, false, "Page Up", "Previous open model", [](S& s) { stepDocument(s, -1); }, {}, Menu::file},
-    KeyBinding{kControl | 'W', false, "Ctrl+W, Delete", "Close the model shown", closeDocument, {}, Menu::file},
-    KeyBinding{kKeyDelete, false, "", "", closeDocument},
+    KeyBinding{kControl | 'W', false, "Ctrl+W", "Close the model shown", closeDocument, {}, Menu::file},
     KeyBinding{kControl | 'Q', false, "Ctrl+Q", "Quit", askToQuit, {}, Menu::file},
+    KeyBinding{kControl | 'Z', false, "Ctrl+Z", "Undo", undo, {}, Menu::edit},
+    KeyBinding{kControl | 'Y', false, "Ctrl+Y, Ctrl+Shift+Z", "Redo", redo, {}, Menu::edit},
+    KeyBinding{kControl | 'Z', true, "", "", redo},
+    KeyBinding{kControl | 'A', false, "Ctrl+A", "Select all Gaussians", chooseAll, {}, Menu::edit},
+    KeyBinding{kControl | 'A', true, "Ctrl+Shift+A", "Select none", chooseNone, {}, Menu::edit},
+    KeyBinding{kControl | 'I', false, "Ctrl+I", "Select the others", invertChoice, {}, Menu::edit},
+    KeyBinding{kKeyF2, false, "F2", "Select by a rectangle", tool<EditTool::rectangle>, {}, Menu::edit},
+    KeyBinding{kKeyF3, false, "F3", "Select by a brush", tool<EditTool::brush>, {}, Menu::edit},
+    KeyBinding{kKeyF4, false, "F4", "Select by a sphere", tool<EditTool::sphere>, {}, Menu::edit},
+    KeyBinding{kKeyF5, false, "F5", "Move the selection", tool<EditTool::move>, {}, Menu::edit},
+    KeyBinding{kKeyF6, false, "F6", "Turn the selection", tool<EditTool::turn>, {}, Menu::edit},
+    KeyBinding{kKeyF7, false, "F7", "Scale the selection", tool<EditTool::scale>, {}, Menu::edit},
+    KeyBinding{kKeyDelete, false, "Delete", "Delete the selection, else close the model", deleteKey, {}, Menu::edit},
     KeyBinding{'1', false, "1", "Final picture", show<Output::final>, {}, Menu::output},
     KeyBinding{'2', false, "2", "Base colour (SH)", show<Output::base>, {}, Menu::output},
     KeyBinding{'3', false, "3", "Texture colour", show<Output::texture>, {}, Menu::output},
@@ -236,7 +265,7 @@ constexpr std::array kBindings = {
                Menu::path},
     KeyBinding{'/', true, "? or F1", "This help", toggleHelp, {}, Menu::help},
     KeyBinding{kKeyF1, false, "", "", toggleHelp},
-    KeyBinding{kKeyEscape, false, "Esc", "Close this, stop loading, or quit", escape},
+    KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop loading, or quit", escape},
 };
 
 constexpr std::array kMouseHelp = {

@@ -11,7 +11,7 @@
 namespace tg {
 
 // Where the menu bar has an action; `output` is a list in `view`.
-enum class Menu { none, file, view, output, camera, path, help };
+enum class Menu { none, file, edit, view, output, camera, path, help };
 
 struct KeyBinding {
   int key = 0;  // kControl + a letter: with Ctrl held
@@ -29,6 +29,7 @@ constexpr int kKeyPageUp = 266;
 constexpr int kKeyPageDown = 267;
 constexpr int kKeyHome = 268;
 constexpr int kKeyF1 = 290;
+constexpr int kKeyF2 = 291, kKeyF3 = 292, kKeyF4 = 293, kKeyF5 = 294, kKeyF6 = 295, kKeyF7 = 296;
 constexpr int kKeyF11 = 300;
 constexpr int kKeyPad1 = 321;
 constexpr int kKeyPad3 = 323;

@@ -24,6 +24,7 @@ struct ViewPose {
   glm::dvec3 forward() const;
   glm::dvec3 pivot() const { return position + distance * forward(); }
   glm::dmat3 cameraFromWorldRotation() const;
+  bool operator==(const ViewPose&) const = default;
 };
 
 // What a pinhole camera is besides its pose, independent of the image size.

@@ -24,12 +24,14 @@ struct PathKey {
   glm::dvec3 position{0.0};                  // world units
   glm::dquat world_from_camera{1, 0, 0, 0};  // unit
   Lens lens;                                 // for an image of the path's aspect
+  bool operator==(const PathKey&) const = default;
 };
 
 struct CameraPath {
   std::vector<PathKey> keys;
   double aspect = 16.0 / 9.0;  // width / height that the lenses were set for: all of that image stays in view
   double closing = 0;          // [s] from the last key back to the first; 0: the path is open
+  bool operator==(const CameraPath&) const = default;
 };
 
 double duration(const CameraPath& path);  // [s] first key to last, closing included

@@ -6,58 +6,125 @@
 #include <utility>
 
 #include "core/bundle/camera_file.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/state.h"
 
 namespace tg {
 namespace {
 
-bool isUnsaved(const ViewerState& state, Unsaved what) {
-  const DesktopState& desktop = state.desktop;
-  if (std::find(desktop.discarded.begin(), desktop.discarded.end(), what) != desktop.discarded.end()) return false;
-  if (what == Unsaved::path) {
-    return !state.path.path.keys.empty() &&
-           (desktop.kept_path.keys.empty() || formatPath(state.path.path) != formatPath(desktop.kept_path));
-  }
-  return !desktop.bookmarks_kept && !state.camera.bookmarks.empty() &&
-         formatCameras(state.camera.bookmarks) != desktop.kept_bookmarks;
+void show(ViewerState& state, const std::filesystem::path& model) {
+  const int document = documentOf(state, model);
+  if (document >= 0 && document != state.documents.shown) state.documents.show_request = document;
 }
 
-// A model takes its bookmarks with it, the window everything.
-void goOn(ViewerState& state, int document) {
-  const bool window = document < 0;
-  for (const Unsaved what : {Unsaved::path, Unsaved::bookmarks}) {
-    const bool goes = window || (what == Unsaved::bookmarks && document == state.documents.shown);
-    if (!goes || !isUnsaved(state, what)) continue;
-    state.desktop.question = ClosingQuestion{document, what};
-    return;
-  }
-  state.desktop.discarded.clear();
-  if (window) {
-    state.quit = true;
-  } else {
-    state.documents.close_request = document;
-  }
+bool isPathUnsaved(const ViewerState& state) {
+  const CameraPath& kept = state.desktop.kept_path;
+  return !state.path.path.keys.empty() && (kept.keys.empty() || formatPath(state.path.path) != formatPath(kept));
+}
+
+bool areBookmarksUnsaved(const ViewerState& state) {
+  return !state.desktop.bookmarks_kept && !state.camera.bookmarks.empty() &&
+         formatCameras(state.camera.bookmarks) != state.desktop.kept_bookmarks;
+}
+
+// The open models with edits that would be lost, the one shown first.
+std::vector<std::filesystem::path> editsLost(const ViewerState& state, const Closing& closing) {
+  std::vector<std::filesystem::path> models = unsavedModels(state);
+  if (closing.way != Closing::Way::window) std::erase_if(models, [&](const auto& m) { return m != closing.model; });
+  const auto shown = std::find(models.begin(), models.end(), state.scene.path);
+  if (shown != models.end()) std::iter_swap(models.begin(), shown);
+  return models;
+}
+
+// True when the user is asked. What has edits is shown meanwhile.
+bool ask(ViewerState& state, const Closing& closing, Unsaved what, const std::filesystem::path& model) {
+  const auto& discarded = state.desktop.discarded;
+  if (std::find(discarded.begin(), discarded.end(), std::pair(what, model)) != discarded.end()) return false;
+  state.desktop.question = ClosingQuestion{closing, what, model};
+  if (what == Unsaved::edits) show(state, model);
+  return true;
 }
 
 }  // namespace
 
-void askToQuit(ViewerState& state) { goOn(state, -1); }
+// A model takes its bookmarks and edits with it, the window everything, a file that is read again the edits.
+void goOnClosing(ViewerState& state, const Closing& closing) {
+  const bool window = closing.way == Closing::Way::window;
+  const int document = documentOf(state, closing.model);
+  if (!window && document < 0) return;  // is closed already
+  if (window && isPathUnsaved(state) && ask(state, closing, Unsaved::path, {})) return;
+  const bool leaves = window || (closing.way == Closing::Way::model && document == state.documents.shown);
+  if (leaves && areBookmarksUnsaved(state) && ask(state, closing, Unsaved::bookmarks, state.scene.path)) return;
+  for (const std::filesystem::path& model : editsLost(state, closing)) {
+    if (ask(state, closing, Unsaved::edits, model)) return;
+  }
+  state.desktop.discarded.clear();
+  switch (closing.way) {
+    case Closing::Way::window:
+      state.quit = true;
+      break;
+    case Closing::Way::model:
+      state.documents.close_request = document;
+      break;
+    case Closing::Way::reading:
+      state.desktop.agreed.push_back(closing.model);
+      state.documents.open_requests.push_back(closing.model);
+      break;
+  }
+}
+
+void askToQuit(ViewerState& state) {
+  state.desktop.discarded.clear();
+  goOnClosing(state, {});
+}
 
 void askToClose(ViewerState& state, int document) {
-  if (document >= 0) goOn(state, document);
+  if (document < 0 || document >= static_cast<int>(state.documents.open.size())) return;
+  state.desktop.discarded.clear();
+  goOnClosing(state, {Closing::Way::model, state.documents.open[static_cast<std::size_t>(document)].path});
+}
+
+bool guardEdits(ViewerState& state) {
+  DesktopState& desktop = state.desktop;
+  std::erase_if(state.documents.open_requests, [&](const std::filesystem::path& path) {
+    if (std::erase(desktop.agreed, path) > 0) return false;
+    const int document = documentOf(state, path);
+    if (document < 0 || !hasUnsavedEdits(state, document)) return false;
+    desktop.read_again.push_back(path);
+    return true;
+  });
+  if (desktop.read_again.empty() || isModal(state) || desktop.wanted || desktop.saving) return false;
+  const Closing closing{Closing::Way::reading, desktop.read_again.front()};
+  desktop.read_again.erase(desktop.read_again.begin());
+  desktop.discarded.clear();
+  goOnClosing(state, closing);
+  return true;
 }
 
 void saveUnsaved(ViewerState& state) {
-  state.desktop.after_saving = std::exchange(state.desktop.question, std::nullopt);
-  if (!state.desktop.after_saving) return;
-  state.desktop.wanted = state.desktop.after_saving->what == Unsaved::path ? FileUse::savePath : FileUse::saveBookmarks;
+  const auto question = std::exchange(state.desktop.question, std::nullopt);
+  if (!question) return;
+  state.desktop.after_saving = question->closing;
+  state.desktop.dialog.reset();
+  switch (question->what) {
+    case Unsaved::path:
+      state.desktop.wanted = FileUse::savePath;
+      break;
+    case Unsaved::bookmarks:
+      state.desktop.wanted = FileUse::saveBookmarks;
+      break;
+    case Unsaved::edits:
+      show(state, question->model);  // another one may have been opened since
+      state.desktop.wanted = FileUse::saveModel;
+      break;
+  }
 }
 
 void discardUnsaved(ViewerState& state) {
   const auto question = std::exchange(state.desktop.question, std::nullopt);
   if (!question) return;
-  state.desktop.discarded.push_back(question->what);
-  goOn(state, question->document);
+  state.desktop.discarded.emplace_back(question->what, question->model);
+  goOnClosing(state, question->closing);
 }
 
 void notePathKept(ViewerState& state) { state.desktop.kept_path = state.path.path; }

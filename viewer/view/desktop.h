@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a window has besides its pictures: file dialogs, the question before it closes, the full screen, the clipboard.
+// What a window has besides its pictures: file dialogs, the question before something is lost, the full screen, the
+// clipboard.
 // Keys and panels ask here; the window answers.
 #pragma once
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "viewer/view/camera_path.h"
@@ -19,36 +21,53 @@ enum class FileUse { open, saveModel, savePicture, savePath, saveBookmarks };
 
 struct FileDialog {
   FileUse use = FileUse::open;
+  std::filesystem::path model;  // what was shown when it was opened
   FileBrowser browser;
   std::optional<std::filesystem::path> chosen;  // the window takes it
   bool fresh = true;                            // not drawn yet
 };
 
 // What the user is asked about before it is lost.
-enum class Unsaved { path, bookmarks };
+enum class Unsaved { path, bookmarks, edits };
+
+// What would lose it.
+struct Closing {
+  enum class Way { window, model, reading };  // reading: its file is read again
+  Way way = Way::window;
+  std::filesystem::path model;  // of the open ones; of the window's: none
+};
 
 struct ClosingQuestion {
-  int document = -1;  // of the open ones, which is to be closed; -1: the window is
+  Closing closing;
   Unsaved what = Unsaved::path;
+  std::filesystem::path model;  // that has the edits
 };
 
 struct DesktopState {
   std::optional<FileUse> wanted;     // a dialog to be opened
   std::optional<FileDialog> dialog;  // that is open
   std::optional<ClosingQuestion> question;
-  std::optional<ClosingQuestion> after_saving;  // goes on once that is saved
+  std::optional<Closing> after_saving;                // goes on once that is saved
+  std::vector<std::filesystem::path> read_again;      // have edits: to be asked about, one after the other
+  std::vector<std::filesystem::path> agreed;          // are read again whatever they lose
+  std::optional<std::filesystem::path> save_request;  // the model shown, unasked; a script's
+  bool saving = false;                                // written by the window
   bool fullscreen = false;
   std::optional<glm::ivec2> turn_about;  // [px] of the picture: what is seen there is to be the pivot
   bool copy = false, paste = false;      // the camera, by the clipboard
   bool bookmarks_kept = false;           // between runs, so that none is lost
   CameraPath kept_path;                  // as it was read or saved last
   std::string kept_bookmarks;            // the same, as their file has them
-  std::vector<Unsaved> discarded;        // the user said so
+  std::vector<std::pair<Unsaved, std::filesystem::path>> discarded;  // the user said so; of which model
 };
 
 // Close the window, or one of the open models; what is not saved is asked for first.
 void askToQuit(ViewerState& state);
 void askToClose(ViewerState& state, int document);
+// Once a frame, before files are opened: one that would replace a model with edits is asked for first. True when
+// something was asked.
+bool guardEdits(ViewerState& state);
+void goOnClosing(ViewerState& state, const Closing& closing);  // after something was saved
 // The answers.
 void saveUnsaved(ViewerState& state);
 void discardUnsaved(ViewerState& state);

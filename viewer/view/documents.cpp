@@ -24,6 +24,8 @@ void leaveDocument(ViewerState& state) {
   document.pose = state.camera.pose;
   document.lens = state.camera.lens;
   document.camera = state.camera.index;
+  document.edit = std::exchange(state.edit, afresh(state.edit));
+  document.history = std::exchange(state.history, {});
 }
 
 bool sameCameras(const Scene& a, const Scene& b) {

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "viewer/view/camera_controller.h"
+#include "viewer/view/edit_state.h"
+#include "viewer/view/history.h"
 #include "viewer/view/scene.h"
 
 namespace tg {
@@ -18,6 +20,8 @@ struct Document {
   ViewPose pose;  // as it was left
   Lens lens;
   int camera = -1;
+  EditState edit;
+  History history;
 };
 
 struct DocumentState {

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/gtc/quaternion.hpp>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <utility>
 
 #include "core/file/json.h"
@@ -18,6 +20,11 @@ namespace {
 
 constexpr int kInspectVersion = 1;
 
+// [world] on the ray of a pixel's middle, at that camera z.
+glm::dvec3 pointAt(const Camera& camera, glm::ivec2 pixel, double depth) {
+  return glm::transpose(camera.rotation) * (depth * ray(camera, glm::dvec2(pixel) + 0.5) - camera.translation);
+}
+
 }  // namespace
 
 void inspect(ViewerState& state, glm::ivec2 pixel) {
@@ -28,6 +35,7 @@ void inspect(ViewerState& state, glm::ivec2 pixel) {
 void pickHit(ViewerState& state, int hit) {
   const int count = static_cast<int>(state.inspect.hits.size());
   state.inspect.picked = count == 0 ? -1 : std::clamp(hit, 0, count - 1);
+  state.inspect.seek = true;
 }
 
 void stepHit(ViewerState& state, int step) {
@@ -35,25 +43,96 @@ void stepHit(ViewerState& state, int step) {
   pickHit(state, state.inspect.picked < 0 ? 0 : state.inspect.picked + step);
 }
 
+int strongestHit(const std::vector<PixelHit>& hits) {
+  const auto strongest = std::ranges::max_element(hits, {}, &PixelHit::weight);
+  return strongest == hits.end() ? -1 : static_cast<int>(strongest - hits.begin());
+}
+
+std::vector<int> sortedHits(const GaussianModel& model, const std::vector<PixelHit>& hits, HitColumn column,
+                            bool descending) {
+  std::vector<int> order(hits.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto value = [&](int i) {
+    const PixelHit& hit = hits[static_cast<std::size_t>(i)];
+    switch (column) {
+      case HitColumn::order:
+        return static_cast<double>(i);
+      case HitColumn::index:
+        return static_cast<double>(hit.index);
+      case HitColumn::depth:
+        return hit.t;
+      case HitColumn::weight:
+        return hit.weight;
+      case HitColumn::alpha:
+        return hit.alpha;
+      case HitColumn::opacity:
+        return opacityOf(model, hit.index);
+      case HitColumn::size:
+        break;
+    }
+    const glm::dvec3 sigma = sigmaOf(model, hit.index);
+    return std::max({sigma.x, sigma.y, sigma.z});
+  };
+  std::ranges::stable_sort(order, {}, [&](int i) { return descending ? -value(i) : value(i); });
+  return order;
+}
+
+void sortHits(ViewerState& state, HitColumn column) {
+  InspectState& inspection = state.inspect;
+  const bool ascends = column == HitColumn::index || column == HitColumn::depth || column == HitColumn::order;
+  inspection.descending = inspection.sorted_by == column ? !inspection.descending : !ascends;
+  inspection.sorted_by = column;
+  inspection.seek = true;
+}
+
 void turnAbout(ViewerState& state, const Camera& camera, glm::ivec2 pixel, const std::vector<PixelHit>& hits) {
   if (hits.empty()) return notify(state, "Nothing is seen there to turn about");
   auto at =
       std::find_if(hits.begin(), hits.end(), [](const PixelHit& h) { return h.transmittance * (1 - h.alpha) < 0.5; });
-  if (at == hits.end()) {
-    at = std::max_element(hits.begin(), hits.end(),
-                          [](const PixelHit& a, const PixelHit& b) { return a.weight < b.weight; });
-  }
-  const glm::dvec2 ray = (glm::dvec2(pixel) + 0.5 - camera.center) / camera.focal;
-  const glm::dvec3 seen = at->t * glm::dvec3(ray, 1.0);
-  centerOn(state.camera.pose, glm::transpose(camera.rotation) * (seen - camera.translation));
+  if (at == hits.end()) at = hits.begin() + strongestHit(hits);
+  centerOn(state.camera.pose, pointAt(camera, pixel, at->t));
   state.camera.index = -1;
   state.path.playing = false;
 }
 
+std::optional<glm::dvec3> inspectedPoint(const ViewerState& state) {
+  const InspectState& inspection = state.inspect;
+  if (!inspection.inspected) return std::nullopt;
+  const Camera& camera = inspection.camera;
+  const int picked = inspection.picked;
+  const double depth = picked >= 0 ? inspection.hits[static_cast<std::size_t>(picked)].t : state.camera.pose.distance;
+  return pointAt(camera, inspection.pixel, depth);
+}
+
+std::vector<glm::dvec3> outlineOf(const GaussianModel& model, std::size_t index, double sigmas, glm::dvec3 eye) {
+  TG_ASSERT(index < model.size(), "the model has this Gaussian");
+  constexpr int kPoints = 64;
+  const glm::vec4 q = model.rotation[index];
+  const glm::dmat3 axes = glm::mat3_cast(glm::normalize(glm::dquat(q.x, q.y, q.z, q.w)));
+  const glm::dvec3 mean(model.mean[index]), sides = sigmas * sigmaOf(model, index);
+  // As a sphere of radius 1: where its tangents from the eye touch it is a circle.
+  const glm::dvec3 from = (glm::transpose(axes) * (eye - mean)) / sides;
+  const double distance = glm::length(from);
+  if (!(distance > 1) || !std::isfinite(distance)) return {};
+  const glm::dvec3 n = from / distance;
+  const glm::dvec3 helper = std::abs(n.x) < 0.8 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+  const glm::dvec3 u = glm::normalize(glm::cross(n, helper)), v = glm::cross(n, u);
+  const double radius = std::sqrt(1 - 1 / (distance * distance));
+  std::vector<glm::dvec3> points;
+  for (int i = 0; i < kPoints; ++i) {
+    const double angle = 360 * kDegrees * i / kPoints;
+    const glm::dvec3 p = n / distance + radius * (std::cos(angle) * u + std::sin(angle) * v);
+    points.push_back(mean + axes * (sides * p));
+  }
+  return points;
+}
+
 void clearInspection(ViewerState& state) {
-  const bool active = state.inspect.active;
-  state.inspect = {};
-  state.inspect.active = active;
+  InspectState fresh;
+  fresh.active = state.inspect.active;
+  fresh.sorted_by = state.inspect.sorted_by;
+  fresh.descending = state.inspect.descending;
+  state.inspect = std::move(fresh);
 }
 
 std::optional<std::uint32_t> pickedGaussian(const ViewerState& state) {

@@ -14,6 +14,16 @@ void inspect(ViewerState& state, glm::ivec2 pixel);
 // Which of the hits is looked at; -1: none. Out of range: the nearest one that is there.
 void pickHit(ViewerState& state, int hit);
 void stepHit(ViewerState& state, int step);
+int strongestHit(const std::vector<PixelHit>& hits);  // the first of most weight; -1: there is none
+// [hits] their numbers as the list shows them; equal ones stay front to back.
+std::vector<int> sortedHits(const GaussianModel& model, const std::vector<PixelHit>& hits, HitColumn column,
+                            bool descending);
+// A second click turns the order round; weights and sizes begin with the largest.
+void sortHits(ViewerState& state, HitColumn column);
+// In the world, on the ray of the inspected pixel at the depth of the picked hit.
+std::optional<glm::dvec3> inspectedPoint(const ViewerState& state);
+// [world] the outline of an ellipsoid of `sigmas` around a Gaussian, as seen from `eye`; empty from inside of it.
+std::vector<glm::dvec3> outlineOf(const GaussianModel& model, std::size_t index, double sigmas, glm::dvec3 eye);
 void clearInspection(ViewerState& state);
 // Turns the camera about what those hits of a pixel show: the point at which half of its light is stopped, else the
 // brightest hit. It comes to the middle of the picture.

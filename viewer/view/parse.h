@@ -16,9 +16,9 @@ constexpr std::int64_t kMaxFramePixels = std::int64_t{1} << 26;  // all outputs 
 // Each throws Error(usage) that names `what`, the offending text and the form expected.
 glm::ivec2 parseSize(const std::string& text, const std::string& what);   // WxH
 glm::ivec2 parsePixel(const std::string& text, const std::string& what);  // x,y
-bool isImageSize(int width, int height);                             // of kMaxImageSide and kMaxFramePixels
-std::string imageSizeLimits();                                       // for messages: what isImageSize() allows
-bool parseSwitch(const std::string& text, const std::string& what);  // on, off
+bool isImageSize(int width, int height);                                  // of kMaxImageSide and kMaxFramePixels
+std::string imageSizeLimits();                                            // for messages: what isImageSize() allows
+bool parseSwitch(const std::string& text, const std::string& what);       // on, off
 // A whole number below `count`.
 std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what);
 

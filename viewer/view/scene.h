@@ -31,4 +31,7 @@ struct Scene {
   std::string training;       // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
 };
 
+// Counts and bounds of its model, which is there.
+void measure(Scene& scene);
+
 }  // namespace tg

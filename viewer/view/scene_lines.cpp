@@ -16,6 +16,8 @@ constexpr int kStepsPerSegment = 24;     // of the path's curve, between two key
 constexpr std::size_t kMaxSteps = 2000;  // of the whole curve
 const glm::vec3 kPathColor(0.95f, 0.65f, 0.20f);
 const glm::vec3 kKeyColor(0.45f, 0.72f, 0.90f);
+constexpr double kOutlineSigmas = 3;  // as far as its texture
+const glm::vec3 kOutlineColor(1.0f, 0.45f, 0.85f);
 const glm::vec3 kPickedColor(1.0f, 0.85f, 0.2f);
 const glm::vec3 kCropColor(0.55f, 0.85f, 0.55f);
 const glm::vec3 kChosenKeyColor(1.0f, 1.0f, 1.0f);
@@ -50,7 +52,7 @@ void appendPath(std::vector<SceneLine>& lines, const ViewerState& state) {
   }
 }
 
-// Its texture's square, and its axes to one sigma: red, green, blue as x, y, z.
+// Its texture's square, its axes to one sigma - red, green, blue as x, y, z - and its outline.
 void appendGaussian(std::vector<SceneLine>& lines, const ViewerState& state, std::uint32_t index) {
   const GaussianModel& model = *state.scene.model;
   const double scale = state.display.settings.splat_scale;
@@ -63,6 +65,10 @@ void appendGaussian(std::vector<SceneLine>& lines, const ViewerState& state, std
     glm::vec3 color(0.35f);
     color[axis] = 1.0f;
     lines.push_back({facts.mean, facts.mean + scale * facts.sigma[axis] * world_from_local[axis], color, 2});
+  }
+  const std::vector<glm::dvec3> outline = outlineOf(model, index, kOutlineSigmas * scale, state.camera.pose.position);
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    lines.push_back({outline[i], outline[(i + 1) % outline.size()], kOutlineColor, 2});
   }
 }
 

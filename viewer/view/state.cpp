@@ -72,6 +72,8 @@ void setScene(ViewerState& state, Scene scene) {
   clearInspection(state);
   resetCrop(state);
   state.messages.error.clear();
+  state.edit = afresh(state.edit);
+  state.history = {};
   state.camera.bookmarks.clear();
   state.camera.bookmark = -1;
   resetView(state);
@@ -79,6 +81,7 @@ void setScene(ViewerState& state, Scene scene) {
 
 void replaceScene(ViewerState& state, Scene scene) {
   clearInspection(state);  // the numbers are of another model
+  forgetModel(state);
   state.scene = std::move(scene);
   if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) state.camera.index = -1;
 }

@@ -16,6 +16,8 @@
 #include "viewer/view/compare.h"
 #include "viewer/view/desktop.h"
 #include "viewer/view/documents.h"
+#include "viewer/view/edit_state.h"
+#include "viewer/view/history.h"
 #include "viewer/view/scene.h"
 
 namespace tg {
@@ -59,6 +61,9 @@ struct RecordState {
 };
 constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
 
+// What the list of a pixel's splats is sorted by. order: front to back, as they are blended.
+enum class HitColumn { order, index, depth, weight, alpha, opacity, size };
+
 // What lies under a pixel. Panels, keys and scripts ask; the window answers.
 struct InspectState {
   bool active = false;              // a click on the picture inspects
@@ -69,7 +74,10 @@ struct InspectState {
   Camera camera;                    // of the picture that it was a pixel of
   std::vector<PixelHit> hits;       // front to back
   int picked = -1;                  // of hits
-  bool isolated = false;            // the picked Gaussian alone is drawn
+  bool seek = false;                // the list is to show it
+  HitColumn sorted_by = HitColumn::order;
+  bool descending = false;
+  bool isolated = false;  // the picked Gaussian alone is drawn
 };
 
 // What is shown of the model, and how.
@@ -86,8 +94,8 @@ constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
 constexpr double kMinResolution = 0.1, kMaxResolution = 2;
 
 // The pages of the panel.
-enum class Tab { view, camera, path, inspect, time };
-constexpr auto namesOf(Tab) { return enumNames("view", "camera", "path", "inspect", "time"); }
+enum class Tab { view, camera, path, inspect, edit, time };
+constexpr auto namesOf(Tab) { return enumNames("view", "camera", "path", "inspect", "edit", "time"); }
 
 constexpr double kLeastPanel = 19, kUsualPanel = 21, kMostPanel = 60;  // [font heights] of its width
 
@@ -130,6 +138,8 @@ struct ViewerState {
   InspectState inspect;
   DisplayState display;
   CompareState compare;
+  EditState edit;
+  History history;
   UiState ui;
   MessageState messages;
   FollowState follow;

@@ -10,6 +10,7 @@
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/path_editor.h"
 #include "viewer/window/glfw.h"
 
@@ -85,11 +86,15 @@ bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 p
   if (desktop.dialog && desktop.dialog->chosen) {
     const FileDialog dialog = *std::exchange(desktop.dialog, std::nullopt);
     folder_ = dialog.chosen->parent_path();
-    useFile(state, dialog.use, *dialog.chosen);
+    useFile(state, dialog);
+  }
+  if (const auto file = std::exchange(desktop.save_request, std::nullopt)) {
+    saveModel(state, state.scene.path, *file, std::nullopt);
   }
   if (desktop.wanted && !desktop.dialog) openDialog(state, *std::exchange(desktop.wanted, std::nullopt));
   // A dialog that was cancelled ends what was to follow.
   if (!desktop.dialog && !desktop.wanted) desktop.after_saving.reset();
+  desktop.saving = !orders_.empty();
   return modal != isModal(state);
 }
 
@@ -105,10 +110,14 @@ void DesktopControl::openDialog(ViewerState& state, FileUse use) {
   }
   FileDialog& dialog = state.desktop.dialog.emplace();
   dialog.use = use;
+  dialog.model = state.scene.path;
   dialog.browser.saves = use != FileUse::open;
   const std::string stem = state.scene.path.empty() ? "tgview" : state.scene.path.stem().string();
   std::filesystem::path folder = folder_;
-  if (folder.empty() && !state.scene.path.empty()) folder = absolutePath(state.scene.path).parent_path();
+  const bool edited = use == FileUse::saveModel && state.edit.revision != state.edit.saved;
+  if ((folder.empty() || edited) && !state.scene.path.empty()) {
+    folder = absolutePath(state.scene.path).parent_path();
+  }
   if (folder.empty() && !state.recent.empty()) folder = std::filesystem::path(state.recent.front()).parent_path();
   switch (use) {
     case FileUse::open:
@@ -117,7 +126,7 @@ void DesktopControl::openDialog(ViewerState& state, FileUse use) {
       break;
     case FileUse::saveModel:
       dialog.browser.types = modelTypes(state.scene);
-      dialog.browser.text = stem + ".tgz";
+      dialog.browser.text = edited ? saveTarget(state).filename().string() : stem + ".tgz";
       break;
     case FileUse::savePicture:
       dialog.browser.types = {{".png", ""}, {".jpg", ""}};
@@ -136,7 +145,8 @@ void DesktopControl::openDialog(ViewerState& state, FileUse use) {
   enterFolder(dialog.browser, folder);
 }
 
-void DesktopControl::useFile(ViewerState& state, FileUse use, const std::filesystem::path& file) {
+void DesktopControl::useFile(ViewerState& state, const FileDialog& dialog) {
+  const std::filesystem::path& file = *dialog.chosen;
   DesktopState& desktop = state.desktop;
   const auto after = std::exchange(desktop.after_saving, std::nullopt);
   bool saved = false;
@@ -147,13 +157,12 @@ void DesktopControl::useFile(ViewerState& state, FileUse use, const std::filesys
       saved = true;
     });
   };
-  switch (use) {
+  switch (dialog.use) {
     case FileUse::open:
       state.documents.open_requests.push_back(file);
       break;
     case FileUse::saveModel:
-      saver_.save(file, state.scene);
-      if (!quiet_) notify(state, "Saving " + file.string());
+      saveModel(state, dialog.model, file, after);
       break;
     case FileUse::savePicture:
       state.capture.picture = file;
@@ -169,19 +178,43 @@ void DesktopControl::useFile(ViewerState& state, FileUse use, const std::filesys
       if (saved) noteBookmarksKept(state);
       break;
   }
-  if (!after || !saved) return;
-  after->document < 0 ? askToQuit(state) : askToClose(state, after->document);
+  if (after && saved) goOnClosing(state, *after);
+}
+
+// The one that the dialog was opened for: another one may be shown by now.
+void DesktopControl::saveModel(ViewerState& state, const std::filesystem::path& model,
+                               const std::filesystem::path& file, std::optional<Closing> after) {
+  const int document = documentOf(state, model);
+  if (document < 0) return;
+  const bool shown = document == state.documents.shown;
+  const Document& open = state.documents.open[static_cast<std::size_t>(document)];
+  saver_.save(file, shown ? state.scene : open.scene, (shown ? state.edit : open.edit).revision);
+  orders_.push_back(std::move(after));
+  if (!quiet_) notify(state, "Saving " + file.string());
 }
 
 void DesktopControl::takeSaved(ViewerState& state) {
   while (const auto news = saver_.take()) {
+    const std::optional<Closing> after = std::move(orders_.front());
+    orders_.pop_front();
     if (!news->problem.empty()) {
+      if (quiet_) throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
       state.messages.error = news->problem;
-    } else if (!quiet_) {
+      state.messages.notice_until = 0;
+      continue;
+    }
+    if (!quiet_) {
       std::string text = "Saved " + news->path.string();
       for (const std::string& warning : news->warnings) text += "\n" + warning;
+      const int document = documentOf(state, news->model);
+      if (!news->whole && document >= 0 && hasUnsavedEdits(state, document)) {
+        text += "\nThat is not all of the model: its edits still count as not saved";
+      }
       notify(state, text);
     }
+    if (!news->whole) continue;
+    noteModelKept(state, news->model, news->revision);
+    if (after) goOnClosing(state, *after);
   }
 }
 

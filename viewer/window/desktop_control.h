@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Between DesktopState and the rest: opens dialogs, does what a file was chosen for, full screen, clipboard.
 #pragma once
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <glm/glm.hpp>
+#include <optional>
 
 #include "viewer/model/model_saver.h"
 #include "viewer/view/options.h"
@@ -26,14 +28,17 @@ class DesktopControl {
 
  private:
   void openDialog(ViewerState& state, FileUse use);
-  void useFile(ViewerState& state, FileUse use, const std::filesystem::path& file);
+  void useFile(ViewerState& state, const FileDialog& dialog);
+  void saveModel(ViewerState& state, const std::filesystem::path& model, const std::filesystem::path& file,
+                 std::optional<Closing> after);
   void takeSaved(ViewerState& state);
   void setFullscreen(GLFWwindow* window, bool on);
 
   const bool quiet_;              // a script's pictures must not show lines that fade
   std::filesystem::path folder_;  // of the last dialog
   bool fullscreen_ = false;
-  glm::ivec2 place_{0}, size_{0};  // of the window before
+  glm::ivec2 place_{0}, size_{0};              // of the window before
+  std::deque<std::optional<Closing>> orders_;  // of the saver, under way: what follows each
   ModelSaver saver_;
 };
 

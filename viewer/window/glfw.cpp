@@ -27,6 +27,7 @@ Events& eventsOf(GLFWwindow* window) { return *static_cast<Events*>(glfwGetWindo
 void onKey(GLFWwindow* window, int key, int scancode, int action, int mods) {
   if (action != GLFW_PRESS || (mods & (GLFW_MOD_ALT | GLFW_MOD_SUPER))) return;
   const bool control = (mods & GLFW_MOD_CONTROL) != 0;
+  if (control) eventsOf(window).chord = key;
   if (control && key >= GLFW_KEY_A && key <= GLFW_KEY_Z) {
     const char* letter = glfwGetKeyName(key, scancode);
     if (letter && letter[0] >= 'a' && letter[0] <= 'z' && !letter[1]) key = letter[0] - 'a' + GLFW_KEY_A;
@@ -34,7 +35,8 @@ void onKey(GLFWwindow* window, int key, int scancode, int action, int mods) {
   eventsOf(window).keys.emplace_back(control ? key | kControl : key, (mods & GLFW_MOD_SHIFT) != 0);
 }
 
-void onButton(GLFWwindow* window, int button, int action, int) {
+void onButton(GLFWwindow* window, int button, int action, int mods) {
+  if ((mods & GLFW_MOD_ALT) == 0) eventsOf(window).alt_up = true;
   if (button != GLFW_MOUSE_BUTTON_LEFT || action != GLFW_PRESS) return;
   Press press{glfwGetTime(), {}};
   glfwGetCursorPos(window, &press.at.x, &press.at.y);

@@ -32,6 +32,8 @@ struct Press {
 struct Events {
   std::vector<Press> presses;
   std::vector<std::pair<int, bool>> keys;  // key (with kControl), shift
+  int chord = 0;                           // what was pressed last with Ctrl, by its place on the keyboard; 0: nothing
+  bool alt_up = false;                     // when a button went down: the window manager may keep the key going up
   std::vector<std::filesystem::path> dropped;
 };
 

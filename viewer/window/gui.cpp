@@ -98,6 +98,7 @@ void Gui::beginFrame([[maybe_unused]] const Events& events) {
   ImGuiIO& io = ImGui::GetIO();
   for (const int key : std::exchange(held_down_, {})) io.KeysDown[key] = glfwGetKey(window_, key) == GLFW_PRESS;
   io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
+  if (events.alt_up) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = io.KeyAlt = false;
   io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
   for (const auto& [pressed, shift] : events.keys) {
     const int key = pressed & ~kControl;

@@ -22,6 +22,7 @@
 #include "viewer/picture/runs.h"
 #include "viewer/script/script.h"
 #include "viewer/view/actions.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/input.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/names.h"
@@ -40,6 +41,7 @@ namespace {
 constexpr int kSettleFrames = 3;         // drawn after the last event: widgets answer a frame late
 constexpr double kSmoothFrame = 30;      // [ms] a moving picture is drawn smaller when it takes longer than this
 constexpr double kSmallestScale = 0.25;  // of that reduction, per side
+constexpr double kHandleRest = 0.3;      // [s] without a move after which a dragged handle rests
 constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
 constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
 constexpr double kDoubleClick = 0.4;     // [s] at most between its presses
@@ -79,6 +81,8 @@ class Viewer {
   void waitForEvents();
   PixelRect pictureArea() const;
   void followAspect();
+  void keepEdits(bool moving);
+  bool handleMoves();
   void handleEvents();
   bool handlePointer();
   glm::dvec2 fromMiddle(glm::dvec2 place) const;
@@ -136,6 +140,9 @@ class Viewer {
   Press last_press_;
   bool double_clicked_ = false;  // since the frame before
   int frames_since_event_ = 0;
+  int chord_key_ = 0;          // was pressed with Ctrl, and is held
+  glm::dvec2 handle_at_{0.0};  // [ImGui units] the pointer while it drags a handle
+  double handle_moved_ = -1;   // [s] window time
   double last_time_ = 0;
 };
 
@@ -197,6 +204,7 @@ void Viewer::run() {
     openCameraFiles();
     takePicture();
     if (state_.loading.part_owed) state_.loading.part_owed = state_.scene.partial && !complete();
+    if (!script_ && guardEdits(state_)) frames_since_event_ = 0;
     if (documents_.update(state_)) {
       frames_since_event_ = 0;
       setTitle();
@@ -211,11 +219,12 @@ void Viewer::run() {
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_);
+    keepEdits(moving);
     forEachName(state_, [this](std::string_view text) { graphics_->gui.want(text); });
     if (graphics_->gui.stale() || isFading()) frames_since_event_ = 0;
     graphics_->gui.endFrame();
     followAspect();
-    askForPicture(moving);
+    askForPicture(moving || handleMoves());
     comparison_.measure(state_.compare, picture_.get(), complete());
     timedOnDevice([&] {
       drawFrame();
@@ -272,7 +281,8 @@ bool Viewer::scriptMayGoOn() const {
   const DocumentState& documents = state_.documents;
   const bool asked = !documents.open_requests.empty() || documents.show_request || documents.close_request;
   const bool loading = state_.loading.active && !state_.loading.script_goes_on;
-  return complete() && !measuring() && !capturing() && !asked && !loading;
+  const bool saving = state_.desktop.saving || state_.desktop.save_request;
+  return complete() && !measuring() && !capturing() && !asked && !loading && !saving;
 }
 
 // Sleeps while nothing changes: a still picture costs nothing. A finished picture is an event, and so is a model.
@@ -309,17 +319,35 @@ PixelRect Viewer::pictureArea() const {
   return area;
 }
 
+// Steps that can be undone, and the picture of a drag: a new one is made when the one before it is on screen.
+void Viewer::keepEdits(bool moving) {
+  const ImGuiIO& io = ImGui::GetIO();
+  const bool held = io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2] || ImGui::IsAnyItemActive();
+  recordChanges(state_, held || animating() || state_.edit.moving || state_.edit.selecting, moving);
+  if (picture_ && picture_->request.model == shownModel(state_)) updatePreview(state_);
+}
+
+// Whether a handle is dragged, and not held still.
+bool Viewer::handleMoves() {
+  const glm::dvec2 at(ImGui::GetIO().MousePos.x, ImGui::GetIO().MousePos.y);
+  if (at != std::exchange(handle_at_, at)) handle_moved_ = state_.time;
+  return state_.edit.moving && state_.time - handle_moved_ < kHandleRest;
+}
+
 // A model's camera stays wholly in view when the window changes its shape.
 void Viewer::followAspect() {
   const glm::ivec2 size = pictureSize();
   const double aspect = static_cast<double>(size.x) / size.y;
   if (aspect == state_.camera.aspect) return;
   state_.camera.aspect = aspect;
-  if (state_.camera.index >= 0) state_.camera.lens = lensOf(state_.scene.cameras[state_.camera.index], aspect);
+  if (state_.camera.index < 0) return;
+  state_.camera.lens = lensOf(state_.scene.cameras[state_.camera.index], aspect);
+  forgetLens(state_);
 }
 
 void Viewer::handleEvents() {
   const Events events = std::exchange(events_, {});
+  if (events.chord != 0) chord_key_ = events.chord;
   // Dear ImGui sees one press a frame, however long that took.
   double_clicked_ = false;
   for (const Press& press : events.presses) {
@@ -345,19 +373,25 @@ bool Viewer::handlePointer() {
   input.shift = io.KeyShift;
   input.control = io.KeyCtrl;
   input.alt = io.KeyAlt;
-  if (isModal(state_)) return advance(state_, input.seconds);
+  if (isModal(state_)) {
+    cancelDrag(state_);
+    return advance(state_, input.seconds);
+  }
+  const PointerTaken taken = editInput(state_);
   inspectClick();
-  if (comparison_.dragDivider(state_.compare.how, pictureArea())) {
+  if (!taken.button && comparison_.dragDivider(state_.compare.how, pictureArea())) {
     frames_since_event_ = 0;
   } else if (!io.WantCaptureMouse) {
     input.drag = {io.MouseDelta.x, io.MouseDelta.y};
-    input.wheel = io.MouseWheel;
+    input.wheel = taken.wheel ? 0 : io.MouseWheel;
     input.cursor = fromMiddle({io.MousePos.x, io.MousePos.y});
-    input.left = io.MouseDown[0];
+    input.left = io.MouseDown[0] && !taken.button;
     input.right = io.MouseDown[1];
     input.middle = io.MouseDown[2];
   }
-  if (!io.WantTextInput && !io.KeyCtrl) {  // with Ctrl they are chords
+  // With Ctrl they are chords, also when Ctrl is let go first.
+  if (chord_key_ != 0 && !held(chord_key_)) chord_key_ = 0;
+  if (!io.WantTextInput && !io.KeyCtrl && chord_key_ == 0) {
     const auto axis = [this](int positive, int negative) { return held(positive) - held(negative); };
     input.fly = {axis(GLFW_KEY_D, GLFW_KEY_A), axis(GLFW_KEY_Q, GLFW_KEY_E), axis(GLFW_KEY_W, GLFW_KEY_S)};
     input.roll = axis(GLFW_KEY_X, GLFW_KEY_Z);
@@ -376,9 +410,9 @@ bool Viewer::handlePointer() {
 // A click that was no drag, with Alt or while clicks inspect; else two of them set the pivot.
 void Viewer::inspectClick() {
   const ImGuiIO& io = ImGui::GetIO();
-  const bool inspects = state_.inspect.active || io.KeyAlt;
+  const bool inspects = io.KeyAlt || (state_.inspect.active && state_.edit.tool == EditTool::none);
   if (io.WantCaptureMouse || io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
-  if (inspects ? !ImGui::IsMouseReleased(0) : !double_clicked_) return;
+  if (inspects ? !ImGui::IsMouseReleased(0) : !double_clicked_ || hasButton(state_.edit)) return;
   const glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
                             glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
                         glm::dvec2(pictureArea().origin);
@@ -432,7 +466,7 @@ glm::ivec2 Viewer::pictureSize() const {
 
 PictureRequest Viewer::request(glm::ivec2 size) const {
   std::string ignored;
-  return {state_.scene.model, toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
+  return {shownModel(state_), toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
           effectiveSettings(state_), state_.display.output, comparison_.other(state_, ignored)};
 }
 

@@ -8,8 +8,10 @@
 #include "converter/edit/merge.h"
 #include "converter/edit/quality.h"
 #include "converter/edit/select.h"
+#include "converter/edit/transform.h"
 #include "converter/edits.h"
 #include "core/bundle/bundle.h"
+#include "core/model/effective_rank.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_budget.h"
 #include "core/model/texture_fit.h"
@@ -96,6 +98,24 @@ TEST_CASE("Gaussians that are kept keep every number and every texel") {
   }
 }
 
+TEST_CASE("moving some Gaussians moves them as the whole model would be, and leaves the others alone") {
+  const GaussianModel model = test::makeScene(SceneKind::mixed, 33, 50).model;
+  Similarity similarity;
+  similarity.scale = 1.5;
+  similarity.rotation = glm::dmat3(0, 1, 0, -1, 0, 0, 0, 0, 1);
+  similarity = about(similarity, {1, 2, 3});
+  CHECK(glm::distance(similarity.scale * (similarity.rotation * glm::dvec3(1, 2, 3)) + similarity.translation,
+                      glm::dvec3(1, 2, 3)) < 1e-12);
+  GaussianModel whole = model, part = model;
+  transformModel(whole, similarity);
+  const std::vector<std::uint32_t> which = {0, 7, 8, 49};
+  transformGaussians(part, similarity, which);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const bool moved = std::ranges::find(which, i) != which.end();
+    checkSame(moved ? whole : model, i, part, i);
+  }
+}
+
 TEST_CASE("value filters keep what they say") {
   const GaussianModel model = test::makeScene(SceneKind::mixed, 32, 100).model;
   const auto check = [&](const char* expression, auto expected) {
@@ -119,6 +139,17 @@ TEST_CASE("value filters keep what they say") {
   check("10 <= index < 20", [&](std::size_t i) { return i >= 10 && i < 20; });
   check("index != 7", [&](std::size_t i) { return i != 7; });
   check("texels == 0", [&](std::size_t i) { return model.atlas.rects[i].texelCount() == 0; });
+  check("rank < 2", [&](std::size_t i) { return effectiveRank(model.log_scale[i]) < 2; });
+  std::vector<float> middle[3];
+  for (const glm::vec3 mean : model.mean) {
+    for (int axis = 0; axis < 3; ++axis) middle[axis].push_back(mean[axis]);
+  }
+  glm::dvec3 center(0.0);
+  for (int axis = 0; axis < 3; ++axis) {
+    std::ranges::sort(middle[axis]);
+    center[axis] = middle[axis][model.size() / 2];
+  }
+  check("distance > 1", [&](std::size_t i) { return glm::distance(glm::dvec3(model.mean[i]), center) > 1; });
   check("x > 0", [&](std::size_t i) { return model.mean[i].x > 0; });
   check("green < 0.5", [&](std::size_t i) { return model.sh[i * 16].y < 0; });
   std::vector<double> energies(model.size(), 0.0);

@@ -71,6 +71,21 @@ TEST_CASE("a model that cannot be saved is a problem with its file's name, and l
   CHECK(std::filesystem::is_empty(folder.path));
 }
 
+TEST_CASE("the saver says which revision of which model a file holds, and whether that is all of it") {
+  const TemporaryFolder folder;
+  const Scene scene = sceneWithAll();
+  ModelSaver saver([] {});
+  for (const bool whole : {true, false}) {
+    saver.save(folder / (whole ? "saved.tgz" : "saved.splat"), scene, 7);
+    const ModelSaver::News news = next(saver);
+    CHECK(news.model == "tiny.tgz");
+    CHECK(news.revision == 7);
+    CHECK(news.whole == whole);
+  }
+  saver.save(folder / "none/saved.tgz", scene, 8);
+  CHECK_FALSE(next(saver).whole);
+}
+
 TEST_CASE("a saver that ends has written what it was asked for") {
   const TemporaryFolder folder;
   {

@@ -14,6 +14,7 @@
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "viewer/keys.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/state.h"
 
 using namespace tg;
@@ -87,6 +88,51 @@ TEST_CASE("several models open in their order, the last one is shown, and keys g
   press(state, kKeyPageUp);
   window.settle();
   CHECK(state.scene.gaussians == 5);
+}
+
+TEST_CASE("each model keeps its own edits and history, and a model that is read again forgets them") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  writeModel(folder / "b.tgz", 7, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  recordChanges(state, false, false);
+  choose(state, {1, 1, 0, 0, 0, 0, 0, 0, 0}, SelectMode::replace, nullptr);
+  deleteChosen(state);
+  CHECK(state.scene.gaussians == 7);
+  window.open(folder / "b.tgz");
+  CHECK(undoName(state).empty());
+  CHECK(unsavedModels(state) == std::vector<std::filesystem::path>{folder / "a.tgz"});
+  state.documents.show_request = 0;
+  window.settle();
+  CHECK(undoName(state) == "Delete 2");
+  undo(state);
+  CHECK(state.scene.model->size() == 9);
+  redo(state);
+  window.open(folder / "a.tgz");
+  CHECK(state.scene.gaussians == 9);
+  CHECK(undoName(state).empty());
+  CHECK(unsavedModels(state).empty());
+}
+
+TEST_CASE("an edit ends the following") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  ViewOptions options = optionsFor(folder / "a.tgz");
+  options.follow = true;
+  Window window(options);
+  window.state.follow.active = true;
+  for (int i = 0; i < 1000 && !window.state.scene.model; ++i) {
+    window.open_models.update(window.state);
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  REQUIRE(window.state.scene.model);
+  transformChosen(window.state, similarityOf(window.state, {1, 0, 0}, glm::dvec3(0.0), 1));
+  writeModel(folder / "a.tgz", 5, {});
+  window.open_models.update(window.state);
+  CHECK_FALSE(window.state.follow.active);
+  CHECK(window.state.scene.gaussians == 9);
 }
 
 TEST_CASE("each model keeps its own view, models of one data set share theirs") {

@@ -15,6 +15,7 @@
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "viewer/view/bookmarks.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/path_editor.h"
 
 using namespace tg;
@@ -53,8 +54,9 @@ class Interface {
   const std::unique_ptr<ImGuiContext, Destroy> context_{ImGui::CreateContext()};
 };
 
-// Where widgets lie that share an ID: the places where it is met leave gaps then. "": each has its own.
-std::string sharedIds(ViewerState& state, float right = 0) {
+// Where widgets lie that share an ID: the places where it is met leave gaps then. "": each has its own. At
+// least so many are met.
+std::string sharedIds(ViewerState& state, float right = 0, std::size_t least = 6) {
   constexpr float kStepX = 9, kStepY = 7;  // [ImGui units] less than the sides of the smallest button
   const Interface interface;
   for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});  // scroll bars and tables settle
@@ -74,7 +76,7 @@ std::string sharedIds(ViewerState& state, float right = 0) {
       ++box.met;
     }
   }
-  CHECK(boxes.size() >= 6);
+  CHECK(boxes.size() >= least);
   std::string shared;
   for (const auto& [id, box] : boxes) {
     const auto& [places, met] = box;
@@ -104,7 +106,10 @@ ViewerState fullState() {
   ViewerState state = bareState();
   state.scene.cameras = {lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48)};
   state.scene.warnings = {"a warning"};
-  state.documents.open = {{"tiny.tgz", state.scene, {}, {}, -1}, {"other.tgz", state.scene, {}, {}, -1}};
+  for (const char* path : {"tiny.tgz", "other.tgz"}) {
+    state.documents.open.emplace_back().path = path;
+    state.documents.open.back().scene = state.scene;
+  }
   state.documents.shown = 0;
   state.recent = {"tiny.tgz"};
   for (int i = 0; i < 3; ++i) {
@@ -148,6 +153,8 @@ TEST_CASE("no two widgets of a page share an ID: the second of them could not be
       full.display.output = kOutputs[static_cast<std::size_t>(mode) % kOutputs.size()];
       full.display.scale = ValueScale{1, 2};
       full.record.wanted = tab == Tab::path;
+      full.edit.tool = full.record.wanted ? EditTool::none : EditTool::turn;
+      chooseAll(full);
       CHECK(sharedIds(bare) == "");
       CHECK(sharedIds(full) == "");
     }
@@ -170,6 +177,12 @@ TEST_CASE("no two widgets of the welcome, a dialog or the question share an ID")
     CHECK(sharedIds(state, Interface::kWidth) == "");
     CHECK(state.desktop.dialog);  // looking at it chooses nothing
   }
+  for (const Unsaved what : {Unsaved::path, Unsaved::bookmarks, Unsaved::edits}) {
+    ViewerState state = fullState();
+    state.desktop.question = ClosingQuestion{{}, what, "tiny.tgz"};
+    CHECK(sharedIds(state, Interface::kWidth, 3) == "");
+    CHECK(state.desktop.question);
+  }
 }
 
 TEST_CASE("a press of the pointer reaches the widget that it is over, on every page") {
@@ -177,6 +190,11 @@ TEST_CASE("a press of the pointer reaches the widget that it is over, on every p
     INFO(name(tab));
     ViewerState state = fullState();
     state.ui.tab = tab;
+    // What is grey has no press.
+    chooseAll(state);
+    state.history.steps.resize(2);
+    for (HistoryStep& step : state.history.steps) step.name = "Step";
+    state.history.done = 1;
     const std::map<ImGuiID, ImVec2> places = widgets(state);
     CHECK(places.size() > 20);
     int only_looked_at = 0;

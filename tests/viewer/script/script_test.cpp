@@ -2,7 +2,12 @@
 // Scripts that drive the window.
 #include "viewer/script/script.h"
 
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
 #include "core/system/error.h"
+#include "core/tiny_model.h"
 #include "support/catch.h"
 
 using namespace tg;
@@ -75,6 +80,51 @@ TEST_CASE("keys do what the keyboard does") {
   CHECK(state.display.output == Output::depth);
   while (!state.quit) step(script, state);
   CHECK(state.ui.help);
+}
+
+TEST_CASE("scripts choose, change and take back Gaussians") {
+  ViewerState state;
+  Scene scene;
+  scene.path = "a.tgz";
+  scene.model = std::make_shared<GaussianModel>(tinyModel(20, 0));
+  measure(scene);
+  setScene(state, scene);
+  const GaussianModel before = *scene.model;
+  const auto run = [&](const std::string& text) {
+    Script script = parseScript(text + "\nwait 9\n", "s");
+    for (int frame = 0; frame < 20 && !state.quit; ++frame) {
+      step(script, state);
+      recordChanges(state, false, false);
+    }
+    state.quit = false;
+  };
+  const auto left = static_cast<std::size_t>(std::ranges::count_if(before.mean, [](glm::vec3 p) { return p.x > 0; }));
+  run("select x>0");
+  REQUIRE(state.edit.selection);
+  CHECK(state.edit.selection->count == left);
+  run("select-mode subtract\nselect index<20\nselect-mode add\nselect x>0\nselect invert\ndelete-selection");
+  CHECK(state.scene.model->size() == left);
+  run("undo");
+  CHECK(*state.scene.model == before);
+  run("select none\nmove-selection 1,2,3");
+  CHECK(glm::distance(state.scene.model->mean[4], before.mean[4] + glm::vec3(1, 2, 3)) < 1e-6f);
+  run("scale-selection 2\nturn-selection 0,0,90");
+  CHECK(state.scene.model->log_scale[4].x == Approx(before.log_scale[4].x + std::log(2.0f)));
+  run("undo\nundo\nundo");
+  CHECK(*state.scene.model == before);
+  run("redo\nkey Ctrl+Z\nkey Ctrl+Shift+Z\nsave-model b.tgz");
+  CHECK_FALSE(*state.scene.model == before);
+  CHECK(state.desktop.save_request == std::filesystem::path("b.tgz"));
+  for (const char* bad :
+       {"select x>", "select everything", "select-sphere 0,0,0,-1", "select-rectangle 0 0 2 1", "move-selection 1,2",
+        "move-selection 1,2,nan", "scale-selection 0", "tool hammer", "save-model a.docx", "key F0"}) {
+    Script script = parseScript(bad, "s.txt");
+    CAPTURE(bad);
+    CHECK_THROWS_WITH(step(script, state), Catch::Matchers::Contains("s.txt: line 1: "));
+  }
+  ViewerState empty;
+  Script script = parseScript("select all", "s.txt");
+  CHECK_THROWS_AS(step(script, empty), Error);
 }
 
 TEST_CASE("a broken script names its line") {

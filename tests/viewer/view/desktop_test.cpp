@@ -23,7 +23,7 @@ ViewerState stateWithModel() {
   scene.bounds = sceneBounds(*scene.model);
   ViewerState state;
   setScene(state, scene);
-  state.documents.open = {{"tiny.tgz", {}, {}, {}, -1}};
+  state.documents.open.emplace_back().path = "tiny.tgz";
   state.documents.shown = 0;
   return state;
 }

@@ -2,8 +2,10 @@
 // The inspector's state, the picked Gaussian's numbers, and what the display's settings come to.
 #include "viewer/view/inspection.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <glm/gtc/quaternion.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -45,7 +47,7 @@ void inspectNow(ViewerState& state, glm::ivec2 pixel) {
 
 }  // namespace
 
-TEST_CASE("an inspected pixel lists its splats front to back and picks the first") {
+TEST_CASE("an inspected pixel lists its splats front to back and picks the one of most weight") {
   ViewerState state = sampleState();
   CHECK_FALSE(pickedGaussian(state));
   inspectNow(state, {48, 36});
@@ -58,6 +60,12 @@ TEST_CASE("an inspected pixel lists its splats front to back and picks the first
     CHECK(hit.transmittance == Approx(transmittance).margin(1e-9));
     transmittance *= 1 - hit.alpha;
   }
+  const int strongest = state.inspect.picked;
+  REQUIRE(strongest >= 0);
+  for (const PixelHit& hit : state.inspect.hits) {
+    CHECK(hit.weight <= state.inspect.hits[static_cast<std::size_t>(strongest)].weight);
+  }
+  pickHit(state, 0);
   CHECK(pickedGaussian(state) == state.inspect.hits[0].index);
   press(state, ']');
   CHECK(state.inspect.picked == 1);
@@ -99,12 +107,12 @@ TEST_CASE("a pixel of nothing has no splats, another model forgets the pixel") {
   CHECK(state.inspect.active);
 }
 
-TEST_CASE("the picked Gaussian is drawn as its texture's square and three axes") {
+TEST_CASE("the picked Gaussian is drawn as its texture's square, three axes and an outline") {
   ViewerState state = sampleState();
   CHECK(sceneLines(state).empty());
   inspectNow(state, {48, 36});
   const std::vector<SceneLine> lines = sceneLines(state);
-  REQUIRE(lines.size() == 7);
+  REQUIRE(lines.size() == 7 + 64);
   const GaussianFacts facts = factsOf(*state.scene.model, *pickedGaussian(state));
   double diagonal = 0;
   for (std::size_t i = 0; i < 4; ++i) {
@@ -119,6 +127,62 @@ TEST_CASE("the picked Gaussian is drawn as its texture's square and three axes")
           Approx(facts.sigma[static_cast<int>(axis)]).epsilon(1e-5));
     CHECK(glm::length(lines[4 + axis].a - facts.mean) < 1e-9);
   }
+  // The rays of the outline touch the ellipsoid: in its own units they pass at a distance of 1.
+  const glm::vec4 q = state.scene.model->rotation[*pickedGaussian(state)];
+  const glm::dmat3 axes = glm::mat3_cast(glm::normalize(glm::dquat(q.x, q.y, q.z, q.w)));
+  const auto unit = [&](glm::dvec3 p) { return (glm::transpose(axes) * (p - facts.mean)) / (3.0 * facts.sigma); };
+  const glm::dvec3 eye = unit(state.camera.pose.position);
+  for (std::size_t i = 7; i < lines.size(); ++i) {
+    CHECK(glm::length(unit(lines[i].a)) == Approx(1).epsilon(1e-4));
+    const glm::dvec3 way = glm::normalize(unit(lines[i].a) - eye);
+    CHECK(glm::length(glm::cross(way, eye)) == Approx(1).epsilon(1e-4));
+  }
+  CHECK(outlineOf(*state.scene.model, *pickedGaussian(state), 3, facts.mean).empty());
+}
+
+TEST_CASE("a pixel's list is sorted by any of its columns, and turned round by a second click") {
+  ViewerState state = sampleState();
+  inspectNow(state, {48, 36});
+  const GaussianModel& model = *state.scene.model;
+  const std::vector<PixelHit>& hits = state.inspect.hits;
+  const auto check = [&](HitColumn column, auto value) {
+    sortHits(state, column);
+    const bool first = state.inspect.descending;
+    for (int turn = 0; turn < 2; ++turn) {
+      const std::vector<int> order = sortedHits(model, hits, column, state.inspect.descending);
+      REQUIRE(order.size() == hits.size());
+      for (std::size_t i = 1; i < order.size(); ++i) {
+        const double a = value(hits[static_cast<std::size_t>(order[i - 1])]);
+        const double b = value(hits[static_cast<std::size_t>(order[i])]);
+        CHECK((state.inspect.descending ? a >= b : a <= b));
+      }
+      sortHits(state, column);
+    }
+    CHECK(state.inspect.descending == first);
+  };
+  check(HitColumn::index, [](const PixelHit& h) { return static_cast<double>(h.index); });
+  check(HitColumn::depth, [](const PixelHit& h) { return h.t; });
+  check(HitColumn::weight, [](const PixelHit& h) { return h.weight; });
+  check(HitColumn::alpha, [](const PixelHit& h) { return h.alpha; });
+  check(HitColumn::opacity, [&](const PixelHit& h) { return factsOf(model, h.index).opacity; });
+  check(HitColumn::size, [&](const PixelHit& h) {
+    const glm::dvec3 sigma = factsOf(model, h.index).sigma;
+    return std::max({sigma.x, sigma.y, sigma.z});
+  });
+}
+
+TEST_CASE("the mark of an inspected pixel stays on it, and on its hit when the camera moves") {
+  ViewerState state = sampleState();
+  CHECK_FALSE(inspectedPoint(state));
+  inspectNow(state, {48, 36});
+  REQUIRE(inspectedPoint(state));
+  const Camera& camera = state.inspect.camera;
+  const glm::dvec3 seen = cameraFromWorld(camera, *inspectedPoint(state));
+  CHECK(glm::distance(project(camera, seen), glm::dvec2(48.5, 36.5)) < 1e-6);
+  CHECK(seen.z == Approx(state.inspect.hits[static_cast<std::size_t>(state.inspect.picked)].t));
+  const glm::dvec3 point = *inspectedPoint(state);
+  state.camera.pose.yaw += 0.3;
+  CHECK(*inspectedPoint(state) == point);
 }
 
 TEST_CASE("a Gaussian's numbers are the activated ones") {

@@ -86,6 +86,23 @@ TEST_CASE("a path that was not saved is asked for, Esc goes back, Save saves it 
   CHECK(std::filesystem::exists(shop / "path.json"));
 }
 
+TEST_CASE("edits that were not saved are asked for, and Save replaces the model's own file and ends", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  playByHand(shop,
+             "select x>0\ndelete-selection\nwindow before.png\nawait-file pressed\nwait 30\n" + seen("asked") +
+                 "await-file left\nwait 30\n" + seen("back") + "await-file never\n",
+             "reached before.png\ncp model.tgz whole.tgz\nkey ctrl+q\ntouch pressed\nseen asked\nkey Escape\n"
+             "touch left\nseen back\nkey ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\nsleep 0.3\n"
+             "cmp model.tgz whole.tgz || exit 93\nkey Return\n");
+  CHECK(share(shop.read("before.png"), shop.read("asked.png")) > 0.05);
+  CHECK(share(shop.read("before.png"), shop.read("back.png")) < 0.1);  // but for lines that fade
+  const std::size_t left = readModel(shop / "model.tgz").model.size();
+  CHECK(left > 0);
+  CHECK(left < readModel(shop / "whole.tgz").model.size());
+}
+
 TEST_CASE("Esc closes the list that is open and not the viewer", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;

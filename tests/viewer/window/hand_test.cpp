@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The real window under a window manager, driven by a pointer and a keyboard.
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <set>
 
+#include "converter/edit/select.h"
+#include "core/bundle/bundle.h"
 #include "core/bundle/camera_file.h"
 #include "core/image/metrics.h"
 #include "core/model/camera.h"
+#include "core/model/verbs.h"
 #include "support/catch.h"
 #include "viewer/process.h"
+#include "viewer/view/gizmo.h"
+#include "viewer/view/selection.h"
 #include "viewer/window/hand.h"
 
 using namespace tg;
@@ -20,12 +27,12 @@ namespace {
 
 constexpr int kPanelWidth = 270;      // [px] at least, in either font
 constexpr int kHalfButton = 10;       // [px] of its height
-const std::string kHigh = "700x700";  // all of a page without scrolling
+const std::string kHigh = "700x780";  // all of a page without scrolling
 
-// The middle of the first row of the panel in which two pictures of the window differ.
-int changedRow(const Image& a, const Image& b) {
+// The middle of the first row of the panel, from that one on, in which two pictures of the window differ.
+int changedRow(const Image& a, const Image& b, int from = 0) {
   REQUIRE((a.width == b.width && a.height == b.height));
-  for (int y = 0; y < a.height; ++y) {
+  for (int y = from; y < a.height; ++y) {
     for (int x = 0; x < kPanelWidth; ++x) {
       if (std::abs(a.at(x, y, 2) - b.at(x, y, 2)) > 0.05) return y + kHalfButton;
     }
@@ -60,15 +67,16 @@ TEST_CASE("buttons of one page that have one label are clicked each", "[window]"
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  // Where they are: what changes beside them is in their row.
+  // Where they are: what changes beside them is in their row, and below that of Undo.
   shop.write("script.txt",
-             "wait 3\nwindow view.png\ntextures alpha\nwindow textures.png\ncrop on\nwindow crop.png\n"
-             "tab camera\nwindow camera.png\nbookmark\nwindow bookmark.png\n");
+             "wait 3\nwindow view.png\ntextures alpha\nwait 2\nwindow textures.png\ncrop on\nwait 2\nwindow crop.png\n"
+             "tab camera\nwindow camera.png\nbookmark\nwait 2\nwindow bookmark.png\n");
   REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
                       test::kXServer)
               .exit_code == 0);
   const auto row = [&](const char* before, const char* after) {
-    return std::to_string(changedRow(shop.read(before), shop.read(after)));
+    const Image a = shop.read(before), b = shop.read(after);
+    return std::to_string(changedRow(a, b, changedRow(a, b) + kHalfButton + 2));
   };
   const std::string textures = row("view.png", "textures.png"), crop = row("textures.png", "crop.png");
   const std::string bookmarks = row("camera.png", "bookmark.png");
@@ -111,6 +119,99 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]"
     for (int x = 0; x < 640; ++x) changed += std::abs(after.at(x, y, 2) - before.at(x, y, 2)) > 0.2;
   }
   CHECK(changed > 100);
+}
+
+TEST_CASE("a hand selects with a rectangle, deletes, and takes it back", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::playByHand(
+      shop,
+      seen("pressed") + seen("dragged") + seen("deleted") + "save-model deleted.tgz\nwindow saved.png\n" +
+          seen("undone") + "save-model undone.tgz\n" + seen("redone") + "save-model redone.tgz\n",
+      "key F2\nto 200 120\npress 1\nseen pressed\nto 260 200\nto 330 400\nseen dragged\nrelease 1\nkey Delete\n"
+      "seen deleted\n"
+      "reached saved.png\nkey ctrl+z\nseen undone\nkey ctrl+shift+z\nseen redone\n");
+  const GaussianModel whole = readBundle(shop / "model.tgz").model, left = readBundle(shop / "deleted.tgz").model;
+  CHECK(left.size() < whole.size());
+  CHECK(left.size() > 0);
+  CHECK(readBundle(shop / "undone.tgz").model == whole);
+  CHECK(readBundle(shop / "redone.tgz").model == left);
+  CHECK(psnr(shop.read("deleted.png"), shop.read("undone.png")) < 45);
+}
+
+TEST_CASE("a hand moves the selection by an arrow in the picture", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const std::string select = "select x>0\n";
+  shop.write("script.txt", "panel off\nwait 3\nsave-camera view.json\n");
+  REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", "640x480", "--backend", backendOr("cpu")},
+                      test::kXServer)
+              .exit_code == 0);
+  const GaussianModel whole = readBundle(shop / "model.tgz").model;
+  const SelectionPtr chosen = selectionOf(whole, whereValue(whole, "x>0"));
+  const Camera view = readCameras(shop / "view.json").front();
+  const Gizmo gizmo = *gizmoAt(GizmoKind::move, chosen->center, view);
+  const glm::dvec2 tip = project(view, cameraFromWorld(view, gizmo.origin + glm::dvec3(0.7 * gizmo.size, 0, 0)));
+  const auto at = [](glm::dvec2 p) {
+    return std::to_string(std::lround(p.x)) + " " + std::to_string(std::lround(p.y));
+  };
+  const glm::dvec2 goal = tip + glm::dvec2(60, 0);
+  test::playByHand(shop,
+                   select + "tool move\nwindow begin.png\n" + seen("pressed") + seen("held") + seen("moved") +
+                       "save-model moved.tgz\n",
+                   "reached begin.png\nto " + at(tip) + "\npress 1\nseen pressed\nto " + at(tip + glm::dvec2(20, 0)) +
+                       "\nto " + at(goal) + "\nseen held\nrelease 1\nseen moved\n");
+  const GaussianModel moved = readBundle(shop / "moved.tgz").model;
+  REQUIRE(moved.size() == whole.size());
+  std::set<float> steps;
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const glm::vec3 step = moved.mean[i] - whole.mean[i];
+    CHECK(step.y == 0);
+    CHECK(step.z == 0);
+    if (chosen->chosen[i] != 0) steps.insert(step.x);
+    if (chosen->chosen[i] == 0) CHECK(step.x == 0);
+  }
+  CHECK(*steps.begin() > 0.05f);
+  CHECK(*steps.rbegin() - *steps.begin() < 1e-5f);  // rounding of the means
+}
+
+TEST_CASE("Undo and Redo are buttons, and a drag over the histogram selects", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "wait 3\ntab edit\nwindow none.png\nselect all\nwait 2\nwindow all.png\n");
+  REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
+                      test::kXServer)
+              .exit_code == 0);
+  const int undo_row = changedRow(shop.read("none.png"), shop.read("all.png"));
+  const int count_row = changedRow(shop.read("none.png"), shop.read("all.png"), undo_row + kHalfButton + 2);
+  const std::string bars = std::to_string(count_row + 95);  // a heading and a row of buttons further down
+  const std::string row = std::to_string(undo_row);
+  test::playByHand(shop,
+                   "panel on\nsize " + kHigh + "\noutput depth\nwindow depth.png\n" + seen("undone") +
+                       "picture undone-picture.png\n" + seen("redone") +
+                       "picture redone-picture.png\noutput final\npicture final.png\noutput depth\n"
+                       "picture depth-picture.png\ntab edit\nwindow edit.png\n" +
+                       seen("pressed") + seen("far") + seen("dragged") + "delete-selection\nsave-model left.tgz\n",
+                   "reached depth.png\nclick 70 " + row + "\nseen undone\nclick 220 " + row +
+                       "\nseen redone\nreached edit.png\n"
+                       "to 14 " +
+                       bars + "\npress 1\nseen pressed\nto 60 " + bars + "\nto 150 " + bars +
+                       "\nseen far\nrelease 1\nseen dragged\n");
+  CHECK(psnr(shop.read("undone-picture.png"), shop.read("final.png")) > 60);
+  CHECK(psnr(shop.read("redone-picture.png"), shop.read("depth-picture.png")) > 60);
+  CHECK(psnr(shop.read("final.png"), shop.read("depth-picture.png")) < 45);
+  const GaussianModel whole = readBundle(shop / "model.tgz").model, left = readBundle(shop / "left.tgz").model;
+  CHECK(left.size() < whole.size());
+  // Opacities up to about the middle are gone.
+  double lowest = 1, highest = 0;
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    lowest = std::min(lowest, opacityOf(whole, i));
+    highest = std::max(highest, opacityOf(whole, i));
+  }
+  for (std::size_t i = 0; i < left.size(); ++i) CHECK(opacityOf(left, i) > lowest + 0.3 * (highest - lowest));
 }
 
 TEST_CASE("a window that was minimised and hidden comes back with its picture", "[window]") {

@@ -1,0 +1,542 @@
+// SPDX-License-Identifier: Apache-2.0
+// Choosing, changing and taking back, and what is asked before edits are lost.
+#include "viewer/view/edits.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numeric>
+
+#include "core/model/verbs.h"
+#include "core/system/error.h"
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "support/scenes.h"
+#include "viewer/keys.h"
+#include "viewer/view/actions.h"
+#include "viewer/view/bookmarks.h"
+#include "viewer/view/edit_pointer.h"
+#include "viewer/view/path_editor.h"
+
+using namespace tg;
+using test::press;
+
+namespace {
+
+ViewerState sampleState(GaussianModel model = test::trainedLikeModel(11, 400)) {
+  Scene scene;
+  scene.path = "sample.tgz";
+  scene.model = std::make_shared<GaussianModel>(std::move(model));
+  measure(scene);
+  scene.cameras.push_back(test::trainedLikeCamera(96, 72));
+  ViewerState state;
+  state.camera.aspect = 96.0 / 72.0;
+  setScene(state, scene);
+  state.documents.open.emplace_back().path = scene.path;
+  state.documents.shown = 0;
+  recordChanges(state, false, false);
+  return state;
+}
+
+void frame(ViewerState& state, bool busy = false, bool flowing = false) {
+  state.time += 1;
+  recordChanges(state, busy, flowing);
+}
+
+std::vector<std::uint8_t> everyThird(std::size_t count) {
+  std::vector<std::uint8_t> mask(count);
+  for (std::size_t i = 0; i < count; i += 3) mask[i] = 1;
+  return mask;
+}
+
+Similarity someSimilarity() {
+  Similarity s;
+  s.scale = 1.25;
+  s.rotation = glm::dmat3(0, 1, 0, -1, 0, 0, 0, 0, 1);
+  s.translation = {0.5, -1, 2};
+  return s;
+}
+
+constexpr int kUndo = kControl | 'Z', kRedo = kControl | 'Y';
+
+}  // namespace
+
+TEST_CASE("edits of Gaussians are taken back bit by bit and done again") {
+  for (const bool textured : {false, true}) {
+    // The texels in their order, as select() and files have them.
+    std::vector<std::uint32_t> all(60);
+    std::iota(all.begin(), all.end(), 0u);
+    const GaussianModel model = select(textured ? tinyTexturedModel(60) : tinyModel(60, 3), all);
+    for (const bool erases : {false, true}) {
+      ModelEdit edit;
+      edit.erases = erases;
+      edit.similarity = someSimilarity();
+      for (std::uint32_t i = 1; i < 60; i += 4) edit.which.push_back(i);
+      const ModelPtr after = applied(model, edit);
+      CHECK(after->size() == (erases ? 45 : 60));
+      CHECK_FALSE(*after == model);
+      CHECK(*takenBack(*after, edit) == model);
+      ModelEdit again = edit;
+      CHECK(*applied(model, again) == *after);
+    }
+  }
+}
+
+TEST_CASE("an edit keeps only the numbers that it replaces") {
+  const GaussianModel model = tinyModel(100, 3);
+  ModelEdit move;
+  move.similarity.translation = {1, 0, 0};
+  for (std::uint32_t i = 0; i < 10; ++i) move.which.push_back(i);
+  (void)applied(model, move);
+  CHECK(bytesOf(move) == 10 * (4 + 12));
+  ModelEdit turn = move;
+  turn.similarity = someSimilarity();
+  (void)applied(model, turn);
+  CHECK(bytesOf(turn) == 10 * (4 + 12 + 16 + 12 + 16 * 12));
+}
+
+TEST_CASE("an edit that floats cannot hold changes nothing") {
+  ViewerState state = sampleState();
+  const ModelPtr before = state.scene.model;
+  Similarity far;
+  far.translation = {1e300, 0, 0};
+  attempt(state, [&] { transformChosen(state, far); });
+  CHECK_FALSE(state.messages.error.empty());
+  CHECK(state.scene.model == before);
+  CHECK(state.edit.revision == state.edit.saved);
+}
+
+TEST_CASE("selections are replaced, added to, cut and turned round") {
+  const GaussianModel model = tinyModel(9, 0);
+  const SelectionPtr thirds = selectionOf(model, everyThird(9));
+  REQUIRE(thirds);
+  CHECK(thirds->count == 3);
+  CHECK(indicesOf(*thirds) == std::vector<std::uint32_t>{0, 3, 6});
+  const glm::dvec3 sum = glm::dvec3(model.mean[0]) + glm::dvec3(model.mean[3]) + glm::dvec3(model.mean[6]);
+  CHECK(glm::distance(thirds->center, sum / 3.0) < 1e-12);
+  const std::vector<std::uint8_t> low = {1, 1, 1, 1, 0, 0, 0, 0, 0};
+  using Mask = std::vector<std::uint8_t>;
+  CHECK(combined(thirds, low, SelectMode::replace) == low);
+  CHECK(combined(thirds, low, SelectMode::add) == Mask{1, 1, 1, 1, 0, 0, 1, 0, 0});
+  CHECK(combined(thirds, low, SelectMode::subtract) == Mask{0, 0, 0, 0, 0, 0, 1, 0, 0});
+  CHECK(combined(thirds, low, SelectMode::intersect) == Mask{1, 0, 0, 1, 0, 0, 0, 0, 0});
+  CHECK(combined(nullptr, low, SelectMode::add) == low);
+  CHECK(combined(nullptr, low, SelectMode::subtract) == Mask(9));
+  CHECK(inverted(thirds, 9) == Mask{0, 1, 1, 0, 1, 1, 0, 1, 1});
+  CHECK(inverted(nullptr, 2) == Mask{1, 1});
+  CHECK(selectionOf(model, Mask(9)) == nullptr);
+}
+
+TEST_CASE("a rectangle and a brush choose the means that they cover, and nothing that is not drawn") {
+  ViewerState state = sampleState();
+  const GaussianModel& model = *state.scene.model;
+  const Camera camera = toCamera(state.camera.pose, state.camera.lens, 96, 72);
+  RenderSettings settings = effectiveSettings(state);
+  const std::vector<glm::vec2> points = projectedMeans(model, camera, settings);
+  const std::vector<std::uint8_t> box = insideRectangle(points, {60, 40}, {30, 20});
+  std::vector<std::uint8_t> swept(points.size());
+  sweep(points, {20, 30}, {70, 30}, 5, swept);
+  std::size_t in_box = 0, in_sweep = 0;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const glm::dvec3 p = cameraFromWorld(camera, glm::dvec3(model.mean[i]));
+    const glm::dvec2 at = project(camera, p);
+    const bool drawn = p.z > settings.near;
+    CHECK((box[i] != 0) == (drawn && at.x >= 30 && at.x <= 60 && at.y >= 20 && at.y <= 40));
+    const double nearest = glm::distance(at, glm::dvec2(std::clamp(at.x, 20.0, 70.0), 30));
+    if (std::abs(nearest - 5) > 1e-3) CHECK((swept[i] != 0) == (drawn && nearest < 5));
+    in_box += box[i];
+    in_sweep += swept[i];
+  }
+  CHECK(in_box > 5);
+  CHECK(in_sweep > 5);
+  settings.crop = CropBox{model.mean[7], model.mean[7]};
+  const std::vector<glm::vec2> cropped = projectedMeans(model, camera, settings);
+  CHECK(std::ranges::count_if(cropped, [](glm::vec2 p) { return !std::isnan(p.x); }) <= 1);
+}
+
+TEST_CASE("only what the picture shows is left of a selection of the visible") {
+  GaussianModel model = tinyModel(2, 0);
+  for (int i = 0; i < 2; ++i) {
+    model.mean[i] = {0, 0, i == 0 ? 2 : 6};
+    model.rotation[i] = {1, 0, 0, 0};
+    model.log_scale[i] = glm::vec3(std::log(i == 0 ? 0.5f : 0.05f));
+    model.opacity_logit[i] = 12;
+  }
+  const Camera camera = lookAt({0, 0, -1}, {0, 0, 1}, {0, -1, 0}, 0.6, 64, 64);
+  std::vector<std::uint8_t> mask = {1, 1};
+  keepVisible(model, camera, {}, mask);
+  CHECK(mask == std::vector<std::uint8_t>{1, 0});
+  RenderSettings far;
+  far.crop = CropBox{{-1, -1, 5}, {1, 1, 7}};
+  mask = {1, 1};
+  keepVisible(model, camera, far, mask);
+  CHECK(mask == std::vector<std::uint8_t>{0, 1});
+  const auto surface = surfaceAt(model, camera, {}, {32, 32});
+  REQUIRE(surface);
+  CHECK(std::abs(surface->z - 2) < 0.6);
+  CHECK_FALSE(surfaceAt(model, camera, {}, {-300, 0}));
+}
+
+TEST_CASE("a histogram counts every Gaussian, and its range chooses them") {
+  ViewerState state = sampleState();
+  for (std::size_t value = 0; value < selectValues().size(); ++value) {
+    state.edit.value = value;
+    const Histogram* histogram = histogramShown(state);
+    REQUIRE(histogram);
+    CAPTURE(value);
+    CHECK(histogram->bars.size() == kHistogramBars);
+    CHECK(*std::ranges::max_element(histogram->bars) == 1);
+    CHECK(histogramShown(state) == histogram);
+    const double middle = (histogram->low + histogram->high) / 2;
+    state.edit.range_before = nullptr;
+    chooseRange(state, histogram->high, middle);
+    const auto expected = std::ranges::count_if(histogram->values, [&](float v) { return double{v} >= middle; });
+    CHECK((state.edit.selection ? state.edit.selection->count : 0) == static_cast<std::size_t>(expected));
+  }
+}
+
+TEST_CASE("deleting, undoing and redoing go through the models and selections in turn") {
+  ViewerState state = sampleState();
+  const ModelPtr whole = state.scene.model;
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  frame(state);
+  CHECK(undoName(state) == "Select 134");
+  press(state, kKeyDelete);
+  CHECK(state.scene.gaussians == 266);
+  CHECK(state.scene.model->size() == 266);
+  CHECK_FALSE(state.edit.selection);
+  CHECK(undoName(state) == "Delete 134");
+  frame(state);
+  CHECK(unsavedModels(state).size() == 1);
+  press(state, kUndo);
+  CHECK(*state.scene.model == *whole);
+  REQUIRE(state.edit.selection);
+  CHECK(state.edit.selection->count == 134);
+  CHECK(unsavedModels(state).empty());
+  frame(state);
+  press(state, kUndo);
+  CHECK_FALSE(state.edit.selection);
+  CHECK(redoName(state) == "Select 134");
+  press(state, kRedo);
+  press(state, kControl | 'Z', true);
+  CHECK(state.scene.model->size() == 266);
+  CHECK(redoName(state).empty());
+  press(state, kUndo);
+  state.display.output = Output::depth;
+  frame(state);
+  CHECK(redoName(state).empty());  // another way was taken
+}
+
+TEST_CASE("a model keeps at least one Gaussian, and deleting nothing says so and closes nothing") {
+  ViewerState state = sampleState();
+  press(state, kControl | 'A');
+  press(state, kKeyDelete);
+  CHECK(state.scene.model->size() == 400);
+  press(state, kControl | 'A', true);
+  state.ui.tab = Tab::edit;
+  press(state, kKeyDelete);
+  CHECK_FALSE(state.documents.close_request);
+  state.ui.tab = Tab::view;
+  press(state, kKeyDelete);
+  CHECK(state.documents.close_request == 0);
+}
+
+TEST_CASE("without a selection the whole model moves with its cameras, with one they stay") {
+  ViewerState state = sampleState();
+  const GaussianModel before = *state.scene.model;
+  const std::vector<Camera> cameras = state.scene.cameras;
+  const Similarity similarity = someSimilarity();
+  transformChosen(state, similarity);
+  GaussianModel expected = before;
+  transformModel(expected, similarity);
+  CHECK(*state.scene.model == expected);
+  std::vector<Camera> moved = cameras;
+  transformCameras(moved, similarity);
+  CHECK(state.scene.cameras[0] == moved[0]);
+  CHECK(state.camera.index == -1);
+  undo(state);
+  CHECK(*state.scene.model == before);
+  CHECK(glm::distance(state.scene.cameras[0].translation, cameras[0].translation) < 1e-12);
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  transformChosen(state, similarity);
+  CHECK(state.scene.cameras[0].rotation == cameras[0].rotation);
+  CHECK(state.scene.model->mean[1] == before.mean[1]);
+  CHECK(state.scene.model->mean[3] == expected.mean[3]);
+  REQUIRE(state.edit.selection);
+  CHECK(state.edit.selection->count == 134);
+}
+
+TEST_CASE("every kind of click is a step that can be undone and redone") {
+  ViewerState state = sampleState();
+  state.documents.open.emplace_back().path = "other.tgz";
+  const auto check = [&](const std::string& expected, const auto& act, const auto& value) {
+    CAPTURE(expected);
+    const auto before = value();
+    act();
+    frame(state);
+    const auto after = value();
+    CHECK_FALSE(before == after);
+    CHECK(undoName(state) == expected);
+    undo(state);
+    frame(state);
+    CHECK(value() == before);
+    CHECK(redoName(state) == expected);
+    redo(state);
+    frame(state);
+    CHECK(value() == after);
+  };
+  auto& [output, settings, held, crop, box, scale, resolution] = state.display;
+  check("Show depth", [&] { press(state, '5'); }, [&, &o = output] { return o; });
+  check("Textures", [&] { press(state, 'T'); }, [&, &s = settings] { return s; });
+  check("Exposure", [&, &s = settings] { s.exposure = 1; }, [&, &s = settings] { return s; });
+  check("Crop box on", [&] { press(state, 'J'); }, [&, &c = crop] { return c; });
+  check("Crop box", [&] { fitCrop(state); }, [&, &b = box] { return b; });
+  check("Resolution", [&, &r = resolution] { r = 0.5; }, [&, &r = resolution] { return r; });
+  check(
+      "Camera",
+      [&] {
+        orbit(state.camera.pose, 0.5, 0);
+        state.camera.index = -1;
+      },
+      [&] { return state.camera.pose; });
+  check("Camera 0", [&] { press(state, ' '); }, [&] { return state.camera.index; });
+  check("Up +x", [&] { press(state, 'U'); }, [&] { return state.camera.up; });
+  check("Add bookmark", [&] { press(state, 'B', true); }, [&] { return state.camera.bookmarks.size(); });
+  check("Remove bookmark", [&] { removeBookmark(state, 0); }, [&] { return state.camera.bookmarks.size(); });
+  check("Add key", [&] { press(state, 'K'); }, [&] { return state.path.path; });
+  check("Change key", [&] { changeKeySeconds(state, 0, 3); }, [&] { return state.path.path; });
+  press(state, 'K');
+  frame(state);
+  check("Remove key", [&] { deleteKey(state, 1); }, [&] { return state.path.path; });
+  check("Compare: side", [&] { press(state, 'V'); }, [&] { return state.compare.how; });
+  check("Compare", [&] { state.compare.how.gain = 4; }, [&] { return state.compare.how; });
+  check("Select 400", [&] { chooseAll(state); }, [&] { return state.edit.selection != nullptr; });
+  check("Select none", [&] { chooseNone(state); }, [&] { return state.edit.selection != nullptr; });
+}
+
+TEST_CASE("a drag is one step, and so is what the wheel does without a pause") {
+  ViewerState state = sampleState();
+  const ViewPose start = state.camera.pose;
+  for (int i = 0; i < 20; ++i) {
+    orbit(state.camera.pose, 0.02, 0);
+    frame(state, true);
+  }
+  frame(state);
+  CHECK(state.history.steps.size() == 1);
+  undo(state);
+  CHECK(state.camera.pose == start);
+  redo(state);
+  for (int i = 0; i < 5; ++i) {
+    dolly(state.camera.pose, 0.9);
+    state.time += 0.1;
+    recordChanges(state, false, true);
+  }
+  CHECK(state.history.steps.size() == 2);
+  state.time += 5;
+  dolly(state.camera.pose, 0.9);
+  recordChanges(state, false, true);
+  CHECK(state.history.steps.size() == 3);
+}
+
+TEST_CASE("the window's shape and another model are no steps, and the history is bounded") {
+  ViewerState state = sampleState();
+  REQUIRE(state.camera.index == 0);
+  state.camera.lens.fov_y *= 1.1;
+  forgetLens(state);
+  frame(state);
+  CHECK(undoName(state).empty());
+  press(state, kControl | 'A');
+  frame(state);
+  press(state, '5');
+  frame(state);
+  Scene next = state.scene;
+  next.model = std::make_shared<GaussianModel>(test::trainedLikeModel(3, 50));
+  replaceScene(state, next);
+  CHECK_FALSE(state.edit.selection);
+  CHECK(undoName(state) == "Show depth");
+  CHECK(state.history.steps.size() == 1);
+  for (std::size_t i = 0; i < kMostHistorySteps + 20; ++i) {
+    state.display.settings.exposure = static_cast<float>(i + 1);
+    frame(state);
+  }
+  CHECK(state.history.steps.size() == kMostHistorySteps);
+  setScene(state, next);
+  CHECK(undoName(state).empty());
+}
+
+TEST_CASE("the pointer drags rectangles, brushes, spheres and handles, and leaves the rest to the camera") {
+  ViewerState state = sampleState();
+  const Camera camera = toCamera(state.camera.pose, state.camera.lens, 960, 720);
+  EditPointer pointer;
+  pointer.over = true;
+  const auto go = [&](glm::dvec2 at, bool down) {
+    pointer.at = at;
+    pointer.pressed = down && !pointer.down;
+    pointer.down = down;
+    return editPointer(state, pointer, camera);
+  };
+  CHECK_FALSE(go({100, 100}, true).button);
+  (void)go({100, 100}, false);
+  setTool(state, EditTool::rectangle);
+  CHECK(go({300, 200}, true).button);
+  CHECK(go({600, 500}, true).button);
+  CHECK_FALSE(state.edit.selection);
+  (void)go({600, 500}, false);
+  REQUIRE(state.edit.selection);
+  const std::size_t found = state.edit.selection->count;
+  const std::vector<std::uint8_t> expected =
+      insideRectangle(projectedMeans(*state.scene.model, camera, effectiveSettings(state)), {300, 200}, {600, 500});
+  CHECK(state.edit.selection->chosen == expected);
+  // Ctrl takes away.
+  setTool(state, EditTool::brush);
+  pointer.control = true;
+  (void)go({450, 350}, true);
+  (void)go({500, 350}, true);
+  (void)go({500, 350}, false);
+  pointer.control = false;
+  CHECK(state.edit.selection->count < found);
+  pointer.wheel = 2;
+  CHECK(go({500, 350}, false).wheel);
+  pointer.wheel = 0;
+  CHECK(state.edit.brush > 24);
+  // Esc takes a drag back, then puts the tool down.
+  const SelectionPtr before = state.edit.selection;
+  (void)go({300, 350}, true);
+  (void)go({700, 350}, true);
+  CHECK(state.edit.selection != before);
+  press(state, kKeyEscape);
+  CHECK(state.edit.selection == before);
+  press(state, kKeyEscape);
+  CHECK(state.edit.tool == EditTool::none);
+  CHECK_FALSE(state.quit);
+  (void)go({300, 350}, false);
+  // A sphere around the surface in the middle.
+  setTool(state, EditTool::sphere);
+  (void)go({480, 360}, true);
+  (void)go({480, 360}, false);
+  REQUIRE(state.edit.surface);
+  REQUIRE(state.edit.selection);
+  const double radius = state.edit.sphere * state.scene.bounds.radius;
+  for (const std::uint32_t i : indicesOf(*state.edit.selection)) {
+    CHECK(glm::distance(glm::dvec3(state.scene.model->mean[i]), *state.edit.surface) <= radius);
+  }
+  // The square of the handles moves in the picture's plane.
+  setTool(state, EditTool::move);
+  const ModelPtr still = state.scene.model;
+  const glm::dvec2 handle = project(camera, cameraFromWorld(camera, editPivot(state)));
+  CHECK(go(handle, true).button);
+  CHECK(go(handle + glm::dvec2(40, 0), true).button);
+  CHECK(state.scene.model == still);
+  updatePreview(state);
+  const ModelPtr preview = shownModel(state);
+  CHECK(preview != still);
+  (void)go(handle + glm::dvec2(40, 0), false);
+  CHECK(state.scene.model == preview);  // nothing is drawn anew
+  const glm::dvec2 after =
+      project(camera, cameraFromWorld(camera, selectionOf(*state.scene.model, state.edit.selection->chosen)->center));
+  CHECK(glm::distance(after, handle + glm::dvec2(40, 0)) < 1);
+  CHECK(undoName(state).starts_with("Move "));
+  undo(state);
+  CHECK(*state.scene.model == *still);
+  CHECK_FALSE(go({5, 5}, true).button);  // beside the handles the camera has it
+}
+
+TEST_CASE("what would lose edits is asked first") {
+  ViewerState state = sampleState();
+  askToQuit(state);
+  CHECK(state.quit);  // nothing to lose
+  state.quit = false;
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  deleteChosen(state);
+  const std::uint64_t revision = state.edit.revision;
+  press(state, kControl | 'Q');
+  CHECK_FALSE(state.quit);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::edits);
+  CHECK(state.desktop.question->model == "sample.tgz");
+  keepUnsaved(state);
+  askToQuit(state);
+  saveUnsaved(state);
+  CHECK(state.desktop.wanted == FileUse::saveModel);
+  REQUIRE(state.desktop.after_saving);
+  noteModelKept(state, "sample.tgz", revision);
+  goOnClosing(state, *state.desktop.after_saving);
+  CHECK(state.quit);
+
+  // Edited once more: what was saved is another revision.
+  state.quit = false;
+  state.desktop = {};
+  undo(state);
+  CHECK(hasUnsavedEdits(state, 0));
+  press(state, kControl | 'W');
+  CHECK_FALSE(state.documents.close_request);
+  REQUIRE(state.desktop.question);
+  discardUnsaved(state);
+  CHECK(state.documents.close_request == 0);
+  CHECK(hasUnsavedEdits(state, 0));  // until it is closed
+}
+
+TEST_CASE("a file that is read again asks for the edits of its model, other files are opened at once") {
+  ViewerState state = sampleState();
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  deleteChosen(state);
+  using Paths = std::vector<std::filesystem::path>;
+  state.documents.open_requests = {"sample.tgz", "another.tgz"};
+  CHECK(guardEdits(state));
+  CHECK(state.documents.open_requests == Paths{"another.tgz"});
+  REQUIRE(state.desktop.question);
+  keepUnsaved(state);
+  CHECK_FALSE(guardEdits(state));
+  CHECK_FALSE(state.desktop.question);
+
+  state.documents.open_requests = {"sample.tgz"};
+  askToQuit(state);
+  CHECK_FALSE(guardEdits(state));  // one question at a time
+  CHECK(state.documents.open_requests.empty());
+  keepUnsaved(state);
+  CHECK(guardEdits(state));
+  discardUnsaved(state);
+  CHECK_FALSE(guardEdits(state));
+  CHECK(state.documents.open_requests == Paths{"sample.tgz"});
+  CHECK_FALSE(state.desktop.question);
+  CHECK(hasUnsavedEdits(state, 0));  // until it has been read
+}
+
+TEST_CASE("of several edited models each is asked for, in view, and a change of mind keeps them all") {
+  ViewerState state = sampleState();
+  Document& hidden = state.documents.open.emplace_back();
+  hidden.path = "hidden.tgz";
+  hidden.edit.revision = 3;
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  deleteChosen(state);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "sample.tgz");
+  CHECK_FALSE(state.documents.show_request);
+  discardUnsaved(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "hidden.tgz");
+  CHECK(state.documents.show_request == 1);
+  keepUnsaved(state);
+  CHECK(unsavedModels(state).size() == 2);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "sample.tgz");
+  keepUnsaved(state);
+  askToClose(state, 1);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "hidden.tgz");
+  discardUnsaved(state);
+  CHECK(state.documents.close_request == 1);
+}
+
+TEST_CASE("an edited model goes to its own file, or to a bundle beside it where that would lose something") {
+  ViewerState state = sampleState();
+  CHECK(saveTarget(state) == "sample.tgz");
+  state.scene.path = "scene.splat";
+  CHECK(saveTarget(state) == "scene.splat");  // it came from one
+  CHECK_FALSE(holdsModel("a.ply", state.scene));
+  CHECK(holdsModel("a.glb", state.scene));
+  state.scene.path = "scene.gltf-of-another-kind";
+  CHECK(saveTarget(state) == "scene.tgz");
+}

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+// Steps back and forth.
+#include "viewer/view/history.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include "core/system/assert.h"
+#include "viewer/view/inspection.h"
+#include "viewer/view/state.h"
+
+namespace tg {
+namespace {
+
+constexpr double kFlowPause = 0.7;  // [s] between changes of the wheel that are one step
+
+template <typename T>
+std::shared_ptr<const T> sharedWith(const std::shared_ptr<const T>& before, T now) {
+  return before && *before == now ? before : std::make_shared<const T>(std::move(now));
+}
+
+ViewSnapshot snapshot(const ViewerState& s, const std::optional<ViewSnapshot>& last) {
+  ViewSnapshot now;
+  now.display = {s.display.output, s.display.settings, s.display.crop, s.display.box, s.display.resolution};
+  now.view = {s.camera.pose, s.camera.lens, s.camera.index};
+  now.motion = {s.camera.speed, s.camera.fly, s.camera.up, s.camera.turntable, s.camera.turntable_speed};
+  now.bookmarks =
+      sharedWith(last ? last->bookmarks : nullptr, ViewSnapshot::Bookmarks{s.camera.bookmarks, s.camera.bookmark});
+  now.path = sharedWith(last ? last->path : nullptr,
+                        ViewSnapshot::Path{s.path.path, s.path.key, s.path.key_seconds, s.path.drawn});
+  now.recording = {s.record.size, s.record.fps, s.record.turntable_frames};
+  now.compare = {s.compare.how, s.compare.other, s.compare.with_photographs, s.compare.timed,
+                 s.compare.flicker_seconds};
+  now.compare.how.shows_other = false;  // flickers by itself
+  now.selection = s.edit.selection;
+  return now;
+}
+
+bool same(const ViewSnapshot& a, const ViewSnapshot& b) {
+  return a.display == b.display && a.view == b.view && a.motion == b.motion && a.bookmarks == b.bookmarks &&
+         a.path == b.path && a.recording == b.recording && a.compare == b.compare && a.selection == b.selection;
+}
+
+// Only what differs: the rest may have been changed elsewhere, while another model was shown.
+void restore(ViewerState& s, const ViewSnapshot& from, const ViewSnapshot& to) {
+  if (from.display != to.display) {
+    const auto& d = to.display;
+    s.display.output = d.output;
+    s.display.settings = d.settings;
+    s.display.crop = d.crop;
+    s.display.box = d.box;
+    s.display.resolution = d.resolution;
+  }
+  if (from.motion != to.motion) {
+    const auto& m = to.motion;
+    s.camera.speed = m.speed;
+    s.camera.fly = m.fly;
+    s.camera.up = m.up;
+    s.camera.turntable = m.turntable;
+    s.camera.turntable_speed = m.turntable_speed;
+  }
+  if (from.view != to.view) {
+    s.path.playing = false;
+    s.camera.pose = to.view.pose;
+    s.camera.lens = to.view.lens;
+    s.camera.index = to.view.index < static_cast<int>(s.scene.cameras.size()) ? to.view.index : -1;
+    // The window may have had another shape.
+    if (s.camera.index >= 0) {
+      s.camera.lens = lensOf(s.scene.cameras[static_cast<std::size_t>(s.camera.index)], s.camera.aspect);
+    }
+  }
+  if (from.bookmarks != to.bookmarks) {
+    s.camera.bookmarks = to.bookmarks->cameras;
+    s.camera.bookmark = to.bookmarks->at;
+  }
+  if (from.path != to.path) {
+    s.path.playing = false;
+    s.path.path = to.path->path;
+    s.path.key = to.path->key;
+    s.path.key_seconds = to.path->key_seconds;
+    s.path.drawn = to.path->drawn;
+    s.path.at = std::min(s.path.at, duration(s.path.path));
+  }
+  if (from.recording != to.recording) {
+    s.record.size = to.recording.size;
+    s.record.fps = to.recording.fps;
+    s.record.turntable_frames = to.recording.turntable_frames;
+  }
+  if (from.compare != to.compare) {
+    const bool shows_other = s.compare.how.shows_other;
+    s.compare.how = to.compare.how;
+    s.compare.how.shows_other = shows_other;
+    s.compare.other = to.compare.other;
+    s.compare.with_photographs = to.compare.with_photographs;
+    s.compare.timed = to.compare.timed;
+    s.compare.flicker_seconds = to.compare.flicker_seconds;
+  }
+  if (from.selection != to.selection) s.edit.selection = to.selection;
+}
+
+std::string displayName(const ViewSnapshot::Display& before, const ViewSnapshot::Display& after) {
+  if (before.output != after.output) return "Show " + std::string(name(after.output));
+  if (before.crop != after.crop) return after.crop ? "Crop box on" : "Crop box off";
+  if (before.box != after.box) return "Crop box";
+  if (before.resolution != after.resolution) return "Resolution";
+  for (const RenderSetting& setting : renderSettings()) {
+    if (!setting.get || setting.get(before.settings) == setting.get(after.settings)) continue;
+    std::string text(setting.name);
+    text[0] = static_cast<char>(text[0] - 'a' + 'A');
+    return text;
+  }
+  return "View";
+}
+
+std::string listName(std::size_t before, std::size_t after, const std::string& entry) {
+  return before < after ? "Add " + entry : before > after ? "Remove " + entry : "Change " + entry;
+}
+
+std::string stepName(const ViewSnapshot& before, const ViewSnapshot& after) {
+  if (before.selection != after.selection) {
+    return after.selection ? "Select " + std::to_string(after.selection->count) : "Select none";
+  }
+  if (before.display != after.display) return displayName(before.display, after.display);
+  if (before.bookmarks->cameras.size() != after.bookmarks->cameras.size()) {
+    return listName(before.bookmarks->cameras.size(), after.bookmarks->cameras.size(), "bookmark");
+  }
+  if (before.path->path != after.path->path) {
+    return listName(before.path->path.keys.size(), after.path->path.keys.size(), "key");
+  }
+  if (before.compare != after.compare) {
+    return before.compare.how.mode != after.compare.how.mode ? "Compare: " + std::string(name(after.compare.how.mode))
+                                                             : "Compare";
+  }
+  if (before.motion != after.motion) {
+    if (before.motion.up != after.motion.up) return "Up " + std::string(name(after.motion.up));
+    return before.motion.turntable != after.motion.turntable ? "Turntable" : "Camera setting";
+  }
+  if (before.recording != after.recording) return "Recording";
+  if (before.view != after.view) {
+    return after.view.index >= 0 ? "Camera " + std::to_string(after.view.index) : "Camera";
+  }
+  return before.bookmarks != after.bookmarks ? "Bookmark" : "Path";
+}
+
+std::uint64_t bytesOf(const HistoryStep& step) {
+  return (step.edit ? bytesOf(*step.edit) : 0) + (step.after.selection ? step.after.selection->chosen.size() : 0);
+}
+
+void push(History& history, HistoryStep step) {
+  history.steps.resize(history.done);
+  history.steps.push_back(std::move(step));
+  std::uint64_t bytes = 0;
+  std::size_t kept = 0;  // counted from the newest
+  while (kept < std::min(history.steps.size(), kMostHistorySteps)) {
+    bytes += bytesOf(history.steps[history.steps.size() - 1 - kept]);
+    if (kept > 0 && bytes > kMostHistoryBytes) break;
+    ++kept;
+  }
+  history.steps.erase(history.steps.begin(), history.steps.end() - static_cast<std::ptrdiff_t>(kept));
+  history.done = history.steps.size();
+}
+
+void setModel(ViewerState& state, ModelPtr model, std::uint64_t revision) {
+  clearInspection(state);
+  state.scene.model = std::move(model);
+  state.edit.revision = revision;
+  state.edit.preview.reset();
+  measure(state.scene);
+}
+
+// The whole model takes its cameras along.
+void moveCameras(ViewerState& state, const ModelEdit& edit, bool back) {
+  if (!edit.moves_cameras) return;
+  Similarity similarity = edit.similarity;
+  if (back) {
+    similarity.scale = 1 / similarity.scale;
+    similarity.rotation = glm::transpose(similarity.rotation);
+    similarity.translation = -similarity.scale * (similarity.rotation * similarity.translation);
+  }
+  transformCameras(state.scene.cameras, similarity);
+  state.scene.up = sceneUp(state.scene.cameras);
+  state.camera.index = -1;
+}
+
+}  // namespace
+
+bool ViewSnapshot::Bookmarks::operator==(const Bookmarks& other) const {
+  return at == other.at && std::ranges::equal(cameras, other.cameras, [](const Camera& a, const Camera& b) {
+           return a == b && a.name == b.name && a.test == b.test;
+         });
+}
+
+void recordChanges(ViewerState& state, bool busy, bool flowing) {
+  History& history = state.history;
+  const ViewSnapshot now = snapshot(state, history.last);
+  if (!history.last) history.last = now;
+  if (busy || same(now, *history.last)) return;
+  HistoryStep step{stepName(*history.last, now), *history.last,       now,     nullptr,
+                   state.edit.revision,          state.edit.revision, flowing, state.time};
+  HistoryStep* before = history.done > 0 ? &history.steps[history.done - 1] : nullptr;
+  const bool flows = before && flowing && before->flowing && before->name == step.name &&
+                     history.done == history.steps.size() && state.time - before->time < kFlowPause;
+  if (flows) {
+    before->after = now;
+    before->time = state.time;
+  } else {
+    push(history, std::move(step));
+  }
+  history.last = now;
+}
+
+void forgetLens(ViewerState& state) {
+  if (state.history.last) state.history.last->view.lens = state.camera.lens;
+}
+
+void forgetModel(ViewerState& state) {
+  History& history = state.history;
+  const auto of_model = [](const HistoryStep& step) {
+    return step.edit || step.before.selection != step.after.selection;
+  };
+  const auto done = history.steps.begin() + static_cast<std::ptrdiff_t>(history.done);
+  history.done -= static_cast<std::size_t>(std::count_if(history.steps.begin(), done, of_model));
+  std::erase_if(history.steps, of_model);
+  for (HistoryStep& step : history.steps) step.before.selection = step.after.selection = nullptr;
+  EditState& edit = state.edit;
+  edit.selection = edit.range_before = nullptr;
+  edit.histogram.reset();
+  edit.selecting.reset();
+  edit.moving.reset();
+  edit.preview.reset();
+  edit.surface.reset();
+  edit.revision = edit.newest = edit.saved = 0;
+  if (history.last) history.last->selection = nullptr;
+}
+
+void editModel(ViewerState& state, ModelEdit edit, std::string name, const SelectionPtr& selection,
+               const ModelPtr& known) {
+  TG_ASSERT(state.scene.model != nullptr, "a model is edited");
+  recordChanges(state, false, false);  // what came before it is a step of its own
+  ModelPtr model = applied(*state.scene.model, edit, known);
+  HistoryStep step;
+  step.name = std::move(name);
+  step.before = snapshot(state, state.history.last);
+  step.revision_before = state.edit.revision;
+  step.revision_after = ++state.edit.newest;
+  step.time = state.time;
+  moveCameras(state, edit, false);
+  setModel(state, std::move(model), step.revision_after);
+  // Its middle has moved along.
+  state.edit.selection = selection ? selectionOf(*state.scene.model, selection->chosen) : nullptr;
+  step.after = snapshot(state, step.before);
+  step.edit = std::make_shared<const ModelEdit>(std::move(edit));
+  state.history.last = step.after;
+  push(state.history, std::move(step));
+}
+
+void undo(ViewerState& state) {
+  recordChanges(state, false, false);
+  History& history = state.history;
+  if (history.done == 0) return notify(state, "Nothing to undo");
+  const HistoryStep& step = history.steps[--history.done];
+  if (step.edit) {
+    moveCameras(state, *step.edit, true);
+    setModel(state, takenBack(*state.scene.model, *step.edit), step.revision_before);
+  }
+  restore(state, step.after, step.before);
+  history.last = snapshot(state, history.last);
+  notify(state, "Undone: " + step.name);
+}
+
+void redo(ViewerState& state) {
+  recordChanges(state, false, false);
+  History& history = state.history;
+  if (history.done == history.steps.size()) return notify(state, "Nothing to redo");
+  const HistoryStep& step = history.steps[history.done++];
+  if (step.edit) {
+    ModelEdit again = *step.edit;
+    moveCameras(state, again, false);
+    setModel(state, applied(*state.scene.model, again), step.revision_after);
+  }
+  restore(state, step.before, step.after);
+  history.last = snapshot(state, history.last);
+  notify(state, "Done again: " + step.name);
+}
+
+std::string undoName(const ViewerState& state) {
+  return state.history.done > 0 ? state.history.steps[state.history.done - 1].name : "";
+}
+
+std::string redoName(const ViewerState& state) {
+  const History& history = state.history;
+  return history.done < history.steps.size() ? history.steps[history.done].name : "";
+}
+
+}  // namespace tg
