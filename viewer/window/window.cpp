@@ -382,7 +382,9 @@ bool Viewer::handlePointer() {
   if (!taken.button && comparison_.dragDivider(state_.compare.how, pictureArea())) {
     frames_since_event_ = 0;
   } else if (!io.WantCaptureMouse) {
-    input.drag = {io.MouseDelta.x, io.MouseDelta.y};
+    // The way to where a button went down is no drag.
+    const bool pressed = io.MouseClicked[0] || io.MouseClicked[1] || io.MouseClicked[2];
+    if (!pressed) input.drag = {io.MouseDelta.x, io.MouseDelta.y};
     input.wheel = taken.wheel ? 0 : io.MouseWheel;
     input.cursor = fromMiddle({io.MousePos.x, io.MousePos.y});
     input.left = io.MouseDown[0] && !taken.button;
