@@ -26,6 +26,7 @@ struct RunPlan {
   double first_share = 1;
   int textured_left = 0;    // of a textured stage to come
   int untextured_left = 0;  // of its twin
+  int quantized_left = 0;   // of a stage for a file, with the textures that there are then
   int scorings = 0;         // of the test views, to come
   std::size_t test_views = 0;
 };
