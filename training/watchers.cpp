@@ -14,7 +14,7 @@
 namespace tg {
 namespace {
 
-constexpr std::chrono::milliseconds kLookPause(200), kPausedPause(50), kHeldOutPause(5000), kLastLook(4000);
+constexpr std::chrono::milliseconds kLookPause(200), kPausedPause(50), kHeldOutPause(5000), kLastLook(10000);
 constexpr int kMetricsEvery = 10;  // [iterations] as --metrics-every
 
 // What a window knows of a run by its file.

@@ -14,9 +14,9 @@ constexpr int kBlock = 50;              // steps of a point of the fit
 constexpr double kGrowingShare = 0.65;  // of a step's cost that grows with the count, before steps have said more
 constexpr double kGrowingWeight = 3;    // that this counts: as much as blocks whose counts spread so far, squared
 constexpr double kLeastGrowing = 0.2;
-constexpr std::size_t kRounds = 3;  // of densification, whose mean growth goes on
-constexpr double kSlower = 0.9;     // growth from round to round, before rounds have said more
-constexpr double kSlowest = 0.75, kFastest = 0.98;
+constexpr std::size_t kRounds = 2;  // of densification, whose mean growth goes on
+constexpr double kSlower = 0.82;    // growth from round to round, before rounds have said more
+constexpr double kSlowest = 0.7, kFastest = 0.88;
 constexpr double kViewSteps = 0.6;  // what scoring a view costs, in steps
 // docs/lab/training-speed.md: textures are looked up and learn at every splat, and their optimiser goes through all
 // texels as it goes through the Gaussians' own parameters.
@@ -96,7 +96,8 @@ std::pair<double, double> TimeLeft::growth() const {
   if (count < 2 * kRounds) return {now, kSlower};
   const double before = std::max(mean(0, kRounds), 1e-6);
   const double seen = std::clamp(std::pow(std::max(now, 1e-6) / before, 1.0 / kRounds), kSlowest, kFastest);
-  return {now * seen, std::sqrt(seen * kSlower)};
+  // From the middle of the last rounds to the next one.
+  return {now * std::pow(seen, 0.5 * (kRounds + 1)), std::sqrt(seen * kSlower)};
 }
 
 double TimeLeft::stepCost(double gaussians) const {
