@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kMemory = 0.995;       // of the mean cost, from step to step
 constexpr int kBlock = 50;              // steps of a point of the fit
-constexpr double kGrowingShare = 0.65;  // of a step's cost that grows with the count, before steps have said more
+constexpr double kGrowingShare = 0.58;  // of a step's cost that grows with the count, before steps have said more
 constexpr double kGrowingWeight = 3;    // that this counts: as much as blocks whose counts spread so far, squared
 constexpr double kLeastGrowing = 0.2;
 constexpr std::size_t kRounds = 2;  // of densification, whose mean growth goes on
