@@ -355,9 +355,9 @@ void parseValues(Flags& flags) {
   refuseIf(!view.compare.empty() && !view.photographs.empty() && !view.out.empty(),
            "--compare and --photos (expected one of them with --render)");
   parseShot(flags);
-  refuseIf(
-      !view.serve.empty() && (!window || compares || view.inspect || !view.script.empty() || !view.more_models.empty()),
-      "--serve shows a model in browsers (expected one model, and no other output with it)");
+  const bool other = !window || compares || view.inspect || !view.script.empty() || !view.more_models.empty();
+  refuseIf(!view.serve.empty() && (other || view.model.empty()),
+           "--serve shows a model in browsers (expected one model, and no other output with it)");
   refuseIf(view.serve.empty() && !view.serve_token.empty(), "--serve-token is of a page (expected --serve with it)");
   if (view.follow) view.model = followedFile(view.model);
   refuseIf(!view.out.empty() && !view.script.empty(), "--script drives the window (expected no --render with it)");

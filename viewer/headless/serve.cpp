@@ -7,6 +7,7 @@
 #include <thread>
 #include <utility>
 
+#include "converter/registry/file_format.h"
 #include "converter/serve/page_server.h"
 #include "core/system/signals.h"
 #include "viewer/headless/headless.h"
@@ -66,6 +67,7 @@ void serveRun(const ViewOptions& options, PageServer& page) {
 }  // namespace
 
 void serveModel(const ViewOptions& options) {
+  if (!options.follow) (void)detectFormat(options.model);  // a wrong name is said before anything is served
   const std::string title = options.model.filename().string();
   const std::unique_ptr<PageServer> page = servePage(options.serve, options.serve_token, title);
   handleStopSignals(requestStop);
