@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -334,7 +335,8 @@ int runTraining(const Options& options) {
     }
   }
   // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
-  return result.report.interrupted ? 128 + stop_signal : 0;
+  // An order to stop is as Ctrl-C.
+  return result.report.interrupted ? 128 + (stop_signal > 0 ? stop_signal.load() : SIGINT) : 0;
 }
 
 // Every entry of the settings as a flag; what is given stands in `chosen`, over the preset. Switches are flags that
@@ -426,9 +428,11 @@ void addRunOptions(CLI::App& app, Options& options) {
           ->capture_default_str());
   add(app.add_flag("--watch", options.watch, "Show the run in tgview while it trains"));
   add(app.add_option("--serve", options.serve,
-                     "Show the run as a page: [ADDRESS:]PORT, on this machine alone where no address is named"));
+                     "Show the run in browsers, on this machine alone where no address is named")
+          ->type_name("[ADDRESS:]PORT"));
   add(app.add_option("--serve-token", options.serve_token,
-                     "What the page's address must bring; without one a random one, where others reach it"));
+                     "What the page's address must bring; without one a random one, where others reach it")
+          ->type_name("TEXT"));
 }
 
 // What a training from photographs depends on beside them.
@@ -568,6 +572,7 @@ int main(int argc, char** argv) {
                     {{"tgtrain make-sample scene && tgtrain scene -o model.tgz", "the built-in scene"},
                      {"tgtrain fox -o fox.tgz --downscale 2", "photographs at half their size"},
                      {"tgtrain fox --run run --watch", "a run that can stop and go on, in a window"},
+                     {"tgtrain fox -o fox.tgz --serve 8080", "in a browser meanwhile"},
                      {"tgtrain fox --run run --resume", "go on where it stopped"},
                      {"tgtrain fox -o fox.sog --target-size 900KB", "a file to ship, of at most that size"},
                      {"tgtrain fox -o fox.tgz --iterations 0 --start-model scan.ply", "only add textures"},

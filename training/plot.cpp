@@ -16,6 +16,7 @@
 #include "core/run/live.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
+#include "core/system/program.h"
 #include "training/cli.h"
 
 namespace tg {
@@ -208,9 +209,15 @@ std::string curvesSvg(const std::vector<RunCurves>& runs) {
 }
 
 void addPlotOptions(CLI::App& app, PlotOptions& options) {
-  app.add_option("runs", options.runs, "Run folders, or metrics.jsonl files")->required();
-  app.add_option("-o,--output", options.output, "Picture to write: .svg or .html")->required();
+  app.add_option("runs", options.runs, "Run folders, or metrics.jsonl files")->required()->type_name("RUN");
+  app.add_option("-o,--output", options.output, "Picture to write: .svg or .html")->required()->type_name("FILE");
   app.add_flag("--overwrite", options.overwrite, "Replace an existing file");
+  app.add_flag("-q,--quiet", options.quiet, "Errors only");
+  addExamples(app, {{"tgtrain plot run -o curves.svg", "the curves of a run"},
+                    {"tgtrain plot run other-run -o curves.svg", "two runs beside each other"},
+                    {"tgtrain plot run -o curves.html", "as a page"},
+                    {"tgtrain plot run -o curves.svg --overwrite", "anew, of a run that goes on"},
+                    {"tgtrain plot run/metrics.jsonl -o curves.svg", "of the file alone"}});
 }
 
 void plotRuns(const PlotOptions& options) {
@@ -229,6 +236,7 @@ void plotRuns(const PlotOptions& options) {
         "</title>\n<style>body { margin: 16px; } svg { max-width: 100%; height: auto; }</style>\n" + text + "</html>\n";
   }
   writeTextAtomically(options.output, text);
+  if (options.quiet) return;
   std::printf("wrote %s: %zu run%s\n", options.output.c_str(), runs.size(), runs.size() == 1 ? "" : "s");
 }
 

@@ -14,6 +14,7 @@ struct PlotOptions {
   std::vector<std::filesystem::path> runs;  // folders, or metrics.jsonl files
   std::filesystem::path output;             // .svg or .html
   bool overwrite = false;
+  bool quiet = false;
 };
 void addPlotOptions(CLI::App& app, PlotOptions& options);
 

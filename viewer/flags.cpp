@@ -156,6 +156,7 @@ void declare(CLI::App& app, Flags& flags) {
                {"tgview model.tgz --turntable 120 -o turn.mp4", "a video"},
                {"tgview a.tgz --compare b.tgz", "two models"},
                {"tgview --follow run", "a training run"},
+               {"tgview model.tgz --serve 8080", "in a browser"},
                {"tgview model.tgz --inspect 640,360", "what is blended at a pixel"}},
               kFooter);
 }
