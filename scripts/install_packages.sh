@@ -6,11 +6,12 @@ set -euo pipefail
 build_packages=(build-essential cmake ninja-build pkg-config ccache
   libglfw3-dev libvulkan-dev mesa-vulkan-drivers libepoxy-dev libegl1 libgl1-mesa-dri libimgui-dev libfontconfig-dev libstb-dev libglm-dev libtinygltf-dev
   nlohmann-json3-dev libopenexr-dev libimath-dev glslang-tools libcli11-dev libhwy-dev libpng-dev libjpeg-dev libwebp-dev
-  zlib1g-dev libzstd-dev libarchive-dev libssl-dev libmeshoptimizer-dev libexif-dev libheif-dev libsqlite3-dev)
+  zlib1g-dev libzstd-dev libarchive-dev libssl-dev libmeshoptimizer-dev libexif-dev libheif-dev libsqlite3-dev
+  libcpp-httplib-dev)
 # What tgtrain photos starts: cameras of photographs, frames of films.
 photo_packages=(colmap ffmpeg)
 test_packages=(catch2 desktop-file-utils shared-mime-info libheif-examples vulkan-validationlayers xvfb xauth xdotool
-  openbox imagemagick spirv-cross python3 zsh fish mandoc)
+  openbox imagemagick spirv-cross python3 curl zsh fish mandoc)
 
 packages=("${build_packages[@]}" "${photo_packages[@]}")
 [ "${1:-build}" = test ] && packages+=("${test_packages[@]}")

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -24,6 +25,7 @@
 #include "training/data/write_dataset.h"
 #include "training/photos/scan.h"
 #include "training/photos_flags.h"
+#include "training/plot.h"
 #include "training/run/report.h"
 #include "training/run/run_folder.h"
 #include "training/run/size_plan.h"
@@ -31,6 +33,7 @@
 #include "training/run/trainer.h"
 #include "training/settings/schedule.h"
 #include "training/watch.h"
+#include "training/watchers.h"
 #include "training/write_scene.h"
 
 namespace {
@@ -65,6 +68,7 @@ struct Options {
   int threads = 0;
   bool overwrite = false;
   bool watch = false;
+  std::string serve, serve_token;
   bool quiet = false;
   bool reproducible = false;
   bool print_config = false;
@@ -222,6 +226,13 @@ int runTraining(const Options& options) {
   }
   tg::TrainSettings settings = settingsOf(options);
   if (options.target_bytes > 0 || options.steps > 0) tg::partOfSog(options.output);  // refuses what has none
+  if (options.serve.empty() && !options.serve_token.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, "--serve-token is of a page (expected --serve with it)");
+  }
+  std::unique_ptr<tg::PageServer> page;
+  if (!options.serve.empty()) {
+    page = tg::servePage(options.serve, options.serve_token, fs::path(options.dataset).filename().string());
+  }
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
   // What a run wrote when it was stopped, it replaces when it goes on.
   const bool replace = options.overwrite || (run && run->hasCheckpoint());
@@ -251,7 +262,7 @@ int runTraining(const Options& options) {
     if (options.run.resume && !state && !options.quiet) {
       std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
     }
-    if (options.watch) tg::startViewer(run->folder());
+    if (options.watch) tg::startViewer(run->folder(), options.dataset);
   }
 
   tg::Trainer trainer = state ? tg::Trainer(dataset, settings, *renderer, std::move(*state))
@@ -263,13 +274,18 @@ int runTraining(const Options& options) {
     return tg::asStored(options.output, model, options.target_bytes, steps);
   });
   tg::ProgressLine line;
-  if (!options.quiet) {
-    trainer.onScoring([&](std::size_t done, std::size_t views) { line.show("scoring test views", done, views); });
-  }
-  while (!trainer.finished() && !stop_requested) {
+  tg::Watchers watchers(dataset, run.get(), page.get(), stop_requested);
+  trainer.onScoring([&](std::size_t done, std::size_t views) {
+    if (!options.quiet) line.show("scoring test views", done, views);
+    watchers.scoring(trainer, done, views);
+  });
+  while (!trainer.finished()) {
+    watchers.beforeStep(trainer);
+    if (stop_requested) break;
     if (!trainer.step(&stop_requested)) continue;
     if (!options.quiet) line.show(trainer.progress());
     if (run) run->afterStep(trainer);
+    watchers.afterStep(trainer);
   }
   line.finish();
   tg::TrainResult result = trainer.result();
@@ -306,6 +322,7 @@ int runTraining(const Options& options) {
     report.textured.reset();
     save(options.untextured_output, std::move(*result.untextured), report);
   }
+  watchers.finish(trainer);
   if (!options.json.empty()) tg::writeTextAtomically(options.json, json);
   if (!options.quiet) {
     const std::string name = options.output.empty() ? run->model().string() : options.output;
@@ -318,7 +335,8 @@ int runTraining(const Options& options) {
     }
   }
   // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
-  return result.report.interrupted ? 128 + stop_signal : 0;
+  // An order to stop is as Ctrl-C.
+  return result.report.interrupted ? 128 + (stop_signal > 0 ? stop_signal.load() : SIGINT) : 0;
 }
 
 // Every entry of the settings as a flag; what is given stands in `chosen`, over the preset. Switches are flags that
@@ -408,7 +426,13 @@ void addRunOptions(CLI::App& app, Options& options) {
                      "A picture in previews/, truth beside rendering (0: none) [iterations]")
           ->check(iterations)
           ->capture_default_str());
-  add(app.add_flag("--watch", options.watch, "Show the model in tgview while it trains"));
+  add(app.add_flag("--watch", options.watch, "Show the run in tgview while it trains"));
+  add(app.add_option("--serve", options.serve,
+                     "Show the run in browsers, on this machine alone where no address is named")
+          ->type_name("[ADDRESS:]PORT"));
+  add(app.add_option("--serve-token", options.serve_token,
+                     "What the page's address must bring; without one a random one, where others reach it")
+          ->type_name("TEXT"));
 }
 
 // What a training from photographs depends on beside them.
@@ -548,6 +572,7 @@ int main(int argc, char** argv) {
                     {{"tgtrain make-sample scene && tgtrain scene -o model.tgz", "the built-in scene"},
                      {"tgtrain fox -o fox.tgz --downscale 2", "photographs at half their size"},
                      {"tgtrain fox --run run --watch", "a run that can stop and go on, in a window"},
+                     {"tgtrain fox -o fox.tgz --serve 8080", "in a browser meanwhile"},
                      {"tgtrain fox --run run --resume", "go on where it stopped"},
                      {"tgtrain fox -o fox.sog --target-size 900KB", "a file to ship, of at most that size"},
                      {"tgtrain fox -o fox.tgz --iterations 0 --start-model scan.ply", "only add textures"},
@@ -564,6 +589,9 @@ int main(int argc, char** argv) {
     CLI::App* undistorted = app.add_subcommand(
         "undistort", "Writes a data set as training sees it: photographs of pinhole cameras, in nerfstudio's layout");
     addUndistortOptions(*undistorted, undistort_options);
+    tg::PlotOptions plot_options;
+    CLI::App* plotted = app.add_subcommand("plot", "Draws the curves of runs: loss, PSNR and Gaussians");
+    tg::addPlotOptions(*plotted, plot_options);
     if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
     options.from_file = app.get_config_ptr()->count() > 0;
     if (*sample) {
@@ -573,6 +601,10 @@ int main(int argc, char** argv) {
     if (*photos)
       throw tg::Error(tg::ErrorKind::usage, "photos: expected before every flag (tgtrain photos FOLDER ...)");
     if (*undistorted) return undistort(undistort_options);
+    if (*plotted) {
+      tg::plotRuns(plot_options);
+      return 0;
+    }
     return runTraining(options);
   });
 }

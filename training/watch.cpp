@@ -68,7 +68,9 @@ bool canShow() {
   }
 }
 
-void startViewer(const std::filesystem::path& folder) { start({"--follow", "--", folder.string()}); }
+void startViewer(const std::filesystem::path& folder, const std::filesystem::path& dataset) {
+  start({"--follow", "--photos=" + dataset.string(), "--", folder.string()});
+}
 
 void showModel(const std::filesystem::path& model) { start({"--", model.string()}); }
 

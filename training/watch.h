@@ -9,9 +9,9 @@ namespace tg {
 // window on.
 void requireViewer();
 
-// Starts `tgview --follow FOLDER` and returns at once. The window belongs to itself: Ctrl-C in the terminal does not
-// close it, nor does the end of the training. Throws what requireViewer does.
-void startViewer(const std::filesystem::path& folder);
+// Starts `tgview --follow FOLDER --photos DATASET` and returns at once. The window belongs to itself: Ctrl-C in the
+// terminal does not close it, nor does the end of the training. Throws what requireViewer does.
+void startViewer(const std::filesystem::path& folder, const std::filesystem::path& dataset);
 
 // The same with a model that is there.
 void showModel(const std::filesystem::path& model);

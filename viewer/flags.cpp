@@ -128,6 +128,12 @@ void declare(CLI::App& app, Flags& flags) {
   app.option_defaults()->group("Window");
   app.add_flag("--follow", flags.view.follow,
                "read the model again whenever it changes; model may be a run folder of tgtrain");
+  app.add_option("--serve", flags.view.serve,
+                 "show the model in browsers instead of a window, on this machine alone where no address is named")
+      ->type_name("[ADDRESS:]PORT");
+  app.add_option("--serve-token", flags.view.serve_token,
+                 "what the page's address must bring; without one a random one, where others reach it")
+      ->type_name("TEXT");
   app.add_option("--up", flags.up, "cameras, +x, -x, +y, -y, +z or -z: what the horizon is kept by")
       ->check(oneOf<UpAxis>())
       ->capture_default_str();
@@ -150,6 +156,7 @@ void declare(CLI::App& app, Flags& flags) {
                {"tgview model.tgz --turntable 120 -o turn.mp4", "a video"},
                {"tgview a.tgz --compare b.tgz", "two models"},
                {"tgview --follow run", "a training run"},
+               {"tgview model.tgz --serve 8080", "in a browser"},
                {"tgview model.tgz --inspect 640,360", "what is blended at a pixel"}},
               kFooter);
 }
@@ -341,13 +348,18 @@ void parseValues(Flags& flags) {
     view.difference_gain = std::exchange(view.settings.gain, 1.0f);
   }
   const bool compares = !view.compare.empty() || !view.photographs.empty();
-  refuseIf(compares && (!view.record.empty() || !flags.benchmark.empty() || view.follow),
+  const bool follows = view.follow && (!view.compare.empty() || !view.out.empty());
+  refuseIf(compares && (!view.record.empty() || !flags.benchmark.empty() || follows),
            "--compare and --photos are for windows and pictures (expected no --output, --benchmark, --follow)");
   refuseIf(!flags.compare_mode.empty() && !compares,
            "--compare-mode says how (expected --compare or --photos with it)");
   refuseIf(!view.compare.empty() && !view.photographs.empty() && !view.out.empty(),
            "--compare and --photos (expected one of them with --render)");
   parseShot(flags);
+  const bool other = !window || compares || view.inspect || !view.script.empty() || !view.more_models.empty();
+  refuseIf(!view.serve.empty() && (other || view.model.empty()),
+           "--serve shows a model in browsers (expected one model, and no other output with it)");
+  refuseIf(view.serve.empty() && !view.serve_token.empty(), "--serve-token is of a page (expected --serve with it)");
   if (view.follow) view.model = followedFile(view.model);
   refuseIf(!view.out.empty() && !view.script.empty(), "--script drives the window (expected no --render with it)");
 }

@@ -40,6 +40,8 @@ int run(int argc, char** argv) {
     tg::benchmarkHeadless(view);
   } else if (!view.record.empty()) {
     tg::recordToFile(view);
+  } else if (!view.serve.empty()) {
+    tg::serveModel(view);
   } else {
     tg::runWindow(view);
   }

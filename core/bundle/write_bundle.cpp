@@ -5,6 +5,7 @@
 #include <archive_entry.h>
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -14,10 +15,12 @@
 #include "core/bundle/camera_file.h"
 #include "core/bundle/manifest.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/quick_bundle.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/file/npy.h"
+#include "core/file/quick_file.h"
 #include "core/file/sha256.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -142,12 +145,12 @@ void checkWritable(const Bundle& bundle, const std::string& path) {
 
 class TarWriter {
  public:
-  explicit TarWriter(const std::filesystem::path& file) : archive_(archive_write_new(), archive_write_free) {
+  TarWriter(const std::filesystem::path& file, bool compressed) : archive_(archive_write_new(), archive_write_free) {
     archive* a = archive_.get();
     if (!a) throw std::bad_alloc();
     check(archive_write_set_format_ustar(a));
     check(archive_write_add_filter_gzip(a));
-    check(archive_write_set_filter_option(a, "gzip", "compression-level", "6"));
+    check(archive_write_set_filter_option(a, "gzip", "compression-level", compressed ? "6" : "0"));
     check(archive_write_set_filter_option(a, "gzip", "timestamp", nullptr));  // mtime 0: same bytes every time
     check(archive_write_open_filename(a, file.c_str()));
   }
@@ -182,15 +185,17 @@ class TarWriter {
   std::unique_ptr<archive, int (*)(archive*)> archive_;
 };
 
-}  // namespace
+using Writer = std::function<void(const std::filesystem::path&)>;
 
-void writeBundle(const std::filesystem::path& path, const Bundle& bundle) {
+// `file` calls a writer with the file to fill.
+void writeTo(const std::filesystem::path& path, const Bundle& bundle, bool compressed,
+             const std::function<void(const Writer&)>& file) {
   TG_ASSERT(bundle.preview.data.empty() || hasImageShape(bundle.preview), "the preview's data has its size");
   checkWritable(bundle, path.string());
   try {
     std::vector<Entry> entries = encodeEntries(bundle, path.string());
-    writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
-      TarWriter tar(temporary);
+    file([&](const std::filesystem::path& temporary) {
+      TarWriter tar(temporary, compressed);
       for (Entry& entry : entries) {
         tar.add(entry);
         std::vector<std::uint8_t>().swap(entry.bytes);
@@ -204,6 +209,16 @@ void writeBundle(const std::filesystem::path& path, const Bundle& bundle) {
   } catch (const std::runtime_error& e) {
     throw Error(ErrorKind::cannotWrite, path.string(), e.what());
   }
+}
+
+}  // namespace
+
+void writeBundle(const std::filesystem::path& path, const Bundle& bundle) {
+  writeTo(path, bundle, true, [&](const Writer& fill) { writeFileAtomically(path, fill); });
+}
+
+void writeBundleQuickly(const std::filesystem::path& path, const Bundle& bundle) {
+  writeTo(path, bundle, false, [&](const Writer& fill) { writeFileQuickly(path, fill); });
 }
 
 }  // namespace tg

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "core/file/atomic_files.h"
+#include "core/file/quick_file.h"
 #include "core/system/error.h"
 #include "core/system/temporary_files.h"
 
@@ -256,6 +257,17 @@ void writeFileAtomically(const std::filesystem::path& path,
   AtomicFiles files;
   files.add(path, write);
   files.commit();
+}
+
+void writeFileQuickly(const std::filesystem::path& path,
+                      const std::function<void(const std::filesystem::path& temporary)>& write) {
+  requireFileName(path);
+  TemporaryFile file(path);
+  write(file.path);
+  if (::rename(file.path.c_str(), path.c_str()) != 0) {
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot rename the finished file: " + systemReason());
+  }
+  file.released = true;
 }
 
 void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes) {

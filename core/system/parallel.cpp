@@ -2,20 +2,27 @@
 // A pool of sleeping workers that join a loop while it has items left.
 #include "core/system/parallel.h"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
+#include <ctime>
 #include <exception>
 #include <mutex>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/system/assert.h"
+#include "core/system/serial_loops.h"
 
 namespace tg {
 namespace {
 
+constexpr int kBackgroundNiceness = 5;
 constexpr int kMaxThreads = 1024;  // far above any machine; keeps a mistyped option from starting a million threads
 
 // Which worker of a running loop this thread is; -1 outside of loops.
@@ -121,6 +128,18 @@ Pool& pool() {
 std::atomic<int> requested_threads{0};
 
 }  // namespace
+
+SerialLoops::SerialLoops() : outer_(std::exchange(current_worker, std::max(current_worker, 0))) {}
+SerialLoops::~SerialLoops() { current_worker = outer_; }
+
+// On Linux niceness is a thread's own.
+void runInBackground() { (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kBackgroundNiceness); }
+
+double threadSeconds() {
+  timespec time{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 bool insideParallelFor() { return current_worker >= 0; }
 

@@ -99,13 +99,6 @@ void ProgressLine::finish() {
   open_ = false;
 }
 
-std::string formatSeconds(double seconds) {
-  const auto whole = static_cast<long>(std::lround(seconds));
-  if (whole < 60) return formatted("%ld s", whole);
-  if (whole < 3600) return formatted("%ld min %02ld s", whole / 60, whole % 60);
-  return formatted("%ld h %02ld min", whole / 3600, whole % 3600 / 60);
-}
-
 std::string formatProgress(const TrainProgress& progress) {
   return formatted("%s %d/%d  loss %.4f  PSNR %.2f dB  %zu Gaussians  %.1f it/s  %s left",
                    std::string(name(progress.stage)).c_str(), progress.iteration, progress.iterations, progress.loss,
@@ -129,10 +122,20 @@ std::string formatSummary(const TrainReport& report, double total_seconds) {
   return text;
 }
 
-double rounded(double value, int decimals) {
-  TG_ASSERT(decimals >= 0, "decimals are counted from 0");
-  const double scale = std::pow(10.0, decimals);
-  return std::round(value * scale) / scale;
+RunMetrics metricsOf(const TrainProgress& progress, double seconds) {
+  RunMetrics metrics;
+  metrics.stage = name(progress.stage);
+  metrics.iteration = progress.iteration;
+  metrics.iterations = progress.iterations;
+  if (progress.iteration > 0) {
+    metrics.loss = progress.loss;
+    metrics.train_psnr = progress.psnr;
+    metrics.per_second = progress.per_second;
+    metrics.seconds_left = progress.seconds_left;
+  }
+  metrics.gaussians = progress.gaussians;
+  metrics.seconds = seconds;
+  return metrics;
 }
 
 std::string datasetFingerprint(const Dataset& dataset) {

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <string>
 
+#include "core/run/live.h"
+#include "core/run/metrics.h"
 #include "training/run/trainer.h"
 
 namespace tg {
@@ -26,11 +28,12 @@ class ProgressLine {
   std::chrono::steady_clock::time_point next_{};
 };
 
-// "12 s", "3 min 05 s", "2 h 07 min"
-std::string formatSeconds(double seconds);
 std::string formatProgress(const TrainProgress& progress);
 // Test scores, counts and times, a few lines.
 std::string formatSummary(const TrainReport& report, double total_seconds);
+
+// Where a run stands, `seconds` after its start; without test scores.
+RunMetrics metricsOf(const TrainProgress& progress, double seconds);
 
 struct TrainingJsonOptions {
   int downscale = 1;
@@ -41,8 +44,6 @@ struct TrainingJsonOptions {
   bool measurements = true;
   std::string fingerprint;  // datasetFingerprint(), where it is known already
 };
-// To so many decimals, and to the number whose text has no more.
-double rounded(double value, int decimals);
 // Of every pixel, mask, camera and point: 16 hexadecimal digits.
 std::string datasetFingerprint(const Dataset& dataset);
 // The settings, the data set (name, sizes, fingerprint of the pixels and cameras), metrics per stage. No paths.

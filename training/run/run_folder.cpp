@@ -10,11 +10,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 
 #include "core/file/file.h"
+#include "core/run/live.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "training/run/trained_bundle.h"
@@ -23,18 +23,22 @@ namespace tg {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 constexpr double kLargestShare = 0.05;  // of the time for checkpoints
 
 // Left by a process that was killed while it wrote.
 bool isTemporary(const fs::path& path) { return path.filename().string().starts_with(".tg-"); }
 
+// Of a run that was watched when it was killed.
+bool isLiveFile(const fs::path& file) {
+  return file == kLiveModelName || file == kLiveStatusName || file == kControlName;
+}
+
 // Nothing to lose: empty, or, where a run is to go on, what one leaves that was killed before its first checkpoint.
 bool isFresh(const fs::path& folder, bool resume) {
   return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(), [&](const fs::directory_entry& entry) {
     const fs::path file = entry.path().filename();
-    return isTemporary(file) || (resume && (file == "metrics.jsonl" || file == "previews"));
+    return isTemporary(file) || (resume && (file == kMetricsName || file == "previews" || isLiveFile(file)));
   });
 }
 
@@ -71,15 +75,10 @@ void removePreviews(const fs::path& folder) {
   fs::remove(folder, ignored);  // where nothing else is in it
 }
 
-void addScore(Json& line, const Score& score) {
-  line["test_psnr"] = rounded(score.psnr, 4);
-  line["test_ssim"] = rounded(score.ssim, 5);
-  line["test_views"] = score.views;
-}
-
 }  // namespace
 
-RunFolder::RunFolder(RunFolderOptions options) : options_(std::move(options)) {
+RunFolder::RunFolder(RunFolderOptions options)
+    : options_(std::move(options)), log_(options_.metrics_every, options_.eval_every) {
   const fs::path& folder = options_.folder;
   std::error_code error;
   fs::create_directories(folder, error);
@@ -97,6 +96,9 @@ RunFolder::RunFolder(RunFolderOptions options) : options_(std::move(options)) {
                                   : "exists already (add --resume to go on with it, or --overwrite to start anew)");
     }
     removeTemporaries(folder);
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+      if (isLiveFile(entry.path().filename())) fs::remove(entry.path(), error);
+    }
     requireWritable(checkpoint());
   } catch (...) {
     if (lock_ >= 0) ::close(lock_);
@@ -118,7 +120,7 @@ std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
   dataset_ = &inputs.dataset;
   renderer_ = &inputs.renderer;
   json_ = inputs.json;
-  stop_ = inputs.stop;
+  log_.stop = inputs.stop;
   if (json_.fingerprint.empty()) json_.fingerprint = datasetFingerprint(inputs.dataset);
   identity_ = runIdentity(inputs.dataset, inputs.settings, json_.fingerprint, inputs.start);
   if (!has_checkpoint_) {
@@ -133,15 +135,14 @@ std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
   Checkpoint found = readCheckpoint(checkpoint());
   checkResumable(found, identity_, inputs.dataset, inputs.settings, checkpoint().string());
   earlier_seconds_ = found.header.seconds;
-  stage_ = found.state.stage;
-  finished_ = found.state.finished;
+  log_.resume(found.state.stage, found.state.finished);
   openMetrics(found.header.metrics_bytes);
   return std::move(found.state);
 }
 
 // Lines after the checkpoint will be written again.
 void RunFolder::openMetrics(std::uint64_t keep_bytes) {
-  const fs::path path = options_.folder / "metrics.jsonl";
+  const fs::path path = options_.folder / kMetricsName;
   metrics_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
   struct stat status{};
   if (metrics_ < 0 || ::fstat(metrics_, &status) != 0 || !S_ISREG(status.st_mode)) {
@@ -154,43 +155,15 @@ void RunFolder::openMetrics(std::uint64_t keep_bytes) {
 }
 
 // One write a line: a reader, and a run that was killed, see whole lines.
-void RunFolder::writeMetrics(const std::string& line) {
+void RunFolder::writeMetrics(const RunMetrics& metrics) {
+  const std::string line = formatMetrics(metrics);
   const ssize_t written = ::write(metrics_, line.data(), line.size());
   if (written > 0) metrics_bytes_ += static_cast<std::uint64_t>(written);
   if (written != static_cast<ssize_t>(line.size())) {
-    std::fprintf(stderr, "tgtrain: %s: cannot write: %s\n", (options_.folder / "metrics.jsonl").c_str(),
+    std::fprintf(stderr, "tgtrain: %s: cannot write: %s\n", (options_.folder / kMetricsName).c_str(),
                  systemReason().c_str());
   }
-}
-
-void RunFolder::writeStepMetrics(const Trainer& trainer, int iteration, bool last) {
-  const bool evaluate = options_.eval_every > 0 && iteration % options_.eval_every == 0 && !last;
-  const bool due = options_.metrics_every > 0 && iteration % options_.metrics_every == 0;
-  if (!due && !evaluate && !last) return;
-  trainer.settle();
-  const TrainProgress progress = trainer.progress();
-  Json line = {{"stage", name(progress.stage)},     {"iteration", progress.iteration},
-               {"loss", rounded(progress.loss, 6)}, {"train_psnr", rounded(progress.psnr, 4)},
-               {"gaussians", progress.gaussians},   {"per_second", rounded(progress.per_second, 3)},
-               {"seconds", rounded(seconds(), 3)}};
-  if (evaluate) {
-    if (const std::optional<Score> score = trainer.testScore(stop_)) addScore(line, *score);
-  }
-  writeMetrics(line.dump() + "\n");
-}
-
-// Test scores of the stages that have ended since the last step.
-void RunFolder::writeStageMetrics(const Trainer& trainer) {
-  for (const Stage stage : valuesOf<Stage>()) {
-    const StageReport* report = reportOf(trainer.report(), stage);
-    const bool ended = stage < trainer.stage() || (stage == trainer.stage() && trainer.finished());
-    if (stage < stage_ || !ended || !report || !report->test) continue;
-    Json line = {{"stage", name(stage)}, {"iteration", report->iterations}, {"gaussians", report->gaussians}};
-    addScore(line, *report->test);
-    line["seconds"] = rounded(seconds(), 3);
-    writeMetrics(line.dump() + "\n");
-  }
-  stage_ = trainer.stage();
+  if (told_) told_(metrics);
 }
 
 void RunFolder::writePreview(const Trainer& trainer) const {
@@ -234,10 +207,9 @@ std::string RunFolder::save(const Trainer& trainer) {
 
 void RunFolder::afterStep(const Trainer& trainer) {
   TG_ASSERT(dataset_ != nullptr, "begin() comes first");
-  writeStageMetrics(trainer);
+  log_.afterStep(trainer, seconds(), [this](const RunMetrics& line) { writeMetrics(line); });
   const TrainProgress progress = trainer.progress();
   const bool last = progress.iteration == progress.iterations;
-  writeStepMetrics(trainer, progress.iteration, last);
   try {
     if (options_.preview_every > 0 && progress.iteration % options_.preview_every == 0) writePreview(trainer);
     if (!saved_ || last || Clock::now() >= next_save_) save(trainer);
@@ -251,8 +223,7 @@ void RunFolder::afterStep(const Trainer& trainer) {
 
 std::string RunFolder::finish(const Trainer& trainer) {
   TG_ASSERT(dataset_ != nullptr, "begin() comes first");
-  if (!finished_) writeStageMetrics(trainer);
-  finished_ = trainer.finished();
+  log_.finish(trainer, seconds(), [this](const RunMetrics& line) { writeMetrics(line); });
   return save(trainer);
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "training/run/checkpoint.h"
+#include "training/run/metrics_log.h"
 #include "training/run/report.h"
 #include "training/run/trainer.h"
 
@@ -59,15 +60,17 @@ class RunFolder {
 
   // Wall time of the run, all its sessions together.
   double seconds() const;
+  // `told` every line of metrics.jsonl from now on.
+  void onMetrics(MetricsLog::Sink told) { told_ = std::move(told); }
+  // Of metrics.jsonl, after begin().
+  int metricsDescriptor() const { return metrics_; }
 
  private:
   using Clock = std::chrono::steady_clock;
 
   std::string save(const Trainer& trainer);  // returns training.json
   void openMetrics(std::uint64_t keep_bytes);
-  void writeMetrics(const std::string& line);
-  void writeStepMetrics(const Trainer& trainer, int iteration, bool last);
-  void writeStageMetrics(const Trainer& trainer);
+  void writeMetrics(const RunMetrics& metrics);
   void writePreview(const Trainer& trainer) const;
 
   const RunFolderOptions options_;
@@ -78,12 +81,11 @@ class RunFolder {
   const Dataset* dataset_ = nullptr;
   DifferentiableRenderer* renderer_ = nullptr;
   TrainingJsonOptions json_;
-  const std::atomic<bool>* stop_ = nullptr;
   RunIdentity identity_;
   int metrics_ = -1;  // descriptor
   std::uint64_t metrics_bytes_ = 0;
-  Stage stage_ = Stage::count;  // stages before it are in the metrics
-  bool finished_ = false;
+  MetricsLog log_;
+  MetricsLog::Sink told_;
   bool saved_ = false;  // in this session
   Clock::time_point next_save_{};
 };

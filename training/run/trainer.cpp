@@ -110,7 +110,12 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       filter_cameras_(filterCameras(dataset)),
       engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
       state_(std::move(state)),
-      known_losses_(state_.iteration) {}
+      known_losses_(state_.iteration),
+      test_views_(dataset.indices(true).size()),
+      time_left_(settings_, schedule_) {
+  beginTimes();
+  time_left_.resume(state_.iteration, state_.seconds, state_.training.model.size());
+}
 
 void Trainer::takeLosses(bool wait) const {
   for (const LossValue& loss : engine_->losses(state_, wait)) {
@@ -237,6 +242,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   state_.order.random = stream(settings_.seed, stage == Stage::count ? Stream::count
                                                : second              ? Stream::textured
                                                                      : Stream::plain);
+  beginTimes();
 }
 
 // Of the state's model, from an even choice of the training views.
@@ -255,6 +261,7 @@ void Trainer::cutTextures() {
   const double texels = std::ceil(double{settings_.adaptive_texels} * static_cast<double>(engine_->gaussians(state_)));
   fitTexturesToBudget(state_.training.model, static_cast<std::uint64_t>(texels), seenWeights());
   resetMoments(state_.training);
+  time_left_.rescale(texelsEach());
 }
 
 // Leaves as many Gaussians, those that the training views show most, with their statistics.
@@ -302,20 +309,59 @@ bool Trainer::step(const std::atomic<bool>* stop) {
   if (state_.finished) return false;
   const Clock::time_point start = Clock::now();
   iterate();
-  state_.seconds += std::chrono::duration<double>(Clock::now() - start).count();
+  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  state_.seconds += seconds;
+  time_left_.add(seconds, engine_->gaussians(state_));
   return true;
+}
+
+void Trainer::beginTimes() { time_left_.beginStage(!state_.training.model.atlas.texels.empty(), texelsEach()); }
+
+double Trainer::texelsEach() const {
+  const GaussianModel& model = state_.training.model;
+  if (!model.atlas.texels.empty()) {
+    return static_cast<double>(model.atlas.texels.size()) / static_cast<double>(std::max<std::size_t>(model.size(), 1));
+  }
+  const auto gaussians = static_cast<double>(std::max<std::size_t>(engine_->gaussians(state_), 1));
+  if (settings_.texel_budget > 0) return static_cast<double>(settings_.texel_budget) / gaussians;
+  const int side =
+      settings_.texture_size > 0 ? settings_.texture_size : automaticTextureSize(engine_->gaussians(state_));
+  return static_cast<double>(side) * side;
+}
+
+RunPlan Trainer::plan() const {
+  const int iterations = iterationsOf(state_.stage), second = settings_.texture_iterations;
+  const bool textures = settings_.texture_mode != TextureMode::none;
+  const bool before = state_.stage < Stage::textured;
+  RunPlan plan;
+  plan.densifies = before && settings_.densification != Densification::none;
+  plan.iteration = state_.iteration;
+  plan.left = iterations - state_.iteration;
+  plan.gaussians = engine_->gaussians(state_);
+  plan.limit = limit();
+  if (settings_.densification == Densification::mcmc) plan.growth = mcmcGrowth();
+  plan.textured = !state_.training.model.atlas.texels.empty();
+  plan.texels = texelsEach();
+  if (state_.stage == Stage::count) {
+    plan.first_left = settings_.iterations;
+    plan.first_share = settings_.percent / 100;
+  }
+  if (textures && before) plan.textured_left = second;
+  if (textures && settings_.adaptive_texels > 0 &&
+      (before || (state_.stage == Stage::textured && state_.iteration <= second / 2))) {
+    plan.texels_cut = settings_.adaptive_texels;
+    plan.cut_left = second - second / 2;
+  }
+  const bool twin = textures && settings_.compare_untextured && state_.stage < Stage::untextured;
+  if (twin) plan.untextured_left = second;
+  if (state_.stage != Stage::quantized) plan.quantized_left = settings_.quantize_iterations;
+  plan.test_views = test_views_;
+  plan.scorings = 1 + (textures && before && second > 0) + twin + (plan.quantized_left > 0);
+  return plan;
 }
 
 TrainProgress Trainer::progress() const {
   const int iterations = iterationsOf(state_.stage);
-  const bool textured = settings_.texture_mode != TextureMode::none;
-  int left = iterations - state_.iteration;
-  if (state_.stage == Stage::count) left += settings_.iterations;
-  if (textured && state_.stage < Stage::textured) left += settings_.texture_iterations;
-  if (textured && settings_.compare_untextured && state_.stage < Stage::untextured) {
-    left += settings_.texture_iterations;
-  }
-  if (state_.stage != Stage::quantized) left += settings_.quantize_iterations;
   const double rate = std::max(state_.iteration, 1) / std::max(state_.seconds, 1e-9);
   return {state_.stage,
           state_.iteration,
@@ -324,7 +370,7 @@ TrainProgress Trainer::progress() const {
           decibels(state_.squared_error.value()),
           engine_->gaussians(state_),
           rate,
-          left / rate};
+          time_left_.seconds(plan())};
 }
 
 void Trainer::iterate() {

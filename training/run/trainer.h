@@ -8,6 +8,7 @@
 
 #include "core/model/model.h"
 #include "training/data/dataset.h"
+#include "training/run/time_left.h"
 #include "training/settings/schedule.h"
 #include "training/settings/settings.h"
 #include "training/step/density_math.h"
@@ -34,7 +35,7 @@ struct TrainProgress {
   double psnr = 0;
   std::size_t gaussians = 0;
   double per_second = 0;
-  double seconds_left = 0;  // of the whole run, at the pace of this stage
+  double seconds_left = 0;  // of the whole run (time_left.h)
 };
 
 // A run, one iteration at a time. Its state after a step determines everything that follows: a Trainer made from that
@@ -110,6 +111,9 @@ class Trainer {
   GaussianModel firstGaussians() const;
   int automaticTextureSize(std::size_t gaussians) const;  // [texels] a side, where settings name none
   StageReport stageReport() const;
+  void beginTimes();
+  double texelsEach() const;  // of a Gaussian, in stage 2 before it is cut
+  RunPlan plan() const;
 
   const Dataset& dataset_;
   const TrainSettings settings_;
@@ -120,6 +124,8 @@ class Trainer {
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
   mutable RunState state_;
   mutable int known_losses_ = 0;  // of the stage's iterations
+  const std::size_t test_views_;
+  TimeLeft time_left_;
   std::function<void(std::size_t, std::size_t)> scoring_;
   Stored stored_;
 };

@@ -29,4 +29,8 @@ void benchmarkHeadless(const ViewOptions& options);
 // Prints to stdout. Throws Error of every kind.
 void inspectHeadless(const ViewOptions& options);
 
+// serve.cpp: --serve: a model, or with --follow a run, as a page for browsers, until a signal ends it.
+// Throws Error of every kind.
+void serveModel(const ViewOptions& options);
+
 }  // namespace tg

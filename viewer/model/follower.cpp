@@ -9,10 +9,13 @@
 #include <exception>
 #include <utility>
 
+#include "core/file/file.h"
+#include "core/run/live.h"
+
 namespace tg {
 namespace {
 
-constexpr std::chrono::milliseconds kPollPause(500);
+constexpr std::chrono::milliseconds kPollPause(250);
 
 // Another file, or other content, has another one of these.
 using FileIdentity = std::array<std::int64_t, 5>;
@@ -23,6 +26,12 @@ std::optional<FileIdentity> identityOf(const std::filesystem::path& file) {
   return FileIdentity{static_cast<std::int64_t>(status.st_dev), static_cast<std::int64_t>(status.st_ino),
                       static_cast<std::int64_t>(status.st_size), static_cast<std::int64_t>(status.st_mtim.tv_sec),
                       static_cast<std::int64_t>(status.st_mtim.tv_nsec)};
+}
+
+// Of a run that is watched the model of this moment, else the one of its last checkpoint.
+std::filesystem::path newestFile(const std::filesystem::path& file) {
+  const std::filesystem::path live = file.parent_path() / kLiveModelName;
+  return file.filename() == "model.tgz" && isFile(live) ? live : file;
 }
 
 }  // namespace
@@ -47,20 +56,21 @@ void ModelFollower::run(const std::stop_token& stop) {
   std::optional<FileIdentity> shown;
   bool first = true;
   do {
-    const std::optional<FileIdentity> found = identityOf(file_);
+    const std::filesystem::path file = newestFile(file_);
+    const std::optional<FileIdentity> found = identityOf(file);
     if (!first && found == shown) continue;
     News news;
     if (!found) {
       news.problem = "waiting for " + file_.string();
     } else {
       try {
-        news.model = readModel(file_, {.progress = &progress_});
+        news.model = readModel(file, {.progress = &progress_});
       } catch (const std::exception& error) {
         news.problem = error.what();
       }
     }
     // A file that changed while it was read is read again, without a word about the half of it.
-    const bool stable = identityOf(file_) == found;
+    const bool stable = identityOf(file) == found;
     if (stable || news.model) news_.give(std::move(news), keepModel);
     if (stable) shown = found;
     first = !stable;

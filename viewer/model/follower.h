@@ -16,8 +16,8 @@ namespace tg {
 // FOLDER/model.tgz of a run folder, which may not be there yet; a name with an extension is the file itself.
 std::filesystem::path followedFile(const std::filesystem::path& path);
 
-// Looks at the file twice a second and reads it in a thread of its own. A file that is missing or cannot be read is a
-// problem in words until it changes; it never throws.
+// Looks at the file a few times a second - in a run's folder at live.tgz, while that is there - and reads it in a
+// thread of its own. A file that is missing or cannot be read is a problem in words until it changes; it never throws.
 class ModelFollower {
  public:
   struct News {

@@ -16,6 +16,9 @@ OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
                        std::function<void(ViewerState&, Scene)> adopt, ModelReader read)
     : options_(options), adopt_(std::move(adopt)), loader_(wake, std::move(read)) {
   if (options.follow) {
+    if (options.model.filename() == "model.tgz") {
+      run_ = std::make_unique<RunWatch>(options.model.parent_path(), wake);
+    }
     follower_ = std::make_unique<ModelFollower>(options.model, std::move(wake));
     return;
   }
@@ -47,6 +50,7 @@ bool OpenModels::update(ViewerState& state) {
   state.loading.total = status.total;
   state.loading.waiting = status.waiting;
   changed |= takeFollowed(state);
+  changed |= takeRun(state);
   if (const auto document = std::exchange(documents.show_request, std::nullopt)) {
     if (*document >= 0 && *document < static_cast<int>(documents.open.size())) {
       show(state, *document);
@@ -101,8 +105,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       if (opened_any_ || loader_.status().waiting > 0) say(state, "Opened " + news->path.string());
       opened_any_ = true;
       if (follower_ && news->path != follower_->file()) {
-        follower_.reset();
-        state.follow.active = false;
+        unfollow(state);
       }
     } else {
       if (partial) close(state, document);
@@ -147,6 +150,26 @@ bool OpenModels::takeFollowed(ViewerState& state) {
     state.follow.problem = follower_->file().string() + ": not enough memory";
   }
   return true;
+}
+
+bool OpenModels::takeRun(ViewerState& state) {
+  if (!run_) return false;
+  if (const auto order = std::exchange(state.follow.order, std::nullopt)) {
+    attempt(state, [&] { run_->order(*order); });
+  }
+  std::optional<RunWatch::News> news = run_->take();
+  if (!news) return false;
+  state.follow.lines = std::move(news->lines);
+  state.follow.status = std::move(news->status);
+  return true;
+}
+
+void OpenModels::unfollow(ViewerState& state) {
+  follower_.reset();
+  run_.reset();
+  state.follow.active = false;
+  state.follow.lines.reset();
+  state.follow.status.reset();
 }
 
 void OpenModels::open(ViewerState& state, Scene scene) {
@@ -209,8 +232,7 @@ void OpenModels::close(ViewerState& state, int document) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   std::vector<Document>& open = state.documents.open;
   if (follower_ && open[document].path == follower_->file()) {
-    follower_.reset();
-    state.follow.active = false;
+    unfollow(state);
   }
   const int shown = state.documents.shown;
   if (shown == document) {

@@ -6,6 +6,7 @@
 
 #include "viewer/model/follower.h"
 #include "viewer/model/loader.h"
+#include "viewer/model/run_watch.h"
 #include "viewer/view/options.h"
 #include "viewer/view/state.h"
 
@@ -30,6 +31,8 @@ class OpenModels {
   void say(ViewerState& state, const std::string& text) const;
   bool takeLoaded(ViewerState& state);
   bool takeFollowed(ViewerState& state);
+  bool takeRun(ViewerState& state);
+  void unfollow(ViewerState& state);
   void open(ViewerState& state, Scene scene);
   void replace(ViewerState& state, int document, Scene scene);
   void show(ViewerState& state, int document);
@@ -44,6 +47,7 @@ class OpenModels {
   double read_seconds_ = 0;
   std::uint64_t read_bytes_ = 0;
   std::unique_ptr<ModelFollower> follower_;
+  std::unique_ptr<RunWatch> run_;
   ModelLoader loader_;
 };
 

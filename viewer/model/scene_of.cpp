@@ -2,7 +2,6 @@
 // From files to scenes; training.json is read without trust.
 #include "viewer/model/scene_of.h"
 
-#include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -10,6 +9,7 @@
 #include "core/bundle/training_json.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
@@ -38,10 +38,10 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   scene.cameras = std::move(loaded.cameras);
   const TrainingProgress progress = trainingProgress(loaded.training_json);
   scene.training = formatProgress(progress);
-  if (progress.psnr > 0) {
-    char text[32];
-    std::snprintf(text, sizeof text, ", %.2f dB in training", progress.psnr);
-    scene.training += text;
+  if (progress.finished && progress.held_out > 0) {
+    scene.training = formatted("finished, %.2f dB held out", progress.held_out);
+  } else if (progress.psnr > 0) {
+    scene.training += formatted(", %.2f dB in training", progress.psnr);
   }
   scene.training_json = std::move(loaded.training_json);
   scene.model = std::make_shared<const GaussianModel>(std::move(loaded.model));
@@ -71,8 +71,12 @@ TrainingProgress trainingProgress(const std::string& training_json) {
     }
     progress.stage = stage;
     progress.iteration = whole(*report, "iterations");
-    const auto psnr = report->find("train_psnr");
-    progress.psnr = psnr != report->end() && psnr->is_number() ? psnr->get<double>() : 0;
+    const auto decibels = [&](const char* key) {
+      const auto psnr = report->find(key);
+      return psnr != report->end() && psnr->is_number() ? psnr->get<double>() : 0;
+    };
+    progress.psnr = decibels("train_psnr");
+    progress.held_out = decibels("test_psnr");
   }
   if (const nlohmann::json* settings = member(json, "settings")) {
     const bool second = progress.stage == "textured" || progress.stage == "untextured";

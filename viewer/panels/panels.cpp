@@ -67,6 +67,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   panelMenu(state);
   documentsSection(state);
   modelSection(state);
+  trainingSection(state);
   compareSection(state);
   historySection(state);
   tabs(state);

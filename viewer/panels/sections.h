@@ -10,6 +10,8 @@ namespace tg {
 
 // model.cpp
 void modelSection(ViewerState& state);
+// training.cpp
+void trainingSection(ViewerState& state);
 // documents.cpp
 void documentsSection(ViewerState& state);
 // compare.cpp

@@ -31,6 +31,8 @@ struct ViewOptions {
   std::filesystem::path out;     // .png, .jpg: a picture; .exr: the numbers. Empty: a window
   std::filesystem::path script;  // drives the window; may be empty
   bool follow = false;           // the model is a file or a run folder that changes
+  std::string serve;             // [ADDRESS:]PORT: a page for browsers instead of a window; "": none
+  std::string serve_token;       // what the page's address must bring
   std::string camera;            // "": the model's first test camera, else the whole model in view
   Output show = Output::final;
   RenderSettings settings;              // all but outputs and background

@@ -3,11 +3,13 @@
 #pragma once
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "core/run/live.h"
 #include "core/system/names.h"
 #include "render/reference/inspect.h"
 #include "render/renderer.h"
@@ -119,6 +121,10 @@ struct FollowState {
   bool active = false;
   int reloads = 0;      // models that it has brought
   std::string problem;  // why there is no newer one; "" = none
+  // Of a run's folder.
+  std::shared_ptr<const std::vector<RunMetrics>> lines;  // its metrics.jsonl; may be null
+  std::optional<RunStatus> status;                       // none: nothing trains there
+  std::optional<RunOrder> order;                         // to be given to it
 };
 
 // What to write after the next complete frame. Empty paths: nothing.

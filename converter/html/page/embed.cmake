@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-# Makes the page of page.html: every @FILE@ is replaced by that file, with its #include "shared/..." written out
-# where it stands, once each. @TITLE@ and @PAYLOAD@ stay for html.cpp. Writes the page and, for the program, its
-# bytes as a C++ source.
-#   cmake -D SHADERS=... -D OUT_PAGE=... -D OUT_SOURCE=... -P embed.cmake
+# Makes a page of PAGE: every @FILE@ is replaced by that file, of the page's folder or one of FOLDERS, with its #include
+# "shared/..." written out where it stands, once each; other words between @ stay. Writes the page and, for the program,
+# its bytes as a C++ source that defines FUNCTION of HEADER.
+#   cmake -D PAGE=... -D FOLDERS=... -D SHADERS=... -D OUT_PAGE=... -D OUT_SOURCE=... -D HEADER=... -D FUNCTION=...
+#     -P embed.cmake
 cmake_minimum_required(VERSION 3.24)
-set(files splat.vert splat.frag resolve.vert resolve.frag sort_worker.js png.js webp.js meshopt.js glb.js camera.js
-  renderer.js viewer.js style.css)
 
 # FILE(READ) into lists would trip over brackets and semicolons: text is only ever passed quoted.
 function(tg_inline_includes text_variable)
@@ -29,9 +28,14 @@ function(tg_inline_includes text_variable)
   set(${text_variable} "${text}" PARENT_SCOPE)
 endfunction()
 
-file(READ "${CMAKE_CURRENT_LIST_DIR}/page.html" page)
-foreach(name IN LISTS files)
-  file(READ "${CMAKE_CURRENT_LIST_DIR}/${name}" text)
+file(READ "${PAGE}" page)
+get_filename_component(own_folder "${PAGE}" DIRECTORY)
+string(REGEX MATCHALL "@[a-z_]+\\.[a-z]+@" markers "${page}")
+foreach(marker IN LISTS markers)
+  string(REPLACE "@" "" name "${marker}")
+  unset(file CACHE)
+  find_file(file "${name}" PATHS ${own_folder} ${FOLDERS} NO_DEFAULT_PATH REQUIRED)
+  file(READ "${file}" text)
   tg_inline_includes(text)
   if(name MATCHES "\\.(vert|frag)$")
     get_filename_component(folder "${OUT_PAGE}" DIRECTORY)
@@ -45,12 +49,12 @@ file(READ "${OUT_PAGE}" hex HEX)
 string(REGEX REPLACE "(................................................................)" "\\1\n" hex "${hex}")
 string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," hex "${hex}")
 file(WRITE "${OUT_SOURCE}" "// Made by converter/html/page/embed.cmake.
-#include \"converter/html/html.h\"
+#include \"${HEADER}\"
 namespace tg {
 namespace {
 constexpr unsigned char kPage[] = {
 ${hex}};
 }  // namespace
-std::string_view htmlPage() { return {reinterpret_cast<const char*>(kPage), sizeof(kPage)}; }
+std::string_view ${FUNCTION}() { return {reinterpret_cast<const char*>(kPage), sizeof(kPage)}; }
 }  // namespace tg
 ")

@@ -49,6 +49,7 @@ class Viewer {
     this.worker = new Worker(URL.createObjectURL(worker));
     this.worker.onmessage = ({data}) => this.sorted(data);
     this.worker.onerror = (event) => showMessage(`The sorting worker failed: ${event.message}`);
+    this.next = null;         // a model that waits for its first order
     this.models = 0;          // loaded so far: orders of an older one are dropped
     this.request = 0;         // of the last order asked for
     this.sorting = false;
@@ -79,6 +80,35 @@ class Viewer {
     const test = model.cameras.findIndex((camera) => camera.test);
     this.jump(model.cameras.length > 0 ? Math.max(test, 0) : -1);
     showMessage(model.notes.join(' '), true);
+  }
+
+  // The same model, further trained: the view stays, and the old picture until there is an order of the new one.
+  async replace(bytes) {
+    const model = await readGlb(bytes);
+    await new Promise((resolve, reject) => {
+      this.next = {model, resolve, reject};
+      ++this.models;
+      this.asked = null;
+      this.worker.postMessage({positions: new Float32Array(model.mean)});
+      this.sortIfNeeded();
+    });
+  }
+
+  takeNext() {
+    const {model, resolve, reject} = this.next;
+    this.next = null;
+    try {
+      this.renderer.setModel(model);
+      const had = Boolean(this.model.layer);
+      this.model = model;
+      const {camera, distance} = this.orbit;
+      this.orbit = Object.assign(new Orbit(model), {camera, distance});
+      if (Boolean(model.layer) !== had) this.settings.textures = model.layer ? modeName(model.layer) : 'off';
+      this.settings.intersection = model.intersection;
+      resolve();
+    } catch (error) {
+      reject(error);
+    }
   }
 
   // To a camera of the model, or -1: everything in view.
@@ -125,7 +155,10 @@ class Viewer {
   sorted({order, visible, model}) {
     this.sorting = false;
     this.spare = order;
-    if (model === this.models) this.renderer.setOrder(order, visible);
+    if (model === this.models) {
+      if (this.next) this.takeNext();
+      this.renderer.setOrder(order, visible);
+    }
     this.changed();
   }
 

@@ -488,3 +488,23 @@ TEST_CASE("every wrong use is one line and its exit code, and leaves no file") {
     CHECK_FALSE(std::filesystem::exists(shop / "a.png"));
   }
 }
+
+TEST_CASE("the flag --serve is refused without one model, with other outputs and where nothing can listen") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  for (const std::vector<std::string>& wrong : {std::vector<std::string>{"--serve", "0"},
+                                                {"model.tgz", "model.tgz", "--serve", "0"},
+                                                {"model.tgz", "--serve", "0", "--render", "a.png"},
+                                                {"model.tgz", "--serve", "0", "--inspect", "1,1"},
+                                                {"model.tgz", "--serve", "here"},
+                                                {"model.tgz", "--serve", "0", "--serve-token", "short"},
+                                                {"model.tgz", "--serve-token", "long-enough"}}) {
+    const ProcessResult result = shop.tgview(wrong);
+    INFO(result.err);
+    CHECK(result.exit_code == 1);
+    CHECK(contains(result.err, "--serve"));
+    CHECK(result.out.empty());
+  }
+  CHECK(shop.tgview({"missing.tgz", "--serve", "0"}).exit_code == 2);
+  CHECK(shop.tgview({"model.tgz", "--serve", "192.0.2.1:80"}).exit_code == 5);
+}

@@ -2,6 +2,9 @@
 // A followed file: missing, broken, replaced; and how far its training says it is.
 #include "viewer/model/follower.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <atomic>
 #include <fstream>
 
@@ -9,6 +12,7 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "viewer/model/run_watch.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/state.h"
 
@@ -134,4 +138,65 @@ TEST_CASE("a further trained model changes the scene but neither camera nor back
   replaceScene(state, scene);
   CHECK(state.camera.index == -1);
   CHECK(state.camera.pose.position == position);
+}
+
+TEST_CASE("of a run that is watched the live model is followed, and its last one when that is gone") {
+  const TemporaryFolder folder;
+  writeModel(folder / "model.tgz", 3);
+  writeModel(folder / "live.tgz", 4);
+  ModelFollower follower(folder / "model.tgz", [] {});
+  ModelFollower::News news = follower.wait();
+  REQUIRE(news.model);
+  CHECK(news.model->model.size() == 4);
+  std::filesystem::remove(folder / "live.tgz");
+  news = follower.wait();
+  REQUIRE(news.model);
+  CHECK(news.model->model.size() == 3);
+  writeModel(folder / "live.tgz", 5);
+  news = follower.wait();
+  REQUIRE(news.model);
+  CHECK(news.model->model.size() == 5);
+}
+
+TEST_CASE("watching a run brings its curves and status, tells it so, and gives it orders") {
+  const TemporaryFolder folder;
+  const std::filesystem::path metrics = folder / "metrics.jsonl";
+  RunMetrics line;
+  line.stage = "plain";
+  line.iteration = 10;
+  std::ofstream(metrics) << formatMetrics(line);
+  const int descriptor = ::open(metrics.c_str(), O_WRONLY | O_CLOEXEC);
+  REQUIRE(descriptor >= 0);
+  const auto soon = [](auto&& condition) {
+    for (int i = 0; i < 1000; ++i) {
+      if (condition()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return false;
+  };
+  {
+    RunWatch watch(folder.path, [] {});
+    RunWatch::News news;
+    const auto brings = [&](auto&& wanted) {
+      return soon([&] {
+        if (auto fresh = watch.take()) news = std::move(*fresh);
+        return news.lines && wanted(news);
+      });
+    };
+    CHECK(brings([](const RunWatch::News& n) { return n.lines->size() == 1 && !n.status; }));
+    CHECK(soon([&] { return isWatched(descriptor); }));
+    std::ofstream(folder / "live.json") << formatStatus({RunPhase::paused, "scene", line});
+    CHECK(brings([](const RunWatch::News& n) { return n.status && n.status->phase == RunPhase::paused; }));
+    std::ofstream(metrics, std::ios::app) << formatMetrics(line);
+    CHECK(brings([](const RunWatch::News& n) { return n.lines->size() == 2; }));
+    watch.order({RunCommand::step, 5});
+    std::ifstream stream(folder / "control");
+    std::string order;
+    std::getline(stream, order);
+    CHECK(order == "step 5");
+    std::filesystem::remove(folder / "live.json");
+    CHECK(brings([](const RunWatch::News& n) { return !n.status; }));
+  }
+  CHECK_FALSE(isWatched(descriptor));
+  ::close(descriptor);
 }

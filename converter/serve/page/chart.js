@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// Curves over the iterations of a run, as SVG.
+'use strict';
+
+const SVG = 'http://www.w3.org/2000/svg';
+const CHART_HEIGHT = 130, MARGIN = {left: 44, right: 10, top: 6, bottom: 18};  // [px]
+
+function svg(name, attributes, ...children) {
+  const node = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  node.append(...children);
+  return node;
+}
+
+// About `count` round numbers from low to high.
+function ticks(low, high, count) {
+  const raw = (high - low) / count || 1;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= raw);
+  const list = [];
+  for (let i = Math.ceil(low / step); i * step <= high * (1 + 1e-9); ++i) list.push(i * step);
+  return list;
+}
+
+function shortNumber(value) {
+  const size = Math.abs(value);
+  if (size >= 1e6) return `${+(value / 1e6).toFixed(2)} M`;
+  if (size >= 1e4) return `${+(value / 1e3).toFixed(1)} k`;
+  return `${+value.toPrecision(4)}`;
+}
+
+class Chart {
+  // `box`: an element that the chart fills.
+  constructor(box) {
+    this.box = box;
+    this.series = [];
+    this.marks = [];
+    box.addEventListener('pointermove', (event) => this.point(event));
+    box.addEventListener('pointerleave', () => this.draw());
+  }
+
+  // series: [{color, dots, values: [[x, y], ...]}] in order of x; marks: the x at which stages begin.
+  set(series, marks) {
+    this.series = series;
+    this.marks = marks;
+    this.draw();
+  }
+
+  draw() {
+    const width = Math.max(this.box.clientWidth, 120);
+    const all = this.series.flatMap(({values}) => values);
+    this.root = svg('svg', {viewBox: `0 0 ${width} ${CHART_HEIGHT}`});
+    this.box.replaceChildren(this.root);
+    if (all.length === 0) return;
+    // What is worst at the very beginning says nothing about the rest: the axis leaves it out.
+    const spread = all.map(([, y]) => y).sort((a, b) => a - b);
+    const at = (share) => spread[Math.min(Math.floor(share * spread.length), spread.length - 1)];
+    let low = at(0.01), high = at(0.99);
+    for (const {dots, values} of this.series) {
+      if (!dots) continue;
+      for (const [, y] of values) [low, high] = [Math.min(low, y), Math.max(high, y)];
+    }
+    const room = 0.06 * (high - low) || Math.max(Math.abs(high), 1e-6) * 0.1;
+    [low, high] = [low - room, high + room];
+    const last = Math.max(...all.map(([x]) => x), 1);
+    const inside = {width: width - MARGIN.left - MARGIN.right, height: CHART_HEIGHT - MARGIN.top - MARGIN.bottom};
+    this.x = (value) => MARGIN.left + value / last * inside.width;
+    this.y = (value) => MARGIN.top + (high - Math.min(Math.max(value, low), high)) / (high - low) * inside.height;
+    const bottom = MARGIN.top + inside.height, right = MARGIN.left + inside.width;
+    for (const value of ticks(low, high, 3)) {
+      this.root.append(
+        svg('line', {x1: MARGIN.left, x2: right, y1: this.y(value), y2: this.y(value), stroke: '#2b2d34'}),
+        svg('text', {x: MARGIN.left - 6, y: this.y(value) + 3, 'text-anchor': 'end', fill: '#a4a6ad'},
+            shortNumber(value)));
+    }
+    for (const value of ticks(0, last, Math.max(inside.width / 80, 2))) {
+      this.root.append(svg('text', {x: this.x(value), y: CHART_HEIGHT - 4, 'text-anchor': 'middle', fill: '#a4a6ad'},
+                           shortNumber(value)));
+    }
+    for (const value of this.marks) {
+      this.root.append(svg('line', {x1: this.x(value), x2: this.x(value), y1: MARGIN.top, y2: bottom, stroke: '#5a5d66',
+                                    'stroke-dasharray': '3 3'}));
+    }
+    for (const {color, dots, values} of this.series) {
+      const points = values.map(([x, y]) => [this.x(x).toFixed(1), this.y(y).toFixed(1)]);
+      if (dots) {
+        for (const [x, y] of points) this.root.append(svg('circle', {cx: x, cy: y, r: 3.5, fill: color}));
+      } else if (points.length > 0) {
+        this.root.append(svg('path', {d: `M${points.map((p) => p.join(' ')).join('L')}`, fill: 'none', stroke: color,
+                                      'stroke-width': 1.5, 'stroke-linejoin': 'round'}));
+      }
+    }
+  }
+
+  // The values nearest to the pointer.
+  point(event) {
+    this.draw();
+    const frame = this.box.getBoundingClientRect();
+    const distance = ([x]) => Math.abs(this.x(x) - (event.clientX - frame.left));
+    const nearest = (values) => values.reduce((best, value) => distance(value) < distance(best) ? value : best);
+    const found = this.series.filter(({values}) => values.length > 0)
+      .map(({color, values}) => ({color, value: nearest(values)}));
+    if (found.length === 0) return;
+    const x = this.x(found[0].value[0]);
+    this.root.append(svg('line', {x1: x, x2: x, y1: MARGIN.top, y2: CHART_HEIGHT - MARGIN.bottom, stroke: '#a4a6ad'}));
+    const leftward = x > 0.6 * frame.width;
+    const words = [{color: '#e8e8ea', text: `iteration ${found[0].value[0].toLocaleString('en')}`},
+                   ...found.map(({color, value}) => ({color, text: shortNumber(value[1])}))];
+    words.forEach(({color, text}, line) => this.root.append(
+      svg('text', {x: x + (leftward ? -6 : 6), y: MARGIN.top + 10 + 12 * line, fill: color,
+                   'text-anchor': leftward ? 'end' : 'start', stroke: '#17181d', 'stroke-width': 3,
+                   'paint-order': 'stroke'}, text)));
+    for (const {color, value} of found) {
+      this.root.append(svg('circle', {cx: this.x(value[0]), cy: this.y(value[1]), r: 3, fill: color}));
+    }
+  }
+}

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the program says, once a second: the run's curves and numbers, and its newest model.
+'use strict';
+
+const PAUSE = 1000;           // [ms] between two questions
+const LOST_AFTER = 5000;      // [ms] without an answer
+const COLORS = {train: '#5b8af0', test: '#f0a35b', loss: '#6fc2a0', gaussians: '#b79be0'};
+
+const token = new URLSearchParams(location.search).get('token');
+
+async function ask(path) {
+  const headers = token ? {Authorization: `Bearer ${token}`} : {};
+  const answer = await fetch(path, {headers});
+  if (!answer.ok) throw new Error((await answer.text()).trim() || `${path}: ${answer.status}`);
+  return answer;
+}
+
+function duration(seconds) {
+  const whole = Math.round(seconds);
+  const two = (number) => String(number).padStart(2, '0');
+  if (whole < 60) return `${whole} s`;
+  if (whole < 3600) return `${Math.floor(whole / 60)} min ${two(whole % 60)} s`;
+  return `${Math.floor(whole / 3600)} h ${two(Math.floor(whole % 3600 / 60))} min`;
+}
+
+const decibels = (value) => value === null ? null : `${value.toFixed(2)} dB`;
+
+class RunPanel {
+  constructor() {
+    this.rows = [];
+    this.generation = -1;
+    this.charts = Object.fromEntries(['psnr', 'loss', 'gaussians'].map((id) => [id, new Chart(element(id))]));
+    this.heldOut = 0;
+    new ResizeObserver(() => Object.values(this.charts).forEach((chart) => chart.draw())).observe(element('run'));
+  }
+
+  get question() { return `state.json?generation=${this.generation}&from=${this.rows.length}`; }
+
+  update({run, metrics}) {
+    element('run').hidden = !run;
+    const news = metrics.generation !== this.generation || metrics.rows.length > 0;
+    if (metrics.generation !== this.generation || metrics.from !== this.rows.length) this.rows = [];
+    this.generation = metrics.generation;
+    this.rows.push(...metrics.rows);
+    if (!run) return;
+    this.numbers(run);
+    if (news) this.curves();
+  }
+
+  numbers(run) {
+    element('run-name').textContent = run.name;
+    const phase = element('phase');
+    phase.textContent = run.phase;
+    phase.className = run.phase;
+    const share = run.iterations > 0 ? run.iteration / run.iterations : 1;
+    element('bar').style.width = `${100 * share}%`;
+    element('stage-line').textContent =
+      `stage ${run.stage}: ${run.iteration.toLocaleString('en')} of ${run.iterations.toLocaleString('en')} iterations`;
+    const ended = run.phase === 'finished' || run.phase === 'interrupted';
+    const facts = [['training', decibels(run.train_psnr)], ['held out', decibels(run.test_psnr)],
+                   ['loss', run.loss === null ? null : run.loss.toFixed(4)],
+                   ['Gaussians', run.gaussians.toLocaleString('en')],
+                   ['speed', run.per_second === null ? null : `${run.per_second.toFixed(1)} it/s`],
+                   ended ? ['took', duration(run.seconds)]
+                         : ['left', run.seconds_left === null ? null : duration(run.seconds_left)]];
+    element('numbers').replaceChildren(...facts.map(([name, value]) => {
+      const box = document.createElement('div');
+      box.append(Object.assign(document.createElement('dt'), {textContent: name}),
+                 Object.assign(document.createElement('dd'), {textContent: value === null ? '-' : value}));
+      return box;
+    }));
+    const left = run.seconds_left === null || ended ? '' : `, ${duration(run.seconds_left)} left`;
+    document.title = `${ended ? run.phase : `${Math.floor(100 * share)} % ${run.stage}`}${left} - ${run.name}`;
+  }
+
+  curves() {
+    let before = 0, last = 0, stage = null;
+    const marks = [], at = [];
+    for (const [name, iteration] of this.rows) {
+      if (stage !== null && name !== stage) marks.push(before = last);
+      stage = name;
+      last = Math.max(last, before + iteration);
+      at.push(before + iteration);
+    }
+    const values = (column) => this.rows.map((row, i) => [at[i], row[column]]).filter(([, y]) => y !== null);
+    this.charts.psnr.set([{color: COLORS.train, values: values(3)}, {color: COLORS.test, dots: true, values: values(4)}],
+                         marks);
+    this.charts.loss.set([{color: COLORS.loss, values: values(2)}], marks);
+    this.charts.gaussians.set([{color: COLORS.gaussians, values: values(5)}], marks);
+  }
+
+  async pictures({number, name}) {
+    if (number === this.heldOut) return;
+    const load = async (id, path) => {
+      const image = element(id);
+      const url = URL.createObjectURL(await (await ask(path)).blob());
+      if (image.src) URL.revokeObjectURL(image.src);
+      image.src = url;
+    };
+    await Promise.all([load('photograph', 'photograph.png'), load('rendering', 'picture.png')]);
+    this.heldOut = number;
+    element('held-out-name').textContent = name;
+    element('held-out').hidden = false;
+  }
+}
+
+// The model that is looked at.
+class ModelView {
+  constructor() {
+    this.viewer = new Viewer(element('picture'));
+    this.panel = new Panel(this.viewer, '');
+    this.number = 0;
+    listenToHands(this.viewer);
+    addEventListener('resize', () => this.viewer.changed());
+    new ResizeObserver(() => this.viewer.changed()).observe(element('stage'));
+    this.viewer.canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
+    this.viewer.canvas.addEventListener('webglcontextrestored', () => this.viewer.restore());
+    window.tgViewer = this.viewer;
+  }
+
+  async update(number, title) {
+    const wanted = this.number === 0 || element('follow').checked;
+    if (number === this.number || number === 0 || !wanted) return;
+    const bytes = new Uint8Array(await (await ask('model.glb')).arrayBuffer());
+    await (this.number === 0 ? this.viewer.open(bytes) : this.viewer.replace(bytes));
+    this.number = number;
+    this.panel.name = title;
+    this.panel.fill();
+    element('waiting').hidden = true;
+  }
+}
+
+// window.__shown counts the models drawn, for tests.
+async function startLive() {
+  element('controls').onclick = () => {
+    const panel = element('panel');
+    panel.hidden = !panel.hidden;
+    element('controls').setAttribute('aria-expanded', String(!panel.hidden));
+  };
+  const run = new RunPanel();
+  let model = null;
+  try {
+    model = new ModelView();
+  } catch (error) {
+    showMessage(error.message);
+    element('waiting').hidden = true;
+  }
+  let answered = performance.now();
+  const once = async () => {
+    const state = await (await ask(run.question)).json();
+    answered = performance.now();
+    if (!state.run) document.title = state.title;
+    run.update(state);
+    await run.pictures(state.held_out);
+    if (!model) return;
+    await model.update(state.model, state.run ? state.run.name : state.title);
+    window.__shown = model.number;
+  };
+  for (;;) {
+    if (!document.hidden) {
+      let failed = null;
+      await once().catch((error) => failed = error);
+      const ended = ['finished', 'interrupted'].includes(element('phase').className);
+      if (failed && !ended && performance.now() - answered > LOST_AFTER) {
+        element('phase').textContent = 'no answer';
+        element('phase').className = 'lost';
+        showMessage(`No answer since ${duration((performance.now() - answered) / 1000)}: ${failed.message}`);
+      } else if (failed && failed.message.includes('token')) {
+        showMessage(failed.message);
+      } else if (!failed && element('message').className !== 'note') {
+        showMessage('');
+      }
+    }
+    await new Promise((resolve) => setTimeout(resolve, PAUSE));
+  }
+}

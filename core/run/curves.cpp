@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tail of a file.
+#include "core/run/curves.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace tg {
+namespace {
+
+constexpr std::size_t kMaxLine = 4096;  // [bytes] longer ones are none of ours
+constexpr std::size_t kPiece = 1 << 16;
+
+struct OpenFile {
+  int descriptor;
+  ~OpenFile() {
+    if (descriptor >= 0) ::close(descriptor);
+  }
+};
+
+}  // namespace
+
+void addThinned(std::vector<RunMetrics>& lines, RunMetrics line) {
+  lines.push_back(std::move(line));
+  if (lines.size() <= kMaxCurveLines) return;
+  std::size_t number = 0, kept = 0;
+  for (RunMetrics& old : lines) {
+    if (old.test_psnr || number++ % 2 == 1) std::swap(lines[kept++], old);
+  }
+  // Of nothing but test scores every second goes, too.
+  if (kept > kMaxCurveLines) {
+    for (kept = 0; 2 * kept + 1 < lines.size(); ++kept) std::swap(lines[kept], lines[2 * kept + 1]);
+  }
+  lines.resize(kept);
+}
+
+std::vector<double> iterationsOfRun(const std::vector<RunMetrics>& lines) {
+  std::vector<double> at;
+  double before = 0, last = 0;
+  const std::string* stage = nullptr;
+  for (const RunMetrics& line : lines) {
+    if (stage && line.stage != *stage) before = last;
+    stage = &line.stage;
+    last = std::max(last, before + line.iteration);
+    at.push_back(before + line.iteration);
+  }
+  return at;
+}
+
+void MetricsFile::clear() {
+  lines_.clear();
+  rest_.clear();
+  read_ = 0;
+}
+
+bool MetricsFile::update() {
+  const OpenFile file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+  struct stat status{};
+  if (file.descriptor < 0 || ::fstat(file.descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
+    const bool had = !lines_.empty();
+    clear();
+    return had;
+  }
+  bool changed = false;
+  const auto device = static_cast<std::uint64_t>(status.st_dev), inode = static_cast<std::uint64_t>(status.st_ino);
+  const auto size = static_cast<std::uint64_t>(std::max<off_t>(status.st_size, 0));
+  if (device != device_ || inode != inode_ || size < read_) {
+    changed = !lines_.empty();
+    clear();
+    device_ = device;
+    inode_ = inode;
+  }
+  std::string piece(kPiece, '\0');
+  while (read_ < size) {
+    const ssize_t got = ::pread(file.descriptor, piece.data(), piece.size(), static_cast<off_t>(read_));
+    if (got <= 0) break;
+    read_ += static_cast<std::uint64_t>(got);
+    std::string_view text(piece.data(), static_cast<std::size_t>(got));
+    for (std::size_t end = text.find('\n'); end != text.npos; end = text.find('\n')) {
+      if (rest_.size() + end <= kMaxLine) {
+        rest_ += text.substr(0, end);
+        if (std::optional<RunMetrics> line = parseMetrics(rest_)) {
+          addThinned(lines_, std::move(*line));
+          changed = true;
+        }
+      }
+      rest_.clear();
+      text.remove_prefix(end + 1);
+    }
+    // What is longer than any line stays too long until its end comes.
+    if (rest_.size() <= kMaxLine) rest_ += text;
+  }
+  return changed;
+}
+
+}  // namespace tg

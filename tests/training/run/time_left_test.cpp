@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Predictions of runs whose costs are known.
+#include "training/run/time_left.h"
+
+#include <algorithm>
+
+#include "support/catch.h"
+
+using namespace tg;
+
+namespace {
+
+// A step of so many Gaussians, with textures or without: as in the built-in scene at 160 px.
+double costOf(std::size_t gaussians, double factor = 1) {
+  return factor * 1e-6 * (2000 + 0.68 * static_cast<double>(gaussians));
+}
+
+// How many there were in a run of 3,000 iterations of it, from round to round.
+constexpr std::size_t kCounts[] = {1999, 3080, 5094, 8498, 13514, 20352, 28941, 38856, 49188, 59941, 70408, 80735};
+
+}  // namespace
+
+TEST_CASE("time left is that of stages to come, with Gaussians and textures to come", "[time]") {
+  TrainSettings settings;
+  settings.iterations = 3000;
+  settings.texture_iterations = 1000;
+  const Schedule schedule = makeSchedule(settings);
+  TimeLeft left(settings, schedule);
+  left.beginStage(false, 16);
+  RunPlan plan;
+  plan.densifies = true;
+  plan.texels = 16;
+  plan.textured_left = settings.texture_iterations;
+  CHECK(left.seconds(plan) == 0);
+  const auto countAt = [&](int iteration) {
+    const int last = std::min(iteration, schedule.densify_until - 1);
+    return kCounts[std::max(last / 100 - schedule.densify_from / 100, 0)];
+  };
+  const double factor = 2.2 + 0.25 * 4 * 16 / 59.0;
+  double actual = 0;
+  for (int i = 601; i <= 3000; ++i) actual += costOf(countAt(i - 1));
+  actual += 1000 * costOf(countAt(3000), factor);
+  for (int i = 1; i <= 600; ++i) left.add(costOf(countAt(i - 1)), countAt(i));
+  plan.iteration = 600;
+  plan.left = 2400;
+  plan.gaussians = countAt(600);
+  CHECK(left.seconds(plan) == Approx(actual).epsilon(0.2));
+  // A limit that is reached ends the growth.
+  plan.limit = countAt(600);
+  CHECK(left.seconds(plan) < 0.7 * actual);
+}
+
+TEST_CASE("stage 2 begins with what is known of textures and goes on with what it measures", "[time]") {
+  TrainSettings settings;
+  settings.texture_iterations = 1000;
+  TimeLeft left(settings, makeSchedule(settings));
+  left.beginStage(false, 16);
+  for (int i = 0; i < 500; ++i) left.add(0.01, 5000);
+  left.beginStage(true, 16);
+  RunPlan plan;
+  plan.textured = true;
+  plan.left = 1000;
+  plan.gaussians = 5000;
+  plan.texels = 16;
+  const double known = left.seconds(plan);
+  CHECK(known == Approx(10 * (2.2 + 64 / 59.0 / 4)).epsilon(0.01));
+  // Twice as slow as expected: a hundred steps are enough to see it.
+  for (int i = 0; i < 200; ++i) left.add(0.05, 5000);
+  plan.left = 800;
+  CHECK(left.seconds(plan) == Approx(40).epsilon(0.1));
+  // The twin's steps have none of it.
+  plan.left = 0;
+  plan.untextured_left = 1000;
+  CHECK(left.seconds(plan) < 25);
+}

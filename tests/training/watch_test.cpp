@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+// A run that is watched: by a lock on its folder, by browsers, and afterwards by its curves.
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "core/bundle/bundle.h"
+#include "core/run/live.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "training/child.h"
+
+using Catch::Matchers::Contains;
+using namespace tg::test;
+
+namespace {
+
+const std::string kLong =
+    "scene --iterations 1000000 --densification none --threads 1 --eval-every 50 --texture-mode none ";
+
+std::optional<tg::RunStatus> statusOf(const fs::path& run) { return tg::parseStatus(contents(run / "live.json")); }
+
+}  // namespace
+
+TEST_CASE("a run that is watched leaves its newest model, is paused, stepped and stopped, and cleans up", "[watch]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const fs::path run = folder / "run";
+  Child child(folder, kLong + "--run run");
+  child.until([&] { return fs::exists(run / "model.tgz"); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  CHECK_FALSE(fs::exists(run / "live.tgz"));  // nobody watches
+  CHECK_FALSE(fs::exists(run / "live.json"));
+
+  const tg::WatchLock lock(run);
+  REQUIRE(lock.holds(run));
+  child.until([&] { return fs::exists(run / "live.tgz") && statusOf(run); });
+  CHECK(statusOf(run)->phase == tg::RunPhase::training);
+  CHECK(statusOf(run)->name == "scene");
+  CHECK(tg::readBundle(run / "live.tgz").model.size() > 100);
+  // Newer ones come, and the checkpoint is not what they wait for.
+  const auto before = fs::last_write_time(run / "live.tgz"), saved = fs::last_write_time(run / "model.tgz");
+  child.until([&] { return fs::last_write_time(run / "live.tgz") != before; });
+  CHECK(fs::last_write_time(run / "model.tgz") == saved);
+
+  tg::giveOrder(run, {tg::RunCommand::pause});
+  child.until([&] { return statusOf(run) && statusOf(run)->phase == tg::RunPhase::paused; });
+  CHECK_FALSE(fs::exists(run / "control"));
+  const int paused = statusOf(run)->now.iteration;
+  std::this_thread::sleep_for(std::chrono::milliseconds(400));
+  CHECK(statusOf(run)->now.iteration == paused);
+  tg::giveOrder(run, {tg::RunCommand::step, 7});
+  child.until([&] { return statusOf(run) && statusOf(run)->now.iteration == paused + 7; });
+  child.until([&] { return statusOf(run) && statusOf(run)->phase == tg::RunPhase::paused; });
+  std::this_thread::sleep_for(std::chrono::milliseconds(400));
+  CHECK(statusOf(run)->now.iteration == paused + 7);
+  // The model that is shown is that of the step at which it stands.
+  child.until([&] {
+    return tg::readBundle(run / "live.tgz").training_json.find("\"iterations\": " + std::to_string(paused + 7)) !=
+           std::string::npos;
+  });
+
+  std::ofstream(run / "control") << "faster\n";
+  child.until(
+      [&] { return child.output().find("is no order (expected pause, go, step N or stop)") != std::string::npos; });
+  tg::giveOrder(run, {tg::RunCommand::go});
+  child.until(
+      [&] { return statusOf(run) && statusOf(run)->now.iteration > paused + 60 && statusOf(run)->now.test_psnr; });
+
+  tg::giveOrder(run, {tg::RunCommand::stop});
+  CHECK(child.end() == 128 + SIGINT);
+  CHECK_THAT(child.output(), Contains("interrupted; wrote"));
+  for (const char* gone : {"live.tgz", "live.json", "control"}) CHECK_FALSE(fs::exists(run / gone));
+}
+
+TEST_CASE("what a killed run left of being watched is gone when it goes on", "[watch]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const fs::path run = folder / "run";
+  {
+    Child child(folder, kLong + "--run run");
+    child.until([&] { return fs::exists(run / "model.tgz"); });
+    const tg::WatchLock lock(run);
+    child.until([&] { return fs::exists(run / "live.tgz"); });
+    child.send(SIGKILL);
+    child.end();
+  }
+  CHECK(fs::exists(run / "live.tgz"));
+  std::ofstream(run / "control") << "pause\n";
+  Child child(folder, kLong + "--run run --resume");
+  child.until([&] { return !fs::exists(run / "live.tgz") && !fs::exists(run / "control"); });
+}
+
+TEST_CASE("a page shows a run and changes none of its bytes", "[watch]") {
+  TG_SKIP_IF(std::system("curl --version >/dev/null 2>&1") == 0 ? "" : "no curl");
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string command = kBase + "--iterations 200 --reproducible --threads 1 -o ";
+  REQUIRE(tgtrain(folder, command + "alone.tgz").code == 0);
+  Child child(folder, command + "served.tgz --run run --serve 0 --eval-every 20");
+  child.until([&] { return child.output().find("serving http://127.0.0.1:") != std::string::npos; });
+  const std::string output = child.output();
+  const std::size_t at = output.find("http://");
+  const std::string url = output.substr(at, output.find('\n', at) - at);
+  const tg::TemporaryFolder browser;
+  bool model = false, curves = false, held_out = false, finished = false;
+  while (child.running()) {
+    const Outcome state = run(browser, "curl -s --max-time 5 " + url + "state.json");
+    if (state.code != 0) continue;
+    const nlohmann::json json = nlohmann::json::parse(state.output);
+    curves = curves || json["metrics"]["rows"].size() > 2;
+    held_out = held_out || json["held_out"]["number"] > 0;
+    finished = finished || (json["run"].is_object() && json["run"]["phase"] == "finished");
+    if (json["model"] == 0) continue;
+    const Outcome glb = run(browser, "curl -s --max-time 5 -o model.glb " + url + "model.glb && head -c 4 model.glb");
+    if (glb.code != 0) continue;  // it may have ended meanwhile
+    model = true;
+    CHECK(glb.output == "glTF");
+  }
+  CHECK(child.end() == 0);
+  CHECK(model);
+  CHECK(curves);
+  CHECK(held_out);
+  CHECK(finished);
+  CHECK(bytesOf(folder / "served.tgz") == bytesOf(folder / "alone.tgz"));
+}
+
+TEST_CASE("a page that cannot be served is one line before training", "[watch]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Outcome outcome = tgtrain(folder, "scene -o model.tgz --serve nowhere");
+  CHECK(outcome.code == 1);
+  CHECK_THAT(outcome.output, Contains("--serve: expected [ADDRESS:]PORT"));
+  outcome = tgtrain(folder, "scene -o model.tgz --serve-token 0123456789");
+  CHECK(outcome.code == 1);
+  CHECK_THAT(outcome.output, Contains("(expected --serve with it)"));
+  outcome = tgtrain(folder, "scene -o model.tgz --serve 192.0.2.1:8080");
+  CHECK(outcome.code == 5);
+  CHECK_THAT(outcome.output, Contains("192.0.2.1:8080: cannot listen here"));
+}
+
+TEST_CASE("plot draws the curves of runs, each with its name, and refuses what is no run", "[watch]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  REQUIRE(tgtrain(folder, kBase + "--iterations 40 --run a<b -q").code == 0);
+  REQUIRE(tgtrain(folder, kBase + "--iterations 60 --run other -q").code == 0);
+  Outcome outcome = tgtrain(folder, "plot a<b other/metrics.jsonl -o curves.svg");
+  CHECK(outcome.code == 0);
+  CHECK_THAT(outcome.output, Contains("wrote curves.svg: 2 runs"));
+  const std::string svg = contents(folder / "curves.svg");
+  CHECK_THAT(svg, Contains("<svg xmlns=") && Contains("a&lt;b, ") && Contains(">other, ") && Contains("PSNR [dB]"));
+  CHECK_THAT(svg, Contains("dB held out after untextured") && Contains("600 Gaussians"));
+  CHECK_THAT(svg, !Contains("nan"));
+  CHECK_THAT(svg, !Contains("inf"));
+  CHECK(tgtrain(folder, "plot other -o curves.html").code == 0);
+  CHECK_THAT(contents(folder / "curves.html"), Contains("<!doctype html>") && Contains("<svg"));
+  outcome = tgtrain(folder, "plot other -o curves.html");
+  CHECK(outcome.code == 4);
+  outcome = tgtrain(folder, "plot other -o curves.png");
+  CHECK(outcome.code == 1);
+  CHECK_THAT(outcome.output, Contains("expected .svg or .html, found .png"));
+  outcome = tgtrain(folder, "plot scene -o new.svg");
+  CHECK(outcome.code == 2);
+  CHECK_THAT(outcome.output, Contains("scene: is no run (expected a folder with metrics.jsonl"));
+  std::ofstream(folder / "empty.jsonl") << "{}\n";
+  outcome = tgtrain(folder, "plot empty.jsonl -o new.svg");
+  CHECK(outcome.code == 3);
+  CHECK_FALSE(fs::exists(folder / "new.svg"));
+}

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of tgtrain --serve, in Chromium while a run trains: newer models, curves, numbers; on a desk and a phone.
+
+    live_test.py FOLDER_OF_PROGRAMS
+"""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+from chromium import Chromium, find_chromium
+
+find_chromium()
+tgtrain = pathlib.Path(sys.argv[1]) / "tgtrain"
+if not tgtrain.exists():
+    sys.exit(f"{tgtrain}: not there (expected the build's programs)")
+
+
+def until(what, condition, seconds=120):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.2)
+    sys.exit(f"{what}: not within {seconds} s")
+
+
+def check(ok, what):
+    if not ok:
+        sys.exit(f"wrong: {what}")
+
+
+with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
+    subprocess.run([tgtrain, "make-sample", f"{folder}/scene", "--size", "64", "--views", "8", "--test-views", "2",
+                    "--points", "400", "--supersampling", "1"], check=True)
+    command = [tgtrain, f"{folder}/scene", "--run", f"{folder}/run", "--densification", "none", "--threads", "1",
+               "--iterations", "300", "--texture-iterations", "1000000", "--eval-every", "100", "--serve", "0",
+               "--serve-token", "a-token-for-this-test"]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        url = until("an address", lambda: run.stdout.readline().strip()).removeprefix("serving ")
+        with Chromium() as browser:
+            browser.page("Emulation.setDeviceMetricsOverride", width=1280, height=800, deviceScaleFactor=1, mobile=False)
+            browser.page("Page.navigate", url=url)
+            until("a first model", lambda: browser.evaluate("window.__shown"))
+            until("a newer model", lambda: browser.evaluate("window.__shown > 1"))
+            until("textures", lambda: browser.evaluate("tgViewer.model.layer !== null"))
+            until("curves", lambda: browser.evaluate("document.querySelectorAll('#psnr path').length > 0"))
+            until("test scores", lambda: browser.evaluate("document.querySelectorAll('#psnr circle').length > 1"))
+            until("the stage", lambda: "stage textured" in browser.evaluate("document.body.innerText"))
+            until("a held-out pair", lambda: browser.evaluate("document.getElementById('rendering').naturalWidth") == 64)
+            text = browser.evaluate("document.getElementById('run').innerText")
+            check("scene" in text and "dB" in text and "it/s" in text, text)
+            # The view stays where a hand has put it while models come.
+            browser.evaluate("tgViewer.orbit.orbit(0.3, 0.1); tgViewer.changed(); 0")
+            eye = browser.evaluate("tgViewer.orbit.camera.eye.join()")
+            shown = browser.evaluate("window.__shown")
+            until("a model after that", lambda: browser.evaluate("window.__shown") > shown)
+            check(browser.evaluate("tgViewer.orbit.camera.eye.join()") == eye, "the view moved")
+            for width, height in ((1280, 800), (390, 780)):
+                browser.page("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1,
+                             mobile=width < 600)
+                wide = browser.evaluate("document.documentElement.scrollWidth")
+                check(wide <= width, f"{wide} px in a window of {width}")
+                boxes = browser.evaluate("['stage', 'run'].map((id) => document.getElementById(id)"
+                                         ".getBoundingClientRect()).map((r) => [r.width, r.height])")
+                check(all(w > 300 and h > 200 for w, h in boxes), f"{boxes} at {width} x {height}")
+            check(all(request.startswith(url.split("?")[0]) or request.startswith(("blob:", "data:"))
+                      for request in browser.requests), f"other places: {set(browser.requests)}")
+            check(not browser.log, browser.log)
+            (pathlib.Path(folder) / "run/control").write_text("stop\n")
+            until("the end", lambda: browser.evaluate("document.getElementById('phase').textContent") == "interrupted", 30)
+        check(run.wait(30) == 130, "tgtrain's exit code")
+    finally:
+        run.kill()
+        run.wait()

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+// A run that is followed: how far it is, its curves, and what it is told to do.
+#include <imgui.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/run/curves.h"
+#include "core/system/numbers.h"
+#include "viewer/panels/sections.h"
+#include "viewer/panels/widgets.h"
+
+namespace tg {
+namespace {
+
+using Lines = std::vector<RunMetrics>;
+using Value = std::optional<double> RunMetrics::*;
+
+constexpr ImU32 kCurve = IM_COL32(116, 182, 228, 255), kDots = IM_COL32(240, 163, 91, 255);
+constexpr float kPlotFonts = 4.5f;  // height in font heights
+
+struct Range {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  void add(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+};
+
+// What is worst at the very beginning says nothing about the rest: the axis leaves the outermost hundredth out.
+Range rangeOf(const Lines& lines, Value curve, Value dots) {
+  std::vector<double> values;
+  for (const RunMetrics& line : lines) {
+    if (line.*curve) values.push_back(*(line.*curve));
+  }
+  Range range;
+  if (!values.empty()) {
+    std::sort(values.begin(), values.end());
+    range.add(values[values.size() / 100]);
+    range.add(values[values.size() - 1 - values.size() / 100]);
+  }
+  for (const RunMetrics& line : lines) {
+    if (dots && line.*dots) range.add(*(line.*dots));
+  }
+  const double room = range.high > range.low ? 0.06 * (range.high - range.low) : 1e-3;
+  return {range.low - room, range.high + room};
+}
+
+void plot(const char* id, const char* title, const char* number, const Lines& lines, Value curve, Value dots) {
+  const Range range = rangeOf(lines, curve, dots);
+  if (!(range.low < range.high)) return;
+  const std::vector<double> at = iterationsOfRun(lines);
+  const double last = std::max(1.0, *std::max_element(at.begin(), at.end()));
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  const ImVec2 size{ImGui::GetContentRegionAvail().x, kPlotFonts * ImGui::GetFontSize()};
+  ImGui::InvisibleButton(id, size);
+  ImDrawList* draw = ImGui::GetWindowDrawList();
+  draw->AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, ImGui::GetColorU32(ImGuiCol_FrameBg), 3);
+  const auto point = [&](std::size_t i, double value) {
+    const double share = (std::clamp(value, range.low, range.high) - range.low) / (range.high - range.low);
+    return ImVec2(corner.x + static_cast<float>(at[i] / last) * size.x,
+                  corner.y + (1 - static_cast<float>(share)) * size.y);
+  };
+  std::vector<ImVec2> points;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    if (!(lines[i].*curve)) continue;
+    const ImVec2 next = point(i, *(lines[i].*curve));
+    if (points.empty() || next.x >= points.back().x + 0.5f) points.push_back(next);
+  }
+  draw->AddPolyline(points.data(), static_cast<int>(points.size()), kCurve, 0, 1.5f);
+  for (std::size_t i = 0; dots && i < lines.size(); ++i) {
+    if (lines[i].*dots) draw->AddCircleFilled(point(i, *(lines[i].*dots)), 3.5f, kDots);
+  }
+  const ImU32 grey = ImGui::GetColorU32(ImGuiCol_TextDisabled);
+  const float line = ImGui::GetTextLineHeight();
+  const std::string top = formatted(number, range.high), bottom = formatted(number, range.low);
+  draw->AddText({corner.x + 4, corner.y + 1}, grey, (top + "  " + title).c_str());
+  draw->AddText({corner.x + 4, corner.y + size.y - line - 1}, grey, bottom.c_str());
+  if (!ImGui::IsItemHovered()) return;
+  const double share = (ImGui::GetIO().MousePos.x - corner.x) / size.x;
+  std::size_t nearest = 0;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    if (lines[i].*curve && std::abs(at[i] / last - share) <= std::abs(at[nearest] / last - share)) nearest = i;
+  }
+  std::string text = lines[nearest].stage + " " + std::to_string(lines[nearest].iteration);
+  if (lines[nearest].*curve) text += ": " + formatted(number, *(lines[nearest].*curve));
+  hint(text.c_str());
+}
+
+void orders(FollowState& follow, RunPhase phase) {
+  const float width = (ImGui::GetContentRegionAvail().x - 3 * ImGui::GetStyle().ItemSpacing.x) / 4;
+  const auto button = [&](const char* label, const char* help, const RunOrder& order) {
+    if (ImGui::Button(label, {width, 0})) follow.order = order;
+    hint(help);
+  };
+  if (phase == RunPhase::paused) {
+    button("Go on##run", "The run trains again", {RunCommand::go, 1});
+  } else {
+    button("Pause##run", "The run waits after its step", {RunCommand::pause, 1});
+  }
+  ImGui::SameLine();
+  button("Step##run", "One iteration, then a pause", {RunCommand::step, 1});
+  ImGui::SameLine();
+  button("100##run", "A hundred iterations, then a pause", {RunCommand::step, 100});
+  ImGui::SameLine();
+  button("Stop##run", "The run writes its checkpoint and ends; --resume goes on with it", {RunCommand::stop, 1});
+}
+
+}  // namespace
+
+void trainingSection(ViewerState& state) {
+  FollowState& follow = state.follow;
+  if (!follow.active) return;
+  heading("RUN");
+  if (follow.status) {
+    ImGui::TextWrapped("%s", describe(*follow.status).c_str());
+    if (follow.status->now.test_psnr) {
+      ImGui::TextDisabled("%.2f dB held out, %.1f it/s", *follow.status->now.test_psnr,
+                          follow.status->now.per_second.value_or(0));
+    }
+    orders(follow, follow.status->phase);
+  } else if (state.scene.training.empty()) {
+    ImGui::TextDisabled("no run has said anything yet");
+  }
+  if (!follow.lines || follow.lines->empty()) return;
+  plot("##psnr", "PSNR; dots: held out", "%.2f dB", *follow.lines, &RunMetrics::train_psnr, &RunMetrics::test_psnr);
+  plot("##loss", "loss", "%.4f", *follow.lines, &RunMetrics::loss, nullptr);
+}
+
+}  // namespace tg
