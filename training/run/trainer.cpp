@@ -40,8 +40,8 @@ Random stream(std::uint64_t seed, Stream which) {
 // In which order stage quantized takes parameters from the optimizer, each for an equal part of its iterations: first
 // those whose rounding the others make up for best. Opacities are stored times what texels let through, so both
 // together; DC is last, and rounded by the file alone.
-enum class Quantized { geometry, texels_and_opacity, sh_rest };
-constexpr int kQuantizedPhases = 3;
+enum class Quantized { mean, rotation, log_scale, texels_and_opacity, sh_rest };
+constexpr int kQuantizedPhases = 5;
 
 // After `done` of `iterations`.
 Quantized phaseOf(int done, int iterations) {
@@ -407,7 +407,9 @@ void Trainer::iterate() {
   rates.texel_decay = settings_.texel_decay;
   if (state_.stage == Stage::quantized) {
     const Quantized phase = phaseOf(iteration - 1, settings_.quantize_iterations);
-    rates.mean = rates.rotation = rates.log_scale = 0;
+    rates.mean = 0;
+    if (phase >= Quantized::rotation) rates.rotation = 0;
+    if (phase >= Quantized::log_scale) rates.log_scale = 0;
     if (phase >= Quantized::texels_and_opacity) rates.opacity_logit = 0;
     rates.texels = phase >= Quantized::texels_and_opacity ? 0 : texels_end;
     rates.texel_decay = 0;
@@ -488,9 +490,13 @@ void Trainer::quantizeNext() {
   GaussianModel stored = stored_(model, state_.file_steps);
   TG_ASSERT(stored.size() == model.size() && stored.sh_degree == model.sh_degree, "the file has the model's Gaussians");
   switch (phase) {
-    case Quantized::geometry:
+    case Quantized::mean:
       model.mean = std::move(stored.mean);
+      break;
+    case Quantized::rotation:
       model.rotation = std::move(stored.rotation);
+      break;
+    case Quantized::log_scale:
       model.log_scale = std::move(stored.log_scale);
       break;
     case Quantized::texels_and_opacity:
