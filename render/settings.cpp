@@ -154,6 +154,7 @@ RenderSetting range() {
     s.range = {ends[0], ends[1]};
   };
   row.section = "COLOURS";
+  row.more_values = true;
   row.choices = {{"0,100", "Whole range", "The ends of the colours are the output's own"},
                  {"2,98", "2 - 98 %", "The 2 % at either end have its colour: a few outliers take no contrast"}};
   return row;

@@ -145,6 +145,7 @@ struct RenderSetting {
   std::function<void(const RenderSettings&)> check{};  // the part of checkSettings(); empty: there is none
   std::string_view section{};                          // heading in the panel; "": widgets of its own
   std::vector<Choice> choices{};                       // in the enumeration's order
+  bool more_values = false;                            // than the choices
   float RenderSettings::* number = nullptr;            // what the slider moves, or
   int RenderSettings::* whole = nullptr;
   Slider slider{};

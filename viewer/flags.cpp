@@ -42,8 +42,10 @@ struct Flags {
   bool list_cameras = false, window = false, no_session = false;
 };
 
+// All that the value can be; empty: more than can be listed.
 std::vector<std::string> choicesOf(const RenderSetting& setting) {
   std::vector<std::string> names;
+  if (setting.more_values) return names;
   for (const RenderSetting::Choice& choice : setting.choices) names.emplace_back(choice.name);
   return names;
 }

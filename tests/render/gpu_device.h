@@ -15,7 +15,7 @@ GpuRenderer& gpuRenderer();
 std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning);
 std::unique_ptr<GpuDevice> makePassDevice();
 // What lives on the device from case to case registers here how it ends: with the run, and not with the program, when a
-// layer's or a driver's own statics may be gone.
+// layer's or a driver's own statics may be gone; the last to register ends first.
 inline std::vector<std::function<void()>>& endings() {
   static std::vector<std::function<void()>> all;
   return all;

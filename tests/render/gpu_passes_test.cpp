@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Prefix sum, radix sort and tile ranges, each alone on data of its own.
+#define CATCH_CONFIG_EXTERNAL_INTERFACES  // version 2: listeners
 #include <algorithm>
 #include <cstring>
 #include <functional>
@@ -62,6 +63,21 @@ class PassBench {
   BufferPtr counters;
   Scratch scratch;
 };
+
+#if __has_include(<catch2/catch_all.hpp>)
+using Listener = Catch::EventListenerBase;
+#else
+using Listener = Catch::TestEventListenerBase;
+#endif
+class EndOfRun : public Listener {
+ public:
+  using Listener::Listener;
+  void testRunEnded(const Catch::TestRunStats& stats) override {
+    for (; !endings().empty(); endings().pop_back()) endings().back()();
+    Listener::testRunEnded(stats);
+  }
+};
+CATCH_REGISTER_LISTENER(EndOfRun)
 
 PassBench& bench() {
   static std::unique_ptr<PassBench> passes;

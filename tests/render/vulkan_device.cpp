@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The device of the tests that every GPU backend shares: Vulkan's.
-#define CATCH_CONFIG_EXTERNAL_INTERFACES  // version 2: listeners
 #include <cstdio>
 #include <utility>
 
 #include "gpu_device.h"
 #include "render/vulkan/pass_device.h"
 #include "render/vulkan/vulkan_renderer.h"
-#include "support/catch.h"
 
 namespace tg::test {
 namespace {
@@ -24,25 +22,11 @@ std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> createTestDevice() {
 std::unique_ptr<VulkanDevice, void (*)(VulkanDevice*)> device(nullptr, nullptr);
 std::unique_ptr<GpuRenderer> renderer;
 
-#if __has_include(<catch2/catch_all.hpp>)
-using Listener = Catch::EventListenerBase;
-#else
-using Listener = Catch::TestEventListenerBase;
-#endif
-class EndOfRun : public Listener {
- public:
-  using Listener::Listener;
-  void testRunEnded(const Catch::TestRunStats& stats) override {
-    for (const std::function<void()>& end : endings()) end();
-    renderer.reset();
-    device.reset();
-    Listener::testRunEnded(stats);
-  }
-};
-CATCH_REGISTER_LISTENER(EndOfRun)
-
 VulkanDevice& vulkanDevice() {
-  if (!device) device = createTestDevice();
+  if (!device) {
+    device = createTestDevice();
+    endings().emplace_back([] { device.reset(); });
+  }
   return *device;
 }
 
@@ -51,7 +35,10 @@ VulkanDevice& vulkanDevice() {
 Api testedApi() { return Api::vulkan; }
 
 GpuRenderer& gpuRenderer() {
-  if (!renderer) renderer = makeVulkanRenderer(vulkanDevice());
+  if (!renderer) {
+    renderer = makeVulkanRenderer(vulkanDevice());
+    endings().emplace_back([] { renderer.reset(); });
+  }
   return *renderer;
 }
 

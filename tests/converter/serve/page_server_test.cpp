@@ -91,7 +91,7 @@ bool soon(const Condition& condition) {
 
 }  // namespace
 
-TEST_CASE("where to serve is a port, or an address and a port; others than this machine want a token", "[serve]") {
+TEST_CASE("where to serve is a port, or an address and a port, and others than this machine want a token", "[serve]") {
   CHECK(parseServe("8080", "").host == "127.0.0.1");
   CHECK(parseServe("8080", "").port == 8080);
   CHECK(parseServe("8080", "").token.empty());

@@ -246,7 +246,7 @@ TEST_CASE("a checkpoint that ends early or has a wrong byte anywhere is refused"
   CHECK_THAT(refusal(longer), Contains("1 bytes after the end"));
   Bytes newer = bytes;
   newer[8] = 9;
-  CHECK_THAT(refusal(newer), Contains("another version of tgtrain (expected 1, found 9)"));
+  CHECK_THAT(refusal(newer), Contains("another version of tgtrain (expected 2, found 9)"));
   CHECK_THAT(refusal({'n', 'o'}), Contains("not a checkpoint"));
 
   CHECK_THROWS_WITH(tg::readCheckpoint(folder / "absent"), Contains("cannot open"));
@@ -262,7 +262,7 @@ TEST_CASE("what a checkpoint says is checked even where its checksums are right"
   const auto refused = [&](const std::string& name, const Bytes& content) {
     return refusal(withContent(bytes, name, content));
   };
-  CHECK_THAT(refused("stage", asBytes<std::uint32_t>({4})), Contains("stage: expected 0 to 3, found 4"));
+  CHECK_THAT(refused("stage", asBytes<std::uint32_t>({5})), Contains("stage: expected 0 to 4, found 5"));
   CHECK_THAT(refused("finished", {2}), Contains("finished: expected 0 or 1, found 2"));
   CHECK_THAT(refused("iteration", {1}), Contains("iteration: wrong length (expected 4 bytes, found 1)"));
   CHECK_THAT(refused("training.mean.first", {1, 2, 3}), Contains("training.mean.first: wrong length"));

@@ -122,6 +122,6 @@ TEST_CASE("photograph, rendering and error stand side by side", "[evaluate]") {
   CHECK(image.at(3, 2, 1) == pixels.image().at(3, 2, 1));
   CHECK(image.at(6 + 4 + 3, 2, 1) == 0.25f);
   CHECK(image.at(20 + 3, 2, 0) == 0);  // no error: black
-  CHECK(image.at(20 + 5, 4, 2) == 1);  // the largest: white
+  CHECK(image.at(20 + 5, 4, 2) == 191 / 255.0f);  // the largest: magma's end
   CHECK(image.at(20, 0, 0) == 0.5f);   // masked: grey
 }
