@@ -55,7 +55,9 @@ def main():
 
         def reference(settings, camera=None):
             out = folder / "reference.png"
-            flags = [x for key, value in settings.items() for x in (f"--{key}", value)]
+            # tgview refuses what changes nothing in the output.
+            idle = [] if settings["show"] in ("final", "base") else ["background"]
+            flags = [x for key, value in settings.items() if key not in idle for x in (f"--{key}", value)]
             if camera is not None:
                 flags += ["--camera", camera]
             run(programs / "tgview", model, "--render", out, "--size", size, "--backend", "cpu", *flags)

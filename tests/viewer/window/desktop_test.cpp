@@ -108,7 +108,7 @@ TEST_CASE("Esc closes the list that is open and not the viewer", "[window]") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   playByHand(shop, "panel on\nsize 900x600\nwait 3\nwindow before.png\n" + seen("menu") + seen("closed") + seen("over"),
-             "reached before.png\nclick 30 10\nto 700 500\nseen menu\nkey Escape\nseen closed\nkey h\nto 700 0\n"
+             "reached before.png\nclick 30 10\nsleep 0.3\nto 700 500\nseen menu\nkey Escape\nseen closed\nkey h\nto 700 0\n"
              "sleep 0.3\nseen over\n");
   CHECK(share(shop.read("before.png"), shop.read("menu.png")) > 0.05);
   CHECK(psnr(shop.read("before.png"), shop.read("closed.png")) > 40);
