@@ -16,10 +16,10 @@ chmod 755 "$work" # apt fetches as a user of its own
   echo "fetch_swiftshader.sh: $(tail -1 "$work/log")" >&2
   exit 1
 }
-dpkg-deb -x "$work"/chromium-common_*.deb "$work/root"
+dpkg-deb -x "$work"/chromium-common_*.deb "$work/package"
 mkdir -p "$folder"
 folder=$(cd "$folder" && pwd)
-cp "$work"/root/usr/lib/chromium/libvk_swiftshader.so "$work"/root/usr/lib/chromium/libVkLayer_khronos_validation.so "$folder"
+cp "$work"/package/usr/lib/chromium/{libvk_swiftshader,libVkLayer_khronos_validation}.so "$folder"
 cat >"$folder/layer.json" <<JSON
 {"file_format_version": "1.2.0", "layer": {"name": "VK_LAYER_KHRONOS_validation", "type": "GLOBAL",
  "library_path": "$folder/libVkLayer_khronos_validation.so", "api_version": "1.4.0", "implementation_version": "1",
