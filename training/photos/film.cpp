@@ -64,22 +64,22 @@ std::vector<std::size_t> sharpestFrames(std::span<const double> sharpness, std::
   return chosen;
 }
 
+namespace {
+
+// The film's first stream of pictures through a filter, a picture out for each that the filter lets through.
+std::vector<std::string> filtered(const std::string& ffmpeg, const std::filesystem::path& film,
+                                  const std::string& filter) {
+  return {ffmpeg,  "-nostdin", "-hide_banner", "-i",        fileWord(film), "-map",
+          "0:v:0", "-vf",      filter,         "-fps_mode", "passthrough"};
+}
+
+}  // namespace
+
 std::vector<std::string> judgeFrames(const std::string& ffmpeg, const std::filesystem::path& film) {
   const std::string side = std::to_string(kJudgedSide);
-  return {ffmpeg,
-          "-nostdin",
-          "-hide_banner",
-          "-i",
-          fileWord(film),
-          "-map",
-          "0:v:0",
-          "-vf",
-          "scale=" + side + ":" + side + ":flags=area,format=gray",
-          "-fps_mode",
-          "passthrough",
-          "-f",
-          "rawvideo",
-          "-"};
+  std::vector<std::string> command = filtered(ffmpeg, film, "scale=" + side + ":" + side + ":flags=area,format=gray");
+  command.insert(command.end(), {"-f", "rawvideo", "-"});
+  return command;
 }
 
 std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::filesystem::path& film,
@@ -98,23 +98,9 @@ std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::fil
   // A pattern may not hold a name of the user's: '%' counts in it.
   std::string pattern = folder.string();
   for (std::size_t at = 0; (at = pattern.find('%', at)) != pattern.npos; at += 2) pattern.insert(at, 1, '%');
-  return {ffmpeg,
-          "-nostdin",
-          "-hide_banner",
-          "-i",
-          fileWord(film),
-          "-map",
-          "0:v:0",
-          "-vf",
-          filter,
-          "-fps_mode",
-          "passthrough",
-          "-q:v",
-          "2",
-          "-f",
-          "image2",
-          "-y",
-          "file:" + pattern + "/%06d.jpg"};
+  std::vector<std::string> command = filtered(ffmpeg, film, filter);
+  command.insert(command.end(), {"-q:v", "2", "-f", "image2", "-y", "file:" + pattern + "/%06d.jpg"});
+  return command;
 }
 
 void FilmLength::read(std::string_view line) {

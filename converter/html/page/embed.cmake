@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Makes a page of PAGE: every @FILE@ is replaced by that file, of the page's folder or one of FOLDERS, with its #include
-# "shared/..." written out where it stands, once each; other words between @ stay. Writes the page and, for the program,
+# "shared/..." written out where it stands, once each; other words between @ stay. A .html may hold such words itself, not
+# a .html of its own among them. Writes the page and, for the program,
 # its bytes as a C++ source that defines FUNCTION of HEADER.
 #   cmake -D PAGE=... -D FOLDERS=... -D SHADERS=... -D OUT_PAGE=... -D OUT_SOURCE=... -D HEADER=... -D FUNCTION=...
 #     -P embed.cmake
@@ -30,18 +31,20 @@ endfunction()
 
 file(READ "${PAGE}" page)
 get_filename_component(own_folder "${PAGE}" DIRECTORY)
-string(REGEX MATCHALL "@[a-z_]+\\.[a-z]+@" markers "${page}")
-foreach(marker IN LISTS markers)
-  string(REPLACE "@" "" name "${marker}")
-  unset(file CACHE)
-  find_file(file "${name}" PATHS ${own_folder} ${FOLDERS} NO_DEFAULT_PATH REQUIRED)
-  file(READ "${file}" text)
-  tg_inline_includes(text)
-  if(name MATCHES "\\.(vert|frag)$")
-    get_filename_component(folder "${OUT_PAGE}" DIRECTORY)
-    file(WRITE "${folder}/${name}" "${text}")
-  endif()
-  string(REPLACE "@${name}@" "${text}" page "${page}")
+foreach(extension html "[a-z]+")
+  string(REGEX MATCHALL "@[a-z_]+\\.${extension}@" markers "${page}")
+  foreach(marker IN LISTS markers)
+    string(REPLACE "@" "" name "${marker}")
+    unset(file CACHE)
+    find_file(file "${name}" PATHS ${own_folder} ${FOLDERS} NO_DEFAULT_PATH REQUIRED)
+    file(READ "${file}" text)
+    tg_inline_includes(text)
+    if(name MATCHES "\\.(vert|frag)$")
+      get_filename_component(folder "${OUT_PAGE}" DIRECTORY)
+      file(WRITE "${folder}/${name}" "${text}")
+    endif()
+    string(REPLACE "@${name}@" "${text}" page "${page}")
+  endforeach()
 endforeach()
 file(WRITE "${OUT_PAGE}" "${page}")
 
