@@ -6,6 +6,7 @@
 #include <archive_entry.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <memory>
 #include <new>
 
@@ -20,6 +21,7 @@ constexpr std::uint64_t kMaxRatio = 1000;
 constexpr std::size_t kPieceBytes = 1 << 16;
 
 std::string reasonOf(archive* a, const char* otherwise) {
+  if (archive_errno(a) == ENOMEM) throw std::bad_alloc();
   const char* text = archive_error_string(a);
   return text != nullptr ? text : otherwise;
 }
@@ -60,15 +62,17 @@ std::vector<std::uint8_t> ZipReader::read(const std::string& name, std::uint64_t
   }
 }
 
-void writeZip(const std::filesystem::path& file, std::span<const ZipEntry> entries) {
+void writeZip(const std::filesystem::path& file, std::span<const ZipEntry> entries,
+              const std::filesystem::path& reported) {
   const std::unique_ptr<archive, int (*)(archive*)> writer(archive_write_new(), archive_write_free);
   if (!writer) throw std::bad_alloc();
   archive* a = writer.get();
   const auto check = [&](int result) {
     if (result == ARCHIVE_OK) return;
     const int number = archive_errno(a);  // errno's, or below 0
+    if (number == ENOMEM) throw std::bad_alloc();
     throw Error(
-        ErrorKind::cannotWrite, file.string(),
+        ErrorKind::cannotWrite, reported.string(),
         "cannot write: " + (number > 0 ? std::generic_category().message(number) : reasonOf(a, "the ZIP archive")));
   };
   check(archive_write_set_format_zip(a));

@@ -4,10 +4,12 @@
 #include <archive_entry.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstring>
 #include <exception>
 #include <fstream>
 #include <memory>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <unordered_set>
@@ -157,6 +159,7 @@ class BundleReader {
   void checkArchive(int result) {
     if (failure_) std::rethrow_exception(failure_);
     if (result == ARCHIVE_OK || result == ARCHIVE_EOF || result == ARCHIVE_WARN) return;
+    if (archive_errno(archive_.get()) == ENOMEM) throw std::bad_alloc();
     const char* text = archive_error_string(archive_.get());
     fail(std::string("broken tar archive: ") + (text ? text : "unknown error"));
   }

@@ -5,8 +5,10 @@
 #include <archive_entry.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <functional>
 #include <memory>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <system_error>
@@ -176,6 +178,7 @@ class TarWriter {
  private:
   std::string message() const {
     const int number = archive_errno(archive_.get());  // errno's, or below 0
+    if (number == ENOMEM) throw std::bad_alloc();
     const char* text = archive_error_string(archive_.get());
     return "cannot write: " + (number > 0 ? std::generic_category().message(number) : std::string(text ? text : "tar"));
   }

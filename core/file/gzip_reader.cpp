@@ -6,6 +6,7 @@
 
 #include <fstream>
 #include <limits>
+#include <new>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -102,7 +103,7 @@ GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_infl
   if (!s.file) throw Error(ErrorKind::cannotRead, s.path, "cannot open");
   s.file_size = std::filesystem::file_size(path, status);
   if (status) throw Error(ErrorKind::cannotRead, s.path, "is not a regular file");
-  if (inflateInit2(&s.stream, 15 + 16) != Z_OK) throw Error(ErrorKind::cannotRead, s.path, "cannot start zlib");
+  if (inflateInit2(&s.stream, 15 + 16) != Z_OK) throw std::bad_alloc();
   s.started = true;
   s.progress = progress;
   if (progress) progress->total = s.file_size;

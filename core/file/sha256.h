@@ -5,8 +5,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <span>
-#include <stdexcept>
 #include <string>
 
 namespace tg {
@@ -35,7 +35,7 @@ class Sha256 {
 
  private:
   static void require(bool worked) {
-    if (!worked) throw std::runtime_error("libcrypto cannot compute SHA-256");
+    if (!worked) throw std::bad_alloc();  // there is no other reason
   }
   std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context_;
 };

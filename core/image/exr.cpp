@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <new>
 #include <stdexcept>
 #include <string_view>
 
@@ -115,6 +116,18 @@ class HeaderReader {
     }
     checkSize();
     return header_;
+  }
+
+  // OpenEXR 3.1 says nothing of lines that it could not compress, which only memory can be the reason of. Of a file
+  // with ZIP_COMPRESSION and nothing read yet.
+  bool hasAllLines() {
+    read();
+    for (int y = 0; y < header_.height; y += 16) {
+      const auto low = static_cast<std::uint32_t>(integer()), high = static_cast<std::uint32_t>(integer());
+      const std::uint64_t offset = std::uint64_t{high} << 32 | low;
+      if (offset == 0 || offset >= file_bytes_) return false;
+    }
+    return true;
   }
 
  private:
@@ -227,6 +240,8 @@ Image readChannels(std::span<const std::uint8_t> bytes, const Header& header, st
     }
     file.setFrameBuffer(frame);
     file.readPixels(window.min.y, window.max.y);
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& e) {
     std::string what = e.what();
     std::replace(what.begin(), what.end(), '\n', ' ');
@@ -316,7 +331,10 @@ std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::str
       file.setFrameBuffer(frame);
       file.writePixels(image.height);
     }
+    if (!HeaderReader(output.bytes, path).hasAllLines()) throw std::bad_alloc();
     return std::move(output.bytes);
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& e) {
     throw Error(ErrorKind::cannotWrite, path, e.what());
   }

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <csetjmp>
+#include <cstdlib>
 #include <cstring>
+#include <new>
 #include <utility>
 
 #include "core/image/codecs.h"
@@ -34,6 +36,13 @@ void onError(png_structp png, png_const_charp message) {
 }
 void onWarning(png_structp, png_const_charp) {}
 
+png_voidp onAllocate(png_structp png, png_alloc_size_t bytes) {
+  void* memory = std::malloc(bytes);
+  if (!memory) static_cast<PngState*>(png_get_mem_ptr(png))->out_of_memory = true;
+  return memory;
+}
+void onFree(png_structp, png_voidp memory) { std::free(memory); }
+
 void onRead(png_structp png, png_bytep data, std::size_t length) {
   auto* state = static_cast<PngState*>(png_get_io_ptr(png));
   if (state->input.size() < length) png_error(png, "file ends early");
@@ -53,12 +62,16 @@ void onWrite(png_structp png, png_bytep data, std::size_t length) {
 void onFlush(png_structp) {}
 
 struct PngReader : PngState {
-  PngReader() { png = png_create_read_struct(PNG_LIBPNG_VER_STRING, static_cast<PngState*>(this), onError, onWarning); }
+  PngReader() {
+    auto* state = static_cast<PngState*>(this);
+    png = png_create_read_struct_2(PNG_LIBPNG_VER_STRING, state, onError, onWarning, state, onAllocate, onFree);
+  }
   ~PngReader() { png_destroy_read_struct(&png, &info, nullptr); }
 };
 struct PngWriter : PngState {
   PngWriter() {
-    png = png_create_write_struct(PNG_LIBPNG_VER_STRING, static_cast<PngState*>(this), onError, onWarning);
+    auto* state = static_cast<PngState*>(this);
+    png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, state, onError, onWarning, state, onAllocate, onFree);
   }
   ~PngWriter() { png_destroy_write_struct(&png, &info); }
 };
@@ -115,27 +128,31 @@ bool writeRows(PngState& state, const Image& image, int bits, std::vector<png_by
   return true;
 }
 
-void begin(PngState& state, ErrorKind kind, const std::string& path) {
+void begin(PngState& state) {
   if (state.png) state.info = png_create_info_struct(state.png);
-  if (!state.info) throw Error(kind, path, "cannot start libpng");
+  if (!state.info) throw std::bad_alloc();
+}
+
+[[noreturn]] void fail(const PngState& state, ErrorKind kind, const std::string& path, const std::string& what) {
+  if (state.out_of_memory) throw std::bad_alloc();
+  throw Error(kind, path, what + state.message);
 }
 
 }  // namespace
 
 Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path) {
   PngReader state;
-  begin(state, ErrorKind::badData, path);
+  begin(state);
   state.input = bytes;
-  const auto fail = [&] { return Error(ErrorKind::badData, path, std::string("broken PNG: ") + state.message); };
   PngHeader header{};
-  if (!readHeader(state, header)) throw fail();
+  if (!readHeader(state, header)) fail(state, ErrorKind::badData, path, "broken PNG: ");
   // Deflate never exceeds 1032 : 1. A packed pixel may be less than a byte: count it as 8 pixels a byte.
   checkImageSize(header.width, header.height, std::max(1, header.file_bits_per_pixel / 8), bytes.size(),
                  header.file_bits_per_pixel < 8 ? 1040 * 8 : 1040, path);
   std::vector<std::uint8_t> pixels(header.row_bytes * header.height);
   std::vector<png_bytep> rows(header.height);
   for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = pixels.data() + y * header.row_bytes;
-  if (!readRows(state, rows)) throw fail();
+  if (!readRows(state, rows)) fail(state, ErrorKind::badData, path, "broken PNG: ");
 
   Image image(static_cast<int>(header.width), static_cast<int>(header.height), header.channels);
   const std::size_t row_values = static_cast<std::size_t>(header.width) * static_cast<std::size_t>(header.channels);
@@ -163,7 +180,7 @@ std::vector<std::uint8_t> encode(const Image& image, int bits) {
                 "wrong number of channels (expected 1, 3 or 4, found " + std::to_string(image.channels) + ")");
   }
   PngWriter state;
-  begin(state, ErrorKind::cannotWrite, name);
+  begin(state);
   const std::size_t sample_bytes = bits == 16 ? 2 : 1;
   std::vector<std::uint8_t> pixels(image.data.size() * sample_bytes);
   for (std::size_t i = 0; i < image.data.size(); ++i) {
@@ -180,7 +197,7 @@ std::vector<std::uint8_t> encode(const Image& image, int bits) {
   const std::size_t row_bytes =
       static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.channels) * sample_bytes;
   for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = pixels.data() + y * row_bytes;
-  if (!writeRows(state, image, bits, rows)) throw Error(ErrorKind::cannotWrite, name, state.message);
+  if (!writeRows(state, image, bits, rows)) fail(state, ErrorKind::cannotWrite, name, "");
   return std::move(state.output);
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <filesystem>
@@ -19,6 +20,7 @@
 #include "core/system/command_table.h"
 #include "core/system/error.h"
 #include "core/system/shortened.h"
+#include "core/system/temporary_files.h"
 
 namespace tg {
 namespace {
@@ -106,6 +108,23 @@ void checkProcessor() {
 #endif
 }
 
+const char* program_name = "";
+
+// Memory ran out where nothing may throw, in a library's destructor: the same end as otherwise, without more memory.
+[[noreturn]] void endedByLibrary() noexcept {
+  if (const std::exception_ptr thrown = std::current_exception()) {
+    try {
+      std::rethrow_exception(thrown);
+    } catch (const std::bad_alloc&) {
+      removeTemporaryFiles();
+      std::fprintf(stderr, "%s: out of memory\n", program_name);
+      std::_Exit(static_cast<int>(ErrorKind::device));
+    } catch (...) {
+    }
+  }
+  std::abort();
+}
+
 constexpr std::size_t kMessageStart = 2000, kMessageEnd = 500;  // [bytes] of one that quotes a file at length
 
 }  // namespace
@@ -178,6 +197,8 @@ CLI::Option* addBytes(CLI::App& app, const std::string& name, std::uint64_t& byt
 }
 
 int runProgram(const char* name, const std::function<int()>& body) {
+  program_name = name;
+  std::set_terminate(endedByLibrary);
   try {
     checkProcessor();
     const int code = body();
