@@ -22,7 +22,8 @@ class AtomicFiles {
   // Both forms as writeFileAtomically. Throws Error(cannotWrite).
   void add(const std::filesystem::path& path, const std::function<void(const std::filesystem::path& temporary)>& write);
   void add(const std::filesystem::path& path, std::span<const std::uint8_t> bytes);
-  // Throws Error(cannotWrite); files before the one that cannot be renamed keep their new content.
+  // Throws Error(cannotWrite); where a file cannot be renamed, those before it get their older content back, if the
+  // file system has hard links.
   void commit();
 
  private:

@@ -187,8 +187,21 @@ void requireWritable(const std::filesystem::path& path) {
 
 struct AtomicFiles::Entry {
   explicit Entry(const std::filesystem::path& file) : path(file), temporary(file) {}
+
+  // What has the name now gets a second one, from which putBack() takes it again.
+  void keepOlder() {
+    older.emplace(path);
+    ::unlink(older->path.c_str());
+    if (::link(path.c_str(), older->path.c_str()) != 0) older.reset();  // none, or a file system without links
+  }
+  void putBack() {
+    if (!temporary.released) return;
+    older ? ::rename(older->path.c_str(), path.c_str()) : ::unlink(path.c_str());
+  }
+
   const std::filesystem::path path;
   TemporaryFile temporary;
+  std::optional<TemporaryFile> older;
 };
 
 namespace {
@@ -237,11 +250,17 @@ void AtomicFiles::add(const std::filesystem::path& path, std::span<const std::ui
 }
 
 void AtomicFiles::commit() {
+  if (entries_.size() > 1 && replace_) {
+    for (const std::unique_ptr<Entry>& entry : entries_) entry->keepOlder();
+  }
   for (const std::unique_ptr<Entry>& entry : entries_) {
     const bool renamed = replace_ ? ::rename(entry->temporary.path.c_str(), entry->path.c_str()) == 0
                                   : renameWithoutReplacing(entry->temporary.path, entry->path);
-    if (!renamed && !replace_ && errno == EEXIST) throw existsAlready(entry->path);
     if (!renamed) {
+      const int reason = errno;
+      for (const std::unique_ptr<Entry>& other : entries_) other->putBack();
+      errno = reason;
+      if (!replace_ && errno == EEXIST) throw existsAlready(entry->path);
       throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + systemReason());
     }
     entry->temporary.released = true;

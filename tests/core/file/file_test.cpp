@@ -2,6 +2,7 @@
 // Whole files: bounds in, all or nothing out.
 #include <stdexcept>
 
+#include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "core/system/temporary_files.h"
@@ -95,6 +96,21 @@ TEST_CASE("an exception while writing leaves the older file and nothing beside i
                     std::runtime_error);
   REQUIRE(tg::readFile(folder / "a.txt", 10) == Bytes{7});
   REQUIRE(fileCount(folder.path) == 1);
+}
+
+TEST_CASE("of files that belong together all are new or all are old") {
+  const tg::TemporaryFolder folder;
+  tg::writeTextAtomically(folder / "first", "old");
+  {
+    tg::AtomicFiles files;
+    files.add(folder / "first", Bytes{1});
+    files.add(folder / "second", Bytes{2});
+    files.add(folder / "third", Bytes{3});
+    std::filesystem::create_directory(folder / "third");  // a file cannot be renamed to it
+    REQUIRE(kindOf([&] { files.commit(); }) == tg::ErrorKind::cannotWrite);
+  }
+  REQUIRE(tg::readFile(folder / "first", 100) == Bytes{'o', 'l', 'd'});
+  REQUIRE(fileCount(folder / "") == 2);  // first and third
 }
 
 TEST_CASE("folders, devices and paths into nowhere cannot be written") {
