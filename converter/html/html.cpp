@@ -54,7 +54,7 @@ bool writePayload(std::ofstream& out, std::ifstream& in) {
   };
   restart();
   int status = Z_OK;
-  while (status != Z_STREAM_END && out) {
+  while (status != Z_STREAM_END && out && !in.bad()) {
     if (stream.avail_in == 0 && !in.eof()) {
       in.read(plain.data(), static_cast<std::streamsize>(plain.size()));
       stream.next_in = reinterpret_cast<Bytef*>(plain.data());
@@ -145,7 +145,8 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
     const bool read = glb.good() && writePayload(out, glb);
     out << page.substr(payload + kPayload.size());
     out.close();
-    if (!read || !out) throw Error(ErrorKind::cannotWrite, path.string(), "cannot be written: the disk is full");
+    if (!out) throw Error(ErrorKind::cannotWrite, path.string(), "cannot be written: the disk is full");
+    if (!read) throw Error(ErrorKind::cannotWrite, path.string(), "cannot read back the GLB that it holds");
     report.output_bytes = std::filesystem::file_size(temporary);
   });
   return report;
