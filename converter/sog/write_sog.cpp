@@ -311,7 +311,7 @@ std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const Gau
   const std::string name = path.string();
   std::vector<std::uint32_t> order = mortonOrder(model.mean);
   const std::vector<ZipEntry> entries = SogWriter(select(model, order), options, name).write();
-  writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries); });
+  writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries, path); });
   return order;
 }
 

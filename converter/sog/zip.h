@@ -30,6 +30,7 @@ class ZipReader {
 };
 
 // Same entries in, same bytes out, as long as zlib stays the same.
-void writeZip(const std::filesystem::path& file, std::span<const ZipEntry> entries);
+void writeZip(const std::filesystem::path& file, std::span<const ZipEntry> entries,
+              const std::filesystem::path& reported);
 
 }  // namespace tg

@@ -57,7 +57,7 @@ struct SogParts {
     for (std::size_t i = 12; i < 24 && i < palette.data.size(); ++i) palette.data[i] = i == 13 ? 0 : 1;
     entries.push_back({"rows.webp", encodeWebp(palette)});
     const auto path = scratch.folder() / "parts.sog";
-    writeZip(path, entries);
+    writeZip(path, entries, path);
     return readFile(path, 1 << 20);
   }
 };
