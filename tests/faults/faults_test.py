@@ -1,0 +1,169 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""What the programs do when a call fails: faults_test.py INJECTOR BIN [--most N] [--only WORD] [--keep]
+
+For each command below and each kind of call, the command runs with its K-th such call failing, for every K or for --most
+of them spread over all. It must end by itself with the right code and one line, leave what stood there whole and nothing
+beside it, or, where it did without what failed, make what it makes otherwise."""
+import argparse
+import io
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+
+# Exit codes that the failure of a kind may end with (CONTRIBUTING.md).
+CODES = {"memory": {5}, "open": {2, 4}, "read": {2, 4}, "write": {4}, "sync": {4}, "rename": {4}, "thread": {5}}
+# What a library makes of it: OpenEXR 3.1.5 calls a file broken when zlib has no memory.
+KNOWN = [("memory", 3, "Data decompression (zlib) failed")]
+LIMIT_S = 60
+OLDER = b"older"
+
+
+class Scenario:
+    """A command in a folder: `inputs` are copied there first, `output` (a file or a folder) is what it makes."""
+
+    def __init__(self, name, command, output, inputs=(), kinds=tuple(CODES), older=True):
+        self.name, self.command, self.output = name, command, output
+        self.inputs, self.kinds, self.older = inputs, kinds, older
+
+
+def scenarios(model, scene):
+    convert = ["tgconvert", "--quiet", "--overwrite"]
+    found = [Scenario(f"write {kind}", [*convert, "model.tgz", f"out.{kind}"], f"out.{kind}", [model])
+             for kind in ("tgz", "glb", "gltf", "sog", "ply", "compressed.ply", "spz", "splat", "html")]
+    return found + [
+        Scenario("check", ["tgconvert", "check", "model.tgz"], None, [model]),
+        Scenario("edit", [*convert, "model.tgz", "out.glb", "--merge-pairs", "10%", "--sh-degree", "1"], "out.glb", [model]),
+        Scenario("train", ["tgtrain", "scene", "-o", "out.tgz", "--iterations", "3", "--texture-iterations", "2",
+                           "--gaussians", "60", "--texture-size", "2", "--threads", "2", "--device", "cpu", "--quiet",
+                           "--overwrite"], "out.tgz", [scene]),
+        Scenario("train in a run folder", ["tgtrain", "scene", "--run", "out", "--iterations", "3",
+                                           "--texture-iterations", "2", "--gaussians", "60", "--texture-size", "2",
+                                           "--threads", "2", "--device", "cpu", "--quiet"], "out", [scene], older=False),
+        Scenario("evaluate", ["tgeval", "model.tgz", "scene", "--json", "out.json", "--device", "cpu", "--threads", "2",
+                              "--overwrite"], "out.json", [model, scene]),
+        Scenario("render", ["tgview", "model.tgz", "--render", "out.png", "--size", "64x48", "--backend", "cpu"],
+                 "out.png", [model], older=False),
+    ]
+
+
+def contents(folder):
+    """Everything in a folder, names and bytes, without the seconds that a training took."""
+    found = {}
+    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+        data = file.read_bytes()
+        if file.suffix == ".tgz" and data != OLDER:
+            with tarfile.open(fileobj=io.BytesIO(data)) as bundle:
+                data = [(entry.name, bundle.extractfile(entry).read()) for entry in bundle
+                        if entry.name not in ("training.json", "manifest.json")]
+        if file.name not in ("metrics.jsonl", "checkpoint"):
+            found[str(file.relative_to(folder))] = data
+    return found
+
+
+def spread(calls, most):
+    if calls <= most:
+        return range(1, calls + 1)
+    return sorted({1 + (calls - 1) * i // (most - 1) for i in range(most)})
+
+
+class Runner:
+    def __init__(self, options, folder):
+        self.options, self.folder, self.failures, self.runs = options, folder, [], 0
+
+    def run(self, scenario, kind, k):
+        """The finished process, the folder's files, and how many calls of the kind there were."""
+        work = self.folder / "work"
+        shutil.rmtree(work, ignore_errors=True)
+        work.mkdir()
+        for file in scenario.inputs:
+            (work / file.name).symlink_to(file)
+        if scenario.output and scenario.older:
+            (work / scenario.output).write_bytes(OLDER)
+        count = self.folder / "count"
+        count.unlink(missing_ok=True)
+        command = [str(self.options.bin / scenario.command[0]), *scenario.command[1:]]
+        environment = os.environ | {"LD_PRELOAD": str(self.options.injector), "TG_FAULT": f"{kind}:{k}:{count}",
+                                    "HOME": str(self.folder), "XDG_STATE_HOME": str(self.folder / "state"),
+                                    "XDG_CACHE_HOME": str(self.folder / "cache"), "TMPDIR": str(self.folder / "tmp")}
+        (self.folder / "tmp").mkdir(exist_ok=True)
+        try:
+            done = subprocess.run(command, cwd=work, env=environment, stdin=subprocess.DEVNULL, capture_output=True,
+                                  timeout=LIMIT_S)
+        except subprocess.TimeoutExpired:
+            done = None
+        self.runs += 1
+        return done, contents(work), int(count.read_text()) if count.exists() else 0
+
+    def complain(self, scenario, kind, k, what):
+        self.failures.append(f"{scenario.name}, {kind} {k}: {what}")
+        print(self.failures[-1], flush=True)
+
+    def judge(self, scenario, kind, k, done, files, before, wanted):
+        if done is None:
+            return f"hangs ({LIMIT_S} s)"
+        said = done.stderr.decode(errors="replace").strip()
+        if done.returncode == 0:
+            differing = sorted(name for name in wanted.keys() | files.keys() if wanted.get(name) != files.get(name))
+            return f"success, but other bytes: {differing}" if differing else None
+        if any((kind, done.returncode) == known[:2] and known[2] in said for known in KNOWN):
+            return None
+        if done.returncode not in CODES[kind]:
+            return f"exit code {done.returncode} (expected {sorted(CODES[kind])}): {said[-300:]}"
+        if len(said.splitlines()) != 1:
+            return f"{len(said.splitlines())} lines: {said[-600:]}"
+        if scenario.older:
+            differing = sorted(name for name in before.keys() | files.keys() if before.get(name) != files.get(name))
+            return f"half-written: {differing}: {said}" if differing and files != wanted else None
+        parts = [name for name in files if name not in wanted and name not in before]
+        return f"left behind: {parts}" if parts else None
+
+    def sweep(self, scenario):
+        for kind in scenario.kinds:
+            done, wanted, calls = self.run(scenario, kind, 0)
+            if done is None or done.returncode != 0:
+                self.complain(scenario, kind, 0, "fails by itself: " + ("hangs" if done is None else done.stderr.decode()))
+                return
+            before = {name: OLDER if name == scenario.output else data for name, data in wanted.items()
+                      if name == scenario.output or any(name.startswith(file.name) for file in scenario.inputs)}
+            for k in spread(calls, self.options.most):
+                done, files, _ = self.run(scenario, kind, k)
+                wrong = self.judge(scenario, kind, k, done, files, before, wanted)
+                if wrong:
+                    self.complain(scenario, kind, k, wrong)
+
+
+def prepare(options, folder):
+    """A model of 30 textured Gaussians, and a data set of four small pictures."""
+    def call(*command):
+        subprocess.run([str(options.bin / command[0]), *map(str, command[1:])], check=True, stdout=subprocess.DEVNULL)
+
+    scene, model = folder / "scene", folder / "model.tgz"
+    call("tgtrain", "make-sample", scene, "--views", 4, "--test-views", 2, "--size", 32)
+    call("tgtrain", scene, "-o", model, "--iterations", 5, "--texture-iterations", 5, "--gaussians", 30, "--texture-size",
+         3, "--device", "cpu", "--quiet")
+    return model, scene
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("injector", type=pathlib.Path)
+    parser.add_argument("bin", type=pathlib.Path)
+    parser.add_argument("--most", type=int, default=10**9, help="calls of a kind that fail, spread over all")
+    parser.add_argument("--only", default="", help="scenarios whose name holds this")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name).resolve()
+        runner = Runner(options, folder)
+        for scenario in scenarios(*prepare(options, folder)):
+            if options.only in scenario.name:
+                runner.sweep(scenario)
+    print(f"{runner.runs} runs, {len(runner.failures)} wrong")
+    sys.exit(1 if runner.failures else 0)
+
+
+main()
