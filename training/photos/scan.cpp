@@ -44,6 +44,9 @@ bool hasExtension(const fs::path& path, std::initializer_list<std::string_view> 
 bool isFilmName(const fs::path& path) {
   return hasExtension(path, {".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mpg"});
 }
+bool isPhotographName(const fs::path& path) {
+  return hasExtension(path, {".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".hif", ".avif"});
+}
 bool isUnreadName(const fs::path& path) {
   return hasExtension(path, {".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srw", ".raf", ".orf", ".rw2",
                              ".pef", ".x3f", ".iiq", ".3fr", ".tif", ".tiff", ".jxl"});
@@ -99,6 +102,8 @@ PhotographList findPhotographs(const fs::path& folder) {
   if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot list: " + error.message());
   std::ranges::sort(list.photographs);
   for (std::vector<std::string>* names : {&list.unread, &list.films, &list.ignored}) std::ranges::sort(*names);
+  // Empty and broken photographs before what was never meant to be one.
+  std::ranges::stable_partition(list.ignored, isPhotographName);
   return list;
 }
 

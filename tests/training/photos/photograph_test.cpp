@@ -260,11 +260,12 @@ TEST_CASE("files are photographs by their bytes, and the others are named", "[ph
   std::ofstream(folder / "in/notes.txt") << "hello";
   std::ofstream(folder / "in/fake.jpg") << "no picture";
   std::ofstream(folder / "in/empty.png");
+  std::ofstream(folder / "in/a.txt") << "a text";
   std::ofstream(folder / "in/IMG_1.DNG") << "II*";
   std::ofstream(folder / "in/IMG_2.MOV") << "a film";
   const tg::PhotographList list = tg::findPhotographs(folder / "in");
   CHECK(list.photographs == std::vector<fs::path>{"b.jpg", "sub/a.JPG"});
-  CHECK(list.ignored == std::vector<std::string>{"empty.png", "fake.jpg", "notes.txt"});
+  CHECK(list.ignored == std::vector<std::string>{"empty.png", "fake.jpg", "a.txt", "notes.txt"});
   CHECK(list.unread == std::vector<std::string>{"IMG_1.DNG"});
   CHECK(list.films == std::vector<std::string>{"IMG_2.MOV"});
   CHECK(tg::isForPhotos(folder / "in"));
