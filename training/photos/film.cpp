@@ -75,6 +75,13 @@ std::vector<std::string> filtered(const std::string& ffmpeg, const std::filesyst
           "0:V:0", "-vf",      filter,         "-fps_mode", "passthrough"};
 }
 
+// Not 0 for these frames. ffmpeg takes at most 100 terms of a sum in a row, hence the brackets.
+std::string anyOf(std::span<const std::size_t> frames) {
+  if (frames.size() == 1) return "eq(n," + std::to_string(frames.front()) + ")";
+  const std::size_t half = frames.size() / 2;
+  return "(" + anyOf(frames.first(half)) + "+" + anyOf(frames.subspan(half)) + ")";
+}
+
 // toneMapped() of hdr.h in ffmpeg's words. It goes through linear light without subsampling, as sides may be odd.
 std::string toneMap(const FilmFacts& facts) {
   const std::string white = formatted("npl=%.0f", kPaperWhite);
@@ -99,12 +106,9 @@ std::vector<std::string> judgeFrames(const std::string& ffmpeg, const std::files
 std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::filesystem::path& film,
                                        std::span<const std::size_t> frames, int longest,
                                        const std::filesystem::path& folder, const FilmFacts& facts, bool mapped) {
-  std::string filter = "select='";
-  for (const std::size_t frame : frames) {
-    filter += (filter.back() == '\'' ? "eq(n," : "+eq(n,") + std::to_string(frame) + ")";
-  }
+  TG_ASSERT(!frames.empty(), "frames to take");
   // A JPEG has BT.601's colours, whatever the film has.
-  filter += "',scale=out_color_matrix=bt601:flags=area";
+  std::string filter = "select='" + anyOf(frames) + "',scale=out_color_matrix=bt601:flags=area";
   if (longest > 0) {
     const std::string most = std::to_string(longest);
     filter += ":w='min(iw," + most + ")':h='min(ih," + most + ")':force_original_aspect_ratio=decrease";

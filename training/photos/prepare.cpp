@@ -186,8 +186,14 @@ std::vector<Prepared> prepareFilm(const PhotosOptions& options, const fs::path& 
     frame.height = height;
     fs::rename(file, folder / frame.name);
   }
-  if (prepared.size() < kFewestPhotographs) {
-    throw Error(ErrorKind::badData, input, "ffmpeg cannot take frames from it: " + taken.last);
+  // A film that broke before has an end of its own.
+  const bool ended_early = looked.code == 0 && (taken.code != 0 || prepared.size() < chosen.size());
+  if (ended_early || prepared.size() < kFewestPhotographs) {
+    throw Error(ErrorKind::badData, input,
+                "ffmpeg did not take all frames from it" +
+                    expectedFound(std::to_string(chosen.size()) + " frames and exit code 0",
+                                  std::to_string(prepared.size()) + " and " + std::to_string(taken.code)) +
+                    ": " + taken.last);
   }
   listener.say("the sharpest " + std::to_string(prepared.size()) + " of " + std::to_string(meter.frames().size()) +
                " frames are kept, " + std::to_string(width) + " x " + std::to_string(height) +

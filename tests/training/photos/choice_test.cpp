@@ -9,6 +9,7 @@
 #include "core/file/file.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "training/photos/child.h"
 #include "training/photos/film.h"
 #include "training/photos/hdr.h"
 #include "training/photos/outcome.h"
@@ -56,7 +57,7 @@ TEST_CASE("ffmpeg is told of files, not of options or protocols", "[photos]") {
     return *(std::ranges::find(all, flag) + 1);
   };
   CHECK(after("-i") == "file:/a/-y:b.mp4");
-  CHECK(after("-vf").starts_with("select='eq(n,3)+eq(n,17)',scale=out_color_matrix=bt601:"));
+  CHECK(after("-vf").starts_with("select='(eq(n,3)+eq(n,17))',scale=out_color_matrix=bt601:"));
   CHECK(words(true).back() == "file:/x/50%%/im/%06d.jpg");
   CHECK(std::ranges::count(words(true), std::string("-nostdin")) == 1);
   for (const char* line :
@@ -86,6 +87,25 @@ TEST_CASE("ffmpeg is told of files, not of options or protocols", "[photos]") {
   CHECK_FALSE(filters.mapsTones());
   filters.read(" .SC zscale            V->V       Apply resizing, colorspace and bit depth conversion.");
   CHECK(filters.mapsTones());
+}
+
+TEST_CASE("ffmpeg takes as many frames as it is told", "[photos]") {
+  const auto ffmpeg = tg::findProgram("ffmpeg");
+  TG_SKIP_IF(ffmpeg ? "" : "no ffmpeg on the PATH");
+  const tg::TemporaryFolder folder;
+  const std::atomic<int> stop{0};
+  const std::filesystem::path film = folder / "film.mkv", log = folder / "log.txt", frames = folder / "frames";
+  std::filesystem::create_directory(frames);
+  const std::string source = "testsrc=size=64x48:rate=30:duration=10";
+  REQUIRE(tg::runChild({{ffmpeg->string(), "-f", "lavfi", "-i", source, film.string()}, log, {}, {}}, stop).code == 0);
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < 300; i += i % 3 == 0 ? 2 : 1) chosen.push_back(i);
+  const Strings words = tg::extractFrames(ffmpeg->string(), film, chosen, 32, frames, {}, false);
+  const tg::ChildEnd end = tg::runChild({words, log, {}, {}}, stop);
+  INFO(end.last);
+  CHECK(end.code == 0);
+  CHECK(std::distance(std::filesystem::directory_iterator(frames), {}) == 200);
+  CHECK(chosen.size() == 200);
 }
 
 TEST_CASE("a picture in HDR keeps what is darker than half of paper white, and presses what is brighter", "[photos]") {
