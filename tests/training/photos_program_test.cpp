@@ -310,6 +310,11 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   says(trial.photos("'photos/IMG 0.jpg' -o x.tgz"), 3, "too few photographs");
   says(trial.photos("scene -o x.tgz"), 1, "scene: is a data set with cameras already: `tgtrain scene -o model.tgz`");
   CHECK_FALSE(fs::exists(trial / "x.photos"));
+  std::ofstream(trial / "empty/IMG_1.DNG") << "II*";
+  std::ofstream(trial / "empty/IMG_2.MOV") << "a film";
+  says(trial.photos("empty -o x.tgz"), 3, "it holds pictures in formats that are not read: IMG_1.DNG (export");
+  says(trial.photos("empty -o x.tgz"), 3,
+       "it holds IMG_2.MOV (a film has a command of its own: `tgtrain photos empty/");
   says(trial.photos("broken.mp4 -o x.tgz"), 3, "broken.mp4: is no film that ffmpeg can read");
   says(trial.photos("photos"), 1, "expected a folder of photographs or a film, and -o model.tgz");
   says(trial.photos("photos -o x.tgz --work photos"), 4, "photos: holds other files");
@@ -346,4 +351,58 @@ TEST_CASE("a film of the real ffmpeg becomes frames, the right way up", "[photos
     ++frames;
   }
   CHECK(frames == 4);
+}
+
+TEST_CASE("frames of a film in HDR look like those of the film that is not", "[photos]") {
+  const Trial trial(3);
+  TG_SKIP_IF(run(trial,
+                 "ffmpeg -v error -hide_banner -encoders | grep -q libx265 && ffmpeg -v error -filters | grep -q "
+                 "' zscale '")
+                         .code == 0
+                 ? ""
+                 : "no ffmpeg with libx265 and zscale");
+  fs::remove(trial / "bin/ffmpeg");
+  const std::string transfer = GENERATE(std::string("arib-std-b67"), "smpte2084");
+  CAPTURE(transfer);
+  // 33 x 47: an odd side for the maps.
+  const std::string to_hdr =
+      "scale=66:94,format=gbrpf32le,zscale=tin=bt709:pin=bt709:min=gbr:rin=full:t=linear:p=bt709:m=gbr:r=full:npl=203,"
+      "zscale=p=bt2020:t=" +
+      transfer + ":m=bt2020nc:r=tv:npl=203,format=yuv420p10le";
+  REQUIRE(run(trial, "ffmpeg -v error -framerate 5 -f image2 -i 'photos/IMG %d.jpg' -vf '" + to_hdr +
+                         "' -c:v libx265 -x265-params log-level=error:crf=4 -color_primaries bt2020 -color_trc " +
+                         transfer + " -colorspace bt2020nc -color_range tv hdr.mp4")
+              .code == 0);
+  const auto frames = [&](const std::string& more) {
+    const Outcome made = trial.photos("hdr.mp4 -o model.tgz --longest-side 47" + more);
+    INFO(made.output);
+    REQUIRE(fs::is_directory(trial / "model.photos/images"));
+    std::vector<tg::Image> images;
+    for (const char* number : {"1", "2", "3"}) {
+      images.push_back(tg::readImage(trial / ("model.photos/images/frame_00000" + std::string(number) + ".jpg")));
+    }
+    return std::pair(images, made.output);
+  };
+  const auto [mapped, output] = frames("");
+  CHECK_THAT(output, Contains("the film is in HDR") && Contains("33 x 47"));
+  const auto distance = [&](const std::vector<tg::Image>& images) {
+    double sum = 0;
+    for (int i = 0; i < 3; ++i) {
+      const tg::Image truth = tg::readImage(trial / ("photos/IMG " + std::to_string(i) + ".jpg"));
+      for (int c = 0; c < 3; ++c) {
+        double difference = 0;
+        for (int y = 0; y < 47; ++y)
+          for (int x = 0; x < 33; ++x) difference += images[i].at(x, y, c) / (33 * 47.0);
+        for (std::size_t p = 0; p < std::size_t{32} * 32; ++p) difference -= truth.data[3 * p + c] / 1024.0;
+        sum += std::abs(difference) / 9;
+      }
+    }
+    return sum;
+  };
+  const double close = distance(mapped);
+  // An ffmpeg without zscale.
+  trial.script("ffmpeg", "case \"$*\" in *-filters*) exit 0;; esac; PATH=/usr/bin:/usr/local/bin exec ffmpeg \"$@\"");
+  const auto [pale, warned] = frames(" --frames 119");
+  CHECK_THAT(warned, Contains("frames come out pale (expected an ffmpeg with the filters zscale and tonemap"));
+  CHECK(close < 0.5 * distance(pale));
 }

@@ -159,14 +159,15 @@ class Process {
 
  private:
   void end() {
-    ::kill(-id_, SIGTERM);
+    const pid_t group = id_;
+    ::kill(-group, SIGTERM);
     const auto give_up = std::chrono::steady_clock::now() + kPatience;
-    while (std::chrono::steady_clock::now() < give_up) {
-      if (status()) return;
+    bool ended = false;
+    while (!(ended = status().has_value()) && std::chrono::steady_clock::now() < give_up) {
       ::poll(nullptr, 0, kPollEnd);
     }
-    ::kill(-id_, SIGKILL);
-    while (!status()) ::poll(nullptr, 0, kPollEnd);
+    ::kill(-group, SIGKILL);  // its own children, too, that do not listen
+    while (!ended && !status()) ::poll(nullptr, 0, kPollEnd);
   }
 
   pid_t id_;

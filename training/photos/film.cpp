@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/system/assert.h"
 #include "core/system/numbers.h"
@@ -66,14 +67,34 @@ std::vector<std::size_t> sharpestFrames(std::span<const double> sharpness, std::
 
 namespace {
 
-// The film's first stream of pictures through a filter, a picture out for each that the filter lets through.
+// The film's first stream of moving pictures (V: no cover) through a filter, a picture out for each that the filter
+// lets through.
 std::vector<std::string> filtered(const std::string& ffmpeg, const std::filesystem::path& film,
                                   const std::string& filter) {
   return {ffmpeg,  "-nostdin", "-hide_banner", "-i",        fileWord(film), "-map",
-          "0:v:0", "-vf",      filter,         "-fps_mode", "passthrough"};
+          "0:V:0", "-vf",      filter,         "-fps_mode", "passthrough"};
+}
+
+// Not 0 for these frames. ffmpeg takes at most 100 terms of a sum in a row, hence the brackets.
+std::string anyOf(std::span<const std::size_t> frames) {
+  if (frames.size() == 1) return "eq(n," + std::to_string(frames.front()) + ")";
+  const std::size_t half = frames.size() / 2;
+  return "(" + anyOf(frames.first(half)) + "+" + anyOf(frames.subspan(half)) + ")";
+}
+
+// toneMapped() of hdr.h in ffmpeg's words. It goes through linear light without subsampling, as sides may be odd.
+std::string toneMap(const FilmFacts& facts) {
+  const std::string white = formatted("npl=%.0f", kPaperWhite);
+  return "format=yuv444p10le,zscale=t=linear:" + white + (facts.saysColours() ? "" : ":pin=bt2020:min=bt2020nc") +
+         ":tin=" + (facts.transfer() == Transfer::pq ? "smpte2084" : "arib-std-b67") +
+         ",format=gbrpf32le,zscale=p=bt709,tonemap=mobius:desat=0" +
+         formatted(":param=%g:peak=%.4f", kUnchanged, kBrightest / kPaperWhite) + ",zscale=t=bt709:" + white +
+         ",format=gbrp";
 }
 
 }  // namespace
+
+std::vector<std::string> listFilters(const std::string& ffmpeg) { return {ffmpeg, "-hide_banner", "-filters"}; }
 
 std::vector<std::string> judgeFrames(const std::string& ffmpeg, const std::filesystem::path& film) {
   const std::string side = std::to_string(kJudgedSide);
@@ -84,17 +105,15 @@ std::vector<std::string> judgeFrames(const std::string& ffmpeg, const std::files
 
 std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::filesystem::path& film,
                                        std::span<const std::size_t> frames, int longest,
-                                       const std::filesystem::path& folder) {
-  std::string filter = "select='";
-  for (const std::size_t frame : frames) {
-    filter += (filter.back() == '\'' ? "eq(n," : "+eq(n,") + std::to_string(frame) + ")";
-  }
-  filter += "'";
+                                       const std::filesystem::path& folder, const FilmFacts& facts, bool mapped) {
+  TG_ASSERT(!frames.empty(), "frames to take");
+  // A JPEG has BT.601's colours, whatever the film has.
+  std::string filter = "select='" + anyOf(frames) + "',scale=out_color_matrix=bt601:flags=area";
   if (longest > 0) {
     const std::string most = std::to_string(longest);
-    filter +=
-        ",scale=w='min(iw," + most + ")':h='min(ih," + most + ")':force_original_aspect_ratio=decrease:flags=area";
+    filter += ":w='min(iw," + most + ")':h='min(ih," + most + ")':force_original_aspect_ratio=decrease";
   }
+  if (mapped && facts.transfer() != Transfer::sdr) filter += "," + toneMap(facts);
   // A pattern may not hold a name of the user's: '%' counts in it.
   std::string pattern = folder.string();
   for (std::size_t at = 0; (at = pattern.find('%', at)) != pattern.npos; at += 2) pattern.insert(at, 1, '%');
@@ -103,19 +122,37 @@ std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::fil
   return command;
 }
 
-void FilmLength::read(std::string_view line) {
+void FilmFacts::read(std::string_view line) {
   if (const std::size_t at = line.find("Duration: "); at != line.npos && line.size() >= at + 21) {
     const auto hours = parseWhole<double>(line.substr(at + 10, 2)),
                minutes = parseWhole<double>(line.substr(at + 13, 2)),
                seconds = parseWhole<double>(line.substr(at + 16, 5));
     if (hours && minutes && seconds) seconds_ = *hours * 3600 + *minutes * 60 + *seconds;
   }
-  if (const std::size_t at = line.find(" fps,"); at != line.npos && line.find("Video: ") < at) {
+  opened_ |= line.starts_with("Input #");
+  const bool cover = line.find("(attached pic)") != line.npos;
+  if (seen_ || cover || line.find("Stream #") == line.npos || line.find("Video: ") == line.npos) return;
+  seen_ = true;
+  if (const std::size_t at = line.find(" fps,"); at != line.npos) {
     const std::size_t begin = line.rfind(' ', at - 1) + 1;
     if (const auto rate = parseWhole<double>(line.substr(begin, at - begin)); rate && *rate > 0 && *rate < 1e4) {
       per_second_ = *rate;
     }
   }
+  // "yuv420p10le(tv, bt2020nc/bt2020/arib-std-b67)"
+  for (const auto& [word, transfer] :
+       {std::pair("/smpte2084", Transfer::pq), std::pair("/arib-std-b67", Transfer::hlg)}) {
+    const std::size_t at = line.find(word);
+    if (at == line.npos) continue;
+    transfer_ = transfer;
+    const std::size_t begin = line.rfind(' ', at) + 1;
+    says_colours_ = line.substr(begin, at - begin).find("unknown") == line.npos;
+  }
+}
+
+void FilterList::read(std::string_view line) {
+  zscale_ |= line.find(" zscale ") != line.npos;
+  tonemap_ |= line.find(" tonemap ") != line.npos;
 }
 
 }  // namespace tg

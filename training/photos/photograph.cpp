@@ -19,6 +19,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
+#include "training/photos/hdr.h"
 
 namespace tg {
 namespace {
@@ -149,6 +150,36 @@ Image withoutOpaqueAlpha(Image image) {
   return colour;
 }
 
+// 16-bit numbers, low byte first, of which `bits` say something.
+Image fromWords(const std::uint8_t* bytes, std::size_t stride, int width, int height, int bits) {
+  Image image(width, height, 3);
+  const float largest = static_cast<float>((1 << bits) - 1);
+  parallelFor(height, 16, [&](std::int64_t y) {
+    float* const row = &image.data[static_cast<std::size_t>(y) * width * 3];
+    for (int i = 0; i < width * 3; ++i) {
+      const std::uint8_t* const at = bytes + y * stride + std::size_t{2} * i;
+      row[i] = static_cast<float>(at[0] | at[1] << 8) / largest;
+    }
+  });
+  return image;
+}
+
+// How a picture of libheif says that it is in HDR, and its primaries.
+std::pair<Transfer, int> lightOf(const heif_image_handle* handle) {
+  heif_color_profile_nclx* found = nullptr;
+  if (heif_image_handle_get_luma_bits_per_pixel(handle) <= 8 ||
+      heif_image_handle_get_nclx_color_profile(handle, &found).code != heif_error_Ok) {
+    return {Transfer::sdr, 0};
+  }
+  const std::unique_ptr<heif_color_profile_nclx, void (*)(heif_color_profile_nclx*)> profile(
+      found, heif_nclx_color_profile_free);
+  const auto curve = profile->transfer_characteristics;
+  return {curve == heif_transfer_characteristic_ITU_R_BT_2100_0_PQ    ? Transfer::pq
+          : curve == heif_transfer_characteristic_ITU_R_BT_2100_0_HLG ? Transfer::hlg
+                                                                      : Transfer::sdr,
+          profile->color_primaries};
+}
+
 // libheif turns the picture upright by itself, whatever the EXIF block says.
 TakenPhotograph readHeif(Bytes bytes, const std::string& path) {
   const auto check = [&](const heif_error& error) {
@@ -173,16 +204,26 @@ TakenPhotograph readHeif(Bytes bytes, const std::string& path) {
                 "file is too short for its image size (found " + std::to_string(bytes.size()) + " bytes for " +
                     std::to_string(claimed) + " pixels)");
   }
+  const auto [transfer, primaries] = lightOf(opened);
+  const bool hdr = transfer != Transfer::sdr;
   heif_image* decoded = nullptr;
-  check(heif_decode_image(opened, &decoded, heif_colorspace_RGB, heif_chroma_interleaved_RGB, nullptr));
+  check(heif_decode_image(opened, &decoded, heif_colorspace_RGB,
+                          hdr ? heif_chroma_interleaved_RRGGBB_LE : heif_chroma_interleaved_RGB, nullptr));
   const std::unique_ptr<heif_image, void (*)(const heif_image*)> pixels(decoded, heif_image_release);
   int stride = 0;
   const std::uint8_t* const plane = heif_image_get_plane_readonly(decoded, heif_channel_interleaved, &stride);
   if (plane == nullptr) throw Error(ErrorKind::badData, path, "broken HEIC: no pixels");
+  const int width = heif_image_get_width(decoded, heif_channel_interleaved);
+  const int height = heif_image_get_height(decoded, heif_channel_interleaved);
+  const auto step = static_cast<std::size_t>(stride);
   TakenPhotograph photograph;
-  photograph.image =
-      fromBytes(plane, static_cast<std::size_t>(stride), heif_image_get_width(decoded, heif_channel_interleaved),
-                heif_image_get_height(decoded, heif_channel_interleaved), 3);
+  if (hdr) {
+    const int bits = heif_image_get_bits_per_pixel_range(decoded, heif_channel_interleaved);
+    if (bits < 9 || bits > 16) throw Error(ErrorKind::badData, path, "broken HEIC: " + std::to_string(bits) + " bits");
+    photograph.image = toneMapped(fromWords(plane, step, width, height, bits), transfer, primaries);
+  } else {
+    photograph.image = fromBytes(plane, step, width, height, 3);
+  }
   heif_item_id id = 0;
   if (heif_image_handle_get_list_of_metadata_block_IDs(opened, "Exif", &id, 1) == 1) {
     std::vector<std::uint8_t> block(heif_image_handle_get_metadata_size(opened, id));

@@ -36,11 +36,23 @@ std::string someOf(const std::vector<std::string>& names) {
   return names.size() > kNamed ? text + " and " + std::to_string(names.size() - kNamed) + " more" : text;
 }
 
-[[noreturn]] void tooFew(const fs::path& input, std::size_t found) {
+std::string unreadWords(const PhotographList& list) {
+  return "pictures in formats that are not read: " + someOf(list.unread) + " (export them as JPEG)";
+}
+std::string filmWords(const fs::path& folder, const PhotographList& list) {
+  return someOf(list.films) + " (a film has a command of its own: `tgtrain photos " +
+         (folder / list.films.front()).string() + " -o model.tgz`)";
+}
+
+// `list`: what else lies in a folder.
+[[noreturn]] void tooFew(const fs::path& input, std::size_t found, const PhotographList& list = {}) {
   throw Error(ErrorKind::badData, input.string(),
-              "too few photographs" + expectedFound("at least " + std::to_string(kFewestPhotographs) +
-                                                        " JPEG, PNG, WebP or HEIC files, better 30 to 200",
-                                                    std::to_string(found)));
+              "too few photographs" +
+                  expectedFound("at least " + std::to_string(kFewestPhotographs) +
+                                    " JPEG, PNG, WebP or HEIC files, better 30 to 200",
+                                std::to_string(found)) +
+                  (list.unread.empty() ? "" : "; it holds " + unreadWords(list)) +
+                  (list.films.empty() ? "" : "; it holds " + filmWords(input, list)));
 }
 
 // A photograph as it is kept: bytes as they are where nothing has to be done.
@@ -76,6 +88,8 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
   if (!list.ignored.empty()) {
     listener.warn(options.input.string() + ": ignored, no photographs: " + someOf(list.ignored));
   }
+  if (!list.unread.empty()) listener.warn(options.input.string() + ": ignored, " + unreadWords(list));
+  if (!list.films.empty()) listener.warn(options.input.string() + ": ignored, " + filmWords(options.input, list));
   const std::vector<std::string> names = plainNames(list.photographs);
   std::vector<Prepared> prepared;
   int largest = 0;  // [px] of the longer sides
@@ -94,7 +108,7 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
     }
   }
   listener.progress("preparing photographs", names.size(), names.size());
-  if (prepared.size() < kFewestPhotographs) tooFew(options.input, prepared.size());
+  if (prepared.size() < kFewestPhotographs) tooFew(options.input, prepared.size(), list);
   if (options.longest_side > 0 && largest > options.longest_side) {
     listener.say("photographs of up to " + std::to_string(largest) + " px are reduced to " +
                  std::to_string(options.longest_side) +
@@ -112,26 +126,49 @@ std::vector<Prepared> prepareFilm(const PhotosOptions& options, const fs::path& 
         "no ffmpeg found to take frames from a film (expected it on the PATH, as `apt install ffmpeg` puts it there)");
   }
   SharpnessMeter meter;
-  FilmLength length;
+  FilmFacts facts;
   const auto judged = [&](std::span<const std::uint8_t> bytes) {
     meter.add(bytes);
-    if (length.frames() == 0) return;
+    if (facts.frames() == 0) return;
     const std::size_t done = meter.frames().size();
-    listener.progress("looking for sharp frames", std::min(done, length.frames() - 1), length.frames());
+    listener.progress("looking for sharp frames", std::min(done, facts.frames() - 1), facts.frames());
   };
   const ChildEnd looked = runChild(
-      {judgeFrames(ffmpeg->string(), options.input), log, [&](std::string_view line) { length.read(line); }, judged},
+      {judgeFrames(ffmpeg->string(), options.input), log, [&](std::string_view line) { facts.read(line); }, judged},
       stop);
   const std::string input = options.input.string();
+  if (meter.frames().empty() && facts.onlySound()) {
+    throw Error(ErrorKind::badData, input, "holds no moving pictures (expected a film, found sound or a cover alone)");
+  }
   if (meter.frames().empty()) {
     throw Error(ErrorKind::badData, input,
                 "is no film that ffmpeg can read, nor a folder of photographs: " + looked.last);
   }
   if (looked.code != 0) listener.warn(input + ": broken after frame " + std::to_string(meter.frames().size()));
   const std::vector<std::size_t> chosen = sharpestFrames(meter.frames(), static_cast<std::size_t>(options.frames));
-  if (chosen.size() < kFewestPhotographs) tooFew(options.input, chosen.size());
+  if (chosen.size() < kFewestPhotographs) {
+    throw Error(ErrorKind::badData, input,
+                "too short a film" +
+                    expectedFound("at least " + std::to_string(kFewestPhotographs) + " frames, better 30 seconds",
+                                  std::to_string(chosen.size())));
+  }
+  FilterList filters;
+  if (facts.transfer() != Transfer::sdr) {
+    runChild({listFilters(ffmpeg->string()), log, [&](std::string_view line) { filters.read(line); }, {}}, stop);
+    const std::string kind = facts.transfer() == Transfer::pq ? "HDR (PQ)" : "HDR (HLG)";
+    if (filters.mapsTones()) {
+      listener.say("the film is in " + kind + ": its frames are mapped to a common screen's brightness and colours");
+    } else {
+      listener.warn(input + ": is in " + kind + ", and frames come out pale" +
+                    expectedFound("an ffmpeg with the filters zscale and tonemap, as Debian's", ffmpeg->string()));
+    }
+  }
   const ChildEnd taken = runChild(
-      {extractFrames(ffmpeg->string(), options.input, chosen, options.longest_side, folder), log, {}, {}}, stop);
+      {extractFrames(ffmpeg->string(), options.input, chosen, options.longest_side, folder, facts, filters.mapsTones()),
+       log,
+       {},
+       {}},
+      stop);
   std::vector<Prepared> prepared;
   int width = 0, height = 0;
   for (std::size_t i = 0; i < chosen.size(); ++i) {
@@ -149,8 +186,14 @@ std::vector<Prepared> prepareFilm(const PhotosOptions& options, const fs::path& 
     frame.height = height;
     fs::rename(file, folder / frame.name);
   }
-  if (prepared.size() < kFewestPhotographs) {
-    throw Error(ErrorKind::badData, input, "ffmpeg cannot take frames from it: " + taken.last);
+  // A film that broke before has an end of its own.
+  const bool ended_early = looked.code == 0 && (taken.code != 0 || prepared.size() < chosen.size());
+  if (ended_early || prepared.size() < kFewestPhotographs) {
+    throw Error(ErrorKind::badData, input,
+                "ffmpeg did not take all frames from it" +
+                    expectedFound(std::to_string(chosen.size()) + " frames and exit code 0",
+                                  std::to_string(prepared.size()) + " and " + std::to_string(taken.code)) +
+                    ": " + taken.last);
   }
   listener.say("the sharpest " + std::to_string(prepared.size()) + " of " + std::to_string(meter.frames().size()) +
                " frames are kept, " + std::to_string(width) + " x " + std::to_string(height) +
@@ -178,7 +221,7 @@ std::string madeOf(const PhotosOptions& options) {
                     " -o model.tgz` trains it (its folder of photographs alone gets new cameras)");
   }
   const PhotographList list = findPhotographs(input);
-  if (list.photographs.size() < kFewestPhotographs) tooFew(input, list.photographs.size());
+  if (list.photographs.size() < kFewestPhotographs) tooFew(input, list.photographs.size(), list);
   std::string text = size;
   for (const fs::path& photograph : list.photographs) {
     text += photograph.string() + " " + identity(input / photograph) + "\n";

@@ -8,6 +8,7 @@
 #include <array>
 #include <cctype>
 #include <fstream>
+#include <initializer_list>
 #include <set>
 #include <string_view>
 
@@ -35,11 +36,20 @@ bool isHeifBrand(std::string_view brand) {
   return std::ranges::find(brands, brand) != brands.end();
 }
 
-bool isFilmName(const fs::path& path) {
+bool hasExtension(const fs::path& path, std::initializer_list<std::string_view> extensions) {
   std::string extension = path.extension().string();
   std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  constexpr std::array<std::string_view, 8> films = {".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mpg"};
-  return std::ranges::find(films, extension) != films.end();
+  return std::ranges::find(extensions, extension) != extensions.end();
+}
+bool isFilmName(const fs::path& path) {
+  return hasExtension(path, {".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mpg"});
+}
+bool isPhotographName(const fs::path& path) {
+  return hasExtension(path, {".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif", ".hif", ".avif"});
+}
+bool isUnreadName(const fs::path& path) {
+  return hasExtension(path, {".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srw", ".raf", ".orf", ".rw2",
+                             ".pef", ".x3f", ".iiq", ".3fr", ".tif", ".tiff", ".jxl"});
 }
 
 }  // namespace
@@ -81,13 +91,19 @@ PhotographList findPhotographs(const fs::path& folder) {
     const fs::path below = path.lexically_relative(folder);
     if (pictureFormat(path) != PictureFormat::none) {
       list.photographs.push_back(below);
+    } else if (isUnreadName(path)) {
+      list.unread.push_back(below.string());
+    } else if (isFilmName(path)) {
+      list.films.push_back(below.string());
     } else {
       list.ignored.push_back(below.string() + (::access(path.c_str(), R_OK) == 0 ? "" : " (" + systemReason() + ")"));
     }
   }
   if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot list: " + error.message());
   std::ranges::sort(list.photographs);
-  std::ranges::sort(list.ignored);
+  for (std::vector<std::string>* names : {&list.unread, &list.films, &list.ignored}) std::ranges::sort(*names);
+  // Empty and broken photographs before what was never meant to be one.
+  std::ranges::stable_partition(list.ignored, isPhotographName);
   return list;
 }
 

@@ -19,7 +19,9 @@ PictureFormat pictureFormat(const std::filesystem::path& file);
 
 struct PhotographList {
   std::vector<std::filesystem::path> photographs;  // below the folder, sorted by name
-  std::vector<std::string> ignored;                // files below it that are none
+  std::vector<std::string> unread;                 // pictures in formats that are not read: RAW, TIFF, JPEG XL
+  std::vector<std::string> films;                  // which want a command each
+  std::vector<std::string> ignored;                // other files below it
 };
 
 // Of a folder and those in it, but for hidden ones, __MACOSX and work folders of tgtrain photos. Throws

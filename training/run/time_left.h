@@ -13,6 +13,7 @@ namespace tg {
 // What a trainer is about to do. Counts of iterations are those left.
 struct RunPlan {
   bool densifies = false;     // this stage is one that changes the number of Gaussians
+  bool grows_sh = false;      // and one that begins with constant colours
   int iteration = 0;          // of this stage, done
   int left = 0;               // of this stage
   std::size_t gaussians = 0;  // now
@@ -34,42 +35,51 @@ struct RunPlan {
 // Steps of one stage teach; a new stage begins with what the one before has said.
 class TimeLeft {
  public:
-  TimeLeft(const TrainSettings& settings, const Schedule& schedule) : settings_(settings), schedule_(schedule) {}
+  // `pixels`: of a training view.
+  TimeLeft(const TrainSettings& settings, const Schedule& schedule, double pixels)
+      : settings_(settings), schedule_(schedule), pixels_(pixels) {}
 
-  // A new stage. `from`: iterations that it has behind it already, in `seconds`, of a run that is resumed.
-  void beginStage(bool textured, double texels);
+  // What it is about to do.
+  void beginStage(const RunPlan& plan);
+  // It has iterations behind it already, in `seconds`, of a run that is resumed.
   void resume(int iterations, double seconds, std::size_t gaussians);
   // A step of so many Gaussians took so long.
   void add(double seconds, std::size_t gaussians);
   // Textures have been cut: their steps cost less from here on.
-  void rescale(double texels);
+  void rescale(double texels, std::size_t gaussians);
 
   // [s]
   double seconds(const RunPlan& plan) const;
 
  private:
-  double stepCost(double gaussians) const;
+  // Of a step with so much to do for its Gaussians (load()).
+  double stepCost(double load) const;
+  // So many Gaussians, in Gaussians of constant colour, after so many iterations of this stage, or with all colours.
+  double load(double gaussians, int iteration) const;
+  double load(double gaussians) const;
   // Of a textured step in plain ones of as many Gaussians.
-  double textureFactor(double texels) const;
-  // ln of what the next round makes of the count, and how much smaller it is from round to round.
+  double textureFactor(double texels, double gaussians) const;
+  // What the last round has added, and the next one in multiples of that.
   std::pair<double, double> growth() const;
-  // Calls use(steps, count) for the rest of the stage, piece by piece, and returns the count at its end.
+  // Calls use(steps, count, iteration) for the rest of the stage, piece by piece, and returns the count at its end.
   template <typename Use>
   double forEachPiece(const RunPlan& plan, Use use) const;
 
   const TrainSettings settings_;
   const Schedule schedule_;
+  const double pixels_;
   bool textured_ = false;
+  bool grows_sh_ = false;
   double factor_ = 1;  // textureFactor of this stage
   int steps_ = 0;
   // Forgetting means over the last steps.
-  double weight_ = 0, cost_ = 0, count_ = 0;
-  // Of count and cost over blocks of steps, for what of the cost grows with the count.
-  double block_cost_ = 0, block_count_ = 0;
+  double weight_ = 0, cost_ = 0, load_ = 0;
+  // Of load and cost over blocks of steps, for what of the cost grows with the load.
+  double block_cost_ = 0, block_load_ = 0;
   int block_steps_ = 0;
   double n_ = 0, x_ = 0, y_ = 0, xx_ = 0, xy_ = 0;
   double before_ = 0;            // count before the last step
-  std::vector<double> growths_;  // ln of the count over the one before it, of the last rounds
+  std::vector<double> growths_;  // of the count, in the last rounds
 };
 
 }  // namespace tg

@@ -112,7 +112,9 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       state_(std::move(state)),
       known_losses_(state_.iteration),
       test_views_(dataset.indices(true).size()),
-      time_left_(settings_, schedule_) {
+      time_left_(settings_, schedule_,
+                 static_cast<double>(trainingPixels(dataset)) /
+                     static_cast<double>(std::max<std::size_t>(dataset.indices(false).size(), 1))) {
   beginTimes();
   time_left_.resume(state_.iteration, state_.seconds, state_.training.model.size());
 }
@@ -261,7 +263,7 @@ void Trainer::cutTextures() {
   const double texels = std::ceil(double{settings_.adaptive_texels} * static_cast<double>(engine_->gaussians(state_)));
   fitTexturesToBudget(state_.training.model, static_cast<std::uint64_t>(texels), seenWeights());
   resetMoments(state_.training);
-  time_left_.rescale(texelsEach());
+  time_left_.rescale(texelsEach(), engine_->gaussians(state_));
 }
 
 // Leaves as many Gaussians, those that the training views show most, with their statistics.
@@ -315,7 +317,7 @@ bool Trainer::step(const std::atomic<bool>* stop) {
   return true;
 }
 
-void Trainer::beginTimes() { time_left_.beginStage(!state_.training.model.atlas.texels.empty(), texelsEach()); }
+void Trainer::beginTimes() { time_left_.beginStage(plan()); }
 
 double Trainer::texelsEach() const {
   const GaussianModel& model = state_.training.model;
@@ -335,6 +337,7 @@ RunPlan Trainer::plan() const {
   const bool before = state_.stage < Stage::textured;
   RunPlan plan;
   plan.densifies = before && settings_.densification != Densification::none;
+  plan.grows_sh = before;
   plan.iteration = state_.iteration;
   plan.left = iterations - state_.iteration;
   plan.gaussians = engine_->gaussians(state_);

@@ -22,7 +22,11 @@ std::string textOf(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-bool lives(pid_t id) { return ::kill(id, 0) == 0; }
+// Not one that nobody has waited for.
+bool lives(pid_t id) {
+  const std::string stat = textOf("/proc/" + std::to_string(id) + "/stat");
+  return !stat.empty() && stat.find(") Z ") == stat.npos;
+}
 
 }  // namespace
 
@@ -73,12 +77,17 @@ TEST_CASE("a child that is to stop ends, with its own children, also one that do
     if (ids.size() == 2) stop = SIGINT;
   };
   CHECK_THROWS_AS(
-      tg::runChild({{"/bin/sh", "-c", "sleep 60 & echo $!; echo $$; wait"}, folder / "log.txt", line, {}}, stop),
+      tg::runChild({{"/bin/sh", "-c", "/bin/sh -c 'trap \"\" TERM; echo $$; exec sleep 60' & echo $$; wait"},
+                    folder / "log.txt",
+                    line,
+                    {}},
+                   stop),
       tg::Stopped);
   REQUIRE(ids.size() == 2);
   for (int wait = 0; wait < 100 && (lives(ids[0]) || lives(ids[1])); ++wait) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
+  CHECK_FALSE(lives(ids[0]));
   CHECK_FALSE(lives(ids[1]));
   CHECK_THROWS_AS(tg::runChild({{"/bin/true"}, folder / "log.txt", {}, {}}, stop), tg::Stopped);
 }

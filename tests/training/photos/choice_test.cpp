@@ -3,16 +3,20 @@
 #include <sqlite3.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "core/file/file.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "training/photos/child.h"
 #include "training/photos/film.h"
+#include "training/photos/hdr.h"
 #include "training/photos/outcome.h"
 #include "training/photos/pairs.h"
 #include "training/photos/solver.h"
 
+using Catch::Matchers::Contains;
 using Strings = std::vector<std::string>;
 
 TEST_CASE("blur takes sharpness, and the sharpest of each stretch is taken", "[photos]") {
@@ -43,19 +47,98 @@ TEST_CASE("blur takes sharpness, and the sharpest of each stretch is taken", "[p
 }
 
 TEST_CASE("ffmpeg is told of files, not of options or protocols", "[photos]") {
-  const Strings words =
-      tg::extractFrames("/bin/ffmpeg", "/a/-y:b.mp4", std::vector<std::size_t>{3, 17}, 1600, "/x/50%/im");
-  const auto after = [&](const std::string& flag) { return *(std::ranges::find(words, flag) + 1); };
+  tg::FilmFacts facts;
+  const auto words = [&](bool mapped) {
+    return tg::extractFrames("/bin/ffmpeg", "/a/-y:b.mp4", std::vector<std::size_t>{3, 17}, 1600, "/x/50%/im", facts,
+                             mapped);
+  };
+  const auto after = [&](const std::string& flag, bool mapped = true) {
+    const Strings all = words(mapped);
+    return *(std::ranges::find(all, flag) + 1);
+  };
   CHECK(after("-i") == "file:/a/-y:b.mp4");
-  CHECK(after("-vf").starts_with("select='eq(n,3)+eq(n,17)',scale="));
-  CHECK(words.back() == "file:/x/50%%/im/%06d.jpg");
-  CHECK(std::ranges::count(words, std::string("-nostdin")) == 1);
-  tg::FilmLength length;
-  for (const char* line : {"  Duration: 00:01:02.50, start: 0.0, bitrate: 4 kb/s",
-                           "  Stream #0:0: Video: h264, yuv420p, 1920x1080, 29.97 fps, 30 tbr", "Duration: N/A, x"}) {
-    length.read(line);
+  CHECK(after("-vf").starts_with("select='(eq(n,3)+eq(n,17))',scale=out_color_matrix=bt601:"));
+  CHECK(words(true).back() == "file:/x/50%%/im/%06d.jpg");
+  CHECK(std::ranges::count(words(true), std::string("-nostdin")) == 1);
+  for (const char* line :
+       {"  Duration: 00:01:02.50, start: 0.0, bitrate: 4 kb/s",
+        "  Stream #0:0: Video: mjpeg (Baseline), yuvj420p(pc, bt470bg/unknown/unknown), 90 fps, (attached pic)",
+        "  Stream #0:1: Video: hevc, yuv420p10le(tv, bt2020nc/bt2020/arib-std-b67), 1920x1080, 29.97 fps, 30 tbr",
+        "  Stream #0:2: Video: hevc, yuv420p10le(tv, unknown/unknown/smpte2084), 1920x1080, 10 fps, 30 tbr",
+        "Duration: N/A, x"}) {
+    facts.read(line);
   }
-  CHECK(length.frames() == 1873);
+  CHECK(facts.frames() == 1873);
+  CHECK_FALSE(facts.onlySound());
+  CHECK(facts.transfer() == tg::Transfer::hlg);
+  CHECK_THAT(after("-vf"), Contains(":tin=arib-std-b67,") && Contains("tonemap=mobius"));
+  CHECK_THAT(after("-vf"), !Contains("pin="));
+  CHECK_THAT(after("-vf", false), !Contains("tonemap"));
+  facts = {};
+  facts.read("Input #0, mov,mp4,m4a,3gp,3g2,mj2, from 'file:x':");
+  CHECK(facts.onlySound());
+  facts.read("  Stream #0:0: Video: hevc, yuv420p10le(tv, bt2020nc/unknown/smpte2084, progressive), 640x480, 10 fps");
+  CHECK(facts.transfer() == tg::Transfer::pq);
+  CHECK_THAT(after("-vf"), Contains(":pin=bt2020:min=bt2020nc:tin=smpte2084,"));
+
+  tg::FilterList filters;
+  filters.read(" .S. tonemap           V->V       Conversion to/from different dynamic ranges.");
+  filters.read(" ... tonemap_opencl    V->V       Perform HDR to SDR conversion with tonemapping.");
+  CHECK_FALSE(filters.mapsTones());
+  filters.read(" .SC zscale            V->V       Apply resizing, colorspace and bit depth conversion.");
+  CHECK(filters.mapsTones());
+}
+
+TEST_CASE("ffmpeg takes as many frames as it is told", "[photos]") {
+  const auto ffmpeg = tg::findProgram("ffmpeg");
+  TG_SKIP_IF(ffmpeg ? "" : "no ffmpeg on the PATH");
+  const tg::TemporaryFolder folder;
+  const std::atomic<int> stop{0};
+  const std::filesystem::path film = folder / "film.mkv", log = folder / "log.txt", frames = folder / "frames";
+  std::filesystem::create_directory(frames);
+  const std::string source = "testsrc=size=64x48:rate=30:duration=10";
+  REQUIRE(tg::runChild({{ffmpeg->string(), "-f", "lavfi", "-i", source, film.string()}, log, {}, {}}, stop).code == 0);
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < 300; i += i % 3 == 0 ? 2 : 1) chosen.push_back(i);
+  const Strings words = tg::extractFrames(ffmpeg->string(), film, chosen, 32, frames, {}, false);
+  const tg::ChildEnd end = tg::runChild({words, log, {}, {}}, stop);
+  INFO(end.last);
+  CHECK(end.code == 0);
+  CHECK(std::distance(std::filesystem::directory_iterator(frames), {}) == 200);
+  CHECK(chosen.size() == 200);
+}
+
+TEST_CASE("a picture in HDR keeps what is darker than half of paper white, and presses what is brighter", "[photos]") {
+  // BT.2100: signals of grey light, and that light over paper white (203 cd/m2).
+  struct Case {
+    tg::Transfer transfer;
+    float signal;
+    double light;
+  };
+  for (const Case& known : {Case{tg::Transfer::pq, 0.5806889f, 1}, Case{tg::Transfer::pq, 0.4416979f, 0.25},
+                            Case{tg::Transfer::hlg, 0.75f, 1}, Case{tg::Transfer::pq, 0.7518271f, 1000 / 203.0},
+                            Case{tg::Transfer::hlg, 1, 1000 / 203.0}, Case{tg::Transfer::hlg, 0, 0}}) {
+    CAPTURE(int(known.transfer), known.signal);
+    tg::Image image(1, 1, 3);
+    for (int c = 0; c < 3; ++c) image.at(0, 0, c) = known.signal;
+    const tg::Image grey = tg::toneMapped(image, known.transfer, 9);
+    const double light = std::pow(grey.at(0, 0, 1), 2.4);
+    CHECK(grey.at(0, 0, 0) == Approx(grey.at(0, 0, 2)).margin(1e-4));
+    if (known.light <= tg::kUnchanged) CHECK(light == Approx(known.light).margin(1e-3));
+    if (known.light == 1) CHECK((light > 0.7 && light < 0.85));
+    if (known.light > 4) CHECK(light == Approx(1).epsilon(2e-3));
+  }
+  // A red of BT.709 as BT.2020 has it is that red again.
+  tg::Image red(1, 1, 3);
+  const double light[3] = {0.627404 * 0.4, 0.069097 * 0.4, 0.016391 * 0.4};
+  for (int c = 0; c < 3; ++c) {
+    const double power = std::pow(light[c] * 203 / 10000, 1305 / 8192.0);
+    red.at(0, 0, c) =
+        static_cast<float>(std::pow((3424 / 4096.0 + 2413 / 128.0 * power) / (1 + 2392 / 128.0 * power), 2523 / 32.0));
+  }
+  const tg::Image narrow = tg::toneMapped(red, tg::Transfer::pq, 9);
+  CHECK(std::pow(narrow.at(0, 0, 0), 2.4) == Approx(0.4).margin(1e-3));
+  CHECK(std::pow(narrow.at(0, 0, 1), 2.4) == Approx(0).margin(1e-3));
 }
 
 TEST_CASE("neighbours are matched, and loops are closed, without all pairs", "[photos]") {

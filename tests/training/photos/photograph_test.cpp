@@ -2,10 +2,13 @@
 // Photographs as cameras leave them: turned, of several formats, with EXIF; and which files are none.
 #include "training/photos/photograph.h"
 
+#include <libheif/heif.h>
+
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
+#include <memory>
 #include <vector>
 
 #include "core/file/file.h"
@@ -194,6 +197,55 @@ TEST_CASE("PNG, WebP and HEIC are photographs, too, and a transparent one keeps 
   CHECK(heic.image.width * heic.image.height == 1200);
 }
 
+namespace {
+
+// A HEIC of 10 bits, grey of this signal all over, that says to be of BT.2020 and PQ. False: no encoder here.
+bool writeHdrHeic(const fs::path& path, double signal) {
+  const std::unique_ptr<heif_context, void (*)(heif_context*)> context(heif_context_alloc(), heif_context_free);
+  heif_encoder* found = nullptr;
+  if (heif_context_get_encoder_for_format(context.get(), heif_compression_HEVC, &found).code != 0) return false;
+  const std::unique_ptr<heif_encoder, void (*)(heif_encoder*)> encoder(found, heif_encoder_release);
+  heif_encoder_set_lossless(found, 1);
+  heif_image* made = nullptr;
+  REQUIRE(heif_image_create(64, 64, heif_colorspace_RGB, heif_chroma_interleaved_RRGGBB_LE, &made).code == 0);
+  const std::unique_ptr<heif_image, void (*)(const heif_image*)> image(made, heif_image_release);
+  REQUIRE(heif_image_add_plane(made, heif_channel_interleaved, 64, 64, 10).code == 0);
+  int stride = 0;
+  std::uint8_t* const plane = heif_image_get_plane(made, heif_channel_interleaved, &stride);
+  const int value = static_cast<int>(std::lround(signal * 1023));
+  for (int y = 0; y < 64; ++y) {
+    for (int i = 0; i < 64 * 3; ++i) {
+      plane[y * stride + 2 * i] = static_cast<std::uint8_t>(value);
+      plane[y * stride + 2 * i + 1] = static_cast<std::uint8_t>(value >> 8);
+    }
+  }
+  const std::unique_ptr<heif_color_profile_nclx, void (*)(heif_color_profile_nclx*)> profile(
+      heif_nclx_color_profile_alloc(), heif_nclx_color_profile_free);
+  profile->color_primaries = heif_color_primaries_ITU_R_BT_2020_2_and_2100_0;
+  profile->transfer_characteristics = heif_transfer_characteristic_ITU_R_BT_2100_0_PQ;
+  profile->matrix_coefficients = heif_matrix_coefficients_ITU_R_BT_2020_2_non_constant_luminance;
+  REQUIRE(heif_image_set_nclx_color_profile(made, profile.get()).code == 0);
+  const std::unique_ptr<heif_encoding_options, void (*)(heif_encoding_options*)> options(heif_encoding_options_alloc(),
+                                                                                         heif_encoding_options_free);
+  options->output_nclx_profile = profile.get();
+  options->macOS_compatibility_workaround_no_nclx_profile = 0;
+  REQUIRE(heif_context_encode_image(context.get(), made, found, options.get(), nullptr).code == 0);
+  REQUIRE(heif_context_write_to_file(context.get(), path.c_str()).code == 0);
+  return true;
+}
+
+}  // namespace
+
+TEST_CASE("a HEIC in HDR becomes a picture of a common screen", "[photos]") {
+  const tg::TemporaryFolder folder;
+  // Paper white, whose signal 0.58 a reader that knows nothing of HDR keeps.
+  const bool written = writeHdrHeic(folder / "h.heic", 0.5806889);
+  TG_SKIP_IF(written ? "" : "no encoder of HEIC");
+  const tg::TakenPhotograph hdr = tg::readPhotograph(folder / "h.heic");
+  REQUIRE((hdr.image.width == 64 && hdr.image.channels == 3));
+  for (int c = 0; c < 3; ++c) CHECK(hdr.image.at(30, 30, c) == Approx(std::pow(0.765, 1 / 2.4)).margin(0.01));
+}
+
 TEST_CASE("files are photographs by their bytes, and the others are named", "[photos]") {
   const tg::TemporaryFolder folder;
   for (const char* below : {"in", "in/sub", "in/.hidden", "in/__MACOSX", "in/old.photos"}) {
@@ -208,9 +260,14 @@ TEST_CASE("files are photographs by their bytes, and the others are named", "[ph
   std::ofstream(folder / "in/notes.txt") << "hello";
   std::ofstream(folder / "in/fake.jpg") << "no picture";
   std::ofstream(folder / "in/empty.png");
+  std::ofstream(folder / "in/a.txt") << "a text";
+  std::ofstream(folder / "in/IMG_1.DNG") << "II*";
+  std::ofstream(folder / "in/IMG_2.MOV") << "a film";
   const tg::PhotographList list = tg::findPhotographs(folder / "in");
   CHECK(list.photographs == std::vector<fs::path>{"b.jpg", "sub/a.JPG"});
-  CHECK(list.ignored == std::vector<std::string>{"empty.png", "fake.jpg", "notes.txt"});
+  CHECK(list.ignored == std::vector<std::string>{"empty.png", "fake.jpg", "a.txt", "notes.txt"});
+  CHECK(list.unread == std::vector<std::string>{"IMG_1.DNG"});
+  CHECK(list.films == std::vector<std::string>{"IMG_2.MOV"});
   CHECK(tg::isForPhotos(folder / "in"));
   CHECK_FALSE(tg::isForPhotos(folder / "in/notes.txt"));
   std::ofstream(folder / "in/transforms.json") << "{}";
