@@ -2,6 +2,10 @@
 # From nothing to a trained textured model on screen: build, make a small scene, train it, convert it, show it.
 # `scripts/demo.sh [FOLDER]`, default demo/.
 set -euo pipefail
+case "${1:-}" in
+  -h | --help) sed -n 's/^# //p' "$0" && exit ;;
+  -*) echo "demo.sh: no such option: $1 (expected a folder)" >&2 && exit 1 ;;
+esac
 cd "$(dirname "$0")/.."
 out="${1:-demo}"
 

@@ -2,6 +2,10 @@
 # Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|test]`, test = build + more,
 # among it a CUDA compiler where PyPI can be reached.
 set -euo pipefail
+case "${1:-build}" in
+  build | test) ;;
+  *) sed -n 's/^# //p' "$0" && exit ;;
+esac
 
 build_packages=(build-essential cmake ninja-build pkg-config ccache
   libglfw3-dev libvulkan-dev mesa-vulkan-drivers libepoxy-dev libegl1 libgl1-mesa-dri libimgui-dev libfontconfig-dev libstb-dev libglm-dev libtinygltf-dev
@@ -26,8 +30,14 @@ for package in "${packages[@]}"; do
 done
 if [ ${#missing[@]} -gt 0 ]; then
   sudo=()
-  [ "$(id -u)" -eq 0 ] || sudo=(sudo)
-  echo "Installing: ${missing[*]}"
+  if [ "$(id -u)" -ne 0 ]; then
+    command -v sudo >/dev/null || {
+      echo "install_packages.sh: packages are missing and there is no sudo; as root: apt-get install ${missing[*]}" >&2
+      exit 1
+    }
+    sudo=(sudo)
+  fi
+  echo "Installing by apt, with what they need, which takes minutes: ${missing[*]}"
   "${sudo[@]}" apt-get update -qq
   DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi

@@ -1,6 +1,10 @@
 #!/usr/bin/env bash
 # Builds everything and passes the tests, on a machine that has nothing but apt: `scripts/test.sh [ctest options]`.
 set -euo pipefail
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n 's/^# //p' "$0"
+  exit
+fi
 cd "$(dirname "$0")/.."
 
 scripts/install_packages.sh test
