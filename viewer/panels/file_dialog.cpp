@@ -235,7 +235,7 @@ std::string lossOf(const ClosingQuestion& question) {
   }
   const bool again = question.closing.way == Closing::Way::reading;
   return "The edits of " + printable(question.model.filename().string()) + " have not been saved." +
-         (again ? "\nReading the file again loses them." : "");
+         (again ? "\nIts file has changed; reading it again loses them." : "");
 }
 
 void closingQuestion(ViewerState& state, bool escape) {
