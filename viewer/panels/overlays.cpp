@@ -165,12 +165,9 @@ void welcome(ViewerState& state) {
     // The name, and as much of its folder as there is room for.
     ImGui::PopID();
     const std::string name = printable(path.filename().string()), folder = printable(path.parent_path().string());
-    ImDrawList* draw = ImGui::GetWindowDrawList();
-    draw->PushClipRect(corner, {corner.x + width, corner.y + font * 1.5f}, true);
-    draw->AddText(corner, ImGui::GetColorU32(ImGuiCol_Text), name.c_str());
-    draw->AddText({corner.x + ImGui::CalcTextSize(name.c_str()).x + font, corner.y},
-                  ImGui::GetColorU32(ImGuiCol_TextDisabled), folder.c_str());
-    draw->PopClipRect();
+    const float begin = ImGui::CalcTextSize(name.c_str()).x + font;
+    clippedText(corner, width, ImGui::GetColorU32(ImGuiCol_Text), name);
+    clippedText({corner.x + begin, corner.y}, width - begin, ImGui::GetColorU32(ImGuiCol_TextDisabled), folder);
   }
   ImGui::End();
 }

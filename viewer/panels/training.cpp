@@ -22,6 +22,7 @@ using Value = std::optional<double> RunMetrics::*;
 
 constexpr ImU32 kCurve = IM_COL32(116, 182, 228, 255), kDots = IM_COL32(240, 163, 91, 255);
 constexpr float kPlotFonts = 4.5f;  // height in font heights
+constexpr float kDot = 3.5f;        // [ImGui units] radius
 
 void plot(const char* id, const char* title, const char* number, const Lines& lines, Value curve, Value dots) {
   std::vector<double> curve_values, dot_values;
@@ -41,7 +42,7 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
   draw->AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, ImGui::GetColorU32(ImGuiCol_FrameBg), 3);
   const auto point = [&, low = low, high = high](std::size_t i, double value) {
     const double share = (std::clamp(value, low, high) - low) / (high - low);
-    return ImVec2(corner.x + static_cast<float>(at[i] / last) * size.x,
+    return ImVec2(corner.x + kDot + static_cast<float>(at[i] / last) * (size.x - 2 * kDot),
                   corner.y + (1 - static_cast<float>(share)) * size.y);
   };
   std::vector<ImVec2> points;
@@ -52,15 +53,20 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
   }
   draw->AddPolyline(points.data(), static_cast<int>(points.size()), kCurve, 0, 1.5f);
   for (std::size_t i = 0; dots && i < lines.size(); ++i) {
-    if (lines[i].*dots) draw->AddCircleFilled(point(i, *(lines[i].*dots)), 3.5f, kDots);
+    if (lines[i].*dots) draw->AddCircleFilled(point(i, *(lines[i].*dots)), kDot, kDots);
   }
   const ImU32 grey = ImGui::GetColorU32(ImGuiCol_TextDisabled);
   const float line = ImGui::GetTextLineHeight();
   const std::string top = formatted(number, high), bottom = formatted(number, low);
-  draw->AddText({corner.x + 4, corner.y + 1}, grey, (top + "  " + title).c_str());
-  draw->AddText({corner.x + 4, corner.y + size.y - line - 1}, grey, bottom.c_str());
+  const auto label = [&](ImVec2 place, const std::string& text) {
+    const float width = ImGui::CalcTextSize(text.c_str()).x;
+    draw->AddRectFilled(place, {place.x + width, place.y + line}, ImGui::GetColorU32(ImGuiCol_FrameBg, 0.8f));
+    draw->AddText(place, grey, text.c_str());
+  };
+  label({corner.x + 4, corner.y + 1}, top + "  " + title);
+  label({corner.x + 4, corner.y + size.y - line - 1}, bottom);
   if (!ImGui::IsItemHovered()) return;
-  const double share = (ImGui::GetIO().MousePos.x - corner.x) / size.x;
+  const double share = (ImGui::GetIO().MousePos.x - corner.x - kDot) / (size.x - 2 * kDot);
   std::size_t nearest = 0;
   for (std::size_t i = 0; i < lines.size(); ++i) {
     if (lines[i].*curve && std::abs(at[i] / last - share) <= std::abs(at[nearest] / last - share)) nearest = i;

@@ -58,6 +58,14 @@ bool textField(const char* id, std::string& text, const char* placeholder) {
                                   grow, &text);
 }
 
+void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text) {
+  if (room <= 0) return;
+  ImDrawList* draw = ImGui::GetWindowDrawList();
+  draw->PushClipRect(corner, {corner.x + room, corner.y + ImGui::GetTextLineHeightWithSpacing()}, true);
+  draw->AddText(corner, color, text.c_str());
+  draw->PopClipRect();
+}
+
 bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }
 
 std::string grouped(std::size_t value) {
