@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace tg {
@@ -49,6 +50,19 @@ std::vector<double> iterationsOfRun(const std::vector<RunMetrics>& lines) {
     at.push_back(before + line.iteration);
   }
   return at;
+}
+
+std::optional<std::pair<double, double>> rangeOfCurves(std::vector<double> lines, std::span<const double> dots) {
+  if (lines.empty() && dots.empty()) return std::nullopt;
+  std::sort(lines.begin(), lines.end());
+  const std::size_t cut = lines.size() / 100;
+  double low = lines.empty() ? dots.front() : lines[cut], high = lines.empty() ? low : lines[lines.size() - 1 - cut];
+  for (const double dot : dots) {
+    low = std::min(low, dot);
+    high = std::max(high, dot);
+  }
+  const double room = high > low ? 0.05 * (high - low) : std::max(0.1 * std::abs(high), 1e-6);
+  return std::pair(low - room, high + room);
 }
 
 void MetricsFile::clear() {

@@ -3,7 +3,10 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/run/metrics.h"
@@ -16,6 +19,10 @@ void addThinned(std::vector<RunMetrics>& lines, RunMetrics line);
 
 // Where the curves of a run's stages lie beside each other: iterations of all stages before, in the lines' order.
 std::vector<double> iterationsOfRun(const std::vector<RunMetrics>& lines);
+
+// What an axis spans, lowest and highest: all dots, and of the lines all but the outermost hundredth either way - what
+// is worst at the very beginning says nothing about the rest. None where there is nothing.
+std::optional<std::pair<double, double>> rangeOfCurves(std::vector<double> lines, std::span<const double> dots);
 
 // Reads what has come since the last look; a file that was cut or replaced is read anew.
 class MetricsFile {

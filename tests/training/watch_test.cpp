@@ -18,6 +18,15 @@ namespace {
 const std::string kLong =
     "scene --iterations 1000000 --densification none --threads 1 --eval-every 50 --texture-mode none ";
 
+// A run of the sample that goes on for ever, with its first checkpoint.
+struct LongRun {
+  explicit LongRun(const tg::TemporaryFolder& folder) : run(folder / "run"), child(folder, kLong + "--run run") {
+    child.until([&] { return fs::exists(run / "model.tgz"); });
+  }
+  const fs::path run;
+  Child child;
+};
+
 std::optional<tg::RunStatus> statusOf(const fs::path& run) { return tg::parseStatus(contents(run / "live.json")); }
 
 }  // namespace
@@ -25,9 +34,9 @@ std::optional<tg::RunStatus> statusOf(const fs::path& run) { return tg::parseSta
 TEST_CASE("a run that is watched leaves its newest model, is paused, stepped and stopped, and cleans up", "[watch]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  const fs::path run = folder / "run";
-  Child child(folder, kLong + "--run run");
-  child.until([&] { return fs::exists(run / "model.tgz"); });
+  LongRun long_run(folder);
+  const fs::path& run = long_run.run;
+  Child& child = long_run.child;
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   CHECK_FALSE(fs::exists(run / "live.tgz"));  // nobody watches
   CHECK_FALSE(fs::exists(run / "live.json"));
@@ -78,12 +87,11 @@ TEST_CASE("what a killed run left of being watched is gone when it goes on", "[w
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const fs::path run = folder / "run";
   {
-    Child child(folder, kLong + "--run run");
-    child.until([&] { return fs::exists(run / "model.tgz"); });
+    LongRun killed(folder);
     const tg::WatchLock lock(run);
-    child.until([&] { return fs::exists(run / "live.tgz"); });
-    child.send(SIGKILL);
-    child.end();
+    killed.child.until([&] { return fs::exists(run / "live.tgz"); });
+    killed.child.send(SIGKILL);
+    killed.child.end();
   }
   CHECK(fs::exists(run / "live.tgz"));
   std::ofstream(run / "control") << "pause\n";
@@ -152,6 +160,10 @@ TEST_CASE("plot draws the curves of runs, each with its name, and refuses what i
   CHECK_THAT(svg, Contains("dB held out after untextured") && Contains("600 Gaussians"));
   CHECK_THAT(svg, !Contains("nan"));
   CHECK_THAT(svg, !Contains("inf"));
+  fs::create_directory(folder / "more");
+  fs::copy(folder / "other", folder / "more/other", fs::copy_options::recursive);
+  REQUIRE(tgtrain(folder, "plot other more/other -o alike.svg").code == 0);
+  CHECK_THAT(contents(folder / "alike.svg"), Contains(">other, ") && Contains(">more/other, "));
   CHECK(tgtrain(folder, "plot other -o curves.html").code == 0);
   CHECK_THAT(contents(folder / "curves.html"), Contains("<!doctype html>") && Contains("<svg"));
   outcome = tgtrain(folder, "plot other -o curves.html");

@@ -3,7 +3,10 @@
 #pragma once
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "training/figures/drawing.h"
 
 namespace tg {
 
@@ -30,12 +33,21 @@ struct Histogram {
 };
 std::string svgOf(const Histogram& histogram);
 
-// The style of what svgOf() returns: a page holds it once, a file of its own between its tags.
-std::string svgStyle();
-std::string standaloneSvg(const std::string& svg);
-
-// The colour of a series as CSS: the same in every chart and table.
-std::string seriesClass(std::size_t series);
-constexpr std::size_t kSeriesColors = 8;
+// Curves over a number from 0 on, one chart below the other over one axis.
+using CurvePoints = std::vector<std::pair<double, double>>;
+struct Curve {
+  CurvePoints line, dots;  // in order, finite
+};
+struct CurveChart {
+  std::string title;
+  std::vector<Curve> curves;  // one a label
+};
+struct CurveSheet {
+  std::string title, x_label;
+  std::vector<std::string> labels;
+  std::vector<std::vector<double>> marks;  // vertical lines of every label
+  std::vector<CurveChart> charts;
+};
+std::string svgOf(const CurveSheet& sheet);
 
 }  // namespace tg

@@ -38,7 +38,8 @@ RunStatus restingStatus(const RunWatch::News& news, const std::string& training_
 
 void serveRun(const ViewOptions& options, PageServer& page) {
   const std::filesystem::path folder = options.model.parent_path();
-  const std::string name = std::filesystem::absolute(folder).lexically_normal().filename().string();
+  const std::string name =
+      std::filesystem::absolute(options.model).lexically_normal().parent_path().filename().string();
   ModelFollower follower(options.model, [] {});
   std::unique_ptr<RunWatch> watch;
   std::shared_ptr<const std::vector<RunMetrics>> lines;

@@ -2,31 +2,18 @@
 // A poll of the file's identity: works on every file system, and costs one system call.
 #include "viewer/model/follower.h"
 
-#include <sys/stat.h>
-
-#include <array>
 #include <chrono>
 #include <exception>
 #include <utility>
 
 #include "core/file/file.h"
+#include "core/file/identity.h"
 #include "core/run/live.h"
 
 namespace tg {
 namespace {
 
 constexpr std::chrono::milliseconds kPollPause(250);
-
-// Another file, or other content, has another one of these.
-using FileIdentity = std::array<std::int64_t, 5>;
-
-std::optional<FileIdentity> identityOf(const std::filesystem::path& file) {
-  struct stat status{};
-  if (::stat(file.c_str(), &status) != 0) return std::nullopt;
-  return FileIdentity{static_cast<std::int64_t>(status.st_dev), static_cast<std::int64_t>(status.st_ino),
-                      static_cast<std::int64_t>(status.st_size), static_cast<std::int64_t>(status.st_mtim.tv_sec),
-                      static_cast<std::int64_t>(status.st_mtim.tv_nsec)};
-}
 
 // Of a run that is watched the model of this moment, else the one of its last checkpoint.
 std::filesystem::path newestFile(const std::filesystem::path& file) {

@@ -53,12 +53,14 @@ ModelLoader::News ModelLoader::load(File& file) {
   const std::filesystem::path& path = file.path;
   News news;
   news.path = path;
+  const std::optional<FileIdentity> identity = identityOf(path);  // before it is read: what comes later is a change
   const auto publishPart = [&](Bundle part) {
     News first;
     first.path = path;
     first.finished = false;
     first.scene = sceneOf(std::move(part), path);
     first.scene->partial = true;
+    first.scene->file = identity;
     news_.give(std::move(first));
   };
   file.preview = [&](GaussianModel model) {
@@ -76,13 +78,14 @@ ModelLoader::News ModelLoader::load(File& file) {
       publishPart(std::move(part));
     }
     news.scene = sceneOf(std::move(loaded), path);
+    news.scene->file = identity;
   } catch (const ReadCancelled&) {
   } catch (const Error& error) {
     news.problem = error.what();
     news.error_kind = static_cast<int>(error.kind);
   } catch (const std::bad_alloc&) {
     news.problem = path.string() + ": not enough memory";
-    news.error_kind = static_cast<int>(ErrorKind::badData);
+    news.error_kind = static_cast<int>(ErrorKind::device);
   } catch (const std::exception& error) {
     news.problem = path.string() + ": " + error.what();
     news.error_kind = static_cast<int>(ErrorKind::badData);

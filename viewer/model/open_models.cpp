@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "core/file/identity.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
@@ -34,12 +35,20 @@ void OpenModels::say(ViewerState& state, const std::string& text) const {
 
 bool OpenModels::update(ViewerState& state) {
   DocumentState& documents = state.documents;
+  std::string there;
   for (const std::filesystem::path& path : std::exchange(documents.open_requests, {})) {
-    loader_.open(path);
+    const int document = documentOf(state, path);
+    if (document >= 0 && (isFollowed(state, document) || !hasChanged(state, document))) {
+      documents.show_request = document;
+      there = path.string() + " is open already";
+      continue;
+    }
+    loader_.open(document >= 0 ? documents.open[static_cast<std::size_t>(document)].path : path);
     say(state, "Opening " + path.string());
   }
   if (std::exchange(state.loading.cancel, false)) {
     loader_.cancel();
+    state.desktop.agreed.clear();
     say(state, "Opening was cancelled");
   }
   bool changed = takeLoaded(state);
@@ -54,7 +63,7 @@ bool OpenModels::update(ViewerState& state) {
   if (const auto document = std::exchange(documents.show_request, std::nullopt)) {
     if (*document >= 0 && *document < static_cast<int>(documents.open.size())) {
       show(state, *document);
-      say(state, state.scene.path.filename().string());
+      say(state, there.empty() ? state.scene.path.filename().string() : there);
       changed = true;
     }
   }
@@ -75,7 +84,8 @@ bool OpenModels::takeLoaded(ViewerState& state) {
     if (!news) break;
     const int document = documentOf(state, news->path);
     const bool shown = document >= 0 && document == state.documents.shown;
-    const bool partial = document >= 0 && (shown ? state.scene : state.documents.open[document].scene).partial;
+    const bool partial = document >= 0 && sceneAt(state, document).partial;
+    if (news->scene && document >= 0) news->scene->path = state.documents.open[document].path;
     if (news->scene && news->scene->partial) {
       // A file that is read again is seen whole until it is there whole again.
       if (document < 0) {
@@ -89,7 +99,13 @@ bool OpenModels::takeLoaded(ViewerState& state) {
     }
     read_seconds_ = news->read_seconds;
     read_bytes_ = news->bytes;
-    if (news->scene) {
+    const bool loses = news->scene && document >= 0 && losesEdits(state, document);
+    if (document >= 0) {
+      std::erase_if(state.desktop.agreed, [&](const auto& agreed) { return agreed.first == news->path; });
+    }
+    if (loses && options_.script.empty()) {
+      state.desktop.read_again.push_back(news->path);  // edited meanwhile: asked about, then read again
+    } else if (news->scene) {
       if (document < 0) {
         open(state, std::move(*news->scene));
       } else {
@@ -104,9 +120,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       }
       if (opened_any_ || loader_.status().waiting > 0) say(state, "Opened " + news->path.string());
       opened_any_ = true;
-      if (follower_ && news->path != follower_->file()) {
-        unfollow(state);
-      }
+      if (follower_ && !sameFile(news->path, follower_->file())) unfollow(state);
     } else {
       if (partial) close(state, document);
       if (!news->problem.empty()) {
@@ -126,19 +140,22 @@ bool OpenModels::takeLoaded(ViewerState& state) {
 // The first model opens like any other; later ones change nothing but the model.
 bool OpenModels::takeFollowed(ViewerState& state) {
   if (!follower_) return false;
-  if (const int document = documentOf(state, follower_->file()); document >= 0 && hasUnsavedEdits(state, document)) {
+  const int document = documentOf(state, follower_->file());
+  if (document >= 0 && hasUnsavedEdits(state, document)) {
     follower_.reset();
-    state.follow.active = false;
+    state.follow.active = state.follow.waits = false;
     say(state, "Edited: no longer following " + state.documents.open[document].path.filename().string());
     return true;
   }
+  const EditState* edit = document >= 0 ? &editAt(state, document) : nullptr;
+  state.follow.waits = edit && (edit->selection || edit->selecting || edit->moving);
+  if (state.follow.waits) return false;
   std::optional<ModelFollower::News> news = follower_->take();
   if (!news) return false;
   state.follow.problem = news->problem;
   if (!news->model) return true;
   try {
     Scene scene = sceneOf(std::move(*news->model), follower_->file());
-    const int document = documentOf(state, follower_->file());
     if (document >= 0) {
       replace(state, document, std::move(scene));
     } else {
@@ -164,10 +181,14 @@ bool OpenModels::takeRun(ViewerState& state) {
   return true;
 }
 
+bool OpenModels::isFollowed(const ViewerState& state, int document) const {
+  return follower_ && sameFile(state.documents.open[static_cast<std::size_t>(document)].path, follower_->file());
+}
+
 void OpenModels::unfollow(ViewerState& state) {
   follower_.reset();
   run_.reset();
-  state.follow.active = false;
+  state.follow.active = state.follow.waits = false;
   state.follow.lines.reset();
   state.follow.status.reset();
 }
@@ -231,9 +252,7 @@ void OpenModels::show(ViewerState& state, int document) {
 void OpenModels::close(ViewerState& state, int document) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   std::vector<Document>& open = state.documents.open;
-  if (follower_ && open[document].path == follower_->file()) {
-    unfollow(state);
-  }
+  if (isFollowed(state, document)) unfollow(state);
   const int shown = state.documents.shown;
   if (shown == document) {
     if (open.size() > 1) {

@@ -32,6 +32,7 @@ class OpenModels {
   bool takeLoaded(ViewerState& state);
   bool takeFollowed(ViewerState& state);
   bool takeRun(ViewerState& state);
+  bool isFollowed(const ViewerState& state, int document) const;
   void unfollow(ViewerState& state);
   void open(ViewerState& state, Scene scene);
   void replace(ViewerState& state, int document, Scene scene);

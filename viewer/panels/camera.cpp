@@ -70,7 +70,7 @@ void cameraSection(ViewerState& state) {
                          ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp)) {
     state.camera.speed = speed;
   }
-  hint("Of flying, in scene radii per second; Shift 4 x, Ctrl 1/4");
+  hint("Of flying, in scene radii per second; Shift 4 x, Alt 1/4");
   settingWidgets(state, "CAMERA");
   if (segment("Frame", false, 0, 3)) frameScene(state);
   hint("The whole model in view (F)");

@@ -11,19 +11,24 @@
 
 namespace tg {
 
+void recentModels(ViewerState& state, bool (*item)(const char* label)) {
+  for (const std::string& path : state.recent) {
+    ImGui::PushID(path.c_str());
+    if (item(printable(std::filesystem::path(path).filename().string()).c_str())) {
+      state.documents.open_requests.emplace_back(path);
+    }
+    hint(printable(path).c_str());
+    ImGui::PopID();
+  }
+}
+
 namespace {
 
 void recentList(ViewerState& state) {
   if (state.recent.empty()) return;
   ImGui::SetNextItemWidth(-1);
   if (!ImGui::BeginCombo("##recent", "Recent models")) return;
-  for (const std::string& path : state.recent) {
-    ImGui::PushID(path.c_str());
-    const std::string label = printable(std::filesystem::path(path).filename().string());
-    if (ImGui::Selectable(label.c_str())) state.documents.open_requests.emplace_back(path);
-    hint(printable(path).c_str());
-    ImGui::PopID();
-  }
+  recentModels(state, [](const char* label) { return ImGui::Selectable(label); });
   ImGui::EndCombo();
 }
 
@@ -39,10 +44,11 @@ void documentsSection(ViewerState& state) {
     ImGui::PushID(i);
     const float width = ImGui::GetContentRegionAvail().x - button - spacing;
     ImGui::AlignTextToFramePadding();
-    if (ImGui::Selectable(open[i].path.filename().string().c_str(), i == state.documents.shown, 0, {width, 0})) {
+    if (ImGui::Selectable(printable(open[i].path.filename().string()).c_str(), i == state.documents.shown, 0,
+                          {width, 0})) {
       state.documents.show_request = i;
     }
-    hint((open[i].path.string() + "\nPage Up / Page Down step through the open models").c_str());
+    hint((printable(open[i].path.string()) + "\nPage Up / Page Down step through the open models").c_str());
     ImGui::SameLine(0, spacing);
     if (ImGui::Button("x", {button, 0})) askToClose(state, i);
     hint("Close (Ctrl+W closes the one shown)");

@@ -88,11 +88,11 @@ bool vectorField(const char* id, glm::dvec3& value, float speed, const char* for
 void historySection(ViewerState& state) {
   const std::string back = undoName(state), again = redoName(state);
   ImGui::BeginDisabled(back.empty());
-  if (segment((back.empty() ? "Undo##undo" : "Undo " + back + "##undo").c_str(), false, 0, 2)) undo(state);
+  if (segment((back.empty() ? "Undo###undo" : "Undo " + back + "###undo").c_str(), false, 0, 2)) undo(state);
   ImGui::EndDisabled();
   hint(("Ctrl+Z: undo " + back).c_str());
   ImGui::BeginDisabled(again.empty());
-  if (segment((again.empty() ? "Redo##redo" : "Redo " + again + "##redo").c_str(), false, 1, 2)) redo(state);
+  if (segment((again.empty() ? "Redo###redo" : "Redo " + again + "###redo").c_str(), false, 1, 2)) redo(state);
   ImGui::EndDisabled();
   hint(("Ctrl+Y, Ctrl+Shift+Z: redo " + again).c_str());
 }

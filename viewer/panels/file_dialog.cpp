@@ -108,13 +108,13 @@ bool fileRow(FileBrowser& browser, int row) {
   const bool folder = entry.folder;
   const std::string label = printable(entry.name) + (folder ? "/" : "");
   const std::string size = folder ? "" : sizeText(entry.bytes);
-  if (folder) ImGui::PushStyleColor(ImGuiCol_Text, kHighlightText);
-  const bool clicked = ImGui::Selectable(label.c_str(), row == browser.picked, ImGuiSelectableFlags_AllowDoubleClick);
-  if (folder) ImGui::PopStyleColor();
-  if (!size.empty()) {
-    ImGui::SameLine(ImGui::GetContentRegionMax().x - ImGui::CalcTextSize(size.c_str()).x);
-    ImGui::TextDisabled("%s", size.c_str());
-  }
+  const float width = ImGui::GetContentRegionAvail().x, size_width = ImGui::CalcTextSize(size.c_str()).x;
+  const float room = size.empty() ? width : width - size_width - ImGui::GetFontSize();
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  const bool clicked = ImGui::Selectable("##file", row == browser.picked, ImGuiSelectableFlags_AllowDoubleClick);
+  if (ImGui::CalcTextSize(label.c_str()).x > room) hint(label.c_str());
+  clippedText(corner, room, folder ? ImGui::GetColorU32(kHighlightText) : ImGui::GetColorU32(ImGuiCol_Text), label);
+  clippedText({corner.x + width - size_width, corner.y}, size_width, ImGui::GetColorU32(ImGuiCol_TextDisabled), size);
   if (!clicked) return false;
   browser.picked = -1;
   pickFile(browser, row + 1);
@@ -235,7 +235,7 @@ std::string lossOf(const ClosingQuestion& question) {
   }
   const bool again = question.closing.way == Closing::Way::reading;
   return "The edits of " + printable(question.model.filename().string()) + " have not been saved." +
-         (again ? "\nReading the file again loses them." : "");
+         (again ? "\nIts file has changed; reading it again loses them." : "");
 }
 
 void closingQuestion(ViewerState& state, bool escape) {

@@ -70,33 +70,66 @@ void swatch(glm::vec3 color) {
   ImGui::GetWindowDrawList()->AddRectFilled(corner, {corner.x + side, corner.y + side}, packed(color), 2);
 }
 
+// Of the list, the least important one last: it goes first where there is no room.
 struct Column {
   const char* label;
   HitColumn column;
+  const char* widest;  // text in it, but for the index, which its model decides
   const char* help;
 };
 constexpr std::array kColumns = {
-    Column{"index", HitColumn::index, "Of the Gaussian"},
-    Column{"depth", HitColumn::depth, "Camera z of the hit"},
-    Column{"wt", HitColumn::weight, "Weight: its share of the pixel, T x alpha"},
-    Column{"al", HitColumn::alpha, "Alpha: opacity x value x texture, at the hit"},
-    Column{"op", HitColumn::opacity, "Opacity of the Gaussian"},
-    Column{"size", HitColumn::size, "Its longest sigma, in world units"},
-    Column{"b", HitColumn::order, "Base colour; sorts front to back"},
-    Column{"t", HitColumn::order, "What the texture adds; sorts front to back"},
+    Column{"index", HitColumn::index, "", "Of the Gaussian"},
+    Column{"depth", HitColumn::depth, "0.0000", "Camera z of the hit"},
+    Column{"wt", HitColumn::weight, "100", "Weight: its share of the pixel, T x alpha [%]"},
+    Column{"al", HitColumn::alpha, "100", "Alpha: opacity x value x texture, at the hit [%]"},
+    Column{"b t", HitColumn::order, "", "Base colour, and what the texture adds (grey: nothing); sorts front to back"},
+    Column{"size", HitColumn::size, "0.000", "Its longest sigma, in world units"},
+    Column{"op", HitColumn::opacity, "100", "Opacity of the Gaussian [%]"},
 };
+constexpr float kLeastGap = 6, kMostGap = 18;  // [ImGui units] between columns
 
 // A click sorts by the column, a second one the other way round.
-void header(ViewerState& state) {
+void header(ViewerState& state, std::size_t columns) {
   ImGui::TableNextRow(ImGuiTableRowFlags_Headers);
-  for (const Column& column : kColumns) {
+  for (std::size_t i = 0; i < columns; ++i) {
+    const Column& column = kColumns[i];
     ImGui::TableNextColumn();
     const bool sorts = state.inspect.sorted_by == column.column && column.column != HitColumn::order;
     if (sorts) ImGui::PushStyleColor(ImGuiCol_Text, kHighlightText);
-    if (ImGui::Selectable(column.label, false, 0, {ImGui::CalcTextSize(column.label).x + 4, 0}))
+    if (ImGui::Selectable(column.label, false, 0, {ImGui::CalcTextSize(column.label).x, 0})) {
       sortHits(state, column.column);
+    }
     if (sorts) ImGui::PopStyleColor();
     hint((std::string(column.help) + (sorts ? state.inspect.descending ? ", falling" : ", rising" : "")).c_str());
+  }
+}
+
+void cell(const GaussianModel& model, const PixelHit& hit, HitColumn column) {
+  switch (column) {
+    case HitColumn::index:
+      break;
+    case HitColumn::depth:
+      ImGui::Text("%.4g", hit.t);
+      break;
+    case HitColumn::weight:
+      ImGui::Text("%.0f", 100 * hit.weight);
+      break;
+    case HitColumn::alpha:
+      ImGui::Text("%.0f", 100 * hit.alpha);
+      break;
+    case HitColumn::opacity:
+      ImGui::Text("%.0f", 100 * opacityOf(model, hit.index));
+      break;
+    case HitColumn::size: {
+      const glm::dvec3 sigma = sigmaOf(model, hit.index);
+      ImGui::Text("%.2g", std::max({sigma.x, sigma.y, sigma.z}));
+      break;
+    }
+    case HitColumn::order:
+      swatch(glm::vec3(hit.base));
+      ImGui::SameLine(0, 0);
+      swatch(0.5f + 0.5f * glm::vec3(hit.texture));
+      break;
   }
 }
 
@@ -104,15 +137,30 @@ void list(ViewerState& state) {
   const std::vector<PixelHit>& hits = state.inspect.hits;
   const GaussianModel& model = *state.scene.model;
   const std::vector<int> order = sortedHits(model, hits, state.inspect.sorted_by, state.inspect.descending);
-  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {1, 1});  // large models have long numbers
+  const auto widest = std::ranges::max(hits, {}, &PixelHit::index).index;
+  std::array<float, kColumns.size()> widths;
+  for (std::size_t i = 0; i < kColumns.size(); ++i) {
+    const std::string text = i == 0 ? std::to_string(widest) : kColumns[i].widest;
+    const float swatches = kColumns[i].column == HitColumn::order ? 2 * ImGui::GetTextLineHeight() : 0;
+    widths[i] = std::max({ImGui::CalcTextSize(kColumns[i].label).x, ImGui::CalcTextSize(text.c_str()).x, swatches});
+  }
+  const float room = ImGui::GetContentRegionAvail().x - ImGui::GetStyle().ScrollbarSize;
+  std::size_t columns = kColumns.size();
+  const auto gap = [&] {
+    return (room - std::accumulate(widths.begin(), widths.begin() + static_cast<std::ptrdiff_t>(columns), 0.0f)) /
+           static_cast<float>(columns);
+  };
+  while (columns > 1 && gap() < kLeastGap) --columns;
+  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {std::floor(std::min(gap(), kMostGap) / 2), 1});
   ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {ImGui::GetStyle().ItemSpacing.x, 2});  // no row reaches into the next
   const float row = ImGui::GetTextLineHeight() + 2;
   const float rows = std::min(static_cast<float>(hits.size()), kListRows);
-  if (ImGui::BeginTable("hits", static_cast<int>(kColumns.size()),
-                        ImGuiTableFlags_ScrollY | ImGuiTableFlags_SizingFixedFit, {0, (rows + 1) * row + 6})) {
+  if (ImGui::BeginTable("hits", static_cast<int>(columns),
+                        ImGuiTableFlags_ScrollY | ImGuiTableFlags_SizingFixedFit | ImGuiTableFlags_NoKeepColumnsVisible,
+                        {0, (rows + 1) * row + 6})) {
     ImGui::TableSetupScrollFreeze(0, 1);
-    for (const Column& column : kColumns) ImGui::TableSetupColumn(column.label);
-    header(state);
+    for (std::size_t i = 0; i < columns; ++i) ImGui::TableSetupColumn(kColumns[i].label, 0, widths[i]);
+    header(state, columns);
     if (std::exchange(state.inspect.seek, false)) {
       const auto at = std::ranges::find(order, state.inspect.picked) - order.begin();
       ImGui::SetScrollY(std::max(0.0f, (static_cast<float>(at) - kListRows / 2) * row));
@@ -131,19 +179,10 @@ void list(ViewerState& state) {
           pickHit(state, i);
         }
         ImGui::PopID();
-        ImGui::TableNextColumn();
-        ImGui::Text("%.4g", hit.t);
-        for (const double value : {hit.weight, hit.alpha, opacityOf(model, hit.index)}) {
+        for (std::size_t c = 1; c < columns; ++c) {
           ImGui::TableNextColumn();
-          ImGui::Text("%.2f", value);
+          cell(model, hit, kColumns[c].column);
         }
-        const glm::dvec3 sigma = sigmaOf(model, hit.index);
-        ImGui::TableNextColumn();
-        ImGui::Text("%.2g", std::max({sigma.x, sigma.y, sigma.z}));
-        ImGui::TableNextColumn();
-        swatch(glm::vec3(hit.base));
-        ImGui::TableNextColumn();
-        swatch(0.5f + 0.5f * glm::vec3(hit.texture));
       }
     }
     ImGui::EndTable();
@@ -186,8 +225,10 @@ void picked(ViewerState& state, const PixelHit& hit) {
   ImGui::Text("sigma %.4g, %.4g, %.4g", facts.sigma.x, facts.sigma.y, facts.sigma.z);
   ImGui::Text("opacity %.3f, effective rank %.2f", facts.opacity, facts.effective_rank);
   hint("Rank: 1 a needle, 2 a disc, 3 a ball");
-  ImGui::Text("u %.2f, v %.2f sigma; value %.3f; T %.3f", hit.uv.x, hit.uv.y, hit.value, hit.transmittance);
-  hint("Where the hit falls on the texture; the Gaussian there; the light that is left in front of it");
+  ImGui::Text("u %.2f, v %.2f sigma", hit.uv.x, hit.uv.y);
+  hint("Where the hit falls on the texture");
+  ImGui::Text("value %.3f, T %.3f", hit.value, hit.transmittance);
+  hint("The Gaussian there; the light that is left in front of it");
   if (facts.width > 0) {
     ImGui::Text("texture %d x %d, alpha x %.3f", facts.width, facts.height, hit.texture_alpha);
     texture(model, hit.index, facts, hit.uv);

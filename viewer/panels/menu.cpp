@@ -26,13 +26,7 @@ void actions(ViewerState& state, Menu menu) {
 
 void recentMenu(ViewerState& state) {
   if (!ImGui::BeginMenu("Open recent", !state.recent.empty())) return;
-  for (const std::string& path : state.recent) {
-    ImGui::PushID(path.c_str());
-    const std::string label = printable(std::filesystem::path(path).filename().string());
-    if (ImGui::MenuItem(label.c_str())) state.documents.open_requests.emplace_back(path);
-    hint(printable(path).c_str());
-    ImGui::PopID();
-  }
+  recentModels(state, [](const char* label) { return ImGui::MenuItem(label); });
   ImGui::Separator();
   if (ImGui::MenuItem("Forget these")) state.recent.clear();
   ImGui::EndMenu();

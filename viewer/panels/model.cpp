@@ -33,8 +33,12 @@ void modelSection(ViewerState& state) {
   }
   if (!scene.training.empty()) ImGui::TextDisabled("%s", scene.training.c_str());
   if (state.follow.active) {
-    ImGui::PushStyleColor(ImGuiCol_Text, state.follow.problem.empty() ? kHighlightText : kWarningText);
-    ImGui::TextWrapped("%s", state.follow.problem.empty() ? "following the file" : state.follow.problem.c_str());
+    const FollowState& follow = state.follow;
+    const char* text = follow.waits             ? "not followed while Gaussians are chosen"
+                       : follow.problem.empty() ? "following the file"
+                                                : follow.problem.c_str();
+    ImGui::PushStyleColor(ImGuiCol_Text, follow.waits || !follow.problem.empty() ? kWarningText : kHighlightText);
+    ImGui::TextWrapped("%s", text);
     ImGui::PopStyleColor();
   }
   if (!scene.warnings.empty()) {

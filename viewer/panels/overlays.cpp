@@ -124,7 +124,7 @@ void progress(const ViewerState& state) {
   ImGui::SetNextWindowSize({22 * font, 0});
   ImGui::SetNextWindowBgAlpha(0.9f);
   ImGui::Begin("loading", nullptr, kPassive);
-  ImGui::TextUnformatted(loading.path.filename().string().c_str());
+  ImGui::TextUnformatted(printable(loading.path.filename().string()).c_str());
   ImGui::SameLine();
   if (loading.waiting > 0) {
     ImGui::TextDisabled("and %zu more, Esc stops", loading.waiting);
@@ -165,12 +165,9 @@ void welcome(ViewerState& state) {
     // The name, and as much of its folder as there is room for.
     ImGui::PopID();
     const std::string name = printable(path.filename().string()), folder = printable(path.parent_path().string());
-    ImDrawList* draw = ImGui::GetWindowDrawList();
-    draw->PushClipRect(corner, {corner.x + width, corner.y + font * 1.5f}, true);
-    draw->AddText(corner, ImGui::GetColorU32(ImGuiCol_Text), name.c_str());
-    draw->AddText({corner.x + ImGui::CalcTextSize(name.c_str()).x + font, corner.y},
-                  ImGui::GetColorU32(ImGuiCol_TextDisabled), folder.c_str());
-    draw->PopClipRect();
+    const float begin = ImGui::CalcTextSize(name.c_str()).x + font;
+    clippedText(corner, width, ImGui::GetColorU32(ImGuiCol_Text), name);
+    clippedText({corner.x + begin, corner.y}, width - begin, ImGui::GetColorU32(ImGuiCol_TextDisabled), folder);
   }
   ImGui::End();
 }
@@ -250,14 +247,18 @@ void legend(const ViewerState& state) {
 
 void notice(const ViewerState& state) {
   const ImVec2 center = pictureCenter(state);
-  const ImVec2 text = ImGui::CalcTextSize(state.messages.notice.c_str());
   const ImVec2 padding = ImGui::GetStyle().WindowPadding;
+  // Whole paths may be wider than the picture.
+  const float room = 2 * (ImGui::GetIO().DisplaySize.x - center.x - padding.x - ImGui::GetFontSize());
+  const ImVec2 text = ImGui::CalcTextSize(state.messages.notice.c_str(), nullptr, false, std::max(room, 1.0f));
   ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - ImGui::GetFontSize()}, ImGuiCond_Always,
                           {0.5f, 1.0f});
   ImGui::SetNextWindowSize({text.x + 2 * padding.x, text.y + 2 * padding.y});  // auto-sizing lags by a frame
   ImGui::SetNextWindowBgAlpha(0.85f);
   ImGui::Begin("notice", nullptr, kPassive);
+  ImGui::PushTextWrapPos(padding.x + std::max(room, 1.0f));
   ImGui::TextUnformatted(state.messages.notice.c_str());
+  ImGui::PopTextWrapPos();
   ImGui::End();
 }
 

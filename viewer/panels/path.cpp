@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/system/numbers.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/parse.h"
@@ -89,7 +90,7 @@ void keySection(ViewerState& state) {
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   auto seconds = static_cast<float>(editor.at);
   const auto whole = static_cast<float>(duration(editor.path));
-  const std::string format = "%.2f / " + std::to_string(whole).substr(0, 5) + " s";
+  const std::string format = "%.2f / " + formatted("%.2f", whole) + " s";
   if (ImGui::SliderFloat("##at", &seconds, 0.0f, whole, format.c_str(), ImGuiSliderFlags_AlwaysClamp)) {
     seekPath(state, seconds);
   }

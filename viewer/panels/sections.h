@@ -14,6 +14,8 @@ void modelSection(ViewerState& state);
 void trainingSection(ViewerState& state);
 // documents.cpp
 void documentsSection(ViewerState& state);
+// The models opened before, each by `item`, whose click opens it.
+void recentModels(ViewerState& state, bool (*item)(const char* label));
 // compare.cpp
 void compareSection(ViewerState& state);
 // display.cpp

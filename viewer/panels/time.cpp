@@ -23,19 +23,7 @@ void shareBar(double share) {
   bar(std::max(1.0f, width * static_cast<float>(share)), ImGui::GetColorU32(ImGuiCol_PlotHistogram));
 }
 
-}  // namespace
-
-void timeSection(ViewerState& state, const FrameStatistics& statistics) {
-  heading("TIME");
-  if (!statistics.frame_ms.empty()) {
-    const float last = statistics.frame_ms.back();
-    const float worst = *std::max_element(statistics.frame_ms.begin(), statistics.frame_ms.end());
-    ImGui::SameLine();
-    ImGui::Text("%.1f ms, %.0f / s", last, last > 0 ? 1000.0f / last : 0.0f);
-    ImGui::PlotLines("##frames", statistics.frame_ms.data(), static_cast<int>(statistics.frame_ms.size()), 0, nullptr,
-                     0.0f, worst * 1.1f, {ImGui::GetContentRegionAvail().x, ImGui::GetFontSize() * 2});
-    hint("Wall time of the last frames");
-  }
+void passTimes(const FrameStatistics& statistics) {
   double sum = 0;
   for (const PassTime& pass : statistics.passes) sum += pass.milliseconds;
   ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {4, 1});
@@ -57,6 +45,22 @@ void timeSection(ViewerState& state, const FrameStatistics& statistics) {
   ImGui::PopStyleVar();
   ImGui::TextDisabled("sum %.2f ms at %d x %d%s", sum, statistics.picture_size.x, statistics.picture_size.y,
                       statistics.reduced ? ", moving" : "");
+}
+
+}  // namespace
+
+void timeSection(ViewerState& state, const FrameStatistics& statistics) {
+  heading("TIME");
+  if (!statistics.frame_ms.empty()) {
+    const float last = statistics.frame_ms.back();
+    const float worst = *std::max_element(statistics.frame_ms.begin(), statistics.frame_ms.end());
+    ImGui::SameLine();
+    ImGui::Text("%.1f ms, %.0f / s", last, last > 0 ? 1000.0f / last : 0.0f);
+    ImGui::PlotLines("##frames", statistics.frame_ms.data(), static_cast<int>(statistics.frame_ms.size()), 0, nullptr,
+                     0.0f, worst * 1.1f, {ImGui::GetContentRegionAvail().x, ImGui::GetFontSize() * 2});
+    hint("Wall time of the last frames");
+  }
+  if (!statistics.passes.empty()) passTimes(statistics);
   auto percent = static_cast<float>(100 * state.display.resolution);
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   if (ImGui::SliderFloat("##resolution", &percent, 100 * kMinResolution, 100 * kMaxResolution, "Resolution %.0f %%",

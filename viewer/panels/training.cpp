@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/run/curves.h"
@@ -22,37 +22,17 @@ using Value = std::optional<double> RunMetrics::*;
 
 constexpr ImU32 kCurve = IM_COL32(116, 182, 228, 255), kDots = IM_COL32(240, 163, 91, 255);
 constexpr float kPlotFonts = 4.5f;  // height in font heights
-
-struct Range {
-  double low = std::numeric_limits<double>::infinity(), high = -low;
-  void add(double value) {
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-};
-
-// What is worst at the very beginning says nothing about the rest: the axis leaves the outermost hundredth out.
-Range rangeOf(const Lines& lines, Value curve, Value dots) {
-  std::vector<double> values;
-  for (const RunMetrics& line : lines) {
-    if (line.*curve) values.push_back(*(line.*curve));
-  }
-  Range range;
-  if (!values.empty()) {
-    std::sort(values.begin(), values.end());
-    range.add(values[values.size() / 100]);
-    range.add(values[values.size() - 1 - values.size() / 100]);
-  }
-  for (const RunMetrics& line : lines) {
-    if (dots && line.*dots) range.add(*(line.*dots));
-  }
-  const double room = range.high > range.low ? 0.06 * (range.high - range.low) : 1e-3;
-  return {range.low - room, range.high + room};
-}
+constexpr float kDot = 3.5f;        // [ImGui units] radius
 
 void plot(const char* id, const char* title, const char* number, const Lines& lines, Value curve, Value dots) {
-  const Range range = rangeOf(lines, curve, dots);
-  if (!(range.low < range.high)) return;
+  std::vector<double> curve_values, dot_values;
+  for (const RunMetrics& line : lines) {
+    if (line.*curve) curve_values.push_back(*(line.*curve));
+    if (dots && line.*dots) dot_values.push_back(*(line.*dots));
+  }
+  const auto range = rangeOfCurves(std::move(curve_values), dot_values);
+  if (!range) return;
+  const auto [low, high] = *range;
   const std::vector<double> at = iterationsOfRun(lines);
   const double last = std::max(1.0, *std::max_element(at.begin(), at.end()));
   const ImVec2 corner = ImGui::GetCursorScreenPos();
@@ -60,9 +40,9 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
   ImGui::InvisibleButton(id, size);
   ImDrawList* draw = ImGui::GetWindowDrawList();
   draw->AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, ImGui::GetColorU32(ImGuiCol_FrameBg), 3);
-  const auto point = [&](std::size_t i, double value) {
-    const double share = (std::clamp(value, range.low, range.high) - range.low) / (range.high - range.low);
-    return ImVec2(corner.x + static_cast<float>(at[i] / last) * size.x,
+  const auto point = [&, low = low, high = high](std::size_t i, double value) {
+    const double share = (std::clamp(value, low, high) - low) / (high - low);
+    return ImVec2(corner.x + kDot + static_cast<float>(at[i] / last) * (size.x - 2 * kDot),
                   corner.y + (1 - static_cast<float>(share)) * size.y);
   };
   std::vector<ImVec2> points;
@@ -73,15 +53,20 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
   }
   draw->AddPolyline(points.data(), static_cast<int>(points.size()), kCurve, 0, 1.5f);
   for (std::size_t i = 0; dots && i < lines.size(); ++i) {
-    if (lines[i].*dots) draw->AddCircleFilled(point(i, *(lines[i].*dots)), 3.5f, kDots);
+    if (lines[i].*dots) draw->AddCircleFilled(point(i, *(lines[i].*dots)), kDot, kDots);
   }
   const ImU32 grey = ImGui::GetColorU32(ImGuiCol_TextDisabled);
   const float line = ImGui::GetTextLineHeight();
-  const std::string top = formatted(number, range.high), bottom = formatted(number, range.low);
-  draw->AddText({corner.x + 4, corner.y + 1}, grey, (top + "  " + title).c_str());
-  draw->AddText({corner.x + 4, corner.y + size.y - line - 1}, grey, bottom.c_str());
+  const std::string top = formatted(number, high), bottom = formatted(number, low);
+  const auto label = [&](ImVec2 place, const std::string& text) {
+    const float width = ImGui::CalcTextSize(text.c_str()).x;
+    draw->AddRectFilled(place, {place.x + width, place.y + line}, ImGui::GetColorU32(ImGuiCol_FrameBg, 0.8f));
+    draw->AddText(place, grey, text.c_str());
+  };
+  label({corner.x + 4, corner.y + 1}, top + "  " + title);
+  label({corner.x + 4, corner.y + size.y - line - 1}, bottom);
   if (!ImGui::IsItemHovered()) return;
-  const double share = (ImGui::GetIO().MousePos.x - corner.x) / size.x;
+  const double share = (ImGui::GetIO().MousePos.x - corner.x - kDot) / (size.x - 2 * kDot);
   std::size_t nearest = 0;
   for (std::size_t i = 0; i < lines.size(); ++i) {
     if (lines[i].*curve && std::abs(at[i] / last - share) <= std::abs(at[nearest] / last - share)) nearest = i;

@@ -15,6 +15,18 @@ void hint(const char* text) {
   if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) ImGui::SetTooltip("%s", text);
 }
 
+namespace {
+
+// `label` without its end, where all of it is too wide.
+std::string fitted(const std::string& label, float width) {
+  std::string text = label.substr(0, label.find("##"));
+  if (ImGui::CalcTextSize(text.c_str()).x <= width) return label;
+  while (!text.empty() && ImGui::CalcTextSize((text + "...").c_str()).x > width) text.pop_back();
+  return text + "...###" + label;
+}
+
+}  // namespace
+
 bool segment(const char* label, bool active, int index, int count) {
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   if (index > 0) ImGui::SameLine(0, spacing);
@@ -27,7 +39,7 @@ bool segment(const char* label, bool active, int index, int count) {
     ImGui::PushStyleColor(ImGuiCol_ButtonActive, kAccentHovered);
   }
   ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {0, ImGui::GetStyle().FramePadding.y});  // room for the label
-  const bool clicked = ImGui::Button(label, {width, 0});
+  const bool clicked = ImGui::Button(fitted(label, width).c_str(), {width, 0});
   ImGui::PopStyleVar();
   if (active) ImGui::PopStyleColor(3);
   return clicked;
@@ -44,6 +56,14 @@ bool textField(const char* id, std::string& text, const char* placeholder) {
   };
   return ImGui::InputTextWithHint(id, placeholder, text.data(), text.capacity() + 1, ImGuiInputTextFlags_CallbackResize,
                                   grow, &text);
+}
+
+void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text) {
+  if (room <= 0) return;
+  ImDrawList* draw = ImGui::GetWindowDrawList();
+  draw->PushClipRect(corner, {corner.x + room, corner.y + ImGui::GetTextLineHeightWithSpacing()}, true);
+  draw->AddText(corner, color, text.c_str());
+  draw->PopClipRect();
 }
 
 bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }

@@ -25,6 +25,8 @@ void hint(const char* text);
 bool segment(const char* label, bool active, int index, int count);
 // A line of text; `placeholder` where it is empty. True when it was changed.
 bool textField(const char* id, std::string& text, const char* placeholder);
+// Text at a place of the screen, cut where its room [ImGui units] ends.
+void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text);
 // Whether Esc was pressed: lists close by it.
 bool escapePressed();
 std::string grouped(std::size_t value);  // 1 234 567

@@ -117,8 +117,12 @@ void escape(ViewerState& state) {
     cancelDrag(state);
   } else if (state.edit.tool != EditTool::none) {
     setTool(state, EditTool::none);
+  } else if (state.inspect.active || state.inspect.isolated) {
+    state.inspect.active = state.inspect.isolated = false;
   } else if (state.loading.active) {
     state.loading.cancel = true;
+  } else if (state.record.wanted) {
+    state.record.wanted = false;
   } else if (state.desktop.fullscreen) {
     state.desktop.fullscreen = false;
   } else {
@@ -265,7 +269,7 @@ constexpr std::array kBindings = {
                Menu::path},
     KeyBinding{'/', true, "? or F1", "This help", toggleHelp, {}, Menu::help},
     KeyBinding{kKeyF1, false, "", "", toggleHelp},
-    KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop loading, or quit", escape},
+    KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop what goes on, or quit", escape},
 };
 
 constexpr std::array kMouseHelp = {

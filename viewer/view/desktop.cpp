@@ -67,7 +67,7 @@ void goOnClosing(ViewerState& state, const Closing& closing) {
       state.documents.close_request = document;
       break;
     case Closing::Way::reading:
-      state.desktop.agreed.push_back(closing.model);
+      state.desktop.agreed.emplace_back(closing.model, editAt(state, document).revision);
       state.documents.open_requests.push_back(closing.model);
       break;
   }
@@ -87,10 +87,9 @@ void askToClose(ViewerState& state, int document) {
 bool guardEdits(ViewerState& state) {
   DesktopState& desktop = state.desktop;
   std::erase_if(state.documents.open_requests, [&](const std::filesystem::path& path) {
-    if (std::erase(desktop.agreed, path) > 0) return false;
     const int document = documentOf(state, path);
-    if (document < 0 || !hasUnsavedEdits(state, document)) return false;
-    desktop.read_again.push_back(path);
+    if (document < 0 || !losesEdits(state, document) || !hasChanged(state, document)) return false;
+    desktop.read_again.push_back(state.documents.open[static_cast<std::size_t>(document)].path);
     return true;
   });
   if (desktop.read_again.empty() || isModal(state) || desktop.wanted || desktop.saving) return false;
@@ -99,6 +98,12 @@ bool guardEdits(ViewerState& state) {
   desktop.discarded.clear();
   goOnClosing(state, closing);
   return true;
+}
+
+bool losesEdits(const ViewerState& state, int document) {
+  const std::pair edits(state.documents.open[static_cast<std::size_t>(document)].path,
+                        editAt(state, document).revision);
+  return hasUnsavedEdits(state, document) && std::ranges::count(state.desktop.agreed, edits) == 0;
 }
 
 void saveUnsaved(ViewerState& state) {

@@ -3,6 +3,7 @@
 // clipboard.
 // Keys and panels ask here; the window answers.
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -47,11 +48,11 @@ struct DesktopState {
   std::optional<FileUse> wanted;     // a dialog to be opened
   std::optional<FileDialog> dialog;  // that is open
   std::optional<ClosingQuestion> question;
-  std::optional<Closing> after_saving;                // goes on once that is saved
-  std::vector<std::filesystem::path> read_again;      // have edits: to be asked about, one after the other
-  std::vector<std::filesystem::path> agreed;          // are read again whatever they lose
-  std::optional<std::filesystem::path> save_request;  // the model shown, unasked; a script's
-  bool saving = false;                                // written by the window
+  std::optional<Closing> after_saving;            // goes on once that is saved
+  std::vector<std::filesystem::path> read_again;  // have edits: to be asked about, one after the other
+  std::vector<std::pair<std::filesystem::path, std::uint64_t>> agreed;  // are read again, and lose that revision
+  std::optional<std::filesystem::path> save_request;                    // the model shown, unasked; a script's
+  bool saving = false;                                                  // written by the window
   bool fullscreen = false;
   std::optional<glm::ivec2> turn_about;  // [px] of the picture: what is seen there is to be the pivot
   bool copy = false, paste = false;      // the camera, by the clipboard
@@ -67,6 +68,8 @@ void askToClose(ViewerState& state, int document);
 // Once a frame, before files are opened: one that would replace a model with edits is asked for first. True when
 // something was asked.
 bool guardEdits(ViewerState& state);
+// Whether a file that is read again would lose edits that the user has not given up.
+bool losesEdits(const ViewerState& state, int document);
 void goOnClosing(ViewerState& state, const Closing& closing);  // after something was saved
 // The answers.
 void saveUnsaved(ViewerState& state);

@@ -9,11 +9,40 @@
 #include "viewer/view/state.h"
 
 namespace tg {
+namespace {
+
+template <typename State, typename Part>
+auto& partOf(State& state, int document, Part ViewerState::* shown, Part Document::* hidden) {
+  TG_ASSERT(document >= 0 && document < static_cast<int>(state.documents.open.size()), "the document is open");
+  if (document == state.documents.shown) return state.*shown;
+  return state.documents.open[static_cast<std::size_t>(document)].*hidden;
+}
+
+}  // namespace
 
 int documentOf(const ViewerState& state, const std::filesystem::path& path) {
   const std::vector<Document>& open = state.documents.open;
-  const auto at = std::find_if(open.begin(), open.end(), [&](const Document& d) { return d.path == path; });
+  auto at = std::ranges::find(open, path, &Document::path);
+  if (at == open.end()) at = std::ranges::find_if(open, [&](const Document& d) { return sameFile(d.path, path); });
   return at == open.end() ? -1 : static_cast<int>(at - open.begin());
+}
+
+const Scene& sceneAt(const ViewerState& state, int document) {
+  return partOf(state, document, &ViewerState::scene, &Document::scene);
+}
+Scene& sceneAt(ViewerState& state, int document) {
+  return partOf(state, document, &ViewerState::scene, &Document::scene);
+}
+const EditState& editAt(const ViewerState& state, int document) {
+  return partOf(state, document, &ViewerState::edit, &Document::edit);
+}
+EditState& editAt(ViewerState& state, int document) {
+  return partOf(state, document, &ViewerState::edit, &Document::edit);
+}
+
+bool hasChanged(const ViewerState& state, int document) {
+  const Scene& scene = sceneAt(state, document);
+  return !scene.file || scene.file != identityOf(state.documents.open[static_cast<std::size_t>(document)].path);
 }
 
 void leaveDocument(ViewerState& state) {

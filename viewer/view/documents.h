@@ -45,8 +45,15 @@ struct LoadState {
 };
 
 struct ViewerState;
-// The document of that file; -1: none.
+// The document of that file, by whatever name; -1: none.
 int documentOf(const ViewerState& state, const std::filesystem::path& path);
+// Of documents.open, wherever they are kept while it is shown or not.
+const Scene& sceneAt(const ViewerState& state, int document);
+Scene& sceneAt(ViewerState& state, int document);
+const EditState& editAt(const ViewerState& state, int document);
+EditState& editAt(ViewerState& state, int document);
+// Whether its file is not what was read any more.
+bool hasChanged(const ViewerState& state, int document);
 // Puts the scene and view shown back into their document; none is shown then, but ViewerState::scene stays.
 void leaveDocument(ViewerState& state);
 // Whether two scenes have the same cameras, in number and name, and at least one: models of one data set.

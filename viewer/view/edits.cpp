@@ -177,9 +177,7 @@ std::filesystem::path saveTarget(const ViewerState& state) {
 }
 
 bool hasUnsavedEdits(const ViewerState& state, int document) {
-  TG_ASSERT(document >= 0 && document < static_cast<int>(state.documents.open.size()), "the document is open");
-  const EditState& edit =
-      document == state.documents.shown ? state.edit : state.documents.open[static_cast<std::size_t>(document)].edit;
+  const EditState& edit = editAt(state, document);
   return edit.revision != edit.saved;
 }
 
@@ -193,10 +191,7 @@ std::vector<std::filesystem::path> unsavedModels(const ViewerState& state) {
 
 void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision) {
   const int document = documentOf(state, model);
-  if (document < 0) return;
-  EditState& edit =
-      document == state.documents.shown ? state.edit : state.documents.open[static_cast<std::size_t>(document)].edit;
-  edit.saved = revision;
+  if (document >= 0) editAt(state, document).saved = revision;
 }
 
 }  // namespace tg

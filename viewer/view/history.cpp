@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "core/system/assert.h"
@@ -20,82 +21,102 @@ std::shared_ptr<const T> sharedWith(const std::shared_ptr<const T>& before, T no
   return before && *before == now ? before : std::make_shared<const T>(std::move(now));
 }
 
+// What of the state each part keeps, in one list: `copy(of the state, of the part)` goes either way.
+template <typename State, typename Part, typename Copy>
+void eachMember(State& s, Part& part, const Copy& copy) {
+  using Kind = std::remove_const_t<Part>;
+  if constexpr (std::is_same_v<Kind, ViewSnapshot::Display>) {
+    copy(s.display.output, part.output);
+    copy(s.display.settings, part.settings);
+    copy(s.display.crop, part.crop);
+    copy(s.display.box, part.box);
+    copy(s.display.resolution, part.resolution);
+  } else if constexpr (std::is_same_v<Kind, ViewSnapshot::View>) {
+    copy(s.camera.pose, part.pose);
+    copy(s.camera.lens, part.lens);
+    copy(s.camera.index, part.index);
+  } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Motion>) {
+    copy(s.camera.speed, part.speed);
+    copy(s.camera.fly, part.fly);
+    copy(s.camera.up, part.up);
+    copy(s.camera.turntable, part.turntable);
+    copy(s.camera.turntable_speed, part.turntable_speed);
+  } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Bookmarks>) {
+    copy(s.camera.bookmarks, part.cameras);
+    copy(s.camera.bookmark, part.at);
+  } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Path>) {
+    copy(s.path.path, part.path);
+    copy(s.path.key, part.key);
+    copy(s.path.key_seconds, part.key_seconds);
+    copy(s.path.drawn, part.drawn);
+  } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Recording>) {
+    copy(s.record.size, part.size);
+    copy(s.record.fps, part.fps);
+    copy(s.record.turntable_frames, part.turntable_frames);
+  } else {
+    static_assert(std::is_same_v<Kind, ViewSnapshot::Compare>);
+    copy(s.compare.how, part.how);
+    copy(s.compare.other, part.other);
+    copy(s.compare.with_photographs, part.with_photographs);
+    copy(s.compare.timed, part.timed);
+    copy(s.compare.flicker_seconds, part.flicker_seconds);
+  }
+}
+
+template <typename Part>
+Part captured(const ViewerState& s) {
+  Part part;
+  eachMember(s, part, [](const auto& of_state, auto& of_part) { of_part = of_state; });
+  return part;
+}
+
+// True where there was something to put back: only what differs, the rest may have been changed elsewhere, while
+// another model was shown.
+template <typename Part>
+bool putBack(ViewerState& s, const Part& from, const Part& to) {
+  if (from == to) return false;
+  eachMember(s, to, [](auto& of_state, const auto& of_part) { of_state = of_part; });
+  return true;
+}
+template <typename Part>
+bool putBack(ViewerState& s, const std::shared_ptr<const Part>& from, const std::shared_ptr<const Part>& to) {
+  return from != to && putBack(s, *from, *to);
+}
+
 ViewSnapshot snapshot(const ViewerState& s, const std::optional<ViewSnapshot>& last) {
   ViewSnapshot now;
-  now.display = {s.display.output, s.display.settings, s.display.crop, s.display.box, s.display.resolution};
-  now.view = {s.camera.pose, s.camera.lens, s.camera.index};
-  now.motion = {s.camera.speed, s.camera.fly, s.camera.up, s.camera.turntable, s.camera.turntable_speed};
-  now.bookmarks =
-      sharedWith(last ? last->bookmarks : nullptr, ViewSnapshot::Bookmarks{s.camera.bookmarks, s.camera.bookmark});
-  now.path = sharedWith(last ? last->path : nullptr,
-                        ViewSnapshot::Path{s.path.path, s.path.key, s.path.key_seconds, s.path.drawn});
-  now.recording = {s.record.size, s.record.fps, s.record.turntable_frames};
-  now.compare = {s.compare.how, s.compare.other, s.compare.with_photographs, s.compare.timed,
-                 s.compare.flicker_seconds};
+  now.display = captured<ViewSnapshot::Display>(s);
+  now.view = captured<ViewSnapshot::View>(s);
+  now.motion = captured<ViewSnapshot::Motion>(s);
+  now.bookmarks = sharedWith(last ? last->bookmarks : nullptr, captured<ViewSnapshot::Bookmarks>(s));
+  now.path = sharedWith(last ? last->path : nullptr, captured<ViewSnapshot::Path>(s));
+  now.recording = captured<ViewSnapshot::Recording>(s);
+  now.compare = captured<ViewSnapshot::Compare>(s);
   now.compare.how.shows_other = false;  // flickers by itself
   now.selection = s.edit.selection;
   return now;
 }
 
-bool same(const ViewSnapshot& a, const ViewSnapshot& b) {
-  return a.display == b.display && a.view == b.view && a.motion == b.motion && a.bookmarks == b.bookmarks &&
-         a.path == b.path && a.recording == b.recording && a.compare == b.compare && a.selection == b.selection;
-}
-
-// Only what differs: the rest may have been changed elsewhere, while another model was shown.
 void restore(ViewerState& s, const ViewSnapshot& from, const ViewSnapshot& to) {
-  if (from.display != to.display) {
-    const auto& d = to.display;
-    s.display.output = d.output;
-    s.display.settings = d.settings;
-    s.display.crop = d.crop;
-    s.display.box = d.box;
-    s.display.resolution = d.resolution;
-  }
-  if (from.motion != to.motion) {
-    const auto& m = to.motion;
-    s.camera.speed = m.speed;
-    s.camera.fly = m.fly;
-    s.camera.up = m.up;
-    s.camera.turntable = m.turntable;
-    s.camera.turntable_speed = m.turntable_speed;
-  }
-  if (from.view != to.view) {
+  putBack(s, from.display, to.display);
+  putBack(s, from.motion, to.motion);
+  if (putBack(s, from.view, to.view)) {
     s.path.playing = false;
-    s.camera.pose = to.view.pose;
-    s.camera.lens = to.view.lens;
-    s.camera.index = to.view.index < static_cast<int>(s.scene.cameras.size()) ? to.view.index : -1;
+    if (s.camera.index >= static_cast<int>(s.scene.cameras.size())) s.camera.index = -1;
     // The window may have had another shape.
     if (s.camera.index >= 0) {
       s.camera.lens = lensOf(s.scene.cameras[static_cast<std::size_t>(s.camera.index)], s.camera.aspect);
     }
   }
-  if (from.bookmarks != to.bookmarks) {
-    s.camera.bookmarks = to.bookmarks->cameras;
-    s.camera.bookmark = to.bookmarks->at;
-  }
-  if (from.path != to.path) {
+  putBack(s, from.bookmarks, to.bookmarks);
+  if (putBack(s, from.path, to.path)) {
     s.path.playing = false;
-    s.path.path = to.path->path;
-    s.path.key = to.path->key;
-    s.path.key_seconds = to.path->key_seconds;
-    s.path.drawn = to.path->drawn;
     s.path.at = std::min(s.path.at, duration(s.path.path));
   }
-  if (from.recording != to.recording) {
-    s.record.size = to.recording.size;
-    s.record.fps = to.recording.fps;
-    s.record.turntable_frames = to.recording.turntable_frames;
-  }
-  if (from.compare != to.compare) {
-    const bool shows_other = s.compare.how.shows_other;
-    s.compare.how = to.compare.how;
-    s.compare.how.shows_other = shows_other;
-    s.compare.other = to.compare.other;
-    s.compare.with_photographs = to.compare.with_photographs;
-    s.compare.timed = to.compare.timed;
-    s.compare.flicker_seconds = to.compare.flicker_seconds;
-  }
+  putBack(s, from.recording, to.recording);
+  const bool shows_other = s.compare.how.shows_other;
+  putBack(s, from.compare, to.compare);
+  s.compare.how.shows_other = shows_other;
   if (from.selection != to.selection) s.edit.selection = to.selection;
 }
 
@@ -195,7 +216,7 @@ void recordChanges(ViewerState& state, bool busy, bool flowing) {
   History& history = state.history;
   const ViewSnapshot now = snapshot(state, history.last);
   if (!history.last) history.last = now;
-  if (busy || same(now, *history.last)) return;
+  if (busy || now == *history.last) return;
   HistoryStep step{stepName(*history.last, now), *history.last,       now,     nullptr,
                    state.edit.revision,          state.edit.revision, flowing, state.time};
   HistoryStep* before = history.done > 0 ? &history.steps[history.done - 1] : nullptr;

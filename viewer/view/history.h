@@ -73,6 +73,7 @@ struct ViewSnapshot {
   Recording recording;
   Compare compare;
   SelectionPtr selection;
+  bool operator==(const ViewSnapshot&) const = default;
 };
 
 struct HistoryStep {

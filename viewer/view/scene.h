@@ -3,9 +3,11 @@
 #pragma once
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/file/identity.h"
 #include "core/model/model.h"
 #include "viewer/view/camera_controller.h"
 
@@ -13,6 +15,7 @@ namespace tg {
 
 struct Scene {
   std::filesystem::path path;
+  std::optional<FileIdentity> file;            // what was read, or written last; none: not known
   std::shared_ptr<const GaussianModel> model;  // null: none yet
   bool partial = false;                        // a part of the model, to look at while the rest is read
   std::vector<Camera> cameras;

@@ -114,10 +114,9 @@ LoadedSession loadSession(const std::filesystem::path& file) {
 
 void saveSession(const Session& session, const std::filesystem::path& file) {
   std::error_code error;
-  std::filesystem::create_directories(file.parent_path(), error);
-  if (error) {
-    throw Error(ErrorKind::cannotWrite, file.parent_path().string(), "cannot make this folder: " + error.message());
-  }
+  const std::filesystem::path folder = file.parent_path();  // none: the working folder
+  if (!folder.empty()) std::filesystem::create_directories(folder, error);
+  if (error) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + error.message());
   writeTextAtomically(file, formatSession(session));
 }
 

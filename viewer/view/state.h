@@ -121,6 +121,7 @@ struct FollowState {
   bool active = false;
   int reloads = 0;      // models that it has brought
   std::string problem;  // why there is no newer one; "" = none
+  bool waits = false;   // newer ones would take away what is being chosen or dragged
   // Of a run's folder.
   std::shared_ptr<const std::vector<RunMetrics>> lines;  // its metrics.jsonl; may be null
   std::optional<RunStatus> status;                       // none: nothing trains there

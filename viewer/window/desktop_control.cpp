@@ -8,6 +8,7 @@
 
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
+#include "core/file/identity.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
@@ -213,6 +214,10 @@ void DesktopControl::takeSaved(ViewerState& state) {
       notify(state, text);
     }
     if (!news->whole) continue;
+    // What is shown is what its own file holds now.
+    if (const int document = documentOf(state, news->model); document >= 0 && sameFile(news->path, news->model)) {
+      sceneAt(state, document).file = identityOf(news->path);
+    }
     noteModelKept(state, news->model, news->revision);
     if (after) goOnClosing(state, *after);
   }

@@ -53,9 +53,30 @@ TEST_CASE("a histogram has ticks of its kind") {
   CHECK_THAT(svgOf(histogram), Contains("class=\"mark\"") && Contains(">-0.5<"));
 }
 
+TEST_CASE("curves below each other share their axis, have a line, dots and marks a label, and leave out a bad start") {
+  CurvePoints line;
+  for (int i = 0; i < 300; ++i) line.emplace_back(10.0 * i, i == 0 ? 1e6 : 1 + i % 2);
+  const CurveSheet sheet{"both",
+                         "iterations",
+                         {"a & b", "other"},
+                         {{1000}, {}},
+                         {{"first", {{line, {{500, 1.5}}}, {}}}, {"second", {{}, {line, {}}}}}};
+  const std::string svg = svgOf(sheet);
+  CHECK(countOf(svg, "class=\"line s0\"") == 2);  // the legend's, and one chart's
+  CHECK(countOf(svg, "class=\"line s1\"") == 2);
+  CHECK(countOf(svg, "class=\"mark s0\"") == 2);
+  CHECK(countOf(svg, "<circle") == 1);
+  CHECK(countOf(svg, ">2000</text>") == 2);
+  CHECK(countOf(svg, ">iterations</text>") == 1);
+  CHECK_THAT(svg, Contains(">a &amp; b<") && !Contains("nan") && !Contains(" M</text>"));
+  const std::string empty = svgOf(CurveSheet{"none", "x", {"a"}, {{}}, {{"first", {{}}}}});
+  CHECK_THAT(empty, Contains("class=\"axis\"") && !Contains("nan") && !Contains("inf"));
+}
+
 TEST_CASE("a chart of its own brings its colours, for light and dark") {
   const std::string svg = standaloneSvg(svgOf(LineChart{"x", "y", {"v"}, {{"m", {1}}}}));
   CHECK(svg.starts_with("<svg xmlns="));
-  CHECK_THAT(svg, Contains("prefers-color-scheme:dark") && Contains(".chart .line.s7{stroke:"));
+  CHECK_THAT(svg, Contains("<rect class=\"page\"") && Contains(".chart .page{fill:"));
+  CHECK_THAT(svg, Contains("prefers-color-scheme:dark") && Contains(".chart .line.s7,"));
   CHECK(seriesClass(0) == seriesClass(kSeriesColors));
 }

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <fstream>
+#include <functional>
 #include <thread>
 
 #include "core/bundle/bundle.h"
@@ -14,6 +15,7 @@
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "viewer/keys.h"
+#include "viewer/view/desktop.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/state.h"
 
@@ -52,6 +54,13 @@ struct Window {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     FAIL("loading does not end");
+  }
+  void followUntil(const std::function<bool()>& arrived) {
+    for (int i = 0; i < 1000 && !arrived(); ++i) {
+      open_models.update(state);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    REQUIRE(arrived());
   }
   void open(const std::filesystem::path& path) {
     state.documents.open_requests.push_back(path);
@@ -110,10 +119,92 @@ TEST_CASE("each model keeps its own edits and history, and a model that is read 
   undo(state);
   CHECK(state.scene.model->size() == 9);
   redo(state);
+  writeModel(folder / "a.tgz", 8, {});
+  state.desktop.agreed.emplace_back(folder / "a.tgz", state.edit.revision);
   window.open(folder / "a.tgz");
-  CHECK(state.scene.gaussians == 9);
+  CHECK(state.scene.gaussians == 8);
   CHECK(undoName(state).empty());
   CHECK(unsavedModels(state).empty());
+  CHECK(state.desktop.agreed.empty());
+}
+
+TEST_CASE("a file that is open already, by whatever name, is brought to front and keeps its edits") {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "sub");
+  std::filesystem::create_directory_symlink(folder.path, folder / "link");
+  writeModel(folder / "a.tgz", 9, {});
+  writeModel(folder / "b.tgz", 7, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  transformChosen(state, similarityOf(state, {1, 0, 0}, glm::dvec3(0.0), 1));
+  for (const std::string name : {"a.tgz", "sub/../a.tgz", "link/a.tgz"}) {
+    INFO(name);
+    window.open(folder / "b.tgz");
+    CHECK(state.documents.shown == 1);
+    window.open(folder / name);
+    CHECK(state.documents.open.size() == 2);
+    CHECK(state.documents.shown == 0);
+    CHECK(hasUnsavedEdits(state, 0));
+    CHECK_THAT(state.messages.notice, Contains("a.tgz is open already"));
+  }
+}
+
+TEST_CASE("edits that are made while the file is read again are asked for, and those given up are not") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  std::atomic<bool> go_on{true};
+  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
+    go_on.wait(false);
+    return readModel(path, read);
+  });
+  window.settle();
+  ViewerState& state = window.state;
+  const auto edit = [&] { transformChosen(state, similarityOf(state, {1, 0, 0}, glm::dvec3(0.0), 1)); };
+  const auto readMeanwhile = [&](const auto& act) {
+    go_on = false;
+    CHECK_FALSE(guardEdits(state));
+    window.open_models.update(state);
+    act();
+    go_on = true;
+    go_on.notify_all();
+    window.settle();
+  };
+  writeModel(folder / "a.tgz", 5, {});
+  state.documents.open_requests = {folder / "a.tgz"};
+  readMeanwhile(edit);
+  CHECK(state.scene.gaussians == 9);
+  CHECK(guardEdits(state));
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->closing.way == Closing::Way::reading);
+  discardUnsaved(state);
+  readMeanwhile(edit);  // one more, which nobody has given up
+  CHECK(state.scene.gaussians == 9);
+  CHECK(guardEdits(state));
+  discardUnsaved(state);
+  readMeanwhile([] {});
+  CHECK(state.scene.gaussians == 5);
+  CHECK_FALSE(hasUnsavedEdits(state, 0));
+}
+
+TEST_CASE("what is chosen in a followed model stays until nothing is chosen") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  ViewOptions options = optionsFor(folder / "a.tgz");
+  options.follow = true;
+  Window window(options);
+  ViewerState& state = window.state;
+  window.followUntil([&] { return state.scene.model != nullptr; });
+  choose(state, {1, 1, 0, 0, 0, 0, 0, 0, 0}, SelectMode::replace, nullptr);
+  writeModel(folder / "a.tgz", 5, {});
+  std::this_thread::sleep_for(std::chrono::milliseconds(600));  // two looks at the file
+  window.open_models.update(state);
+  CHECK(state.scene.gaussians == 9);
+  CHECK(state.edit.selection);
+  CHECK(state.follow.waits);
+  choose(state, std::vector<std::uint8_t>(9, 0), SelectMode::replace, nullptr);
+  window.followUntil([&] { return state.scene.gaussians == 5; });
+  CHECK_FALSE(state.follow.waits);
 }
 
 TEST_CASE("an edit ends the following") {
@@ -123,11 +214,7 @@ TEST_CASE("an edit ends the following") {
   options.follow = true;
   Window window(options);
   window.state.follow.active = true;
-  for (int i = 0; i < 1000 && !window.state.scene.model; ++i) {
-    window.open_models.update(window.state);
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  REQUIRE(window.state.scene.model);
+  window.followUntil([&] { return window.state.scene.model != nullptr; });
   transformChosen(window.state, similarityOf(window.state, {1, 0, 0}, glm::dvec3(0.0), 1));
   writeModel(folder / "a.tgz", 5, {});
   window.open_models.update(window.state);
@@ -235,7 +322,7 @@ TEST_CASE("the state says which file is read, how far it is, and how many wait")
   CHECK(window.state.documents.open.size() == 3);
 }
 
-TEST_CASE("a file that is open already is read again in its place, under the same view") {
+TEST_CASE("a file that is open and has changed is read again in its place, under the same view") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {"x.png", "y.png"});
   Window window(optionsFor(folder / "a.tgz"));

@@ -2,10 +2,15 @@
 // The panels without a window: Dear ImGui draws them into nothing, and a pointer goes over all of it.
 #include "viewer/panels/panels.h"
 
+#include <fcntl.h>
 #include <imgui.h>
 #include <imgui_internal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <csignal>
 #include <fstream>
 #include <map>
 #include <memory>
@@ -54,38 +59,10 @@ class Interface {
   const std::unique_ptr<ImGuiContext, Destroy> context_{ImGui::CreateContext()};
 };
 
-// Where widgets lie that share an ID: the places where it is met leave gaps then. "": each has its own. At
-// least so many are met.
-std::string sharedIds(ViewerState& state, float right = 0, std::size_t least = 6) {
-  constexpr float kStepX = 9, kStepY = 7;  // [ImGui units] less than the sides of the smallest button
+// A few frames: scroll bars and tables settle. Two widgets of one name would end the program.
+void drawn(ViewerState& state) {
   const Interface interface;
-  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});  // scroll bars and tables settle
-  struct Box {
-    ImRect places;
-    int met = 0;
-  };
-  std::map<ImGuiID, Box> boxes;
-  const float width = right > 0 ? right : panelWidth(state, Interface::kWidth);
-  REQUIRE(width > 0);
-  for (float y = 1; y < Interface::kHeight; y += kStepY) {
-    for (float x = 1; x < width; x += kStepX) {
-      const ImGuiID id = interface.hovered(state, {x, y});
-      if (id == 0) continue;
-      Box& box = boxes.try_emplace(id, Box{{x, y, x, y}}).first->second;
-      box.places.Add({x, y});
-      ++box.met;
-    }
-  }
-  CHECK(boxes.size() >= least);
-  std::string shared;
-  for (const auto& [id, box] : boxes) {
-    const auto& [places, met] = box;
-    const float columns = places.GetWidth() / kStepX + 1, rows = places.GetHeight() / kStepY + 1;
-    if (met == static_cast<int>(columns * rows + 0.5f)) continue;
-    shared += "between " + std::to_string(places.Min.x) + ", " + std::to_string(places.Min.y) + " and " +
-              std::to_string(places.Max.x) + ", " + std::to_string(places.Max.y) + "\n";
-  }
-  return shared;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
 }
 
 ViewerState bareState() {
@@ -141,6 +118,43 @@ std::map<ImGuiID, ImVec2> widgets(ViewerState state) {
 
 }  // namespace
 
+#if defined(TG_ASSERTS) || !defined(NDEBUG)
+TEST_CASE("two widgets of one name in a window are refused, the same name elsewhere is not") {
+  const TemporaryFolder folder;
+  const auto ended = [&](bool twice) {
+    const pid_t child = ::fork();
+    REQUIRE(child >= 0);
+    if (child == 0) {
+      std::signal(SIGABRT, SIG_DFL);
+      if (::dup2(::creat((folder / "said").c_str(), 0600), STDERR_FILENO) < 0) ::_exit(2);
+      const Interface interface;
+      for (int frame = 0; frame < 2; ++frame) {
+        ImGui::NewFrame();
+        for (const char* window : {"planted", "another"}) {
+          ImGui::Begin(window);
+          ImGui::Button("twin");
+          if (twice) ImGui::Button("twin");
+          ImGui::End();
+        }
+        ImGui::EndFrame();
+      }
+      ::_exit(0);
+    }
+    int status = 0;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    return status;
+  };
+  CHECK(ended(false) == 0);
+  const int status = ended(true);
+  REQUIRE(WIFSIGNALED(status));
+  CHECK(WTERMSIG(status) == SIGABRT);
+  std::ifstream said(folder / "said");
+  std::string line;
+  std::getline(said, line);
+  CHECK_THAT(line, Catch::Contains("broken promise: a widget's name is its own in its window: planted, at"));
+}
+#endif
+
 TEST_CASE("no two widgets of a page share an ID: the second of them could not be clicked") {
   // Each mode of comparing is met, and each kind of output: numbers, textures, the others.
   constexpr std::array kOutputs = {Output::final, Output::depth, Output::texture};
@@ -155,8 +169,8 @@ TEST_CASE("no two widgets of a page share an ID: the second of them could not be
       full.record.wanted = tab == Tab::path;
       full.edit.tool = full.record.wanted ? EditTool::none : EditTool::turn;
       chooseAll(full);
-      CHECK(sharedIds(bare) == "");
-      CHECK(sharedIds(full) == "");
+      drawn(bare);
+      drawn(full);
     }
   }
 }
@@ -166,7 +180,7 @@ TEST_CASE("no two widgets of the welcome, a dialog or the question share an ID")
   for (const char* name : {"a.tgz", "b.ply", "c.spz"}) std::ofstream(folder / name) << "abc";
   ViewerState welcome;
   welcome.recent = {"/models/one.tgz", "/models/two.tgz", "/others/one.tgz"};
-  CHECK(sharedIds(welcome, Interface::kWidth) == "");
+  drawn(welcome);
   for (const bool saves : {false, true}) {
     ViewerState state = fullState();
     FileDialog& dialog = state.desktop.dialog.emplace();
@@ -174,13 +188,13 @@ TEST_CASE("no two widgets of the welcome, a dialog or the question share an ID")
     dialog.browser.saves = saves;
     dialog.browser.types = {{".tgz", ""}, {".ply", "Holds no textures"}, {".spz", ""}};
     enterFolder(dialog.browser, folder.path);
-    CHECK(sharedIds(state, Interface::kWidth) == "");
+    drawn(state);
     CHECK(state.desktop.dialog);  // looking at it chooses nothing
   }
   for (const Unsaved what : {Unsaved::path, Unsaved::bookmarks, Unsaved::edits}) {
     ViewerState state = fullState();
     state.desktop.question = ClosingQuestion{{}, what, "tiny.tgz"};
-    CHECK(sharedIds(state, Interface::kWidth, 3) == "");
+    drawn(state);
     CHECK(state.desktop.question);
   }
 }
@@ -230,4 +244,44 @@ TEST_CASE("the panel's edge is dragged within its limits, and the picture begins
   CHECK(drag(5000) < Interface::kWidth - 200);
   CHECK(drag(5) == Approx(kLeastPanel * ImGui::GetFontSize()).margin(1));
   CHECK(state.ui.panel_width == kLeastPanel);
+}
+
+TEST_CASE("the inspector's columns hold their text and stand apart, however narrow the panel is") {
+  for (const double width : {kLeastPanel, kUsualPanel, kMostPanel}) {
+    INFO(width << " letters");
+    ViewerState state = fullState();
+    state.ui.tab = Tab::inspect;
+    state.ui.panel_width = width;
+    for (PixelHit& hit : state.inspect.hits) hit.weight = hit.alpha = 1, hit.t = 1.2344;
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    int columns = 0;
+    ImPool<ImGuiTable>& tables = ImGui::GetCurrentContext()->Tables;
+    for (int i = 0; i < tables.GetMapSize(); ++i) {
+      const ImGuiTable* table = tables.TryGetMapData(i);
+      if (!table || !(table->Flags & ImGuiTableFlags_ScrollY)) continue;
+      for (int c = 0; c < table->ColumnsCount; ++c, ++columns) {
+        const ImGuiTableColumn& column = table->Columns[c];
+        CHECK(std::max(column.ContentMaxXFrozen, column.ContentMaxXUnfrozen) <= column.WorkMaxX + 0.5f);
+        if (c > 0) CHECK(column.WorkMinX - table->Columns[c - 1].WorkMaxX >= 4);
+      }
+    }
+    CHECK(columns >= 5);
+    CHECK((width < kMostPanel || columns == 7));
+  }
+}
+
+TEST_CASE("a notice that is longer than the window is wide stays inside") {
+  ViewerState state = bareState();
+  const Interface interface;
+  for (const std::size_t letters : {3, 300}) {
+    notify(state, std::string(letters, 'x'));
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow* window = ImGui::FindWindowByName("notice");
+    REQUIRE(window);
+    CHECK(window->Pos.x >= panelWidth(state, Interface::kWidth));
+    CHECK(window->Pos.x + window->Size.x <= Interface::kWidth);
+    CHECK(window->ContentSize.x <= window->Size.x);
+    CHECK(window->ContentSize.y <= window->Size.y);
+  }
 }

@@ -103,6 +103,24 @@ TEST_CASE("Esc leaves the full screen before it leaves the program") {
   CHECK_FALSE(state.quit);
 }
 
+TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the program") {
+  ViewerState state = stateWithModel();
+  state.record.wanted = state.inspect.active = state.inspect.isolated = true;
+  state.edit.tool = EditTool::move;
+  press(state, kKeyEscape);
+  CHECK(state.edit.tool == EditTool::none);
+  CHECK(state.inspect.active);
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.inspect.active);
+  CHECK_FALSE(state.inspect.isolated);
+  CHECK(state.record.wanted);
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.record.wanted);
+  CHECK_FALSE(state.quit);
+  press(state, kKeyEscape);
+  CHECK(state.quit);
+}
+
 TEST_CASE("no key has two meanings, and a letter with Ctrl is not the letter") {
   std::set<std::pair<int, bool>> keys;
   for (const KeyBinding& binding : keyBindings()) {

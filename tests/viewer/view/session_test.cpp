@@ -142,6 +142,15 @@ TEST_CASE("bookmarks belong to their model, those of the models used last are ke
   CHECK(bookmarksOf(session, "/m/20").empty());
 }
 
+TEST_CASE("a session's name without a folder is one of the working folder") {
+  const TemporaryFolder folder;
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path);
+  CHECK_NOTHROW(saveSession(changedSession(), "s.json"));
+  std::filesystem::current_path(before);
+  CHECK(loadSession(folder / "s.json").session.speed == changedSession().speed);
+}
+
 TEST_CASE("a session that cannot be written says where") {
   const TemporaryFolder folder;
   std::ofstream(folder / "file") << "x";

@@ -33,6 +33,17 @@ double share(const Image& a, const Image& b) {
   return changed / static_cast<double>(a.data.size());
 }
 
+// Ctrl+Q or Esc (`leave`) asks, and Esc goes back: `before` is what the script does first, `end` what the hand does
+// last.
+void askedOnLeaving(const Workshop& shop, const std::string& before, const std::string& leave, const std::string& end) {
+  playByHand(shop,
+             before + "window before.png\nawait-file pressed\nwait 30\n" + seen("asked") +
+                 "await-file left\nwait 30\n" + seen("back") + "await-file never\n",
+             "reached before.png\n" + leave + "touch pressed\nseen asked\nkey Escape\ntouch left\nseen back\n" + end);
+  CHECK(share(shop.read("before.png"), shop.read("asked.png")) > 0.05);
+  CHECK(share(shop.read("before.png"), shop.read("back.png")) < 0.1);  // but for lines that fade
+}
+
 }  // namespace
 
 TEST_CASE("a window without a file opens one by the keyboard alone, and its title is that of what is open",
@@ -75,14 +86,8 @@ TEST_CASE("a path that was not saved is asked for, Esc goes back, Save saves it 
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  playByHand(shop,
-             "path-lines off\nadd-key\nwait 2\nwindow before.png\nawait-file pressed\nwait 30\n" + seen("asked") +
-                 "await-file left\nwait 30\n" + seen("back") + "await-file never\n",
-             "reached before.png\nkey Escape\ntouch pressed\nseen asked\nkey Escape\ntouch left\nseen back\nkey "
-             "ctrl+q\nsleep 0.3\nkey Return\n"
-             "sleep 0.3\nkey Return\n");
-  CHECK(share(shop.read("before.png"), shop.read("asked.png")) > 0.05);
-  CHECK(share(shop.read("before.png"), shop.read("back.png")) < 0.1);  // but for lines that fade
+  askedOnLeaving(shop, "path-lines off\nadd-key\nwait 2\n", "key Escape\n",
+                 "key ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\n");
   CHECK(std::filesystem::exists(shop / "path.json"));
 }
 
@@ -90,14 +95,9 @@ TEST_CASE("edits that were not saved are asked for, and Save replaces the model'
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  playByHand(shop,
-             "select x>0\ndelete-selection\nwindow before.png\nawait-file pressed\nwait 30\n" + seen("asked") +
-                 "await-file left\nwait 30\n" + seen("back") + "await-file never\n",
-             "reached before.png\ncp model.tgz whole.tgz\nkey ctrl+q\ntouch pressed\nseen asked\nkey Escape\n"
-             "touch left\nseen back\nkey ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\nsleep 0.3\n"
-             "cmp model.tgz whole.tgz || exit 93\nkey Return\n");
-  CHECK(share(shop.read("before.png"), shop.read("asked.png")) > 0.05);
-  CHECK(share(shop.read("before.png"), shop.read("back.png")) < 0.1);  // but for lines that fade
+  askedOnLeaving(shop, "select x>0\ndelete-selection\n", "cp model.tgz whole.tgz\nkey ctrl+q\n",
+                 "key ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\nsleep 0.3\n"
+                 "cmp model.tgz whole.tgz || exit 93\nkey Return\n");
   const std::size_t left = readModel(shop / "model.tgz").model.size();
   CHECK(left > 0);
   CHECK(left < readModel(shop / "whole.tgz").model.size());
