@@ -171,7 +171,9 @@ PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std:
     return points;
   }
   if (!index.points_file.empty() && index.points.position.empty()) {
-    notes.push_back(index.points_file + " holds no points: training starts from random ones");
+    notes.push_back(index.points_file +
+                    (index.points_missing ? ", which transforms.json names, is missing" : " holds no points") +
+                    ": training starts from random ones");
   }
   return std::move(index.points);
 }

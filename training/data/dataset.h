@@ -86,7 +86,8 @@ struct DatasetIndex {
   std::vector<Entry> entries;
   PointCloud points;
   std::string points_file;  // where they are from; empty: the data set names none
-  bool has_split = false;   // Camera::test is set
+  bool points_missing = false;
+  bool has_split = false;  // Camera::test is set
 };
 // nerfSynthetic: transforms_train.json and transforms_test.json. transforms: transforms.json, or those two without it.
 DatasetIndex readTransforms(const std::filesystem::path& folder, DatasetLayout layout = DatasetLayout::transforms);

@@ -217,7 +217,10 @@ void readPoints(const JsonNode& top, const fs::path& folder, DatasetIndex& index
   } else if (isFile(folder / "points3d.ply")) {
     index.points_file = "points3d.ply";
   }
-  if (!index.points_file.empty()) index.points = readPointCloudPly(folder / index.points_file);
+  index.points_missing = !index.points_file.empty() && !isFile(folder / index.points_file);
+  if (!index.points_file.empty() && !index.points_missing) {
+    index.points = readPointCloudPly(folder / index.points_file);
+  }
 }
 
 }  // namespace

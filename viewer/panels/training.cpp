@@ -102,12 +102,12 @@ void trainingSection(ViewerState& state) {
   if (!follow.active) return;
   heading("RUN");
   if (follow.status) {
+    orders(follow, follow.status->phase);  // above the words, which wrap now and then
     ImGui::TextWrapped("%s", describe(*follow.status).c_str());
     if (follow.status->now.test_psnr) {
       ImGui::TextDisabled("%.2f dB held out, %.1f it/s", *follow.status->now.test_psnr,
                           follow.status->now.per_second.value_or(0));
     }
-    orders(follow, follow.status->phase);
   } else if (state.scene.training.empty()) {
     ImGui::TextDisabled("no run has said anything yet");
   }

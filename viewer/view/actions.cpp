@@ -97,11 +97,6 @@ void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
 void closeDocument(ViewerState& state) { askToClose(state, state.documents.shown); }
 
 // Not twice what it says: a second press must not close the model that is being edited.
-void deleteKey(ViewerState& state) {
-  const bool editing = state.edit.tool != EditTool::none || state.ui.tab == Tab::edit;
-  editing || state.edit.selection ? deleteChosen(state) : closeDocument(state);
-}
-
 template <EditTool kTool>
 void tool(ViewerState& state) {
   setTool(state, kTool);
@@ -197,7 +192,7 @@ constexpr std::array kBindings = {
     KeyBinding{kKeyF5, false, "F5", "Move the selection", tool<EditTool::move>, {}, Menu::edit},
     KeyBinding{kKeyF6, false, "F6", "Turn the selection", tool<EditTool::turn>, {}, Menu::edit},
     KeyBinding{kKeyF7, false, "F7", "Scale the selection", tool<EditTool::scale>, {}, Menu::edit},
-    KeyBinding{kKeyDelete, false, "Delete", "Delete the selection, else close the model", deleteKey, {}, Menu::edit},
+    KeyBinding{kKeyDelete, false, "Delete", "Delete the selection", deleteChosen, {}, Menu::edit},
     KeyBinding{'1', false, "1", "Final picture", show<Output::final>, {}, Menu::output},
     KeyBinding{'2', false, "2", "Base colour (SH)", show<Output::base>, {}, Menu::output},
     KeyBinding{'3', false, "3", "Texture colour", show<Output::texture>, {}, Menu::output},

@@ -114,7 +114,8 @@ Image withLegend(Image picture, const Legend& legend) {
   if (room < 1) {
     throw Error(ErrorKind::usage, "--legend: the picture is too small (expected " + std::to_string(wide + 2 * kMargin) +
                                       "x" + std::to_string(high + 2 * kMargin) + " pixels or more, found " +
-                                      std::to_string(picture.width) + "x" + std::to_string(picture.height) + ")");
+                                      std::to_string(picture.width) + "x" + std::to_string(picture.height) +
+                                      "; --size makes it larger)");
   }
   const int used = std::min(unit, room);
   const Canvas canvas{picture, used, {kMargin * used, picture.height - (kMargin + high) * used}};

@@ -283,9 +283,6 @@ TEST_CASE("refuses broken transforms.json with the frame it is about", "[dataset
   Json huge = pinhole({frame("a.png")});
   huge["w"] = 1e12;
   CHECK_THAT(refused(huge), Contains("image size out of range"));
-  Json points = pinhole({frame("a.png")});
-  points["ply_file_path"] = "absent.ply";
-  CHECK_THAT(refused(points), Contains("2 ") && Contains("absent.ply"));
 
   writeText(folder / "transforms.json", pinhole({frame("a.png")}).dump());
   writeText(folder / "a.png", "not an image");
@@ -468,6 +465,8 @@ TEST_CASE("nerfstudio's points are in the frame of its poses: applied_transform 
 
   writeText(folder / "sparse_pc.ply", header + "0" + properties);
   CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("sparse_pc.ply holds no points"));
+  std::filesystem::remove(folder / "sparse_pc.ply");
+  CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("sparse_pc.ply, which transforms.json names, is missing"));
   DatasetOptions points;
   points.points = folder / "sparse_pc.ply";
   CHECK_THAT(refusal(folder.path, points), Contains("3 ") && Contains("sparse_pc.ply: holds no points"));

@@ -258,12 +258,12 @@ TEST_CASE("closing shows a neighbour, closing the last one leaves nothing to dra
   window.settle();
   window.open(folder / "b.tgz");
   ViewerState& state = window.state;
-  press(state, kKeyDelete);
+  press(state, kControl | 'W');
   window.settle();
   REQUIRE(state.documents.open.size() == 1);
   CHECK(state.documents.shown == 0);
   CHECK(state.scene.gaussians == 3);
-  press(state, kKeyDelete);
+  press(state, kControl | 'W');
   window.settle();
   CHECK(state.documents.open.empty());
   CHECK_FALSE(state.scene.model);
@@ -285,7 +285,7 @@ TEST_CASE("no camera is the view's when the model that had it is closed, or read
   CHECK(window.state.camera.index == -1);
   goToCamera(window.state, 0);
   for (int i = 0; i < 2; ++i) {
-    press(window.state, kKeyDelete);
+    press(window.state, kControl | 'W');
     window.settle();
   }
   CHECK_FALSE(window.state.scene.model);

@@ -79,7 +79,7 @@ TEST_CASE("Save of the question asks for a file, and a change of mind forgets wh
 TEST_CASE("a model that is closed asks for its bookmarks, unless they are kept between runs") {
   ViewerState state = stateWithModel();
   addKey(state);  // the path stays with the window
-  press(state, kKeyDelete);
+  press(state, kControl | 'W');
   CHECK(state.documents.close_request == 0);
   state.documents.close_request.reset();
   addBookmark(state);

@@ -55,7 +55,7 @@ TEST_CASE("several models are open at once: the one shown is what --render write
   writeSplatPly(shop / "c.ply", test::sampleModel(250));
   play(shop, {"a.tgz", "b.tgz", "c.ply"},
        "panel off\ndocument 1\npicture b.png\nkey PageUp\npicture a.png\nkey PageUp\nsave-camera c.json\n"
-       "picture c.png\nclose-document 0\nkey Delete\npicture last.png\nopen a.tgz\npicture again.png\n",
+       "picture c.png\nclose-document 0\nkey Ctrl+W\npicture last.png\nopen a.tgz\npicture again.png\n",
        "240x180", backendOr("vulkan"));
   const auto render = [&](const std::string& model, const std::string& camera) {
     run(shop, {model, "--render", "render.png", "--backend", backendOr("vulkan"), "--camera", camera, "--size",
