@@ -24,8 +24,10 @@ constexpr double kSlowest = 0.5, kFastest = 1.8;
 constexpr double kViewSteps = 0.6;  // what scoring a view costs, in steps
 // docs/lab/training-speed.md: textures' optimiser goes through all texels as it goes through the Gaussians' own
 // parameters, and they are looked up and learn at every pixel of a splat.
-constexpr double kTexel = 0.016;   // a channel of a texel, in Gaussians of constant colour
-constexpr double kLookedUp = 3.8;  // of what pixels cost
+constexpr double kTexel = 0.016;                  // a channel of a texel, in Gaussians of constant colour
+constexpr double kLookedUp = 2.8, kAllLook = 16;  // of what pixels cost, from so many texels a Gaussian on
+constexpr double kFewerLook = 0.2;                // exponent: with less, not every Gaussian has a texture
+constexpr double kLongestStep = 4;                // in mean ones: what takes longer is no step alone
 
 double nextRatio(double ratio) { return kSteady + kFromSteady * (ratio - kSteady); }
 
@@ -35,7 +37,8 @@ int channels(TextureMode mode) { return mode == TextureMode::alpha ? 1 : mode ==
 
 double TimeLeft::textureFactor(double texels, double gaussians) const {
   const double own = load(gaussians), pixels = kPixel * pixels_;
-  const double with = own + gaussians * kTexel * channels(settings_.texture_mode) * texels + kLookedUp * pixels;
+  const double looked = 1 + kLookedUp * std::pow(std::clamp(texels / kAllLook, 0.0, 1.0), kFewerLook);
+  const double with = own + gaussians * kTexel * channels(settings_.texture_mode) * texels + looked * pixels;
   return with / std::max(own + pixels, 1.0);
 }
 
@@ -52,13 +55,9 @@ double TimeLeft::load(double gaussians, int iteration) const {
 
 void TimeLeft::beginStage(const RunPlan& plan) {
   const double factor = plan.textured ? textureFactor(plan.texels, static_cast<double>(plan.gaussians)) : 1;
-  cost_ *= factor / factor_;
-  // A little of what is known stays until the new stage's own steps outweigh it.
-  const double kept = weight_ > 0 ? 10 / weight_ : 0;
-  for (double* sum : {&weight_, &cost_, &load_}) *sum *= std::min(kept, 1.0);
+  changeFactor(factor);
   textured_ = plan.textured;
   grows_sh_ = plan.grows_sh;
-  factor_ = factor;
   steps_ = block_steps_ = 0;
   block_cost_ = block_load_ = n_ = x_ = y_ = xx_ = xy_ = 0;
   before_ = 0;
@@ -74,14 +73,21 @@ void TimeLeft::resume(int iterations, double seconds, std::size_t gaussians) {
 }
 
 void TimeLeft::rescale(double texels, std::size_t gaussians) {
-  const double factor = textureFactor(texels, static_cast<double>(gaussians));
+  changeFactor(textureFactor(texels, static_cast<double>(gaussians)));
+}
+
+// A little of what is known stays until the new steps outweigh it.
+void TimeLeft::changeFactor(double factor) {
   cost_ *= factor / factor_;
+  const double kept = weight_ > 0 ? std::min(10 / weight_, 1.0) : 0;
+  for (double* sum : {&weight_, &cost_, &load_}) *sum *= kept;
   factor_ = factor;
 }
 
 void TimeLeft::add(double seconds, std::size_t gaussians) {
   const auto count = static_cast<double>(std::max<std::size_t>(gaussians, 1));
   const double now = load(count, steps_);
+  if (weight_ > 5) seconds = std::min(seconds, kLongestStep * cost_ / weight_);
   ++steps_;
   weight_ = kMemory * weight_ + 1;
   cost_ = kMemory * cost_ + seconds;

@@ -59,6 +59,7 @@ class TimeLeft {
   double load(double gaussians) const;
   // Of a textured step in plain ones of as many Gaussians.
   double textureFactor(double texels, double gaussians) const;
+  void changeFactor(double factor);
   // What the last round has added, and the next one in multiples of that.
   std::pair<double, double> growth() const;
   // Calls use(steps, count, iteration) for the rest of the stage, piece by piece, and returns the count at its end.

@@ -76,6 +76,10 @@ TEST_CASE("stage 2 begins with what is known of textures and goes on with what i
   for (int i = 0; i < 200; ++i) left.add(0.05, 5000);
   plan.left = 800;
   CHECK(left.seconds(plan) == Approx(40).epsilon(0.1));
+  // One that waits for a disk says nothing of the others.
+  const double before = left.seconds(plan);
+  left.add(5, 5000);
+  CHECK(left.seconds(plan) == Approx(before).epsilon(0.03));
   // The twin's steps have none of it.
   plan.left = 0;
   plan.untextured_left = 1000;
