@@ -21,6 +21,7 @@ constexpr double kLeastGrowing = 0.2;
 constexpr std::size_t kRounds = 12;
 constexpr double kSteady = 0.95, kFromSteady = 0.7;
 constexpr double kSlowest = 0.5, kFastest = 1.8;
+constexpr double kSettled = 0.8;    // of a step's cost while Gaussians are replaced, once they are not
 constexpr double kViewSteps = 0.6;  // what scoring a view costs, in steps
 // docs/lab/training-speed.md: textures' optimiser goes through all texels as it goes through the Gaussians' own
 // parameters, and they are looked up and learn at every pixel of a splat.
@@ -58,6 +59,7 @@ void TimeLeft::beginStage(const RunPlan& plan) {
   changeFactor(factor);
   textured_ = plan.textured;
   grows_sh_ = plan.grows_sh;
+  swaps_ = plan.swaps;
   steps_ = block_steps_ = 0;
   block_cost_ = block_load_ = n_ = x_ = y_ = xx_ = xy_ = 0;
   before_ = 0;
@@ -92,6 +94,10 @@ void TimeLeft::add(double seconds, std::size_t gaussians) {
   weight_ = kMemory * weight_ + 1;
   cost_ = kMemory * cost_ + seconds;
   load_ = kMemory * load_ + now;
+  if (swaps_ && steps_ == schedule_.densify_until) {
+    cost_ *= kSettled;
+    changeFactor(factor_);
+  }
   // The first Gaussians are larger than those that they become, and cost more each.
   if (steps_ > schedule_.densify_from) {
     block_cost_ += seconds;
@@ -167,16 +173,18 @@ double TimeLeft::forEachPiece(const RunPlan& plan, Use use) const {
 double TimeLeft::seconds(const RunPlan& plan) const {
   if (weight_ <= 0) return 0;
   double sum = 0, plain_cost = 0;
-  double count =
-      forEachPiece(plan, [&](int steps, double gaussians, int at) { sum += steps * stepCost(load(gaussians, at)); });
+  const double settled = plan.swaps && plan.iteration < schedule_.densify_until ? kSettled : 1;
+  double count = forEachPiece(plan, [&](int steps, double gaussians, int at) {
+    sum += steps * stepCost(load(gaussians, at)) * (at < schedule_.densify_until ? 1 : settled);
+  });
   if (textured_ && plan.cut_left > 0 && plan.texels_cut > 0) {
     sum -= plan.cut_left * stepCost(load(count)) * (1 - textureFactor(plan.texels_cut, count) / factor_);
   }
   if (plan.first_left > 0) {
     count = std::max(count * plan.first_share, 1.0);
-    sum += plan.first_left * stepCost(load(count));
+    sum += plan.first_left * stepCost(load(count)) * settled;
   }
-  plain_cost = stepCost(load(count)) / factor_;
+  plain_cost = stepCost(load(count)) / factor_ * settled;
   const double factor = textureFactor(plan.texels, count);
   sum += plan.textured_left * plain_cost * factor;
   if (!textured_ && plan.cut_left > 0 && plan.texels_cut > 0) {

@@ -18,6 +18,7 @@ struct RunPlan {
   int left = 0;               // of this stage
   std::size_t gaussians = 0;  // now
   std::size_t limit = 0;      // of them in this stage; 0: none
+  bool swaps = false;         // at the limit Gaussians are replaced by others
   double growth = -1;         // MCMC: of the count, a round; -1: as the rounds before
   bool textured = false;      // this stage is one with textures
   double texels = 0;          // a Gaussian's, of the textured stage; first those before adaptive textures are cut
@@ -71,6 +72,7 @@ class TimeLeft {
   const double pixels_;
   bool textured_ = false;
   bool grows_sh_ = false;
+  bool swaps_ = false;
   double factor_ = 1;  // textureFactor of this stage
   int steps_ = 0;
   // Forgetting means over the last steps.

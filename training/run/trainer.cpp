@@ -342,6 +342,7 @@ RunPlan Trainer::plan() const {
   plan.left = iterations - state_.iteration;
   plan.gaussians = engine_->gaussians(state_);
   plan.limit = limit();
+  plan.swaps = plan.densifies && swaps();
   if (settings_.densification == Densification::mcmc) plan.growth = mcmcGrowth();
   plan.textured = !state_.training.model.atlas.texels.empty();
   plan.texels = texelsEach();
