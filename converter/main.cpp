@@ -123,7 +123,10 @@ void takeFiles(Arguments& arguments) {
   for (auto file = files.rbegin(); file != files.rend(); ++file) {
     arguments.options.edits.insert(arguments.options.edits.begin(), {"--merge", *file, {}});
   }
-  for (tg::Edit& edit : arguments.options.edits) edit.reading.spz_axes = arguments.options.spz_axes;
+  for (tg::Edit& edit : arguments.options.edits) {
+    edit.reading.base_only = arguments.options.base_only;
+    edit.reading.spz_axes = arguments.options.spz_axes;
+  }
 }
 
 // Options of one name may be given often; their order among all edits is what counts.

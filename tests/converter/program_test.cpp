@@ -383,6 +383,24 @@ TEST_CASE("merged models count the cameras that they share once, and no edit lea
   CHECK(!std::filesystem::exists(scratch.folder() / "d.tgz"));
 }
 
+TEST_CASE("every merged file is read as the first one is, and the warning of a stopped training stays") {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = test::makeScene(test::SceneKind::ordinary, 49, 20).model;
+  writeBundle(scratch.folder() / "whole.tgz", bundle);
+  REQUIRE(tgconvert(scratch, "whole.tgz a.glb --quiet").code == 0);
+  const Result base = tgconvert(scratch, "a.glb a.glb base.glb --base-only");
+  CHECK(base.code == 0);
+  CHECK(base.out.find("textures: none\n") != std::string::npos);
+
+  bundle.training_json = R"({"interrupted":true})";
+  writeBundle(scratch.folder() / "stopped.tgz", bundle);
+  CHECK(tgconvert(scratch, "stopped.tgz whole.tgz b.glb --no-psnr").err ==
+        "warning: stopped.tgz: its training was interrupted: no finished model\n");
+  CHECK(tgconvert(scratch, "whole.tgz stopped.tgz c.glb --no-psnr").err ==
+        "warning: whole.tgz: stopped.tgz: its training was interrupted: no finished model\n");
+}
+
 TEST_CASE("output that is lost on a full disk is a failure, and --version is one line") {
   const Scratch scratch;
   writeSplatPly(scratch.folder() / "in.ply", test::makeScene(test::SceneKind::ordinary, 46, 5).model);
