@@ -363,7 +363,7 @@ def nothing(_):
 
 # Title, tables, figures of the page.
 SECTIONS = [
-    ("The anchor: lego as published", anchor, nothing),
+    ("Lego as published, beside the paper's own figure", anchor, nothing),
     ("RGBA at every share (Table A.3)", shares, share_figures),
     ("RGBA by default", default_sizes, nothing),
     ("Kinds of textures (Table A.4)", kinds, nothing),

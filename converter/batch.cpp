@@ -39,6 +39,29 @@ std::string stemOf(const std::filesystem::path& model) {
   return name.substr(0, name.size() - extension);
 }
 
+// Where each goes: to its name without its format, or, where several would be that, with as much of it as the file
+// system calls the stem.
+std::vector<BatchItem> itemsOf(const std::vector<std::filesystem::path>& models, const std::filesystem::path& output,
+                               const std::string& extension) {
+  std::multiset<std::string> stems;
+  for (const std::filesystem::path& model : models) stems.insert(stemOf(model));
+  std::set<std::filesystem::path> outputs;
+  std::vector<BatchItem> items;
+  for (const std::filesystem::path& model : models) {
+    const std::string longer = model.stem().string() + "." + extension;
+    const bool apart = stems.count(stemOf(model)) > 1 && outputFormat(longer).name == extension;
+    BatchItem& item = items.emplace_back();
+    item.input = model;
+    item.output = output / (apart ? longer : stemOf(model) + "." + extension);
+    if (!outputs.insert(item.output).second) {
+      throw Error(ErrorKind::usage, model.string() + ": two models would become " + item.output.string());
+    }
+  }
+  return items;
+}
+
+}  // namespace
+
 std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> models;
   std::error_code error;
@@ -51,24 +74,13 @@ std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder)
   return models;
 }
 
-}  // namespace
-
 BatchReport convertFolder(const std::filesystem::path& input, const std::filesystem::path& output,
                           const std::string& extension, const ConvertOptions& options,
                           const std::function<void(const BatchProgress&)>& progress) {
   BatchReport report;
   std::uint64_t total = 0;
-  std::set<std::filesystem::path> outputs;
-  for (const std::filesystem::path& model : modelsIn(input)) {
-    BatchItem item;
-    item.input = model;
-    item.output = output / (stemOf(model) + "." + extension);
-    if (!outputs.insert(item.output).second) {
-      throw Error(ErrorKind::usage, model.string() + ": two models would become " + item.output.string());
-    }
-    total += std::filesystem::file_size(model);
-    report.items.push_back(std::move(item));
-  }
+  report.items = itemsOf(modelsIn(input), output, extension);
+  for (const BatchItem& item : report.items) total += std::filesystem::file_size(item.input);
   std::error_code error;
   if (!options.dry_run) std::filesystem::create_directories(output, error);
   if (error) throw Error(ErrorKind::cannotWrite, output.string(), "cannot be made: " + error.message());
@@ -86,7 +98,7 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
     } catch (const Error& e) {
       failed(e.kind, e.what());
     } catch (const std::bad_alloc&) {
-      failed(ErrorKind::badData, item.input.string() + ": the model does not fit into memory");
+      failed(ErrorKind::device, item.input.string() + ": the model does not fit into memory");
     }
     read += std::filesystem::file_size(item.input);
   }

@@ -28,9 +28,14 @@ struct BatchProgress {
   double done = 0;  // part of all bytes to be read, in [0, 1]
 };
 
-// Every file of `input`, not of its folders, that is a model by its content, in the order of their names, to
-// `output`/NAME.`extension`. A file that fails does not end the run. `output` is made if it is not there. Throws
-// Error(usage) when two inputs would get one name, Error(cannotRead) when there is no model, Error(cannotWrite).
+// Every file of a folder, not of its folders, that is a model by its content, in the order of their names. Throws
+// Error(cannotRead), also where there is none.
+std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder);
+
+// Every model of `input` to `output`/NAME.`extension`. NAME is the file's without its format's ending; of a.ply and
+// a.compressed.ply, which would both be a, the latter is a.compressed. A file that fails does not end the run. `output`
+// is made if it is not there. Throws Error(usage) when two inputs would get one name, Error(cannotRead) when there is
+// no model, Error(cannotWrite).
 BatchReport convertFolder(const std::filesystem::path& input, const std::filesystem::path& output,
                           const std::string& extension, const ConvertOptions& options,
                           const std::function<void(const BatchProgress&)>& progress);

@@ -35,22 +35,20 @@ std::string kindOf(const std::string& line) {
   return kind;
 }
 
-// Each line once, in order. `grouped`: also each kind.
-std::vector<Finding> findingsOf(const std::vector<std::string>& lines, const std::string& path, bool grouped) {
+// Each line once, and each kind, in order.
+std::vector<Finding> findingsOf(const std::vector<std::string>& lines, const std::string& path) {
   std::vector<Finding> findings;
   std::unordered_set<std::string> known;
   std::unordered_map<std::string, std::size_t> kinds;
   for (const std::string& line : lines) {
     Finding finding = findingOf(line, path);
     if (!known.insert(finding.pointer + ": " + finding.message).second) continue;
-    if (grouped) {
-      const auto [kind, first] = kinds.try_emplace(kindOf(finding.pointer + ": " + finding.message), findings.size());
-      if (!first) {
-        ++findings[kind->second].more;
-        continue;
-      }
+    const auto [kind, first] = kinds.try_emplace(kindOf(finding.pointer + ": " + finding.message), findings.size());
+    if (first) {
+      findings.push_back(std::move(finding));
+    } else {
+      ++findings[kind->second].more;
     }
-    findings.push_back(std::move(finding));
   }
   return findings;
 }
@@ -113,8 +111,8 @@ CheckReport checkFile(const std::filesystem::path& path) {
     tryRead(*format, path, false, report, lines);
     attempt([&] { format->overlooked(path, lines.errors, lines.warnings); });
   }
-  report.errors = findingsOf(lines.errors, report.file, false);
-  report.warnings = findingsOf(lines.warnings, report.file, true);
+  report.errors = findingsOf(lines.errors, report.file);
+  report.warnings = findingsOf(lines.warnings, report.file);
   return report;
 }
 

@@ -10,7 +10,7 @@ namespace tg {
 struct Finding {
   std::string pointer;  // JSON pointer; "" where the message is about the whole file or the file is no glTF
   std::string message;
-  std::size_t more = 0;  // places where the same is to be said, numbers aside; of warnings only
+  std::size_t more = 0;  // places where the same is to be said, numbers aside
 };
 
 struct CheckReport {
@@ -23,7 +23,8 @@ struct CheckReport {
 
 // Of glTF files every error of the base and of the texture layer is listed that does not hang on another one; of a
 // broken structure (container, JSON, references, sizes) the first. What a reader can overlook is checked on top:
-// alignment, extensionsUsed, extensionsRequired, glTF's core rules. Of other formats the first error. Throws Error(cannotRead) only.
+// alignment, extensionsUsed, extensionsRequired, glTF's core rules. Of other formats the first error. Throws
+// Error(cannotRead) only.
 CheckReport checkFile(const std::filesystem::path& path);
 
 std::string describe(const CheckReport& report);

@@ -113,6 +113,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   }
 
   Bundle source = readModel(input, {.base_only = options.base_only, .spz_axes = options.spz_axes});
+  if (wasInterrupted(source.training_json)) source.warnings.emplace_back(kInterruptedTraining);
   const bool small = isMeasuredUnasked(source.model);
   const bool measured =
       !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));
@@ -126,7 +127,6 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (!options.cameras) source.cameras.clear();
   report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
-  if (wasInterrupted(source.training_json)) report.warnings.emplace_back(kInterruptedTraining);
   const bool changes = changesPictures(source.model, format, options);
   if (changes && !measured && !options.dry_run && options.measure == Measure::automatic) {
     report.warnings.push_back(

@@ -113,9 +113,9 @@ std::string describe(const ConvertReport& report) {
 std::string describeJson(const ConvertReport& report) {
   Json json = {{"format", "tgconvert-summary"}, {"version", 1}};
   json["input"] = {
-      {"format", report.input_format}, {"bytes", report.input_bytes}, {"axes", axesOf(report.input_format)}};
+      {"file_format", report.input_format}, {"bytes", report.input_bytes}, {"axes", axesOf(report.input_format)}};
   json["output"] = {
-      {"format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
+      {"file_format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
   json["dry_run"] = report.dry_run;
   json["steps"] = report.steps;
   Json edits = Json::array();

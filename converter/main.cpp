@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -38,10 +39,10 @@ struct Arguments {
   tg::ConvertOptions options;
 };
 
-void warn(const Arguments& arguments, const std::vector<std::string>& warnings) {
+void warn(const Arguments& arguments, const std::string& input, const std::vector<std::string>& warnings) {
   if (arguments.quiet || arguments.json) return;  // the JSON lists them
   for (const std::string& warning : warnings) {
-    std::fprintf(stderr, "warning: %s: %s\n", arguments.input.c_str(), warning.c_str());
+    std::fprintf(stderr, "warning: %s: %s\n", input.c_str(), warning.c_str());
   }
 }
 
@@ -89,6 +90,7 @@ int runBatch(const Arguments& arguments) {
       if (!item.error.empty()) std::fprintf(stderr, "tgconvert: %s\n", item.error.c_str());
     }
   }
+  for (const tg::BatchItem& item : report.items) warn(arguments, item.input.string(), item.report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
   return report.exit_code;
 }
@@ -99,14 +101,14 @@ int run(const Arguments& arguments) {
     tg::Bundle loaded = tg::readModel(
         arguments.input, {.base_only = arguments.options.base_only, .spz_axes = arguments.options.spz_axes});
     if (tg::wasInterrupted(loaded.training_json)) loaded.warnings.emplace_back(tg::kInterruptedTraining);
-    warn(arguments, loaded.warnings);
+    warn(arguments, arguments.input, loaded.warnings);
     print(arguments, tg::describe(loaded, arguments.stats), tg::describeJson(loaded, arguments.stats));
     return 0;
   }
   if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info or --stats)");
   if (std::filesystem::is_directory(arguments.input)) return runBatch(arguments);
   const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, arguments.options);
-  warn(arguments, report.warnings);
+  warn(arguments, arguments.input, report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
   return 0;
 }
@@ -123,7 +125,10 @@ void takeFiles(Arguments& arguments) {
   for (auto file = files.rbegin(); file != files.rend(); ++file) {
     arguments.options.edits.insert(arguments.options.edits.begin(), {"--merge", *file, {}});
   }
-  for (tg::Edit& edit : arguments.options.edits) edit.reading.spz_axes = arguments.options.spz_axes;
+  for (tg::Edit& edit : arguments.options.edits) {
+    edit.reading.base_only = arguments.options.base_only;
+    edit.reading.spz_axes = arguments.options.spz_axes;
+  }
 }
 
 // Options of one name may be given often; their order among all edits is what counts.
@@ -171,7 +176,8 @@ struct ShapingOption {
   bool (*shapes)(const tg::Format& format);
 };
 constexpr ShapingOption kShapingOptions[] = {
-    {"--lean", [](const tg::Format& format) { return format.is_gltf; }},
+    {"--no-cameras", [](const tg::Format& format) { return format.holds(tg::kKeepsCameras); }},
+    {"--lean", [](const tg::Format& format) { return format.is_gltf && format.name != "html"; }},  // which always is
     {"--quantize", [](const tg::Format& format) { return format.is_gltf; }},
     {"--meshopt", [](const tg::Format& format) { return format.is_gltf; }},
     {"--atlas", [](const tg::Format& format) { return format.is_gltf || format.name == "png"; }},
@@ -181,6 +187,30 @@ constexpr ShapingOption kShapingOptions[] = {
     {"--texture-step", [](const tg::Format& format) { return format.has_steps; }},
     {"--spz-version", [](const tg::Format& format) { return format.name == "spz"; }},
 };
+
+// What stands before `check` would be lost.
+void refuseBeforeCheck(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->count() == 0) continue;
+    const std::string what = option->nonpositional() ? option->get_name() : "\"" + option->results().front() + "\"";
+    throw tg::Error(tg::ErrorKind::usage, what + " does nothing before check (expected check FILE [--json] [--quiet])");
+  }
+}
+
+// --info, --stats and null read one file and write none.
+void refuseBesideInfo(const CLI::App& app, const Arguments& arguments) {
+  const auto refuse = [](const std::string& what) {
+    throw tg::Error(tg::ErrorKind::usage, what + " does nothing beside --info, --stats or null: nothing is written");
+  };
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->count() == 0 || !option->nonpositional()) continue;
+    constexpr std::array kBeside = {"--info", "--stats", "--json", "--quiet", "--base-only", "--spz-axes"};
+    if (std::ranges::find(kBeside, option->get_name()) == kBeside.end()) refuse(option->get_name());
+  }
+  for (std::size_t k = 1; k < arguments.files.size(); ++k) {
+    if (k + 1 < arguments.files.size() || arguments.output != "null") refuse("\"" + arguments.files[k] + "\"");
+  }
+}
 
 // What is asked for and does nothing is a mistake that nobody would see.
 void refuseIdle(const CLI::App& app, const Arguments& arguments) {
@@ -192,7 +222,9 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
   if (given("--to") && !folder) {
     throw tg::Error(tg::ErrorKind::usage, "--to is for a folder (OUT's extension names the format of a file)");
   }
-  const bool writes = !arguments.info && !arguments.stats && arguments.output != "null" && !arguments.output.empty();
+  const bool looks = arguments.info || arguments.stats || arguments.output == "null";
+  if (looks) refuseBesideInfo(app, arguments);
+  const bool writes = !looks && !arguments.output.empty();
   const tg::Format* output = nullptr;
   if (writes && !folder) output = &tg::outputFormat(arguments.output);
   if (writes && folder && given("--to")) output = tg::findFormat(arguments.to);
@@ -204,9 +236,13 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
     }
     refuse(option.name, tg::listed(names));
   }
-  if (folder) return;
   // Of what is read. What cannot be told apart says so itself, later.
+  if (!given("--spz-axes") && !given("--base-only")) return;
   std::vector<std::string> inputs = {arguments.input};
+  if (folder) {
+    inputs.clear();
+    for (const std::filesystem::path& model : tg::modelsIn(arguments.input)) inputs.push_back(model.string());
+  }
   for (const tg::Edit& edit : arguments.options.edits) {
     if (edit.option == "--merge") inputs.push_back(edit.value);
   }
@@ -222,8 +258,8 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
   if (given("--spz-axes") && !reads([](const tg::Format& format) { return format.name == "spz"; })) {
     refuse("--spz-axes", "an .spz that is read");
   }
-  const bool based = reads([](const tg::Format& format) { return format.has_base || format.is_gltf; });
-  if (given("--base-only") && !based) refuse("--base-only", "a .glb, .gltf, .html or .sog that is read");
+  const auto based = [](const tg::Format& format) { return format.has_base || format.is_gltf; };
+  if (given("--base-only") && !reads(based)) refuse("--base-only", "a .glb, .gltf, .html or .sog that is read");
 }
 
 struct CheckArguments {
@@ -344,7 +380,10 @@ int convertMain(int argc, char** argv) {
       "check", "Says what is wrong with a splat file, and where. Exit code 3 when a reader would refuse it.");
   addCheck(*check, check_arguments);
   if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
-  if (*check) return runCheck(check_arguments);
+  if (*check) {
+    refuseBeforeCheck(app);
+    return runCheck(check_arguments);
+  }
   if (arguments.files.empty()) throw tg::Error(tg::ErrorKind::usage, "IN and OUT are missing (see --help)");
   arguments.options.edits = edit_parser.edits();
   arguments.options.cameras = !arguments.no_cameras;

@@ -15,7 +15,7 @@ build_packages=(build-essential cmake ninja-build pkg-config ccache
 # What tgtrain photos starts: cameras of photographs, frames of films.
 photo_packages=(colmap ffmpeg)
 test_packages=(catch2 desktop-file-utils shared-mime-info libheif-examples vulkan-validationlayers xvfb xauth xdotool
-  openbox imagemagick spirv-cross python3 curl zsh fish mandoc)
+  openbox imagemagick spirv-cross python3 python3-venv curl zsh fish mandoc)
 
 packages=("${build_packages[@]}" "${photo_packages[@]}")
 [ "${1:-build}" = test ] && packages+=("${test_packages[@]}")

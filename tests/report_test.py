@@ -124,9 +124,9 @@ class ReportTest(unittest.TestCase):
     def test_anchor(self):
         self.add("lego800/paper/none/1", 35.68, gaussians=123456)
         text = self.results()
-        self.assertEqual(row(text, "The anchor", "stage 1"), ["35.68 / 0.9000", "-0.10", "123,456", "5.0", "0.51"])
-        self.assertEqual(row(text, "The anchor", "twin")[0], "-")
-        self.assertEqual(row(text, "The anchor", "3DGS, published")[:2], ["35.78", "+0.00"])
+        self.assertEqual(row(text, "Lego as published", "stage 1"), ["35.68 / 0.9000", "-0.10", "123,456", "5.0", "0.51"])
+        self.assertEqual(row(text, "Lego as published", "twin")[0], "-")
+        self.assertEqual(row(text, "Lego as published", "3DGS, published")[:2], ["35.78", "+0.00"])
 
     def test_kinds(self):
         self.add("fox/001/none/1", 25.0)

@@ -21,11 +21,11 @@ namespace tg {
 
 double partOfSog(const std::string& path) {
   if (path.empty()) {
-    throw Error(ErrorKind::usage, "--target-size is that of an output (expected -o scene.sog or scene.glb)");
+    throw Error(ErrorKind::usage, "--target-size and --steps are of an output (expected -o scene.sog or scene.glb)");
   }
   const std::string_view format = outputFormat(path).name;
   if (format == "sog") return 1;
-  if (format != "glb") throw Error(ErrorKind::usage, path, "a size is only for .sog and .glb");
+  if (format != "glb") throw Error(ErrorKind::usage, path, "--target-size and --steps are only for .sog and .glb");
   if (!hasMeshopt()) throw Error(ErrorKind::usage, path, std::string(missingMeshopt()));
   return 1.5;  // 1.4 to 1.7 (docs/lab/converter.md)
 }

@@ -278,6 +278,12 @@ class PairMerger {
   // Shape, opacity and texture of the merged one.
   void mergeTextures(const Pair& pair, const Moments& whole, float part) {
     const GaussianModel& model = model_;
+    const std::size_t offset = model_.atlas.texels.size();  // keepGaussians puts them in order again
+    const glm::ivec2 size = mergedSize(rectOf(model, pair.a), rectOf(model, pair.b));
+    const std::uint64_t texels = offset + static_cast<std::uint64_t>(size.x) * static_cast<std::uint64_t>(size.y);
+    if (texels > kMaxModelTexels) {
+      throw Error(ErrorKind::badData, "too many texels to merge" + atMost(kMaxModelTexels, texels));
+    }
     MergedShape shape;
     shape.mean = whole.mean;
     shape.sigma = scaleOf(whole, shape.axes);
@@ -288,8 +294,6 @@ class PairMerger {
     const MergedTexture texture = mergedTexture(model, pair.a, pair.b, shape, fits_);
     setMoments(model_, pair.a, whole);
     model_.opacity_logit[pair.a] = logitFromOpacity(texture.opacity);
-    const std::size_t offset = model_.atlas.texels.size();  // keepGaussians puts them in order again
-    if (offset + texture.texels.size() > kMaxModelTexels) throw Error(ErrorKind::badData, "too many texels to merge");
     model_.atlas.texels.insert(model_.atlas.texels.end(), texture.texels.begin(), texture.texels.end());
     model_.atlas.rects[pair.a] = {static_cast<std::uint32_t>(offset), static_cast<std::uint16_t>(texture.size.x),
                                   static_cast<std::uint16_t>(texture.size.y)};

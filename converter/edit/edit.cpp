@@ -6,7 +6,8 @@
 #include <array>
 #include <cmath>
 #include <initializer_list>
-#include <unordered_map>
+#include <set>
+#include <utility>
 
 #include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
@@ -15,6 +16,7 @@
 #include "converter/edit/transform.h"
 #include "converter/gltf/axes.h"
 #include "converter/registry/file_format.h"
+#include "core/bundle/training_json.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_budget.h"
 #include "core/model/verbs.h"
@@ -98,15 +100,17 @@ void keepWhere(Bundle& loaded, const Edit& edit) { keepGaussians(loaded.model, w
 
 // Those of one data set are both models': they count once.
 void addCameras(std::vector<Camera>& cameras, const std::vector<Camera>& added) {
-  std::unordered_multimap<std::string, std::size_t> named;
-  for (std::size_t c = 0; c < cameras.size(); ++c) named.emplace(cameras[c].name, c);
-  const std::size_t before = cameras.size();
+  const auto key = [](const Camera& camera) {
+    const Pinhole& p = camera;
+    std::array<double, 18> numbers = {p.translation.x, p.translation.y, p.translation.z,  p.focal.x,       p.focal.y,
+                                      p.center.x,      p.center.y,      double(p.size.x), double(p.size.y)};
+    for (int k = 0; k < 9; ++k) numbers[9 + static_cast<std::size_t>(k)] = p.rotation[k / 3][k % 3];
+    return std::pair(camera.name, numbers);
+  };
+  std::set<decltype(key(Camera{}))> known;
+  for (const Camera& camera : cameras) known.insert(key(camera));
   for (const Camera& camera : added) {
-    const auto [first, last] = named.equal_range(camera.name);
-    const bool known = std::any_of(first, last, [&](const auto& entry) {
-      return entry.second < before && static_cast<const Pinhole&>(cameras[entry.second]) == camera;
-    });
-    if (!known) cameras.push_back(camera);
+    if (!known.contains(key(camera))) cameras.push_back(camera);
   }
 }
 
@@ -129,6 +133,7 @@ void merge(Bundle& loaded, const Edit& edit) {
   mergeModel(loaded.model, other.model, edit.value);
   addCameras(loaded.cameras, other.cameras);
   for (const std::string& warning : other.warnings) loaded.warnings.push_back(edit.value + ": " + warning);
+  if (wasInterrupted(other.training_json)) loaded.warnings.push_back(edit.value + ": " + kInterruptedTraining);
   loaded.training_json.clear();  // it tells of one of them
 }
 

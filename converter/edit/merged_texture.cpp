@@ -18,6 +18,8 @@ constexpr int kSamplesPerTexel = 3, kLeastSamples = 13;  // along an axis
 constexpr double kOpacityReach = 2.0;                    // [sigma] within which the merged opacity reaches both
 constexpr double kMostMerged = 0.999, kLeastMerged = 1e-6;
 constexpr double kLeastLight = 1e-9;  // of opacity: below it no colour is told
+constexpr int kLongestSide = 256;     // [texels] of a merged texture
+constexpr double kLeastMost = 1024;   // [texels] that a merged texture may have in any case
 
 // The axes of a texture (docs/math.md 2.2): u, v, and the normal last.
 std::array<int, 3> axisOrder(glm::dvec3 sigma) {
@@ -94,11 +96,23 @@ int samplesOf(int size) { return std::max(kLeastSamples, kSamplesPerTexel * (siz
 
 }  // namespace
 
+glm::ivec2 mergedSize(const TextureRect& a, const TextureRect& b) {
+  glm::ivec2 size = glm::min(glm::ivec2(std::max(a.width, b.width), std::max(a.height, b.height)), kLongestSide);
+  const double most = std::max(kLeastMost, static_cast<double>(a.texelCount()) + b.texelCount());
+  const double texels = static_cast<double>(size.x) * size.y;
+  if (texels <= most) return size;
+  int& shorter = size.x < size.y ? size.x : size.y;
+  int& longer = size.x < size.y ? size.y : size.x;
+  shorter = std::max(1, static_cast<int>(shorter * std::sqrt(most / texels)));
+  longer = std::min(longer, static_cast<int>(most / shorter));
+  return size;
+}
+
 MergedTexture mergedTexture(const GaussianModel& model, std::size_t a, std::size_t b, const MergedShape& shape,
                             AxisFits& fits) {
   const TextureRect x = rectOf(model, a), y = rectOf(model, b);
   TG_ASSERT(x.texelCount() + y.texelCount() > 0, "one of both has a texture");
-  MergedTexture merged{{std::max(x.width, y.width), std::max(x.height, y.height)}, {}, shape.opacity};
+  MergedTexture merged{mergedSize(x, y), {}, shape.opacity};
   const auto [u, v, normal] = axisOrder(shape.sigma);
   const Source first(model, a, shape.axes[normal]), second(model, b, shape.axes[normal]);
   const glm::ivec2 grid(samplesOf(merged.size.x), samplesOf(merged.size.y));

@@ -20,8 +20,12 @@ struct MergedShape {
   double part_a = 1.0, part_b = 1.0;  // of both opacities, that count
 };
 
+// [texels] The larger of both along each axis, as far as that is no more texels than both have together, or 32 x 32,
+// and no side is longer than 256: time and memory grow with the sides.
+glm::ivec2 mergedSize(const TextureRect& a, const TextureRect& b);
+
 struct MergedTexture {
-  glm::ivec2 size;  // [texels] the larger of both, along each axis
+  glm::ivec2 size;  // mergedSize of both
   std::vector<glm::vec4> texels;
   double opacity;
 };

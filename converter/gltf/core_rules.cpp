@@ -4,19 +4,23 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <initializer_list>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <span>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "converter/gltf/document_check.h"
+#include "converter/gltf/json_members.h"
 
 namespace tg {
 namespace {
@@ -28,22 +32,7 @@ constexpr double kOrthogonalTolerance = 0.00769;  // of a matrix's columns
 constexpr std::uint64_t kScanRatio = 8;           // accessors' bytes to the buffers', before scanning ends
 constexpr std::size_t kScanBlock = 1 << 20;       // [bytes]
 constexpr std::uint64_t kFloatType = 5126, kUintType = 5125;
-
-const json& nothing() {
-  static const json value;
-  return value;
-}
-
-const json& member(const json& object, const char* key) {
-  const auto found = object.is_object() ? object.find(key) : object.end();
-  return object.is_object() && found != object.end() ? *found : nothing();
-}
-
-const json& list(const json& object, const char* key) {
-  static const json none = json::array();
-  const json& value = member(object, key);
-  return value.is_array() ? value : none;
-}
+constexpr std::size_t kNobody = std::numeric_limits<std::size_t>::max();
 
 std::optional<double> number(const json& object, const char* key) {
   const json& value = member(object, key);
@@ -61,6 +50,20 @@ bool isSemantic(std::string_view name) {
     return all && (digits.size() == 1 || digits[0] != '0');
   }
   return false;
+}
+
+using Version = std::pair<std::uint32_t, std::uint32_t>;
+
+std::optional<Version> versionOf(const std::string& text) {
+  Version version;
+  const char *at = text.data(), *end = at + text.size();
+  const auto number = [&](std::uint32_t& to) {
+    const auto [next, problem] = std::from_chars(at, end, to);
+    at = next;
+    return problem == std::errc();
+  };
+  if (!number(version.first) || at == end || *at++ != '.' || !number(version.second) || at != end) return std::nullopt;
+  return version;
 }
 
 class CoreRules {
@@ -144,19 +147,20 @@ class CoreRules {
   void asset() {
     const json& asset = member(root_, "asset");
     for (const char* key : {"generator", "copyright", "minVersion"}) text(asset, key, "/asset");
-    const json& least = member(asset, "minVersion");
-    if (least.is_string() && least.get<std::string>() > asset["version"].get<std::string>()) {
-      error("/asset/minVersion", "is above the version");
+    std::array<std::optional<Version>, 2> versions;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const char* key = k == 0 ? "version" : "minVersion";
+      const json& stated = member(asset, key);
+      if (!stated.is_string()) continue;
+      versions[k] = versionOf(stated.get_ref<const std::string&>());
+      if (!versions[k]) {
+        error(std::string("/asset/").append(key), "is no version (expected MAJOR.MINOR, found " + stated.dump() + ")");
+      }
     }
+    if (versions[0] && versions[1] && *versions[1] > *versions[0]) error("/asset/minVersion", "is above the version");
   }
 
   void extensions() {
-    for (const char* key : {"extensionsUsed", "extensionsRequired"}) uniqueNonEmpty(root_, key, "");
-    const json& used = list(root_, "extensionsUsed");
-    const std::set<json> known(used.begin(), used.end());
-    each(list(root_, "extensionsRequired"), "/extensionsRequired", [&](const json& name, const std::string& pointer) {
-      if (!known.contains(name)) error(pointer, "is required and not listed in extensionsUsed");
-    });
     const auto object = [&](const json& parent, const std::string& pointer) {
       const json& value = member(parent, "extensions");
       if (!value.is_null() && !value.is_object()) error(pointer + "/extensions", "wrong type (expected an object)");
@@ -205,13 +209,20 @@ class CoreRules {
     }
   }
 
+  // Whether a number of the JSON is the one that an accessor holds: integers as they are, floats as rounded to theirs.
+  template <typename T>
+  static bool same(double stated, double found) {
+    if constexpr (std::is_integral_v<T>) return stated == found;
+    return std::abs(stated) <= std::numeric_limits<float>::max() && double{static_cast<float>(stated)} == found;
+  }
+
   template <typename T>
   void bounds(const json& accessor, const std::string& pointer, const char* key, const std::vector<double>& found) {
     const json& stated = member(accessor, key);
     if (!stated.is_array() || stated.size() != found.size()) return;  // said already
     for (std::size_t c = 0; c < found.size(); ++c) {
       if (!stated[c].is_number()) return;
-      if (static_cast<double>(static_cast<T>(stated[c].get<double>())) == found[c]) continue;
+      if (same<T>(stated[c].get<double>(), found[c])) continue;
       return error(pointer + "/" + key, "is not the numbers' own" +
                                             expectedFound(json(found[c]).dump(), stated[c].dump()) + " at " +
                                             std::to_string(c));
@@ -246,7 +257,7 @@ class CoreRules {
     for (const json& mesh : list(root_, "meshes")) {
       for (const json& primitive : mesh["primitives"]) {
         for (const auto& [name, index] : primitive["attributes"].items()) {
-          if (name.starts_with("COLOR_")) colors_.insert("/accessors/" + index.dump());
+          if (name == "COLOR_0") colors_.insert("/accessors/" + index.dump());
         }
       }
     }
@@ -329,7 +340,15 @@ class CoreRules {
       const json& accessor = root_["accessors"][index.get<std::size_t>()];
       const std::string pointer = place + "/attributes/" + name;
       if (!isSemantic(name)) error(pointer, "no attribute of glTF (expected a name that begins with \"_\")");
-      if (accessor.contains("bufferView")) use(accessor["bufferView"].get<std::size_t>(), vertices, pointer);
+      if (accessor.contains("bufferView")) {
+        const auto view = accessor["bufferView"].get<std::size_t>();
+        use(view, vertices, pointer);
+        const bool strided = root_["bufferViews"][view].contains("byteStride");
+        const std::size_t other = attribute_in_.try_emplace(view, index.get<std::size_t>()).first->second;
+        if (!strided && other != index.get<std::size_t>()) {
+          error("/bufferViews/" + std::to_string(view), "holds several attributes and has no byteStride");
+        }
+      }
       const std::uint64_t count = accessor["count"].get<std::uint64_t>();
       if (splats && count != *splats)
         error(pointer, "the count differs from POSITION's" + expectedFound(*splats, count));
@@ -349,8 +368,8 @@ class CoreRules {
 
   void nodes() {
     const json& all = list(root_, "nodes");
-    constexpr std::size_t kNobody = std::numeric_limits<std::size_t>::max();
-    std::vector<std::size_t> parent(all.size(), kNobody);
+    std::vector<std::size_t>& parent = parent_;
+    parent.assign(all.size(), kNobody);
     eachOf("nodes", [&](const json& node, const std::string& pointer) {
       reference(node, "skin", "skins", pointer);
       if (!node.contains("mesh")) {
@@ -405,7 +424,12 @@ class CoreRules {
   }
 
   void scenes() {
-    eachOf("scenes", [&](const json& scene, const std::string& pointer) { uniqueNonEmpty(scene, "nodes", pointer); });
+    eachOf("scenes", [&](const json& scene, const std::string& pointer) {
+      uniqueNonEmpty(scene, "nodes", pointer);
+      each(list(scene, "nodes"), pointer + "/nodes", [&](const json& node, const std::string& place) {
+        if (parent_[node.get<std::size_t>()] != kNobody) error(place, "names a node that is another one's child");
+      });
+    });
   }
 
   void cameras() {
@@ -510,9 +534,11 @@ class CoreRules {
   const GltfDocument& document_;
   std::vector<std::string>& errors_;
   std::vector<std::string>& warnings_;
-  std::vector<Use> uses_;         // of each buffer view
-  std::set<std::string> colors_;  // pointers of accessors that are colours
-  std::uint64_t scan_left_ = 0;   // [bytes]
+  std::vector<Use> uses_;                            // of each buffer view
+  std::map<std::size_t, std::size_t> attribute_in_;  // of a buffer view without a stride, the accessor
+  std::vector<std::size_t> parent_;                  // of each node, or kNobody
+  std::set<std::string> colors_;                     // pointers of accessors that are the first colours
+  std::uint64_t scan_left_ = 0;                      // [bytes]
 };
 
 }  // namespace

@@ -193,11 +193,12 @@ GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& pa
   return load(parseJsonOf(bytes, path), bytes, path, folder);
 }
 
-json readGltfJson(const std::filesystem::path& path) {
+json readGltfJson(const std::filesystem::path& path, json* stored) {
   const std::vector<std::uint8_t> file = readFile(path, kMaxGltfBytes);
   std::span<const std::uint8_t> bytes = file;
   std::vector<std::uint8_t> resolved;
   json root = parseJsonOf(bytes, path.string());
+  *stored = root;
   check(root, bytes, resolved, path.string(), folderOf(path));
   return root;
 }

@@ -78,7 +78,8 @@ GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& pa
 // needed. Throws Error(cannotRead), too.
 GltfDocument openGltf(const std::filesystem::path& path);
 
-// The checked JSON of a file, its parts resolved. Throws what openGltf throws.
-nlohmann::json readGltfJson(const std::filesystem::path& path);
+// The checked JSON of a file, its parts resolved; `stored` gets it as it stands in the file. Throws what openGltf
+// throws.
+nlohmann::json readGltfJson(const std::filesystem::path& path, nlohmann::json* stored);
 
 }  // namespace tg

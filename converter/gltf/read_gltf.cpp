@@ -17,6 +17,7 @@
 #include "converter/gltf/core_rules.h"
 #include "converter/gltf/document.h"
 #include "converter/gltf/document_check.h"
+#include "converter/gltf/extension_lists.h"
 #include "converter/gltf/linear_colors.h"
 #include "converter/gltf/nodes.h"
 #include "converter/gltf/numbers.h"
@@ -497,11 +498,6 @@ Bundle assemble(GltfDocument document, const ReadOptions& options) {
   return loaded;
 }
 
-bool lists(const json& root, const char* key, std::string_view extension) {
-  const json list = root.value(key, json::array());
-  return std::find(list.begin(), list.end(), json(std::string(extension))) != list.end();
-}
-
 // glTF: elements of attributes start at multiples of 4 bytes.
 void checkAlignment(const json& root, std::size_t index, std::vector<std::string>& errors) {
   const json& accessor = root["accessors"][index];
@@ -534,37 +530,17 @@ Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, c
 
 void findOverlooked(const std::filesystem::path& path, std::vector<std::string>& errors,
                     std::vector<std::string>& warnings) {
-  const json root = readGltfJson(path);
-  const std::string khr(kSplatExtension), ours(kTextureExtension);
-  bool textured = false;
+  json stored;
+  const json root = readGltfJson(path, &stored);
   for (const json& mesh : root.value("meshes", json::array())) {
     for (const json& primitive : mesh["primitives"]) {
-      const json extensions = primitive.value("extensions", json::object());
-      if (!extensions.contains(khr)) continue;
-      const json nested = extensions[khr].value("extensions", json::object());
-      textured = textured || nested.contains(ours);
+      if (!primitive.value("extensions", json::object()).contains(kSplatExtension)) continue;
       for (const auto& [semantic, accessor] : primitive["attributes"].items()) {
         checkAlignment(root, accessor.get<std::size_t>(), errors);
       }
     }
   }
-  for (const std::string& extension : {khr, ours}) {
-    if ((extension == khr || textured) && !lists(root, "extensionsUsed", extension)) {
-      errors.push_back("/extensionsUsed: " + extension + " is used and not listed");
-    }
-    if (lists(root, "extensionsRequired", extension)) {
-      warnings.push_back("/extensionsRequired: " + extension +
-                         " is listed: loaders that could show the rest refuse the file");
-    }
-  }
-  const std::string webp(kWebpExtension);
-  const json textures = root.value("textures", json::array());
-  const bool has_webp = std::any_of(textures.begin(), textures.end(), [&](const json& texture) {
-    return texture.value("extensions", json::object()).contains(webp);
-  });
-  if (has_webp && !lists(root, "extensionsUsed", webp)) {
-    errors.push_back("/extensionsUsed: " + webp + " is used and not listed");
-  }
+  checkExtensionLists(stored, errors, warnings);
   checkCoreRules(root, openGltf(path), errors, warnings);
 }
 

@@ -37,13 +37,6 @@ bool isExternal(const json& object) {
   return object.is_object() && object.contains("uri") && !isDataUri(object.at("uri"));
 }
 
-const char* codecOf(const json& object) {
-  for (const char* codec : kCodecs) {
-    if (child(object, "extensions").is_object() && child(object, "extensions").contains(codec)) return codec;
-  }
-  return nullptr;
-}
-
 class Resolver {
  public:
   Resolver(std::span<const std::uint8_t> bytes, const GltfParts& parts,
@@ -283,6 +276,13 @@ class Resolver {
 };
 
 }  // namespace
+
+const char* codecOf(const json& object) {
+  for (const char* codec : kCodecs) {
+    if (child(object, "extensions").is_object() && child(object, "extensions").contains(codec)) return codec;
+  }
+  return nullptr;
+}
 
 bool needsResolving(const json& root) {
   for (const char* list : {"buffers", "images"}) {

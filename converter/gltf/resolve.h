@@ -13,6 +13,9 @@
 
 namespace tg {
 
+// The extension of meshopt that an object of the JSON has, or null.
+const char* codecOf(const nlohmann::json& object);
+
 // Whether a document has external files or packed views.
 bool needsResolving(const nlohmann::json& root);
 

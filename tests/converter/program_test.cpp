@@ -191,6 +191,42 @@ TEST_CASE("tgconvert turns a folder of models into another, and says which faile
   CHECK(tgconvert(scratch, "empty out --to glb").code == 2);
 }
 
+TEST_CASE("two models of a folder that differ by their format's name alone are two files, and warnings are told") {
+  const Scratch scratch;
+  std::filesystem::create_directory(scratch.folder() / "in");
+  writeSplatPly(scratch.folder() / "in" / "a.ply", randomSplats(1, 50, 3.0, 45));
+  REQUIRE(tgconvert(scratch, "in/a.ply in/a.compressed.ply --quiet").code == 0);
+  const Result both = tgconvert(scratch, "in out --to splat");
+  CHECK(both.code == 0);
+  CHECK(std::filesystem::exists(scratch.folder() / "out" / "a.splat"));
+  CHECK(std::filesystem::exists(scratch.folder() / "out" / "a.compressed.splat"));
+  CHECK(both.err ==
+        "warning: in/a.compressed.ply: .splat holds no SH: colours are those of degree 0\n"
+        "warning: in/a.ply: .splat holds no SH: colours are those of degree 0\n");
+  CHECK(tgconvert(scratch, "in out --to splat --overwrite --quiet").err.empty());
+  const Result one = tgconvert(scratch, "in plain --to ply");  // a.compressed.ply is no PLY
+  CHECK(one.code == 1);
+  CHECK(one.err.find("a.ply: two models would become plain/a.ply") != std::string::npos);
+}
+
+TEST_CASE("a model of a folder that does not fit into memory is no broken file") {
+  const Scratch scratch;
+  const std::string limit = "ulimit -v 1000000; ";
+  TG_SKIP_IF(tgconvert(scratch, "--version", limit).code != 0 ? "the program itself needs more memory" : "");
+  // Sparse: 20 million Gaussians of 14 floats take no room on the disk.
+  std::filesystem::create_directory(scratch.folder() / "in");
+  std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex 20000000\n";
+  for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+                           "rot_0", "rot_1", "rot_2", "rot_3"}) {
+    header += std::string("property float ") + name + "\n";
+  }
+  header += "end_header\n";
+  std::filesystem::resize_file(scratch.write("in/large.ply", header), header.size() + 20'000'000ull * 14 * 4);
+  const Result refused = tgconvert(scratch, "in out --to spz", limit);
+  CHECK(refused.code == 5);
+  CHECK(refused.out.find("large.ply: the model does not fit into memory") != std::string::npos);
+}
+
 TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit code") {
   const Scratch scratch;
   writeGlb(scratch.folder() / "good.glb",
@@ -348,6 +384,26 @@ TEST_CASE("options that do nothing for what is written or read are refused") {
   CHECK(detectFormat(scratch.folder() / "plain" / "a.ply").name == "ply");
 }
 
+TEST_CASE("options that do nothing in a folder, beside --info and before check are refused") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 45));
+  std::filesystem::create_directory(scratch.folder() / "folder");
+  std::filesystem::copy(scratch.folder() / "in.ply", scratch.folder() / "folder");
+  for (const std::string arguments :
+       {"in.ply a.spz --no-cameras", "in.ply a.html --lean", "folder a --to glb --base-only",
+        "folder a --to glb --spz-axes rdf", "folder a --to spz --no-cameras", "in.ply --info --decimate 10",
+        "in.ply in.ply null", "in.ply --info --quantize --steps 2", "in.ply --stats --target-size 1KB",
+        "in.ply null --overwrite", "--overwrite --quantize check in.ply", "--json check in.ply"}) {
+    CAPTURE(arguments);
+    CHECK(tgconvert(scratch, arguments).code == 1);
+  }
+  CHECK(tgconvert(scratch, "in.ply b.ply --info").err ==
+        "tgconvert: \"b.ply\" does nothing beside --info, --stats or null: nothing is written\n");
+  CHECK(tgconvert(scratch, "in.ply nofile.ply check in.ply").err ==
+        "tgconvert: \"in.ply\" does nothing before check (expected check FILE [--json] [--quiet])\n");
+  CHECK(tgconvert(scratch, "in.ply null --stats --info --json").code == 0);
+}
+
 TEST_CASE("tgconvert reads SPZ of the axes that it is told, in merged files, too") {
   const Scratch scratch;
   const GaussianModel model = randomSplats(1, 50, 3.0, 45);
@@ -381,6 +437,24 @@ TEST_CASE("merged models count the cameras that they share once, and no edit lea
   CHECK(lost.code == 3);
   CHECK(lost.err.find("--scale 1e36: a camera's position is not finite") != std::string::npos);
   CHECK(!std::filesystem::exists(scratch.folder() / "d.tgz"));
+}
+
+TEST_CASE("every merged file is read as the first one is, and the warning of a stopped training stays") {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = test::makeScene(test::SceneKind::ordinary, 49, 20).model;
+  writeBundle(scratch.folder() / "whole.tgz", bundle);
+  REQUIRE(tgconvert(scratch, "whole.tgz a.glb --quiet").code == 0);
+  const Result base = tgconvert(scratch, "a.glb a.glb base.glb --base-only");
+  CHECK(base.code == 0);
+  CHECK(base.out.find("textures: none\n") != std::string::npos);
+
+  bundle.training_json = R"({"interrupted":true})";
+  writeBundle(scratch.folder() / "stopped.tgz", bundle);
+  CHECK(tgconvert(scratch, "stopped.tgz whole.tgz b.glb --no-psnr").err ==
+        "warning: stopped.tgz: its training was interrupted: no finished model\n");
+  CHECK(tgconvert(scratch, "whole.tgz stopped.tgz c.glb --no-psnr").err ==
+        "warning: whole.tgz: stopped.tgz: its training was interrupted: no finished model\n");
 }
 
 TEST_CASE("output that is lost on a full disk is a failure, and --version is one line") {
@@ -420,6 +494,8 @@ TEST_CASE("tgconvert writes what it says and refuses with one line and the right
   const Result json = tgconvert(scratch, "a.glb b.ply --json");
   REQUIRE(json.code == 0);
   CHECK(nlohmann::json::parse(json.out)["gaussians"] == 50);
+  CHECK(nlohmann::json::parse(json.out)["input"]["file_format"] == "glb");
+  CHECK(nlohmann::json::parse(json.out)["output"]["file_format"] == "ply");
 
   const Result info = tgconvert(scratch, "a.glb --info --json");
   REQUIRE(info.code == 0);

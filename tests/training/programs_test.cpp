@@ -179,8 +179,10 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
     CHECK_THAT(trained.output, Contains("quantized        8 iterations"));
   }
   CHECK_THAT(tgtrain(folder, coarse + "fine.sog --quantize-iterations 5").output, Contains("coarser numbers"));
-  CHECK_THAT(tgtrain(folder, coarse + "fine.tgz --steps 2").output, Contains("a size is only for .sog and .glb"));
-  CHECK_THAT(tgtrain(folder, train + "20KB -o scene.ply").output, Contains("scene.ply: a size is only for .sog"));
+  CHECK_THAT(tgtrain(folder, coarse + "fine.tgz --steps 2").output,
+             Contains("fine.tgz: --target-size and --steps are only"));
+  CHECK_THAT(tgtrain(folder, train + "20KB -o scene.ply").output,
+             Contains("scene.ply: --target-size and --steps are only"));
   CHECK_THAT(tgtrain(folder, train + "20KB --run run").output, Contains("(expected -o scene.sog or"));
   CHECK_THAT(tgtrain(folder, train + "1KB -o scene.sog").output, Contains("--target-size is out of reach"));
   // Chosen by hand and too many: the file is as small as it can be.

@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kMaxLedgerBytes = std::uint64_t{64} << 20;
-constexpr const char* kFormat = "tgtrain photos";
+constexpr const char* kFormat = "tgtrain-photos";
 constexpr int kVersion = 1;
 
 // Names of files may hold bytes that are no UTF-8, which JSON would not bring back.

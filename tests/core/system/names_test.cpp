@@ -2,6 +2,10 @@
 // Enumerators by name.
 #include "core/system/names.h"
 
+#include <string>
+
+#include "core/system/shortened.h"
+
 #include "support/catch.h"
 
 namespace {
@@ -23,4 +27,14 @@ TEST_CASE("an enumerator has its name, and no other text is one", "[names]") {
   CHECK(tg::allNames<Fruit>(", ") == "apple, sour-cherry, pear");
   CHECK_THROWS_WITH(tg::parse<Fruit>("plum", "--fruit"),
                     "--fruit: expected apple, sour-cherry or pear, found \"plum\"");
+}
+
+TEST_CASE("text is shortened between characters", "[names]") {
+  std::string text;
+  for (int i = 0; i < 200; ++i) text += "\u00e4";  // two bytes
+  CHECK(tg::shortened(text) == std::string(text, 0, 200) + "..." + text.substr(300));
+  const std::string odd = "x" + text + "x";
+  CHECK(tg::shortened(odd) == std::string(odd, 0, 199) + "..." + odd.substr(303));
+  CHECK(tg::shortened(odd, 4, 3) == "x\u00e4...\u00e4x");
+  CHECK(tg::shortened(std::string(400, '\xbf')).size() <= 303);  // no UTF-8 at all
 }

@@ -46,8 +46,8 @@ TEST_CASE("a folder with other people's files is refused, a broken list is none"
   CHECK_THAT(tg::test::messageOf([&] { Ledger ledger(folder.path); }, tg::ErrorKind::cannotWrite),
              Catch::Matchers::Contains("holds other files"));
   std::filesystem::create_directory(folder / "work");
-  for (const char* text : {"", "{", "[]", "{\"format\": 1}", "{\"format\": \"tgtrain photos\", \"version\": 1}",
-                           "{\"format\": \"tgtrain photos\", \"version\": 1, \"stages\": {\"photographs\": 7}}"}) {
+  for (const char* text : {"", "{", "[]", "{\"format\": 1}", "{\"format\": \"tgtrain-photos\", \"version\": 1}",
+                           "{\"format\": \"tgtrain-photos\", \"version\": 1, \"stages\": {\"photographs\": 7}}"}) {
     std::ofstream(folder / "work/photos.json") << text;
     const Ledger ledger(folder / "work");
     CHECK_FALSE(ledger.isBegun(PhotoStage::photographs, ""));
