@@ -496,6 +496,10 @@ TEST_CASE("the flag --serve is refused without one model, with other outputs and
                                                 {"model.tgz", "model.tgz", "--serve", "0"},
                                                 {"model.tgz", "--serve", "0", "--render", "a.png"},
                                                 {"model.tgz", "--serve", "0", "--inspect", "1,1"},
+                                                {"model.tgz", "--serve", "0", "--show", "depth"},
+                                                {"model.tgz", "--serve", "0", "--exposure", "1"},
+                                                {"model.tgz", "--serve", "0", "--size", "9x9"},
+                                                {"model.tgz", "--serve", "0", "--no-session"},
                                                 {"model.tgz", "--serve", "here"},
                                                 {"model.tgz", "--serve", "0", "--serve-token", "short"},
                                                 {"model.tgz", "--serve-token", "long-enough"}}) {
