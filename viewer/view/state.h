@@ -90,6 +90,7 @@ struct DisplayState {
   bool crop = false;                // only what lies in the box is drawn
   CropBox box;                      // world; shown as lines while it crops
   std::optional<ValueScale> scale;  // of the picture on screen, where it has one; written by the window
+  Output scaled = Output::final;    // what that picture shows, likewise
   double resolution = 1;  // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
 };
 constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer

@@ -528,6 +528,7 @@ void Viewer::takePicture() {
   if (!news.picture) return;
   picture_ = std::move(news.picture);
   state_.display.scale = picture_->scale;
+  state_.display.scaled = picture_->request.output;
   frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
   const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });

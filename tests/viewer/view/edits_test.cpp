@@ -282,7 +282,7 @@ TEST_CASE("every kind of click is a step that can be undone and redone") {
     frame(state);
     CHECK(value() == after);
   };
-  auto& [output, settings, held, crop, box, scale, resolution] = state.display;
+  auto& [output, settings, held, crop, box, scale, scaled, resolution] = state.display;
   check("Show depth", [&] { press(state, '5'); }, [&, &o = output] { return o; });
   check("Textures", [&] { press(state, 'T'); }, [&, &s = settings] { return s; });
   check("Exposure", [&, &s = settings] { s.exposure = 1; }, [&, &s = settings] { return s; });
