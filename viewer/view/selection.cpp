@@ -46,6 +46,20 @@ std::vector<std::uint8_t> where(std::size_t count, const Holds& holds) {
   return mask;
 }
 
+// The model as these settings draw it, as far as it hides and is hidden.
+void applySettings(GaussianModel& model, const RenderSettings& settings) {
+  model.texture_mode =
+      static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) & static_cast<unsigned>(settings.textures));
+  model.intersection = settings.intersection.value_or(model.intersection);
+  model.outside = settings.outside.value_or(model.outside);
+  for (glm::vec3& scale : model.log_scale) scale += std::log(settings.splat_scale);
+  if (settings.opacity_scale == 1) return;
+  for (float& logit : model.opacity_logit) {
+    const double opacity = settings.opacity_scale / (1 + std::exp(-double{logit}));
+    logit = static_cast<float>(opacity < 1 ? std::log(opacity / (1 - opacity)) : std::numeric_limits<float>::max());
+  }
+}
+
 }  // namespace
 
 SelectionPtr selectionOf(const GaussianModel& model, std::vector<std::uint8_t> chosen) {
@@ -134,11 +148,12 @@ void keepVisible(const GaussianModel& model, const Camera& camera, const RenderS
   for (std::size_t i = 0; i < model.size(); ++i) {
     if (drawn(settings, model.mean[i])) shown.push_back(static_cast<std::uint32_t>(i));
   }
-  const bool all = shown.size() == model.size();
   const double scale = std::min(1.0, kVisibilitySide / std::max(camera.size.x, camera.size.y));
   const glm::ivec2 size = glm::max(glm::ivec2(glm::round(scale * glm::dvec2(camera.size))), glm::ivec2(1));
   const Camera small = resized(camera, size.x, size.y);
-  const std::vector<double> weights = blendWeights(all ? model : select(model, shown), {&small, 1});
+  GaussianModel drawn_model = select(model, shown);
+  applySettings(drawn_model, settings);
+  const std::vector<double> weights = blendWeights(drawn_model, {&small, 1}, settings.near);
   std::vector<std::uint8_t> seen(mask.size());
   for (std::size_t j = 0; j < shown.size(); ++j) seen[shown[j]] = weights[j] >= kSeenWeight * scale * scale;
   for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = mask[i] != 0 && seen[i] != 0;

@@ -171,6 +171,24 @@ TEST_CASE("only what the picture shows is left of a selection of the visible") {
   mask = {1, 1};
   keepVisible(model, camera, far, mask);
   CHECK(mask == std::vector<std::uint8_t>{0, 1});
+  // What another setting takes out of the picture hides nothing either.
+  RenderSettings settings;
+  const auto visible = [&] {
+    mask = {1, 1};
+    keepVisible(model, camera, settings, mask);
+    return mask;
+  };
+  settings.near = 5;
+  CHECK(visible() == std::vector<std::uint8_t>{0, 1});
+  settings = {};
+  settings.opacity_scale = 0.3f;
+  CHECK(visible() == std::vector<std::uint8_t>{1, 1});
+  settings = {};
+  model.mean[1].x = 1.5f;  // beside the other one
+  CHECK(visible() == std::vector<std::uint8_t>{1, 1});
+  settings.splat_scale = 0.05f;  // less than a twentieth of a pixel
+  CHECK(visible() == std::vector<std::uint8_t>{1, 0});
+  model.mean[1].x = 0;
   const auto surface = surfaceAt(model, camera, {}, {32, 32});
   REQUIRE(surface);
   CHECK(std::abs(surface->z - 2) < 0.6);
