@@ -22,6 +22,7 @@ constexpr std::int64_t kGrain = 8192;    // Gaussians a thread takes at once
 constexpr double kSeenWeight = 0.05;     // [px] of a Gaussian that is seen
 constexpr double kVisibilitySide = 480;  // [px] of the picture that visibility is told by: it is slow
 constexpr double kLeastLogged = 1e-12;   // of values whose logarithm is taken
+constexpr double kMostCounted = 1e30;    // of values in a histogram
 
 constexpr std::array kSelectValues = {
     SelectValue{"opacity", "Opacity", false, "After the sigmoid"},
@@ -180,7 +181,9 @@ Histogram histogramOf(const std::shared_ptr<const GaussianModel>& model, std::si
   const std::vector<double> values = valuesOf(*model, kSelectValues[value].name);
   histogram.values.resize(values.size());
   std::ranges::transform(values, histogram.values.begin(), [&](double v) {
-    return static_cast<float>(kSelectValues[value].logarithmic ? std::log10(std::max(v, kLeastLogged)) : v);
+    if (std::isnan(v)) return 0.0f;  // a ratio of sigmas that doubles cannot hold
+    if (kSelectValues[value].logarithmic) v = std::log10(std::max(v, kLeastLogged));
+    return static_cast<float>(std::clamp(v, -kMostCounted, kMostCounted));
   });
   const auto [low, high] = std::ranges::minmax(histogram.values);
   histogram.low = low;

@@ -213,6 +213,21 @@ TEST_CASE("a histogram counts every Gaussian, and its range chooses them") {
   }
 }
 
+TEST_CASE("a histogram has a place for sigmas that doubles cannot hold") {
+  GaussianModel model = tinyModel(20, 0);
+  model.log_scale[3] = glm::vec3(800.0f);
+  model.log_scale[4] = {800.0f, 0.0f, -800.0f};
+  const auto shared = std::make_shared<const GaussianModel>(std::move(model));
+  for (std::size_t value = 0; value < selectValues().size(); ++value) {
+    CAPTURE(value);
+    const Histogram histogram = histogramOf(shared, value);
+    CHECK(std::ranges::all_of(histogram.values, [](float v) { return std::isfinite(v); }));
+    CHECK(std::ranges::all_of(histogram.bars, [](float bar) { return bar >= 0 && bar <= 1; }));
+    const std::vector<std::uint8_t> all = insideRange(histogram, histogram.low, histogram.high);
+    CHECK(std::ranges::count(all, 1) == 20);
+  }
+}
+
 TEST_CASE("deleting, undoing and redoing go through the models and selections in turn") {
   ViewerState state = sampleState();
   const ModelPtr whole = state.scene.model;
