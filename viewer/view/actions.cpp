@@ -108,8 +108,8 @@ void escape(ViewerState& state) {
     state.messages.error.clear();
   } else if (state.ui.help) {
     state.ui.help = false;
-  } else if (state.edit.moving || state.edit.selecting) {
-    cancelDrag(state);
+  } else if (cancelDrag(state)) {
+    return;
   } else if (state.edit.tool != EditTool::none) {
     setTool(state, EditTool::none);
   } else if (state.inspect.active || state.inspect.isolated) {

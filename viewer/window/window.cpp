@@ -323,6 +323,7 @@ PixelRect Viewer::pictureArea() const {
 void Viewer::keepEdits(bool moving) {
   const ImGuiIO& io = ImGui::GetIO();
   const bool held = io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2] || ImGui::IsAnyItemActive();
+  if (!held) state_.edit.range_before.reset();
   recordChanges(state_, held || animating() || state_.edit.moving || state_.edit.selecting, moving);
   if (picture_ && picture_->request.model == shownModel(state_)) updatePreview(state_);
 }
@@ -454,8 +455,7 @@ void Viewer::openJson(const std::filesystem::path& path) {
   if (cameras.empty()) {
     throw Error(ErrorKind::badData, path.string(), "no camera inside (expected at least 1, found 0)");
   }
-  state_.scene.cameras = std::move(cameras);
-  goToCamera(state_, startCamera(state_.scene.cameras));
+  replaceCameras(state_, std::move(cameras));
   notify(state_, std::to_string(state_.scene.cameras.size()) + " cameras from " + path.filename().string());
 }
 
