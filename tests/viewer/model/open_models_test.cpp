@@ -15,6 +15,7 @@
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "viewer/keys.h"
+#include "viewer/view/bookmarks.h"
 #include "viewer/view/desktop.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/state.h"
@@ -220,6 +221,43 @@ TEST_CASE("an edit ends the following") {
   window.open_models.update(window.state);
   CHECK_FALSE(window.state.follow.active);
   CHECK(window.state.scene.gaussians == 9);
+  CHECK_FALSE(isWatched(lines));
+  ::close(lines);
+}
+
+TEST_CASE("each model keeps its own bookmarks, and what of them no file holds") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  writeModel(folder / "b.tgz", 7, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  addBookmark(state);
+  window.open(folder / "b.tgz");
+  CHECK(state.camera.bookmarks.empty());
+  press(state, kKeyPageDown);
+  window.settle();
+  CHECK(state.camera.bookmarks.size() == 1);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::bookmarks);
+}
+
+TEST_CASE("a drag ends when another model has been read meanwhile") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  writeModel(folder / "b.tgz", 7, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  setTool(state, EditTool::move);
+  state.edit.moving = GizmoDrag{};
+  state.edit.moving->similarity.translation = {1, 0, 0};
+  window.open(folder / "b.tgz");
+  press(state, kKeyPageUp);
+  window.settle();
+  CHECK(state.scene.gaussians == 9);
+  CHECK_FALSE(state.edit.moving);
 }
 
 TEST_CASE("each model keeps its own view, models of one data set share theirs") {
