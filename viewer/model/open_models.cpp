@@ -142,8 +142,7 @@ bool OpenModels::takeFollowed(ViewerState& state) {
   if (!follower_) return false;
   const int document = documentOf(state, follower_->file());
   if (document >= 0 && hasUnsavedEdits(state, document)) {
-    follower_.reset();
-    state.follow.active = state.follow.waits = false;
+    unfollow(state);
     say(state, "Edited: no longer following " + state.documents.open[document].path.filename().string());
     return true;
   }

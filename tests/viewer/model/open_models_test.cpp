@@ -2,6 +2,9 @@
 // Several models at once: opening, switching, closing, and what goes wrong on the way.
 #include "viewer/model/open_models.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <atomic>
 #include <chrono>
 #include <fstream>
@@ -10,6 +13,7 @@
 
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
+#include "core/run/live.h"
 #include "core/system/error.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
@@ -208,7 +212,7 @@ TEST_CASE("what is chosen in a followed model stays until nothing is chosen") {
   CHECK_FALSE(state.follow.waits);
 }
 
-TEST_CASE("an edit ends the following") {
+TEST_CASE("an edit ends the following, and nobody watches the run any more") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 9, {});
   ViewOptions options = optionsFor(folder / "a.tgz");
