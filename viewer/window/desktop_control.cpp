@@ -212,6 +212,7 @@ void DesktopControl::takeSaved(ViewerState& state) {
       if (quiet_) throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
       state.messages.error = news->problem;
       state.messages.notice_until = 0;
+      state.quit = false;
       continue;
     }
     if (!quiet_) {

@@ -16,6 +16,7 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
+#include "core/system/signals.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
 #include "viewer/picture/inspector_thread.h"
@@ -32,6 +33,7 @@
 #include "viewer/window/comparison_control.h"
 #include "viewer/window/desktop_control.h"
 #include "viewer/window/graphics.h"
+#include "viewer/window/stop_signals.h"
 #include "viewer/window/timings.h"
 #include "viewer/window/window_session.h"
 
@@ -72,7 +74,8 @@ class Viewer {
   Viewer(const ViewOptions& options, const WindowAdditions& additions);
   ~Viewer() { awake_ = false; }
   Viewer& operator=(Viewer&&) = delete;
-  void run();
+  // Returns the signal that ended it, 0: none.
+  int run();
 
  private:
   void wake() const {
@@ -121,6 +124,7 @@ class Viewer {
   OpenModels documents_;
   ComparisonControl comparison_;
   Glfw glfw_;
+  StopSignals signals_{glfwPostEmptyEvent};
   Events events_;
   std::unique_ptr<Graphics> graphics_;
   ViewerState state_;
@@ -182,9 +186,11 @@ void Viewer::setTitle() {
   glfwSetWindowTitle(graphics_->window(), title.c_str());
 }
 
-void Viewer::run() {
-  while (!state_.quit) {
+int Viewer::run() {
+  // A file that is being written may fail: the window ends after it.
+  while (!state_.quit || state_.desktop.saving) {
     waitForEvents();
+    if (signals_.received() != 0) break;
     if (glfwWindowShouldClose(graphics_->window())) {
       glfwSetWindowShouldClose(graphics_->window(), GLFW_FALSE);
       script_ ? void(state_.quit = true) : askToQuit(state_);
@@ -195,6 +201,7 @@ void Viewer::run() {
     if (!timedOnDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
     if (!visible) {
       glfwWaitEventsTimeout(0.1);
+      if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize());
       continue;
     }
     state_.time = glfwGetTime();
@@ -239,6 +246,7 @@ void Viewer::run() {
   if (validation_messages_ > 0) {
     throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
   }
+  return signals_.received();
 }
 
 // Runs what talks to the device outside of the picture thread. When that fails everything on the device is made anew,
@@ -586,7 +594,9 @@ void runWindow(const ViewOptions& options, const WindowAdditions& additions) {
     if (error.kind == ErrorKind::device && names_file) (void)readModel(options.model);
     throw;
   }
-  viewer->run();
+  const int signal = viewer->run();
+  viewer.reset();  // what is being saved is there then
+  if (signal != 0) endAtOnce(signal);
 }
 
 }  // namespace tg

@@ -91,6 +91,35 @@ TEST_CASE("a path that was not saved is asked for, Esc goes back, Save saves it 
   CHECK(std::filesystem::exists(shop / "path.json"));
 }
 
+TEST_CASE("a picture is of the model that its dialog was opened for", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::writeSample(shop / "other.tgz", 30);
+  playByHand(shop,
+             "picture own.png\nawait-file dialog\nopen other.tgz\npicture other.png\nawait-file got.png\nwait 2\n",
+             "reached own.png\nkey ctrl+p\nsleep 0.5\ntouch dialog\nreached other.png\nkey ctrl+a\n"
+             "xdotool type got.png\nkey Return\nreached got.png\n");
+  CHECK(psnr(shop.read("own.png"), shop.read("other.png")) < 40);
+  CHECK(psnr(shop.read("own.png"), shop.read("got.png")) > 60);
+}
+
+TEST_CASE("a window that is told to stop keeps its session and ends by the signal", "[window]") {
+  TG_SKIP_IF(noHand());
+  for (const auto& [signal, code] : {std::pair("TERM", "143"), {"HUP", "129"}}) {
+    INFO(signal);
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    playByHand(shop, "bookmark\nwindow marked.png\nawait-file never\n",
+               "reached marked.png\nkill -s " + std::string(signal) + " $tgview\ncode=0\nwait $tgview || code=$?\n" +
+                   "echo $code > code\nexit 0\n",
+               {"model.tgz", "--session", "session.json"});
+    CHECK(lineOf(shop / "code") == code);
+    std::ifstream session(shop / "session.json");
+    CHECK(std::string(std::istreambuf_iterator<char>(session), {}).find("view 1") != std::string::npos);
+  }
+}
+
 TEST_CASE("edits that were not saved are asked for, and Save replaces the model's own file and ends", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
