@@ -83,6 +83,12 @@ glm::ivec2 DesktopControl::windowSize(GLFWwindow* window) const {
   return size;
 }
 
+PixelRect DesktopControl::leaveWindow(GLFWwindow* window) {
+  PixelRect place{place_, windowSize(window)};
+  if (!std::exchange(fullscreen_, false)) glfwGetWindowPos(window, &place.origin.x, &place.origin.y);
+  return place;
+}
+
 bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture) {
   DesktopState& desktop = state.desktop;
   const bool modal = isModal(state);

@@ -261,9 +261,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
   }
   validation_messages_ += graphics_->screen().messages();
-  glm::ivec2 size, place;
-  glfwGetWindowSize(graphics_->window(), &size.x, &size.y);
-  glfwGetWindowPos(graphics_->window(), &place.x, &place.y);
+  const PixelRect place = desktop_.leaveWindow(graphics_->window());
   runs_.forget();  // asked for again, of the new device
   picture_.reset();
   asked_.reset();
@@ -271,8 +269,8 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
   ViewOptions options = options_;
   options.backend = Backend::cpu;
   options.device.clear();
-  graphics_ = std::make_unique<Graphics>(size, events_, options, additions_.wrap_screen);
-  glfwSetWindowPos(graphics_->window(), place.x, place.y);
+  graphics_ = std::make_unique<Graphics>(place.size, events_, options, additions_.wrap_screen);
+  glfwSetWindowPos(graphics_->window(), place.origin.x, place.origin.y);
   setTitle();
   frames_since_event_ = 0;
   return false;

@@ -160,6 +160,22 @@ TEST_CASE("F11 fills the screen and gives it back", "[window]") {
   CHECK(shop.read("small.png").height == 480);
 }
 
+TEST_CASE("a device that fails leaves the full screen and what lies behind it", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  playByHand(shop,
+             "await-file big\nlose-window-device\nwait 30\nwindow big.png\nawait-file small\nwait 4\nwindow "
+             "small.png\n",
+             "key F11\nsleep 1\ntouch big\nreached big.png\nwindow=$(xdotool search --onlyvisible --name '^tgview' | "
+             "head -n 1)\nxdotool windowfocus --sync $window\nkey Escape\nkey Escape\nsleep 1\ntouch small\nreached "
+             "small.png\n",
+             {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  CHECK(shop.read("big.png").width == 1024);
+  CHECK(shop.read("small.png").width == 640);
+  CHECK(shop.read("small.png").height == 480);
+}
+
 TEST_CASE("the wheel goes to the pointer, a double click brings what it hits to the middle without a turn",
           "[window]") {
   TG_SKIP_IF(noHand());
