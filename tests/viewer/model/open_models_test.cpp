@@ -214,14 +214,17 @@ TEST_CASE("what is chosen in a followed model stays until nothing is chosen") {
 
 TEST_CASE("an edit ends the following, and nobody watches the run any more") {
   const TemporaryFolder folder;
-  writeModel(folder / "a.tgz", 9, {});
-  ViewOptions options = optionsFor(folder / "a.tgz");
+  writeModel(folder / "model.tgz", 9, {});
+  std::ofstream(folder / "metrics.jsonl").flush();
+  const int lines = ::open((folder / "metrics.jsonl").c_str(), O_RDONLY | O_CLOEXEC);
+  REQUIRE(lines >= 0);
+  ViewOptions options = optionsFor(folder / "model.tgz");
   options.follow = true;
   Window window(options);
   window.state.follow.active = true;
-  window.followUntil([&] { return window.state.scene.model != nullptr; });
+  window.followUntil([&] { return window.state.scene.model && isWatched(lines); });
   transformChosen(window.state, similarityOf(window.state, {1, 0, 0}, glm::dvec3(0.0), 1));
-  writeModel(folder / "a.tgz", 5, {});
+  writeModel(folder / "model.tgz", 5, {});
   window.open_models.update(window.state);
   CHECK_FALSE(window.state.follow.active);
   CHECK(window.state.scene.gaussians == 9);
@@ -432,6 +435,7 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   window.settle();
   CHECK(state.scene.gaussians <= 4);
   CHECK(state.messages.error.empty());
+  press(state, kKeyEscape);
   press(state, kKeyEscape);
   CHECK(state.quit);
 }

@@ -33,7 +33,7 @@ ViewerState stateWithModel() {
 TEST_CASE("a window with nothing to lose closes at once, one with a new path asks, and not once it is saved") {
   const TemporaryFolder folder;
   ViewerState state = stateWithModel();
-  press(state, kKeyEscape);
+  press(state, kControl | 'Q');
   CHECK(state.quit);
 
   state = stateWithModel();
@@ -144,7 +144,13 @@ TEST_CASE("Esc leaves the full screen before it leaves the program") {
   CHECK(state.desktop.fullscreen);
   press(state, kKeyEscape);
   CHECK_FALSE(state.desktop.fullscreen);
+  press(state, kKeyEscape);
   CHECK_FALSE(state.quit);
+  state.time += 60;
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.quit);  // one press too many, long after another one
+  press(state, kKeyEscape);
+  CHECK(state.quit);
 }
 
 TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the program") {
@@ -160,6 +166,7 @@ TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the 
   CHECK(state.record.wanted);
   press(state, kKeyEscape);
   CHECK_FALSE(state.record.wanted);
+  press(state, kKeyEscape);
   CHECK_FALSE(state.quit);
   press(state, kKeyEscape);
   CHECK(state.quit);

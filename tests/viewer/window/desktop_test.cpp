@@ -86,7 +86,7 @@ TEST_CASE("a path that was not saved is asked for, Esc goes back, Save saves it 
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  askedOnLeaving(shop, "path-lines off\nadd-key\nwait 2\n", "key Escape\n",
+  askedOnLeaving(shop, "path-lines off\nadd-key\nwait 2\n", "key Escape\nkey Escape\n",
                  "key ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\n");
   CHECK(std::filesystem::exists(shop / "path.json"));
 }
