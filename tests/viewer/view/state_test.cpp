@@ -2,13 +2,16 @@
 // What keys, mouse and new models do to the viewer's state.
 #include "viewer/view/state.h"
 
+#include <functional>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "support/catch.h"
 #include "viewer/keys.h"
 #include "viewer/view/actions.h"
 #include "viewer/view/input.h"
+#include "viewer/view/names.h"
 
 using namespace tg;
 using test::press;
