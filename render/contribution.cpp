@@ -22,7 +22,7 @@ struct Projected {
   glm::ivec4 box{0};  // pixels x0 <= x < x1, y0 <= y < y1
 };
 
-std::vector<Projected> project(const GaussianModel& model, const Camera& camera) {
+std::vector<Projected> project(const GaussianModel& model, const Camera& camera, float near) {
   const glm::mat3 rotation(camera.rotation);
   const glm::vec4 focal_center = focalCenter(camera);
   std::vector<Projected> projected;
@@ -30,7 +30,7 @@ std::vector<Projected> project(const GaussianModel& model, const Camera& camera)
     const glm::vec3 mean(cameraFromWorld(camera, model.mean[i]));
     const float opacity = sigmoidf(model.opacity_logit[i]);
     const float radius = visibleRadius(opacity);
-    if (!(mean.z > kNear && radius > 0.0f)) continue;
+    if (!(mean.z > near && radius > 0.0f)) continue;
     const glm::vec3 scale = glm::exp(model.log_scale[i]);
     const int c = shortestAxis(scale);
     const glm::ivec3 order(axisU(c), axisV(c), c);
@@ -72,11 +72,11 @@ float textureAlpha(const GaussianModel& model, std::size_t gaussian, glm::vec2 u
                   v.fraction);
 }
 
-void addView(const GaussianModel& model, const Camera& camera, std::vector<double>& weights) {
+void addView(const GaussianModel& model, const Camera& camera, float near, std::vector<double>& weights) {
   const bool has_textures = model.texture_mode != TextureMode::none && !model.atlas.rects.empty();
   const auto intersection = static_cast<unsigned>(model.intersection);
   std::vector<float> transmittance(static_cast<std::size_t>(camera.size.x) * camera.size.y, 1.0f);
-  for (const Projected& p : project(model, camera)) {
+  for (const Projected& p : project(model, camera, near)) {
     const Splat& s = p.splat;
     double sum = 0.0;
     for (int y = p.box.y; y < p.box.w; ++y) {
@@ -103,11 +103,11 @@ void addView(const GaussianModel& model, const Camera& camera, std::vector<doubl
 
 }  // namespace
 
-std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views) {
+std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views, float near) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   std::vector<std::vector<double>> by_view(views.size(), std::vector<double>(model.size(), 0.0));
   parallelFor(static_cast<std::int64_t>(views.size()), 1, [&](std::int64_t v) {
-    addView(model, views[static_cast<std::size_t>(v)], by_view[static_cast<std::size_t>(v)]);
+    addView(model, views[static_cast<std::size_t>(v)], near, by_view[static_cast<std::size_t>(v)]);
   });
   std::vector<double> weights(model.size(), 0.0);
   for (const std::vector<double>& view : by_view) {

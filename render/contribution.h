@@ -6,11 +6,12 @@
 
 #include "core/model/camera.h"
 #include "core/model/model.h"
+#include "shared/limits.h"
 
 namespace tg {
 
 // [N]: the weights T alpha with which a Gaussian is blended, summed over all pixels of all views [px]; as the renderers
-// have it, textures' alpha included. Those that no view shows have 0.
-std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views);
+// have it, textures' alpha included. Those that no view shows have 0. Means at or before `near` are not drawn.
+std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views, float near = kNear);
 
 }  // namespace tg

@@ -95,6 +95,27 @@ glm::vec3 numberColor(Output output, const RenderSettings& settings, const Value
   return scaleColor(output, settings.colors, placeOn(scale, x));
 }
 
+ValueScale scaleOf(const std::vector<float>& numbers, Output output, const RenderSettings& settings) {
+  const bool whole = settings.range == PercentRange{};
+  const glm::vec2 range = whole ? rangeOf(numbers) : percentiles(numbers, settings.range);
+  ValueScale scale = ownScale(output, range.x, range.y);
+  if (!whole) {
+    scale.low = range.x;
+    scale.high = range.y;
+  }
+  return scale;
+}
+
+Image colored(const Frame& frame, Output output, const RenderSettings& settings, const ValueScale& scale) {
+  const std::vector<float>& numbers = *scalars(frame, output);
+  Image image(frame.width, frame.height, 3);
+  for (std::size_t i = 0; i < image.data.size() / 3; ++i) {
+    const glm::vec3 color = numberColor(output, settings, scale, numbers[i]);
+    for (int c = 0; c < 3; ++c) image.data[i * 3 + c] = std::clamp(color[c], 0.0f, 1.0f);
+  }
+  return image;
+}
+
 }  // namespace
 
 ValueScale ownScale(Output output, float least, float most) {
@@ -138,23 +159,16 @@ Image extract(const Frame& frame, Output output) {
 
 Image visualize(const Frame& frame, Output output, const RenderSettings& settings, ValueScale* scale) {
   requireOutput(frame, output);
+  if (const auto* numbers = scalars(frame, output)) {
+    const ValueScale shown = scaleOf(*numbers, output, settings);
+    if (scale) *scale = shown;
+    return colored(frame, output, settings, shown);
+  }
   Image image(frame.width, frame.height, 3);
   const std::size_t pixels = image.data.size() / 3;
   const auto put = [&](std::size_t pixel, glm::vec3 value) {
     for (int c = 0; c < 3; ++c) image.data[pixel * 3 + c] = std::clamp(value[c], 0.0f, 1.0f);
   };
-  if (const auto* numbers = scalars(frame, output)) {
-    const bool whole = settings.range == PercentRange{};
-    const glm::vec2 range = whole ? rangeOf(*numbers) : percentiles(*numbers, settings.range);
-    ValueScale shown = ownScale(output, range.x, range.y);
-    if (!whole) {
-      shown.low = range.x;
-      shown.high = range.y;
-    }
-    for (std::size_t i = 0; i < pixels; ++i) put(i, numberColor(output, settings, shown, (*numbers)[i]));
-    if (scale) *scale = shown;
-    return image;
-  }
   const std::vector<glm::vec3>& values = colors(frame, output);
   const float exposure = std::exp2(settings.exposure);
   for (std::size_t i = 0; i < pixels; ++i) {
@@ -166,6 +180,21 @@ Image visualize(const Frame& frame, Output output, const RenderSettings& setting
     put(i, value);
   }
   return image;
+}
+
+std::array<Image, 2> visualizeBoth(const Frame& first, const Frame& other, Output output,
+                                   const RenderSettings& settings, ValueScale& scale) {
+  TG_ASSERT(kNumberOutputs.has(output), "an output of one number a pixel has a scale");
+  requireOutput(first, output);
+  requireOutput(other, output);
+  scale = scaleOf(*scalars(first, output), output, settings);
+  const ValueScale second = scaleOf(*scalars(other, output), output, settings);
+  if (!(scale.high > 0)) scale = second;
+  if (second.high > 0) {
+    scale.low = std::min(scale.low, second.low);
+    scale.high = std::max(scale.high, second.high);
+  }
+  return {colored(first, output, settings, scale), colored(other, output, settings, scale)};
 }
 
 }  // namespace tg

@@ -179,11 +179,22 @@ void refuseIf(bool wrong, const char* problem) {
 }
 
 // What a run does: it decides what a flag can change.
-enum class Task { window, picture, numbers, comparison, recording, benchmark, windowBenchmark, inspection, cameraList };
+enum class Task {
+  window,
+  picture,
+  numbers,
+  comparison,
+  recording,
+  benchmark,
+  windowBenchmark,
+  inspection,
+  cameraList,
+  serving
+};
 constexpr auto namesOf(Task) {
   return enumNames("in a window", "with --render", "with --render to .exr", "with --render of a comparison",
                    "with --output", "with --benchmark", "with --benchmark --window", "with --inspect",
-                   "with --list-cameras");
+                   "with --list-cameras", "with --serve");
 }
 
 Task taskOf(const Flags& flags) {
@@ -195,6 +206,7 @@ Task taskOf(const Flags& flags) {
     return view.out.extension() == ".exr" ? Task::numbers : Task::picture;
   }
   if (view.benchmark) return flags.window ? Task::windowBenchmark : Task::benchmark;
+  if (!view.serve.empty()) return Task::serving;
   return view.record.empty() ? Task::window : Task::recording;
 }
 
@@ -206,6 +218,7 @@ Task taskOf(const Flags& flags) {
 void refuseIdleSetting(const RenderSetting& setting, const Flags& flags, Task task) {
   const std::string flag = "--" + std::string(setting.name);
   if (task == Task::cameraList) refuseIdle(flag, task, "no other flag");
+  if (task == Task::serving) refuseIdle(flag, task, "a picture or a window; the page has settings of its own");
   if (task == Task::window) return;
   const bool for_pictures =
       setting.name == "exposure" || setting.name == "gain" || setting.name == "colors" || setting.name == "range";
@@ -257,7 +270,7 @@ void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
       {"--backend", drawn, "a picture"},
       {"--device", drawn, "a picture"},
       {"--validation", drawn, "a picture"},
-      {"--follow", {window, picture, numbers}, "a window or --render"},
+      {"--follow", {window, picture, numbers, serving}, "a window, --render or --serve"},
       {"--output", {recording}, "one of them"},
       {"--path", {window, recording}, "a window or --output"},
       {"--turntable", {recording}, "--output"},

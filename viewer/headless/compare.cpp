@@ -2,10 +2,12 @@
 // Comparisons without a window.
 #include "viewer/headless/headless.h"
 
+#include <array>
 #include <cstdio>
 #include <utility>
 
 #include "core/system/error.h"
+#include "render/visualize.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/picture/photographs.h"
 #include "viewer/view/compare.h"
@@ -15,11 +17,9 @@
 namespace tg {
 namespace {
 
-Image pictureOf(Renderer& renderer, const Scene& scene, const Camera& camera, const ViewOptions& options,
-                glm::vec3 background) {
-  const RenderSettings settings = settingsFor(options, background);
+Frame frameOf(Renderer& renderer, const Scene& scene, const Camera& camera, const RenderSettings& settings) {
   renderer.setModel(scene.model);
-  return visualize(renderer.render(camera, settings), options.show, settings);
+  return renderer.render(camera, settings);
 }
 
 // Each half of a picture of two beside each other has its camera fitted into it once.
@@ -69,13 +69,22 @@ void compareToFile(const ViewOptions& options) {
   const glm::vec3 background = options.background.value_or(scene.background);
 
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
-  const Image first = pictureOf(*backend.renderer, scene, camera, options, background);
-  Image other;
+  const RenderSettings settings = settingsFor(options, background);
+  const Frame frame = frameOf(*backend.renderer, scene, camera, settings);
+  Image first = visualize(frame, options.show, settings), other;
   std::vector<std::uint8_t> mask;
   std::string against = options.compare.string();
   if (!options.compare.empty()) {
     const Scene second = sceneOf(readModel(options.compare), options.compare);
-    other = pictureOf(*backend.renderer, second, camera, options, background);
+    const Frame second_frame = frameOf(*backend.renderer, second, camera, settings);
+    if (kNumberOutputs.has(options.show)) {
+      ValueScale scale;
+      std::array<Image, 2> both = visualizeBoth(frame, second_frame, options.show, settings, scale);
+      first = std::move(both[0]);
+      other = std::move(both[1]);
+    } else {
+      other = visualize(second_frame, options.show, settings);
+    }
   } else {
     auto [photograph, file] = photographOf(options, scene, camera, background);
     other = std::move(photograph.image);

@@ -33,6 +33,9 @@ void write(const std::filesystem::path& path, const Scene& scene, ModelSaver::Ne
   } catch (const std::bad_alloc&) {
     news.problem = path.string() + ": not enough memory";
     news.error_kind = static_cast<int>(ErrorKind::device);
+  } catch (const std::exception& error) {
+    news.problem = path.string() + ": " + error.what();
+    news.error_kind = static_cast<int>(ErrorKind::cannotWrite);
   }
 }
 

@@ -142,8 +142,7 @@ bool OpenModels::takeFollowed(ViewerState& state) {
   if (!follower_) return false;
   const int document = documentOf(state, follower_->file());
   if (document >= 0 && hasUnsavedEdits(state, document)) {
-    follower_.reset();
-    state.follow.active = state.follow.waits = false;
+    unfollow(state);
     say(state, "Edited: no longer following " + state.documents.open[document].path.filename().string());
     return true;
   }
@@ -233,9 +232,12 @@ void OpenModels::show(ViewerState& state, int document) {
   leaveDocument(state);
   Document& next = state.documents.open[document];
   state.documents.shown = document;
-  Document kept = {next.path, {}, next.pose, next.lens, next.camera, std::move(next.edit), std::move(next.history)};
+  Document kept = std::move(next);
+  next.path = kept.path;
   const EditTool tool = state.edit.tool;
-  adopt_(state, std::move(next.scene));
+  adopt_(state, std::move(kept.scene));
+  state.camera.bookmarks = std::move(kept.bookmarks);
+  state.desktop.kept_bookmarks = std::move(kept.kept_bookmarks);
   state.edit = std::move(kept.edit);
   state.edit.tool = tool;
   state.history = std::move(kept.history);

@@ -54,8 +54,11 @@ void histogramBars(ViewerState& state, const Histogram& histogram) {
     return histogram.low + static_cast<double>(std::clamp(x - corner.x, 0.0f, size.x)) * per_pixel;
   };
   const float mouse = ImGui::GetIO().MousePos.x;
-  if (ImGui::IsItemActivated()) edit.range_before = edit.selection;
-  if (ImGui::IsItemActive()) chooseRange(state, at(ImGui::GetIO().MouseClickedPos[0].x), at(mouse));
+  const bool begins = ImGui::IsItemActivated();
+  if (begins) edit.range_before = edit.selection;
+  if (ImGui::IsItemActive() && edit.range_before && (begins || ImGui::GetIO().MouseDelta.x != 0)) {
+    chooseRange(state, at(ImGui::GetIO().MouseClickedPos[0].x), at(mouse));
+  }
   hint(("Drag over a range to select it: " + valueText(value, at(mouse))).c_str());
   ImDrawList* draw = ImGui::GetWindowDrawList();
   draw->AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, ImGui::GetColorU32(ImGuiCol_FrameBg), 4);

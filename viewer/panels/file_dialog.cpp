@@ -207,7 +207,7 @@ bool open(const char* id) {
 
 void fileDialog(ViewerState& state, bool escape) {
   constexpr const char* kId = "file dialog";
-  if (!state.desktop.dialog) return;
+  if (!state.desktop.dialog || state.desktop.dialog->chosen) return;  // chosen: until the window has taken it
   escape = !open(kId) && escape;
   const ImVec2 window = ImGui::GetIO().DisplaySize;
   const float font = ImGui::GetFontSize();

@@ -216,7 +216,9 @@ void comparison(const ViewerState& state) {
 void legend(const ViewerState& state) {
   const DisplayState& display = state.display;
   const bool error = hasLegend(state.compare.how.mode);
-  if (error ? !state.compare.problem.empty() : kNumberOutputs.has(display.output) && !display.scale) return;
+  // The picture on screen may be of the output before.
+  const bool scaled = display.scale && display.scaled == display.output;
+  if (error ? !state.compare.problem.empty() : kNumberOutputs.has(display.output) && !scaled) return;
   const std::optional<Legend> legend =
       error ? legendOf(state.compare.how)
             : legendOf(display.output, display.settings, display.scale.value_or(ValueScale{}));

@@ -10,6 +10,7 @@
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "render/visualize.h"
 #include "viewer/view/legend.h"
 
 namespace tg {
@@ -21,6 +22,10 @@ std::optional<ValueScale> scaleOf(Output output, const OutputRange& range) {
   if (!kNumberOutputs.has(output)) return std::nullopt;
   if (range.most == 0) return ownScale(output, 0, 0);
   return ownScale(output, std::bit_cast<float>(range.least), std::bit_cast<float>(range.most));
+}
+
+OutputRange united(const OutputRange& a, const OutputRange& b) {
+  return {std::min(a.least, b.least), std::max(a.most, b.most)};
 }
 
 FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
@@ -138,6 +143,11 @@ void PictureMaker::describe(Picture& picture, const Loaded& model) const {
 void PictureMaker::draw(Picture& picture) {
   const PictureRequest& request = picture.request;
   const auto pair = request.other ? std::make_shared<PicturePair>() : nullptr;
+  if (pair && request.other->model && kNumberOutputs.has(request.output)) {
+    drawBoth(request, picture, *pair);
+    picture.pair = pair;
+    return;
+  }
   Loaded& model = loaded(request.model);
   const std::shared_ptr<PictureImage> image = freeImage(request.camera.size);
   picture.scale = drawModel(model, request, *image, pair ? &pair->first : nullptr);
@@ -147,6 +157,37 @@ void PictureMaker::draw(Picture& picture) {
     drawOther(request, picture, *pair);
     if (picture.other) picture.pair = pair;
   }
+}
+
+// Two models' numbers, in colours of one scale.
+void PictureMaker::drawBoth(const PictureRequest& request, Picture& picture, PicturePair& pair) {
+  Loaded& first = loaded(request.model);
+  Loaded& other = loaded(request.other->model);  // both stay: as many are there at once
+  const std::shared_ptr<PictureImage> image = freeImage(request.camera.size), beside = freeImage(request.camera.size);
+  if (first.gpu && !mapsOnHost(request.output, request.settings)) {
+    const OutputRange own = drawOnDevice(first, request, *image);
+    const OutputRange both = united(own, drawOnDevice(other, request, *beside, own));
+    if (both.least != own.least || both.most != own.most) (void)drawOnDevice(first, request, *image, both);
+    picture.scale = scaleOf(request.output, both);
+    pair.first = device_.download(*image);
+    pair.other = device_.download(*beside);
+  } else {
+    RenderSettings settings = request.settings;
+    settings.outputs = {request.output};
+    const Frame frame = first.renderer->render(request.camera, settings);
+    ValueScale scale;
+    auto [left, right] =
+        visualizeBoth(frame, other.renderer->render(request.camera, settings), request.output, settings, scale);
+    device_.upload(left, *image);
+    device_.upload(right, *beside);
+    picture.scale = scale;
+    pair.first = std::move(left);
+    pair.other = std::move(right);
+  }
+  picture.image = image;
+  picture.other = beside;
+  describe(picture, first);
+  drawError(request, picture, pair);
 }
 
 void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair) {
@@ -172,9 +213,14 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
     device_.upload(pair.other, *image);
   }
   picture.other = image;
-  if (!hasLegend(other.how.mode)) return;
-  const std::shared_ptr<PictureImage> error = freeImage(size);
-  device_.upload(composed(pair.first, pair.other, pair.mask, other.how), *error);
+  drawError(request, picture, pair);
+}
+
+void PictureMaker::drawError(const PictureRequest& request, Picture& picture, const PicturePair& pair) {
+  const Comparison& how = request.other->how;
+  if (!hasLegend(how.mode)) return;
+  const std::shared_ptr<PictureImage> error = freeImage(request.camera.size);
+  device_.upload(composed(pair.first, pair.other, pair.mask, how), *error);
   picture.error = error;
 }
 
@@ -194,9 +240,11 @@ std::optional<ValueScale> PictureMaker::drawModel(Loaded& loaded, const PictureR
   return kNumberOutputs.has(request.output) ? std::optional(scale) : std::nullopt;
 }
 
-// Returns the range of the whole picture's numbers.
-OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target) {
+// Returns the range of the whole picture's numbers. Its colours span those of `beside`, too.
+OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target,
+                                       const OutputRange& beside) {
   FrameRequest frame = frameOf(request);
+  frame.beside = beside;
   const auto drawPart = [&](int top) { drawWhole([&] { return device_.draw(*loaded.gpu, frame, target, top); }); };
   const int height = request.camera.size.y, most = loaded.gpu->rowsAtOnce(request.camera);
   if (most >= height) {
@@ -213,7 +261,7 @@ OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& req
       frame.camera.center.y = request.camera.center.y - top;
       drawPart(top);
       const OutputRange seen = loaded.gpu->counts().range;
-      range = {std::min(range.least, seen.least), std::max(range.most, seen.most)};
+      range = united(range, seen);
     }
     return range;
   };

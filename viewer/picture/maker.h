@@ -44,8 +44,11 @@ class PictureMaker {
   // `pixels`, which may be null, receives the picture on the host. Returns the scale of an output that has one.
   std::optional<ValueScale> drawModel(Loaded& loaded, const PictureRequest& request, PictureImage& target,
                                       Image* pixels);
-  OutputRange drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target);
+  OutputRange drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target,
+                           const OutputRange& beside = {});
+  void drawBoth(const PictureRequest& request, Picture& picture, PicturePair& pair);
   void drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair);
+  void drawError(const PictureRequest& request, Picture& picture, const PicturePair& pair);
 
   PictureDevice& device_;
   const std::string backend_;

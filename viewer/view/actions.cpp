@@ -14,6 +14,8 @@
 namespace tg {
 namespace {
 
+constexpr double kEscapeSeconds = 2;  // between two presses that quit
+
 template <Output kOutput>
 void show(ViewerState& state) {
   state.display.output = kOutput;
@@ -96,7 +98,6 @@ void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
 
 void closeDocument(ViewerState& state) { askToClose(state, state.documents.shown); }
 
-// Not twice what it says: a second press must not close the model that is being edited.
 template <EditTool kTool>
 void tool(ViewerState& state) {
   setTool(state, kTool);
@@ -108,8 +109,8 @@ void escape(ViewerState& state) {
     state.messages.error.clear();
   } else if (state.ui.help) {
     state.ui.help = false;
-  } else if (state.edit.moving || state.edit.selecting) {
-    cancelDrag(state);
+  } else if (cancelDrag(state)) {
+    return;
   } else if (state.edit.tool != EditTool::none) {
     setTool(state, EditTool::none);
   } else if (state.inspect.active || state.inspect.isolated) {
@@ -120,8 +121,11 @@ void escape(ViewerState& state) {
     state.record.wanted = false;
   } else if (state.desktop.fullscreen) {
     state.desktop.fullscreen = false;
-  } else {
+  } else if (state.time < state.ui.escape_until) {
     askToQuit(state);
+  } else {
+    state.ui.escape_until = state.time + kEscapeSeconds;
+    notify(state, "Esc once more ends tgview, and so does Ctrl+Q");
   }
 }
 
@@ -262,9 +266,9 @@ constexpr std::array kBindings = {
                [](S& s) { s.record.wanted = !s.record.wanted; },
                {},
                Menu::path},
-    KeyBinding{'/', true, "? or F1", "This help", toggleHelp, {}, Menu::help},
+    KeyBinding{'/', true, "? or F1", "Keys and mouse", toggleHelp, {}, Menu::help},
     KeyBinding{kKeyF1, false, "", "", toggleHelp},
-    KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop what goes on, or quit", escape},
+    KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop what goes on; twice: quit", escape},
 };
 
 constexpr std::array kMouseHelp = {

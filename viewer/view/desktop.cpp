@@ -22,9 +22,21 @@ bool isPathUnsaved(const ViewerState& state) {
   return !state.path.path.keys.empty() && (kept.keys.empty() || formatPath(state.path.path) != formatPath(kept));
 }
 
-bool areBookmarksUnsaved(const ViewerState& state) {
-  return !state.desktop.bookmarks_kept && !state.camera.bookmarks.empty() &&
-         formatCameras(state.camera.bookmarks) != state.desktop.kept_bookmarks;
+// The models with bookmarks that would be lost, the one shown first.
+std::vector<std::filesystem::path> bookmarksLost(const ViewerState& state, const Closing& closing) {
+  std::vector<std::filesystem::path> models;
+  if (state.desktop.bookmarks_kept || closing.way == Closing::Way::reading) return models;
+  const auto look = [&](const std::filesystem::path& model, const std::vector<Camera>& bookmarks,
+                        const std::string& kept) {
+    const bool leaves = closing.way == Closing::Way::window || closing.model == model;
+    if (leaves && !bookmarks.empty() && formatCameras(bookmarks) != kept) models.push_back(model);
+  };
+  look(state.scene.path, state.camera.bookmarks, state.desktop.kept_bookmarks);
+  for (int i = 0; i < static_cast<int>(state.documents.open.size()); ++i) {
+    const Document& document = state.documents.open[static_cast<std::size_t>(i)];
+    if (i != state.documents.shown) look(document.path, document.bookmarks, document.kept_bookmarks);
+  }
+  return models;
 }
 
 // The open models with edits that would be lost, the one shown first.
@@ -36,12 +48,12 @@ std::vector<std::filesystem::path> editsLost(const ViewerState& state, const Clo
   return models;
 }
 
-// True when the user is asked. What has edits is shown meanwhile.
+// True when the user is asked. The model is shown meanwhile.
 bool ask(ViewerState& state, const Closing& closing, Unsaved what, const std::filesystem::path& model) {
   const auto& discarded = state.desktop.discarded;
   if (std::find(discarded.begin(), discarded.end(), std::pair(what, model)) != discarded.end()) return false;
   state.desktop.question = ClosingQuestion{closing, what, model};
-  if (what == Unsaved::edits) show(state, model);
+  if (what != Unsaved::path) show(state, model);
   return true;
 }
 
@@ -53,8 +65,9 @@ void goOnClosing(ViewerState& state, const Closing& closing) {
   const int document = documentOf(state, closing.model);
   if (!window && document < 0) return;  // is closed already
   if (window && isPathUnsaved(state) && ask(state, closing, Unsaved::path, {})) return;
-  const bool leaves = window || (closing.way == Closing::Way::model && document == state.documents.shown);
-  if (leaves && areBookmarksUnsaved(state) && ask(state, closing, Unsaved::bookmarks, state.scene.path)) return;
+  for (const std::filesystem::path& model : bookmarksLost(state, closing)) {
+    if (ask(state, closing, Unsaved::bookmarks, model)) return;
+  }
   for (const std::filesystem::path& model : editsLost(state, closing)) {
     if (ask(state, closing, Unsaved::edits, model)) return;
   }
@@ -111,6 +124,7 @@ void saveUnsaved(ViewerState& state) {
   if (!question) return;
   state.desktop.after_saving = question->closing;
   state.desktop.dialog.reset();
+  if (question->what != Unsaved::path) show(state, question->model);  // another one may have been opened since
   switch (question->what) {
     case Unsaved::path:
       state.desktop.wanted = FileUse::savePath;
@@ -119,7 +133,6 @@ void saveUnsaved(ViewerState& state) {
       state.desktop.wanted = FileUse::saveBookmarks;
       break;
     case Unsaved::edits:
-      show(state, question->model);  // another one may have been opened since
       state.desktop.wanted = FileUse::saveModel;
       break;
   }
@@ -139,6 +152,8 @@ void noteBookmarksKept(ViewerState& state) { state.desktop.kept_bookmarks = form
 void keepUnsaved(ViewerState& state) {
   state.desktop.question.reset();
   state.desktop.discarded.clear();
+  state.desktop.after_saving.reset();
+  state.desktop.stays_open = true;
 }
 
 bool isModal(const ViewerState& state) { return state.desktop.dialog || state.desktop.question; }

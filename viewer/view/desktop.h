@@ -41,7 +41,7 @@ struct Closing {
 struct ClosingQuestion {
   Closing closing;
   Unsaved what = Unsaved::path;
-  std::filesystem::path model;  // that has the edits
+  std::filesystem::path model;  // that has the edits or bookmarks
 };
 
 struct DesktopState {
@@ -53,6 +53,7 @@ struct DesktopState {
   std::vector<std::pair<std::filesystem::path, std::uint64_t>> agreed;  // are read again, and lose that revision
   std::optional<std::filesystem::path> save_request;                    // the model shown, unasked; a script's
   bool saving = false;                                                  // written by the window
+  bool stays_open = false;                                              // what is being saved closes nothing any more
   bool fullscreen = false;
   std::optional<glm::ivec2> turn_about;  // [px] of the picture: what is seen there is to be the pivot
   bool copy = false, paste = false;      // the camera, by the clipboard

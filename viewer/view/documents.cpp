@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/system/assert.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/state.h"
 
 namespace tg {
@@ -48,11 +49,14 @@ bool hasChanged(const ViewerState& state, int document) {
 void leaveDocument(ViewerState& state) {
   TG_ASSERT(state.documents.shown < static_cast<int>(state.documents.open.size()), "the document shown is open");
   if (state.documents.shown < 0) return;
+  cancelDrag(state);
   Document& document = state.documents.open[static_cast<std::size_t>(std::exchange(state.documents.shown, -1))];
   document.scene = state.scene;
   document.pose = state.camera.pose;
   document.lens = state.camera.lens;
   document.camera = state.camera.index;
+  document.bookmarks = state.camera.bookmarks;
+  document.kept_bookmarks = state.desktop.kept_bookmarks;
   document.edit = std::exchange(state.edit, afresh(state.edit));
   document.history = std::exchange(state.history, {});
 }

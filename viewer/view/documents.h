@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "viewer/view/camera_controller.h"
@@ -22,6 +23,8 @@ struct Document {
   int camera = -1;
   EditState edit;
   History history;
+  std::vector<Camera> bookmarks;
+  std::string kept_bookmarks;  // as DesktopState has it
 };
 
 struct DocumentState {

@@ -52,7 +52,8 @@ void goOnSelecting(ViewerState& state, const EditPointer& pointer, const Camera&
   EditState& edit = state.edit;
   SelectDrag& drag = *edit.selecting;
   const glm::dvec2 before = std::exchange(drag.to, pointer.at);
-  if (drag.points.empty()) return;
+  const bool still = before == drag.to && !pointer.pressed;
+  if (drag.points.empty() || (still && !last)) return;
   std::vector<std::uint8_t> found;
   if (edit.tool == EditTool::brush) {
     sweep(drag.points, before, drag.to, edit.brush, drag.swept);
@@ -111,13 +112,14 @@ std::optional<Gizmo> shownGizmo(const ViewerState& state, const Camera& camera) 
 
 PointerTaken editPointer(ViewerState& state, const EditPointer& pointer, const Camera& camera) {
   EditState& edit = state.edit;
+  if (!pointer.down) state.ui.drag_spent = false;
+  PointerTaken taken{state.ui.drag_spent, false};
   if (edit.tool == EditTool::none || !state.scene.model || state.scene.partial) {
     edit.pointer.reset();
-    return {};
+    return taken;
   }
   const bool moved = edit.pointer != pointer.at;
   edit.pointer = pointer.over || edit.selecting || edit.moving ? std::optional(pointer.at) : std::nullopt;
-  PointerTaken taken;
   if (edit.moving) {
     edit.moving->similarity = dragged(edit.moving->gizmo, edit.moving->handle, camera, edit.moving->from, pointer.at);
     if (!pointer.down) endMoving(state);
@@ -146,7 +148,7 @@ PointerTaken editPointer(ViewerState& state, const EditPointer& pointer, const C
       goOnSelecting(state, pointer, camera, !pointer.down);
       if (!pointer.down) edit.selecting.reset();
     }
-    taken.button = pointer.pressed;
+    taken.button = taken.button || pointer.pressed;
     return taken;
   }
   const std::optional<Gizmo> gizmo = shownGizmo(state, camera);

@@ -20,6 +20,9 @@ constexpr auto namesOf(EditTool) { return enumNames("none", "rectangle", "brush"
 constexpr double kMinBrush = 2, kMaxBrush = 400;       // [px] its radius
 constexpr double kMinSphere = 1e-4, kMaxSphere = 1e4;  // [scene radii] its radius
 
+// Of models: no two that were read or edited have the same one.
+std::uint64_t newRevision();
+
 // While the left button is down.
 struct SelectDrag {
   SelectMode mode = SelectMode::replace;
@@ -49,10 +52,10 @@ struct EditState {
   SelectionPtr selection;     // of the model shown
   std::size_t value = 0;      // of selectValues(): what the histogram is of
   std::optional<Histogram> histogram;
-  double low = 0, high = -1;  // range of the histogram that was dragged; none while low > high
-  SelectionPtr range_before;  // the selection before that drag
-  glm::dvec3 move{0.0};       // fields of the page [world units]
-  glm::dvec3 turn{0.0};       // [degrees] about x, then y, then z
+  double low = 0, high = -1;                 // range of the histogram that was dragged; none while low > high
+  std::optional<SelectionPtr> range_before;  // the selection before that drag, while it is under way
+  glm::dvec3 move{0.0};                      // fields of the page [world units]
+  glm::dvec3 turn{0.0};                      // [degrees] about x, then y, then z
   double scale = 1;
 
   std::optional<glm::dvec2> pointer;  // [px] of the picture, while a tool is at work there
@@ -62,10 +65,10 @@ struct EditState {
   std::optional<EditPreview> preview;
   Handle hovered = Handle::none;
 
-  // Which model this is: every edit makes a new one, taking it back the old one. 0: as it was read.
-  std::uint64_t revision = 0;
-  std::uint64_t newest = 0;  // given last
-  std::uint64_t saved = 0;   // what a file holds
+  // Which model this is: every edit makes a new one, taking it back the old one.
+  std::uint64_t read = newRevision();  // as the file had it; edits have greater ones
+  std::uint64_t revision = read;
+  std::uint64_t saved = read;  // what a file holds
 };
 
 // For another model: with the tool at hand.

@@ -3,7 +3,9 @@
 #include "viewer/view/edits.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <new>
 #include <numeric>
 #include <utility>
 
@@ -38,7 +40,16 @@ std::string nameOf(const Similarity& s) {
   return s.rotation != glm::dmat3(1.0) ? "Turn " : "Move ";
 }
 
+void endMove(ViewerState& state) {
+  if (state.edit.moving) cancelDrag(state);
+}
+
 }  // namespace
+
+std::uint64_t newRevision() {
+  static std::atomic<std::uint64_t> last = 0;
+  return ++last;
+}
 
 bool mayEdit(ViewerState& state) {
   if (state.scene.model && !state.scene.partial && state.scene.model->size() > 0) return true;
@@ -46,11 +57,17 @@ bool mayEdit(ViewerState& state) {
   return false;
 }
 
-void cancelDrag(ViewerState& state) {
-  if (state.edit.selecting) state.edit.selection = state.edit.selecting->before;
-  state.edit.selecting.reset();
-  state.edit.moving.reset();
-  state.edit.preview.reset();
+bool cancelDrag(ViewerState& state) {
+  EditState& edit = state.edit;
+  const bool any = edit.selecting || edit.moving || edit.range_before;
+  if (edit.selecting) edit.selection = edit.selecting->before;
+  if (edit.range_before) edit.selection = *edit.range_before;
+  if (edit.selecting || edit.moving) state.ui.drag_spent = true;
+  edit.selecting.reset();
+  edit.moving.reset();
+  edit.range_before.reset();
+  edit.preview.reset();
+  return any;
 }
 
 void setTool(ViewerState& state, EditTool tool) {
@@ -63,6 +80,7 @@ void setTool(ViewerState& state, EditTool tool) {
 
 void choose(ViewerState& state, std::vector<std::uint8_t> found, SelectMode mode, const SelectionPtr& before) {
   TG_ASSERT(state.scene.model != nullptr, "Gaussians of a model are chosen");
+  endMove(state);
   state.edit.selection = selectionOf(*state.scene.model, combined(before, std::move(found), mode));
 }
 
@@ -71,7 +89,10 @@ void chooseAll(ViewerState& state) {
   choose(state, std::vector<std::uint8_t>(state.scene.model->size(), 1), SelectMode::replace, nullptr);
 }
 
-void chooseNone(ViewerState& state) { state.edit.selection = nullptr; }
+void chooseNone(ViewerState& state) {
+  endMove(state);
+  state.edit.selection = nullptr;
+}
 
 void invertChoice(ViewerState& state) {
   if (!mayEdit(state)) return;
@@ -94,7 +115,8 @@ void chooseRange(ViewerState& state, double low, double high) {
   if (!histogram || !mayEdit(state)) return;
   state.edit.low = std::min(low, high);
   state.edit.high = std::max(low, high);
-  choose(state, insideRange(*histogram, state.edit.low, state.edit.high), state.edit.mode, state.edit.range_before);
+  choose(state, insideRange(*histogram, state.edit.low, state.edit.high), state.edit.mode,
+         state.edit.range_before.value_or(nullptr));
 }
 
 void deleteChosen(ViewerState& state) {
@@ -102,13 +124,14 @@ void deleteChosen(ViewerState& state) {
   const SelectionPtr selection = state.edit.selection;
   if (!selection) return notify(state, "Nothing is selected");
   if (selection->count == state.scene.model->size()) return notify(state, "A model keeps at least one Gaussian");
-  cancelDrag(state);
   ModelEdit edit;
   edit.erases = true;
   edit.which = indicesOf(*selection);
   const std::string text = "Delete " + std::to_string(selection->count);
-  editModel(state, std::move(edit), text, nullptr);
-  notify(state, text);
+  attempt(state, [&] {
+    editModel(state, std::move(edit), text, nullptr);
+    notify(state, text);
+  });
 }
 
 void transformChosen(ViewerState& state, const Similarity& similarity, const ModelPtr& known) {
@@ -153,9 +176,13 @@ void updatePreview(ViewerState& state) {
                      edit.preview->similarity.rotation == wanted.rotation &&
                      edit.preview->similarity.translation == wanted.translation;
   if (there || (isIdentity(wanted) && !edit.preview)) return;
-  auto moved = std::make_shared<GaussianModel>(*state.scene.model);
-  transformGaussians(*moved, wanted, editedGaussians(state));
-  edit.preview = EditPreview{state.scene.model, std::move(moved), wanted};
+  try {
+    auto moved = std::make_shared<GaussianModel>(*state.scene.model);
+    transformGaussians(*moved, wanted, editedGaussians(state));
+    edit.preview = EditPreview{state.scene.model, std::move(moved), wanted};
+  } catch (const std::bad_alloc&) {
+    edit.preview.reset();  // only the dots follow then
+  }
 }
 
 bool holdsModel(const std::filesystem::path& file, const Scene& scene) {
@@ -191,7 +218,9 @@ std::vector<std::filesystem::path> unsavedModels(const ViewerState& state) {
 
 void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision) {
   const int document = documentOf(state, model);
-  if (document >= 0) editAt(state, document).saved = revision;
+  if (document < 0) return;
+  EditState& edit = editAt(state, document);
+  if (revision >= edit.read) edit.saved = revision;
 }
 
 }  // namespace tg

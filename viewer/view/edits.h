@@ -14,15 +14,15 @@ namespace tg {
 // False with a notice: there is no model, or only a part of it yet.
 bool mayEdit(ViewerState& state);
 void setTool(ViewerState& state, EditTool tool);  // a tool that is on is switched off
-// Ends a drag without a trace.
-void cancelDrag(ViewerState& state);
+// Ends a drag, over the picture or the histogram, without a trace. False: there was none.
+bool cancelDrag(ViewerState& state);
 
-// `found`: [N].
+// `found`: [N]. Another selection ends the drag of a handle: what it moves is not chosen any more.
 void choose(ViewerState& state, std::vector<std::uint8_t> found, SelectMode mode, const SelectionPtr& before);
 void chooseAll(ViewerState& state);
 void chooseNone(ViewerState& state);
 void invertChoice(ViewerState& state);
-// The range of the histogram, combined with what was chosen before it was dragged.
+// The range of the histogram, combined with what was chosen before it was dragged, else with nothing.
 void chooseRange(ViewerState& state, double low, double high);
 // The histogram of state.edit.value; null without a model. Made anew when model or value have changed.
 const Histogram* histogramShown(ViewerState& state);
@@ -48,7 +48,7 @@ bool holdsModel(const std::filesystem::path& file, const Scene& scene);
 // The open models with edits that no file holds.
 std::vector<std::filesystem::path> unsavedModels(const ViewerState& state);
 bool hasUnsavedEdits(const ViewerState& state, int document);  // of documents.open
-// Once a file holds a revision of a model.
+// Once a file holds a revision of a model. One that was read again meanwhile is another model.
 void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision);
 
 }  // namespace tg

@@ -56,9 +56,10 @@ void enterTypedFolder(FileBrowser& browser) {
   if (slash == std::string::npos) return;
   const fs::path folder = typedPath(browser, browser.text.substr(0, slash + 1));
   if (!isFolder(folder)) return;
-  std::string rest = browser.text.substr(slash + 1);
+  const std::string rest = browser.text.substr(slash + 1);
+  browser.text = rest;  // enterFolder() looks at it, too
   enterFolder(browser, folder);
-  browser.text = std::move(rest);
+  browser.text = rest;
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/system/assert.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/state.h"
 
@@ -190,10 +191,10 @@ void setModel(ViewerState& state, ModelPtr model, std::uint64_t revision) {
   measure(state.scene);
 }
 
-// The whole model takes its cameras along.
-void moveCameras(ViewerState& state, const ModelEdit& edit, bool back) {
-  if (!edit.moves_cameras) return;
-  Similarity similarity = edit.similarity;
+// The whole model takes its cameras along, those that it had.
+void moveCameras(ViewerState& state, const HistoryStep& step, bool back) {
+  if (!step.edit->moves_cameras || step.camera_lists != state.scene.camera_lists) return;
+  Similarity similarity = step.edit->similarity;
   if (back) {
     similarity.scale = 1 / similarity.scale;
     similarity.rotation = glm::transpose(similarity.rotation);
@@ -245,64 +246,73 @@ void forgetModel(ViewerState& state) {
   std::erase_if(history.steps, of_model);
   for (HistoryStep& step : history.steps) step.before.selection = step.after.selection = nullptr;
   EditState& edit = state.edit;
-  edit.selection = edit.range_before = nullptr;
+  cancelDrag(state);
+  edit.selection = nullptr;
   edit.histogram.reset();
-  edit.selecting.reset();
-  edit.moving.reset();
-  edit.preview.reset();
   edit.surface.reset();
-  edit.revision = edit.newest = edit.saved = 0;
+  edit.read = edit.revision = edit.saved = newRevision();
   if (history.last) history.last->selection = nullptr;
 }
 
 void editModel(ViewerState& state, ModelEdit edit, std::string name, const SelectionPtr& selection,
                const ModelPtr& known) {
   TG_ASSERT(state.scene.model != nullptr, "a model is edited");
+  cancelDrag(state);
   recordChanges(state, false, false);  // what came before it is a step of its own
   ModelPtr model = applied(*state.scene.model, edit, known);
   HistoryStep step;
   step.name = std::move(name);
   step.before = snapshot(state, state.history.last);
   step.revision_before = state.edit.revision;
-  step.revision_after = ++state.edit.newest;
+  step.revision_after = newRevision();
+  step.camera_lists = state.scene.camera_lists;
   step.time = state.time;
-  moveCameras(state, edit, false);
+  step.edit = std::make_shared<const ModelEdit>(std::move(edit));
+  moveCameras(state, step, false);
   setModel(state, std::move(model), step.revision_after);
   // Its middle has moved along.
   state.edit.selection = selection ? selectionOf(*state.scene.model, selection->chosen) : nullptr;
   step.after = snapshot(state, step.before);
-  step.edit = std::make_shared<const ModelEdit>(std::move(edit));
   state.history.last = step.after;
   push(state.history, std::move(step));
 }
 
 void undo(ViewerState& state) {
+  if (cancelDrag(state)) return notify(state, "Undone: the drag");
   recordChanges(state, false, false);
   History& history = state.history;
   if (history.done == 0) return notify(state, "Nothing to undo");
-  const HistoryStep& step = history.steps[--history.done];
-  if (step.edit) {
-    moveCameras(state, *step.edit, true);
-    setModel(state, takenBack(*state.scene.model, *step.edit), step.revision_before);
-  }
-  restore(state, step.after, step.before);
-  history.last = snapshot(state, history.last);
-  notify(state, "Undone: " + step.name);
+  attempt(state, [&] {
+    const HistoryStep& step = history.steps[history.done - 1];
+    if (step.edit) {
+      ModelPtr before = takenBack(*state.scene.model, *step.edit);
+      moveCameras(state, step, true);
+      setModel(state, std::move(before), step.revision_before);
+    }
+    --history.done;
+    restore(state, step.after, step.before);
+    history.last = snapshot(state, history.last);
+    notify(state, "Undone: " + step.name);
+  });
 }
 
 void redo(ViewerState& state) {
+  if (cancelDrag(state)) return notify(state, "The drag was taken back");
   recordChanges(state, false, false);
   History& history = state.history;
   if (history.done == history.steps.size()) return notify(state, "Nothing to redo");
-  const HistoryStep& step = history.steps[history.done++];
-  if (step.edit) {
-    ModelEdit again = *step.edit;
-    moveCameras(state, again, false);
-    setModel(state, applied(*state.scene.model, again), step.revision_after);
-  }
-  restore(state, step.before, step.after);
-  history.last = snapshot(state, history.last);
-  notify(state, "Done again: " + step.name);
+  attempt(state, [&] {
+    const HistoryStep& step = history.steps[history.done];
+    if (step.edit) {
+      ModelPtr after = appliedAgain(*state.scene.model, *step.edit);
+      moveCameras(state, step, false);
+      setModel(state, std::move(after), step.revision_after);
+    }
+    ++history.done;
+    restore(state, step.before, step.after);
+    history.last = snapshot(state, history.last);
+    notify(state, "Done again: " + step.name);
+  });
 }
 
 std::string undoName(const ViewerState& state) {

@@ -83,6 +83,7 @@ struct HistoryStep {
   std::uint64_t revision_before = 0, revision_after = 0;
   bool flowing = false;  // of the wheel or of keys: what follows at once belongs to it
   double time = 0;       // [s] of its last change
+  int camera_lists = 0;  // Scene::camera_lists at the edit
 };
 
 struct History {
@@ -105,6 +106,7 @@ void forgetModel(ViewerState& state);
 void editModel(ViewerState& state, ModelEdit edit, std::string name, const SelectionPtr& selection,
                const ModelPtr& known = nullptr);
 
+// A drag that is under way is taken back instead.
 void undo(ViewerState& state);
 void redo(ViewerState& state);
 std::string undoName(const ViewerState& state);  // "" where there is nothing

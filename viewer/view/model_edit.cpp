@@ -20,7 +20,7 @@ void scatter(std::vector<T>& rows, std::size_t length, std::span<const std::uint
   }
 }
 
-ModelPtr erased(const GaussianModel& model, ModelEdit& edit) {
+ModelPtr erased(const GaussianModel& model, const ModelEdit& edit) {
   std::vector<std::uint32_t> kept;
   kept.reserve(model.size() - edit.which.size());
   std::size_t next = 0;
@@ -31,7 +31,6 @@ ModelPtr erased(const GaussianModel& model, ModelEdit& edit) {
       kept.push_back(i);
     }
   }
-  edit.erased = select(model, edit.which);
   return std::make_shared<const GaussianModel>(select(model, kept));
 }
 
@@ -48,12 +47,21 @@ ModelPtr restored(const GaussianModel& model, const ModelEdit& edit) {
   return std::make_shared<const GaussianModel>(select(all, source));
 }
 
+ModelPtr moved(const GaussianModel& model, const ModelEdit& edit) {
+  auto fresh = std::make_shared<GaussianModel>(model);
+  transformGaussians(*fresh, edit.similarity, edit.which);
+  return fresh;
+}
+
 }  // namespace
 
 ModelPtr applied(const GaussianModel& model, ModelEdit& edit, const ModelPtr& known) {
   TG_ASSERT(!edit.which.empty() && std::ranges::is_sorted(edit.which) && edit.which.back() < model.size(),
             "an edit is of Gaussians of the model");
-  if (edit.erases) return erased(model, edit);
+  if (edit.erases) {
+    edit.erased = select(model, edit.which);
+    return erased(model, edit);
+  }
   const Similarity& s = edit.similarity;
   const bool turns = s.rotation != glm::dmat3(1.0), scales = s.scale != 1.0;
   const std::size_t k = model.shCount();
@@ -63,14 +71,14 @@ ModelPtr applied(const GaussianModel& model, ModelEdit& edit, const ModelPtr& kn
   if (turns || scales) edit.before.rotation = gathered(model.rotation, 1, edit.which, edit.which.size());
   if (scales) edit.before.log_scale = gathered(model.log_scale, 1, edit.which, edit.which.size());
   if (turns && k > 1) edit.before.sh = gathered(model.sh, k, edit.which, edit.which.size());
-  ModelPtr moved = known;
-  if (!moved) {
-    auto fresh = std::make_shared<GaussianModel>(model);
-    transformGaussians(*fresh, s, edit.which);
-    moved = std::move(fresh);
-  }
-  checkModel(*moved, "the edit");
-  return moved;
+  ModelPtr after = known ? known : moved(model, edit);
+  checkModel(*after, "the edit");
+  return after;
+}
+
+ModelPtr appliedAgain(const GaussianModel& model, const ModelEdit& edit) {
+  TG_ASSERT(!edit.which.empty() && edit.which.back() < model.size(), "an edit is of Gaussians of the model");
+  return edit.erases ? erased(model, edit) : moved(model, edit);
 }
 
 ModelPtr takenBack(const GaussianModel& model, const ModelEdit& edit) {

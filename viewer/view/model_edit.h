@@ -27,6 +27,8 @@ using ModelPtr = std::shared_ptr<const GaussianModel>;
 // The model after the edit; `known`: that model, where it was made before by transformGaussians(). Throws
 // Error(badData) when floats cannot hold it.
 ModelPtr applied(const GaussianModel& model, ModelEdit& edit, const ModelPtr& known = nullptr);
+// The same once more, of the model that it was made for.
+ModelPtr appliedAgain(const GaussianModel& model, const ModelEdit& edit);
 // The model before it, bit for bit. `model`: what applied() returned.
 ModelPtr takenBack(const GaussianModel& model, const ModelEdit& edit);
 std::uint64_t bytesOf(const ModelEdit& edit);

@@ -13,8 +13,9 @@ void forEachName(const ViewerState& state, const std::function<void(std::string_
   for (const Document& document : state.documents.open) take(document.path.native());
   for (const std::string& path : state.recent) take(path);
   for (const Camera& bookmark : state.camera.bookmarks) take(bookmark.name);
-  for (const std::string* text : {&state.camera.bookmark_file, &state.path.file, &state.messages.notice,
-                                  &state.messages.error, &state.follow.problem, &state.compare.problem}) {
+  for (const std::string* text :
+       {&state.camera.bookmark_file, &state.path.file, &state.messages.notice, &state.messages.error,
+        &state.follow.problem, &state.compare.problem, &state.compare.photograph}) {
     take(*text);
   }
   take(state.record.out.native());

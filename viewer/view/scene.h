@@ -19,6 +19,7 @@ struct Scene {
   std::shared_ptr<const GaussianModel> model;  // null: none yet
   bool partial = false;                        // a part of the model, to look at while the rest is read
   std::vector<Camera> cameras;
+  int camera_lists = 0;  // that `cameras` were replaced by
   std::size_t gaussians = 0;
   std::size_t textured = 0;  // Gaussians with a texture rectangle
   std::size_t texels = 0;

@@ -22,6 +22,7 @@ constexpr std::int64_t kGrain = 8192;    // Gaussians a thread takes at once
 constexpr double kSeenWeight = 0.05;     // [px] of a Gaussian that is seen
 constexpr double kVisibilitySide = 480;  // [px] of the picture that visibility is told by: it is slow
 constexpr double kLeastLogged = 1e-12;   // of values whose logarithm is taken
+constexpr double kMostCounted = 1e30;    // of values in a histogram
 
 constexpr std::array kSelectValues = {
     SelectValue{"opacity", "Opacity", false, "After the sigmoid"},
@@ -44,6 +45,20 @@ std::vector<std::uint8_t> where(std::size_t count, const Holds& holds) {
     mask[i] = holds(i);
   });
   return mask;
+}
+
+// The model as these settings draw it, as far as it hides and is hidden.
+void applySettings(GaussianModel& model, const RenderSettings& settings) {
+  model.texture_mode =
+      static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) & static_cast<unsigned>(settings.textures));
+  model.intersection = settings.intersection.value_or(model.intersection);
+  model.outside = settings.outside.value_or(model.outside);
+  for (glm::vec3& scale : model.log_scale) scale += std::log(settings.splat_scale);
+  if (settings.opacity_scale == 1) return;
+  for (float& logit : model.opacity_logit) {
+    const double opacity = settings.opacity_scale / (1 + std::exp(-double{logit}));
+    logit = static_cast<float>(opacity < 1 ? std::log(opacity / (1 - opacity)) : std::numeric_limits<float>::max());
+  }
 }
 
 }  // namespace
@@ -134,11 +149,12 @@ void keepVisible(const GaussianModel& model, const Camera& camera, const RenderS
   for (std::size_t i = 0; i < model.size(); ++i) {
     if (drawn(settings, model.mean[i])) shown.push_back(static_cast<std::uint32_t>(i));
   }
-  const bool all = shown.size() == model.size();
   const double scale = std::min(1.0, kVisibilitySide / std::max(camera.size.x, camera.size.y));
   const glm::ivec2 size = glm::max(glm::ivec2(glm::round(scale * glm::dvec2(camera.size))), glm::ivec2(1));
   const Camera small = resized(camera, size.x, size.y);
-  const std::vector<double> weights = blendWeights(all ? model : select(model, shown), {&small, 1});
+  GaussianModel drawn_model = select(model, shown);
+  applySettings(drawn_model, settings);
+  const std::vector<double> weights = blendWeights(drawn_model, {&small, 1}, settings.near);
   std::vector<std::uint8_t> seen(mask.size());
   for (std::size_t j = 0; j < shown.size(); ++j) seen[shown[j]] = weights[j] >= kSeenWeight * scale * scale;
   for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = mask[i] != 0 && seen[i] != 0;
@@ -165,7 +181,9 @@ Histogram histogramOf(const std::shared_ptr<const GaussianModel>& model, std::si
   const std::vector<double> values = valuesOf(*model, kSelectValues[value].name);
   histogram.values.resize(values.size());
   std::ranges::transform(values, histogram.values.begin(), [&](double v) {
-    return static_cast<float>(kSelectValues[value].logarithmic ? std::log10(std::max(v, kLeastLogged)) : v);
+    if (std::isnan(v)) return 0.0f;  // a ratio of sigmas that doubles cannot hold
+    if (kSelectValues[value].logarithmic) v = std::log10(std::max(v, kLeastLogged));
+    return static_cast<float>(std::clamp(v, -kMostCounted, kMostCounted));
   });
   const auto [low, high] = std::ranges::minmax(histogram.values);
   histogram.low = low;

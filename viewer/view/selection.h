@@ -44,7 +44,8 @@ std::vector<std::uint8_t> insideRectangle(std::span<const glm::vec2> points, glm
 // Marks what a disc of that radius [px] goes over on its way from a to b.
 void sweep(std::span<const glm::vec2> points, glm::dvec2 a, glm::dvec2 b, double radius,
            std::vector<std::uint8_t>& swept);
-// Takes out what the camera does not see: those that make up less than a twentieth of a pixel. Draws a frame.
+// Takes out what a picture with these settings does not show: those that make up less than a twentieth of a pixel.
+// Draws a frame, always in one order, without antialiasing.
 void keepVisible(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
                  std::vector<std::uint8_t>& mask);
 // Where the ray of that pixel has lost half of its light, else the Gaussian of most weight; none where it hits nothing.

@@ -3,6 +3,7 @@
 #include "viewer/view/state.h"
 
 #include <algorithm>
+#include <new>
 #include <utility>
 
 #include "core/system/assert.h"
@@ -92,6 +93,13 @@ void goToCamera(ViewerState& state, int index) {
   state.camera.index = index;
 }
 
+void replaceCameras(ViewerState& state, std::vector<Camera> cameras) {
+  TG_ASSERT(!cameras.empty(), "there is a camera to go to");
+  state.scene.cameras = std::move(cameras);
+  ++state.scene.camera_lists;
+  goToCamera(state, startCamera(state.scene.cameras));
+}
+
 void setCamera(ViewerState& state, const Camera& camera) {
   TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "a picture has pixels");
   state.camera.pose = poseOf(camera, upOf(state), state.scene.bounds);
@@ -115,6 +123,9 @@ void attempt(ViewerState& state, const std::function<void()>& action) {
     action();
   } catch (const Error& error) {
     state.messages.error = error.what();
+    state.messages.notice_until = 0;
+  } catch (const std::bad_alloc&) {
+    state.messages.error = "There is not enough memory for this";
     state.messages.notice_until = 0;
   }
 }

@@ -90,6 +90,7 @@ struct DisplayState {
   bool crop = false;                // only what lies in the box is drawn
   CropBox box;                      // world; shown as lines while it crops
   std::optional<ValueScale> scale;  // of the picture on screen, where it has one; written by the window
+  Output scaled = Output::final;    // what that picture shows, likewise
   double resolution = 1;  // of the picture, per side and pixel of the window: kMinResolution to kMaxResolution
 };
 constexpr int kMaxImageSide = 16384;  // [px] what Vulkan devices offer
@@ -108,6 +109,8 @@ struct UiState {
   bool help = false;
   bool menu = false;        // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
   bool continuous = false;  // draw without pause, to watch frame times
+  double escape_until = 0;  // [s] window time: Esc, pressed again, quits
+  bool drag_spent = false;  // the left button is down for a drag that was taken back: it does nothing until let go
 };
 
 struct MessageState {
@@ -178,6 +181,8 @@ void replaceScene(ViewerState& state, Scene scene);
 // Back to the first view: the start camera, or all of the model.
 void resetView(ViewerState& state);
 void goToCamera(ViewerState& state, int index);
+// The cameras of a file instead of those of the model shown, at least one; to the first of them, as in resetView().
+void replaceCameras(ViewerState& state, std::vector<Camera> cameras);
 void setCamera(ViewerState& state, const Camera& camera);  // any pose and lens, from a file for example
 // The camera that setScene and --render start from; -1: the model has none.
 int startCamera(std::span<const Camera> cameras);

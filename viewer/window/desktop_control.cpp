@@ -47,6 +47,15 @@ GLFWmonitor* monitorOf(GLFWwindow* window) {
   return best;
 }
 
+// Pictures and bookmarks are of what is shown: false, and asked for, where that is another model by now.
+bool isShown(ViewerState& state, const FileDialog& dialog) {
+  if (dialog.use != FileUse::savePicture && dialog.use != FileUse::saveBookmarks) return true;
+  const int document = documentOf(state, dialog.model);
+  if (document < 0 || document == state.documents.shown) return true;
+  state.documents.show_request = document;
+  return false;
+}
+
 void copyCamera(const ViewerState& state, GLFWwindow* window, glm::ivec2 picture) {
   Camera camera = toCamera(state.camera.pose, state.camera.lens, picture.x, picture.y);
   camera.name = state.scene.path.stem().string();
@@ -74,9 +83,16 @@ glm::ivec2 DesktopControl::windowSize(GLFWwindow* window) const {
   return size;
 }
 
+PixelRect DesktopControl::leaveWindow(GLFWwindow* window) {
+  PixelRect place{place_, windowSize(window)};
+  if (!std::exchange(fullscreen_, false)) glfwGetWindowPos(window, &place.origin.x, &place.origin.y);
+  return place;
+}
+
 bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture) {
   DesktopState& desktop = state.desktop;
   const bool modal = isModal(state);
+  if (std::exchange(desktop.stays_open, false)) orders_.assign(orders_.size(), std::nullopt);
   takeSaved(state);
   if (desktop.fullscreen != fullscreen_) setFullscreen(window, desktop.fullscreen);
   if (std::exchange(desktop.copy, false)) {
@@ -84,7 +100,7 @@ bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 p
     if (!quiet_) notify(state, "The camera is in the clipboard, as a cameras.json");
   }
   if (std::exchange(desktop.paste, false)) attempt(state, [&] { pasteCamera(state, window); });
-  if (desktop.dialog && desktop.dialog->chosen) {
+  if (desktop.dialog && desktop.dialog->chosen && isShown(state, *desktop.dialog)) {
     const FileDialog dialog = *std::exchange(desktop.dialog, std::nullopt);
     folder_ = dialog.chosen->parent_path();
     useFile(state, dialog);
@@ -202,6 +218,7 @@ void DesktopControl::takeSaved(ViewerState& state) {
       if (quiet_) throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
       state.messages.error = news->problem;
       state.messages.notice_until = 0;
+      state.quit = false;
       continue;
     }
     if (!quiet_) {

@@ -10,6 +10,7 @@
 #include "viewer/model/model_saver.h"
 #include "viewer/view/options.h"
 #include "viewer/view/state.h"
+#include "viewer/window/screen.h"
 
 struct GLFWwindow;
 
@@ -25,6 +26,8 @@ class DesktopControl {
   bool update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture);
   // Of the window when it is not full screen.
   glm::ivec2 windowSize(GLFWwindow* window) const;
+  // Another window comes instead of this one, where this one is when it is not full screen.
+  PixelRect leaveWindow(GLFWwindow* window);
 
  private:
   void openDialog(ViewerState& state, FileUse use);

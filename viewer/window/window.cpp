@@ -16,6 +16,7 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
+#include "core/system/signals.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
 #include "viewer/picture/inspector_thread.h"
@@ -32,6 +33,7 @@
 #include "viewer/window/comparison_control.h"
 #include "viewer/window/desktop_control.h"
 #include "viewer/window/graphics.h"
+#include "viewer/window/stop_signals.h"
 #include "viewer/window/timings.h"
 #include "viewer/window/window_session.h"
 
@@ -72,7 +74,8 @@ class Viewer {
   Viewer(const ViewOptions& options, const WindowAdditions& additions);
   ~Viewer() { awake_ = false; }
   Viewer& operator=(Viewer&&) = delete;
-  void run();
+  // Returns the signal that ended it, 0: none.
+  int run();
 
  private:
   void wake() const {
@@ -121,6 +124,7 @@ class Viewer {
   OpenModels documents_;
   ComparisonControl comparison_;
   Glfw glfw_;
+  StopSignals signals_{glfwPostEmptyEvent};
   Events events_;
   std::unique_ptr<Graphics> graphics_;
   ViewerState state_;
@@ -182,9 +186,11 @@ void Viewer::setTitle() {
   glfwSetWindowTitle(graphics_->window(), title.c_str());
 }
 
-void Viewer::run() {
-  while (!state_.quit) {
+int Viewer::run() {
+  // A file that is being written may fail: the window ends after it.
+  while (!state_.quit || state_.desktop.saving) {
     waitForEvents();
+    if (signals_.received() != 0) break;
     if (glfwWindowShouldClose(graphics_->window())) {
       glfwSetWindowShouldClose(graphics_->window(), GLFW_FALSE);
       script_ ? void(state_.quit = true) : askToQuit(state_);
@@ -195,6 +201,7 @@ void Viewer::run() {
     if (!timedOnDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
     if (!visible) {
       glfwWaitEventsTimeout(0.1);
+      if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize());
       continue;
     }
     state_.time = glfwGetTime();
@@ -239,6 +246,7 @@ void Viewer::run() {
   if (validation_messages_ > 0) {
     throw Error(ErrorKind::device, std::to_string(validation_messages_) + " validation messages (expected none)");
   }
+  return signals_.received();
 }
 
 // Runs what talks to the device outside of the picture thread. When that fails everything on the device is made anew,
@@ -253,9 +261,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
   }
   validation_messages_ += graphics_->screen().messages();
-  glm::ivec2 size, place;
-  glfwGetWindowSize(graphics_->window(), &size.x, &size.y);
-  glfwGetWindowPos(graphics_->window(), &place.x, &place.y);
+  const PixelRect place = desktop_.leaveWindow(graphics_->window());
   runs_.forget();  // asked for again, of the new device
   picture_.reset();
   asked_.reset();
@@ -263,8 +269,8 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
   ViewOptions options = options_;
   options.backend = Backend::cpu;
   options.device.clear();
-  graphics_ = std::make_unique<Graphics>(size, events_, options, additions_.wrap_screen);
-  glfwSetWindowPos(graphics_->window(), place.x, place.y);
+  graphics_ = std::make_unique<Graphics>(place.size, events_, options, additions_.wrap_screen);
+  glfwSetWindowPos(graphics_->window(), place.origin.x, place.origin.y);
   setTitle();
   frames_since_event_ = 0;
   return false;
@@ -323,6 +329,7 @@ PixelRect Viewer::pictureArea() const {
 void Viewer::keepEdits(bool moving) {
   const ImGuiIO& io = ImGui::GetIO();
   const bool held = io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2] || ImGui::IsAnyItemActive();
+  if (!held) state_.edit.range_before.reset();
   recordChanges(state_, held || animating() || state_.edit.moving || state_.edit.selecting, moving);
   if (picture_ && picture_->request.model == shownModel(state_)) updatePreview(state_);
 }
@@ -454,8 +461,7 @@ void Viewer::openJson(const std::filesystem::path& path) {
   if (cameras.empty()) {
     throw Error(ErrorKind::badData, path.string(), "no camera inside (expected at least 1, found 0)");
   }
-  state_.scene.cameras = std::move(cameras);
-  goToCamera(state_, startCamera(state_.scene.cameras));
+  replaceCameras(state_, std::move(cameras));
   notify(state_, std::to_string(state_.scene.cameras.size()) + " cameras from " + path.filename().string());
 }
 
@@ -528,6 +534,7 @@ void Viewer::takePicture() {
   if (!news.picture) return;
   picture_ = std::move(news.picture);
   state_.display.scale = picture_->scale;
+  state_.display.scaled = picture_->request.output;
   frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
   const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
@@ -585,7 +592,9 @@ void runWindow(const ViewOptions& options, const WindowAdditions& additions) {
     if (error.kind == ErrorKind::device && names_file) (void)readModel(options.model);
     throw;
   }
-  viewer->run();
+  const int signal = viewer->run();
+  viewer.reset();  // what is being saved is there then
+  if (signal != 0) endAtOnce(signal);
 }
 
 }  // namespace tg

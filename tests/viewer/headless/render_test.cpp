@@ -357,6 +357,29 @@ TEST_CASE("a legend and a FLIP map are drawn where they are asked for") {
   CHECK(psnr8Bit(strong, weak) < 40);
 }
 
+TEST_CASE("numbers of two models have the colours of one range") {
+  const Workshop shop;
+  test::writeSample(shop / "many.tgz");
+  test::writeSample(shop / "few.tgz", 40);
+  for (const std::string range : {"0,100", "0,99"}) {
+    const ProcessResult result =
+        shop.tgview({"few.tgz", "--compare", "many.tgz", "--compare-mode", "side", "--show", "count", "--range", range,
+                     "--render", "out.png", "--backend", "cpu", "--size", "320x120"});
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    const Image both = shop.read("out.png");
+    float few = 0, many = 0;
+    for (int y = 0; y < 120; ++y) {
+      for (int x = 0; x < 160; ++x) {
+        few = std::max(few, both.at(x, y, 2));
+        many = std::max(many, both.at(x + 160, y, 2));
+      }
+    }
+    CHECK(many == 1.0f);  // the most of both is white
+    CHECK(few < 0.9f);
+  }
+}
+
 TEST_CASE("a flag that would do nothing is refused by name") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -496,6 +519,10 @@ TEST_CASE("the flag --serve is refused without one model, with other outputs and
                                                 {"model.tgz", "model.tgz", "--serve", "0"},
                                                 {"model.tgz", "--serve", "0", "--render", "a.png"},
                                                 {"model.tgz", "--serve", "0", "--inspect", "1,1"},
+                                                {"model.tgz", "--serve", "0", "--show", "depth"},
+                                                {"model.tgz", "--serve", "0", "--exposure", "1"},
+                                                {"model.tgz", "--serve", "0", "--size", "9x9"},
+                                                {"model.tgz", "--serve", "0", "--no-session"},
                                                 {"model.tgz", "--serve", "here"},
                                                 {"model.tgz", "--serve", "0", "--serve-token", "short"},
                                                 {"model.tgz", "--serve-token", "long-enough"}}) {

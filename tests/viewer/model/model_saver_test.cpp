@@ -7,6 +7,7 @@
 #include "converter/registry/file_format.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
+#include "core/system/error.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -36,6 +37,18 @@ ModelSaver::News next(ModelSaver& saver) {
 }
 
 }  // namespace
+
+TEST_CASE("a file that the system refuses is a problem of that file") {
+  const TemporaryFolder folder;
+  ModelSaver saver([] {});
+  for (const std::string& extension : {".tgz", ".ply", ".glb", ".html", ".sog"}) {
+    INFO(extension);
+    saver.save(folder / (std::string(300, 'x') + extension), sceneWithAll());
+    const ModelSaver::News news = next(saver);
+    CHECK_THAT(news.problem, Contains("xxx"));
+    CHECK(news.error_kind == static_cast<int>(ErrorKind::cannotWrite));
+  }
+}
 
 TEST_CASE("a scene is saved as everything that the converter writes and reads, with a word about what is lost") {
   const TemporaryFolder folder;

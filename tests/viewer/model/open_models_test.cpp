@@ -2,6 +2,9 @@
 // Several models at once: opening, switching, closing, and what goes wrong on the way.
 #include "viewer/model/open_models.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <atomic>
 #include <chrono>
 #include <fstream>
@@ -10,11 +13,13 @@
 
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
+#include "core/run/live.h"
 #include "core/system/error.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "viewer/keys.h"
+#include "viewer/view/bookmarks.h"
 #include "viewer/view/desktop.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/state.h"
@@ -207,19 +212,59 @@ TEST_CASE("what is chosen in a followed model stays until nothing is chosen") {
   CHECK_FALSE(state.follow.waits);
 }
 
-TEST_CASE("an edit ends the following") {
+TEST_CASE("an edit ends the following, and nobody watches the run any more") {
   const TemporaryFolder folder;
-  writeModel(folder / "a.tgz", 9, {});
-  ViewOptions options = optionsFor(folder / "a.tgz");
+  writeModel(folder / "model.tgz", 9, {});
+  std::ofstream(folder / "metrics.jsonl").flush();
+  const int lines = ::open((folder / "metrics.jsonl").c_str(), O_RDONLY | O_CLOEXEC);
+  REQUIRE(lines >= 0);
+  ViewOptions options = optionsFor(folder / "model.tgz");
   options.follow = true;
   Window window(options);
   window.state.follow.active = true;
-  window.followUntil([&] { return window.state.scene.model != nullptr; });
+  window.followUntil([&] { return window.state.scene.model && isWatched(lines); });
   transformChosen(window.state, similarityOf(window.state, {1, 0, 0}, glm::dvec3(0.0), 1));
-  writeModel(folder / "a.tgz", 5, {});
+  writeModel(folder / "model.tgz", 5, {});
   window.open_models.update(window.state);
   CHECK_FALSE(window.state.follow.active);
   CHECK(window.state.scene.gaussians == 9);
+  CHECK_FALSE(isWatched(lines));
+  ::close(lines);
+}
+
+TEST_CASE("each model keeps its own bookmarks, and what of them no file holds") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  writeModel(folder / "b.tgz", 7, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  addBookmark(state);
+  window.open(folder / "b.tgz");
+  CHECK(state.camera.bookmarks.empty());
+  press(state, kKeyPageDown);
+  window.settle();
+  CHECK(state.camera.bookmarks.size() == 1);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::bookmarks);
+}
+
+TEST_CASE("a drag ends when another model has been read meanwhile") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  writeModel(folder / "b.tgz", 7, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  setTool(state, EditTool::move);
+  state.edit.moving = GizmoDrag{};
+  state.edit.moving->similarity.translation = {1, 0, 0};
+  window.open(folder / "b.tgz");
+  press(state, kKeyPageUp);
+  window.settle();
+  CHECK(state.scene.gaussians == 9);
+  CHECK_FALSE(state.edit.moving);
 }
 
 TEST_CASE("each model keeps its own view, models of one data set share theirs") {
@@ -390,6 +435,7 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   window.settle();
   CHECK(state.scene.gaussians <= 4);
   CHECK(state.messages.error.empty());
+  press(state, kKeyEscape);
   press(state, kKeyEscape);
   CHECK(state.quit);
 }

@@ -33,7 +33,7 @@ ViewerState stateWithModel() {
 TEST_CASE("a window with nothing to lose closes at once, one with a new path asks, and not once it is saved") {
   const TemporaryFolder folder;
   ViewerState state = stateWithModel();
-  press(state, kKeyEscape);
+  press(state, kControl | 'Q');
   CHECK(state.quit);
 
   state = stateWithModel();
@@ -94,13 +94,63 @@ TEST_CASE("a model that is closed asks for its bookmarks, unless they are kept b
   CHECK(state.documents.close_request == 0);
 }
 
+TEST_CASE("bookmarks of every open model are asked for, in view") {
+  ViewerState state = stateWithModel();
+  addBookmark(state);
+  leaveDocument(state);
+  Scene other = state.scene;
+  other.path = "other.tgz";
+  state.documents.open.emplace_back().path = other.path;
+  state.documents.shown = 1;
+  setScene(state, other);
+  noteBookmarksKept(state);
+  askToQuit(state);
+  CHECK_FALSE(state.quit);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::bookmarks);
+  CHECK(state.desktop.question->model == "tiny.tgz");
+  CHECK(state.documents.show_request == 0);
+  keepUnsaved(state);
+  addBookmark(state);
+  askToQuit(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "other.tgz");
+  discardUnsaved(state);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "tiny.tgz");
+  discardUnsaved(state);
+  CHECK(state.quit);
+  state.documents.close_request.reset();
+  askToClose(state, 0);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->model == "tiny.tgz");
+}
+
+TEST_CASE("Cancel ends what was to follow a file that is being saved") {
+  ViewerState state = stateWithModel();
+  addKey(state);
+  askToQuit(state);
+  saveUnsaved(state);
+  REQUIRE(state.desktop.after_saving);
+  askToQuit(state);
+  keepUnsaved(state);
+  CHECK_FALSE(state.desktop.after_saving);
+  CHECK(state.desktop.stays_open);
+}
+
 TEST_CASE("Esc leaves the full screen before it leaves the program") {
   ViewerState state = stateWithModel();
   press(state, kKeyF11);
   CHECK(state.desktop.fullscreen);
   press(state, kKeyEscape);
   CHECK_FALSE(state.desktop.fullscreen);
+  press(state, kKeyEscape);
   CHECK_FALSE(state.quit);
+  state.time += 60;
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.quit);  // one press too many, long after another one
+  press(state, kKeyEscape);
+  CHECK(state.quit);
 }
 
 TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the program") {
@@ -116,6 +166,7 @@ TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the 
   CHECK(state.record.wanted);
   press(state, kKeyEscape);
   CHECK_FALSE(state.record.wanted);
+  press(state, kKeyEscape);
   CHECK_FALSE(state.quit);
   press(state, kKeyEscape);
   CHECK(state.quit);

@@ -59,6 +59,22 @@ Similarity someSimilarity() {
 
 constexpr int kUndo = kControl | 'Z', kRedo = kControl | 'Y';
 
+// A pointer in a picture of 960 x 720.
+struct Hand {
+  PointerTaken go(ViewerState& state, glm::dvec2 at, bool down) {
+    pointer.at = at;
+    pointer.pressed = down && !pointer.down;
+    pointer.down = down;
+    return editPointer(state, pointer, camera(state));
+  }
+  static Camera camera(const ViewerState& state) { return toCamera(state.camera.pose, state.camera.lens, 960, 720); }
+  // Where the handles are.
+  static glm::dvec2 middle(const ViewerState& state) {
+    return project(camera(state), cameraFromWorld(camera(state), editPivot(state)));
+  }
+  EditPointer pointer{.over = true};
+};
+
 }  // namespace
 
 TEST_CASE("edits of Gaussians are taken back bit by bit and done again") {
@@ -171,6 +187,24 @@ TEST_CASE("only what the picture shows is left of a selection of the visible") {
   mask = {1, 1};
   keepVisible(model, camera, far, mask);
   CHECK(mask == std::vector<std::uint8_t>{0, 1});
+  // What another setting takes out of the picture hides nothing either.
+  RenderSettings settings;
+  const auto visible = [&] {
+    mask = {1, 1};
+    keepVisible(model, camera, settings, mask);
+    return mask;
+  };
+  settings.near = 5;
+  CHECK(visible() == std::vector<std::uint8_t>{0, 1});
+  settings = {};
+  settings.opacity_scale = 0.3f;
+  CHECK(visible() == std::vector<std::uint8_t>{1, 1});
+  settings = {};
+  model.mean[1].x = 1.5f;  // beside the other one
+  CHECK(visible() == std::vector<std::uint8_t>{1, 1});
+  settings.splat_scale = 0.05f;  // less than a twentieth of a pixel
+  CHECK(visible() == std::vector<std::uint8_t>{1, 0});
+  model.mean[1].x = 0;
   const auto surface = surfaceAt(model, camera, {}, {32, 32});
   REQUIRE(surface);
   CHECK(std::abs(surface->z - 2) < 0.6);
@@ -192,6 +226,21 @@ TEST_CASE("a histogram counts every Gaussian, and its range chooses them") {
     chooseRange(state, histogram->high, middle);
     const auto expected = std::ranges::count_if(histogram->values, [&](float v) { return double{v} >= middle; });
     CHECK((state.edit.selection ? state.edit.selection->count : 0) == static_cast<std::size_t>(expected));
+  }
+}
+
+TEST_CASE("a histogram has a place for sigmas that doubles cannot hold") {
+  GaussianModel model = tinyModel(20, 0);
+  model.log_scale[3] = glm::vec3(800.0f);
+  model.log_scale[4] = {800.0f, 0.0f, -800.0f};
+  const auto shared = std::make_shared<const GaussianModel>(std::move(model));
+  for (std::size_t value = 0; value < selectValues().size(); ++value) {
+    CAPTURE(value);
+    const Histogram histogram = histogramOf(shared, value);
+    CHECK(std::ranges::all_of(histogram.values, [](float v) { return std::isfinite(v); }));
+    CHECK(std::ranges::all_of(histogram.bars, [](float bar) { return bar >= 0 && bar <= 1; }));
+    const std::vector<std::uint8_t> all = insideRange(histogram, histogram.low, histogram.high);
+    CHECK(std::ranges::count(all, 1) == 20);
   }
 }
 
@@ -282,7 +331,7 @@ TEST_CASE("every kind of click is a step that can be undone and redone") {
     frame(state);
     CHECK(value() == after);
   };
-  auto& [output, settings, held, crop, box, scale, resolution] = state.display;
+  auto& [output, settings, held, crop, box, scale, scaled, resolution] = state.display;
   check("Show depth", [&] { press(state, '5'); }, [&, &o = output] { return o; });
   check("Textures", [&] { press(state, 'T'); }, [&, &s = settings] { return s; });
   check("Exposure", [&, &s = settings] { s.exposure = 1; }, [&, &s = settings] { return s; });
@@ -363,15 +412,10 @@ TEST_CASE("the window's shape and another model are no steps, and the history is
 
 TEST_CASE("the pointer drags rectangles, brushes, spheres and handles, and leaves the rest to the camera") {
   ViewerState state = sampleState();
-  const Camera camera = toCamera(state.camera.pose, state.camera.lens, 960, 720);
-  EditPointer pointer;
-  pointer.over = true;
-  const auto go = [&](glm::dvec2 at, bool down) {
-    pointer.at = at;
-    pointer.pressed = down && !pointer.down;
-    pointer.down = down;
-    return editPointer(state, pointer, camera);
-  };
+  const Camera camera = Hand::camera(state);
+  Hand hand;
+  EditPointer& pointer = hand.pointer;
+  const auto go = [&](glm::dvec2 at, bool down) { return hand.go(state, at, down); };
   CHECK_FALSE(go({100, 100}, true).button);
   (void)go({100, 100}, false);
   setTool(state, EditTool::rectangle);
@@ -436,6 +480,140 @@ TEST_CASE("the pointer drags rectangles, brushes, spheres and handles, and leave
   undo(state);
   CHECK(*state.scene.model == *still);
   CHECK_FALSE(go({5, 5}, true).button);  // beside the handles the camera has it
+}
+
+TEST_CASE("undo, redo and Delete end a drag first, and what is left of it does nothing") {
+  ViewerState state = sampleState();
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  frame(state);
+  press(state, kKeyDelete);
+  frame(state);
+  setTool(state, EditTool::brush);
+  state.edit.mode = SelectMode::add;
+  Hand hand;
+  (void)hand.go(state, {300, 350}, true);
+  (void)hand.go(state, {700, 350}, true);
+  REQUIRE(state.edit.selection);
+  const SelectionPtr swept = state.edit.selection;
+  (void)hand.go(state, {700, 350}, true);
+  CHECK(state.edit.selection == swept);  // a pointer that rests costs nothing
+  press(state, kUndo);
+  CHECK_FALSE(state.edit.selection);
+  CHECK_FALSE(state.edit.selecting);
+  CHECK(state.scene.model->size() == 266);
+  press(state, kUndo);
+  CHECK(state.scene.model->size() == 400);
+  const SelectionPtr before = state.edit.selection;
+  CHECK(hand.go(state, {500, 350}, true).button);  // not the camera's
+  CHECK(state.edit.selection == before);
+  (void)hand.go(state, {500, 350}, false);
+  (void)hand.go(state, {500, 300}, true);
+  press(state, kRedo);
+  CHECK_FALSE(state.edit.selecting);
+  press(state, kRedo);
+  CHECK(state.scene.model->size() == 266);
+  (void)hand.go(state, {500, 350}, false);
+  (void)hand.go(state, {300, 350}, true);
+  (void)hand.go(state, {700, 350}, true);
+  const std::size_t chosen = state.edit.selection->count;
+  press(state, kKeyDelete);
+  CHECK(state.scene.model->size() == 266 - chosen);
+  (void)hand.go(state, {500, 400}, true);
+  CHECK_FALSE(state.edit.selection);
+}
+
+TEST_CASE("a range of the histogram that is being dragged survives undo, redo and Delete") {
+  ViewerState state = sampleState();
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  frame(state);
+  for (const SelectMode mode : {SelectMode::add, SelectMode::subtract, SelectMode::intersect}) {
+    state.edit.mode = mode;
+    const std::size_t size = state.scene.model->size();
+    const SelectionPtr before = state.edit.selection;
+    state.edit.range_before = before;
+    const Histogram* histogram = histogramShown(state);
+    const double middle = (histogram->low + histogram->high) / 2;
+    chooseRange(state, histogram->low, middle);
+    press(state, kUndo);
+    CHECK_FALSE(state.edit.range_before);
+    CHECK(state.edit.selection == before);
+    state.edit.range_before = before;
+    chooseRange(state, middle, histogram->high);
+    REQUIRE(state.edit.selection);
+    press(state, kKeyDelete);
+    CHECK(state.scene.model->size() < size);
+    CHECK_FALSE(state.edit.range_before);
+    press(state, kUndo);
+    CHECK(state.scene.model->size() == size);
+    CHECK(state.edit.selection == before);
+  }
+}
+
+TEST_CASE("another selection, and another model, end the drag of a handle without an edit") {
+  ViewerState state = sampleState();
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  frame(state);
+  setTool(state, EditTool::move);
+  Hand hand;
+  const glm::dvec2 handle = Hand::middle(state);
+  const ModelPtr still = state.scene.model;
+  for (const int key : {kControl | 'A', kControl | 'I'}) {
+    CHECK(hand.go(state, handle, true).button);
+    CHECK(hand.go(state, handle + glm::dvec2(40, 0), true).button);
+    updatePreview(state);
+    CHECK(shownModel(state) != still);
+    press(state, key, key == (kControl | 'A'));
+    CHECK(shownModel(state) == still);
+    CHECK(hand.go(state, handle + glm::dvec2(60, 0), false).button == false);
+    frame(state);
+    CHECK(state.scene.model == still);
+    CHECK(undoName(state).starts_with("Select"));
+    press(state, kUndo);
+  }
+  (void)hand.go(state, handle, true);
+  (void)hand.go(state, handle + glm::dvec2(40, 0), true);
+  REQUIRE(state.edit.moving);
+  updatePreview(state);
+  leaveDocument(state);
+  const EditState& left = state.documents.open.front().edit;
+  CHECK_FALSE(left.moving);
+  CHECK_FALSE(left.preview);
+  CHECK(left.selection);
+}
+
+TEST_CASE("cameras that replaced those of a moved model stay where they are when the move is undone") {
+  ViewerState state = sampleState();
+  transformChosen(state, similarityOf(state, {5, 0, 0}, glm::dvec3(0.0), 1));
+  Camera other = test::trainedLikeCamera(96, 72);
+  other.translation = {1, 2, 3};
+  replaceCameras(state, {other});
+  CHECK(state.camera.index == 0);
+  frame(state);
+  press(state, kUndo);
+  press(state, kUndo);
+  CHECK(undoName(state).empty());
+  CHECK(state.scene.cameras.front() == other);
+  press(state, kRedo);
+  CHECK(state.scene.cameras.front() == other);
+  // They move with the model from now on.
+  transformChosen(state, similarityOf(state, {5, 0, 0}, glm::dvec3(0.0), 1));
+  CHECK(glm::distance(state.scene.cameras.front().position(), other.position() + glm::dvec3(5, 0, 0)) < 1e-12);
+  press(state, kUndo);
+  CHECK(glm::distance(state.scene.cameras.front().position(), other.position()) < 1e-12);
+}
+
+TEST_CASE("a file that was saved before the model was read again says nothing about the new one") {
+  ViewerState state = sampleState();
+  transformChosen(state, someSimilarity());
+  const std::uint64_t saved = state.edit.revision;
+  replaceScene(state, state.scene);
+  noteModelKept(state, "sample.tgz", saved);
+  CHECK_FALSE(hasUnsavedEdits(state, 0));
+  transformChosen(state, someSimilarity());
+  noteModelKept(state, "sample.tgz", saved);
+  CHECK(hasUnsavedEdits(state, 0));
+  noteModelKept(state, "sample.tgz", state.edit.revision);
+  CHECK_FALSE(hasUnsavedEdits(state, 0));
 }
 
 TEST_CASE("what would lose edits is asked first") {
@@ -503,7 +681,7 @@ TEST_CASE("of several edited models each is asked for, in view, and a change of 
   ViewerState state = sampleState();
   Document& hidden = state.documents.open.emplace_back();
   hidden.path = "hidden.tgz";
-  hidden.edit.revision = 3;
+  hidden.edit.revision = newRevision();
   choose(state, everyThird(400), SelectMode::replace, nullptr);
   deleteChosen(state);
   askToQuit(state);

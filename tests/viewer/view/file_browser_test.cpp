@@ -81,6 +81,31 @@ TEST_CASE("what is typed filters, a folder typed with its slash is entered, Tab 
   CHECK(browser.folder == folder.path);
 }
 
+TEST_CASE("a path that is typed is gone into once, whatever the dialog is for") {
+  const TemporaryFolder folder;
+  std::filesystem::create_directories(folder / "sub/sub");
+  for (const bool saves : {false, true}) {
+    CAPTURE(saves);
+    FileBrowser browser = browserIn(folder, saves);
+    type(browser, "sub/");
+    CHECK(browser.folder == folder / "sub");
+    CHECK(browser.text.empty());
+    CHECK(names(browser) == Names{"sub", "inner.tgz"});
+    type(browser, "../al");
+    CHECK(browser.folder == folder.path);
+    CHECK(browser.text == "al");
+    type(browser, "/");
+    CHECK(browser.folder == "/");
+    type(browser, (folder / "sub/inner.tgz").string());
+    CHECK(browser.folder == folder / "sub");
+    CHECK(browser.text == "inner.tgz");
+    if (std::getenv("HOME")) {
+      type(browser, "~/");
+      CHECK(browser.folder == std::filesystem::path(std::getenv("HOME")).lexically_normal());
+    }
+  }
+}
+
 TEST_CASE("up and down pick, Enter opens what is picked and goes into folders") {
   const TemporaryFolder folder;
   FileBrowser browser = browserIn(folder);

@@ -2,13 +2,16 @@
 // What keys, mouse and new models do to the viewer's state.
 #include "viewer/view/state.h"
 
+#include <functional>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "support/catch.h"
 #include "viewer/keys.h"
 #include "viewer/view/actions.h"
 #include "viewer/view/input.h"
+#include "viewer/view/names.h"
 
 using namespace tg;
 using test::press;
@@ -116,7 +119,7 @@ TEST_CASE("Space goes round the cameras in both directions") {
   CHECK_FALSE(none.messages.notice.empty());
 }
 
-TEST_CASE("Esc closes an error, then the help, then the viewer") {
+TEST_CASE("Esc closes an error, then the help, and pressed twice the viewer") {
   ViewerState state = stateWithCameras(1);
   state.messages.error = "x.ply: broken";
   state.ui.help = true;
@@ -125,9 +128,22 @@ TEST_CASE("Esc closes an error, then the help, then the viewer") {
   CHECK(state.ui.help);
   press(state, kKeyEscape);
   CHECK_FALSE(state.ui.help);
+  press(state, kKeyEscape);
   CHECK_FALSE(state.quit);
+  CHECK_FALSE(state.messages.notice.empty());
   press(state, kKeyEscape);
   CHECK(state.quit);
+}
+
+TEST_CASE("the window has letters for every name that it shows") {
+  ViewerState state = stateWithCameras(1);
+  state.compare.photograph = "images/a.jpg";
+  state.compare.problem = "b";
+  state.messages.error = "c";
+  state.recent = {"d"};
+  std::set<std::string, std::less<>> names;
+  forEachName(state, [&](std::string_view text) { names.emplace(text); });
+  for (const char* shown : {"images/a.jpg", "b", "c", "d"}) CHECK(names.contains(shown));
 }
 
 TEST_CASE("moving leaves the model's camera, Shift+F comes back to it") {

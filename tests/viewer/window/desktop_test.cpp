@@ -86,9 +86,38 @@ TEST_CASE("a path that was not saved is asked for, Esc goes back, Save saves it 
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  askedOnLeaving(shop, "path-lines off\nadd-key\nwait 2\n", "key Escape\n",
+  askedOnLeaving(shop, "path-lines off\nadd-key\nwait 2\n", "key Escape\nkey Escape\n",
                  "key ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\n");
   CHECK(std::filesystem::exists(shop / "path.json"));
+}
+
+TEST_CASE("a picture is of the model that its dialog was opened for", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::writeSample(shop / "other.tgz", 30);
+  playByHand(shop,
+             "picture own.png\nawait-file dialog\nopen other.tgz\npicture other.png\nawait-file got.png\nwait 2\n",
+             "reached own.png\nkey ctrl+p\nsleep 0.5\ntouch dialog\nreached other.png\nkey ctrl+a\n"
+             "xdotool type got.png\nkey Return\nreached got.png\n");
+  CHECK(psnr(shop.read("own.png"), shop.read("other.png")) < 40);
+  CHECK(psnr(shop.read("own.png"), shop.read("got.png")) > 60);
+}
+
+TEST_CASE("a window that is told to stop keeps its session and ends by the signal", "[window]") {
+  TG_SKIP_IF(noHand());
+  for (const auto& [signal, code] : {std::pair("TERM", "143"), {"HUP", "129"}}) {
+    INFO(signal);
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    playByHand(shop, "bookmark\nwindow marked.png\nawait-file never\n",
+               "reached marked.png\nkill -s " + std::string(signal) + " $tgview\ncode=0\nwait $tgview || code=$?\n" +
+                   "echo $code > code\nexit 0\n",
+               {"model.tgz", "--session", "session.json"});
+    CHECK(lineOf(shop / "code") == code);
+    std::ifstream session(shop / "session.json");
+    CHECK(std::string(std::istreambuf_iterator<char>(session), {}).find("view 1") != std::string::npos);
+  }
 }
 
 TEST_CASE("edits that were not saved are asked for, and Save replaces the model's own file and ends", "[window]") {
@@ -127,6 +156,22 @@ TEST_CASE("F11 fills the screen and gives it back", "[window]") {
              "key F11\nsleep 1\ntouch big\nreached big.png\nkey Escape\nsleep 1\ntouch small\nreached small.png\n");
   CHECK(shop.read("big.png").width == 1024);
   CHECK(shop.read("big.png").height == 768);
+  CHECK(shop.read("small.png").width == 640);
+  CHECK(shop.read("small.png").height == 480);
+}
+
+TEST_CASE("a device that fails leaves the full screen and what lies behind it", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  playByHand(shop,
+             "await-file big\nlose-window-device\nwait 30\nwindow big.png\nawait-file small\nwait 4\nwindow "
+             "small.png\n",
+             "key F11\nsleep 1\ntouch big\nreached big.png\nwindow=$(xdotool search --onlyvisible --name '^tgview' | "
+             "head -n 1)\nxdotool windowfocus --sync $window\nkey Escape\nkey Escape\nsleep 1\ntouch small\nreached "
+             "small.png\n",
+             {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  CHECK(shop.read("big.png").width == 1024);
   CHECK(shop.read("small.png").width == 640);
   CHECK(shop.read("small.png").height == 480);
 }

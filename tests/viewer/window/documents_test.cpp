@@ -127,7 +127,8 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
          "document 0\npanel off\ncompare side\nwindow side.png\ncompare wipe\ndivider 0.25\nwindow wipe.png\n"
          "picture wipe-picture.png\ncompare flip\npicture flip-picture.png\nwindow flip.png\ncompare "
          "difference\nwindow difference.png\ndifference signed 4\nwindow signed.png\n"
-         "compare flicker\nwindow first.png\nkey Shift+V\nwindow other.png\ncompare off\nwindow off.png\n",
+         "compare flicker\nwindow first.png\nkey Shift+V\nwindow other.png\ncompare off\nwindow off.png\n"
+         "output count\ncompare side\nwindow count.png\n",
          "240x180", backend);
     const Image a = render({"a.tgz", "--size", "240x180"}).first, b = render({"b.tgz", "--size", "240x180"}).first;
     const Image a_half = render({"a.tgz", "--size", "120x180"}).first;
@@ -144,6 +145,9 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
     CHECK(psnr(shop.read("first.png"), a) > 45);
     CHECK(psnr(shop.read("other.png"), b) > 45);
     CHECK(psnr(shop.read("off.png"), a) > 45);
+    const Image counts =
+        render({"a.tgz", "--compare", "b.tgz", "--compare-mode", "side", "--size", "240x180", "--show", "count"}).first;
+    CHECK(psnr(shop.read("count.png"), counts) > 35);
     const auto [side, out] = render({"a.tgz", "--compare", "b.tgz", "--compare-mode", "side", "--size", "240x180"});
     CHECK(psnr(shop.read("side.png"), side) > 45);
     CHECK(numberAfter(out, "PSNR ") == Approx(psnr(b_half, a_half)).margin(0.1));

@@ -11,7 +11,9 @@ namespace tg::test {
 
 std::string noHand() {
   if (std::string why = noWindow(); !why.empty()) return why;
-  if (std::system("command -v xdotool openbox import >/dev/null 2>&1") == 0) return "";
+  // `command -v` of several succeeds where the first of them is there.
+  const char* all = "command -v xdotool >/dev/null && command -v openbox >/dev/null && command -v import >/dev/null";
+  if (std::system(all) == 0) return "";
   return "no xdotool, openbox or import (packages xdotool, openbox, imagemagick)";
 }
 
