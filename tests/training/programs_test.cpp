@@ -277,7 +277,28 @@ TEST_CASE("programs have a version, and fail where what they print is lost", "[p
     CHECK_THAT(version.output, Contains(fs::path(program).filename().string() + " "));
     const Outcome lost = run(folder, "'" + program + "' --help >/dev/full");
     CHECK(lost.code == 4);
-    CHECK_THAT(lost.output, Contains("standard output: cannot write"));
+    CHECK_THAT(lost.output, Contains("standard output: cannot write: No space left on device"));
+    for (const std::string what : {" --version", " --man", " --completion=bash"}) {
+      CHECK(run(folder, "'" + program + "'" + what + " >/dev/full").output == lost.output);
+    }
+  }
+  CHECK(run(folder, "'" TG_TGTRAIN "' photos --completion bash").code == 1);
+  CHECK(run(folder, "'" TG_TGTRAIN "' photos --version").output == tgtrain(folder, "--version").output);
+}
+
+TEST_CASE("a value that is none is named with what was expected", "[programs]") {
+  const tg::TemporaryFolder folder;
+  for (const auto& [arguments, message] : std::initializer_list<std::pair<std::string, std::string>>{
+           {"--steps", "--steps: expected a value, found none"},
+           {"--steps abc", "--steps: expected a number from 0.125 to 64, found \"abc\""},
+           {"--threads 1.5", "--threads: expected an integer from 0 to 4096, found \"1.5\""},
+           {"--downscale two", "--downscale: expected a number, found \"two\""},
+           {"--target-size foo", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"foo\""},
+           {"--target-size 0.5", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"0.5\""},
+           {"--target-size 3TB", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"3TB\""}}) {
+    const Outcome outcome = tgtrain(folder, "scene -o m.sog " + arguments);
+    CHECK(outcome.code == 1);
+    CHECK(outcome.output == "tgtrain: " + message + " (see --help)\n");
   }
 }
 
