@@ -72,6 +72,9 @@ TEST_CASE("a run that is watched leaves its newest model, is paused, stepped and
   std::ofstream(run / "control") << "faster\n";
   child.until(
       [&] { return child.output().find("is no order (expected pause, go, step N or stop)") != std::string::npos; });
+  std::ofstream(run / "control") << "go";
+  child.until([&] { return child.output().find("is no whole line (expected its end") != std::string::npos; });
+  CHECK(statusOf(run)->phase == tg::RunPhase::paused);
   tg::giveOrder(run, {tg::RunCommand::go});
   child.until(
       [&] { return statusOf(run) && statusOf(run)->now.iteration > paused + 60 && statusOf(run)->now.test_psnr; });
@@ -79,7 +82,7 @@ TEST_CASE("a run that is watched leaves its newest model, is paused, stepped and
   tg::giveOrder(run, {tg::RunCommand::stop});
   CHECK(child.end() == 128 + SIGINT);
   CHECK_THAT(child.output(), Contains("interrupted; wrote"));
-  for (const char* gone : {"live.tgz", "live.json", "control"}) CHECK_FALSE(fs::exists(run / gone));
+  for (const char* gone : {"live.tgz", "live.json", "control", ".tg-control"}) CHECK_FALSE(fs::exists(run / gone));
 }
 
 TEST_CASE("what a killed run left of being watched is gone when it goes on", "[watch]") {
