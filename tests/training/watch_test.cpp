@@ -136,6 +136,39 @@ TEST_CASE("a page shows a run and changes none of its bytes", "[watch]") {
   CHECK(bytesOf(folder / "served.tgz") == bytesOf(folder / "alone.tgz"));
 }
 
+TEST_CASE("a page without a run folder has its title and its test scores, and no last look keeps a file back",
+          "[watch]") {
+  TG_SKIP_IF(std::system("curl --version >/dev/null 2>&1") == 0 ? "" : "no curl");
+  const tg::TemporaryFolder folder, browser;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Child child(folder,
+              "scene/ --texture-mode none --iterations 300 -o model.tgz --json run.json --serve 0 --eval-every 20");
+  child.until([&] { return child.output().find("serving http://127.0.0.1:") != std::string::npos; });
+  const std::string output = child.output();
+  const std::size_t at = output.find("http://");
+  const std::string url = output.substr(at, output.find('\n', at) - at);
+  nlohmann::json json;
+  const auto ask = [&] {
+    const Outcome state = run(browser, "curl -s --max-time 5 " + url + "state.json");
+    if (state.code == 0) json = nlohmann::json::parse(state.output);
+  };
+  // The model is not asked for, so that the program waits for it at the end.
+  child.until([&] {
+    ask();
+    return json["run"].is_object() && json["run"]["phase"] == "finished";
+  });
+  CHECK(json["title"] == "scene");
+  int scores = 0;
+  for (const nlohmann::json& row : json["metrics"]["rows"]) scores += !row[4].is_null();
+  CHECK(scores == 300 / 20);
+  CHECK(fs::exists(folder / "run.json"));
+  CHECK_THAT(child.output(), Contains("wrote model.tgz"));
+  const auto start = std::chrono::steady_clock::now();
+  child.send(SIGINT);
+  CHECK(child.end() == 0);
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(4));
+}
+
 TEST_CASE("a page that cannot be served is one line before training", "[watch]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
