@@ -210,6 +210,15 @@ TEST_CASE("plot draws the curves of runs, each with its name, and refuses what i
   outcome = tgtrain(folder, "plot scene -o new.svg");
   CHECK(outcome.code == 2);
   CHECK_THAT(outcome.output, Contains("scene: is no run (expected a folder with metrics.jsonl"));
+  std::ofstream(folder / "strange.jsonl")
+      << R"({"stage": "plain", "iteration": 1, "loss": 1e16, "train_psnr": 1e308, "seconds": 1e300})" << '\n'
+      << R"({"stage": "plain", "iteration": 2, "loss": 10000000000000002, "train_psnr": -1e308, "seconds": 1e300})"
+      << '\n'
+      << R"({"stage": "<b>\u0001", "iteration": 3, "loss": 1e16, "test_psnr": 20})" << '\n';
+  CHECK(tgtrain(folder, "plot strange.jsonl -o strange.svg").code == 0);
+  const std::string strange = contents(folder / "strange.svg");
+  CHECK_THAT(strange, Contains("20.00 dB held out after &lt;b") && !Contains("<b>") && !Contains("\x01"));
+  CHECK_THAT(strange, !Contains("nan") && !Contains("inf"));
   std::ofstream(folder / "empty.jsonl") << "{}\n";
   outcome = tgtrain(folder, "plot empty.jsonl -o new.svg");
   CHECK(outcome.code == 3);
