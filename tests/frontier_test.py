@@ -82,7 +82,7 @@ class Frontier(unittest.TestCase):
 
             driver.call, driver.score = call, lambda *_: {"psnr": 1.0}
             with unittest.mock.patch.multiple(frontier, CELLS=folder / "cells",
-                                              training_of=lambda _: {"interrupted": False}):
+                                              commit=lambda: "abc1234", training_of=lambda _: {"interrupted": False}):
                 driver.run(name)
             self.assertEqual(trained_for, [True] * len(frontier.TRAINED))
             self.assertEqual(len(json.loads((folder / "cells" / f"{name}.json").read_text())["trained"]),

@@ -55,8 +55,8 @@ TEST_CASE("a file that may not be read says why") {
   std::filesystem::permissions(inside.parent_path(), std::filesystem::perms::none);
   const uid_t user = ::geteuid();
   if (user == 0) REQUIRE(::seteuid(65534) == 0);  // nothing is kept from root
-  const std::string shut = test::messageOf([&] { detectFormat(file); });
-  const std::string hidden = test::messageOf([&] { detectFormat(inside); });
+  const std::string shut = test::messageOf([&] { detectFormat(file); }, ErrorKind::cannotRead);
+  const std::string hidden = test::messageOf([&] { detectFormat(inside); }, ErrorKind::cannotRead);
   if (user == 0) REQUIRE(::seteuid(0) == 0);
   std::filesystem::permissions(inside.parent_path(), std::filesystem::perms::owner_all);
   CHECK(shut == file.string() + ": cannot open: Permission denied");
