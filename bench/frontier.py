@@ -69,7 +69,7 @@ class Driver:
     def train(self, scene, run, *flags):
         """The model in the run folder, finished."""
         done = run / "done"
-        if not done.exists():
+        if not done.exists() or not (run / "model.tgz").exists():
             run.parent.mkdir(parents=True, exist_ok=True)
             self.call(scene, "tgtrain", self.options.data / SCENES[scene].folder, "--run", run, "--resume", "-q",
                       "--device", self.options.device, "--metrics-every", 0, "--checkpoint-every", 120, *flags)
@@ -91,10 +91,9 @@ class Driver:
         report["trained"] = self.trained_for(name)
         write(path, report)
 
-    def cut(self, name):
-        """Trains the cell's model, and writes it with every width of steps."""
+    def model(self, name):
+        """The cell's, trained if it is not there."""
         scene, count, degree, arm, seed = name.split("/")
-        begun = commit()
         common = ["--sh-degree", degree[2:], "--seed", seed]
         start = self.train(scene, self.options.work / scene / count / degree / f"start-{seed}", *SCENES[scene].flags,
                            *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count)
@@ -104,8 +103,12 @@ class Driver:
             mode, texels = arm.split("-")
             flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", mode, "--texture-size", SIDE,
                      "--adaptive-texels", texels]
-        run = self.options.work / name
-        model = self.train(scene, run, "--start-model", start, *common, *flags)
+        return self.train(scene, self.options.work / name, "--start-model", start, *common, *flags)
+
+    def cut(self, name):
+        """The cell's model, written with every width of steps."""
+        scene, begun, run = name.split("/")[0], commit(), self.options.work / name
+        model = self.model(name)
         report = {"cell": name, "commit": begun, "machine": machine(), "training": training_of(model),
                   "model": self.score(scene, model, run), "files": []}
         for steps in STEPS:
@@ -119,9 +122,10 @@ class Driver:
         """The files for which its model goes on."""
         scene, _, degree, arm, seed = name.split("/")
         run, files = self.options.work / name, []
+        model = self.model(name)
         for steps in TRAINED:
             file = run / f"trained-{steps}.sog"
-            self.call(scene, "tgtrain", self.options.data / SCENES[scene].folder, "--start-model", run / "model.tgz",
+            self.call(scene, "tgtrain", self.options.data / SCENES[scene].folder, "--start-model", model,
                       "--sh-degree", degree[2:], "--seed", seed, "--iterations", 0, "--texture-iterations", 0,
                       *(["--texture-mode", "none"] if arm == "plain" else []), "--quantize-iterations", QUANTIZE,
                       "--steps", steps, "-o", file, "--overwrite", "-q", "--device", self.options.device)

@@ -5,6 +5,7 @@ own.
 
     tests/frontier_test.py
 """
+import argparse
 import json
 import math
 import pathlib
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "bench"))
@@ -61,6 +63,30 @@ class Frontier(unittest.TestCase):
         self.assertIn("| fox | 1,700 Gaussians, SH 1, rgba 8 | 1 | +5.50 | 12.50 | 19.92 |", page)
         self.assertIn("without textures", picture)
         self.assertNotIn("lego", picture)
+
+    def test_a_cell_that_was_cut_elsewhere_is_trained_again_for_its_files(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder, name = pathlib.Path(folder), "fox/1700/sh1/plain/1"
+            add(folder / "cells", name, (10000, 20.0))
+            options = argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu", threads=1)
+            driver, trained_for = frontier.Driver(options), []
+
+            def call(_, program, *arguments):
+                if "--run" in arguments:
+                    run = arguments[arguments.index("--run") + 1]
+                    run.mkdir(parents=True)
+                    (run / "model.tgz").touch()
+                    return
+                trained_for.append(arguments[arguments.index("--start-model") + 1].exists())
+                arguments[arguments.index("-o") + 1].touch()
+
+            driver.call, driver.score = call, lambda *_: {"psnr": 1.0}
+            with unittest.mock.patch.multiple(frontier, CELLS=folder / "cells",
+                                              commit=lambda: "abc1234", training_of=lambda _: {"interrupted": False}):
+                driver.run(name)
+            self.assertEqual(trained_for, [True] * len(frontier.TRAINED))
+            self.assertEqual(len(json.loads((folder / "cells" / f"{name}.json").read_text())["trained"]),
+                             len(frontier.TRAINED))
 
     def test_the_trees_own(self):
         page, picture = self.report(ROOT / "docs/lab/frontier")

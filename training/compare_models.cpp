@@ -91,6 +91,7 @@ ReportedDataset scoreGroup(const EvalOptions& options, const EvalGroup& group, s
   std::vector<EvalScene> scenes;
   for (const std::string& model : group.models) scenes.push_back(readEvalScene(model));
   const Dataset dataset = readEvalViews(options, group.dataset, backgroundOf(group, scenes, options));
+  for (std::size_t i = 0; i < scenes.size(); ++i) warnOfOtherViews(group.models[i], scenes[i], dataset);
   RenderSettings settings = options.render;
   settings.background = dataset.background;
   std::list<Contestant> contestants;

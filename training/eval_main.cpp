@@ -51,9 +51,10 @@ std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset&
   return files;
 }
 
-tg::EvalReport::Views score(const tg::EvalOptions& options, const std::string& folder, const tg::EvalScene& scene,
+tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup& group, const tg::EvalScene& scene,
                             const std::optional<tg::Lpips>& lpips) {
-  const tg::Dataset dataset = tg::readEvalViews(options, folder, scene.background);
+  const tg::Dataset dataset = tg::readEvalViews(options, group.dataset, scene.background);
+  tg::warnOfOtherViews(group.models.front(), scene, dataset);
   const std::vector<fs::path> pictures = pictureFiles(options.images, dataset, options.overwrite);
   const std::vector<fs::path> comparisons = pictureFiles(options.side_by_side, dataset, options.overwrite);
   tg::EvalReport::Views views;
@@ -104,7 +105,7 @@ int scoreOne(const tg::EvalOptions& options, const tg::EvalGroup& group) {
     if (!options.quiet) std::fputs(tg::formatRanks(*report.ranks).c_str(), stdout);
   }
   if (!group.dataset.empty()) {
-    report.views = score(options, group.dataset, scene, lpips);
+    report.views = score(options, group, scene, lpips);
     if (!options.quiet) std::fputs(tg::formatScores(report).c_str(), stdout);
   }
   if (!options.json.empty()) tg::writeTextAtomically(options.json, tg::formatEvalJson(report));

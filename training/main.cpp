@@ -10,6 +10,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -17,6 +18,7 @@
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "core/system/parallel.h"
 #include "core/system/program.h"
 #include "core/system/signals.h"
@@ -62,13 +64,15 @@ struct Options {
   std::string preset = "default";
   std::uint64_t target_bytes = 0;                         // of the output; 0: any
   float steps = 0;                                        // of the output; 0: its own, or what target_bytes leave
-  bool from_file = false;                                 // --config is given
   std::map<const tg::SettingEntry*, std::string> chosen;  // over the preset; empty: not given
+  bool from_file = false;                                 // --config is given, and has chosen all
+  std::set<const tg::SettingEntry*> by_flag;              // which of them flags have chosen, then
   std::string device = "auto";
   int threads = 0;
   bool overwrite = false;
   bool watch = false;
   std::string serve, serve_token;
+  std::string title;  // of the page; "": the data set's name
   bool quiet = false;
   bool reproducible = false;
   bool print_config = false;
@@ -106,27 +110,27 @@ tg::TrainSettings settingsOf(const Options& options) {
 }
 
 // The model that --start-model names.
-std::optional<tg::GaussianModel> startModel(const Options& options) {
+std::optional<tg::Bundle> startModel(const Options& options) {
   if (options.start_model.empty()) return std::nullopt;
-  tg::Bundle bundle = tg::readModel(options.start_model);
-  for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
-  return std::move(bundle.model);
+  return tg::readModel(options.start_model);
 }
 
-// Whether a flag or a file of settings, which names them all, says other than the preset.
+// Whether a flag says it, or a file of settings, which names them all, other than the preset.
 template <typename Named>
 bool given(const Options& options, const tg::TrainSettings& settings, const Named& named) {
   const tg::TrainSettings preset = tg::presetSettings(options.preset);
   return std::ranges::any_of(options.chosen, [&](const auto& setting) {
     const tg::SettingEntry& entry = *setting.first;
-    const bool chosen = !setting.second.empty() && (!options.from_file || entry.get(settings) != entry.get(preset));
+    const bool by_flag = !options.from_file || options.by_flag.contains(&entry);
+    const bool chosen = !setting.second.empty() && (by_flag || entry.get(settings) != entry.get(preset));
     return chosen && named(std::string_view(entry.name));
   });
 }
 
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md): SH degree
-// 1, and no textures where neither a flag nor the start model speaks of them.
-void planSize(const Options& options, const tg::Dataset& dataset, bool textured_start, tg::TrainSettings& settings) {
+// 1, and no textures where neither a flag nor the start model speaks of them. Returns what to say of it.
+std::string planSize(const Options& options, std::uint64_t training_pixels, bool textured_start,
+                     tg::TrainSettings& settings) {
   const auto given = [&](const auto& named) { return ::given(options, settings, named); };
   const auto is = [](std::initializer_list<std::string_view> names) {
     return [names](std::string_view name) { return std::ranges::find(names, name) != names.end(); };
@@ -146,19 +150,19 @@ void planSize(const Options& options, const tg::Dataset& dataset, bool textured_
     }
   }
   const bool textured = settings.texture_mode != tg::TextureMode::none;
-  const tg::SizePlan plan = tg::planForSize(options.target_bytes, tg::partOfSog(options.output),
-                                            tg::trainingPixels(dataset), settings.sh_degree, settings.texture_mode);
+  const tg::SizePlan plan = tg::planForSize(options.target_bytes, tg::partOfSog(options.output), training_pixels,
+                                            settings.sh_degree, settings.texture_mode);
   if (!counted) settings.gaussians = plan.gaussians;
   if (textured && !shared_out) {
     settings.adaptive_texels = static_cast<float>(plan.texels);
     if (!sized) settings.texture_size = tg::kPlannedTextureSize;
   }
   tg::checkSettings(settings);
-  if (options.quiet) return;
-  std::printf("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
-  if (!counted) std::printf(", %zu Gaussians", settings.gaussians);
-  if (textured && !shared_out) std::printf(", %.1f texels each", plan.texels);
-  std::printf("\n");
+  std::string said =
+      tg::formatted("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
+  if (!counted) said += tg::formatted(", %zu Gaussians", settings.gaussians);
+  if (textured && !shared_out) said += tg::formatted(", %.1f texels each", plan.texels);
+  return said;
 }
 
 // For a file of coarser numbers, where nobody said how long: as long as it pays (docs/lab/quality.md).
@@ -175,14 +179,28 @@ void planQuantizing(const Options& options, tg::TrainSettings& settings) {
   settings.quantize_iterations = (settings.iterations + (textured ? settings.texture_iterations : 0)) / kQuantizedShare;
 }
 
-std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
-  if (options.run.folder.empty()) {
-    if (options.run.resume || options.watch) {
-      throw tg::Error(tg::ErrorKind::usage, "--resume and --watch expect a run folder (--run FOLDER)");
-    }
-    return nullptr;
+// Before hours of work, those of COLMAP among them: all that is wrong whatever the photographs are. Returns the start
+// model, if there is one.
+std::optional<tg::Bundle> checkTraining(const Options& options) {
+  tg::TrainSettings settings = settingsOf(options);
+  if (options.target_bytes > 0 || options.steps > 0) tg::partOfSog(options.output);  // refuses what has none
+  if (options.serve.empty() && !options.serve_token.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, "--serve-token is of a page (expected --serve with it)");
+  }
+  if (!options.serve.empty()) tg::parseServe(options.serve, options.serve_token);
+  if (options.run.folder.empty() && (options.run.resume || options.watch)) {
+    throw tg::Error(tg::ErrorKind::usage, "--resume and --watch expect a run folder (--run FOLDER)");
   }
   if (options.watch) tg::requireViewer();
+  tg::datasetOptions(options.data);
+  std::optional<tg::Bundle> start = startModel(options);
+  if (options.target_bytes > 0) planSize(options, 0, start && tg::isTextured(start->model), settings);
+  planQuantizing(options, settings);
+  return start;
+}
+
+std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
+  if (options.run.folder.empty()) return nullptr;
   tg::RunFolderOptions folder = options.run;
   folder.overwrite = options.overwrite;
   return std::make_unique<tg::RunFolder>(folder);
@@ -210,6 +228,19 @@ tg::Dataset loadData(const Options& options) {
   return dataset;
 }
 
+// `title`, or without one what a path is called, also with a slash at its end.
+std::string nameOf(const std::string& title, const fs::path& path) {
+  std::error_code ignored;
+  return title.empty() ? fs::weakly_canonical(path, ignored).filename().string() : title;
+}
+
+// What of the flags decides how stage quantized goes.
+tg::FlagTexts quantizedFor(const Options& options) {
+  return {{"target-size", std::to_string(options.target_bytes)},
+          {"steps", tg::numberText(options.steps)},
+          {"output", fs::path(options.output).extension().string()}};
+}
+
 int runTraining(const Options& options) {
   if (options.print_config) {
     std::fputs(tg::formatSettings(settingsOf(options)).c_str(), stdout);
@@ -224,14 +255,10 @@ int runTraining(const Options& options) {
                         std::string(": `tgtrain photos ") + options.dataset +
                         " -o model.tgz` finds the cameras and trains");
   }
-  tg::TrainSettings settings = settingsOf(options);
-  if (options.target_bytes > 0 || options.steps > 0) tg::partOfSog(options.output);  // refuses what has none
-  if (options.serve.empty() && !options.serve_token.empty()) {
-    throw tg::Error(tg::ErrorKind::usage, "--serve-token is of a page (expected --serve with it)");
-  }
+  std::optional<tg::Bundle> start_bundle = checkTraining(options);
   std::unique_ptr<tg::PageServer> page;
   if (!options.serve.empty()) {
-    page = tg::servePage(options.serve, options.serve_token, fs::path(options.dataset).filename().string());
+    page = tg::servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset));
   }
   const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
   // What a run wrote when it was stopped, it replaces when it goes on.
@@ -242,7 +269,9 @@ int runTraining(const Options& options) {
   std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::openCuda(options.device, why_cpu);
   if (!renderer) renderer = tg::makeCpuDifferentiableRenderer();
 
-  const auto start = std::chrono::steady_clock::now();
+  const auto seconds = [start = std::chrono::steady_clock::now()] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
   const tg::Dataset dataset = loadData(options);
   if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
   tg::handleStopSignals(requestStop);
@@ -251,14 +280,24 @@ int runTraining(const Options& options) {
   json_options.threads = tg::threadCount();
   json_options.device = renderer->deviceName();
   json_options.measurements = !options.reproducible;
-  std::optional<tg::GaussianModel> start_model = startModel(options);
-  if (options.target_bytes > 0) planSize(options, dataset, start_model && tg::isTextured(*start_model), settings);
+  std::optional<tg::GaussianModel> start_model;
+  if (start_bundle) {
+    for (const std::string& warning : start_bundle->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+    start_model = std::move(start_bundle->model);
+    start_bundle.reset();
+  }
+  tg::TrainSettings settings = settingsOf(options);
+  if (options.target_bytes > 0) {
+    const std::string said =
+        planSize(options, tg::trainingPixels(dataset), start_model && tg::isTextured(*start_model), settings);
+    if (!options.quiet) std::printf("%s\n", said.c_str());
+  }
   planQuantizing(options, settings);
   std::optional<tg::RunState> state;
   if (run) {
     json_options.fingerprint = tg::datasetFingerprint(dataset);
-    state = run->begin(
-        {dataset, settings, start_model ? &*start_model : nullptr, *renderer, json_options, &stop_requested});
+    state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, *renderer, json_options,
+                        &stop_requested, quantizedFor(options)});
     if (options.run.resume && !state && !options.quiet) {
       std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
     }
@@ -269,12 +308,17 @@ int runTraining(const Options& options) {
                               : tg::Trainer(dataset, settings, *renderer, std::exchange(start_model, {}));
   state.reset();
   start_model.reset();
+  bool storing = false;
   trainer.onQuantizing([&](const tg::GaussianModel& model, float& steps) {
+    storing = true;
     if (options.steps > 0) steps = options.steps;
-    return tg::asStored(options.output, model, options.target_bytes, steps);
+    tg::GaussianModel stored = tg::asStored(options.output, model, options.target_bytes, steps);
+    storing = false;
+    return stored;
   });
   tg::ProgressLine line;
-  tg::Watchers watchers(dataset, run.get(), page.get(), stop_requested);
+  tg::Watchers watchers(dataset, run.get(), page.get(), stop_requested,
+                        tg::MetricsLog(options.run.metrics_every, options.run.eval_every));
   trainer.onScoring([&](std::size_t done, std::size_t views) {
     if (!options.quiet) line.show("scoring test views", done, views);
     watchers.scoring(trainer, done, views);
@@ -282,14 +326,25 @@ int runTraining(const Options& options) {
   while (!trainer.finished()) {
     watchers.beforeStep(trainer);
     if (stop_requested) break;
-    if (!trainer.step(&stop_requested)) continue;
+    try {
+      if (!trainer.step(&stop_requested)) continue;
+    } catch (const std::exception&) {
+      if (!storing || run) throw;
+      // The file cannot be written, which its trial says before the end.
+      line.finish();
+      json_options.total_seconds = seconds();
+      tg::TrainResult result = trainer.result();
+      tg::keepModel(options.output, tg::makeTrainedBundle(dataset, settings, result.report, std::move(result.model),
+                                                          *renderer, json_options));
+      throw;
+    }
     if (!options.quiet) line.show(trainer.progress());
     if (run) run->afterStep(trainer);
     watchers.afterStep(trainer);
   }
   line.finish();
   tg::TrainResult result = trainer.result();
-  json_options.total_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  json_options.total_seconds = seconds();
 
   std::string written;  // what there is to say of the output
   const auto save = [&](const std::string& path, tg::GaussianModel model, const tg::TrainReport& report,
@@ -322,7 +377,6 @@ int runTraining(const Options& options) {
     report.textured.reset();
     save(options.untextured_output, std::move(*result.untextured), report);
   }
-  watchers.finish(trainer);
   if (!options.json.empty()) tg::writeTextAtomically(options.json, json);
   if (!options.quiet) {
     const std::string name = options.output.empty() ? run->model().string() : options.output;
@@ -333,7 +387,9 @@ int runTraining(const Options& options) {
     if (run && result.report.interrupted) {
       std::printf("the same command with --resume goes on from %s\n", run->checkpoint().c_str());
     }
+    std::fflush(stdout);
   }
+  watchers.finish(trainer);
   // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
   // An order to stop is as Ctrl-C.
   return result.report.interrupted ? 128 + (stop_signal > 0 ? stop_signal.load() : SIGINT) : 0;
@@ -358,6 +414,23 @@ void addSettingFlags(CLI::App& app, Options& options) {
     option->group("Recipe: numbers and names of --print-config");
   }
 }
+
+// Reads a file of settings as ever, and notes which flags stand beside it: it is read after them.
+class SettingsFile : public CLI::ConfigTOML {
+ public:
+  SettingsFile(const CLI::App& app, Options& options) : app_(app), options_(options) {}
+  std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
+    options_.from_file = true;
+    for (const tg::SettingEntry& entry : tg::settingEntries()) {
+      if (app_.count("--" + entry.name) > 0) options_.by_flag.insert(&entry);
+    }
+    return CLI::ConfigTOML::from_config(input);
+  }
+
+ private:
+  const CLI::App& app_;
+  Options& options_;
+};
 
 void addTrainingOptions(CLI::App& app, Options& options) {
   app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0")
@@ -390,6 +463,7 @@ void addTrainingOptions(CLI::App& app, Options& options) {
   app.set_config("--config", "", "Settings from a file, as --print-config writes it; flags go over it")
       ->type_name("FILE")
       ->configurable(false);
+  app.config_formatter(std::make_shared<SettingsFile>(app, options));
   app.allow_config_extras(CLI::config_extras_mode::error);
   app.add_flag("--print-config", options.print_config, "Print all settings with their units and end")
       ->configurable(false);
@@ -404,6 +478,17 @@ void addTrainingOptions(CLI::App& app, Options& options) {
   addSettingFlags(app, options);
 }
 
+// A flag that would do nothing is a mistake of whoever typed it.
+void refuseIdleFlags(const CLI::App& app, const Options& options) {
+  const auto refuse = [&](const char* flag, const char* expected) {
+    if (app.count(flag) > 0) throw tg::Error(tg::ErrorKind::usage, std::string(flag) + " expects " + expected);
+  };
+  if (!options.run.folder.empty()) return;
+  for (const char* flag : {"--checkpoint-every", "--preview-every"}) refuse(flag, "a run folder (--run FOLDER)");
+  if (!options.serve.empty()) return;
+  for (const char* flag : {"--metrics-every", "--eval-every"}) refuse(flag, "--run FOLDER or --serve");
+}
+
 void addRunOptions(CLI::App& app, Options& options) {
   const auto add = [&](auto* option) { option->group("Run folder")->configurable(false); };
   const CLI::Range iterations(0, 10'000'000);
@@ -415,11 +500,12 @@ void addRunOptions(CLI::App& app, Options& options) {
                      "Time between checkpoints (0: after every step) [s]")
           ->check(CLI::Range(0.0, 1e6))
           ->capture_default_str());
-  add(app.add_option("--metrics-every", options.run.metrics_every, "A line of metrics.jsonl (0: none) [iterations]")
+  add(app.add_option("--metrics-every", options.run.metrics_every,
+                     "A line of metrics.jsonl and of --serve (0: none) [iterations]")
           ->check(iterations)
           ->capture_default_str());
   add(app.add_option("--eval-every", options.run.eval_every,
-                     "Test scores in metrics.jsonl (0: at the end of each stage) [iterations]")
+                     "Test scores among them (0: at the end of each stage) [iterations]")
           ->check(iterations)
           ->capture_default_str());
   add(app.add_option("--preview-every", options.run.preview_every,
@@ -441,9 +527,11 @@ std::string trainingMadeOf(const Options& options) {
   std::string text = tg::formatSettings(settingsOf(options));
   for (const std::string& part :
        {options.start_model, data.background, data.images, data.points, data.masks, std::to_string(data.downscale),
-        std::to_string(data.test_every), std::to_string(data.validation), std::to_string(options.target_bytes),
-        options.target_bytes > 0 ? fs::path(options.output).extension().string() : ""}) {
+        std::to_string(data.test_every), std::to_string(data.validation)}) {
     text += part + "\n";
+  }
+  if (options.target_bytes > 0 || options.steps > 0) {
+    for (const auto& [name, value] : quantizedFor(options)) text += name + " " + value + "\n";
   }
   return text;
 }
@@ -454,20 +542,21 @@ int runPhotos(const tg::PhotosFlags& flags, Options& options) {
     throw tg::Error(tg::ErrorKind::usage,
                     "photos: expected a folder of photographs or a film, and -o model.tgz (see tgtrain photos --help)");
   }
-  // Before the hours that cameras take: what training would refuse.
-  const std::string made_of = trainingMadeOf(options);
-  if (options.target_bytes > 0) tg::partOfSog(options.output);
-  if (options.watch) tg::requireViewer();
   const bool own_run = options.run.folder.empty();
   const tg::PhotosOptions photos =
       tg::photosOptions(flags, options.dataset, options.output, std::max(options.threads, 0));
   if (own_run) options.run.folder = photos.work / "run";
+  checkTraining(options);
+  std::string ignored;
+  if (options.device == "cuda") tg::openCuda(options.device, ignored);
+  const std::string made_of = trainingMadeOf(options);
   checkOutputs(options, options.overwrite || tg::isFile(options.run.folder / "checkpoint"));
   if (options.threads > 0) tg::setThreadCount(options.threads);
   tg::checkInput(photos);
   tg::Ledger ledger(photos.work);
   tg::preparePhotosAloud(photos, ledger, options.quiet);
 
+  options.title = nameOf("", options.dataset);
   options.dataset = photos.work.string();
   options.run.resume = !own_run || ledger.isBegun(tg::PhotoStage::training, made_of);
   if (!options.run.resume) {
@@ -559,7 +648,6 @@ int main(int argc, char** argv) {
     if (argc > 1 && std::string_view(argv[1]) == "photos") {  // by itself: CLI11 reads --config for no subcommand
       photos->name("tgtrain photos");
       if (const std::optional<int> code = tg::parseCommandLine(*photos, argc - 1, argv + 1)) return *code;
-      photos_options.from_file = photos->get_config_ptr()->count() > 0;
       return runPhotos(photos_flags, photos_options);
     }
     CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
@@ -593,9 +681,12 @@ int main(int argc, char** argv) {
     CLI::App* plotted = app.add_subcommand("plot", "Draws the curves of runs: loss, PSNR and Gaussians");
     tg::addPlotOptions(*plotted, plot_options);
     if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
-    options.from_file = app.get_config_ptr()->count() > 0;
     if (*sample) {
       tg::writeSample(sample_folder, sample_options, sample_overwrite);
+      if (!sample_quiet) {
+        const int views = sample_options.train_views + sample_options.test_views;
+        std::printf("wrote %d photographs to %s\n", views, sample_folder.c_str());
+      }
       return 0;
     }
     if (*photos)
@@ -605,6 +696,7 @@ int main(int argc, char** argv) {
       tg::plotRuns(plot_options);
       return 0;
     }
+    refuseIdleFlags(app, options);
     return runTraining(options);
   });
 }

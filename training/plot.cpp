@@ -88,7 +88,7 @@ std::string curvesSvg(const std::vector<RunCurves>& runs) {
   for (const Chart& chart : charts) sheet.charts.push_back({chart.title, {}});
   for (const RunCurves& run : runs) {
     const std::vector<double> iterations = iterationsOfRun(run.lines);
-    sheet.labels.push_back(displayText(run.name) + outcome(run));
+    sheet.labels.push_back(displayText(run.name + outcome(run)));
     sheet.marks.push_back(stagesOf(run, iterations));
     for (std::size_t i = 0; i < charts.size(); ++i) {
       sheet.charts[i].curves.push_back(

@@ -2,6 +2,7 @@
 // Files in, pictures out.
 #include "training/score_model.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <utility>
@@ -19,12 +20,42 @@ EvalScene readEvalScene(const std::string& path) {
   if (wasInterrupted(bundle.training_json)) {
     std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), kInterruptedTraining);
   }
-  EvalScene scene{std::make_shared<const GaussianModel>(std::move(bundle.model)), bundle.background,
-                  std::filesystem::file_size(path)};
+  EvalScene scene{std::make_shared<const GaussianModel>(std::move(bundle.model)),
+                  bundle.background,
+                  std::filesystem::file_size(path),
+                  {}};
+  // Other formats round them.
+  if (bundle.format == "tgz" && !wasForValidation(bundle.training_json)) scene.cameras = std::move(bundle.cameras);
   // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
   // lost on the same ways.
   if (bundle.format != "tgz" && bundle.cameras.empty()) scene.background.reset();
   return scene;
+}
+
+void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset) {
+  if (scene.cameras.empty()) return;
+  // Edited models' cameras move with them, by computation.
+  constexpr double kSame = 1e-6;
+  const auto same = [](const Camera& a, const Camera& b) {
+    double turned = 0;
+    for (int axis = 0; axis < 3; ++axis) turned += glm::distance(a.rotation[axis], b.rotation[axis]);
+    return turned < kSame && glm::distance(a.translation, b.translation) < kSame * (1 + glm::length(a.translation));
+  };
+  const auto trained = [&](const Camera& view) {
+    return std::ranges::find_if(scene.cameras, [&](const Camera& camera) { return same(camera, view); });
+  };
+  for (const Camera& view : dataset.views) {
+    const auto camera = trained(view);
+    if (camera == scene.cameras.end()) continue;
+    if (camera->size != view.size) {
+      std::fprintf(stderr,
+                   "tgeval: %s: was trained on photographs of %d x %d, and is scored on %d x %d (--downscale)\n",
+                   path.c_str(), camera->size.x, camera->size.y, view.size.x, view.size.y);
+    }
+    return;
+  }
+  std::fprintf(stderr, "tgeval: %s: none of its %zu cameras is among the views of %s: was it trained on others?\n",
+               path.c_str(), scene.cameras.size(), dataset.name.c_str());
 }
 
 Dataset readEvalViews(const EvalOptions& options, const std::string& folder,

@@ -36,9 +36,13 @@ struct EvalScene {
   std::shared_ptr<const GaussianModel> model;
   std::optional<glm::vec3> background;  // what it was trained against
   std::uintmax_t bytes = 0;             // of the file
+  std::vector<Camera> cameras;          // which a data set that it is scored on should have, and as large; or none
 };
 // Warnings go to stderr. Throws what readModel() throws.
 EvalScene readEvalScene(const std::string& path);
+
+// A line on stderr where the model at `path` was trained on other photographs, or on such of another size.
+void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset);
 
 // The views of options.split and no others, over options.data.background or else `background`. Throws Error(usage)
 // where there are none, and what loadDataset() throws.

@@ -7,6 +7,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/bundle/training_json.h"
 #include "core/run/curves.h"
 #include "training/run/report.h"
 #include "training/run/trained_bundle.h"
@@ -15,22 +16,23 @@ namespace tg {
 namespace {
 
 constexpr std::chrono::milliseconds kLookPause(200), kPausedPause(50), kHeldOutPause(5000), kLastLook(10000);
-constexpr int kMetricsEvery = 10;  // [iterations] as --metrics-every
+
+static_assert(std::ranges::equal(kTrainingStages, namesOf(Stage{}), {}, &TrainingStage::name),
+              "training.json names the trainer's stages");
 
 // What a window knows of a run by its file.
 std::string progressJson(const TrainProgress& progress) {
-  const bool second = progress.stage == Stage::textured || progress.stage == Stage::untextured;
-  const std::string stage(name(progress.stage)), iterations = std::to_string(progress.iterations);
-  return "{\"program\": \"tgtrain\", \"interrupted\": true, \"settings\": {\"" +
-         std::string(second ? "texture-iterations" : "iterations") + "\": " + iterations + "}, \"stages\": {\"" +
-         stage + "\": {\"iterations\": " + std::to_string(progress.iteration) +
+  const auto& [stage, iterations] = kTrainingStages[static_cast<std::size_t>(progress.stage)];
+  return "{\"program\": \"tgtrain\", \"interrupted\": true, \"settings\": {\"" + std::string(iterations) +
+         "\": " + std::to_string(progress.iterations) + "}, \"stages\": {\"" + std::string(stage) +
+         "\": {\"iterations\": " + std::to_string(progress.iteration) +
          ", \"train_psnr\": " + std::to_string(progress.psnr) + "}}}\n";
 }
 
 }  // namespace
 
-Watchers::Watchers(const Dataset& dataset, RunFolder* run, PageServer* page, std::atomic<bool>& stop)
-    : dataset_(dataset), run_(run), page_(page), stop_(stop), log_(kMetricsEvery, 0) {
+Watchers::Watchers(const Dataset& dataset, RunFolder* run, PageServer* page, std::atomic<bool>& stop, MetricsLog log)
+    : dataset_(dataset), run_(run), page_(page), stop_(stop), log_(log) {
   log_.stop = &stop;
   if (!run_) return;
   live_ = std::make_unique<LiveFolder>(run_->folder(), run_->metricsDescriptor());
@@ -150,7 +152,7 @@ void Watchers::finish(const Trainer& trainer) {
   if (page_ && !run_) log_.finish(trainer, seconds(), [this](const RunMetrics& line) { tell(line); });
   if (!page_ || !page_->watched()) return;
   show(trainer, trainer.finished() ? RunPhase::finished : RunPhase::interrupted, true);
-  page_->linger(kLastLook);
+  page_->linger(kLastLook, stop_ ? nullptr : &stop_);  // what has stopped it is no second signal
 }
 
 }  // namespace tg

@@ -19,8 +19,8 @@ namespace tg {
 // depend on it.
 class Watchers {
  public:
-  // Both may be null. All outlive this. A run that is ordered to stop sets `stop`.
-  Watchers(const Dataset& dataset, RunFolder* run, PageServer* page, std::atomic<bool>& stop);
+  // Both may be null. All outlive this. A run that is ordered to stop sets `stop`. `log`: where there is no folder.
+  Watchers(const Dataset& dataset, RunFolder* run, PageServer* page, std::atomic<bool>& stop, MetricsLog log);
   ~Watchers();
   Watchers& operator=(Watchers&&) = delete;
 
@@ -29,7 +29,7 @@ class Watchers {
   void afterStep(const Trainer& trainer);
   // Views have been scored, `done` of `views`.
   void scoring(const Trainer& trainer, std::size_t done, std::size_t views);
-  // The last state; waits a moment for whoever is to see it.
+  // The last state; waits a moment for whoever is to see it, or until `stop` is set.
   void finish(const Trainer& trainer);
 
  private:
@@ -48,7 +48,7 @@ class Watchers {
   PageServer* const page_;
   std::atomic<bool>& stop_;
   const Clock::time_point start_ = Clock::now();
-  MetricsLog log_;  // without a folder
+  MetricsLog log_;
   std::unique_ptr<LiveFolder> live_;
   std::optional<double> test_psnr_, test_ssim_;  // newest
   std::optional<std::size_t> test_views_;

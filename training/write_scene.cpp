@@ -55,15 +55,14 @@ void write(const std::string& path, const Bundle& scene, bool replace, SceneSize
   for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
 }
 
-// Where the model is when it cannot be what was asked for: PATH.tgz, or the first PATH-N.tgz that is free.
-void keep(const std::string& path, const Bundle& scene) {
+}  // namespace
+
+void keepModel(const std::string& path, const Bundle& scene) {
   std::string kept = path + ".tgz";
   for (int number = 2; std::filesystem::exists(kept); ++number) kept = path + "-" + std::to_string(number) + ".tgz";
   writeBundle(kept, scene);
   std::fprintf(stderr, "tgtrain: the model is kept as %s\n", kept.c_str());
 }
-
-}  // namespace
 
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps) {
   Bundle scene;
@@ -72,7 +71,7 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
   const ScratchFolder folder;
   const std::filesystem::path file = folder.path() / std::filesystem::path(path).filename();
   Written written;
-  writeModel(outputFormat(path), file, scene, {.steps = steps}, written);
+  writeTrial(outputFormat(path), file, path, scene, {.steps = steps}, written);
   const GaussianModel stored = readModel(file).model;
   if (written.order.empty()) return stored;
   std::vector<std::uint32_t> place(written.order.size());
@@ -90,7 +89,7 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, bool
     write(path, scene, replace, size);
   } catch (const Error&) {
     scene.cameras = cameras;
-    if (!kept && format.name != "tgz") keep(path, scene);
+    if (!kept && format.name != "tgz") keepModel(path, scene);
     throw;
   }
   std::string facts = "(" + std::to_string(std::filesystem::file_size(path)) + " bytes";

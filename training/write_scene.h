@@ -20,14 +20,19 @@ struct SceneSize {
 };
 
 // `model` as a file at `path` will hold it, in its own order. Where `steps` are 0 it first sets them: the finest with
-// which `bytes` are not exceeded, with a hundredth of them to spare for what training still changes.
+// which `bytes` are not exceeded, with a hundredth of them to spare for what training still changes. Throws what the
+// writers throw.
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps);
+
+// Where a model is when it cannot be what was asked for: PATH.tgz, or the first PATH-N.tgz that is free, and a line on
+// stderr that says so.
+void keepModel(const std::string& path, const Bundle& scene);
 
 // Writes `scene`; its cameras only where the format has them and neither size nor steps are asked for. replace: files
 // beside it, too. Of steps that exceed the size, and without any, the finest that do not; a file that cannot be as
-// small is as small as it can be, with a line on stderr, since training took its time. Returns what to say of it beside its name: "(59961 bytes, 41.2
-// dB to the model)", where numbers are rounded, over up to four views. Throws what the writers throw, after a model.tgz
-// beside the path where it is not `kept` elsewhere.
+// small is as small as it can be, with a line on stderr, since training took its time. Returns what to say of it beside
+// its name: "(59961 bytes, 41.2 dB to the model)", where numbers are rounded, over up to four views. Throws what the
+// writers throw, after keepModel() where it is not `kept` elsewhere.
 std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, SceneSize size = {});
 
 }  // namespace tg

@@ -15,14 +15,25 @@ namespace tg {
 
 namespace {
 
-std::uint64_t write(const Format& format, const std::filesystem::path& file, const Bundle& source,
-                    const WriteOptions& options) {
+std::uint64_t write(const Format& format, const std::filesystem::path& file, const std::filesystem::path& name,
+                    const Bundle& source, const WriteOptions& options) {
   Written trial;
-  writeModel(format, file, source, options, trial);
+  writeTrial(format, file, name, source, options, trial);
   return trial.output_bytes > 0 ? trial.output_bytes : std::filesystem::file_size(file);
 }
 
 }  // namespace
+
+void writeTrial(const Format& format, const std::filesystem::path& file, const std::filesystem::path& name,
+                const Bundle& source, const WriteOptions& options, Written& written) {
+  try {
+    writeModel(format, file, source, options, written);
+  } catch (const Error& error) {
+    std::string said = error.what();
+    if (said.starts_with(file.string())) said.replace(0, file.string().size(), name.string());
+    throw Error(error.kind, said);
+  }
+}
 
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
                std::span<const Camera> views, WriteOptions options, const Target& target) {
@@ -35,7 +46,7 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
   double reached = 0;
   const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
     options.steps = static_cast<float>(std::exp2(logarithm));
-    const std::uint64_t bytes = write(format, file, source, options);
+    const std::uint64_t bytes = write(format, file, name, source, options);
     reached = by_size ? static_cast<double>(bytes)
                       : renderedPsnr(source.model, readModel(file).model, views, source.background);
     return by_size ? reached > static_cast<double>(target.bytes) : reached >= target.psnr;
@@ -61,7 +72,7 @@ std::uint64_t bytesOf(const Format& format, const std::filesystem::path& name, c
                       WriteOptions options) {
   const ScratchFolder folder;
   options.replace = true;
-  return write(format, folder.path() / name.filename(), source, options);
+  return write(format, folder.path() / name.filename(), name, source, options);
 }
 
 }  // namespace tg

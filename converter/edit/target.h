@@ -16,6 +16,10 @@ struct Target {
   bool given() const { return bytes > 0 || psnr > 0; }
 };
 
+// writeModel() to a temporary `file` on the way to `name`, which is what errors say.
+void writeTrial(const Format& format, const std::filesystem::path& file, const std::filesystem::path& name,
+                const Bundle& source, const WriteOptions& options, Written& written);
+
 // The finest WriteOptions::steps with which a file is no larger, or the coarsest with which its pictures are as near:
 // found to 2.5 % by writing to `name` in a temporary folder and, for the latter, by drawing `views`. Throws
 // Error(usage) for what no steps reach, and what the format's writer throws. The format has steps.

@@ -216,13 +216,15 @@ std::string peekInsideGzip(const std::string& start) {
 FileStart readStart(const Path& path) {
   constexpr std::size_t kSniffBytes = 4096;  // holds the header of every compressed PLY
   std::error_code status;
-  if (!std::filesystem::exists(path, status)) throw Error(ErrorKind::cannotRead, path.string(), "no such file");
+  const std::filesystem::file_type type = std::filesystem::status(path, status).type();
+  if (type == std::filesystem::file_type::not_found) throw Error(ErrorKind::cannotRead, path.string(), "no such file");
+  if (status) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + status.message());
   if (std::filesystem::is_directory(path, status)) {
     throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
   }
   if (!isFile(path)) throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");  // a pipe would block
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot be opened");
+  if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + systemReason());
   FileStart start{std::string(kSniffBytes, '\0'), {}};
   file.read(start.bytes.data(), static_cast<std::streamsize>(start.bytes.size()));
   if (file.bad()) throw Error(ErrorKind::cannotRead, path.string(), "cannot be read");

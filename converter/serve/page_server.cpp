@@ -197,13 +197,15 @@ class PageServer::Pages {
     lines_wait_ = true;
   }
 
-  void linger(std::chrono::milliseconds most) const {
+  void linger(std::chrono::milliseconds most, const std::atomic<bool>* stop) const {
     const Clock::time_point end = Clock::now() + most;
     const auto seen = [&] {
       const std::lock_guard lock(mutex_);
       return made_ == given_ && seen_ == changes_ && model_seen_ == shown_.model_number;
     };
-    while (watched() && Clock::now() < end && !seen()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    while (watched() && Clock::now() < end && !seen() && !(stop && *stop)) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
   }
 
  private:
@@ -212,44 +214,56 @@ class PageServer::Pages {
     return shown_;
   }
 
-  // The worker's life.
+  // The worker's life. What cannot be made is said once, and is nothing to whoever gives it.
   void make(const std::stop_token& stop) {
     runInBackground();
     const SerialLoops alone;
-    while (std::optional<Work> work = work_.take(stop)) {
-      if (work->model) makeModel(*work->model);
-      if (work->held_out) {
-        const auto photograph = std::make_shared<const Bytes>(encodePng(small(std::move(work->held_out->photograph))));
-        const auto picture = std::make_shared<const Bytes>(encodePng(small(std::move(work->held_out->picture))));
-        change([&](Shown& shown) {
-          shown.held_out = std::move(work->held_out->name);
-          shown.photograph = photograph;
-          shown.picture = picture;
-          ++shown.held_out_number;
-        });
+    const auto aloud = [this](const auto& made) {
+      try {
+        made();
+      } catch (const std::exception& error) {
+        if (!std::exchange(said_, true)) std::fprintf(stderr, "--serve: %s\n", error.what());
       }
+    };
+    while (std::optional<Work> work = work_.take(stop)) {
+      if (work->model) {
+        const double start = threadSeconds();
+        aloud([&] { makeModel(*work->model); });
+        pause(threadSeconds() - start);
+      }
+      if (work->held_out) aloud([&] { makeHeldOut(std::move(*work->held_out)); });
       made_ = work->number;
     }
   }
 
+  void makeHeldOut(HeldOut held_out) {
+    const auto photograph = std::make_shared<const Bytes>(encodePng(small(std::move(held_out.photograph))));
+    const auto picture = std::make_shared<const Bytes>(encodePng(small(std::move(held_out.picture))));
+    change([&](Shown& shown) {
+      shown.held_out = std::move(held_out.name);
+      shown.photograph = photograph;
+      shown.picture = picture;
+      ++shown.held_out_number;
+    });
+  }
+
   void makeModel(const Bundle& bundle) {
-    const double start = threadSeconds();
-    try {
-      const ScratchFolder scratch;
-      const std::filesystem::path file = scratch.path() / "model.glb";
-      WriteOptions options;
-      options.lean = true;
-      writeGlb(file,
-               {.model = bundle.model, .cameras = bundle.cameras, .background = bundle.background, .options = options});
-      auto bytes = std::make_shared<const Bytes>(readFile(file, std::uint64_t{4} << 30));
-      change([&](Shown& shown) {
-        shown.model = std::move(bytes);
-        ++shown.model_number;
-      });
-    } catch (const Error& error) {
-      if (!std::exchange(said_, true)) std::fprintf(stderr, "--serve: %s\n", error.what());
-    }
-    const double pause = std::max(kModelSeconds, (threadSeconds() - start) / kModelShare);
+    const ScratchFolder scratch;
+    const std::filesystem::path file = scratch.path() / "model.glb";
+    WriteOptions options;
+    options.lean = true;
+    writeGlb(file,
+             {.model = bundle.model, .cameras = bundle.cameras, .background = bundle.background, .options = options});
+    auto bytes = std::make_shared<const Bytes>(readFile(file, std::uint64_t{4} << 30));
+    change([&](Shown& shown) {
+      shown.model = std::move(bytes);
+      ++shown.model_number;
+    });
+  }
+
+  // Until the next model, after one that took so long. [s]
+  void pause(double cost) {
+    const double pause = std::max(kModelSeconds, cost / kModelShare);
     next_model_ = nanoseconds() + static_cast<std::int64_t>(pause * 1e9);
     making_ = false;
   }
@@ -352,6 +366,8 @@ std::unique_ptr<PageServer> servePage(const std::string& where, const std::strin
   return page;
 }
 
-void PageServer::linger(std::chrono::milliseconds most) const { pages_->linger(most); }
+void PageServer::linger(std::chrono::milliseconds most, const std::atomic<bool>* stop) const {
+  pages_->linger(most, stop);
+}
 
 }  // namespace tg

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // --serve: a model, and the run that makes it, as a page in browsers of other machines.
 #pragma once
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -54,7 +55,7 @@ class PageServer {
   void showHeldOut(const std::string& name, Image photograph, Image picture);
 
   // Waits until whoever watches has seen what was shown last; at most so long.
-  void linger(std::chrono::milliseconds most) const;
+  void linger(std::chrono::milliseconds most, const std::atomic<bool>* stop = nullptr) const;
 
  private:
   class Pages;

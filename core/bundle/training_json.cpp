@@ -8,16 +8,23 @@
 #include "core/system/error.h"
 
 namespace tg {
+namespace {
 
-bool wasInterrupted(const std::string& training_json) {
+// False where there is none.
+bool isTrue(const std::string& training_json, const char* pointer) {
   if (training_json.empty()) return false;
   try {
     const nlohmann::json json = parseJson(training_json, "training.json");
-    const auto interrupted = json.find("interrupted");
-    return interrupted != json.end() && interrupted->is_boolean() && interrupted->get<bool>();
+    const nlohmann::json::json_pointer member(pointer);
+    return json.contains(member) && json[member] == true;
   } catch (const Error&) {
     return false;
   }
 }
+
+}  // namespace
+
+bool wasInterrupted(const std::string& training_json) { return isTrue(training_json, "/interrupted"); }
+bool wasForValidation(const std::string& training_json) { return isTrue(training_json, "/dataset/validation"); }
 
 }  // namespace tg

@@ -1,14 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 // What every reader of a bundle's training.json asks.
 #pragma once
+#include <array>
 #include <string>
+#include <string_view>
 
 namespace tg {
+
+// The stages of a training in their order, and the settings that say how many iterations they have.
+struct TrainingStage {
+  std::string_view name, iterations;
+};
+inline constexpr std::array<TrainingStage, 5> kTrainingStages = {{{"count", "iterations"},
+                                                                  {"plain", "iterations"},
+                                                                  {"textured", "texture-iterations"},
+                                                                  {"untextured", "texture-iterations"},
+                                                                  {"quantized", "quantize-iterations"}}};
 
 // Whether the training that made the model was stopped before its end. False for "" and for what does not say.
 bool wasInterrupted(const std::string& training_json);
 
-// What to say of such a model.
+// Whether its held-out views were training views (--validation): the data set's test views are none of its cameras.
+bool wasForValidation(const std::string& training_json);
+
+// What to say of one that was interrupted.
 constexpr const char* kInterruptedTraining = "its training was interrupted: no finished model";
 
 }  // namespace tg

@@ -15,8 +15,19 @@ class ScratchFolder {
  public:
   // Throws Error(cannotWrite).
   ScratchFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "textured-gaussians-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw Error(ErrorKind::cannotWrite, name, "cannot make a temporary folder");
+    std::error_code error;
+    const std::filesystem::path place = std::filesystem::temp_directory_path(error);
+    if (error) {
+      std::string wanted = "/tmp";
+      for (const char* name : {"TEMPDIR", "TEMP", "TMP", "TMPDIR"}) {  // the last one counts
+        if (const char* value = std::getenv(name)) wanted = value;
+      }
+      throw Error(ErrorKind::cannotWrite, wanted, "no folder for temporary files: " + error.message());
+    }
+    std::string name = (place / "textured-gaussians-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) {
+      throw Error(ErrorKind::cannotWrite, place.string(), "cannot make a temporary folder here: " + systemReason());
+    }
     path_ = name;
   }
   ~ScratchFolder() {

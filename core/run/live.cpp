@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -25,7 +26,8 @@ constexpr int kMostSteps = 1'000'000;
 }  // namespace
 
 std::string formatSeconds(double seconds) {
-  const auto whole = static_cast<long>(std::lround(seconds));
+  constexpr double kMost = 1e12;  // no long is too short for it
+  const long whole = std::isfinite(seconds) ? std::lround(std::clamp(seconds, 0.0, kMost)) : 0;
   if (whole < 60) return formatted("%ld s", whole);
   if (whole < 3600) return formatted("%ld min %02ld s", whole / 60, whole % 60);
   return formatted("%ld h %02ld min", whole / 3600, whole % 3600 / 60);

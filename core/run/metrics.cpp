@@ -15,6 +15,7 @@ namespace tg {
 namespace {
 
 constexpr std::size_t kMaxStageName = 32;
+constexpr double kLargest = 1e100;  // of what is measured: differences are numbers still
 
 nlohmann::ordered_json optionalNumber(const std::optional<double>& value, int decimals) {
   if (!value || !std::isfinite(*value)) return nullptr;
@@ -24,7 +25,8 @@ nlohmann::ordered_json optionalNumber(const std::optional<double>& value, int de
 std::optional<double> numberIn(const nlohmann::json& object, const char* key) {
   const auto found = object.find(key);
   if (found == object.end() || !found->is_number()) return std::nullopt;
-  return found->get<double>();
+  const double number = found->get<double>();
+  return std::abs(number) <= kLargest ? std::optional(number) : std::nullopt;
 }
 
 // A count from 0 on.

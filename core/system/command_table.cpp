@@ -33,10 +33,25 @@ std::string joined(const std::vector<std::string>& words, const std::string& bet
   return text;
 }
 
+// Between those outside brackets: "[ADDRESS:]PORT:{a,b}" has two.
+std::vector<std::string> typeParts(const std::string& text) {
+  std::vector<std::string> found(1);
+  int depth = 0;
+  for (const char c : text) {
+    depth += (c == '[' || c == '{') - (c == ']' || c == '}');
+    if (c == ':' && depth == 0) {
+      found.emplace_back();
+    } else {
+      found.back() += c;
+    }
+  }
+  return found;
+}
+
 // CLI11 has type and validators in one text: "INT:INT in [0 - 4096]", "TEXT:{auto,cpu}".
 void takeType(const std::string& type, OptionRow& row) {
-  const std::vector<std::string> said = parts(type, ':');
-  row.value = said.empty() || said[0].empty() ? "VALUE" : said[0];
+  const std::vector<std::string> said = typeParts(type);
+  row.value = said[0].empty() ? "VALUE" : said[0];
   for (std::size_t i = 1; i < said.size(); ++i) {
     const std::string& part = said[i];
     if (part.starts_with("{") && part.ends_with("}")) {

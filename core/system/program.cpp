@@ -6,12 +6,13 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <new>
+#include <regex>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -19,6 +20,7 @@
 
 #include "core/system/command_table.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "core/system/shortened.h"
 #include "core/system/temporary_files.h"
 
@@ -49,8 +51,27 @@ std::string unexpected(const CLI::App& app) {
   return "no such option: " + name + meant(name, longNames(commands.empty() ? app : *commands.front(), true));
 }
 
+// CLI11's words for a value that is missing, is none or is out of range, as other checks say it.
+std::string likeOurs(const std::string& message) {
+  static const std::regex missing(R"((.*): \d+ required .* missing)");
+  static const std::regex range(R"((.*): Value ([^]*) not in range (\S+) to (\S+))");
+  static const std::regex none(R"(Could not convert: (\S+) = ([^]*))");
+  std::smatch found;
+  if (std::regex_match(message, found, missing)) return found.str(1) + ": expected a value, found none";
+  if (std::regex_match(message, found, range)) {
+    const std::string low = found.str(3), high = found.str(4);
+    const bool whole = low.find('.') == low.npos;  // std::to_string() of a float has one
+    const auto bound = [&](const std::string& text) { return whole ? text : numberText(std::stod(text)); };
+    return found.str(1) + ": expected " + (whole ? "an integer" : "a number") + " from " + bound(low) + " to " +
+           bound(high) + ", found \"" + found.str(2) + "\"";
+  }
+  if (std::regex_match(message, found, none))
+    return found.str(1) + ": expected a number, found \"" + found.str(2) + "\"";
+  return message;
+}
+
 std::string usageMessage(const CLI::App* app, const CLI::Error& error) {
-  std::string message = error.what();
+  std::string message = likeOurs(error.what());
   const std::string unknown = "INI was not able to parse ";
   if (message.starts_with(unknown)) {
     const std::string setting = message.substr(unknown.size());
@@ -63,12 +84,19 @@ std::string usageMessage(const CLI::App* app, const CLI::Error& error) {
   return app->get_name() + ": " + message + " (see --help)\n";
 }
 
-// Of both libraries' buffers, which a program may have filled in turns.
+// Of both libraries' buffers, which a program may have filled in turns. What was lost before has no reason any more.
 void flushOutput() {
   errno = 0;
   std::cout.flush();
   if (std::fflush(stdout) != 0 || std::ferror(stdout) || !std::cout) {
-    throw Error(ErrorKind::cannotWrite, "standard output", std::string("cannot write: ") + std::strerror(errno));
+    throw Error(ErrorKind::cannotWrite, "standard output",
+                errno == 0 ? "cannot write all of it" : "cannot write: " + systemReason());
+  }
+}
+
+void print(const std::string& text) {
+  if (std::fputs(text.c_str(), stdout) < 0 || std::fflush(stdout) != 0) {
+    throw Error(ErrorKind::cannotWrite, "standard output", "cannot write: " + systemReason());
   }
 }
 
@@ -125,30 +153,47 @@ const char* program_name = "";
   std::abort();
 }
 
+std::optional<std::uint64_t> bytesIn(const std::string& text) {
+  static const std::map<std::string, double> units = {{"", 1}, {"b", 1}, {"kb", 1e3}, {"mb", 1e6}, {"gb", 1e9}};
+  const std::size_t number_end = text.find_last_of("0123456789.") + 1;
+  std::string unit = text.substr(std::min(text.find_first_not_of(' ', number_end), text.size()));
+  std::ranges::transform(unit, unit.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+  const std::optional<double> number = parseWhole<double>(text.substr(0, number_end));
+  const auto factor = units.find(unit);
+  if (!number || factor == units.end()) return std::nullopt;
+  const double bytes = *number * factor->second;
+  return bytes >= 1 && bytes <= 1e15 ? std::optional(static_cast<std::uint64_t>(bytes)) : std::nullopt;
+}
+
 constexpr std::size_t kMessageStart = 2000, kMessageEnd = 500;  // [bytes] of one that quotes a file at length
 
 }  // namespace
 
 std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
-  addGeneralOptions(app, app.get_name());
+  const std::string name = app.get_name(), program = name.substr(0, name.find(' '));
+  addGeneralOptions(app, program);
   std::string shell;
   bool manual = false;
-  app.add_option("--completion", shell, "Print what makes a shell complete the options, and exit")
-      ->check(oneOf({"bash", "zsh", "fish"}))
-      ->configurable(false)
-      ->group("General");
-  app.add_flag("--man", manual, "Print the manual page and exit: --man | man -l -")
-      ->configurable(false)
-      ->group("General");
   app.failure_message(usageMessage);
-  // Where nothing else is asked for nothing else is required.
-  if (argc == 3 && std::string_view(argv[1]) == "--completion") {
-    std::fputs(formatCompletion(tableOf(app), argv[2]).c_str(), stdout);
-    return 0;
-  }
-  if (argc == 2 && std::string_view(argv[1]) == "--man") {
-    std::fputs(formatManual(tableOf(app)).c_str(), stdout);
-    return 0;
+  if (name == program) {
+    app.add_option("--completion", shell, "Print what makes a shell complete the options, and exit")
+        ->check(oneOf({"bash", "zsh", "fish"}))
+        ->configurable(false)
+        ->group("General");
+    app.add_flag("--man", manual, "Print the manual page and exit: --man | man -l -")
+        ->configurable(false)
+        ->group("General");
+    // Where nothing else is asked for nothing else is required.
+    const std::string_view first = argc > 1 ? argv[1] : "", completion = "--completion=";
+    const bool apart = argc == 3 && first == "--completion";
+    if (apart || (argc == 2 && first.starts_with(completion))) {
+      print(formatCompletion(tableOf(app), apart ? argv[2] : first.substr(completion.size())));
+      return 0;
+    }
+    if (argc == 2 && first == "--man") {
+      print(formatManual(tableOf(app)));
+      return 0;
+    }
   }
   refuseUnknownCommand(app, argc, argv);
   try {
@@ -161,7 +206,10 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
     app.exit(error);
     return static_cast<int>(ErrorKind::cannotRead);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(ErrorKind::usage);
+    std::ostringstream asked;
+    const bool help = app.exit(error, asked) == 0;
+    print(asked.str());
+    return help ? 0 : static_cast<int>(ErrorKind::usage);
   }
 }
 
@@ -187,13 +235,11 @@ CLI::Validator oneOf(std::vector<std::string> names) {
 }
 
 CLI::Option* addBytes(CLI::App& app, const std::string& name, std::uint64_t& bytes, const std::string& help) {
-  const std::map<std::string, double> units = {{"B", 1}, {"KB", 1e3}, {"MB", 1e6}, {"GB", 1e9}};
-  return app
-      .add_option_function<double>(
-          name, [&bytes](double number) { bytes = static_cast<std::uint64_t>(number); }, help)
-      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::CASE_INSENSITIVE, "SIZE"))
-      ->check(CLI::Range(1.0, 1e15))
-      ->type_name("SIZE");
+  const auto check = [](const std::string& text) {
+    return bytesIn(text) ? "" : "expected bytes, such as 900KB or 1.5MB, found \"" + text + "\"";
+  };
+  const auto take = [&bytes](const std::string& text) { bytes = *bytesIn(text); };
+  return app.add_option_function<std::string>(name, take, help)->check(CLI::Validator(check, ""))->type_name("SIZE");
 }
 
 int runProgram(const char* name, const std::function<int()>& body) {

@@ -13,7 +13,8 @@
 
 namespace tg {
 
-// Adds --version, --completion and --man, and reads the command line. Nothing when the program is to go on, else its
+// Adds --version, --completion and --man (but to a command of a program, called as "tgtrain photos", the first alone),
+// and reads the command line. Nothing when the program is to go on, else its
 // exit code: 0 after --help and those; with a line on stderr, 2 for a file of settings that cannot be read and 1 for
 // what else is wrong, with the name that was meant where one is near.
 std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv);

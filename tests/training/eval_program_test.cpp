@@ -80,6 +80,30 @@ TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
   CHECK_FALSE(readJson(folder / "shapes.json").contains("psnr"));
 }
 
+TEST_CASE("tgeval tells of a model of other photographs, or of others' size", "[programs]") {
+  const tg::TemporaryFolder folder;
+  const auto tgtrain = [&](const std::string& arguments) { return run(folder, "'" TG_TGTRAIN "' " + arguments); };
+  tg::SampleOptions sample{.size = 32, .train_views = 4, .test_views = 2, .points = 200, .supersampling = 1};
+  tg::writeSample(folder / "scene", sample, false);
+  sample.train_views = 7;
+  sample.test_views = 3;
+  tg::writeSample(folder / "other", sample, false);
+  const std::string train = "scene --iterations 4 --texture-mode none -q -o ";
+  REQUIRE(tgtrain(train + "model.tgz").code == 0);
+  CHECK(tgeval(folder, "model.tgz scene -q").output.empty());
+  CHECK(tgeval(folder, "model.tgz scene -q --split train").output.empty());
+  const Outcome smaller = tgeval(folder, "model.tgz scene -q --downscale 2");
+  CHECK(smaller.code == 0);
+  CHECK(smaller.output ==
+        "tgeval: model.tgz: was trained on photographs of 32 x 32, and is scored on 16 x 16 (--downscale)\n");
+  const Outcome other = tgeval(folder, "model.tgz other -q --report figures");
+  CHECK(other.code == 0);
+  CHECK(other.output ==
+        "tgeval: model.tgz: none of its 6 cameras is among the views of other: was it trained on others?\n");
+  REQUIRE(tgtrain(train + "choice.tgz --validation").code == 0);
+  CHECK(tgeval(folder, "choice.tgz scene -q").output.empty());
+}
+
 TEST_CASE("tgeval draws beyond textures what it is told to, and says so", "[programs]") {
   const tg::TemporaryFolder folder;
   writeScene(folder, 1);

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 #include "core/bundle/bundle.h"
@@ -330,6 +331,37 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
        "./photos: not a data set, but photographs without cameras: `tgtrain photos ./photos -o model.tgz`");
   says(run(trial, "'" TG_TGTRAIN "' broken.mp4 -o x.tgz"), 3, "broken.mp4: is a film: `tgtrain photos broken.mp4");
   says(run(trial, "'" TG_TGTRAIN "' -q photos photos -o x.tgz"), 1, "expected before every flag");
+}
+
+TEST_CASE("what training would refuse is refused before cameras are looked for", "[photos]") {
+  const Trial trial;
+  for (const auto& [flags, code, text] : std::initializer_list<std::tuple<std::string, int, std::string>>{
+           {"-o x.tgz --steps 4", 1, "x.tgz: a size is only for .sog and .glb"},
+           {"-o x.tgz --quantize-iterations 5", 1, "is for a file of coarser numbers"},
+           {"-o x.sog --target-size 1KB", 1, "--target-size is out of reach"},
+           {"-o x.tgz --serve nonsense", 1, "--serve: expected [ADDRESS:]PORT"},
+           {"-o x.tgz --serve-token 0123456789", 1, "(expected --serve with it)"},
+           {"-o x.tgz --background 7", 1, "--background: not a colour"},
+           {"-o x.tgz --start-model none.ply", 2, "none.ply"},
+           {"-o x.tgz --device cuda", 5, "CUDA"}}) {
+    const Outcome refused =
+        run(trial, "CUDA_VISIBLE_DEVICES= PATH=\"$PWD/bin:$PATH\" '" TG_TGTRAIN "' photos photos " + flags + kShort);
+    INFO(flags << '\n' << refused.output);
+    CHECK(refused.code == code);
+    CHECK_THAT(refused.output, Contains(text));
+    CHECK(trial.calls().empty());
+  }
+  CHECK_FALSE(fs::exists(trial / "x.photos"));
+}
+
+TEST_CASE("other steps of the file are another training", "[photos]") {
+  const Trial trial;
+  const std::string train = "photos -o x.sog" + kShort + " --steps ";
+  REQUIRE(trial.photos(train + "2").code == 0);
+  CHECK(trial.photos(train + "2").code == 0);
+  const Outcome other = trial.photos(train + "4");
+  CHECK(other.code == 4);
+  CHECK_THAT(other.output, Contains("x.sog: exists already"));
 }
 
 TEST_CASE("a film of the real ffmpeg becomes frames, the right way up", "[photos]") {

@@ -33,7 +33,7 @@ const std::string kShort = " --iterations 6 --texture-iterations 4";
 
 TEST_CASE("train, evaluate, and everything that must be refused on the way", "[programs]") {
   const tg::TemporaryFolder folder;
-  REQUIRE(tgtrain(folder, kSample).code == 0);
+  CHECK(tgtrain(folder, kSample).output == "wrote 6 photographs to scene\n");
   const Outcome again = tgtrain(folder, kSample);
   CHECK(again.code == 4);
   CHECK_THAT(again.output, Contains("scene") && Contains("--overwrite"));
@@ -135,6 +135,18 @@ TEST_CASE("what cannot be written as it was asked for after training is kept as 
   }
   CHECK(tgtrain(folder, "scene --run run -o scene.gltf" + kShort).code == 4);
   CHECK_FALSE(fs::exists(folder / "scene.gltf-3.tgz"));  // the run folder has it
+  // Training for a file writes it on the way.
+  const std::string coarse = "scene --gaussians 10 --quantize-iterations 5 --steps 4" + kShort;
+  const Outcome large = tgtrain(folder, coarse + " --texture-size 256 -o large.sog");
+  INFO(large.output);
+  CHECK(large.code == 3);
+  CHECK_THAT(large.output, Contains("tgtrain: large.sog: Gaussian 0 has too large a texture for SOG"));
+  CHECK(tgeval(folder, "large.sog.tgz scene").code == 0);
+  const Outcome nowhere = run(folder, "TMPDIR=/nonexistent '" TG_TGTRAIN "' " + coarse + " -o small.sog");
+  INFO(nowhere.output);
+  CHECK(nowhere.code == 4);
+  CHECK_THAT(nowhere.output, Contains("/nonexistent: no folder for temporary files: No such file or directory"));
+  CHECK(fs::exists(folder / "small.sog.tgz"));
 }
 
 TEST_CASE("a size is planned around what flags, a file of settings and the start model say", "[programs]") {
@@ -145,6 +157,12 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --preset quick > quick.toml").code == 0);
   CHECK_THAT(tgtrain(folder, quick + "a.sog").output, Contains("SH degree 1, 222 Gaussians\n"));
   CHECK_THAT(tgtrain(folder, quick + "a.sog --config quick.toml").output, Contains("SH degree 1, 222 Gaussians\n"));
+  // A flag that says what the preset says is said.
+  REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --iterations 20 --texture-iterations 4 > short.toml").code == 0);
+  const Outcome named = tgtrain(folder,
+                                "scene --overwrite --target-size 20KB --config short.toml --sh-degree 3 "
+                                "--quantize-iterations 0 -o a.sog");
+  CHECK_THAT(named.output, Contains("planned for 20000 bytes: SH degree 3") && !Contains("quantized"));
   CHECK_THAT(tgtrain(folder, quick + "a.sog --densification mcmc").output, Contains("SH degree 1, 222 Gaussians\n"));
   CHECK_THAT(tgtrain(folder, train + "a.sog --gaussians 100").output, Contains("texels each\n"));
   const Outcome twin = tgtrain(folder, train + "a.sog --untextured-output plain.tgz");
@@ -247,7 +265,10 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o " + std::string(300, 'x') + ".tgz", 4, "cannot write here"},
            {"-o m.obj", 1, "m.obj: unknown output format (expected .compressed.ply, "},
            {"-o m.png", 1, "m.png: is no model format (expected compressed.ply, "},
-           {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"}}) {
+           {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"},
+           {"-o m.tgz --preview-every 5", 1, "--preview-every expects a run folder (--run FOLDER)"},
+           {"-o m.tgz --serve 0 --checkpoint-every 5", 1, "--checkpoint-every expects a run folder"},
+           {"-o m.tgz --eval-every 5", 1, "--eval-every expects --run FOLDER or --serve"}}) {
     const Outcome outcome = tgtrain(folder, forever + outputs);
     INFO(outputs << '\n' << outcome.output);
     CHECK(outcome.code == code);
@@ -279,7 +300,28 @@ TEST_CASE("programs have a version, and fail where what they print is lost", "[p
     CHECK_THAT(version.output, Contains(fs::path(program).filename().string() + " "));
     const Outcome lost = run(folder, "'" + program + "' --help >/dev/full");
     CHECK(lost.code == 4);
-    CHECK_THAT(lost.output, Contains("standard output: cannot write"));
+    CHECK_THAT(lost.output, Contains("standard output: cannot write: No space left on device"));
+    for (const std::string what : {" --version", " --man", " --completion=bash"}) {
+      CHECK(run(folder, "'" + program + "'" + what + " >/dev/full").output == lost.output);
+    }
+  }
+  CHECK(run(folder, "'" TG_TGTRAIN "' photos --completion bash").code == 1);
+  CHECK(run(folder, "'" TG_TGTRAIN "' photos --version").output == tgtrain(folder, "--version").output);
+}
+
+TEST_CASE("a value that is none is named with what was expected", "[programs]") {
+  const tg::TemporaryFolder folder;
+  for (const auto& [arguments, message] : std::initializer_list<std::pair<std::string, std::string>>{
+           {"--steps", "--steps: expected a value, found none"},
+           {"--steps abc", "--steps: expected a number from 0.125 to 64, found \"abc\""},
+           {"--threads 1.5", "--threads: expected an integer from 0 to 4096, found \"1.5\""},
+           {"--downscale two", "--downscale: expected a number, found \"two\""},
+           {"--target-size foo", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"foo\""},
+           {"--target-size 0.5", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"0.5\""},
+           {"--target-size 3TB", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"3TB\""}}) {
+    const Outcome outcome = tgtrain(folder, "scene -o m.sog " + arguments);
+    CHECK(outcome.code == 1);
+    CHECK(outcome.output == "tgtrain: " + message + " (see --help)\n");
   }
 }
 

@@ -33,7 +33,7 @@ const std::string kForever = "scene --iterations 1000000 --densification none --
 TEST_CASE("a run that is killed again and again ends in the bytes of one that is not", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  REQUIRE(tgtrain(folder, kRun + "-o whole.tgz --untextured-output plain.tgz").code == 0);
+  REQUIRE(tgtrain(folder, kBase + "--iterations 40 -o whole.tgz --untextured-output plain.tgz").code == 0);
   const std::string command =
       kRun + "-o model.tgz --untextured-output twin.tgz --run run --resume --checkpoint-every 0";
   tg::Random random(static_cast<std::uint64_t>(::getpid()));
@@ -142,7 +142,7 @@ TEST_CASE("what does not fit a run folder is refused by name", "[resume]") {
           "run/checkpoint: is of a run with other settings: --seed (expected 1, found 2)");
   refused(kRun + "--run run --resume --downscale 2", 1, "other data: image-size (expected 32x32, found 16x16)");
   refused(kRun + "--run run --resume --background black", 1, "other data: background (expected 1,1,1, found 0,0,0)");
-  refused(kRun + "-o x.tgz --resume", 1, "--resume and --watch expect a run folder");
+  refused(kBase + "-o x.tgz --resume", 1, "--resume and --watch expect a run folder");
   refused(kRun + "--run new --watch", 5, "--watch: no");
   refused(kRun + "--run scene", 4, "scene: exists already");
   refused(kRun + "--run scene --resume", 4, "scene: holds files but no checkpoint to resume");
@@ -173,6 +173,19 @@ TEST_CASE("what does not fit a run folder is refused by name", "[resume]") {
   REQUIRE(tgtrain(folder, kRun + "--run run --overwrite --seed 2 -q").code == 0);
   CHECK(bytesOf(folder / "run/model.tgz") != bytesOf(folder / "fresh/model.tgz"));
   CHECK(linesOf(folder / "run/metrics.jsonl").size() == linesOf(folder / "fresh/metrics.jsonl").size());
+}
+
+TEST_CASE("a run that was trained for a file goes on for that one alone", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string train = "scene --iterations 20 --texture-mode none --gaussians 100 --run run --resume -q ";
+  REQUIRE(tgtrain(folder, train + "-o a.sog --steps 4").code == 0);
+  const Outcome other = tgtrain(folder, train + "-o b.sog --steps 8");
+  CHECK(other.code == 1);
+  CHECK_THAT(other.output, Contains("run/checkpoint: is of a run with other settings: --steps (expected 4, found 8)"));
+  CHECK_THAT(tgtrain(folder, train + "-o b.glb --steps 4").output, Contains("--output (expected .sog, found .glb)"));
+  CHECK(tgtrain(folder, train + "-o b.sog --steps 4").code == 0);
+  CHECK(bytesOf(folder / "a.sog") == bytesOf(folder / "b.sog"));
 }
 
 TEST_CASE("a run folder belongs to one process at a time", "[resume]") {

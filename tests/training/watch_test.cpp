@@ -72,6 +72,9 @@ TEST_CASE("a run that is watched leaves its newest model, is paused, stepped and
   std::ofstream(run / "control") << "faster\n";
   child.until(
       [&] { return child.output().find("is no order (expected pause, go, step N or stop)") != std::string::npos; });
+  std::ofstream(run / "control") << "go";
+  child.until([&] { return child.output().find("is no whole line (expected its end") != std::string::npos; });
+  CHECK(statusOf(run)->phase == tg::RunPhase::paused);
   tg::giveOrder(run, {tg::RunCommand::go});
   child.until(
       [&] { return statusOf(run) && statusOf(run)->now.iteration > paused + 60 && statusOf(run)->now.test_psnr; });
@@ -79,7 +82,7 @@ TEST_CASE("a run that is watched leaves its newest model, is paused, stepped and
   tg::giveOrder(run, {tg::RunCommand::stop});
   CHECK(child.end() == 128 + SIGINT);
   CHECK_THAT(child.output(), Contains("interrupted; wrote"));
-  for (const char* gone : {"live.tgz", "live.json", "control"}) CHECK_FALSE(fs::exists(run / gone));
+  for (const char* gone : {"live.tgz", "live.json", "control", ".tg-control"}) CHECK_FALSE(fs::exists(run / gone));
 }
 
 TEST_CASE("what a killed run left of being watched is gone when it goes on", "[watch]") {
@@ -133,6 +136,39 @@ TEST_CASE("a page shows a run and changes none of its bytes", "[watch]") {
   CHECK(bytesOf(folder / "served.tgz") == bytesOf(folder / "alone.tgz"));
 }
 
+TEST_CASE("a page without a run folder has its title and its test scores, and no last look keeps a file back",
+          "[watch]") {
+  TG_SKIP_IF(std::system("curl --version >/dev/null 2>&1") == 0 ? "" : "no curl");
+  const tg::TemporaryFolder folder, browser;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Child child(folder,
+              "scene/ --texture-mode none --iterations 300 -o model.tgz --json run.json --serve 0 --eval-every 20");
+  child.until([&] { return child.output().find("serving http://127.0.0.1:") != std::string::npos; });
+  const std::string output = child.output();
+  const std::size_t at = output.find("http://");
+  const std::string url = output.substr(at, output.find('\n', at) - at);
+  nlohmann::json json;
+  const auto ask = [&] {
+    const Outcome state = run(browser, "curl -s --max-time 5 " + url + "state.json");
+    if (state.code == 0) json = nlohmann::json::parse(state.output);
+  };
+  // The model is not asked for, so that the program waits for it at the end.
+  child.until([&] {
+    ask();
+    return json["run"].is_object() && json["run"]["phase"] == "finished";
+  });
+  CHECK(json["title"] == "scene");
+  int scores = 0;
+  for (const nlohmann::json& row : json["metrics"]["rows"]) scores += !row[4].is_null();
+  CHECK(scores == 300 / 20);
+  CHECK(fs::exists(folder / "run.json"));
+  CHECK_THAT(child.output(), Contains("wrote model.tgz"));
+  const auto start = std::chrono::steady_clock::now();
+  child.send(SIGINT);
+  CHECK(child.end() == 0);
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(4));
+}
+
 TEST_CASE("a page that cannot be served is one line before training", "[watch]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
@@ -174,6 +210,15 @@ TEST_CASE("plot draws the curves of runs, each with its name, and refuses what i
   outcome = tgtrain(folder, "plot scene -o new.svg");
   CHECK(outcome.code == 2);
   CHECK_THAT(outcome.output, Contains("scene: is no run (expected a folder with metrics.jsonl"));
+  std::ofstream(folder / "strange.jsonl")
+      << R"({"stage": "plain", "iteration": 1, "loss": 1e16, "train_psnr": 1e308, "seconds": 1e300})" << '\n'
+      << R"({"stage": "plain", "iteration": 2, "loss": 10000000000000002, "train_psnr": -1e308, "seconds": 1e300})"
+      << '\n'
+      << R"({"stage": "<b>\u0001", "iteration": 3, "loss": 1e16, "test_psnr": 20})" << '\n';
+  CHECK(tgtrain(folder, "plot strange.jsonl -o strange.svg").code == 0);
+  const std::string strange = contents(folder / "strange.svg");
+  CHECK_THAT(strange, Contains("20.00 dB held out after &lt;b") && !Contains("<b>") && !Contains("\x01"));
+  CHECK_THAT(strange, !Contains("nan") && !Contains("inf"));
   std::ofstream(folder / "empty.jsonl") << "{}\n";
   outcome = tgtrain(folder, "plot empty.jsonl -o new.svg");
   CHECK(outcome.code == 3);

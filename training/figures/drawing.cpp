@@ -17,7 +17,7 @@ constexpr std::size_t kLongestLabel = 40;                               // [lett
 
 bool begins(char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }  // of UTF-8
 
-std::string shortened(const std::string& label, std::size_t most) {
+std::string cutLabel(const std::string& label, std::size_t most) {
   std::size_t letters = 0, end = 0;
   for (; end < label.size(); ++end) {
     if (begins(label[end]) && letters++ == most) break;
@@ -46,10 +46,10 @@ double roundStep(double span, double steps) {
 }
 
 std::vector<double> multiplesIn(const Axis& axis, double step) {
+  constexpr int kMost = 1000;  // where numbers are so large that a step is nothing to them
   std::vector<double> values;
-  for (double i = std::ceil(axis.low / step - 1e-9); i * step <= axis.high + step * 1e-9; ++i) {
-    values.push_back(i * step);
-  }
+  const double first = std::ceil(axis.low / step - 1e-9);
+  for (int i = 0; i < kMost && (first + i) * step <= axis.high + step * 1e-9; ++i) values.push_back((first + i) * step);
   return values;
 }
 
@@ -67,7 +67,7 @@ void Drawing::legend(const std::vector<std::string>& labels, bool rows) {
   double x = kLeft;
   next_ += kLegendRow;
   for (std::size_t i = 0; i < labels.size(); ++i) {
-    const std::string label = shortened(labels[i], most);
+    const std::string label = cutLabel(labels[i], most);
     const double width = kKey + kLetter * lettersOf(label);
     if (x > kLeft && (rows || x + width > width_ - kRight)) {
       x = kLeft;

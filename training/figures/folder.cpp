@@ -35,13 +35,15 @@ class HiddenFolder {
   }
   ~HiddenFolder() {
     std::error_code ignored;
-    fs::remove_all(path_, ignored);
+    if (!kept_) fs::remove_all(path_, ignored);
   }
   HiddenFolder& operator=(HiddenFolder&&) = delete;
   const fs::path& path() const { return path_; }
+  void keep() { kept_ = true; }
 
  private:
   fs::path path_;
+  bool kept_ = false;
 };
 
 // What is in a folder and not a report's; none where all of it is.
@@ -78,7 +80,7 @@ void requireReportFolder(const fs::path& folder, bool overwrite) {
 void writeReportFolder(const fs::path& folder, bool overwrite, const std::vector<ReportFile>& files) {
   requireReportFolder(folder, overwrite);  // whatever has come since the work began
   const fs::path name = named(folder);
-  const HiddenFolder hidden(name);
+  HiddenFolder hidden(name);
   const fs::path fresh = hidden.path() / "fresh", before = hidden.path() / "before";
   std::error_code code;
   for (const ReportFile& file : files) {
@@ -92,8 +94,12 @@ void writeReportFolder(const fs::path& folder, bool overwrite, const std::vector
   if (!code) {
     fs::rename(fresh, name, code);
     if (code && replaces) {
-      std::error_code ignored;
-      fs::rename(before, name, ignored);
+      std::error_code lost;
+      fs::rename(before, name, lost);
+      if (lost) {
+        hidden.keep();
+        refuse(name, "cannot name the finished report: " + code.message() + "; the one before is " + before.string());
+      }
     }
   }
   if (code) refuse(name, "cannot name the finished report: " + code.message());

@@ -437,9 +437,12 @@ std::string exactText(Number value) {
 }  // namespace
 
 RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, const std::string& fingerprint,
-                        const GaussianModel* start) {
+                        const GaussianModel* start, const FlagTexts& quantized_for) {
   RunIdentity identity;
   for (const SettingEntry& entry : settingEntries()) identity.settings += entry.name + " " + entry.get(settings) + "\n";
+  if (settings.quantize_iterations > 0) {
+    for (const auto& [name, value] : quantized_for) identity.settings += name + " " + value + "\n";
+  }
   const auto fact = [&](const char* name, const std::string& value) {
     identity.data += std::string(name) + " " + value + "\n";
   };

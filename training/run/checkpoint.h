@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "training/data/dataset.h"
 #include "training/settings/settings.h"
@@ -19,9 +21,12 @@ struct RunIdentity {
 
   bool operator==(const RunIdentity&) const = default;
 };
+// Flags that are no settings, and their values.
+using FlagTexts = std::vector<std::pair<std::string, std::string>>;
 // `fingerprint`: datasetFingerprint(), which reads every pixel. `start`: the model that stage 1 went on from, if any.
+// `quantized_for`: what says how the file is written that stage quantized is for; it counts where there is that stage.
 RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, const std::string& fingerprint,
-                        const GaussianModel* start = nullptr);
+                        const GaussianModel* start = nullptr, const FlagTexts& quantized_for = {});
 
 struct CheckpointHeader {
   RunIdentity identity;

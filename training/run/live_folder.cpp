@@ -19,9 +19,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLivePause = 0.9;       // [s] between two models at least
-constexpr double kLiveShare = 1.0 / 30;  // of the time for them
-constexpr std::uint64_t kMaxOrder = 64;  // [bytes]
+constexpr double kLivePause = 0.9;                      // [s] between two models at least
+constexpr double kLiveShare = 1.0 / 30;                 // of the time for them
+constexpr std::uint64_t kMaxOrder = 64;                 // [bytes]
+constexpr std::string_view kTakenName = ".tg-control";  // while it is read; RunFolder removes such names at its start
 
 std::int64_t nanoseconds() { return std::chrono::steady_clock::now().time_since_epoch().count(); }
 
@@ -36,26 +37,37 @@ LiveFolder::~LiveFolder() {
   thread_.request_stop();
   thread_.join();
   std::error_code ignored;
-  for (const std::string_view name : {kLiveModelName, kLiveStatusName, kControlName}) {
+  for (const std::string_view name : {kLiveModelName, kLiveStatusName, kControlName, kTakenName}) {
     fs::remove(folder_ / name, ignored);
   }
 }
 
 void LiveFolder::look() {
   watched_ = isWatched(metrics_);
-  const fs::path file = folder_ / kControlName;
-  if (!isFile(file)) return;
-  std::error_code ignored;
+  const fs::path file = folder_ / kControlName, taken = folder_ / kTakenName;
+  std::error_code error;
+  const bool waited = isFile(taken);
+  if (!waited) {
+    if (!isFile(file)) return;
+    // Under a name of our own: another one that comes meanwhile is not removed with it.
+    fs::rename(file, taken, error);
+    if (error) return;
+  }
   try {
-    const std::vector<std::uint8_t> bytes = readFile(file, kMaxOrder);
-    const std::string text(bytes.begin(), bytes.end());
-    if (!text.ends_with('\n')) return;  // still being written
+    std::string text = "\n";
+    if (fs::file_size(taken, error) <= kMaxOrder) {
+      const std::vector<std::uint8_t> bytes = readFile(taken, kMaxOrder);
+      text.assign(bytes.begin(), bytes.end());
+    }
+    const bool whole = text.ends_with('\n');
+    if (!whole && !waited) return;  // it may be still being written
+    if (!whole) throw Error(ErrorKind::badData, file.string(), "is no whole line (expected its end after the order)");
     order_ = parseOrder(text);
     if (!order_) throw Error(ErrorKind::badData, file.string(), "is no order (expected pause, go, step N or stop)");
-  } catch (const Error& error) {
-    std::fprintf(stderr, "tgtrain: %s\n", error.what());
+  } catch (const Error& failure) {
+    std::fprintf(stderr, "tgtrain: %s\n", failure.what());
   }
-  fs::remove(file, ignored);
+  fs::remove(taken, error);
 }
 
 std::optional<RunOrder> LiveFolder::takeOrder() { return std::exchange(order_, std::nullopt); }
@@ -87,7 +99,7 @@ void LiveFolder::write(const std::stop_token& stop) {
     const double start = threadSeconds();
     try {
       writeBundleQuickly(folder_ / kLiveModelName, *task->model);
-    } catch (const Error&) {  // as above
+    } catch (const std::exception&) {  // as above
     }
     // What another thread does takes its share of the training's threads.
     const double cost = task->cost + (threadSeconds() - start) / threadCount();

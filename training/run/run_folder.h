@@ -33,6 +33,7 @@ struct RunInputs {
   DifferentiableRenderer& renderer;
   TrainingJsonOptions json;
   const std::atomic<bool>* stop = nullptr;  // set: leave out test scores, the run is about to end
+  FlagTexts quantized_for;                  // runIdentity()
 };
 
 // One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.

@@ -226,6 +226,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                   settings_.texture_mode, settings_.texture_init);
     }
   } else if (stage == Stage::quantized) {
+    growShDegree(state_.training, settings_.sh_degree);
     state_.training.model = model();  // what a file would hold: the filter is baked
     state_.min_sigma.clear();
   } else {
@@ -309,6 +310,7 @@ bool Trainer::step(const std::atomic<bool>* stop) {
     if (!end(stop)) return false;
   }
   if (state_.finished) return false;
+  if (state_.stage == Stage::quantized) quantizeNext();  // writes files, which is no part of a step's time
   const Clock::time_point start = Clock::now();
   iterate();
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
@@ -383,7 +385,6 @@ void Trainer::iterate() {
       state_.iteration == settings_.texture_iterations / 2) {
     cutTextures();
   }
-  if (state_.stage == Stage::quantized) quantizeNext();
   const int iteration = ++state_.iteration;
   const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
   const bool adc = settings_.densification == Densification::adc;
@@ -484,34 +485,36 @@ void Trainer::densifyAndSchedule(int iteration) {
 }
 
 void Trainer::quantizeNext() {
-  const int iterations = settings_.quantize_iterations;
-  const Quantized phase = phaseOf(state_.iteration, iterations);
-  if (state_.iteration > 0 && phaseOf(state_.iteration - 1, iterations) == phase) return;
+  const auto phase = [&](int done) { return static_cast<int>(phaseOf(done, settings_.quantize_iterations)); };
+  const int first = state_.iteration > 0 ? phase(state_.iteration - 1) + 1 : 0, last = phase(state_.iteration);
+  if (first > last) return;
   TG_ASSERT(stored_, "the trainer knows what the file holds");
   pull();
   engine_->stateChanged();
   GaussianModel& model = state_.training.model;
   GaussianModel stored = stored_(model, state_.file_steps);
   TG_ASSERT(stored.size() == model.size() && stored.sh_degree == model.sh_degree, "the file has the model's Gaussians");
-  switch (phase) {
-    case Quantized::mean:
-      model.mean = std::move(stored.mean);
-      break;
-    case Quantized::rotation:
-      model.rotation = std::move(stored.rotation);
-      break;
-    case Quantized::log_scale:
-      model.log_scale = std::move(stored.log_scale);
-      break;
-    case Quantized::texels_and_opacity:
-      model.opacity_logit = std::move(stored.opacity_logit);
-      copyTexels(stored.atlas, model.atlas);
-      break;
-    case Quantized::sh_rest:
-      for (std::size_t i = 0; i < model.sh.size(); ++i) {
-        if (i % model.shCount() > 0) model.sh[i] = stored.sh[i];
-      }
-      break;
+  for (int turn = first; turn <= last; ++turn) {  // several where the stage is shorter than their number
+    switch (static_cast<Quantized>(turn)) {
+      case Quantized::mean:
+        model.mean = std::move(stored.mean);
+        break;
+      case Quantized::rotation:
+        model.rotation = std::move(stored.rotation);
+        break;
+      case Quantized::log_scale:
+        model.log_scale = std::move(stored.log_scale);
+        break;
+      case Quantized::texels_and_opacity:
+        model.opacity_logit = std::move(stored.opacity_logit);
+        copyTexels(stored.atlas, model.atlas);
+        break;
+      case Quantized::sh_rest:
+        for (std::size_t i = 0; i < model.sh.size(); ++i) {
+          if (i % model.shCount() > 0) model.sh[i] = stored.sh[i];
+        }
+        break;
+    }
   }
 }
 

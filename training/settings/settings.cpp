@@ -120,7 +120,7 @@ std::vector<SettingEntry> makeEntries() {
             "Texture gradients reach the geometry (off: ablation)"),
       onOff("texture-gradient-suffix", &S::texture_gradient_suffix,
             "Colour behind a splat includes its texture (off: ablation)"),
-      number("ssim-weight", &S::ssim_weight, 0, 1, "", "Loss: (1 - w) L1 + w (1 - SSIM)"),
+      number("ssim-weight", &S::ssim_weight, 0, 1, "", "Share of 1 - SSIM in the loss, beside L1"),
       number("rate-position", &S::rate_position, 0, kLargestRate, "extent per step", "At the start of a stage"),
       number("rate-position-end", &S::rate_position_end, 0, kLargestRate, "extent per step", "At the end of a stage"),
       number("rate-position-texture", &S::rate_position_texture, -1, kLargestRate, "extent per step",

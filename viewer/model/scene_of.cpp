@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <utility>
 
 #include "core/bundle/training_json.h"
@@ -14,14 +15,14 @@
 namespace tg {
 namespace {
 
-int whole(const nlohmann::json& object, const char* key) {
+int whole(const nlohmann::json& object, std::string_view key) {
   const auto found = object.find(key);
   if (found == object.end() || !found->is_number()) return 0;
   const double value = found->get<double>();
   return value >= 0 && value <= 1e9 ? static_cast<int>(value) : 0;
 }
 
-const nlohmann::json* member(const nlohmann::json& object, const char* key) {
+const nlohmann::json* member(const nlohmann::json& object, std::string_view key) {
   if (!object.is_object()) return nullptr;
   const auto found = object.find(key);
   return found == object.end() || !found->is_object() ? nullptr : &*found;
@@ -63,24 +64,22 @@ TrainingProgress trainingProgress(const std::string& training_json) {
   progress.finished = !wasInterrupted(training_json);
   // The stage that the run is in is the last one with steps; stages not begun have none. Stage untextured trains
   // another model for comparison: what this file holds is no part of it.
-  for (const std::string stage : {"count", "plain", "textured", "untextured"}) {
-    const nlohmann::json* report = member(*stages, stage.c_str());
+  const nlohmann::json* const settings = member(json, "settings");
+  for (const auto& [stage, iterations] : kTrainingStages) {
+    const nlohmann::json* report = member(*stages, stage);
     if (!report || (progress.finished && stage == "untextured") ||
         (!progress.stage.empty() && whole(*report, "iterations") == 0)) {
       continue;
     }
     progress.stage = stage;
     progress.iteration = whole(*report, "iterations");
+    progress.iterations = settings ? whole(*settings, iterations) : 0;
     const auto decibels = [&](const char* key) {
       const auto psnr = report->find(key);
       return psnr != report->end() && psnr->is_number() ? psnr->get<double>() : 0;
     };
     progress.psnr = decibels("train_psnr");
     progress.held_out = decibels("test_psnr");
-  }
-  if (const nlohmann::json* settings = member(json, "settings")) {
-    const bool second = progress.stage == "textured" || progress.stage == "untextured";
-    progress.iterations = whole(*settings, second ? "texture-iterations" : "iterations");
   }
   return progress;
 }

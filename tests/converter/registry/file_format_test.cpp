@@ -2,6 +2,8 @@
 // Which reader a file goes to, and what the refusals say.
 #include "converter/registry/file_format.h"
 
+#include <unistd.h>
+
 #include <set>
 #include <string>
 
@@ -42,6 +44,23 @@ TEST_CASE("what is no readable file is refused with exit code 2") {
   };
   CHECK(kind(scratch.folder()) == 2);
   CHECK(kind(scratch.folder() / "missing.glb") == 2);
+}
+
+TEST_CASE("a file that may not be read says why") {
+  const Scratch scratch;
+  std::filesystem::create_directory(scratch.folder() / "folder");
+  const std::filesystem::path file = scratch.write("a.ply", "ply\n"), inside = scratch.write("folder/a.ply", "ply\n");
+  std::filesystem::permissions(file, std::filesystem::perms::none);
+  std::filesystem::permissions(file.parent_path(), std::filesystem::perms(0755));
+  std::filesystem::permissions(inside.parent_path(), std::filesystem::perms::none);
+  const uid_t user = ::geteuid();
+  if (user == 0) REQUIRE(::seteuid(65534) == 0);  // nothing is kept from root
+  const std::string shut = test::messageOf([&] { detectFormat(file); }, ErrorKind::cannotRead);
+  const std::string hidden = test::messageOf([&] { detectFormat(inside); }, ErrorKind::cannotRead);
+  if (user == 0) REQUIRE(::seteuid(0) == 0);
+  std::filesystem::permissions(inside.parent_path(), std::filesystem::perms::owner_all);
+  CHECK(shut == file.string() + ": cannot open: Permission denied");
+  CHECK(hidden == inside.string() + ": cannot open: Permission denied");
 }
 
 TEST_CASE("what is no model is refused with exit code 3 and what it could be") {

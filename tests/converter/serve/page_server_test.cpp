@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -182,6 +183,26 @@ TEST_CASE("a page, its state and its model come by HTTP, and nothing else does",
   CHECK(get(page.url(), "-X POST -d pause").status() == 405);
   CHECK(get(page.url(), "-X DELETE").status() == 405);
   CHECK(get(page.url() + "state.json", "-H 'Range: bytes=0-0,0-0'").status() == 416);
+}
+
+TEST_CASE("a model that cannot be made into a file ends nothing", "[serve]") {
+  TG_SKIP_IF(noCurl());
+  PageServer page(parseServe("0", ""), "a");
+  auto bundle = std::make_shared<Bundle>();
+  bundle->model = test::trainedLikeModel(1, 50);
+  const char* const before = std::getenv("TMPDIR");
+  const std::string temporary = before ? before : "/tmp";
+  ::setenv("TMPDIR", "/nonexistent", 1);
+  for (int i = 0; i < 3; ++i) {
+    CHECK_NOTHROW(page.show(bundle));
+    CHECK_NOTHROW(page.showHeldOut("view", Image(8, 4, 3, 0.5f), Image(8, 4, 3, 0.25f)));
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));  // asking would want such a folder itself
+  }
+  ::setenv("TMPDIR", temporary.c_str(), 1);
+  CHECK(soon([&] { return stateOf(page)["held_out"]["number"] > 0; }));
+  CHECK(stateOf(page)["model"] == 0);
+  page.show(bundle);
+  CHECK(soon([&] { return stateOf(page)["model"] == 1; }));
 }
 
 TEST_CASE("a name that only leads to this machine gets nothing, nor does who has no token", "[serve]") {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole files: bounds in, all or nothing out.
+#include <cstdlib>
 #include <stdexcept>
 
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
+#include "core/file/scratch_folder.h"
 #include "core/system/error.h"
 #include "core/system/temporary_files.h"
 #include "support/catch.h"
@@ -144,4 +146,19 @@ TEST_CASE("a name without folder is written to the working folder") {
   tg::writeFileAtomically("plain", Bytes{5});
   std::filesystem::current_path(before);
   REQUIRE(tg::readFile(folder / "plain", 10) == Bytes{5});
+}
+
+TEST_CASE("without a place for temporary files there is one line that names it") {
+  const char* const before = std::getenv("TMPDIR");
+  const std::string temporary = before ? before : "/tmp";
+  ::setenv("TMPDIR", "/nonexistent", 1);
+  std::string said;
+  try {
+    const tg::ScratchFolder folder;
+  } catch (const tg::Error& error) {
+    CHECK(error.kind == tg::ErrorKind::cannotWrite);
+    said = error.what();
+  }
+  ::setenv("TMPDIR", temporary.c_str(), 1);
+  CHECK(said == "/nonexistent: no folder for temporary files: No such file or directory");
 }

@@ -184,3 +184,11 @@ TEST_CASE("a run knows that somebody watches, until nobody does", "[run]") {
   CHECK_FALSE(isWatched(metrics));
   ::close(metrics);
 }
+
+TEST_CASE("seconds are told, however many a file says") {
+  CHECK(formatSeconds(59.4) == "59 s");
+  CHECK(formatSeconds(185) == "3 min 05 s");
+  CHECK(formatSeconds(7620) == "2 h 07 min");
+  CHECK(formatSeconds(-1e300) == "0 s");
+  CHECK(formatSeconds(1e300) == "277777777 h 46 min");
+}

@@ -31,6 +31,9 @@ TEST_CASE("an option's row knows its value, its choices, its range and its defau
   app.add_option("--mode", name, "how")->check(oneOf({"fast", "exact"}))->capture_default_str();
   app.add_option("-n,--count", count, "how often")->check(CLI::Range(1, 9))->capture_default_str();
   app.add_flag("--dry-run", flag, "write nothing");
+  app.add_option("--serve", name, "where")->type_name("[ADDRESS:]PORT");
+  std::uint64_t bytes = 0;
+  addBytes(app, "--size", bytes, "how large");
   const CommandTable table = tableOf(app);
   const auto row = [&](const std::string& wanted) {
     return *std::ranges::find_if(table.options, [&](const OptionRow& option) { return option.names.back() == wanted; });
@@ -43,6 +46,14 @@ TEST_CASE("an option's row knows its value, its choices, its range and its defau
   CHECK(titleOf(row("--count")) == "-n, --count N");
   CHECK(meaningOf(row("--count")) == "how often (1 to 9; default: 3)");
   CHECK(row("--dry-run").value.empty());
+  CHECK(titleOf(row("--serve")) == "    --serve [ADDRESS:]PORT");
+  CHECK(titleOf(row("--size")) == "    --size SIZE");
+  CHECK(meaningOf(row("--size")) == "how large");
+  for (const auto& [text, expected] : std::initializer_list<std::pair<std::string, std::uint64_t>>{
+           {"1500", 1500}, {"900KB", 900'000}, {"1.5 mb", 1'500'000}, {"2GB", 2'000'000'000}, {"7B", 7}}) {
+    app.parse("--size '" + text + "' files");
+    CHECK(bytes == expected);
+  }
   CHECK(usageOf(table) == "tool [OPTIONS] files...");
   CHECK_THROWS_AS(formatCompletion(table, "csh"), Error);
 }

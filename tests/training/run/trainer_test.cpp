@@ -3,8 +3,10 @@
 #include "training/run/trainer.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -252,7 +254,7 @@ tg::GaussianModel rounded(const tg::GaussianModel& model, float step) {
   for (float& logit : stored.opacity_logit) logit = round(logit);
   for (glm::vec3& sh : stored.sh) sh = round(sh);
   stored.atlas = {};
-  for (std::size_t i = model.size(); i-- > 0;) {
+  for (std::size_t i = model.atlas.rects.size(); i-- > 0;) {
     tg::TextureRect rect = model.atlas.rects[i];
     const auto from = model.atlas.texels.begin() + rect.offset;
     rect.offset = static_cast<std::uint32_t>(stored.atlas.texels.size());
@@ -314,6 +316,46 @@ TEST_CASE("what a coarse file takes, training for it gives back in part", "[trai
   tg::test::checkSame(resumed.model(), last);
   settings.compare_untextured = true;
   CHECK_THROWS_WITH(tg::checkSettings(settings), Catch::Matchers::Contains("no twin without textures"));
+}
+
+TEST_CASE("a model of lower SH degree than the settings' is trained for a file, too", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_mode = tg::TextureMode::none;
+  settings.iterations = 4;
+  settings.sh_every = 0;
+  settings.sh_degree = 3;
+  settings.quantize_iterations = 3;
+  tg::Trainer trainer(dataset, settings, *renderer);
+  trainer.onQuantizing([](const tg::GaussianModel& model, float&) { return rounded(model, 0.2f); });
+  while (trainer.step()) {
+    if (trainer.stage() == tg::Stage::quantized) CHECK(tg::momentsAgree(trainer.state().training));
+  }
+  // Of five turns those that a stage of three iterations reaches, none left out.
+  const tg::GaussianModel model = trainer.model(), file = rounded(model, 0.2f);
+  CHECK(model.sh_degree == 3);
+  CHECK(model.mean == file.mean);
+  CHECK(model.log_scale == file.log_scale);
+  CHECK(model.opacity_logit == file.opacity_logit);
+}
+
+TEST_CASE("what stage quantized spends on files is no part of its time", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_mode = tg::TextureMode::none;
+  settings.iterations = 4;
+  settings.quantize_iterations = 50;
+  tg::Trainer trainer(dataset, settings, *renderer);
+  constexpr double kWriting = 1;  // [s]
+  trainer.onQuantizing([&](const tg::GaussianModel& model, float&) {
+    std::this_thread::sleep_for(std::chrono::duration<double>(kWriting));
+    return model;
+  });
+  while (trainer.stage() != tg::Stage::quantized) REQUIRE(trainer.step());
+  CHECK(trainer.state().seconds < kWriting);
+  CHECK(trainer.progress().seconds_left < 49 * kWriting);
 }
 
 TEST_CASE("every strategy, filter and texture layout trains to a valid, better model", "[trainer]") {

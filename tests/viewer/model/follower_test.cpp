@@ -58,6 +58,14 @@ TEST_CASE("training.json says how far the run is, and strange ones say nothing")
           "stages": {"plain": {"iterations": 700}, "textured": {"iterations": 300}, "untextured": {"iterations": 9}}})");
   CHECK(formatProgress(done) == "textured 300 / 300");
   CHECK(done.finished);
+  const TrainingProgress for_file = trainingProgress(
+      R"({"interrupted": false, "settings": {"iterations": 700, "quantize-iterations": 70},
+          "stages": {"plain": {"iterations": 700, "test_psnr": 16.68},
+                     "quantized": {"iterations": 70, "test_psnr": 16.39}}})");
+  CHECK(formatProgress(for_file) == "quantized 70 / 70");
+  CHECK(for_file.held_out == Approx(16.39));
+  CHECK(formatProgress(trainingProgress(R"({"interrupted": true, "settings": {"quantize-iterations": 70},
+                                            "stages": {"quantized": {"iterations": 3}}})")) == "quantized 3 / 70");
   for (const char* strange : {"", "{", "[]", "{}", R"({"stages": 3})", R"({"stages": {"plain": 3}})",
                               R"({"stages": {}, "interrupted": "maybe"})"}) {
     INFO(strange);
