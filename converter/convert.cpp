@@ -34,7 +34,9 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
              std::span<const Camera> views, ConvertReport& report) {
   report.views = views.size();
   const Bundle written = readModel(output);
-  if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
+  if (report.adapted) {
+    // Its numbers are others on purpose.
+  } else if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
     report.deviation =
         deviationOf(report.order.empty() ? source.model : select(source.model, report.order), written.model);
   }
@@ -54,7 +56,8 @@ bool isInSteps(const Format& format, const ConvertOptions& options) {
 
 // Whether what is written may look otherwise than the model: not by the last bits of its numbers.
 bool changesPictures(const GaussianModel& model, const Format& format, const ConvertOptions& options) {
-  return isTextured(model) || !format.holds(kKeepsFloats) || options.quantize || isInSteps(format, options);
+  return isTextured(model) || !format.holds(kKeepsFloats) || options.quantize || options.viewer ||
+         isInSteps(format, options);
 }
 
 // The input, where it can be converted without being a model in between.
@@ -62,11 +65,27 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
                                              const ConvertOptions& options) {
   const bool rendered =
       options.measure == Measure::always || (options.measure == Measure::automatic && options.quantize);
-  const bool whole = !options.edits.empty() || options.meshopt || isInSteps(format, options);
+  const bool whole = !options.edits.empty() || options.meshopt || options.viewer || isInSteps(format, options);
   if (!format.streams || whole || (rendered && !options.dry_run)) return nullptr;
   if (detectFormat(input).name != "ply") return nullptr;
   auto file = std::make_unique<const SplatPlyFile>(input);
   return file->rows().plain() ? std::move(file) : nullptr;
+}
+
+// Of the source what is written where it is made for a viewer; `base` lives as long as the options.
+Bundle adaptedBundle(const Bundle& source, SplatViewer viewer, const Format& format, GaussianModel& base,
+                     WriteOptions& options, ConvertReport& report) {
+  if (isTextured(source.model) && format.holds(kKeepsTextures) && !format.is_gltf) {
+    throw Error(ErrorKind::usage, "--for: a ." + std::string(format.name) +
+                                      " has one base for textures and viewers (expected .glb, .gltf or --no-textures)");
+  }
+  Adapted adapted = adaptTo(viewer, source, format.is_gltf);
+  report.adapted = adapted.report;
+  Bundle written = source;
+  written.model = std::move(adapted.model);
+  base = std::move(adapted.base);
+  if (base.size() > 0) options.base = &base;
+  return written;
 }
 
 }  // namespace
@@ -132,11 +151,16 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.warnings.push_back(
         "not rendered for the summary, which takes several times the model's memory (--psnr does)");
   }
+  GaussianModel base;
+  std::optional<Bundle> adapted;
+  if (options.viewer) adapted = adaptedBundle(source, *options.viewer, format, base, write_options, report);
+  const Bundle& written = adapted ? *adapted : source;
+  report.gaussians = written.model.size();
   if (options.target.given()) {
-    write_options.steps = stepsFor(format, output, source, views, write_options, options.target);
+    write_options.steps = stepsFor(format, output, written, views, write_options, options.target);
   }
   report.steps = format.has_steps ? write_options.steps.value_or(1.0f) : 1.0f;
-  write(source);
+  write(written);
   if (measured && format.read && (changes || options.measure == Measure::always)) {
     measure(format, output, source, views, report);
   }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "converter/edit/adapt.h"
 #include "converter/edit/edit.h"
 #include "converter/edit/quality.h"
 #include "converter/edit/target.h"
@@ -37,6 +38,7 @@ struct ConvertOptions {
   std::optional<SpzAxes> spz_axes = {};    // of an spz that is read: see ReadOptions
   Target target = {};                      // sog, glb, gltf, html: instead of `steps`
   std::vector<Edit> edits = {};            // in this order, before anything is written
+  std::optional<SplatViewer> viewer = {};  // not tgz, html, png: the base is made for it, after the edits
 };
 
 struct ConvertReport : Written {
@@ -49,6 +51,7 @@ struct ConvertReport : Written {
   float steps = 1;
   std::size_t cameras = 0;
   std::vector<EditReport> edits;
+  std::optional<AdaptReport> adapted;
   std::optional<Deviation> deviation;   // of the file read back, where it holds other numbers
   std::size_t views = 0;                // rendered for the two figures below
   std::optional<double> textured_psnr;  // [dB] the file read back against the edited model; infinity when equal
@@ -56,9 +59,9 @@ struct ConvertReport : Written {
 };
 
 // The output's format is its extension (converter/registry/file_format.h).
-// Throws Error(usage / cannotRead / badData / cannotWrite), usage also for a target that no steps reach; nothing is
-// written then. A binary PLY becomes a .glb or .gltf block by block where nothing is edited, rendered or packed; other
-// ways hold the model in memory once.
+// Throws Error(usage / cannotRead / badData / cannotWrite), usage also for a target that no steps reach and for a .sog
+// with textures that is to be made for a viewer; nothing is written then. A binary PLY becomes a .glb or .gltf block by
+// block where nothing is edited, rendered or packed; other ways hold the model in memory once.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 

@@ -75,6 +75,14 @@ std::string describe(const ConvertReport& report) {
     if (edit.psnr) text += ", " + decibels(*edit.psnr) + " against before";
     text += "\n";
   }
+  if (report.adapted) {
+    const AdaptReport& a = *report.adapted;
+    text += "for " + std::string(profileOf(a.viewer).program) + ": ";
+    text += a.wide > 0 ? format("%zu wide Gaussians in %zu pieces, ", a.wide, a.pieces) : "no Gaussian too wide, ";
+    text += a.fitted ? format("fitted over %zu views\n", a.fit_views) : "nothing gained by fitting\n";
+    text += format("emulated, %zu other views, against our base: there ", a.held_views) + decibels(a.after) +
+            ", without --for " + decibels(a.before) + "; here " + decibels(a.ours) + "\n";
+  }
   text += format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
   const std::string from = axesOf(report.input_format), to = axesOf(report.output_format);
   text += "axes: " + from + (from == to ? ", kept\n" : " -> " + to + ", a half turn about z\n");
@@ -126,6 +134,19 @@ std::string describeJson(const ConvertReport& report) {
     edits.push_back(std::move(entry));
   }
   if (!edits.empty()) json["edits"] = std::move(edits);
+  if (report.adapted) {
+    const AdaptReport& a = *report.adapted;
+    json["for"] = {{"viewer", name(a.viewer)},
+                   {"program", profileOf(a.viewer).program},
+                   {"wide", a.wide},
+                   {"pieces", a.pieces},
+                   {"fitted", a.fitted},
+                   {"fit_views", a.fit_views},
+                   {"held_views", a.held_views},
+                   {"psnr_before", decibelsJson(a.before)},
+                   {"psnr", decibelsJson(a.after)},
+                   {"psnr_ours", decibelsJson(a.ours)}};
+  }
   json["gaussians"] = report.gaussians;
   json["sh_degree"] = report.sh_degree;
   json["cameras"] = report.cameras;

@@ -186,6 +186,7 @@ constexpr ShapingOption kShapingOptions[] = {
     {"--target-psnr", [](const tg::Format& format) { return format.has_steps; }},
     {"--texture-step", [](const tg::Format& format) { return format.has_steps; }},
     {"--spz-version", [](const tg::Format& format) { return format.name == "spz"; }},
+    {"--for", [](const tg::Format& format) { return format.read && format.name != "tgz" && format.name != "html"; }},
 };
 
 // What stands before `check` would be lost.
@@ -343,6 +344,12 @@ void addConversion(CLI::App& app, Arguments& arguments) {
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(tg::oneOf(tg::outputNames(true)));
   app.add_flag("--base-only", arguments.options.base_only, "glb, sog: leave the texture layer aside");
+  app.add_option_function<std::string>(
+         "--for",
+         [&](const std::string& text) { arguments.options.viewer = tg::parse<tg::SplatViewer>(text, "--for"); },
+         "make what viewers without textures show look right in this one: wide Gaussians in pieces, opacities, colours "
+         "and shapes fitted to how it draws")
+      ->check(tg::oneOf<tg::SplatViewer>());
   app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
   addSizes(app, arguments);
   app.option_defaults()->group("What is said");
@@ -360,6 +367,7 @@ void addConversion(CLI::App& app, Arguments& arguments) {
                    {"tgconvert model.tgz scene.html", "a page that shows it in any browser"},
                    {"tgconvert model.tgz scene.sog --target-size 900KB", "a file of at most that size"},
                    {"tgconvert scan.ply small.spz --crop-box -2,-2,-2,2,2,2 --decimate 200000", "cut, then thin out"},
+                   {"tgconvert model.tgz scene.glb --for three --upright", "for three.js, the right way up"},
                    {"tgconvert a.ply b.ply both.ply", "merge"},
                    {"tgconvert models/ out/ --to glb", "every model of a folder"},
                    {"tgconvert model.tgz --info --stats", "what a file holds"}});

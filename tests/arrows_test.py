@@ -20,6 +20,7 @@ LEFT = {
     "core/model": ["core/system", "core/file", "core/image"],
     "core/bundle": ["core/system", "core/file", "core/image", "core/model"],
     "render/reference": ["render"],
+    "render/affine": ["render"],
     "render/cpu": ["render"],
     "render/gpu": ["render"],
     "render/vulkan": ["render", "render/gpu"],

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <initializer_list>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -14,6 +15,7 @@
 #include "converter/edit/quality.h"
 #include "converter/edit/select.h"
 #include "converter/edit/transform.h"
+#include "converter/edit/upright.h"
 #include "converter/gltf/axes.h"
 #include "converter/registry/file_format.h"
 #include "core/bundle/training_json.h"
@@ -67,6 +69,17 @@ void rotateQuaternion(Bundle& loaded, const Edit& edit) {
   if (!(glm::length(q) > 0.0)) throw Error(ErrorKind::usage, "the quaternion has no length");
   Similarity turn;
   turn.rotation = matrixFromQuaternion(q);
+  transform(loaded, turn);
+}
+
+void upright(Bundle& loaded, const Edit&) {
+  const std::optional<glm::dvec3> up = upOf(loaded.cameras);
+  if (!up) {
+    throw Error(ErrorKind::usage, loaded.cameras.empty() ? "the model has no cameras that know (expected --rotate)"
+                                                         : "the cameras contradict (expected --rotate)");
+  }
+  Similarity turn;
+  turn.rotation = turnBetween(*up, {0.0, -1.0, 0.0});
   transform(loaded, turn);
 }
 
@@ -197,10 +210,11 @@ struct Command {
   void (*apply)(Bundle&, const Edit&);
   bool reduces;  // the same scene with less of it
 };
-constexpr std::array<Command, 16> kCommands = {{
+constexpr std::array<Command, 17> kCommands = {{
     {{"--translate", "X,Y,Z", "move"}, translate, false},
     {{"--rotate", "X,Y,Z,DEG", "turn by an angle about an axis through the origin"}, rotate, false},
     {{"--rotate-quaternion", "W,X,Y,Z", "turn by a quaternion of any length"}, rotateQuaternion, false},
+    {{"--upright", "", "turn what the cameras have at their top to -y, which is +y in glTF"}, upright, false},
     {{"--scale", "S", "scale about the origin"}, scale, false},
     {{"--matrix", "M", "12 or 16 numbers row by row: rotation, one scale, translation"}, applyMatrix, false},
     {{"--crop-box", "X0,Y0,Z0,X1,Y1,Z1", "keep what has its mean inside"}, cropBox, false},

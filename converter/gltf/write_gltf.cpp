@@ -435,14 +435,18 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   Writer writer(content, gaussians, binary);
   writer.addPositions();
   writer.addShape(textured);
-  const GaussianModel base = textured ? bakeFallback(model) : GaussianModel();  // outlives the writing
+  const GaussianModel* given = content.options.base;
+  TG_ASSERT(!given || given->size() == model.size(), "the base is of the model's Gaussians");
+  const GaussianModel base = !textured ? GaussianModel()
+                             : given   ? *given
+                                       : bakeFallback(model);  // outlives the writing
   const Baked baked = textured ? &base : nullptr;
   writer.addOpacity(baked, kSplatExtension);
   writer.addColors(baked);
   Json nested;
   if (textured) {
-    if (hasAlpha(model.texture_mode)) writer.addOpacity(nullptr, kTextureExtension);
-    if (hasColor(model.texture_mode)) writer.addDc();
+    if (hasAlpha(model.texture_mode) || given) writer.addOpacity(nullptr, kTextureExtension);
+    if (hasColor(model.texture_mode) || given) writer.addDc();
     nested = writer.addTextures(base, report);
   } else {
     writer.addSource(false, report);
@@ -470,6 +474,8 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
   if (!options.texture_step) options.texture_step = kTextureStep;
   std::vector<std::uint32_t> order = mortonOrder(content.model.mean);
   const GaussianModel ordered = select(content.model, order);
+  const GaussianModel ordered_base = options.base ? select(*options.base, order) : GaussianModel();
+  if (options.base) options.base = &ordered_base;
   GltfReport report = write(path, {ordered, content.cameras, content.background, options}, binary);
   report.order = std::move(order);
   return report;

@@ -41,8 +41,10 @@ struct WriteOptions {
   // Between a texture's colours, coarser where they weigh less. sog, and glb, gltf with `steps`: without one
   // kTextureStep.
   std::optional<float> texture_step = {};
-  int spz_version = kNewestSpz;               // spz: or kOldestSpz (converter/formats/spz.h)
-  bool replace = true;                        // gltf, png: the files beside it where they are there already
+  int spz_version = kNewestSpz;  // spz: or kOldestSpz (converter/formats/spz.h)
+  bool replace = true;           // gltf, png: the files beside it where they are there already
+  // glb, gltf with textures: what readers without them get, of the same Gaussians; null: their means.
+  const GaussianModel* base = nullptr;
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };
 

@@ -108,6 +108,27 @@ TEST_CASE("a signal ends tgconvert with nothing half written, and one that it wa
   CHECK(files() == 2);
 }
 
+TEST_CASE("--for knows its viewers, and the formats that they read") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 46));
+  const Result json = tgconvert(scratch, "in.ply out.glb --for cesium --json");
+  REQUIRE(json.code == 0);
+  const auto report = nlohmann::json::parse(json.out)["for"];
+  CHECK(report["viewer"] == "cesium");
+  CHECK(report["psnr"].get<double>() >= report["psnr_before"].get<double>());
+  CHECK(tgconvert(scratch, "in.ply again.glb --for cesium").out.find("for CesiumJS") != std::string::npos);
+  CHECK(Glb::slurp(scratch.folder() / "out.glb") == Glb::slurp(scratch.folder() / "again.glb"));
+  const Result unknown = tgconvert(scratch, "in.ply x.glb --for threejs");
+  CHECK(unknown.code == 1);
+  CHECK(unknown.err.find("playcanvas") != std::string::npos);
+  for (const char* name : {"x.tgz", "x.html"}) {
+    const Result refused = tgconvert(scratch, std::string("in.ply ") + name + " --for three");
+    CHECK(refused.code == 1);
+    CHECK(refused.err.find("--for does nothing here: it is only for .ply") != std::string::npos);
+    CHECK(!std::filesystem::exists(scratch.folder() / name));
+  }
+}
+
 TEST_CASE("tgconvert writes SPZ 4, and 3 where it is asked for") {
   const Scratch scratch;
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 45));

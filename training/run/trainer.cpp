@@ -11,6 +11,7 @@
 
 #include "core/model/texture_budget.h"
 #include "core/model/verbs.h"
+#include "core/model/wide_splats.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "render/contribution.h"
@@ -285,6 +286,32 @@ void Trainer::keepMostSeen(std::size_t count) {
   updateFilter();
 }
 
+void Trainer::splitWideOnes() {
+  pull();
+  TrainingState& training = state_.training;
+  const std::size_t count = training.model.size();
+  std::vector<glm::dvec3> eyes;
+  for (const Pinhole& camera : filter_cameras_) eyes.push_back(camera.position());
+  WideLimits limits{.bound = static_cast<double>(settings_.wide_sigma), .rounds = 1};
+  if (limit() > 0) limits.most_pieces = count < limit() ? (limit() - count) * 3 / 2 : 0;  // three in the place of one
+  const WidePieces split = splitWide(training.model, eyes, limits);
+  if (split.wide.empty()) return;
+  engine_->stateChanged();
+  std::vector<std::uint32_t> source;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (!std::ranges::binary_search(split.wide, i)) source.push_back(i);
+  }
+  state_.statistics.select(source);
+  const std::size_t kept = source.size();
+  source.insert(source.end(), split.source.begin(), split.source.end());
+  selectGaussians(training, source, kept);
+  std::ranges::copy(split.pieces.mean, training.model.mean.begin() + static_cast<std::ptrdiff_t>(kept));
+  std::ranges::copy(split.pieces.log_scale, training.model.log_scale.begin() + static_cast<std::ptrdiff_t>(kept));
+  std::ranges::copy(split.pieces.opacity_logit,
+                    training.model.opacity_logit.begin() + static_cast<std::ptrdiff_t>(kept));
+  state_.statistics.grow(training.model.size());
+}
+
 bool Trainer::resetsOpacity(int iteration) const {
   if (schedule_.resetsOpacity(iteration)) return true;
   // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
@@ -464,6 +491,7 @@ void Trainer::densifyAndSchedule(int iteration) {
       if (swaps() && opacitiesSettled(iteration)) {
         keepMostSeen(limit() - static_cast<std::size_t>(kSwapped * static_cast<double>(limit())));
       }
+      if (settings_.wide_sigma > 0) splitWideOnes();
       engine_->densify(state_, densify_settings);
     } else {
       if (limit() > 0) keepMostSeen(limit());

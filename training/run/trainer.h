@@ -97,6 +97,8 @@ class Trainer {
   void updateFilter();
   std::vector<double> seenWeights() const;
   void keepMostSeen(std::size_t count);
+  // What is wide for its distance in pieces, as far as the limit leaves room.
+  void splitWideOnes();
   void cutTextures();
   bool swaps() const;
   bool picks() const;

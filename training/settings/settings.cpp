@@ -93,6 +93,8 @@ std::vector<SettingEntry> makeEntries() {
       number("prune-radius", &S::prune_radius, 0, 1e6, "px",
              "adc: also remove what reaches further from its centre on screen, after the first reset (0: off, as 3DGS "
              "in effect)"),
+      number("wide-sigma", &S::wide_sigma, 0, 1e3, "of the distance",
+             "adc: split what has a larger sigma for its distance to the nearest training camera (0: off)"),
       number("densify-every", &S::densify_every, 1, kMostIterations, "steps", "Steps between two densifications"),
       number("densify-from", &S::densify_from, -1, kMostIterations, "steps",
              "First densification after this (-1: auto)"),
@@ -162,6 +164,7 @@ TrainSettings presetSettings(std::string_view preset) {
   settings.iterations = 30'000;
   settings.texture_iterations = 30'000;
   settings.densify_score = DensifyScore::magnitudesOnly;
+  settings.wide_sigma = 0;
   settings.rate_position = 1.6e-4f;
   settings.rate_position_end = 1.6e-6f;
   settings.rate_scale = 5e-3f;

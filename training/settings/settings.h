@@ -60,7 +60,8 @@ struct TrainSettings {
   DensifyScore densify_score = DensifyScore::sum;
   float densify_threshold = 2e-4f;  // NDC gradient, mean over views
   float prune_opacity = 0.005f;
-  float prune_radius = 0;  // [px] on screen, in runs with opacity resets; 0: off
+  float prune_radius = 0;   // [px] on screen, in runs with opacity resets; 0: off
+  float wide_sigma = 0.3f;  // of the distance to the nearest training camera: wider Gaussians are split; 0: off
   int densify_every = 100;
   int densify_from = -1;
   int densify_until = -1;

@@ -59,6 +59,14 @@ void DensityStatistics::select(std::span<const std::uint32_t> kept) {
   pick(max_radius);
 }
 
+void DensityStatistics::grow(std::size_t count) {
+  TG_ASSERT(count >= score_sum.size(), "none goes");
+  score_sum.resize(count);
+  magnitude_sum.resize(count);
+  view_count.resize(count);
+  max_radius.resize(count);
+}
+
 void DensityStatistics::add(const ModelGradient& gradient) {
   TG_ASSERT(gradient.screen_gradient.size() == score_sum.size() &&
                 gradient.screen_gradient_abs.size() == score_sum.size() &&

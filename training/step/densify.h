@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
+#include "core/system/random.h"
 #include "training/step/density_math.h"
 #include "training/step/optimizer.h"
-#include "core/system/random.h"
 
 namespace tg {
 
@@ -20,6 +20,7 @@ struct DensityStatistics {
 
   void reset(std::size_t count);
   void select(std::span<const std::uint32_t> kept);
+  void grow(std::size_t count);  // nothing is known of those that come
   void add(const ModelGradient& gradient);
 };
 

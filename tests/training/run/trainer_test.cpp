@@ -436,6 +436,37 @@ TEST_CASE("under a limit, what no view shows makes room", "[trainer]") {
   CHECK(unseen(model) == (settings.limit_by == tg::LimitBy::room ? 25 : 0));
 }
 
+TEST_CASE("what is wide for its distance is split at densification, within the limit", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  settings.texture_iterations = 0;
+  settings.densify_every = 10;
+  tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
+  for (std::size_t i = 0; i < 6; ++i) start.log_scale[50 * i] = glm::vec3(0.5f, -1.0f, -3.0f);
+  const auto widest = [&](const tg::GaussianModel& model) {
+    double most = 0;
+    for (std::size_t i = 0; i < model.size(); ++i) {
+      double nearest = 1e9;
+      for (const std::size_t view : dataset.indices(false)) {
+        nearest = std::min(nearest, glm::distance(dataset.views[view].position(), glm::dvec3(model.mean[i])));
+      }
+      const glm::dvec3 sigma = glm::exp(glm::dvec3(model.log_scale[i]));
+      most = std::max(most, std::max({sigma.x, sigma.y, sigma.z}) / nearest);
+    }
+    return most;
+  };
+  REQUIRE(widest(start) > 0.4);
+  settings.wide_sigma = 0.1f;
+  settings.gaussians = GENERATE(0, 640);
+  const tg::TrainResult split = tg::train(dataset, settings, *renderer, {}, start);
+  CHECK(widest(split.model) < 0.2);  // what they grow in the iterations without densification stays
+  if (settings.gaussians > 0) CHECK(split.model.size() <= settings.gaussians);
+  const tg::TrainResult again = tg::train(dataset, settings, *renderer, {}, start);
+  CHECK(again.model == split.model);
+}
+
 TEST_CASE("all random points are the start under a limit: the first round picks, and without a round the end does",
           "[trainer]") {
   const tg::Dataset dataset = sampleDataset();

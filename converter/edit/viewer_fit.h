@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// A base made for somebody else's viewer: numbers that look there as the model should look.
+#pragma once
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "core/image/image.h"
+#include "core/model/camera.h"
+#include "core/model/model.h"
+#include "render/affine/splat_viewer.h"
+
+namespace tg {
+
+// Cameras with the pictures that a viewer should show from them.
+struct FitViews {
+  std::vector<Camera> cameras;
+  std::vector<Image> pictures;  // 3 channels
+  std::vector<float> shrink;    // of each camera's size against that at which viewers show it
+  glm::vec3 background{0.0f};
+};
+
+// What our renderer shows of `model`, at most `max_side` pixels a side.
+FitViews fitViews(const GaussianModel& model, std::span<const Camera> cameras, glm::vec3 background, int max_side);
+
+// PSNR [dB] of all pixels together of what the viewer shows of `base`.
+double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews& views);
+
+struct FitSettings {
+  int steps = 0;
+  std::size_t shapes_from = 0;  // of Gaussians from here on scales move, too, not colours and opacities alone
+};
+
+// Moves opacities, DC colours and scales so that the viewer's pictures come close to those of `views`, by Adam. What is
+// invisible stays so.
+void fitToViewer(GaussianModel& base, SplatViewer viewer, const FitViews& views, const FitSettings& settings);
+
+}  // namespace tg

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// Models made for other people's viewers, and models that stand upright.
+#include "converter/edit/adapt.h"
+
+#include <cmath>
+
+#include "converter/convert.h"
+#include "converter/edit/transform.h"
+#include "converter/edit/upright.h"
+#include "converter/edit/viewer_fit.h"
+#include "converter/edits.h"
+#include "converter/gltf/axes.h"
+#include "converter/scratch.h"
+#include "core/model/fallback.h"
+#include "core/model/verbs.h"
+#include "support/catch.h"
+#include "support/message_of.h"
+
+using namespace tg;
+
+namespace {
+
+// Textured, with a Gaussian as wide as the room and cameras around.
+Bundle room() {
+  Bundle bundle;
+  bundle.model = test::trainedLikeModel(3, 300);
+  for (int k = 0; k < 14; ++k) {
+    const double angle = 0.45 * k;
+    Camera camera = lookAt({4 * std::sin(angle), -1.0, -4 * std::cos(angle)}, glm::dvec3(0.0), {0, -1, 0}, 0.9, 64, 48);
+    camera.test = k % 4 == 1;
+    bundle.cameras.push_back(camera);
+  }
+  const std::size_t wide = 5;
+  bundle.model.log_scale[wide] = glm::log(glm::vec3(2.5f, 2.0f, 0.01f));
+  return bundle;
+}
+
+}  // namespace
+
+TEST_CASE("a textured file for a viewer shows our readers what it did, and that viewer's picture comes nearer") {
+  const Scratch scratch;
+  const Bundle source = room();
+  writeBundle(scratch.folder() / "in.tgz", source);
+  const GaussianModel before = readModel(scratch.folder() / "in.tgz").model;
+  const auto out = scratch.folder() / "out.glb";
+  const ConvertReport report = convert(scratch.folder() / "in.tgz", out, {.viewer = SplatViewer::three});
+  REQUIRE(report.adapted);
+  CHECK(report.adapted->wide >= 1);
+  CHECK(report.adapted->pieces >= 3);
+  CHECK(report.adapted->fitted);
+  CHECK(report.adapted->after > report.adapted->before);
+  CHECK(std::isinf(report.adapted->ours));
+  CHECK(report.gaussians == before.size() + report.adapted->pieces);
+  // The file itself: 8-bit texels are all that textures lose, as without --for.
+  const std::vector<Camera> views = {source.cameras.begin(), source.cameras.begin() + 3};
+  const GaussianModel textured = readModel(out).model;
+  const auto plain = scratch.folder() / "plain.glb";
+  convert(scratch.folder() / "in.tgz", plain, {});
+  const double lost = renderedPsnr(before, readModel(plain).model, views, source.background);
+  CHECK(renderedPsnr(before, textured, views, source.background) > lost - 0.05);
+  const GaussianModel base = readModel(out, {.base_only = true}).model;
+  REQUIRE(base.size() == textured.size());
+  const FitViews held = fitViews(bakeFallback(before), views, source.background, 256);
+  CHECK(viewerPsnr(base, SplatViewer::three, held) >
+        viewerPsnr(readModel(plain, {.base_only = true}).model, SplatViewer::three, held));
+}
+
+TEST_CASE("formats without textures get the pieces in place of what is wide") {
+  const Scratch scratch;
+  writeBundle(scratch.folder() / "in.tgz", room());
+  for (const char* name : {"out.ply", "out.splat"}) {
+    CAPTURE(name);
+    const ConvertReport report = convert(scratch.folder() / "in.tgz", scratch.folder() / name,
+                                         {.measure = Measure::never, .viewer = SplatViewer::babylon});
+    REQUIRE(report.adapted);
+    CHECK(report.gaussians == 300 - report.adapted->wide + report.adapted->pieces);
+    CHECK(readModel(scratch.folder() / name).model.size() == report.gaussians);
+  }
+  CHECK(test::messageOf(
+            [&] { convert(scratch.folder() / "in.tgz", scratch.folder() / "out.sog", {.viewer = SplatViewer::spark}); },
+            ErrorKind::usage) ==
+        "--for: a .sog has one base for textures and viewers (expected .glb, .gltf or --no-textures)");
+  CHECK(!std::filesystem::exists(scratch.folder() / "out.sog"));
+}
+
+TEST_CASE("a model without cameras is made for a viewer from a ring around it") {
+  Bundle bundle = room();
+  bundle.cameras.clear();
+  const Adapted adapted = adaptTo(SplatViewer::playcanvas, bundle, false);
+  CHECK(adapted.report.wide == 0);  // wide for a distance that nobody knows
+  CHECK(adapted.report.after >= adapted.report.before);
+  CHECK(adapted.report.held_views > 0);
+  CHECK_NOTHROW(checkModel(adapted.model, "adapted"));
+}
+
+TEST_CASE("up is what the cameras agree on") {
+  Bundle bundle = room();
+  CHECK(glm::distance(*upOf(bundle.cameras), glm::dvec3(0, -1, 0)) < 1e-9);
+  // All of them look down from one side: their tops lean, their right sides do not.
+  std::vector<Camera> above;
+  for (const double x : {-3.0, -1.0, 1.0, 3.0}) {
+    above.push_back(lookAt({x, -4.0, -4.0 + std::abs(x)}, glm::dvec3(0.0), {0, -1, 0}, 0.9, 64, 48));
+  }
+  CHECK(glm::distance(*upOf(above), glm::dvec3(0, -1, 0)) < 1e-6);
+  CHECK(!upOf({}));
+  Camera over = bundle.cameras[0];
+  over.rotation = glm::dmat3(-1, 0, 0, 0, -1, 0, 0, 0, 1) * over.rotation;
+  CHECK(!upOf(std::vector<Camera>{bundle.cameras[0], over}));
+  CHECK(glm::distance(*upOf(std::vector<Camera>{bundle.cameras[0]}), -glm::transpose(bundle.cameras[0].rotation)[1]) <
+        1e-12);
+}
+
+TEST_CASE("--upright turns the model and its cameras so that their up is -y, and changes no picture") {
+  Bundle bundle = room();
+  const FrameT<double> before = referenceFrame(bundle.model, bundle.cameras[2]);
+  Similarity tilt;
+  tilt.rotation = matrixFromQuaternion(glm::normalize(glm::dvec4(0.3, 0.8, -0.4, 0.2)));
+  transformModel(bundle.model, tilt);
+  transformCameras(bundle.cameras, tilt);
+  const std::vector<Edit> upright = {{"--upright", "", {}}};
+  applyEdits(bundle, upright, false);
+  CHECK(glm::distance(*upOf(bundle.cameras), glm::dvec3(0, -1, 0)) < 1e-6);
+  CHECK(framePsnr(before, referenceFrame(bundle.model, bundle.cameras[2])) > 75.0);
+  // Upside down, exactly.
+  Similarity over;
+  over.rotation = glm::dmat3(-1, 0, 0, 0, -1, 0, 0, 0, 1);
+  transformCameras(bundle.cameras, over);
+  applyEdits(bundle, upright, false);
+  CHECK(glm::distance(*upOf(bundle.cameras), glm::dvec3(0, -1, 0)) < 1e-6);
+  bundle.cameras.clear();
+  CHECK(test::messageOf([&] { applyEdits(bundle, upright, false); }, ErrorKind::usage) ==
+        "--upright: the model has no cameras that know (expected --rotate)");
+}
