@@ -110,7 +110,7 @@ TEST_CASE("up is what the cameras agree on") {
         1e-12);
 }
 
-TEST_CASE("--upright turns the model and its cameras so that their up is -y, and changes no picture") {
+TEST_CASE("the edit --upright turns the model and its cameras so that their up is -y, and changes no picture") {
   Bundle bundle = room();
   const FrameT<double> before = referenceFrame(bundle.model, bundle.cameras[2]);
   Similarity tilt;
