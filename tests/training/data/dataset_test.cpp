@@ -465,11 +465,11 @@ TEST_CASE("nerfstudio's points are in the frame of its poses: applied_transform 
 
   writeText(folder / "sparse_pc.ply", header + "0" + properties);
   CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("sparse_pc.ply holds no points"));
-  std::filesystem::remove(folder / "sparse_pc.ply");
-  CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("sparse_pc.ply, which transforms.json names, is missing"));
   DatasetOptions points;
   points.points = folder / "sparse_pc.ply";
   CHECK_THAT(refusal(folder.path, points), Contains("3 ") && Contains("sparse_pc.ply: holds no points"));
+  std::filesystem::remove(folder / "sparse_pc.ply");
+  CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("sparse_pc.ply, which transforms.json names, is missing"));
   json["test_filenames"] = "a.png";
   writeText(folder / "transforms.json", json.dump());
   CHECK_THAT(refusal(folder.path), Contains("'test_filenames' is not an array"));
