@@ -336,7 +336,7 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
 TEST_CASE("what training would refuse is refused before cameras are looked for", "[photos]") {
   const Trial trial;
   for (const auto& [flags, code, text] : std::initializer_list<std::tuple<std::string, int, std::string>>{
-           {"-o x.tgz --steps 4", 1, "x.tgz: a size is only for .sog and .glb"},
+           {"-o x.tgz --steps 4", 1, "x.tgz: --target-size and --steps are only for .sog and .glb"},
            {"-o x.tgz --quantize-iterations 5", 1, "is for a file of coarser numbers"},
            {"-o x.sog --target-size 1KB", 1, "--target-size is out of reach"},
            {"-o x.tgz --serve nonsense", 1, "--serve: expected [ADDRESS:]PORT"},
