@@ -240,7 +240,8 @@ const auto kOptions = [] {
 
 std::span<const EditOption> editOptions() { return kOptions; }
 
-std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure) {
+std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure,
+                                   std::vector<Camera>* views) {
   std::vector<EditReport> reports;
   for (const Edit& edit : edits) {
     const Command* command = nullptr;
@@ -252,6 +253,11 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
     EditReport report{edit, loaded.model.size(), 0, std::nullopt};
     const bool compares = measure && command->reduces;
     const GaussianModel before = compares ? loaded.model : GaussianModel();
+    // Among the cameras while something may move them, but not where those say what is worth keeping.
+    std::vector<Camera>& cameras = loaded.cameras;
+    const auto own = static_cast<std::ptrdiff_t>(cameras.size());
+    const bool along = views != nullptr && !command->reduces;
+    if (along) cameras.insert(cameras.end(), views->begin(), views->end());
     try {
       command->apply(loaded, edit);
     } catch (const Error& error) {
@@ -259,10 +265,16 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
       if (error.kind != ErrorKind::usage) throw;
       throw Error(ErrorKind::usage, place + ": " + error.what());
     }
+    if (along) {
+      const auto first = cameras.begin() + own, last = first + static_cast<std::ptrdiff_t>(views->size());
+      views->assign(first, last);
+      cameras.erase(first, last);
+    }
     report.after = loaded.model.size();
     if (report.after == 0) throw Error(ErrorKind::badData, place + ": no Gaussian is left");
     checkModel(loaded.model, place);  // floats may not hold what was asked for
     checkCameras(loaded.cameras, place);
+    if (views != nullptr) checkCameras(*views, place);
     if (compares) {
       report.psnr = renderedPsnr(before, loaded.model, qualityViews(before, loaded.cameras), loaded.background);
     }
