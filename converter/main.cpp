@@ -403,11 +403,11 @@ int convertMain(int argc, char** argv) {
   if (arguments.files.empty()) throw tg::Error(tg::ErrorKind::usage, "IN and OUT are missing (see --help)");
   arguments.options.edits = edit_parser.edits();
   arguments.options.cameras = !arguments.no_cameras;
-  if (!arguments.views.empty()) arguments.options.views = tg::readCameras(arguments.views);
   takeFiles(arguments);
   if (arguments.psnr) arguments.options.measure = tg::Measure::always;
   if (arguments.no_psnr || (arguments.quiet && !arguments.json)) arguments.options.measure = tg::Measure::never;
   refuseIdle(app, arguments);
+  if (!arguments.views.empty()) arguments.options.views = tg::readCameras(arguments.views);
   return run(arguments);
 }
 
