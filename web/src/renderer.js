@@ -73,7 +73,8 @@ export class SplatRenderer {
 
   // Resolves when the programs are linked, which is waited for without asking the driver to hurry.
   linked() {
-    this.ready = this.ready || Promise.all([this.splat, this.resolve].map((part) => this.link(part)));
+    this.ready = this.ready || Promise.all([this.splat, this.resolve].map((part) => this.link(part)))
+      .then(() => this.finished()).then(() => this.guarded(() => this.tryTarget()));
     return this.ready;
   }
 
@@ -106,8 +107,10 @@ export class SplatRenderer {
     const gpu = new GpuModel(gl, model, perRow, rows);
     const steps = this.uploadSteps(gpu, model, side);
     try {
+      await this.finished();  // before asking for errors, here and below: that waits for all that was sent
+      while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
       while (!this.guarded(() => steps.next()).done) await breathe();
-      await this.finished();  // before asking for errors: that waits for all that was sent
+      await this.finished();
       if (gl.getError() !== gl.NO_ERROR) throw new Error('the model does not fit into the memory of the graphics device');
     } catch (error) {
       gpu.dispose();
@@ -146,7 +149,6 @@ export class SplatRenderer {
   *uploadSteps(gpu, model, side) {
     const {gl} = this;
     const {layer, sh} = model;
-    while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
     const opacity = (layer && layer.opacity) || model.opacity;
     const dc = (layer && layer.dc) || sh[0];
     const float = [gl.RGBA32F, gl.RGBA, gl.FLOAT, Float32Array];
@@ -256,6 +258,12 @@ export class SplatRenderer {
       gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, this.target.buffer);
       gl.bindRenderbuffer(gl.RENDERBUFFER, null);
     }
+  }
+
+  // Once, as asking waits for the device: whether a target can be drawn into.
+  tryTarget() {
+    const {gl} = this;
+    this.sizeTarget(1, 1, 0);
     if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE && !gl.isContextLost()) {
       throw new Error('This device cannot draw into half floats.');
     }

@@ -62,15 +62,15 @@ function sorting() {
 }
 
 export class Sorter {
-  // `mean`: positions, three numbers a Gaussian. onOrder(order, visible) gets indices, which are its own until it
-  // returns.
-  constructor(mean, onOrder, onError) {
+  // `mean`: positions, three numbers a Gaussian. take(order, visible) gets indices, which are its own until it returns;
+  // then onChange() is called.
+  constructor(mean, {take, onChange, onError}) {
     const text = new Blob([`(${sorting})()`], {type: 'text/javascript'});
     this.address = URL.createObjectURL(text);
     this.worker = new Worker(this.address);
     this.worker.onmessage = ({data}) => this.sorted(data);
     this.worker.onerror = (event) => onError(new Error(`The sorting worker failed: ${event.message}`));
-    this.onOrder = onOrder;
+    Object.assign(this, {take, onChange});
     this.busy = false;
     this.asked = null;   // what the last order was asked for
     this.wanted = null;  // what came while it was made
@@ -94,11 +94,12 @@ export class Sorter {
 
   sorted({order, visible}) {
     this.busy = false;
-    this.onOrder(order, visible);
+    this.take(order, visible);
     this.spare = order;
     const row = this.wanted;
     this.wanted = null;
     if (row) this.want(row);
+    this.onChange();
   }
 
   dispose() {

@@ -38,10 +38,9 @@ export class Splats {
   constructor(renderer, model, gpu, onChange, onError) {
     Object.assign(this, {renderer, model, gpu, onChange});
     this.settings = Splats.settingsOf(model);
-    this.sorter = new Sorter(model.mean, (order, visible) => {
-      this.gpu.setOrder(order, visible);
-      this.onChange();
-    }, onError);
+    this.sorter = new Sorter(model.mean, {
+      take: (order, visible) => this.gpu.setOrder(order, visible), onChange: () => this.onChange(), onError,
+    });
   }
 
   // Whether the order is that of the last camera sorted for.

@@ -55,17 +55,15 @@ export class Viewer {
 
   // The same model, further trained: the view stays, and the old picture until there is an order of the new one.
   async replace(model) {
-    const {camera, distance} = this.orbit;
-    const orbit = Object.assign(new Orbit(model), {camera, distance});
     const had = Boolean(this.model.layer);
-    if (!await this.take(model, orbit)) return;
+    if (!await this.take(model, new Orbit(model))) return;
     const own = this.splats.settings;
     if (Boolean(model.layer) !== had) this.settings.textures = own.textures;
     this.settings.intersection = own.intersection;
     this.changed();
   }
 
-  // False where another model was asked for meanwhile.
+  // The view stays unless `orbit` has one. False where another model was asked for meanwhile.
   async take(model, orbit) {
     const opening = ++this.openings;
     let first = () => {};
@@ -285,8 +283,9 @@ export class Viewer {
   // The view at hand, for an address.
   get viewText() { return formatView(this.orbit.camera, this.orbit.distance); }
 
-  // Resolves when the picture on the canvas is in full resolution and in the right order.
+  // Resolves when the picture on the canvas is in full resolution and in the right order. Ends a flight.
   settled() {
+    this.flight = null;
     return new Promise((resolve) => {
       this.waiting.push(resolve);
       this.changed();
