@@ -10,7 +10,7 @@ const CODEBOOK = 256, PALETTE_COLUMNS = 64, FIRST_LARGEST = 252, NEUTRAL = 128;
 const MOST_META = 16 << 20;       // [bytes]
 const MOST_PER_BYTE = 64;         // Gaussians; as many as a million are always fine
 const ATLAS_SIDE = 4096;          // [texels]
-const MOST_TEXELS = 1 << 26;
+const MOST_TEXELS = 1 << 25;
 const SH_C0 = 0.28209479177387814;
 const AT_A_TIME = 4096;          // Gaussians between two looks at the clock
 // Where textures are looked at for the base: docs/sog.md, "The base".
