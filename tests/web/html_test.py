@@ -107,10 +107,10 @@ def main():
           };
           const first = tgViewer.openings;
           await drop(new Uint8Array(bytes.slice(0, 1000)), 'short.glb');
-          const told = document.getElementById('message').textContent, kept = tgViewer.openings === first;
+          const told = document.querySelector('#message span').textContent, kept = tgViewer.openings === first;
           await drop(new Uint8Array(bytes), 'dropped.glb');
           for (let i = 0; i < 100 && tgViewer.openings === first; ++i) await new Promise((r) => setTimeout(r, 100));
-          const message = document.getElementById('message').textContent;
+          const message = document.querySelector('#message span').textContent;
           return {told, kept, opened: tgViewer.openings === first + 1, message};
         })(%s)""" % json.dumps(dropped))
         expect("a dropped GLB that is cut off is refused with a word",
