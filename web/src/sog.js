@@ -13,7 +13,7 @@ const ATLAS_SIDE = 4096;          // [texels]
 const MOST_TEXELS = 1 << 25;
 const SH_C0 = 0.28209479177387814;
 const AT_A_TIME = 4096;          // Gaussians between two looks at the clock
-// Where textures are looked at for the base: docs/sog.md, "The base".
+// Where textures are looked at for what stands in for them (docs/sog.md#textures).
 const SAMPLES = Array.from({length: 12}, (_, i) => 3 * ((2 * i + 1) / 12 - 1));
 
 const fromLogarithm = (x) => Math.sign(x) * Math.expm1(Math.abs(x));
