@@ -78,6 +78,22 @@ TEST_CASE("views stand in a GLB by name, turned as the model is") {
   CHECK(readModel(scratch.folder() / "a.glb").cameras.empty());
 }
 
+TEST_CASE("views do not say which way is up, and turn with the model") {
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 64, 20);
+  Bundle alone, viewed;
+  alone.model = viewed.model = scene.model;
+  alone.cameras = viewed.cameras = {scene.camera};
+  Camera on_its_side = scene.camera;
+  on_its_side.rotation = glm::dmat3({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}) * on_its_side.rotation;
+  std::vector<Camera> views = {scene.camera, on_its_side};
+  const std::vector<Edit> edits = {{"--upright", ""}};
+  applyEdits(alone, edits, false);
+  applyEdits(viewed, edits, false, &views);
+  CHECK(viewed.cameras[0].rotation == alone.cameras[0].rotation);
+  CHECK(views[0].rotation == alone.cameras[0].rotation);
+  CHECK(views[1].rotation != on_its_side.rotation);
+}
+
 TEST_CASE("a page names nothing outside itself") {
   const Scratch scratch;
   writeHtml(scratch.folder() / "a.html",
