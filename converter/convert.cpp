@@ -110,7 +110,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                              .steps = options.steps,
                              .texture_step = options.texture_step,
                              .spz_version = options.spz_version,
-                             .replace = options.overwrite || options.dry_run};
+                             .replace = options.overwrite || options.dry_run,
+                             .views = options.views};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {
     const std::optional<ScratchFolder> folder =
@@ -136,7 +137,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   const bool small = isMeasuredUnasked(source.model);
   const bool measured =
       !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));
-  report.edits = applyEdits(source, options.edits, measured);
+  report.edits = applyEdits(source, options.edits, measured, &write_options.views);
   report.input_format = source.format;
   report.gaussians = source.model.size();
   report.sh_degree = source.model.sh_degree;

@@ -36,6 +36,7 @@ struct ConvertOptions {
   std::optional<float> texture_step = {};  // likewise
   int spz_version = kNewestSpz;            // spz: likewise
   std::optional<SpzAxes> spz_axes = {};    // of an spz that is read: see ReadOptions
+  std::vector<Camera> views = {};          // glb, gltf, html: see WriteOptions; moved as the model is
   Target target = {};                      // sog, glb, gltf, html: instead of `steps`
   std::vector<Edit> edits = {};            // in this order, before anything is written
   std::optional<SplatViewer> viewer = {};  // not tgz, html, png: the base is made for it, after the edits

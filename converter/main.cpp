@@ -17,6 +17,7 @@
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/registry/file_format.h"
+#include "core/bundle/camera_file.h"
 #include "core/bundle/training_json.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
@@ -34,6 +35,7 @@ struct Arguments {
   bool psnr = false;
   bool no_psnr = false;
   bool no_cameras = false;
+  std::string views;
   bool stats = false;
   std::string to;
   tg::ConvertOptions options;
@@ -185,6 +187,7 @@ constexpr ShapingOption kShapingOptions[] = {
     {"--target-size", [](const tg::Format& format) { return format.has_steps; }},
     {"--target-psnr", [](const tg::Format& format) { return format.has_steps; }},
     {"--texture-step", [](const tg::Format& format) { return format.has_steps; }},
+    {"--views", [](const tg::Format& format) { return format.is_gltf; }},
     {"--spz-version", [](const tg::Format& format) { return format.name == "spz"; }},
     {"--for", [](const tg::Format& format) { return format.read && format.name != "tgz" && format.name != "html"; }},
 };
@@ -351,6 +354,11 @@ void addConversion(CLI::App& app, Arguments& arguments) {
          "and shapes fitted to how it draws")
       ->check(tg::oneOf<tg::SplatViewer>());
   app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
+  app.add_option(
+         "--views", arguments.views,
+         "glb, gltf, html: the cameras of FILE, a cameras.json such as tgview's bookmarks, become named views; a "
+         "page starts with the first one")
+      ->type_name("FILE");
   addSizes(app, arguments);
   app.option_defaults()->group("What is said");
   app.add_flag("--info", arguments.info, "print what IN holds and write nothing");
@@ -399,6 +407,7 @@ int convertMain(int argc, char** argv) {
   if (arguments.psnr) arguments.options.measure = tg::Measure::always;
   if (arguments.no_psnr || (arguments.quiet && !arguments.json)) arguments.options.measure = tg::Measure::never;
   refuseIdle(app, arguments);
+  if (!arguments.views.empty()) arguments.options.views = tg::readCameras(arguments.views);
   return run(arguments);
 }
 

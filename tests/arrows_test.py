@@ -9,11 +9,12 @@ import pathlib
 import re
 import sys
 
-ROOMS = ["shaders", "core", "render", "converter", "training", "viewer"]
+ROOMS = ["shaders", "web", "core", "render", "converter", "training", "viewer"]
 STRANGERS = {("viewer", "training")}
 PROGRAMS = "training"  # the one folder of its room that knows the converter's formats
 LEFT = {
     "shaders": ["shaders/shared"],
+    "web": [],
     "core/file": ["core/system"],
     "core/run": ["core/system", "core/file"],
     "core/image": ["core/system", "core/file"],

@@ -72,7 +72,7 @@ void rotateQuaternion(Bundle& loaded, const Edit& edit) {
   transform(loaded, turn);
 }
 
-void upright(Bundle& loaded, const Edit&) {
+Similarity uprightTurn(const Bundle& loaded) {
   const std::optional<glm::dvec3> up = upOf(loaded.cameras);
   if (!up) {
     throw Error(ErrorKind::usage, loaded.cameras.empty() ? "the model has no cameras that know (expected --rotate)"
@@ -80,8 +80,10 @@ void upright(Bundle& loaded, const Edit&) {
   }
   Similarity turn;
   turn.rotation = turnBetween(*up, {0.0, -1.0, 0.0});
-  transform(loaded, turn);
+  return turn;
 }
+
+void upright(Bundle& loaded, const Edit&) { transform(loaded, uprightTurn(loaded)); }
 
 void scale(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {1, 3}, "one number");
@@ -240,7 +242,8 @@ const auto kOptions = [] {
 
 std::span<const EditOption> editOptions() { return kOptions; }
 
-std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure) {
+std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure,
+                                   std::vector<Camera>* views) {
   std::vector<EditReport> reports;
   for (const Edit& edit : edits) {
     const Command* command = nullptr;
@@ -252,17 +255,31 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
     EditReport report{edit, loaded.model.size(), 0, std::nullopt};
     const bool compares = measure && command->reduces;
     const GaussianModel before = compares ? loaded.model : GaussianModel();
+    // Among the cameras while something may move them, but not where those say what is worth keeping, or which way is
+    // up.
+    std::vector<Camera>& cameras = loaded.cameras;
+    const auto own = static_cast<std::ptrdiff_t>(cameras.size());
+    const bool turns = views != nullptr && command->apply == upright;
+    const bool along = views != nullptr && !command->reduces && !turns;
+    if (along) cameras.insert(cameras.end(), views->begin(), views->end());
     try {
+      if (turns) transformCameras(*views, uprightTurn(loaded));
       command->apply(loaded, edit);
     } catch (const Error& error) {
       // A merged file's errors carry its name already.
       if (error.kind != ErrorKind::usage) throw;
       throw Error(ErrorKind::usage, place + ": " + error.what());
     }
+    if (along) {
+      const auto first = cameras.begin() + own, last = first + static_cast<std::ptrdiff_t>(views->size());
+      views->assign(first, last);
+      cameras.erase(first, last);
+    }
     report.after = loaded.model.size();
     if (report.after == 0) throw Error(ErrorKind::badData, place + ": no Gaussian is left");
     checkModel(loaded.model, place);  // floats may not hold what was asked for
     checkCameras(loaded.cameras, place);
+    if (views != nullptr) checkCameras(*views, place);
     if (compares) {
       report.psnr = renderedPsnr(before, loaded.model, qualityViews(before, loaded.cameras), loaded.background);
     }

@@ -49,6 +49,17 @@ bool readExtras(const tinygltf::Value& extras, Camera& camera) {
   return true;
 }
 
+nlohmann::ordered_json poseOf(const Camera& camera) {
+  const glm::dvec3 position = turnAxes(camera.position());
+  const glm::dvec4 q = quaternionFromMatrix(turnWorldAxes(turnCameraAxes(glm::transpose(camera.rotation))));
+  return {{"translation", {position.x, position.y, position.z}}, {"rotation", {q.y, q.z, q.w, q.x}}};
+}
+
+nlohmann::ordered_json intrinsicsOf(const Camera& camera) {
+  return {{"width", camera.size.x}, {"height", camera.size.y}, {"fx", camera.focal.x},
+          {"fy", camera.focal.y},   {"cx", camera.center.x},   {"cy", camera.center.y}};
+}
+
 }  // namespace
 
 void addCameras(nlohmann::ordered_json& root, std::span<const Camera> cameras) {
@@ -59,22 +70,24 @@ void addCameras(nlohmann::ordered_json& root, std::span<const Camera> cameras) {
                                  {"yfov", 2.0 * std::atan(0.5 * camera.size.y / camera.focal.y)},
                                  {"zfar", kZFar},
                                  {"znear", kZNear}}}});
-    const glm::dvec3 position = turnAxes(camera.position());
-    const glm::dvec4 q = quaternionFromMatrix(turnWorldAxes(turnCameraAxes(glm::transpose(camera.rotation))));
-    nlohmann::ordered_json node = {{"name", camera.name},
-                                   {"camera", root["cameras"].size() - 1},
-                                   {"translation", {position.x, position.y, position.z}},
-                                   {"rotation", {q.y, q.z, q.w, q.x}}};
-    node["extras"][kExtrasKey] = {{"width", camera.size.x},
-                                  {"height", camera.size.y},
-                                  {"fx", camera.focal.x},
-                                  {"fy", camera.focal.y},
-                                  {"cx", camera.center.x},
-                                  {"cy", camera.center.y},
-                                  {"split", camera.test ? "test" : "train"}};
+    nlohmann::ordered_json node = {{"name", camera.name}, {"camera", root["cameras"].size() - 1}};
+    node.update(poseOf(camera));
+    node["extras"][kExtrasKey] = intrinsicsOf(camera);
+    node["extras"][kExtrasKey]["split"] = camera.test ? "test" : "train";
     root["scenes"][0]["nodes"].push_back(root["nodes"].size());
     root["nodes"].push_back(std::move(node));
   }
+}
+
+nlohmann::ordered_json listViews(std::span<const Camera> views) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const Camera& camera : views) {
+    nlohmann::ordered_json view = {{"name", camera.name}};
+    view.update(poseOf(camera));
+    view.update(intrinsicsOf(camera));
+    list.push_back(std::move(view));
+  }
+  return list;
 }
 
 std::optional<Camera> readCamera(GltfDocument& document, const PlacedNode& placed) {

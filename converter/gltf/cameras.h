@@ -18,6 +18,10 @@ inline constexpr const char* kExtrasKey = "textured_gaussians";
 // are glTF's; image size, focal lengths, principal point and split go to the node's extras.
 void addCameras(nlohmann::ordered_json& root, std::span<const Camera> cameras);
 
+// A list of cameras that are no nodes, for asset.extras: name, translation and rotation as of a node, and what its
+// extras hold but the split.
+nlohmann::ordered_json listViews(std::span<const Camera> views);
+
 // The camera of a node. Files of other programs know no image size: 720 rows then. Nothing, with a warning, for an
 // orthographic camera and for a pose that is not rigid.
 std::optional<Camera> readCamera(GltfDocument& document, const PlacedNode& placed);

@@ -421,6 +421,7 @@ void Writer::addScene(Json nested) {
   Json& extras = root["asset"]["extras"][kExtrasKey];
   extras = {{"intersection", name(model_.intersection)}, {"background", {background.x, background.y, background.z}}};
   if (model_.outside != TextureOutside::base) extras["outside"] = name(model_.outside);
+  if (!content_.options.views.empty()) extras["views"] = listViews(content_.options.views);
 }
 
 GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {

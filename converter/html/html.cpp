@@ -24,6 +24,7 @@ namespace {
 constexpr std::size_t kElementBytes = 3u << 20;
 constexpr std::size_t kReadBytes = 1u << 20;
 constexpr int kCompressionLevel = 6;
+constexpr std::size_t kSizeDigits = 11;  // of base64 of a GLB
 
 std::string escaped(const std::string& text) {
   std::string out;
@@ -31,17 +32,19 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-void writeElement(std::ofstream& out, const std::vector<std::uint8_t>& bytes) {
-  if (bytes.empty()) return;
+// Returns how many characters of base64 there are.
+std::uint64_t writeElement(std::ofstream& out, const std::vector<std::uint8_t>& bytes) {
+  if (bytes.empty()) return 0;
   std::vector<unsigned char> text((bytes.size() + 2) / 3 * 4 + 1);
   const int length = EVP_EncodeBlock(text.data(), bytes.data(), static_cast<int>(bytes.size()));
   out << kHtmlModelTag;
   out.write(reinterpret_cast<const char*>(text.data()), length);
   out << kHtmlModelEnd << '\n';
+  return static_cast<std::uint64_t>(length);
 }
 
-// The whole of `in` as elements. False when it cannot be read.
-bool writePayload(std::ofstream& out, std::ifstream& in) {
+// The whole of `in` as elements: their characters, or 0 when it cannot be read.
+std::uint64_t writePayload(std::ofstream& out, std::ifstream& in) {
   z_stream stream{};
   if (deflateInit2(&stream, kCompressionLevel, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY) != Z_OK) {
     throw std::bad_alloc();
@@ -53,6 +56,7 @@ bool writePayload(std::ofstream& out, std::ifstream& in) {
     stream.avail_out = static_cast<uInt>(packed.size());
   };
   restart();
+  std::uint64_t characters = 0;
   int status = Z_OK;
   while (status != Z_STREAM_END && out && !in.bad()) {
     if (stream.avail_in == 0 && !in.eof()) {
@@ -62,14 +66,14 @@ bool writePayload(std::ofstream& out, std::ifstream& in) {
     }
     status = deflate(&stream, in.eof() ? Z_FINISH : Z_NO_FLUSH);
     if (stream.avail_out == 0) {
-      writeElement(out, packed);
+      characters += writeElement(out, packed);
       restart();
     }
   }
   packed.resize(packed.size() - stream.avail_out);
   deflateEnd(&stream);
-  writeElement(out, packed);
-  return !in.bad();
+  characters += writeElement(out, packed);
+  return in.bad() ? 0 : characters;
 }
 
 constexpr std::uint64_t kMaxPageBytes = std::uint64_t{8} << 30;  // base64 of the largest GLB, and room
@@ -118,8 +122,8 @@ std::vector<std::uint8_t> unpacked(const std::vector<std::uint8_t>& packed, cons
 
 GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content) {
   const std::string_view page = htmlPage();
-  constexpr std::string_view kTitle = "@TITLE@", kPayload = "@PAYLOAD@";
-  const std::size_t title = page.find(kTitle), payload = page.find(kPayload, title);
+  constexpr std::string_view kTitle = "@TITLE@", kBytes = "@BYTES@", kPayload = "@PAYLOAD@";
+  const std::size_t title = page.find(kTitle), bytes = page.find(kBytes, title), payload = page.find(kPayload, bytes);
 
   GltfReport report;
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
@@ -141,12 +145,16 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
 
     std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
     out << page.substr(0, title) << escaped(path.stem().string())
-        << page.substr(title + kTitle.size(), payload - title - kTitle.size());
-    const bool read = glb.good() && writePayload(out, glb);
+        << page.substr(title + kTitle.size(), bytes - title - kTitle.size());
+    const std::ofstream::pos_type size_place = out.tellp();  // what is known at the end
+    out << std::string(kSizeDigits, ' ') << page.substr(bytes + kBytes.size(), payload - bytes - kBytes.size());
+    const std::uint64_t characters = glb.good() ? writePayload(out, glb) : 0;
     out << page.substr(payload + kPayload.size());
+    out.seekp(size_place);
+    out << characters;
     out.close();
     if (!out) throw Error(ErrorKind::cannotWrite, path.string(), "cannot be written: the disk is full");
-    if (!read) throw Error(ErrorKind::cannotWrite, path.string(), "cannot read back the GLB that it holds");
+    if (characters == 0) throw Error(ErrorKind::cannotWrite, path.string(), "cannot read back the GLB that it holds");
     report.output_bytes = std::filesystem::file_size(temporary);
   });
   return report;

@@ -389,7 +389,7 @@ TEST_CASE("options that do nothing for what is written or read are refused") {
        {"in.ply a.ply --quantize", "in.ply a.sog --meshopt", "in.ply a.spz --lean", "in.ply a.splat --atlas png16",
         "in.ply a.ply --steps 2", "in.ply a.tgz --target-size 1KB", "in.ply a.tgz --texture-step 0.1",
         "in.ply a.glb --spz-version 3", "in.ply a.glb --spz-axes rdf", "in.ply a.glb --base-only",
-        "in.ply a.glb --to glb", "in.ply .compressed.ply", "in.ply .glb"}) {
+        "in.ply a.ply --views none.json", "in.ply a.glb --to glb", "in.ply .compressed.ply", "in.ply .glb"}) {
     CAPTURE(arguments);
     const Result refused = tgconvert(scratch, arguments);
     CHECK(refused.code == 1);

@@ -138,6 +138,42 @@ class Chromium:
             time.sleep(0.1)
         raise RuntimeError(f"{url}: no picture after {seconds} s; {self.log}")
 
+    def press(self, key, code=None, modifiers=0):
+        """A key as a keyboard sends it; of those without a letter by its name ("Tab", "ArrowLeft")."""
+        text = {"Enter": "\r"}.get(key, key if len(key) == 1 else "")
+        number = {"Tab": 9, "Enter": 13, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}.get(key)
+        number = number or ord(key.upper())
+        named = dict(key=key, code=code or key, windowsVirtualKeyCode=number, modifiers=modifiers)
+        self.page("Input.dispatchKeyEvent", type="keyDown" if text else "rawKeyDown", text=text, **named)
+        self.page("Input.dispatchKeyEvent", type="keyUp", **named)
+
+    def click(self, x, y):
+        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+            self.page("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def drag(self, x, y, dx, dy, steps=5):
+        point = lambda k: dict(x=x + dx * k / steps, y=y + dy * k / steps)
+        self.page("Input.dispatchMouseEvent", type="mousePressed", button="left", buttons=1, clickCount=1, **point(0))
+        for k in range(1, steps + 1):
+            self.page("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **point(k))
+        self.page("Input.dispatchMouseEvent", type="mouseReleased", button="left", clickCount=1, **point(steps))
+
+    def touch(self, *fingers):
+        """Fingers that come down together, each a list of points, move along them and go."""
+        for k in range(len(fingers[0])):
+            points = [dict(x=finger[k][0], y=finger[k][1], id=n) for n, finger in enumerate(fingers)]
+            self.page("Input.dispatchTouchEvent", type="touchMove" if k else "touchStart", touchPoints=points)
+        self.page("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    def middle(self, selector):
+        """Of an element, in the window."""
+        return self.evaluate(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])"
+                             f"(document.querySelector({json.dumps(selector)}).getBoundingClientRect())")
+
+    def fingers(self, count):
+        """Makes it a device with a touch screen, or 0: with a mouse."""
+        self.page("Emulation.setTouchEmulationEnabled", enabled=count > 0, maxTouchPoints=max(count, 1))
+
     def screenshot(self):
         """The window as it is on the screen, a PNG's bytes."""
         return base64.b64decode(self.page("Page.captureScreenshot", format="png")["data"])

@@ -105,13 +105,13 @@ def main():
             document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: true}));
             await new Promise((resolve) => setTimeout(resolve, 300));
           };
-          const first = tgViewer.models;
+          const first = tgViewer.openings;
           await drop(new Uint8Array(bytes.slice(0, 1000)), 'short.glb');
-          const told = document.getElementById('message').textContent, kept = tgViewer.models === first;
+          const told = document.querySelector('#message span').textContent, kept = tgViewer.openings === first;
           await drop(new Uint8Array(bytes), 'dropped.glb');
-          for (let i = 0; i < 100 && tgViewer.models === first; ++i) await new Promise((r) => setTimeout(r, 100));
-          const message = document.getElementById('message').textContent;
-          return {told, kept, opened: tgViewer.models === first + 1, message};
+          for (let i = 0; i < 100 && tgViewer.openings === first; ++i) await new Promise((r) => setTimeout(r, 100));
+          const message = document.querySelector('#message span').textContent;
+          return {told, kept, opened: tgViewer.openings === first + 1, message};
         })(%s)""" % json.dumps(dropped))
         expect("a dropped GLB that is cut off is refused with a word",
                result["told"].startswith("short.glb: the GLB is cut"), result["told"])
@@ -156,14 +156,17 @@ def main():
             same = browser.evaluate("tgViewer.picture()") == browser.evaluate("tgViewer.picture({outside: 'clip'})")
             expect("a page takes what its model says of it", own_outside == "clip" and same, own_outside)
 
-        # The three ways to have nothing to show.
+        # The ways to have nothing to show.
         text = (folder / "model <1>.html").read_text()
         (folder / "broken.html").write_text(text.replace('class="model">H4sI', 'class="model">H4sJ', 1))
         done = browser.open((folder / "broken.html").as_uri())
         shown = browser.evaluate("!document.getElementById('message').hidden")
         expect("a damaged page says so", "damaged" in done.get("error", "") and shown, done)
-        done = browser.open(f"{page}?camera=100000")
-        expect("an unknown camera is named", "camera=100000" in done.get("error", ""), done)
+        done = browser.open(f"{page}?camera=100000&show=nothing&size={size}&background=red")
+        told = browser.evaluate("document.getElementById('message').innerText")
+        named = all(word in told for word in ("camera=100000", "show=nothing", "background=red"))
+        expect("a bad address is named, and the rest of it done", named and done.get("gaussians", 0) > 0 and
+               browser.evaluate("tgViewer.canvas.width") == int(size.split("x")[0]), f"{done} {told}")
     with Chromium(["--disable-3d-apis"]) as browser:
         with tempfile.TemporaryDirectory() as folder:
             run(programs / "tgconvert", model, pathlib.Path(folder) / "a.html", "--quiet")

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Curves over the iterations of a run, as SVG.
-'use strict';
 
 const SVG = 'http://www.w3.org/2000/svg';
 const CHART_HEIGHT = 130, MARGIN = {left: 44, right: 10, top: 6, bottom: 18};  // [px]

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the program says, once a second: the run's curves and numbers, and its newest model.
-'use strict';
 
 const PAUSE = 1000;           // [ms] between two questions
 const LOST_AFTER = 5000;      // [ms] without an answer
@@ -109,20 +108,28 @@ class ModelView {
   constructor() {
     this.viewer = new Viewer(element('picture'));
     this.panel = new Panel(this.viewer, '');
+    this.panel.open(false);
     this.number = 0;
+    const label = document.createElement('label');
+    this.follow = Object.assign(document.createElement('input'), {type: 'checkbox', checked: true, id: 'follow'});
+    label.append(this.follow, ' new models as they come');
+    element('more').append(label);
     listenToHands(this.viewer);
     addEventListener('resize', () => this.viewer.changed());
     new ResizeObserver(() => this.viewer.changed()).observe(element('stage'));
-    this.viewer.canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
-    this.viewer.canvas.addEventListener('webglcontextrestored', () => this.viewer.restore());
     window.tgViewer = this.viewer;
   }
 
   async update(number, title) {
-    const wanted = this.number === 0 || element('follow').checked;
+    const wanted = this.number === 0 || this.follow.checked;
     if (number === this.number || number === 0 || !wanted) return;
-    const bytes = new Uint8Array(await (await ask('model.glb')).arrayBuffer());
-    await (this.number === 0 ? this.viewer.open(bytes) : this.viewer.replace(bytes));
+    const read = await readModel(new Uint8Array(await (await ask('model.glb')).arrayBuffer()));
+    if (this.number === 0) {
+      await this.viewer.open(read);
+      this.viewer.applyWhatCan(Object.fromEntries(new URLSearchParams(location.hash.slice(1))));
+    } else {
+      await this.viewer.replace(read);
+    }
     this.number = number;
     this.panel.name = title;
     this.panel.fill();
@@ -132,11 +139,6 @@ class ModelView {
 
 // window.__shown counts the models drawn, for tests.
 async function startLive() {
-  element('controls').onclick = () => {
-    const panel = element('panel');
-    panel.hidden = !panel.hidden;
-    element('controls').setAttribute('aria-expanded', String(!panel.hidden));
-  };
   const run = new RunPanel();
   let model = null;
   try {

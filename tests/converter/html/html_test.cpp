@@ -2,6 +2,7 @@
 // Pages: the model in them is the one a GLB would hold, and a spoilt page is refused. What a browser shows: tests/web.
 #include "converter/html/html.h"
 
+#include "converter/edit/edit.h"
 #include "converter/glb.h"
 #include "converter/gltf/meshopt.h"
 #include "converter/registry/file_format.h"
@@ -39,6 +40,58 @@ TEST_CASE("a page holds the GLB of its model, byte for byte, and the same bytes 
   CHECK(loaded.model.texture_mode == scene.model.texture_mode);
   CHECK(loaded.cameras.size() == 1);
   CHECK(std::distance(std::filesystem::directory_iterator(scratch.folder()), {}) == 3);  // no temporary file
+}
+
+TEST_CASE("a page says how long its model is") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 62, 300);
+  writeHtml(scratch.folder() / "a.html", {scene.model, {}, glm::vec3(0.0f)});
+  const std::string page = Glb::slurp(scratch.folder() / "a.html");
+  std::size_t characters = 0;
+  for (std::size_t at = page.find(kHtmlModelTag); at != std::string::npos; at = page.find(kHtmlModelTag, at + 1)) {
+    characters += page.find(kHtmlModelEnd, at) - at - kHtmlModelTag.size();
+  }
+  CHECK(characters > 0);
+  CHECK(page.find("watchLoading(\"" + std::to_string(characters) + " ") != std::string::npos);
+}
+
+TEST_CASE("views stand in a GLB by name, turned as the model is") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 63, 100);
+  Bundle source;
+  source.model = scene.model;
+  std::vector<Camera> views = {scene.camera};
+  views[0].name = "from afar";
+  const std::vector<Edit> edits = {{"--scale", "2"}, {"--translate", "1,0,0"}};
+  applyEdits(source, edits, false, &views);
+  CHECK(source.cameras.empty());
+  REQUIRE(views.size() == 1);
+  const glm::dvec3 eye = 2.0 * scene.camera.position() + glm::dvec3(1, 0, 0);
+  CHECK(glm::length(views[0].position() - eye) < 1e-9);
+  writeGlb(scratch.folder() / "a.glb", {source.model, {}, glm::vec3(0.0f), {.views = views}});
+  const nlohmann::json extras = Glb::read(scratch.folder() / "a.glb").json["asset"]["extras"]["textured_gaussians"];
+  REQUIRE(extras["views"].size() == 1);
+  const nlohmann::json& view = extras["views"][0];
+  CHECK(view["name"] == "from afar");
+  CHECK(view["translation"][0].get<double>() == -views[0].position().x);  // glTF's axes
+  CHECK(view["fx"].get<double>() == scene.camera.focal.x);
+  CHECK(readModel(scratch.folder() / "a.glb").cameras.empty());
+}
+
+TEST_CASE("views do not say which way is up, and turn with the model") {
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 64, 20);
+  Bundle alone, viewed;
+  alone.model = viewed.model = scene.model;
+  alone.cameras = viewed.cameras = {scene.camera};
+  Camera on_its_side = scene.camera;
+  on_its_side.rotation = glm::dmat3({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}) * on_its_side.rotation;
+  std::vector<Camera> views = {scene.camera, on_its_side};
+  const std::vector<Edit> edits = {{"--upright", ""}};
+  applyEdits(alone, edits, false);
+  applyEdits(viewed, edits, false, &views);
+  CHECK(viewed.cameras[0].rotation == alone.cameras[0].rotation);
+  CHECK(views[0].rotation == alone.cameras[0].rotation);
+  CHECK(views[1].rotation != on_its_side.rotation);
 }
 
 TEST_CASE("a page names nothing outside itself") {

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads a GLB with KHR_gaussian_splatting and TG_gaussian_splatting_texture (docs/gltf.md) into plain arrays.
-'use strict';
+import {breathe} from './breathe.js';
+import {unpackMeshopt} from './meshopt.js';
+import {decodePng} from './png.js';
+import {decodeWebp} from './webp.js';
 
 const SPLATS = 'KHR_gaussian_splatting';
-const TEXTURES = 'TG_gaussian_splatting_texture';
+export const TEXTURES = 'TG_gaussian_splatting_texture';
 const WEBP = 'EXT_texture_webp';
+const OURS = 'textured_gaussians';  // extras of this toolchain
 const MESHOPT = 'EXT_meshopt_compression';
 const COMPONENTS = {
   5120: {array: Int8Array, largest: 127, get: 'getInt8'},
@@ -14,10 +18,9 @@ const COMPONENTS = {
   5126: {array: Float32Array, largest: 1, get: 'getFloat32'},
 };
 const WIDTHS = {SCALAR: 1, VEC3: 3, VEC4: 4};
-const MODES = {alpha: 1, rgb: 2, rgba: 3};             // kMode* of shaders/shared/limits.h
-const INTERSECTIONS = {plane: 0, maxResponse: 1};      // kIntersect*
-const OUTSIDES = {base: 0, clip: 1, edge: 2};          // kOutside*
-
+export const MODES = {alpha: 1, rgb: 2, rgba: 3};             // kMode* of shaders/shared/limits.h
+export const INTERSECTIONS = {plane: 0, maxResponse: 1};      // kIntersect*
+export const OUTSIDES = {base: 0, clip: 1, edge: 2};          // kOutside*
 
 class GlbFile {
   constructor(bytes) {
@@ -33,13 +36,13 @@ class GlbFile {
 
   list(key) { return Array.isArray(this.json[key]) ? this.json[key] : []; }
 
-  viewBytes(index) {
+  async viewBytes(index) {
     const view = this.list('bufferViews')[index];
     if (!view) throw new Error(`/bufferViews/${index}: missing`);
     const packed = view.extensions && view.extensions[MESHOPT];
     if (packed) {
       const source = this.range(packed, `/bufferViews/${index}/extensions/${MESHOPT}`);
-      return {bytes: unpackMeshopt(packed, source), stride: packed.byteStride};
+      return {bytes: await unpackMeshopt(packed, source), stride: packed.byteStride};
     }
     if (view.extensions) throw new Error(`/bufferViews/${index}: compressed data is not supported`);
     return {bytes: this.range(view, `/bufferViews/${index}`), stride: view.byteStride || 0};
@@ -56,14 +59,14 @@ class GlbFile {
   }
 
   // Count x width numbers as floats, normalised integers converted; `raw`: 16-bit integers as they are.
-  accessor(index, width, count, raw = false) {
+  async accessor(index, width, count, raw = false) {
     const where = `/accessors/${index}`;
     const accessor = this.list('accessors')[index];
     const component = accessor && COMPONENTS[accessor.componentType];
     if (!component || accessor.bufferView === undefined || accessor.sparse) throw new Error(`${where}: not supported`);
     if (WIDTHS[accessor.type] !== width) throw new Error(`${where}: wrong type ${accessor.type}`);
     if (accessor.count !== count) throw new Error(`${where}: wrong count (expected ${count}, found ${accessor.count})`);
-    const {bytes, stride: given} = this.viewBytes(accessor.bufferView);
+    const {bytes, stride: given} = await this.viewBytes(accessor.bufferView);
     const size = component.array.BYTES_PER_ELEMENT;
     const offset = accessor.byteOffset || 0, stride = given || size * width;
     if (offset + (count - 1) * stride + size * width > bytes.length) throw new Error(`${where}: leaves its bufferView`);
@@ -75,6 +78,7 @@ class GlbFile {
     const view = new DataView(bytes.buffer, start);
     const scale = accessor.normalized && !raw ? 1 / component.largest : 1;
     for (let i = 0; i < count; ++i) {
+      if (i % 16384 === 0) await breathe();
       for (let k = 0; k < width; ++k) {
         const value = view[component.get](i * stride + k * size, true) * scale;
         out[i * width + k] = raw ? value : Math.max(value, accessor.normalized ? -1 : -Infinity);
@@ -113,7 +117,7 @@ async function readAtlas(file, entry, mode) {
     const webp = texture && texture.extensions && texture.extensions[WEBP];
     const source = texture && file.list('images')[(webp || texture).source];
     if (!source || source.bufferView === undefined) throw new Error('an atlas has no image in the file');
-    return (webp ? decodeWebp : decodePng)(file.viewBytes(source.bufferView).bytes);
+    return (webp ? decodeWebp : decodePng)((await file.viewBytes(source.bufferView)).bytes);
   };
   const color = mode & MODES.rgb ? await image(entry.color) : null;
   const alpha = mode & MODES.alpha ? await image(entry.alpha) : null;
@@ -123,17 +127,18 @@ async function readAtlas(file, entry, mode) {
   }
   const deep = largest > 255 || (alpha && alpha.largest > 255);
   const texels = new (deep ? Float32Array : Uint8Array)(width * height * 4).fill(deep ? 1 : 255);
-  const put = (picture, channels, to) => {
+  const put = async (picture, channels, to) => {
     const grey = picture.channels < 3;
     for (let i = 0, n = width * height; i < n; ++i) {
+      if (i % 65536 === 0) await breathe();
       for (let c = 0; c < channels; ++c) {
         const value = picture.samples[i * picture.channels + (grey ? 0 : c)];
         texels[4 * i + to + c] = deep ? value / picture.largest : value;
       }
     }
   };
-  if (color) put(color, 3, 0);
-  if (alpha) put(alpha, 1, 3);
+  if (color) await put(color, 3, 0);
+  if (alpha) await put(alpha, 1, 3);
   return {width, height, deep, texels, scale: entry.scale || [1, 1, 1, 1], offset: entry.offset || [0, 0, 0, 0]};
 }
 
@@ -150,20 +155,41 @@ async function readLayer(file, primitive, splats, count) {
   const atlases = [];
   for (const entry of extension.atlases || []) atlases.push(await readAtlas(file, entry, mode));
   if (atlases.length === 0) throw new Error('no atlases');
-  const rects = file.accessor(attribute('RECT'), 4, count, true);
-  const pages = attribute('ATLAS') === undefined ? null : file.accessor(attribute('ATLAS'), 1, count);
+  const rects = await file.accessor(attribute('RECT'), 4, count, true);
+  const pages = attribute('ATLAS') === undefined ? null : await file.accessor(attribute('ATLAS'), 1, count);
   for (let i = 0; i < count; ++i) {
+    if (i % 16384 === 0) await breathe();
     const atlas = atlases[pages ? pages[i] : 0];
     if (!atlas) throw new Error(`splat ${i} names atlas ${pages[i]} of ${atlases.length}`);
-    const [x, y, w, h] = rects.subarray(4 * i, 4 * i + 4);
+    const x = rects[4 * i], y = rects[4 * i + 1], w = rects[4 * i + 2], h = rects[4 * i + 3];
     if (w > 0 && h > 0 && (x + w > atlas.width || y + h > atlas.height)) {
       throw new Error(`splat ${i}: its rectangle leaves the atlas`);
     }
   }
   const optional = (name, width) =>
     attribute(name) === undefined ? null : file.accessor(attribute(name), width, count);
-  return {mode, intersection, atlases, rects, pages, opacity: optional('OPACITY', 1),
-          dc: optional('SH_DEGREE_0_COEF_0', 3)};
+  return {mode, intersection, atlases, rects, pages, opacity: await optional('OPACITY', 1),
+          dc: await optional('SH_DEGREE_0_COEF_0', 3)};
+}
+
+// A pinhole camera of a node, or of what stands for one: `own` is what this toolchain's files add.
+function readCamera({name, rotation, translation}, lens, own) {
+  const [x, y, z, w] = rotation || [0, 0, 0, 1];
+  const axes = [  // glTF cameras look along -z with y up: a half turn about x
+    [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+    [-2 * (x * y - w * z), -1 + 2 * (x * x + z * z), -2 * (y * z + w * x)],
+    [-2 * (x * z + w * y), -2 * (y * z - w * x), -1 + 2 * (x * x + y * y)],
+  ];
+  const height = own.height || 720;
+  const width = own.width || Math.round(height * (lens.aspectRatio || 16 / 9));
+  const fy = own.fy || 0.5 * height / Math.tan(0.5 * lens.yfov);
+  const known = own.cx !== undefined;
+  const camera = {
+    name: String(name || ''), test: own.split === 'test', width, height, fx: own.fx || fy, fy,
+    cx: known ? own.cx : 0.5 * width, cy: known ? own.cy : 0.5 * height, axes, eye: translation || [0, 0, 0],
+  };
+  const numbers = [width, height, camera.fx, fy, camera.cx, camera.cy, ...axes.flat(), ...camera.eye];
+  return width > 0 && height > 0 && camera.eye.length === 3 && numbers.every(Number.isFinite) ? camera : null;
 }
 
 // Camera nodes as pinhole cameras: OpenCV axes (x right, y down, z forward), rows of camera_from_world.
@@ -171,29 +197,17 @@ function readCameras(file) {
   const cameras = [];
   for (const node of file.list('nodes')) {
     const lens = (file.list('cameras')[node.camera] || {}).perspective;
-    if (!lens || node.matrix) continue;
-    const [x, y, z, w] = node.rotation || [0, 0, 0, 1];
-    const axes = [  // glTF cameras look along -z with y up: a half turn about x
-      [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-      [-2 * (x * y - w * z), -1 + 2 * (x * x + z * z), -2 * (y * z + w * x)],
-      [-2 * (x * z + w * y), -2 * (y * z - w * x), -1 + 2 * (x * x + y * y)],
-    ];
-    const own = (node.extras && node.extras.textured_gaussians) || {};
-    const height = own.height || 720;
-    const width = own.width || Math.round(height * (lens.aspectRatio || 16 / 9));
-    const fy = own.fy || 0.5 * height / Math.tan(0.5 * lens.yfov);
-    const known = own.cx !== undefined;
-    cameras.push({
-      name: node.name || '', test: own.split === 'test', width, height, fx: own.fx || fy, fy,
-      cx: known ? own.cx : 0.5 * width, cy: known ? own.cy : 0.5 * height, axes, eye: node.translation || [0, 0, 0],
-    });
+    if (lens && !node.matrix) cameras.push(readCamera(node, lens, (node.extras && node.extras[OURS]) || {}));
   }
-  return cameras;
+  return cameras.filter(Boolean);
 }
 
-// {count, mean, rotation (xyzw), scale, opacity, sh: [coefficient], layer or null, cameras, background, intersection,
-// outside, notes: [text]}. World space is the file's: y up, z forward.
-async function readGlb(bytes) {
+const isColor = (value) => Array.isArray(value) && value.length === 3 && value.every((c) => c >= 0 && c <= 1);
+
+// {count, mean, rotation (xyzw), scale, opacity, sh: [coefficient], layer or null, cameras, views: cameras that somebody
+// has chosen, the first one to start with, background, intersection, outside, notes: [text]}. World space is the file's:
+// y up, z forward.
+export async function readGlb(bytes) {
   const file = new GlbFile(bytes);
   const {node, primitive} = findSplats(file);
   const splats = primitive.extensions[SPLATS];
@@ -206,18 +220,21 @@ async function readGlb(bytes) {
   };
   const position = file.list('accessors')[attribute('POSITION')];
   const count = position ? position.count : 0;
-  if (!(count > 0)) throw new Error('the file has no splats');
+  if (!(Number.isInteger(count) && count > 0)) throw new Error('the file has no splats');
   const own = (name, width) => file.accessor(attribute(`${SPLATS}:${name}`), width, count);
-  const extras = (file.json.asset && file.json.asset.extras && file.json.asset.extras.textured_gaussians) || {};
+  const extras = (file.json.asset && file.json.asset.extras && file.json.asset.extras[OURS]) || {};
+  const views = Array.isArray(extras.views) ? extras.views : [];
   const model = {
-    count, mean: file.accessor(attribute('POSITION'), 3, count), rotation: own('ROTATION', 4), scale: own('SCALE', 3),
-    opacity: own('OPACITY', 1), sh: [own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file),
-    background: extras.background || [0, 0, 0], intersection: INTERSECTIONS[extras.intersection] ?? 1,
-    outside: OUTSIDES[extras.outside] ?? 0, notes: [],
+    count, mean: await file.accessor(attribute('POSITION'), 3, count),
+    rotation: await own('ROTATION', 4), scale: await own('SCALE', 3), opacity: await own('OPACITY', 1),
+    sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file),
+    views: views.map((view) => readCamera(Object(view), {}, Object(view))).filter(Boolean),
+    background: isColor(extras.background) ? extras.background : [0, 0, 0],
+    intersection: INTERSECTIONS[extras.intersection] ?? 1, outside: OUTSIDES[extras.outside] ?? 0, notes: [],
   };
   for (let l = 1; l <= 3; ++l) {
     if (primitive.attributes[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined) break;
-    for (let k = 0; k <= 2 * l; ++k) model.sh.push(own(`SH_DEGREE_${l}_COEF_${k}`, 3));
+    for (let k = 0; k <= 2 * l; ++k) model.sh.push(await own(`SH_DEGREE_${l}_COEF_${k}`, 3));
   }
   if (place.scale !== 1 || place.translation.some((t) => t !== 0)) {
     model.mean = model.mean.map((x, i) => x * place.scale + place.translation[i % 3]);

@@ -10,7 +10,7 @@ precision highp usampler2D;
 
 layout(location = 0) in uint a_gaussian;
 
-uniform sampler2D u_gaussians;  // 5 texels each: see SplatRenderer.upload()
+uniform sampler2D u_gaussians;  // 5 texels each: see uploadSteps()
 uniform sampler2D u_sh;         // coefficients from 1 on, a texel each
 uniform usampler2D u_rects;     // x, y, w, h in atlas texels
 uniform sampler2D u_ranges;     // a row an atlas: scale, offset
@@ -24,6 +24,7 @@ uniform vec2 u_size;          // [px]
 uniform uint u_texture_mode;  // kMode*
 uniform uint u_intersection;  // kIntersect*
 uniform uint u_show;          // kOutput*
+uniform vec2 u_depth;         // a normalised depth is x + y / camera z
 uniform bool u_fallback;      // opacity and colour of KHR_gaussian_splatting alone
 
 flat out vec4 v_wx_r;  // as struct Splat
@@ -106,7 +107,8 @@ void main() {
   vec2 at = bounded && turnedBox(mean_c, axes, radius * vec3(scale.xy, flat_c ? 0.0 : scale.z), box, half_axes)
                 ? 0.5 * (box.xy + box.zw) + half_axes * (2.0 * corner - 1.0)
                 : mix(seen.xy, seen.zw, corner);
-  gl_Position = vec4(2.0 * at.x / u_size.x - 1.0, 1.0 - 2.0 * at.y / u_size.y, 0.0, 1.0);
+  gl_Position = vec4(2.0 * at.x / u_size.x - 1.0, 1.0 - 2.0 * at.y / u_size.y,
+                     clamp(u_depth.x + u_depth.y / mean_c.z, -1.0, 1.0), 1.0);
 
   vec3 color;
   if (u_show == kOutputNormal) {

@@ -1,20 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 // PNG files as the numbers they hold. The browser's own decoder may premultiply, convert colours or cut 16 bits to 8;
 // atlases are data.
-'use strict';
+import {breathe} from './breathe.js';
 
-const MAX_ATLAS_TEXELS = 8192 * 8192;
+export const MAX_ATLAS_TEXELS = 8192 * 8192;
 
-// Decompresses `parts` (byte arrays, one stream) with a format of DecompressionStream.
-async function inflate(parts, format) {
-  const stream = new Blob(parts).stream().pipeThrough(new DecompressionStream(format));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+// Decompresses `parts` (byte arrays, one stream) with a format of DecompressionStream, to at most `limit` bytes.
+export async function inflate(parts, format, limit) {
+  const reader = new Blob(parts).stream().pipeThrough(new DecompressionStream(format)).getReader();
+  const chunks = [];
+  let size = 0;
+  for (;;) {
+    const {done, value} = await reader.read();
+    if (done) break;
+    size += value.length;
+    if (size > limit) {
+      reader.cancel().catch(() => {});
+      throw new Error(`packed data says more than the ${limit} bytes that were expected`);
+    }
+    chunks.push(value);
+    await breathe();
+  }
+  const out = new Uint8Array(size);
+  let at = 0;
+  for (const chunk of chunks) {
+    out.set(chunk, at);
+    at += chunk.length;
+  }
+  return out;
 }
 
 // Undoes the five row filters; returns the rows without their filter bytes.
-function unfilterPng(raw, rows, rowBytes, pixelBytes) {
+async function unfilterPng(raw, rows, rowBytes, pixelBytes) {
   const out = new Uint8Array(rows * rowBytes);
   for (let row = 0, from = 0; row < rows; ++row) {
+    await breathe();
     const filter = raw[from++];
     const to = row * rowBytes;
     for (let i = 0; i < rowBytes; ++i) {
@@ -42,7 +62,7 @@ function unfilterPng(raw, rows, rowBytes, pixelBytes) {
 }
 
 // {width, height, channels, largest, samples}: samples are integers from 0 to `largest` (255 or 65535), row-major.
-async function decodePng(bytes) {
+export async function decodePng(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   if (bytes.length < 33 || view.getUint32(0) !== 0x89504E47 || view.getUint32(12) !== 0x49484452) {
     throw new Error('an atlas is no PNG file');
@@ -64,12 +84,15 @@ async function decodePng(bytes) {
   }
   const pixelBytes = channels * depth / 8;
   const rowBytes = width * pixelBytes;
-  const raw = await inflate(parts, 'deflate');
+  const raw = await inflate(parts, 'deflate', height * (rowBytes + 1));
   if (raw.length !== height * (rowBytes + 1)) throw new Error('PNG: the pixels end early');
-  let samples = unfilterPng(raw, height, rowBytes, pixelBytes);
+  let samples = await unfilterPng(raw, height, rowBytes, pixelBytes);
   if (depth === 16) {
     const wide = new Uint16Array(samples.length / 2);
-    for (let i = 0; i < wide.length; ++i) wide[i] = samples[2 * i] << 8 | samples[2 * i + 1];
+    for (let i = 0; i < wide.length; ++i) {
+      if (i % 65536 === 0) await breathe();
+      wide[i] = samples[2 * i] << 8 | samples[2 * i + 1];
+    }
     samples = wide;
   }
   return {width, height, channels, largest: depth === 8 ? 255 : 65535, samples};

@@ -9,6 +9,7 @@ precision highp sampler2DArray;
 
 uniform sampler2DArray u_atlas;  // rgb: colour, a: alpha, as stored; a layer an atlas
 uniform vec2 u_size;             // [px]
+uniform vec2 u_origin;           // [px] of the picture in the framebuffer
 uniform uint u_texture_mode;     // kMode*
 uniform uint u_intersection;     // kIntersect*
 uniform uint u_outside;          // kOutside*
@@ -27,7 +28,7 @@ flat in vec4 v_offset;
 out vec4 o_color;
 
 void main() {
-  vec2 delta = vec2(gl_FragCoord.x, u_size.y - gl_FragCoord.y) - v_center_depth.xy;
+  vec2 delta = vec2(gl_FragCoord.x - u_origin.x, u_size.y - (gl_FragCoord.y - u_origin.y)) - v_center_depth.xy;
   Hit hit;
   if (!intersectSplat(v_wx_r.xyz, v_wy_g.xyz, v_dx_b.xyz, v_dy_layer.xyz, v_d0_opacity.xyz, v_center_depth.z,
                       u_intersection, delta, hit)) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Views packed by EXT_meshopt_compression, as far as splats need it: mode ATTRIBUTES, version 0 of the stream, the
 // filters QUATERNION and EXPONENTIAL (the extension's appendices A and B).
-'use strict';
+import {breathe} from './breathe.js';
 
 const MESHOPT_GROUP = 16;  // bytes that have one width
 
@@ -28,7 +28,7 @@ function unpackMeshoptBytes(source, begin, count, out) {
   return at;
 }
 
-function unpackMeshoptStream(source, count, stride) {
+async function unpackMeshoptStream(source, count, stride) {
   const tail = Math.max(stride, 32);
   if (source.length < 1 + tail || source[0] !== 0xA0) throw new Error('a packed view is broken');
   const out = new Uint8Array(count * stride);
@@ -37,6 +37,7 @@ function unpackMeshoptStream(source, count, stride) {
   const deltas = new Uint8Array(256);
   let at = 1;
   for (let first = 0; first < count; first += blockSize) {
+    await breathe();
     const block = Math.min(blockSize, count - first);
     for (let k = 0; k < stride; ++k) {
       at = unpackMeshoptBytes(source, at, block, deltas);
@@ -53,16 +54,16 @@ function unpackMeshoptStream(source, count, stride) {
   return out;
 }
 
-// In place, as the filters' names say.
+// In place, in the given words of four bytes, as the filters' names say.
 const MESHOPT_FILTERS = {
   NONE: () => {},
-  EXPONENTIAL: (bytes) => {
+  EXPONENTIAL: (bytes, begin, end) => {
     const words = new Int32Array(bytes.buffer), floats = new Float32Array(bytes.buffer);
-    for (let i = 0; i < words.length; ++i) floats[i] = (words[i] << 8 >> 8) * 2 ** (words[i] >> 24);
+    for (let i = begin; i < end; ++i) floats[i] = (words[i] << 8 >> 8) * 2 ** (words[i] >> 24);
   },
-  QUATERNION: (bytes) => {
+  QUATERNION: (bytes, begin, end) => {
     const q = new Int16Array(bytes.buffer);
-    for (let i = 0; i < q.length; i += 4) {
+    for (let i = 2 * begin; i < 2 * end; i += 4) {
       const unit = Math.SQRT1_2 / (q[i + 3] | 3), left = q[i + 3] & 3;
       const others = [q[i] * unit, q[i + 1] * unit, q[i + 2] * unit];
       const rest = 1 - others[0] ** 2 - others[1] ** 2 - others[2] ** 2;
@@ -73,14 +74,18 @@ const MESHOPT_FILTERS = {
 };
 
 // `packed`: the extension's object of a view; `source`: its bytes. Returns the view's.
-function unpackMeshopt(packed, source) {
+export async function unpackMeshopt(packed, source) {
   const {count, byteStride: stride, mode, filter = 'NONE'} = packed;
   if (mode !== 'ATTRIBUTES' || !MESHOPT_FILTERS[filter]) throw new Error(`packed by ${mode} ${filter} (not supported)`);
   if (!(stride > 0 && stride <= 256 && stride % 4 === 0) || (filter === 'QUATERNION' && stride !== 8)) {
     throw new Error(`a packed view has a stride of ${stride}`);
   }
   if (!(count * stride <= 64 * source.length + 65536)) throw new Error('a packed view says more than it can hold');
-  const bytes = unpackMeshoptStream(source, count, stride);
-  MESHOPT_FILTERS[filter](bytes);
+  const bytes = await unpackMeshoptStream(source, count, stride);
+  const words = bytes.length / 4;
+  for (let i = 0; i < words; i += 65536) {
+    await breathe();
+    MESHOPT_FILTERS[filter](bytes, i, Math.min(i + 65536, words));
+  }
   return bytes;
 }

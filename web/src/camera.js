@@ -1,52 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pinhole cameras and how a hand moves them. A camera: {width, height, fx, fy, cx, cy [px], axes: camera x (right),
 // y (down), z (forward) in world space, eye}.
-'use strict';
 
 const START_FOV = 0.9;     // [rad] over the height
 const START_PITCH = -0.3;  // [rad] above the horizon
-const NEAR = 0.2;          // shaders/shared/limits.h kNear [world units]
+export const NEAR = 0.2;   // shaders/shared/limits.h kNear [world units]
 
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit = (a) => add([0, 0, 0], a, 1 / Math.hypot(...a));
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const unit = (a) => add([0, 0, 0], a, 1 / Math.hypot(...a));
 
 // v turned by `angle` [rad] about the unit vector `axis` (Rodrigues).
-function turned(v, axis, angle) {
+export function turned(v, axis, angle) {
   const c = Math.cos(angle), s = Math.sin(angle);
   return add(add(add([0, 0, 0], v, c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
 }
 
 // The same view at another image size without distortion: the whole old image fits, more scene beside it.
-function fitted(camera, width, height) {
+export function fitted(camera, width, height) {
   const s = Math.min(width / camera.width, height / camera.height);
   return {...camera, width, height, fx: camera.fx * s, fy: camera.fy * s,
           cx: (camera.cx - 0.5 * camera.width) * s + 0.5 * width,
           cy: (camera.cy - 0.5 * camera.height) * s + 0.5 * height};
 }
 
+const MOST_LOOKED_AT = 1 << 17;  // means: sorting them all would stall the page
+
 // A sphere around most of the means: their median, and the reach of 95 % of them.
-function sceneBounds(mean) {
-  const count = mean.length / 3;
-  const column = new Float32Array(count);
+export function sceneBounds(mean) {
+  const step = 3 * Math.ceil(mean.length / 3 / MOST_LOOKED_AT);
+  const column = new Float32Array(Math.ceil(mean.length / step)), count = column.length;
   const center = [0, 1, 2].map((k) => {
-    for (let i = 0; i < count; ++i) column[i] = mean[3 * i + k];
+    for (let i = 0; i < count; ++i) column[i] = mean[step * i + k];
     return column.sort()[count >> 1];
   });
   for (let i = 0; i < count; ++i) {
-    column[i] = Math.hypot(mean[3 * i] - center[0], mean[3 * i + 1] - center[1], mean[3 * i + 2] - center[2]);
+    const at = step * i;
+    column[i] = Math.hypot(mean[at] - center[0], mean[at + 1] - center[1], mean[at + 2] - center[2]);
   }
   return {center, radius: Math.max(column.sort()[Math.floor(0.95 * (count - 1))], 1e-3)};
 }
 
 // Mean of the cameras' image-up directions; y where there are none or they cancel.
-function sceneUp(cameras) {
+export function sceneUp(cameras) {
   const sum = cameras.reduce((up, camera) => add(up, camera.axes[1], -1), [0, 0, 0]);
   return Math.hypot(...sum) > 0.1 * cameras.length ? unit(sum) : [0, 1, 0];
 }
 
-class Orbit {
+export class Orbit {
   constructor(model) {
     this.bounds = sceneBounds(model.mean);
     this.up = sceneUp(model.cameras);

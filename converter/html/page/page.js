@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page that holds its model: loads, unpacks and shows it, and takes what the address asks for.
+
+const WATCH = 100;                         // [ms] between two looks at what has come of the page
+const PIECE = 1 << 19;                     // characters of base64 at a time
+const SHARES = {come: 0.6, unpacked: 0.7, read: 0.85};  // of the bar, when that is done
+
+let watching = 0;
+
+function showLoading(share) {
+  const bar = element('loading');
+  bar.firstElementChild.style.width = `${100 * share}%`;
+  bar.setAttribute('aria-valuenow', String(Math.round(100 * share)));
+  bar.hidden = share >= 1;
+}
+
+// While the model, `total` characters, comes.
+function watchLoading(total) {
+  watching = setInterval(() => {
+    let come = 0;
+    for (const node of document.querySelectorAll('script.model')) {
+      for (const part of node.childNodes) come += part.length;
+    }
+    showLoading(SHARES.come * Math.min(come / Number(total), 1));
+  }, WATCH);
+}
+
+// The model in the page: base64 of a gzip stream, in elements that are dropped as they are read.
+async function unpackPayload() {
+  const nodes = [...document.querySelectorAll('script.model')];
+  if (nodes.length === 0) return null;
+  let text = '', at = 0;
+  const source = new ReadableStream({
+    async pull(controller) {
+      await breathe();
+      if (at >= text.length) {
+        const node = nodes.shift();
+        if (!node) {
+          controller.close();
+          return;
+        }
+        text = node.textContent.trim();
+        at = 0;
+        node.remove();
+      }
+      const bits = atob(text.slice(at, at + PIECE));
+      at += PIECE;
+      const bytes = new Uint8Array(bits.length);
+      for (let i = 0; i < bytes.length; ++i) bytes[i] = bits.charCodeAt(i);
+      controller.enqueue(bytes);
+    },
+  });
+  const stream = source.pipeThrough(new DecompressionStream('gzip'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// Another file dropped on the page. A broken one is reported and leaves the old model.
+function listenToDrops(viewer, panel) {
+  addEventListener('dragover', (event) => event.preventDefault());
+  addEventListener('drop', async (event) => {
+    event.preventDefault();
+    const [file] = event.dataTransfer.files;
+    if (!file) return;
+    showMessage('');
+    try {
+      await viewer.open(await readModel(new Uint8Array(await file.arrayBuffer())));
+      showMessage(viewer.model.notes.join(' '), true);
+      panel.name = file.name;
+      panel.fill();
+    } catch (error) {
+      showMessage(`${file.name}: ${error.message}`);
+    }
+  });
+}
+
+// What the address says of the view; what cannot be is named, and the rest is done.
+function takeAddress(viewer) {
+  const words = (text) => Object.fromEntries(new URLSearchParams(text));
+  const wanted = {...words(location.search), ...words(location.hash.slice(1))};
+  const reasons = viewer.applyWhatCan(wanted);
+  const notes = [...viewer.model.notes, ...reasons.map((reason) => `The address: ${reason}.`)];
+  showMessage(notes.join(' '), true);
+  return wanted;
+}
+
+// Called at the end of the page. Sets window.__done to {gaussians} when the first picture stands, or to {error}.
+// window.tgViewer offers picture(), apply() and settled() to tests; the address takes apply()'s settings and panel=off.
+async function startViewer() {
+  clearInterval(watching);
+  try {
+    if (typeof DecompressionStream === 'undefined') throw new Error('This browser is too old: no DecompressionStream.');
+    const viewer = new Viewer(element('picture'));
+    showLoading(SHARES.come);
+    const bytes = await unpackPayload().catch(() => {
+      throw new Error('The model in this page is damaged.');
+    });
+    if (!bytes) throw new Error('The page holds no model.');
+    showLoading(SHARES.unpacked);
+    const model = await readModel(bytes);
+    showLoading(SHARES.read);
+    await viewer.open(model);
+    const panel = new Panel(viewer, document.title);
+    if (takeAddress(viewer).panel === 'off') panel.leave();
+    panel.fill();
+    listenToHands(viewer);
+    listenToDrops(viewer, panel);
+    addEventListener('resize', () => viewer.changed());
+    addEventListener('hashchange', () => takeAddress(viewer));
+    window.tgViewer = viewer;
+    await viewer.settled();
+    showLoading(1);
+    window.__done = {gaussians: viewer.model.count};
+  } catch (error) {
+    showLoading(1);
+    showMessage(error.message);
+    window.__done = {error: error.message};
+  }
+}

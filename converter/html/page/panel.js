@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// What stands around the picture: bar, panel, keys, messages.
+
+const OUTSIDE_TITLES = {base: 'beyond its texture a splat shows its base colour', clip: 'a splat ends with its texture',
+                        edge: 'beyond its texture a splat has the texels of the border'};
+const SMALL = [600, 400];  // [px] up to which the panel waits to be asked for
+const OWN_KEYS = ['SELECT', 'INPUT', 'TEXTAREA'];
+
+const element = (id) => document.getElementById(id);
+
+function showMessage(text, isNote = false) {
+  const box = element('message');
+  box.firstElementChild.textContent = text;
+  box.lastElementChild.onclick = () => { box.hidden = true; };
+  box.className = isNote ? 'note' : '';
+  box.hidden = text === '';
+}
+
+// Buttons of which one is pressed. choices: [[value, title]].
+function fillChoices(id, choices, choose) {
+  element(id).replaceChildren(...choices.map(([value, title]) => {
+    const button = document.createElement('button');
+    button.textContent = value;
+    button.title = title || '';
+    button.onclick = () => choose(value);
+    return button;
+  }));
+}
+
+function press(id, value) {
+  for (const button of element(id).children) button.setAttribute('aria-pressed', String(button.textContent === value));
+}
+
+class Panel {
+  constructor(viewer, name) {
+    this.viewer = viewer;
+    this.name = name;
+    element('toggle').onclick = () => this.open(element('panel').hidden);
+    element('play').onclick = () => this.play();
+    element('link').onclick = () => this.link();
+    element('fullscreen').hidden = !document.fullscreenEnabled;
+    element('fullscreen').onclick = () => this.fullscreen();
+    element('previous').onclick = () => this.step(-1);
+    element('next').onclick = () => this.step(1);
+    element('frame').onclick = () => viewer.frameAll();
+    element('camera').onchange = (event) => this.go(event.target.value);
+    element('background').oninput = (event) => {
+      const bits = parseInt(event.target.value.slice(1), 16);
+      viewer.settings.background = [bits >> 16, bits >> 8 & 255, bits & 255].map((byte) => byte / 255);
+      viewer.changed();
+    };
+    addEventListener('keydown', (event) => this.key(event));
+    viewer.onChange = () => this.update();
+    viewer.onError = (error) => showMessage(error.message);
+    this.open(innerWidth > SMALL[0] && innerHeight > SMALL[1]);
+  }
+
+  open(on) {
+    element('panel').hidden = !on;
+    element('toggle').setAttribute('aria-expanded', String(on));
+  }
+
+  // Neither bar nor panel: the picture alone.
+  leave() {
+    element('tools').hidden = true;
+    this.open(false);
+  }
+
+  key(event) {
+    const {viewer} = this;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || !viewer.model) return;
+    const {tagName} = event.target;
+    if (OWN_KEYS.includes(tagName) || (tagName === 'BUTTON' && (event.key === ' ' || event.key === 'Enter'))) return;
+    const {settings} = viewer;
+    const output = Object.keys(SHOW)[Number(event.key) - 1];
+    const key = event.key.toLowerCase();
+    const cycle = (values, value, set) => {
+      set(values[(values.indexOf(value) + 1) % values.length]);
+      viewer.changed();
+    };
+    if (output) {
+      settings.show = output;
+      viewer.changed();
+    } else if (key === 't') {
+      const values = this.textureChoices().map(([value]) => value);
+      if (values.length > 0) cycle(values, settings.textures, (value) => { settings.textures = value; });
+    } else if (key === 'i') {
+      cycle(Object.values(INTERSECTIONS), settings.intersection, (value) => { settings.intersection = value; });
+    } else if (key === 'f') {
+      viewer.frameAll();
+    } else if (key === 'h') {
+      element('tools').hidden = false;
+      this.open(element('panel').hidden);
+    } else if (key === 'l') {
+      this.play();
+    } else if (key === 'c') {
+      this.link();
+    } else if (key === ' ') {
+      this.step(event.shiftKey ? -1 : 1);
+    } else if (!moveByKey(viewer, event)) {
+      return;
+    }
+    event.preventDefault();
+  }
+
+  // 'v' and the number of a view, or the number of a camera.
+  go(value) {
+    if (value.startsWith('v')) this.viewer.jumpToView(Number(value.slice(1)));
+    else this.viewer.jump(Number(value));
+  }
+
+  // To the next view or camera, whichever was looked from last; views come first.
+  step(by) {
+    const {viewer} = this;
+    const {views, cameras} = viewer.model;
+    const amongViews = views.length > 0 && viewer.cameraIndex < 0;
+    const list = amongViews ? views : cameras, from = amongViews ? viewer.viewIndex : viewer.cameraIndex;
+    if (list.length === 0) return;
+    const to = from < 0 ? (by > 0 ? 0 : list.length - 1) : (from + by + list.length) % list.length;
+    if (amongViews) viewer.jumpToView(to);
+    else viewer.jump(to);
+  }
+
+  play() {
+    if (!this.viewer.play(!this.viewer.playing) && this.stops < 2) {
+      showMessage('There are no two views to fly through.', true);
+    }
+  }
+
+  // The address of this page with the view and the settings that are not the model's own, in the clipboard, too.
+  async link() {
+    const {viewer} = this;
+    const own = Splats.settingsOf(viewer.model), now = viewer.settings;
+    const words = [`view=${viewer.viewText}`];
+    for (const key of ['show', 'textures']) if (now[key] !== own[key]) words.push(`${key}=${now[key]}`);
+    for (const [key, numbers] of [['intersection', INTERSECTIONS], ['outside', OUTSIDES]]) {
+      if (now[key] !== own[key]) words.push(`${key}=${Object.keys(numbers)[now[key]]}`);
+    }
+    if (String(now.background) !== String(own.background)) {
+      words.push(`background=${now.background.map((c) => Number(c.toFixed(4))).join(',')}`);
+    }
+    history.replaceState(null, '', `#${words.join('&')}`);
+    const copied = await Promise.resolve().then(() => navigator.clipboard.writeText(location.href))
+      .then(() => true, () => false);
+    showMessage(`The address of this page leads to this view now${copied ? ', and is copied' : ''}.`, true);
+  }
+
+  async fullscreen() {
+    try {
+      if (document.fullscreenElement) await document.exitFullscreen();
+      else await document.documentElement.requestFullscreen();
+    } catch (error) {
+      showMessage(`No full screen: ${error.message}`);
+    }
+  }
+
+  // After another model was opened.
+  fill() {
+    const {model} = this.viewer;
+    element('title').textContent = this.name;
+    const textures = model.layer ? `${modeName(model.layer)} textures` : 'no textures';
+    element('facts').textContent = `${model.count.toLocaleString('en')} Gaussians, SH degree ` +
+      `${Math.round(Math.sqrt(model.sh.length)) - 1}, ${textures}`;
+    this.stops = Math.max(model.views.length, model.cameras.length);
+    element('cameras').hidden = this.stops === 0;
+    element('play').hidden = this.stops < 2;
+    const group = (label, options) => {
+      if (options.length === 0) return [];
+      const box = document.createElement('optgroup');
+      box.label = label;
+      box.append(...options);
+      return [box];
+    };
+    element('camera').replaceChildren(
+      ...group('views', model.views.map(({name}, index) => new Option(name || `view ${index}`, `v${index}`))),
+      ...group('cameras', model.cameras.map(({name, test}, index) =>
+        new Option(`${index} ${name}${test ? ' (test)' : ''}`, String(index)))));
+    const set = (key) => (value) => {
+      this.viewer.settings[key] = value;
+      this.viewer.changed();
+    };
+    fillChoices('show', Object.keys(SHOW).map((name) => [name]), set('show'));
+    fillChoices('textures', this.textureChoices(), set('textures'));
+    fillChoices('outside', model.layer ? Object.keys(OUTSIDES).map((name) => [name, OUTSIDE_TITLES[name]]) : [],
+                (value) => set('outside')(OUTSIDES[value]));
+    fillChoices('intersection', Object.keys(INTERSECTIONS).map((name) => [name]),
+                (value) => set('intersection')(INTERSECTIONS[value]));
+    this.update();
+  }
+
+  textureChoices() {
+    const {layer} = this.viewer.model;
+    if (!layer) return [];
+    const possible = Object.keys(TEXTURE_CHOICES).filter((name) => (TEXTURE_CHOICES[name] & ~layer.mode) === 0);
+    const titles = {off: 'the base alone', fallback: 'as viewers show it that do not know the textures'};
+    return possible.map((name) => [name, titles[name]]);
+  }
+
+  update() {
+    const {viewer} = this;
+    if (!viewer.model) return;
+    const {settings} = viewer;
+    press('show', settings.show);
+    press('textures', settings.textures);
+    press('outside', Object.keys(OUTSIDES)[settings.outside]);
+    press('intersection', Object.keys(INTERSECTIONS)[settings.intersection]);
+    element('play').setAttribute('aria-pressed', String(viewer.playing));
+    element('camera').value = viewer.viewIndex >= 0 ? `v${viewer.viewIndex}` : String(viewer.cameraIndex);
+    element('background').value =
+      '#' + settings.background.map((c) => Math.round(c * 255).toString(16).padStart(2, '0')).join('');
+    if (viewer.moving && viewer.gap) element('speed').textContent = `${viewer.gap.toFixed(0)} ms`;
+  }
+}

@@ -1,0 +1,250 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Holds the pictures of the npm package in web/ against tgview's: its examples, as they are, in a headless Chromium.
+
+    tests/web/package_test.py BIN [MODEL [NAME...]]   NAME: of element three babylon playcanvas; default: all
+
+BIN is the folder of tgconvert and tgview, default model docs/sample.tgz. Engines come from where viewers_test.py looks
+for them; without them the element is shown alone. TG_WEB_PICTURES=FOLDER keeps the pictures. Skips (exit code 77)
+without Chromium.
+"""
+import functools
+import http.server
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+from chromium import Chromium, Difference, find_chromium, from_data_url
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
+LEAST_DB = 38.0  # what the package promises
+SIDE = 160       # [px]
+LIMIT_SECONDS = 240
+ENGINES = ["three", "babylon", "playcanvas"]
+CAMERAS = [0, 36]
+failures = []
+
+
+def expect(what, ok, found=""):
+    print(f"{'ok' if ok else 'FAILED'}: {what}{f': {found}' if str(found) else ''}", flush=True)
+    if not ok:
+        failures.append(what)
+
+
+def find_packages(programs):
+    for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
+        modules = pathlib.Path(folder) / "node_modules"
+        if folder and (modules / "three").is_dir():
+            return modules
+    return None
+
+
+class Server:
+    """web/ with a model beside its examples; what they take from unpkg.com comes from the packages that are here."""
+
+    def __init__(self, modules, models):
+        class Handler(http.server.SimpleHTTPRequestHandler):
+            extensions_map = {**http.server.SimpleHTTPRequestHandler.extensions_map, ".mjs": "text/javascript"}
+
+            def do_GET(self):
+                if not self.path.endswith(".html"):
+                    return super().do_GET()
+                text = (REPOSITORY / self.path[1:]).read_text().replace("https://unpkg.com/", "/packages/").encode()
+                self.send_response(200)
+                self.send_header("Content-Type", "text/html; charset=utf-8")
+                self.send_header("Content-Length", str(len(text)))
+                self.end_headers()
+                self.wfile.write(text)
+
+            def translate_path(self, path):
+                path = path.split("?")[0]
+                if path.startswith("/packages/"):
+                    return str(modules / re.sub(r"@\d[^/]*", "", path.removeprefix("/packages/")))
+                name = path.rsplit("/", 1)[1]
+                return str(models / name) if name.startswith("scene.") else str(REPOSITORY / path[1:])
+
+            def log_message(self, *_):
+                pass
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+        self.address = f"http://127.0.0.1:{self.server.server_port}/web/examples"
+
+
+def until(browser, expression):
+    end = time.monotonic() + LIMIT_SECONDS
+    while time.monotonic() < end:
+        found = browser.evaluate(expression)
+        if found:
+            return found
+        time.sleep(0.2)
+    raise RuntimeError(f"{expression}: not within {LIMIT_SECONDS} s; {browser.log}")
+
+
+def at_rest(browser):
+    """The window, once what is in it has been drawn in the right order and then once more."""
+    until(browser, "new Promise((done) => { let settled = 0; const look = () => { settled = example.gaussians.settled ? "
+          "settled + 1 : 0; if (settled > 2) done(true); else requestAnimationFrame(look); }; look(); })")
+    return browser.screenshot()
+
+
+def keep(name, picture):
+    if "TG_WEB_PICTURES" in os.environ:
+        pathlib.Path(os.environ["TG_WEB_PICTURES"], f"{name}.png").write_bytes(picture)
+
+
+def compare(browser, name, picture, reference):
+    keep(name, picture)
+    found = Difference(browser, picture, reference)
+    expect(f"{name} against tgview, at least {LEAST_DB:.0f} dB", found.psnr >= LEAST_DB, found)
+
+
+def show_element(browser, address, references):
+    browser.page("Page.navigate", url=f"{address}/element.html")
+    until(browser, "Boolean((document.querySelector('textured-gaussians') || {}).model)")
+    loaded = "document.querySelector('textured-gaussians')"
+    for file, camera in references:
+        picture = browser.evaluate(f"""(async (element) => {{
+            element.viewer.setSize('{SIDE}x{SIDE}');
+            if (element.src !== '{file}') {{
+              const loaded = new Promise((done, no) => {{
+                element.addEventListener('load', done, {{once: true}});
+                element.addEventListener('error', ({{detail}}) => no(detail.error), {{once: true}});
+              }});
+              element.src = '{file}';
+              await loaded;
+            }}
+            return element.picture({{camera: window.cameras ? window.cameras[{camera}] : {camera}, background: 'white'}});
+        }})({loaded})""")
+        browser.evaluate(f"window.cameras = window.cameras || {loaded}.model.cameras; 0")
+        compare(browser, f"element, {file}, camera {camera}", from_data_url(picture), references[file, camera])
+    expect("the element takes arrow keys", browser.evaluate(f"""(({{viewer}}) => {{
+        const before = viewer.viewText;
+        viewer.canvas.dispatchEvent(new KeyboardEvent('keydown', {{key: 'ArrowLeft', bubbles: true}}));
+        return viewer.viewText !== before;
+    }})({loaded})"""))
+    told = browser.evaluate(f"""(async (element) => {{
+        const failed = new Promise((done) => element.addEventListener('error', ({{detail}}) => done(detail.error.message)));
+        element.src = 'scene.none';
+        return await failed;
+    }})({loaded})""")
+    expect("and says what it cannot show", "404" in told, told)
+
+
+# Red squares that face the camera: a near one on the left, one behind all on the right.
+THREE_MESHES = """(({THREE, scene, camera, draw}) => {
+  const add = (distance, side) => {
+    const mesh = new THREE.Mesh(new THREE.PlaneGeometry(distance / 4, distance / 4),
+                                new THREE.MeshBasicMaterial({color: 0xff0000, toneMapped: false}));
+    mesh.position.set(side * distance / 6, 0, -distance).applyMatrix4(camera.matrixWorld);
+    mesh.quaternion.copy(camera.quaternion);
+    scene.add(mesh);
+  };
+  add(0.5, -1);
+  add(50, 1);
+  draw();
+})(example)"""
+# The object and the camera moved alike: the same picture.
+THREE_MOVE = """(({THREE, scene, camera, gaussians, draw}) => {
+  const move = new THREE.Matrix4().compose(new THREE.Vector3(3, -1, 2), new THREE.Quaternion(0.6, 0, 0, 0.8),
+                                           new THREE.Vector3(2, 2, 2));
+  gaussians.applyMatrix4(move);
+  camera.matrix.premultiply(move).decompose(camera.position, camera.quaternion, new THREE.Vector3());
+  camera.updateMatrixWorld();
+  draw();
+})(example)"""
+PIXEL = """(async (url, at) => {
+  const image = new Image();
+  image.src = url;
+  await image.decode();
+  const context = new OffscreenCanvas(1, 1).getContext('2d');
+  context.drawImage(image, -at[0] * image.width, -at[1] * image.height);
+  return [...context.getImageData(0, 0, 1, 1).data.slice(0, 3)];
+})"""
+
+
+def pixel(browser, picture, x, y):
+    import base64
+    url = "data:image/png;base64," + base64.b64encode(picture).decode()
+    return browser.evaluate(f"{PIXEL}({json.dumps(url)}, [{x}, {y}])")
+
+
+def show_engine(browser, address, name, references):
+    browser.page("Page.navigate", url=f"{address}/{name}.html")
+    until(browser, "Boolean(window.example)")
+    camera_of = {"three": "example.camera", "babylon": "example.camera", "playcanvas": "example.camera"}[name]
+    for camera in CAMERAS:
+        browser.evaluate(f"example.gaussians.placeCamera({camera_of}, {camera}); if (example.draw) example.draw(); 0")
+        picture = at_rest(browser)
+        compare(browser, f"{name}, camera {camera}", picture, references["scene.glb", camera])
+    if name == "three":
+        browser.evaluate(THREE_MOVE)
+        compare(browser, "three, moved along with the camera", at_rest(browser), references["scene.glb", CAMERAS[-1]])
+        browser.evaluate("example.gaussians.matrix.identity().decompose(example.gaussians.position, "
+                         f"example.gaussians.quaternion, example.gaussians.scale); example.gaussians.placeCamera({camera_of}, 0)")
+        browser.evaluate(THREE_MESHES)
+        picture = at_rest(browser)
+        keep("three, meshes", picture)
+        near, far = pixel(browser, picture, 0.32, 0.5), pixel(browser, picture, 0.6, 0.55)
+        expect("a mesh that is nearer hides the model", near == [255, 0, 0], near)
+        expect("the model hides one that is farther", far != [255, 0, 0], far)
+    expect(f"no word on {name}'s console", not browser.log, browser.log[:3])
+
+
+def main():
+    programs = pathlib.Path(sys.argv[1]).resolve()
+    model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
+    wanted = sys.argv[3:] or ["element", *ENGINES]
+    find_chromium()
+    modules = find_packages(programs)
+    run = lambda *arguments: subprocess.run([str(a) for a in arguments], check=True, stdout=subprocess.DEVNULL)
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        run(programs / "tgconvert", model, folder / "scene.glb", "--quiet")
+        run(programs / "tgconvert", model, folder / "scene.sog", "--quiet")
+        run(programs / "tgconvert", model, folder / "cameras.glb", "--quiet")
+        references = {}
+        for file in ("scene.glb", "scene.sog"):
+            for camera in CAMERAS:
+                # A SOG holds no cameras: the model's, in the file's place.
+                source = folder / file
+                if file == "scene.sog":
+                    run(programs / "tgconvert", source, folder / "back.tgz", "--overwrite", "--quiet")
+                    source = folder / "back.tgz"
+                out = folder / "reference.png"
+                cameras = folder / f"camera_{camera}.json"
+                write_camera(model, camera, cameras)
+                run(programs / "tgview", source, "--render", out, "--size", f"{SIDE}x{SIDE}", "--backend", "cpu",
+                    "--camera", cameras, "--background", "white")
+                references[file, camera] = out.read_bytes()
+        server = Server(modules or folder, folder)
+        for name in wanted:
+            if name in ENGINES and not modules:
+                print(f"not shown: {name} (scripts/test_browsers.sh installs the engines)")
+                continue
+            with Chromium() as browser:
+                browser.page("Emulation.setDeviceMetricsOverride", width=SIDE, height=SIDE, deviceScaleFactor=1,
+                             mobile=False)
+                if name == "element":
+                    show_element(browser, server.address, references)
+                else:
+                    show_engine(browser, server.address, name, {k: v for k, v in references.items()})
+    return 1 if failures else 0
+
+
+def write_camera(model, index, out):
+    """One camera of a bundle as a file of its own."""
+    import io
+    import tarfile
+    with tarfile.open(model) as archive:
+        cameras = json.load(io.TextIOWrapper(archive.extractfile("cameras.json")))
+    out.write_text(json.dumps([cameras[index]]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// The package's readers without a browser: a file as it is, and spoilt: `node readers_test.mjs FILE.glb`. What cannot be
+// read is refused with a sentence, never by a slip of the reader's own. WebP needs a browser: tests/web/package_test.py.
+import {readFileSync} from 'node:fs';
+import {cameraOf, matricesOf, readModel} from '../../web/src/index.js';
+import {readZip} from '../../web/src/zip.js';
+import {formatView, parseView} from '../../web/src/view_text.js';
+
+const failures = [];
+const expect = (what, ok, found = '') => {
+  if (!ok) failures.push(`${what}: ${found}`);
+};
+let seed = 1;
+const random = (n) => (seed = (1103515245 * seed + 12345) % 2147483648) % n;
+
+const original = new Uint8Array(readFileSync(process.argv[2]));
+const model = await readModel(original.slice());
+expect('the file is read', model.count > 0 && model.notes.length === 0, model.notes);
+expect('numbers are finite', [model.mean, model.scale, model.rotation].every((list) => list.every(Number.isFinite)));
+
+const jsonBytes = new DataView(original.buffer, original.byteOffset).getUint32(12, true);
+let read = 0, refused = 0;
+for (let i = 0; i < 400; ++i) {
+  const bytes = original.slice(0, i % 4 === 0 ? random(original.length) : original.length);
+  for (let k = 0; k < 3 && bytes.length > 0; ++k) {  // half of them in the JSON
+    bytes[i % 2 === 0 ? random(bytes.length) : Math.min(20 + random(jsonBytes), bytes.length - 1)] = random(256);
+  }
+  try {
+    await readModel(bytes);
+    ++read;
+  } catch (error) {
+    ++refused;
+    const own = error instanceof Error && !(error instanceof RangeError) && !(error instanceof ReferenceError) &&
+      (!(error instanceof TypeError) || /decompress|inflate|deflate/i.test(`${error.message} ${error.code || ''}`));
+    expect(`spoilt copy ${i}`, own, error.stack);
+  }
+}
+expect('some are read and some refused', read > 0 && refused > 50, `${read} and ${refused}`);
+
+// Cameras to matrices and back, with a model that is moved, turned and scaled.
+const camera = {name: '', test: false, width: 640, height: 480, fx: 500, fy: 510, cx: 300, cy: 260,
+                axes: [[0.8, 0, -0.6], [0, 1, 0], [0.6, 0, 0.8]], eye: [1, 2, 3]};
+const {worldFromCamera: w, projection} = matricesOf(camera, 640, 480);
+const viewFromModel = [w[0], w[4], w[8], 0, w[1], w[5], w[9], 0, w[2], w[6], w[10], 0,
+                       -(w[0] * w[12] + w[1] * w[13] + w[2] * w[14]), -(w[4] * w[12] + w[5] * w[13] + w[6] * w[14]),
+                       -(w[8] * w[12] + w[9] * w[13] + w[10] * w[14]), 1];
+const near = (a, b) => a.flat().every((x, k) => Math.abs(x - b.flat()[k]) < 1e-6);
+for (const [hand, scale] of [[1, 1], [1, 3], [-1, 1]]) {  // -1: a left-handed view
+  const view = viewFromModel.map((x, k) => (k === 15 ? 1 : x * scale * (k % 4 === 2 ? hand : 1)));
+  const p = projection.map((x, k) => (k >= 8 && k < 12 ? hand * x : x));
+  const found = cameraOf(view, p, 640, 480);
+  expect('a camera comes back', found !== null, hand);
+  for (const key of ['axes', 'eye']) expect(key, near(found.camera[key], camera[key]), found.camera[key]);
+  for (const key of ['fx', 'fy', 'cx', 'cy']) expect(key, near([found.camera[key]], [camera[key]]), found.camera[key]);
+}
+expect('a mirrored model is not drawn', cameraOf(viewFromModel.map((x, k) => (k < 4 ? -x : x)), projection, 9, 9) === null);
+const back = parseView(formatView(camera, 4));
+expect('a view comes back from its word', back && back.distance === 4 &&
+  back.axes.flat().every((x, k) => Math.abs(x - camera.axes.flat()[k]) < 1e-4), JSON.stringify(back));
+for (const text of ['', '1,2', '1,2,3,0,0,0,1,50,1,x', '1,2,3,0,0,0,2,50,1,4', 'NaN,0,0,0,0,0,1,50,1,4']) {
+  expect('a word that is no view', parseView(text) === null, text);
+}
+for (const bytes of [new Uint8Array(0), new Uint8Array(100), new Uint8Array([0x50, 0x4B, 3, 4])]) {
+  let told = '';
+  try { readZip(bytes); } catch (error) { told = error.message; }
+  expect('no archive', told.startsWith('the ZIP'), told);
+}
+console.log(failures.join('\n') || `${read} spoilt copies read, ${refused} refused`);
+process.exit(failures.length > 0 ? 1 : 0);

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// Drags, wheel, fingers and arrow keys move a viewer's camera.
+
+const TURN = 0.09;                // [rad] an arrow key
+const STEP = 0.05;                // of the picture's height, of an arrow key with Shift
+const ZOOM = 1.1;
+const ARROWS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
+
+export function listenToHands(viewer) {
+  const {canvas} = viewer;
+  const pointers = new Map();
+  const middle = () => {
+    const points = [...pointers.values()];
+    const x = points.reduce((sum, p) => sum + p.x, 0) / points.length;
+    const y = points.reduce((sum, p) => sum + p.y, 0) / points.length;
+    return {x, y, spread: points.length < 2 ? 0 : Math.hypot(points[0].x - points[1].x, points[0].y - points[1].y)};
+  };
+  const size = () => [canvas.clientWidth, canvas.clientHeight];
+  const moved = () => {
+    viewer.moved();
+    viewer.changed(true);
+  };
+  canvas.addEventListener('pointerdown', (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
+  });
+  canvas.addEventListener('pointermove', (event) => {
+    if (!pointers.has(event.pointerId) || !viewer.model) return;
+    const before = middle();
+    pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
+    const after = middle();
+    const dx = after.x - before.x, dy = after.y - before.y;
+    if (dx === 0 && dy === 0 && after.spread === before.spread) return;
+    if (pointers.size > 1) {
+      viewer.orbit.pan(dx, dy, ...size());
+      if (after.spread > 0 && before.spread > 0) viewer.orbit.dolly(before.spread / after.spread);
+    } else if (event.shiftKey || event.buttons & 6) {
+      viewer.orbit.pan(dx, dy, ...size());
+    } else {
+      const turn = Math.PI / Math.max(Math.min(...size()), 1);  // half a turn for the shorter side
+      viewer.orbit.orbit(-dx * turn, -dy * turn);
+    }
+    moved();
+  });
+  for (const name of ['pointerup', 'pointercancel']) {
+    canvas.addEventListener(name, (event) => pointers.delete(event.pointerId));
+  }
+  canvas.addEventListener('contextmenu', (event) => event.preventDefault());
+  canvas.addEventListener('wheel', (event) => {
+    event.preventDefault();
+    if (!viewer.model) return;
+    const pixels = event.deltaY * (event.deltaMode === 0 ? 1 : 16);
+    viewer.orbit.dolly(Math.exp(0.0015 * Math.max(-300, Math.min(300, pixels))));
+    moved();
+  }, {passive: false});
+}
+
+// Whether a key moved the camera: arrows turn it, with Shift they push it aside, + and - zoom.
+export function moveByKey(viewer, {key, shiftKey}) {
+  if (!viewer.model) return false;
+  const arrow = ARROWS[key];
+  const {clientWidth: width, clientHeight: height} = viewer.canvas;
+  if (arrow && shiftKey) viewer.orbit.pan(-arrow[0] * STEP * height, -arrow[1] * STEP * height, width, height);
+  else if (arrow) viewer.orbit.orbit(arrow[0] * TURN, arrow[1] * TURN);
+  else if (key === '+' || key === '=') viewer.orbit.dolly(1 / ZOOM);
+  else if (key === '-') viewer.orbit.dolly(ZOOM);
+  else return false;
+  viewer.moved();
+  viewer.changed(true);
+  return true;
+}

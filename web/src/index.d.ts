@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+
+/** A pinhole camera in the model's space. */
+export interface Pinhole {
+  name: string;
+  test: boolean;
+  width: number;   // [px]
+  height: number;
+  fx: number;      // [px]
+  fy: number;
+  cx: number;
+  cy: number;
+  /** x (right), y (down) and z (forward) of the camera. */
+  axes: [number[], number[], number[]];
+  eye: number[];
+}
+
+/** What readModel gives. Space is glTF's: y up, z forward. */
+export interface Model {
+  /** Gaussians. */
+  count: number;
+  /** Positions, three numbers a Gaussian. */
+  mean: Float32Array;
+  rotation: Float32Array;  // x y z w
+  scale: Float32Array;
+  opacity: Float32Array;
+  /** Spherical harmonics: an array a coefficient, three numbers a Gaussian. */
+  sh: Float32Array[];
+  /** Textures, or null. */
+  layer: object | null;
+  /** What it was trained from. */
+  cameras: Pinhole[];
+  /** What somebody has chosen; the first one is to start with. */
+  views: Pinhole[];
+  /** r, g, b from 0 to 1, as displayed. */
+  background: [number, number, number];
+  intersection: number;
+  outside: number;
+  /** What could not be read, in words. */
+  notes: string[];
+}
+
+export interface LoadOptions {
+  /** [bytes]; total is 0 where the server does not tell it. */
+  onProgress?: (loaded: number, total: number) => void;
+  signal?: AbortSignal;
+}
+
+export type Show = 'final' | 'base' | 'texture' | 'alpha' | 'depth' | 'normal' | 'overdraw';
+export type Textures = 'rgba' | 'rgb' | 'alpha' | 'off' | 'fallback';
+
+/** How a model is drawn in an engine. */
+export interface Settings {
+  show: 'final' | 'base';
+  textures: Textures;
+  /** 0: plane, 1: maxResponse. */
+  intersection: number;
+  /** 0: base, 1: clip, 2: edge. */
+  outside: number;
+  background: number[];
+}
+
+export function fetchBytes(url: string, options?: LoadOptions): Promise<Uint8Array>;
+/** Of a GLB or a SOG file. */
+export function readModel(bytes: Uint8Array): Promise<Model>;
+export function loadModel(url: string, options?: LoadOptions): Promise<Model>;
+
+/** What Viewer.apply takes: names and values of tgview's flags. */
+export interface ViewerSettings {
+  show?: Show;
+  textures?: Textures;
+  intersection?: 'plane' | 'maxResponse';
+  outside?: 'base' | 'clip' | 'edge';
+  /** 'r,g,b' from 0 to 1, 'black' or 'white'. */
+  background?: string;
+  /** 'WxH' in pixels, or 'window'. */
+  size?: string;
+  /** One of the model's, or any other. */
+  camera?: number | string | Pinhole;
+  /** Name or number of one of the model's views, or Viewer.viewText. */
+  view?: number | string;
+}
+
+/** A canvas that shows a model by itself. */
+export class Viewer {
+  constructor(canvas: HTMLCanvasElement);
+  readonly model: Model | null;
+  readonly playing: boolean;
+  readonly viewText: string;
+  onChange: () => void;
+  onError: (error: Error) => void;
+  open(model: Model): Promise<void>;
+  replace(model: Model): Promise<void>;
+  apply(settings: ViewerSettings): void;
+  applyWhatCan(settings: Record<string, unknown>): string[];
+  jump(camera: number): void;
+  jumpToView(view: number): void;
+  frameAll(): void;
+  play(on?: boolean): boolean;
+  changed(byHand?: boolean): void;
+  settled(): Promise<void>;
+  /** A PNG as a data URL. */
+  picture(settings?: ViewerSettings): Promise<string>;
+  dispose(): void;
+}
+
+export function listenToHands(viewer: Viewer): void;
+export function moveByKey(viewer: Viewer, event: {key: string; shiftKey: boolean}): boolean;
+
+/** A model in a WebGL 2 context that another engine draws with. */
+export class Splats {
+  static inContext(gl: WebGL2RenderingContext, model: Model,
+                   options?: {onChange?: () => void; onError?: (error: Error) => void}): Promise<Splats>;
+  settings: Settings;
+  /** Over the framebuffer that is bound, with its depth. Returns whether all was there, in the right order. */
+  drawInto(view: {viewFromModel: ArrayLike<number>; projection: ArrayLike<number>;
+                  viewport: number[]; linear?: boolean}): boolean;
+  dispose(): void;
+}
+
+export function cameraOf(viewFromModel: ArrayLike<number>, projection: ArrayLike<number>, width: number,
+                         height: number): {camera: Pinhole; depth: [number, number]} | null;
+export function matricesOf(camera: Pinhole, width: number, height: number, near?: number,
+                           far?: number): {worldFromCamera: number[]; projection: number[]; fovY: number};

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Models from bytes and from addresses.
+import {readGlb} from './glb.js';
+import {readSog} from './sog.js';
+
+// The model in a GLB or a SOG file, in slices that leave the page its thread.
+export async function readModel(bytes) {
+  const magic = bytes.length < 4 ? 0 : new DataView(bytes.buffer, bytes.byteOffset, 4).getUint32(0);
+  if (magic === 0x676C5446) return readGlb(bytes);
+  if (magic === 0x504B0304) return readSog(bytes);
+  throw new Error('the file is neither GLB nor SOG');
+}
+
+// The bytes at an address. onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it.
+export async function fetchBytes(url, {onProgress, signal} = {}) {
+  const answer = await fetch(url, {signal});
+  if (!answer.ok) throw new Error(`${url}: ${answer.status} ${answer.statusText}`.trim());
+  if (!onProgress || !answer.body) return new Uint8Array(await answer.arrayBuffer());
+  const packed = answer.headers.get('Content-Encoding');
+  const total = packed ? 0 : Number(answer.headers.get('Content-Length')) || 0;
+  const chunks = [], reader = answer.body.getReader();
+  let loaded = 0;
+  for (;;) {
+    const {done, value} = await reader.read();
+    if (done) break;
+    chunks.push(value);
+    loaded += value.length;
+    onProgress(loaded, total);
+  }
+  const bytes = new Uint8Array(loaded);
+  let at = 0;
+  for (const chunk of chunks) {
+    bytes.set(chunk, at);
+    at += chunk.length;
+  }
+  return bytes;
+}
+
+export async function loadModel(url, options) { return readModel(await fetchBytes(url, options)); }

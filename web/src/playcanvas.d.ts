@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+import {AppBase, Entity} from 'playcanvas';
+import {LoadOptions, Model, Settings} from './index.js';
+
+export class TexturedGaussians extends Entity {
+  constructor(name: string, model: Model, app: AppBase);
+  readonly model: Model;
+  readonly ready: Promise<void>;
+  settings: Settings;
+  /** Whether the last picture had everything in the right order. */
+  readonly settled: boolean;
+  placeCamera(camera: Entity, index?: number, options?: {views?: boolean}): void;
+}
+
+export function loadTexturedGaussians(url: string, app: AppBase,
+                                      options?: LoadOptions & {name?: string}): Promise<TexturedGaussians>;

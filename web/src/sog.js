@@ -1,0 +1,321 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads a SOG file, version 2, with the textures that docs/sog.md defines, into what readGlb gives: the file's numbers
+// are those of a PLY (x right, y down, z forward) and become glTF's by a half turn about z.
+import {breathe} from './breathe.js';
+import {INTERSECTIONS, MODES, OUTSIDES, TEXTURES} from './glb.js';
+import {decodeWebp} from './webp.js';
+import {readZip} from './zip.js';
+
+const CODEBOOK = 256, PALETTE_COLUMNS = 64, FIRST_LARGEST = 252, NEUTRAL = 128;
+const MOST_META = 16 << 20;       // [bytes]
+const MOST_PER_BYTE = 64;         // Gaussians; as many as a million are always fine
+const ATLAS_SIDE = 4096;          // [texels]
+const MOST_TEXELS = 1 << 25;
+const SH_C0 = 0.28209479177387814;
+const AT_A_TIME = 4096;          // Gaussians between two looks at the clock
+// Where textures are looked at for what stands in for them (docs/sog.md#textures).
+const SAMPLES = Array.from({length: 12}, (_, i) => 3 * ((2 * i + 1) / 12 - 1));
+
+const fromLogarithm = (x) => Math.sign(x) * Math.expm1(Math.abs(x));
+
+function checkNumbers(list, count, where) {
+  if (!Array.isArray(list) || list.length !== count || !list.every(Number.isFinite)) {
+    throw new Error(`meta.json: ${where}: expected ${count} numbers`);
+  }
+  return list;
+}
+
+class SogFile {
+  constructor(entries, meta, bytes) {
+    Object.assign(this, {entries, meta});
+    if (meta.version !== 2) throw new Error(`SOG version ${meta.version} (expected 2)`);
+    this.count = meta.count;
+    if (!(Number.isInteger(this.count) && this.count > 0 && this.count <= Math.max(1 << 20, MOST_PER_BYTE * bytes))) {
+      throw new Error(`meta.json: count ${this.count}`);
+    }
+  }
+
+  part(name) {
+    const part = this.meta[name];
+    if (!part || typeof part !== 'object') throw new Error(`meta.json has no "${name}"`);
+    return part;
+  }
+
+  // Pixels of image `index` of a part, at least `least`.
+  async image(part, index, least) {
+    const name = Array.isArray(part.files) ? part.files[index] : undefined;
+    const entry = this.entries.get(name);
+    if (!entry) throw new Error(`the archive has no "${name}"`);
+    const picture = await decodeWebp(await entry());
+    if (picture.width * picture.height < least) throw new Error(`${name}: too few pixels (expected at least ${least})`);
+    return picture;
+  }
+
+  codebook(part) {
+    const list = part.codebook;
+    if (!Array.isArray(list) || list.length < 1 || list.length > CODEBOOK) throw new Error('meta.json: bad codebook');
+    checkNumbers(list, list.length, 'codebook');
+    return Float32Array.from({length: CODEBOOK}, (_, i) => list[Math.min(i, list.length - 1)]);
+  }
+
+  // body(i) for every Gaussian, in slices.
+  async each(body) {
+    for (let begin = 0; begin < this.count; begin += AT_A_TIME) {
+      await breathe();
+      for (let i = begin, end = Math.min(begin + AT_A_TIME, this.count); i < end; ++i) body(i);
+    }
+  }
+}
+
+async function readShape(file, model) {
+  const means = file.part('means');
+  const low = checkNumbers(means.mins, 3, 'mins'), high = checkNumbers(means.maxs, 3, 'maxs');
+  const {samples: lower} = await file.image(means, 0, file.count), {samples: upper} = await file.image(means, 1, file.count);
+  await file.each((i) => {
+    for (let k = 0; k < 3; ++k) {
+      const code = lower[4 * i + k] | upper[4 * i + k] << 8;
+      const value = fromLogarithm(low[k] + (high[k] - low[k]) * code / 65535);
+      model.mean[3 * i + k] = k === 2 ? value : -value;
+    }
+  });
+  const scales = file.codebook(file.part('scales'));
+  const {samples: sizes} = await file.image(file.part('scales'), 0, file.count);
+  const {samples: turns} = await file.image(file.part('quats'), 0, file.count);
+  const q = new Float64Array(4), s = new Float64Array(3);
+  await file.each((i) => {
+    readQuaternion(turns, 4 * i, q);
+    for (let k = 0; k < 3; ++k) s[k] = scales[sizes[4 * i + k]];
+    const normal = putNormalLast(s, q);
+    const [w, x, y, z] = q;
+    model.rotation.set([-y, x, w, -z], 4 * i);
+    for (let k = 0; k < 3; ++k) model.scale[3 * i + k] = Math.exp(s[normal[k]]);
+  });
+}
+
+// w, x, y, z: three components in bytes, the largest one left out.
+function readQuaternion(bytes, at, q) {
+  const largest = bytes[at + 3] - FIRST_LARGEST;
+  q.fill(0);
+  if (largest < 0) {
+    q[0] = 1;
+    return;
+  }
+  let rest = 1;
+  for (let k = 0, from = at; k < 4; ++k) {
+    if (k === largest) continue;
+    q[k] = (bytes[from++] / 255 * 2 - 1) * Math.SQRT1_2;
+    rest -= q[k] * q[k];
+  }
+  q[largest] = Math.sqrt(Math.max(rest, 0));
+}
+
+const ORDERS = [[1, 2, 0], [0, 2, 1], [0, 1, 2]];  // u, v, normal where the shortest axis is x, y, z
+
+// Turns q's local axes so that the shortest, the first of equal ones, is z; returns their order.
+function putNormalLast(s, q) {
+  const shortest = s[1] < s[0] ? (s[2] < s[1] ? 2 : 1) : s[2] < s[0] ? 2 : 0;
+  const [w, x, y, z] = q;
+  if (shortest === 0) {         // a third of a turn about (1, 1, 1)
+    q.set([0.5 * (w - x - y - z), 0.5 * (w + x + y - z), 0.5 * (w - x + y + z), 0.5 * (w + x - y + z)]);
+  } else if (shortest === 1) {  // a quarter about x
+    q.set([Math.SQRT1_2 * (w - x), Math.SQRT1_2 * (w + x), Math.SQRT1_2 * (y + z), Math.SQRT1_2 * (z - y)]);
+  }
+  return ORDERS[shortest];
+}
+
+async function readColors(file, model) {
+  const first = file.codebook(file.part('sh0'));
+  const {samples} = await file.image(file.part('sh0'), 0, file.count);
+  await file.each((i) => {
+    for (let k = 0; k < 3; ++k) model.sh[0][3 * i + k] = first[samples[4 * i + k]];
+    model.opacity[i] = samples[4 * i + 3] / 255;
+  });
+  const more = file.meta.shN;
+  if (!more) return;
+  const rest = [0, 3, 8, 15][more.bands];
+  if (rest === undefined) throw new Error(`meta.json: shN: bands ${more.bands}`);
+  if (rest === 0) return;
+  const values = file.codebook(more);
+  const rows = await file.image(more, 0, 1), {samples: labels} = await file.image(more, 1, file.count);
+  if (rows.width !== PALETTE_COLUMNS * rest) throw new Error('the palette of SH has a wrong width');
+  const held = Math.min(PALETTE_COLUMNS * rows.height, more.count);
+  for (let c = 0; c < rest; ++c) model.sh.push(new Float32Array(3 * file.count));
+  await file.each((i) => {
+    const label = labels[4 * i] | labels[4 * i + 1] << 8;
+    if (!(label < held)) throw new Error(`Gaussian ${i} has SH that the palette lacks`);
+    for (let c = 0; c < rest; ++c) {
+      const sign = c % 2 === 0 ? -1 : 1;  // of basis function c + 1 under the half turn
+      for (let k = 0; k < 3; ++k) {
+        model.sh[c + 1][3 * i + k] = sign * values[rows.samples[4 * (label * rest + c) + k]];
+      }
+    }
+  });
+}
+
+// The share of each texel of an axis in the mean under the Gaussian: the integral of its hat over +-3 sigma.
+function texelShares(size) {
+  if (size === 1) return [1];
+  const step = 6 / (size - 1), shares = new Float64Array(size);
+  const fine = 64 * size;
+  for (let i = 0; i < fine; ++i) {  // midpoints
+    const u = -3 + 6 * (i + 0.5) / fine;
+    const at = Math.min((u + 3) / step, size - 1.000001), cell = Math.floor(at), weight = Math.exp(-0.5 * u * u);
+    shares[cell] += weight * (1 - at + cell);
+    shares[cell + 1] += weight * (at - cell);
+  }
+  const sum = shares.reduce((a, b) => a + b);
+  return Array.from(shares, (share) => share / sum);
+}
+
+function texelSpreads(width, height) {
+  const u = texelShares(width), v = texelShares(height);
+  const most = Math.max(...u) * Math.max(...v);
+  return v.flatMap((row) => u.map((column) => Math.min((most / (row * column)) ** 0.7, 16)));
+}
+
+// Classes of Gaussians with textures of one size, by height, then width, placed on shelves of pages.
+function placeTextures(sizes, count) {
+  const classes = new Map();
+  let texels = 0;
+  for (let i = 0; i < count; ++i) {
+    const width = sizes[4 * i], height = sizes[4 * i + 1];
+    if (width === 0 || height === 0) continue;
+    texels += width * height;
+    const key = height * CODEBOOK + width;
+    if (!classes.has(key)) classes.set(key, {width, height, gaussians: []});
+    classes.get(key).gaussians.push(i);
+  }
+  if (texels > MOST_TEXELS) throw new Error(`${texels} texels are too many (expected at most ${MOST_TEXELS})`);
+  const sorted = [...classes.keys()].sort((a, b) => a - b).map((key) => classes.get(key));
+  const side = Math.min(Math.max(Math.ceil(Math.sqrt(texels)), 256), ATLAS_SIDE);
+  const rects = new Uint16Array(4 * count), pages = new Float32Array(count);
+  const heights = [0];
+  let x = 0, y = 0, shelf = 0, page = 0;
+  for (const {width, height, gaussians} of sorted) {
+    for (const i of gaussians) {
+      if (x + width > side || height > shelf) {
+        x = 0;
+        y += shelf;
+        shelf = height;
+      }
+      if (y + height > ATLAS_SIDE) {
+        heights[++page] = 0;
+        x = y = 0;
+        shelf = height;
+      }
+      rects.set([x, y, width, height], 4 * i);
+      pages[i] = page;
+      heights[page] = y + height;
+      x += width;
+    }
+  }
+  return {classes: sorted, texels, side, rects, pages, heights};
+}
+
+async function readTextures(file, model, part) {
+  if (part.version !== 1) throw new Error(`version ${part.version}`);
+  const mode = MODES[part.mode], intersection = INTERSECTIONS[part.intersection], outside = OUTSIDES[part.outside];
+  if (mode === undefined || intersection === undefined || outside === undefined) {
+    throw new Error(`mode "${part.mode}", intersection "${part.intersection}", outside "${part.outside}"`);
+  }
+  const steps = checkNumbers(part.steps, 2, 'steps');
+  const {samples: sizes} = await file.image(part, 0, file.count);
+  const placed = placeTextures(sizes, file.count);
+  const {samples: bytes} = await file.image(part, 1, placed.texels);
+  const {side, rects, pages, heights} = placed;
+  const atlases = heights.map((height) => ({
+    width: side, height: Math.max(height, 1), deep: true, texels: new Float32Array(4 * side * Math.max(height, 1)),
+    scale: [1, 1, 1, 1], offset: [0, 0, 0, 0],
+  }));
+  const color = mode & MODES.rgb, alpha = mode & MODES.alpha;
+  const opacitySpread = Float32Array.from(model.opacity, (o) => Math.min(Math.max(o, 1e-6) ** -0.35, 16));
+  let at = 0;
+  for (const {width, height, gaussians} of placed.classes) {
+    const spreads = texelSpreads(width, height);
+    for (let t = 0; t < spreads.length; ++t) {
+      for (let n = 0; n < gaussians.length; ++n, at += 4) {
+        if (n % AT_A_TIME === 0) await breathe();
+        const i = gaussians[n], spread = spreads[t] * opacitySpread[i];
+        const {texels} = atlases[pages[i]];
+        const to = 4 * ((rects[4 * i + 1] + Math.floor(t / width)) * side + rects[4 * i] + t % width);
+        for (let k = 0; k < 3; ++k) texels[to + k] = color ? (bytes[at + k] - NEUTRAL) * steps[0] * spread : 0;
+        texels[to + 3] = alpha ? Math.min(Math.max(1 + (bytes[at + 3] - NEUTRAL) * steps[1] * spread, 0), 1) : 1;
+      }
+    }
+  }
+  const layer = {mode, intersection, atlases, rects, pages, opacity: model.opacity.slice(), dc: model.sh[0].slice()};
+  await takeOffBase(file, layer);
+  return {layer, intersection, outside};
+}
+
+// Texels and weights of the samples along an axis of `size` texels.
+function tapsOf(size) {
+  return SAMPLES.map((u) => {
+    const at = (u + 3) / 6 * (size - 1), cell = Math.min(Math.floor(at), Math.max(size - 2, 0));
+    return {first: cell, second: Math.min(cell + 1, size - 1), share: at - cell, weight: Math.exp(-0.5 * u * u)};
+  });
+}
+
+// The mean of a texture: of alpha, and of colour weighted by it as well.
+function meanOf(texels, side, x, y, across, down, mean) {
+  let red = 0, green = 0, blue = 0, alpha = 0, weights = 0;
+  for (const v of down) {
+    const upper = 4 * ((y + v.first) * side + x), lower = 4 * ((y + v.second) * side + x);
+    for (const u of across) {
+      const a = upper + 4 * u.first, b = upper + 4 * u.second, c = lower + 4 * u.first, d = lower + 4 * u.second;
+      const wb = u.share * (1 - v.share), wc = (1 - u.share) * v.share, wd = u.share * v.share, wa = 1 - wb - wc - wd;
+      const weight = u.weight * v.weight;
+      const w = weight * (wa * texels[a + 3] + wb * texels[b + 3] + wc * texels[c + 3] + wd * texels[d + 3]);
+      red += w * (wa * texels[a] + wb * texels[b] + wc * texels[c] + wd * texels[d]);
+      green += w * (wa * texels[a + 1] + wb * texels[b + 1] + wc * texels[c + 1] + wd * texels[d + 1]);
+      blue += w * (wa * texels[a + 2] + wb * texels[b + 2] + wc * texels[c + 2] + wd * texels[d + 2]);
+      alpha += w;
+      weights += weight;
+    }
+  }
+  const over = alpha > 0 ? 1 / alpha : 0;
+  mean[0] = red * over;
+  mean[1] = green * over;
+  mean[2] = blue * over;
+  mean[3] = alpha / weights;
+}
+
+// Opacity and colour as they were before the textures' means went into them.
+async function takeOffBase(file, layer) {
+  const taps = new Map(), mean = new Float64Array(4);
+  const tapsFor = (size) => taps.get(size) || taps.set(size, tapsOf(size)).get(size);
+  const {rects, pages, atlases, opacity, dc} = layer;
+  for (let i = 0; i < file.count; ++i) {
+    if (i % 256 === 0) await breathe();
+    const width = rects[4 * i + 2], height = rects[4 * i + 3];
+    if (width === 0) continue;
+    const {texels, width: side} = atlases[pages[i]];
+    meanOf(texels, side, rects[4 * i], rects[4 * i + 1], tapsFor(width), tapsFor(height), mean);
+    for (let k = 0; k < 3; ++k) dc[3 * i + k] -= mean[k] / SH_C0;
+    if (layer.mode & MODES.alpha && mean[3] > 0) opacity[i] = Math.min(opacity[i] / mean[3], 1);
+  }
+}
+
+export async function readSog(bytes) {
+  const entries = readZip(bytes);
+  const json = entries.get('meta.json');
+  if (!json) throw new Error('the archive holds no meta.json (expected a SOG file)');
+  const text = await json();
+  if (text.length > MOST_META) throw new Error('meta.json is too long');
+  const file = new SogFile(entries, JSON.parse(new TextDecoder().decode(text)), bytes.length);
+  const {count} = file;
+  const model = {
+    count, mean: new Float32Array(3 * count), rotation: new Float32Array(4 * count), scale: new Float32Array(3 * count),
+    opacity: new Float32Array(count), sh: [new Float32Array(3 * count)], layer: null, cameras: [], views: [],
+    background: [0, 0, 0], intersection: INTERSECTIONS.maxResponse, outside: OUTSIDES.base, notes: [],
+  };
+  await readShape(file, model);
+  await readColors(file, model);
+  const part = file.meta[TEXTURES];
+  try {
+    if (part) Object.assign(model, await readTextures(file, model, part));
+  } catch (error) {
+    model.notes.push(`The textures cannot be used (${error.message}): the picture is the base without them.`);
+  }
+  return model;
+}

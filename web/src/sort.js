@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sorts Gaussians by camera z, farthest first, in a worker: exactly docs/math.md 1.2 (float32 z, the lower index in
+// front on ties), by counting the two 16-bit halves of the float's bits, which order positive floats.
+
+// What the worker runs. It travels as text: it uses nothing of this file.
+function sorting() {
+  const kBuckets = 65536;
+  const kNear = 0.2;  // shaders/shared/limits.h
+  const low = new Uint32Array(kBuckets), high = new Uint32Array(kBuckets);
+  let positions, depths, bits, indices, keys, byLow;
+
+  function load(newPositions) {
+    positions = newPositions;
+    const count = positions.length / 3;
+    depths = new Float32Array(count);
+    bits = new Uint32Array(depths.buffer);
+    indices = new Uint32Array(count);
+    keys = new Uint32Array(count);
+    byLow = new Uint32Array(count);
+  }
+
+  // `row`: the third row of camera_from_world and the translation's z. Fills `order` (room for all), returns how many
+  // Gaussians lie in front of the near plane.
+  function sort(row, order) {
+    const [rx, ry, rz, t] = row;
+    low.fill(0);
+    high.fill(0);
+    let visible = 0;
+    for (let i = 0; i < indices.length; ++i) {
+      const z = rx * positions[3 * i] + ry * positions[3 * i + 1] + rz * positions[3 * i + 2] + t;
+      if (!(z > kNear)) continue;
+      depths[visible] = z;
+      const key = bits[visible];
+      ++low[key & 0xFFFF];
+      ++high[key >>> 16];
+      indices[visible++] = i;
+    }
+    for (let bucket = 0, a = 0, b = 0; bucket < kBuckets; ++bucket) {
+      const inLow = low[bucket], inHigh = high[bucket];
+      low[bucket] = a;
+      high[bucket] = b;
+      a += inLow;
+      b += inHigh;
+    }
+    for (let i = 0; i < visible; ++i) {
+      const to = low[bits[i] & 0xFFFF]++;
+      keys[to] = bits[i];
+      byLow[to] = indices[i];
+    }
+    for (let i = 0; i < visible; ++i) order[visible - 1 - high[keys[i] >>> 16]++] = byLow[i];
+    return visible;
+  }
+
+  onmessage = ({data}) => {
+    if (data.positions) {
+      load(data.positions);
+      return;
+    }
+    const order = data.order || new Uint32Array(indices.length);
+    postMessage({order, visible: sort(data.row, order)}, [order.buffer]);
+  };
+}
+
+export class Sorter {
+  // `mean`: positions, three numbers a Gaussian. take(order, visible) gets indices, which are its own until it returns;
+  // then onChange() is called.
+  constructor(mean, {take, onChange, onError}) {
+    const text = new Blob([`(${sorting})()`], {type: 'text/javascript'});
+    this.address = URL.createObjectURL(text);
+    this.worker = new Worker(this.address);
+    this.worker.onmessage = ({data}) => this.sorted(data);
+    this.worker.onerror = (event) => onError(new Error(`The sorting worker failed: ${event.message}`));
+    Object.assign(this, {take, onChange});
+    this.busy = false;
+    this.asked = null;   // what the last order was asked for
+    this.wanted = null;  // what came while it was made
+    this.spare = null;   // an order to fill again
+    const positions = new Float32Array(mean);
+    this.worker.postMessage({positions}, [positions.buffer]);
+  }
+
+  // `row`: as in the worker. The order that comes is that of the last row asked for, maybe after those of others.
+  want(row) {
+    if (this.busy) {
+      this.wanted = row;
+      return;
+    }
+    if (this.asked && row.every((x, k) => x === this.asked[k])) return;
+    this.asked = row;
+    this.busy = true;
+    this.worker.postMessage({row, order: this.spare}, this.spare ? [this.spare.buffer] : []);
+    this.spare = null;
+  }
+
+  sorted({order, visible}) {
+    this.busy = false;
+    this.take(order, visible);
+    this.spare = order;
+    const row = this.wanted;
+    this.wanted = null;
+    if (row) this.want(row);
+    this.onChange();
+  }
+
+  dispose() {
+    this.worker.onmessage = null;
+    this.worker.terminate();
+    URL.revokeObjectURL(this.address);
+  }
+}

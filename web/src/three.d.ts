@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+import {Loader, Mesh, PerspectiveCamera, WebGLRenderer} from 'three';
+import {Model, Settings} from './index.js';
+
+/** Sends 'change' when another picture would be better than the last one, and 'error'. */
+export class TexturedGaussians extends Mesh {
+  constructor(model: Model);
+  readonly model: Model;
+  settings: Settings;
+  /** Whether the last picture had everything in the right order. */
+  readonly settled: boolean;
+  prepare(renderer: WebGLRenderer): Promise<void>;
+  placeCamera(camera: PerspectiveCamera, index?: number, options?: {views?: boolean}): void;
+  dispose(): void;
+}
+
+export class TexturedGaussiansLoader extends Loader<TexturedGaussians> {
+  load(url: string, onLoad: (gaussians: TexturedGaussians) => void, onProgress?: (event: ProgressEvent) => void,
+       onError?: (error: unknown) => void): void;
+  parse(bytes: Uint8Array | ArrayBuffer): Promise<TexturedGaussians>;
+}

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// A view as a word of an address: eye, rotation x y z w from the camera's axes to the world's, vertical field of view
+// [degrees], width over height of what is then in view, distance to what it turns about.
+
+const DIGITS = 5;
+const HEIGHT = 720;
+
+// Columns of the rotation are the camera's axes.
+export function quaternionOf([a, b, c]) {
+  const squares = [1 + a[0] - b[1] - c[2], 1 - a[0] + b[1] - c[2], 1 - a[0] - b[1] + c[2], 1 + a[0] + b[1] + c[2]];
+  const rows = [
+    [squares[0], a[1] + b[0], a[2] + c[0], b[2] - c[1]], [a[1] + b[0], squares[1], b[2] + c[1], c[0] - a[2]],
+    [a[2] + c[0], b[2] + c[1], squares[2], a[1] - b[0]], [b[2] - c[1], c[0] - a[2], a[1] - b[0], squares[3]],
+  ];
+  const row = rows[squares.indexOf(Math.max(...squares))];
+  const length = Math.hypot(...row);
+  return row.map((x) => x / length);
+}
+
+export function axesOf([x, y, z, w]) {
+  return [[1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+          [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+          [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)]];
+}
+
+export function formatView(camera, distance) {
+  const fov = 2 * Math.atan(0.5 * camera.height / camera.fy) * 180 / Math.PI;
+  const numbers = [...camera.eye, ...quaternionOf(camera.axes), fov, camera.width / camera.height, distance];
+  return numbers.map((x) => String(Number(x.toPrecision(DIGITS)))).join(',');
+}
+
+// A camera with its distance, or null.
+export function parseView(text) {
+  const numbers = text.split(',').map((word) => (word.trim() === '' ? NaN : Number(word)));
+  if (numbers.length !== 10 || !numbers.every((x) => Number.isFinite(x) && Math.abs(x) < 1e9)) return null;
+  const turn = numbers.slice(3, 7), length = Math.hypot(...turn);
+  const [fov, aspect, distance] = numbers.slice(7);
+  if (!(Math.abs(length - 1) < 0.01 && fov >= 1 && fov <= 170 && aspect >= 0.01 && aspect <= 100 && distance > 0)) return null;
+  const fy = 0.5 * HEIGHT / Math.tan(fov * Math.PI / 360), width = HEIGHT * aspect;
+  return {name: '', test: false, width, height: HEIGHT, fx: fy, fy, cx: 0.5 * width, cy: 0.5 * HEIGHT,
+          axes: axesOf(turn.map((x) => x / length)), eye: numbers.slice(0, 3), distance};
+}

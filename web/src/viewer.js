@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+// A canvas that shows a model by itself, without an engine: keeps it sorted and drawn, and moves the camera.
+import {Orbit, NEAR, add, dot, fitted} from './camera.js';
+import {Flight} from './flight.js';
+import {INTERSECTIONS, OUTSIDES} from './glb.js';
+import {SHOW, SplatRenderer} from './renderer.js';
+import {Splats, TEXTURE_CHOICES} from './splats.js';
+import {formatView, parseView} from './view_text.js';
+
+const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full again
+const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
+const MAX_FIXED_SIDE = 8192;
+
+export class Viewer {
+  // Throws without WebGL 2.
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.openContext();
+    this.splats = null;       // what is shown
+    this.settings = {show: 'final', textures: 'rgba', intersection: 1, outside: 0, background: [0, 0, 0]};
+    this.fixedSize = null;    // [px] instead of the canvas' own
+    this.cameraIndex = -1;    // of the model's cameras, while the view is one of them; likewise for its views
+    this.viewIndex = -1;
+    this.motionScale = 1;     // resolution while the camera moves
+    this.lastInput = -Infinity;
+    this.lastFrame = 0;
+    this.framePending = false;
+    this.flight = null;       // a path that is played
+    this.waiting = [];        // called when the picture is what was asked for
+    this.openings = 0;
+    this.onChange = () => {};
+    this.onError = (error) => console.error(error);
+    canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
+    canvas.addEventListener('webglcontextrestored', () => this.restore().catch((error) => this.onError(error)));
+  }
+
+  openContext() {
+    const gl = this.canvas.getContext('webgl2', {alpha: false, antialias: false, depth: false, stencil: false,
+                                                 powerPreference: 'high-performance'});
+    if (!gl) throw new Error('This browser offers no WebGL 2, which the picture needs.');
+    this.renderer = new SplatRenderer(gl);
+  }
+
+  get model() { return this.splats && this.splats.model; }
+
+  // Shows another model, from its start view on: the first of its views, its first test camera, or everything.
+  async open(model) {
+    if (!await this.take(model, new Orbit(model))) return;
+    this.settings = {...this.splats.settings};
+    this.resize();
+    const test = model.cameras.findIndex((camera) => camera.test);
+    if (model.views.length > 0) this.jumpToView(0);
+    else this.jump(model.cameras.length > 0 ? Math.max(test, 0) : -1);
+  }
+
+  // The same model, further trained: the view stays, and the old picture until there is an order of the new one.
+  async replace(model) {
+    const had = Boolean(this.model.layer);
+    if (!await this.take(model, new Orbit(model))) return;
+    const own = this.splats.settings;
+    if (Boolean(model.layer) !== had) this.settings.textures = own.textures;
+    this.settings.intersection = own.intersection;
+    this.changed();
+  }
+
+  // The view stays unless `orbit` has one. False where another model was asked for meanwhile.
+  async take(model, orbit) {
+    const opening = ++this.openings;
+    let first = () => {};
+    const ordered = new Promise((resolve) => { first = resolve; });
+    const next = await Splats.create(this.renderer, model, {onChange: () => first(), onError: (e) => this.onError(e)});
+    if (this.orbit && this.splats) {
+      next.sort(this.orbit.camera);
+      await ordered;
+    }
+    if (opening !== this.openings) {
+      next.dispose();
+      return false;
+    }
+    next.onChange = () => this.changed();
+    if (this.splats) this.splats.dispose();
+    this.splats = next;
+    const {camera, distance} = orbit.camera || !this.orbit ? orbit : this.orbit;
+    this.orbit = Object.assign(orbit, {camera, distance});
+    return true;
+  }
+
+  // To a camera of the model, or -1: everything in view.
+  jump(index) {
+    this.flight = null;
+    this.cameraIndex = index;
+    this.viewIndex = -1;
+    if (index >= 0) this.orbit.set(this.model.cameras[index]);
+    else this.orbit.start(this.canvas.width, this.canvas.height);
+    this.changed();
+  }
+
+  jumpToView(index) {
+    this.flight = null;
+    this.orbit.set(this.model.views[index]);
+    this.viewIndex = index;
+    this.cameraIndex = -1;
+    this.changed();
+  }
+
+  // Everything in view, from the same side.
+  frameAll() {
+    this.moved();
+    this.orbit.frame(this.canvas.width, this.canvas.height);
+    this.changed();
+  }
+
+  // A hand has the camera.
+  moved() {
+    this.flight = null;
+    this.cameraIndex = this.viewIndex = -1;
+  }
+
+  // The views in their order, or the cameras where there are none, round and round. False without two of them.
+  play(on = true) {
+    const stops = this.model.views.length > 1 ? this.model.views : this.model.cameras;
+    this.flight = on && stops.length > 1 ? new Flight(stops, this.orbit.camera) : null;
+    if (this.flight) this.cameraIndex = this.viewIndex = -1;
+    this.changed();
+    return Boolean(this.flight);
+  }
+
+  get playing() { return Boolean(this.flight); }
+
+  // After any change of camera or settings. `byHand`: more is to be expected at once.
+  changed(byHand = false) {
+    if (byHand) this.stir();
+    if (this.splats && this.orbit.camera) this.splats.sort(this.orbit.camera);
+    if (this.framePending) return;
+    this.framePending = true;
+    requestAnimationFrame((now) => {
+      this.framePending = false;
+      try {
+        if (this.splats && this.orbit.camera) this.frame(now);
+      } catch (error) {
+        this.onError(error);
+      }
+      this.onChange();
+    });
+  }
+
+  stir() {
+    this.lastInput = performance.now();
+    clearTimeout(this.restTimer);
+    this.restTimer = setTimeout(() => this.changed(), REST_MILLISECONDS);
+  }
+
+  get moving() { return performance.now() - this.lastInput < REST_MILLISECONDS; }
+
+  frame(time) {
+    if (this.flight) {
+      this.orbit.set(this.flight.at(time));
+      this.changed(true);
+    }
+    const now = performance.now();
+    const gap = now - this.lastFrame;
+    this.lastFrame = now;
+    if (this.moving && gap < 500) {
+      if (gap > SLOW_FRAME) this.motionScale = Math.max(0.8 * this.motionScale, 0.25);
+      if (gap < FAST_FRAME) this.motionScale = Math.min(1.1 * this.motionScale, 1);
+      this.gap = gap;
+    }
+    const unfinished = this.moving || !this.splats.sorted;
+    if (this.waiting.length > 0 && unfinished) return;  // whoever waits looks at the finished picture only
+    this.draw(this.moving ? this.motionScale : 1);
+    if (unfinished) return;
+    for (const done of this.waiting.splice(0)) done();
+  }
+
+  draw(scale) {
+    this.resize();
+    const width = Math.max(Math.round(this.canvas.width * scale), 1);
+    const height = Math.max(Math.round(this.canvas.height * scale), 1);
+    const {bounds, camera} = this.orbit;
+    const middle = dot(add(bounds.center, camera.eye, -1), camera.axes[2]);
+    const near = Math.max(middle - bounds.radius, NEAR);
+    this.renderer.draw(this.splats.gpu, fitted(camera, width, height), {
+      ...Splats.forShaders(this.settings), depthRange: [near, Math.max(middle + bounds.radius, near + 1e-3)],
+    });
+  }
+
+  resize() {
+    const ratio = window.devicePixelRatio || 1;
+    let size = this.fixedSize;
+    if (!size) size = [this.canvas.clientWidth * ratio, this.canvas.clientHeight * ratio].map(Math.round);
+    const [width, height] = size.map((side) => Math.max(side, 1));
+    if (this.canvas.width !== width) this.canvas.width = width;
+    if (this.canvas.height !== height) this.canvas.height = height;
+  }
+
+  // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
+  // fy, cx, cy, axes, eye} as in camera.js), view (name or index of one of the model's, or what viewText gives), size
+  // "WxH" or "window", show, textures, intersection, outside, background. Throws at the first that cannot be.
+  apply(wanted) {
+    const choice = (key, known) => {
+      if (wanted[key] === undefined) return;
+      if (!known.includes(wanted[key])) throw new Error(`${key}=${wanted[key]} (expected ${known.join(', ')})`);
+      this.settings[key] = wanted[key];
+    };
+    choice('show', Object.keys(SHOW));
+    choice('textures', Object.keys(TEXTURE_CHOICES));
+    for (const [key, numbers] of [['intersection', INTERSECTIONS], ['outside', OUTSIDES]]) {
+      if (wanted[key] === undefined) continue;
+      if (!Object.hasOwn(numbers, wanted[key])) {
+        throw new Error(`${key}=${wanted[key]} (expected ${Object.keys(numbers).join(', ')})`);
+      }
+      this.settings[key] = numbers[wanted[key]];
+    }
+    if (wanted.background !== undefined) {
+      const named = {black: [0, 0, 0], white: [1, 1, 1]}[wanted.background];
+      const color = named || String(wanted.background).split(',').map(Number);
+      if (color.length !== 3 || !color.every((c) => c >= 0 && c <= 1)) {
+        throw new Error(`background=${wanted.background} (expected r,g,b in [0, 1], black or white)`);
+      }
+      this.settings.background = color;
+    }
+    if (wanted.size !== undefined) this.setSize(wanted.size);
+    if (wanted.camera !== undefined) this.setCamera(wanted.camera);
+    if (wanted.view !== undefined) this.setView(wanted.view);
+    this.changed();
+  }
+
+  // What apply() does, one by one: the reasons why some cannot be done.
+  applyWhatCan(wanted) {
+    const reasons = [];
+    for (const [key, value] of Object.entries(wanted)) {
+      try {
+        this.apply({[key]: value});
+      } catch (error) {
+        reasons.push(error.message);
+      }
+    }
+    return reasons;
+  }
+
+  setSize(text) {
+    const size = text === 'window' ? null : String(text).split('x').map(Number);
+    if (size && !(size.length === 2 && size.every((n) => Number.isInteger(n) && n > 0 && n <= MAX_FIXED_SIDE))) {
+      throw new Error(`size=${text} (expected WxH)`);
+    }
+    this.fixedSize = size;
+    const ratio = window.devicePixelRatio || 1;
+    Object.assign(this.canvas.style, size ? {width: `${size[0] / ratio}px`, height: `${size[1] / ratio}px`}
+                                          : {width: '', height: ''});
+    this.resize();
+  }
+
+  setCamera(wanted) {
+    if (typeof wanted === 'object') {
+      this.moved();
+      this.orbit.set(wanted);
+      return;
+    }
+    const {cameras} = this.model;
+    const index = wanted === '' ? NaN : Number(wanted);
+    if (!cameras[index]) {
+      const expected = cameras.length > 0 ? `0 to ${cameras.length - 1}` : 'none: the model has no cameras';
+      throw new Error(`camera=${wanted} (expected ${expected})`);
+    }
+    this.jump(index);
+  }
+
+  setView(wanted) {
+    const {views} = this.model;
+    const named = views.findIndex(({name}) => name === wanted);
+    const index = named >= 0 ? named : wanted === '' ? NaN : Number(wanted);
+    if (views[index]) {
+      this.jumpToView(index);
+      return;
+    }
+    const camera = parseView(String(wanted));
+    if (!camera) throw new Error(`view=${wanted} (expected a view's name, or x,y,z and what a link has behind it)`);
+    this.moved();
+    this.orbit.set(camera);
+    this.orbit.distance = camera.distance;
+  }
+
+  // The view at hand, for an address.
+  get viewText() { return formatView(this.orbit.camera, this.orbit.distance); }
+
+  // Resolves when the picture on the canvas is in full resolution and in the right order. Ends a flight.
+  settled() {
+    this.flight = null;
+    return new Promise((resolve) => {
+      this.waiting.push(resolve);
+      this.changed();
+    });
+  }
+
+  // The picture for these settings, as a data URL of a PNG.
+  async picture(wanted = {}) {
+    this.apply(wanted);
+    await this.settled();  // goes on in the task that drew: later the canvas is empty
+    return this.canvas.toDataURL('image/png');
+  }
+
+  async restore() {
+    this.openContext();
+    if (!this.splats) return;
+    const {model} = this.splats;
+    this.splats.sorter.dispose();
+    this.splats = null;
+    if (await this.take(model, this.orbit)) this.changed();
+  }
+
+  dispose() {
+    ++this.openings;
+    this.flight = null;
+    clearTimeout(this.restTimer);
+    if (this.splats) this.splats.dispose();
+    this.splats = null;
+    this.renderer.dispose();
+  }
+}

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lossless WebP files as the numbers they hold, alpha included. The browser's own decoder gives them unchanged when it
+// is told to convert nothing; a 2D canvas would multiply colours by alpha, a framebuffer of WebGL hands them on.
+import {breathe} from './breathe.js';
+import {MAX_ATLAS_TEXELS} from './png.js';
+
+const BAND_BYTES = 1 << 22;  // read back at a time
+const POLL = 4;              // [ms]
+let reader = null;           // a context without a picture
+
+// {width, height} of a lossless file without extras, which decoders allocate by.
+function webpSize(bytes) {
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  if (bytes.length < 25 || view.getUint32(0) !== 0x52494646 || view.getUint32(8) !== 0x57454250) {
+    throw new Error('an image is no WebP file');
+  }
+  if (view.getUint32(12) !== 0x5650384C || bytes[20] !== 0x2F) throw new Error('WebP: no lossless file');
+  const sides = view.getUint32(21, true);  // 14 bits each, less 1
+  return {width: (sides & 0x3FFF) + 1, height: (sides >> 14 & 0x3FFF) + 1};
+}
+
+function openReader() {
+  if (reader && !reader.isContextLost()) return reader;
+  const canvas = typeof OffscreenCanvas === 'undefined' ? document.createElement('canvas') : new OffscreenCanvas(1, 1);
+  reader = canvas.getContext('webgl2', {antialias: false, depth: false});
+  if (!reader) throw new Error('WebP: this browser offers no WebGL 2');
+  reader.pixelStorei(reader.UNPACK_COLORSPACE_CONVERSION_WEBGL, reader.NONE);
+  return reader;
+}
+
+// Rows [begin, end) of the bound framebuffer into `out`, without holding up the page.
+async function readRows(gl, begin, end, width, out) {
+  const buffer = gl.createBuffer();
+  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+  gl.bufferData(gl.PIXEL_PACK_BUFFER, out.length, gl.STREAM_READ);
+  gl.readPixels(0, begin, width, end - begin, gl.RGBA, gl.UNSIGNED_BYTE, 0);
+  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+  const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+  gl.flush();
+  while (gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) await new Promise((done) => setTimeout(done, POLL));
+  gl.deleteSync(fence);
+  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+  gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, out);
+  gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+  gl.deleteBuffer(buffer);
+}
+
+let busy = Promise.resolve();  // files are read one after the other, as they share the context
+
+async function decode(bytes) {
+  const {width, height} = webpSize(bytes);
+  if (width * height > MAX_ATLAS_TEXELS) {
+    throw new Error(`WebP: bad size ${width} x ${height} (expected at most ${MAX_ATLAS_TEXELS} texels)`);
+  }
+  const bitmap = await createImageBitmap(new Blob([bytes], {type: 'image/webp'}),
+                                         {premultiplyAlpha: 'none', colorSpaceConversion: 'none'});
+  if (bitmap.width !== width || bitmap.height !== height) throw new Error('WebP: another size than its header says');
+  const gl = openReader();
+  if (Math.max(width, height) > gl.getParameter(gl.MAX_TEXTURE_SIZE)) {
+    throw new Error(`WebP: ${width} x ${height} is too large for this device`);
+  }
+  const texture = gl.createTexture(), framebuffer = gl.createFramebuffer();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+  bitmap.close();
+  gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+  const samples = new Uint8Array(4 * width * height);
+  const rows = Math.max(Math.floor(BAND_BYTES / (4 * width)), 1);
+  for (let row = 0; row < height; row += rows) {
+    const end = Math.min(row + rows, height);
+    await breathe();
+    await readRows(gl, row, end, width, samples.subarray(4 * width * row, 4 * width * end));
+  }
+  gl.deleteFramebuffer(framebuffer);
+  gl.deleteTexture(texture);
+  if (gl.isContextLost()) throw new Error('WebP: the graphics device was lost');
+  return {width, height, channels: 4, largest: 255, samples};
+}
+
+// As decodePng: integers from 0 to 255.
+export function decodeWebp(bytes) {
+  const result = busy.then(() => decode(bytes));
+  busy = result.catch(() => {});
+  return result;
+}
