@@ -41,7 +41,7 @@ ModelSaver::News next(ModelSaver& saver) {
 TEST_CASE("a file that the system refuses is a problem of that file") {
   const TemporaryFolder folder;
   ModelSaver saver([] {});
-  for (const std::string& extension : {".tgz", ".ply", ".glb", ".html", ".sog"}) {
+  for (const std::string extension : {".tgz", ".ply", ".glb", ".html", ".sog"}) {
     INFO(extension);
     saver.save(folder / (std::string(300, 'x') + extension), sceneWithAll());
     const ModelSaver::News news = next(saver);
