@@ -1,17 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-# Writes FOLDER/NAME.vert and .frag with their includes, for checking, and OUT, the same without comments as a module.
+# Writes FOLDER/NAME.vert and .frag with their includes, for checking, and OUT, the same without comments as a module:
+# every shared header once, by the name of its file (their guards let them be put in more often).
 #   cmake -D SOURCES=web/shaders -D SHADERS=shaders -D FOLDER=... -D OUT=... -P shaders.cmake
 cmake_minimum_required(VERSION 3.24)
 include(${CMAKE_CURRENT_LIST_DIR}/../cmake/inline_includes.cmake)
 
+# "shared/lang.h" becomes ${LANG_H}, and that is defined before.
+function(tg_with_names text_variable)
+  set(text "${${text_variable}}")
+  while(text MATCHES "#include \"shared/([a-z]+)\\.h\"")
+    set(line "${CMAKE_MATCH_0}")
+    set(header "${CMAKE_MATCH_1}")
+    string(TOUPPER "${header}_H" name)
+    string(REPLACE "${line}" "\${${name}}" text "${text}")
+    get_property(defined GLOBAL PROPERTY tg_defined)
+    if(NOT name IN_LIST defined)
+      set_property(GLOBAL APPEND PROPERTY tg_defined ${name})
+      file(READ "${SHADERS}/shared/${header}.h" body)
+      tg_with_names(body)
+      tg_without_comments(body)
+      string(STRIP "${body}" body)
+      set_property(GLOBAL APPEND_STRING PROPERTY tg_headers "const ${name} = `${body}`;\n\n")
+    endif()
+  endwhile()
+  set(${text_variable} "${text}" PARENT_SCOPE)
+endfunction()
+
 set(module "// SPDX-License-Identifier: Apache-2.0\n// Made from web/shaders and shaders/shared by web/shaders.cmake.\n\n")
-string(APPEND module "export const SHADERS = {\n")
 foreach(name splat.vert splat.frag resolve.vert resolve.frag)
   file(READ "${SOURCES}/${name}" text)
-  tg_inline_includes(text)
-  file(WRITE "${FOLDER}/${name}" "${text}")
+  set(inlined "${text}")
+  tg_inline_includes(inlined)
+  file(WRITE "${FOLDER}/${name}" "${inlined}")
+  tg_with_names(text)
   tg_without_comments(text)
-  string(APPEND module "  '${name}': `${text}`,\n")
+  string(APPEND programs "  '${name}': `${text}`,\n")
 endforeach()
-string(APPEND module "};\n")
-file(WRITE "${OUT}" "${module}")
+get_property(headers GLOBAL PROPERTY tg_headers)
+file(WRITE "${OUT}" "${module}${headers}export const SHADERS = {\n${programs}};\n")

@@ -16,20 +16,12 @@
 
 #include "core/file/atomic_files.h"
 #include "core/file/quick_file.h"
+#include "core/system/descriptor.h"
 #include "core/system/error.h"
 #include "core/system/temporary_files.h"
 
 namespace tg {
 namespace {
-
-struct Descriptor {
-  int fd = -1;
-  explicit Descriptor(int f) : fd(f) {}
-  Descriptor& operator=(Descriptor&&) = delete;
-  ~Descriptor() {
-    if (fd >= 0) ::close(fd);
-  }
-};
 
 Error tooLong(const std::filesystem::path& path, std::uint64_t most, const std::string& found) {
   return {ErrorKind::cannotRead, path.string(),
@@ -63,7 +55,7 @@ class TemporaryFile {
       path = folderOf(reported) / (stem + reported.extension().string());
       name_.emplace(path);  // before the file is there: a signal may come at once
       const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666));
-      if (file.fd >= 0) return;
+      if (file.get() >= 0) return;
       if (errno != EEXIST)
         throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write here: " + systemReason());
     }
@@ -83,7 +75,7 @@ class TemporaryFile {
 
 void syncFile(const std::filesystem::path& file, const std::filesystem::path& reported) {
   const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
-  if (descriptor.fd < 0 || ::fsync(descriptor.fd) != 0) {
+  if (descriptor.get() < 0 || ::fsync(descriptor.get()) != 0) {
     throw Error(ErrorKind::cannotWrite, reported.string(), "cannot write to disk: " + systemReason());
   }
 }
@@ -92,9 +84,9 @@ void syncFile(const std::filesystem::path& file, const std::filesystem::path& re
 
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + systemReason());
+  if (file.get() < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + systemReason());
   struct stat status{};
-  if (::fstat(file.fd, &status) != 0)
+  if (::fstat(file.get(), &status) != 0)
     throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
   if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
   const std::uint64_t size = S_ISREG(status.st_mode) ? static_cast<std::uint64_t>(status.st_size) : 0;
@@ -106,7 +98,7 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
   for (;;) {
     if (used == bytes.size()) {
       std::uint8_t probe[65536];
-      const ssize_t got = ::read(file.fd, probe, sizeof(probe));
+      const ssize_t got = ::read(file.get(), probe, sizeof(probe));
       if (got < 0 && errno == EINTR) continue;
       if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
       if (got == 0) break;
@@ -115,7 +107,7 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
       used = bytes.size();
       continue;
     }
-    const ssize_t got = ::read(file.fd, bytes.data() + used, std::min<std::size_t>(bytes.size() - used, 1u << 30));
+    const ssize_t got = ::read(file.get(), bytes.data() + used, std::min<std::size_t>(bytes.size() - used, 1u << 30));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot read: " + systemReason());
     if (got == 0) break;
@@ -128,14 +120,14 @@ std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint6
 FileReader::FileReader(const std::filesystem::path& path, std::uint64_t max_bytes) : path_(path.string()) {
   // Not to wait for somebody who writes into a pipe.
   Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
-  if (file.fd < 0) throw Error(ErrorKind::cannotRead, path_, "cannot open: " + systemReason());
+  if (file.get() < 0) throw Error(ErrorKind::cannotRead, path_, "cannot open: " + systemReason());
   struct stat status{};
-  if (::fstat(file.fd, &status) != 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + systemReason());
+  if (::fstat(file.get(), &status) != 0) throw Error(ErrorKind::cannotRead, path_, "cannot read: " + systemReason());
   if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is a folder (expected a file)");
   if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::cannotRead, path_, "is no regular file");
   size_ = static_cast<std::uint64_t>(status.st_size);
   if (size_ > max_bytes) throw tooLong(path, max_bytes, std::to_string(size_));
-  descriptor_ = std::exchange(file.fd, -1);
+  descriptor_ = file.release();
 }
 
 FileReader::~FileReader() { ::close(descriptor_); }
@@ -266,7 +258,7 @@ void AtomicFiles::commit() {
     entry->temporary.released = true;
     // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.
     const Descriptor folder(::open(folderOf(entry->path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (folder.fd >= 0) (void)::fsync(folder.fd);
+    if (folder.get() >= 0) (void)::fsync(folder.get());
   }
   entries_.clear();
 }

@@ -10,18 +10,13 @@
 #include <cmath>
 #include <utility>
 
+#include "core/system/descriptor.h"
+
 namespace tg {
 namespace {
 
 constexpr std::size_t kMaxLine = 4096;  // [bytes] longer ones are none of ours
 constexpr std::size_t kPiece = 1 << 16;
-
-struct OpenFile {
-  int descriptor;
-  ~OpenFile() {
-    if (descriptor >= 0) ::close(descriptor);
-  }
-};
 
 }  // namespace
 
@@ -73,9 +68,9 @@ void MetricsFile::clear() {
 }
 
 bool MetricsFile::update() {
-  const OpenFile file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+  const Descriptor file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   struct stat status{};
-  if (file.descriptor < 0 || ::fstat(file.descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
+  if (file.get() < 0 || ::fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode)) {
     const bool had = !lines_.empty();
     clear();
     return had;
@@ -91,7 +86,7 @@ bool MetricsFile::update() {
   }
   std::string piece(kPiece, '\0');
   while (read_ < size) {
-    const ssize_t got = ::pread(file.descriptor, piece.data(), piece.size(), static_cast<off_t>(read_));
+    const ssize_t got = ::pread(file.get(), piece.data(), piece.size(), static_cast<off_t>(read_));
     if (got <= 0) break;
     read_ += static_cast<std::uint64_t>(got);
     std::string_view text(piece.data(), static_cast<std::size_t>(got));

@@ -17,6 +17,7 @@
 #include <sstream>
 
 #include "core/system/assert.h"
+#include "core/system/descriptor.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -29,27 +30,6 @@ constexpr std::size_t kLongestLine = 4096;    // [bytes]; what is longer comes i
 constexpr int kPollEvery = 100;               // [ms] for words
 constexpr int kPollEnd = 10;                  // [ms] for the end of a process
 constexpr std::chrono::seconds kPatience(5);  // for a child that was asked to end
-
-// A file descriptor that is closed at the end.
-class Descriptor {
- public:
-  explicit Descriptor(int number = -1) : number_(number) {}
-  ~Descriptor() { close(); }
-  Descriptor& operator=(Descriptor&&) = delete;
-
-  int get() const { return number_; }
-  void set(int number) {
-    close();
-    number_ = number;
-  }
-  void close() {
-    if (number_ >= 0) ::close(number_);
-    number_ = -1;
-  }
-
- private:
-  int number_;
-};
 
 struct Pipe {
   Descriptor read, write;

@@ -22,6 +22,7 @@
 
 #include "core/file/file.h"
 #include "core/system/assert.h"
+#include "core/system/descriptor.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -37,21 +38,6 @@ template <typename List>
 bool contains(const List& list, const std::string& text) {
   return std::find(list.begin(), list.end(), text) != list.end();
 }
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() { close(); }
-  Descriptor& operator=(Descriptor&&) = delete;
-  int get() const { return fd_; }
-  void close() {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = -1;
-  }
-
- private:
-  int fd_;
-};
 
 struct FileCloser {
   void operator()(std::FILE* file) const { std::fclose(file); }

@@ -1,17 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Made from web/shaders and shaders/shared by web/shaders.cmake.
 
-export const SHADERS = {
-  'splat.vert': `#version 300 es
-precision highp float;
-precision highp int;
-precision highp sampler2D;
-precision highp usampler2D;
-#ifndef TG_SPLAT_H
-#define TG_SPLAT_H
-#ifndef TG_LAYOUT_H
-#define TG_LAYOUT_H
-#ifndef TG_LANG_H
+const LANG_H = `#ifndef TG_LANG_H
 #define TG_LANG_H
 #ifdef __cplusplus
 #include <cmath>
@@ -55,7 +45,11 @@ using std::sqrt;
 #define TG_NAMESPACE_BEGIN
 #define TG_NAMESPACE_END
 #endif
-#endif
+#endif`;
+
+const LAYOUT_H = `#ifndef TG_LAYOUT_H
+#define TG_LAYOUT_H
+${LANG_H}
 TG_NAMESPACE_BEGIN
 struct ViewUniforms {
   mat4 camera_from_world;
@@ -104,9 +98,11 @@ struct SplatRecord {
 TG_CHECK_SIZE(SplatRecord, 128)
 const uint kRecordSize = 8u;
 TG_NAMESPACE_END
-#endif
-#ifndef TG_LIMITS_H
+#endif`;
+
+const LIMITS_H = `#ifndef TG_LIMITS_H
 #define TG_LIMITS_H
+${LANG_H}
 TG_NAMESPACE_BEGIN
 const uint kTileSize = 16u;
 const uint kBlockBits = 16u;
@@ -149,7 +145,12 @@ const uint kOutputEllipsoids = 9u;
 const uint kOutputCenters = 10u;
 const uint kOutputTexelDensity = 11u;
 TG_NAMESPACE_END
-#endif
+#endif`;
+
+const SPLAT_H = `#ifndef TG_SPLAT_H
+#define TG_SPLAT_H
+${LAYOUT_H}
+${LIMITS_H}
 TG_NAMESPACE_BEGIN
 TG_FN mat3 rotationFromQuaternion(vec4 q) {
   float s = 1.0f / sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
@@ -285,9 +286,11 @@ TG_FN bool intersectSplat(vec3 wx, vec3 wy, vec3 dx, vec3 dy, vec3 d0, float dep
   return hit.t > kNear;
 }
 TG_NAMESPACE_END
-#endif
-#ifndef TG_SH_H
+#endif`;
+
+const SH_H = `#ifndef TG_SH_H
 #define TG_SH_H
+${LANG_H}
 TG_NAMESPACE_BEGIN
 TG_FN uint shCoefficientCount(uint degree) { return (degree + 1u) * (degree + 1u); }
 TG_FN void shBasis(vec3 dir, TG_OUT(vec4) b0, TG_OUT(vec4) b1, TG_OUT(vec4) b2, TG_OUT(vec4) b3) {
@@ -340,7 +343,48 @@ TG_FN vec3 shBasisGradient(vec3 dir, uint k) {
   return vec3(0.0f, 0.0f, 0.0f);
 }
 TG_NAMESPACE_END
-#endif
+#endif`;
+
+const TEXTURE_H = `#ifndef TG_TEXTURE_H
+#define TG_TEXTURE_H
+${LIMITS_H}
+TG_NAMESPACE_BEGIN
+struct TextureTap {
+  uint i0;
+  uint i1;
+  float fraction;
+};
+TG_FN float texelsPerSigma(uint size) { return float(size - 1u) / (2.0f * kTextureExtent); }
+TG_FN TextureTap textureTap(float u, uint size) {
+  float x = (u + kTextureExtent) * texelsPerSigma(size);
+  uint last = size >= 2u ? size - 2u : 0u;
+  float cell = clamp(floor(x), 0.0f, float(last));
+  TextureTap tap;
+  tap.i0 = uint(cell);
+  tap.i1 = min(tap.i0 + 1u, size - 1u);
+  tap.fraction = x - cell;
+  return tap;
+}
+TG_FN bool insideTexture(vec2 uv) {
+  return uv.x >= -kTextureExtent && uv.x <= kTextureExtent && uv.y >= -kTextureExtent && uv.y <= kTextureExtent;
+}
+TG_FN bool samplesTexture(uint outside, TG_INOUT(vec2) uv) {
+  if (outside == kOutsideEdge) {
+    uv = vec2(clamp(uv.x, -kTextureExtent, kTextureExtent), clamp(uv.y, -kTextureExtent, kTextureExtent));
+  }
+  return insideTexture(uv);
+}
+TG_NAMESPACE_END
+#endif`;
+
+export const SHADERS = {
+  'splat.vert': `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+precision highp usampler2D;
+${SPLAT_H}
+${SH_H}
 layout(location = 0) in uint a_gaussian;
 uniform sampler2D u_gaussians;
 uniform sampler2D u_sh;
@@ -451,315 +495,8 @@ void main() {
 precision highp float;
 precision highp int;
 precision highp sampler2DArray;
-#ifndef TG_SPLAT_H
-#define TG_SPLAT_H
-#ifndef TG_LAYOUT_H
-#define TG_LAYOUT_H
-#ifndef TG_LANG_H
-#define TG_LANG_H
-#ifdef __cplusplus
-#include <cmath>
-#include <cstdint>
-#include <glm/glm.hpp>
-#ifdef __CUDACC__
-#define TG_FN __host__ __device__ inline
-#else
-#define TG_FN inline
-#endif
-#define TG_OUT(T) T&
-#define TG_INOUT(T) T&
-#define TG_PRECISE
-#define TG_CHECK_SIZE(T, bytes) static_assert(sizeof(T) == (bytes), #T " must match its std430 size");
-namespace tg {
-using glm::ivec2;
-using glm::mat3;
-using glm::mat4;
-using glm::uvec2;
-using glm::uvec4;
-using glm::vec2;
-using glm::vec3;
-using glm::vec4;
-using uint = std::uint32_t;
-using glm::clamp;
-using std::exp;
-using std::floor;
-using std::log;
-using std::max;
-using std::min;
-using std::sqrt;
-}
-#define TG_NAMESPACE_BEGIN namespace tg {
-#define TG_NAMESPACE_END }
-#else
-#define TG_FN
-#define TG_OUT(T) out T
-#define TG_INOUT(T) inout T
-#define TG_PRECISE precise
-#define TG_CHECK_SIZE(T, bytes)
-#define TG_NAMESPACE_BEGIN
-#define TG_NAMESPACE_END
-#endif
-#endif
-TG_NAMESPACE_BEGIN
-struct ViewUniforms {
-  mat4 camera_from_world;
-  vec4 camera_position;
-  vec4 focal_center;
-  vec4 background;
-  uint width;
-  uint height;
-  uint tiles_x;
-  uint tiles_y;
-  uint gaussian_count;
-  uint sh_degree;
-  uint texture_mode;
-  uint intersection;
-  vec4 crop_min;
-  vec4 crop_max;
-  float opacity_scale;
-  float splat_scale;
-  float near;
-  float exposure;
-  uint sh_used;
-  uint antialiasing;
-  uint range_least;
-  uint range_most;
-};
-TG_CHECK_SIZE(ViewUniforms, 208)
-struct Splat {
-  vec4 center_depth_opacity;
-  vec4 wx_r;
-  vec4 wy_g;
-  vec4 dx_b;
-  vec4 dy_offset;
-  vec4 d0_size;
-};
-TG_CHECK_SIZE(Splat, 96)
-struct SplatRecord {
-  vec4 center_depth_opacity;
-  vec4 w_r;
-  vec4 d_g;
-  vec4 e_b;
-  vec4 u_offset;
-  vec4 v_size;
-  vec4 normal;
-  vec4 outline;
-};
-TG_CHECK_SIZE(SplatRecord, 128)
-const uint kRecordSize = 8u;
-TG_NAMESPACE_END
-#endif
-#ifndef TG_LIMITS_H
-#define TG_LIMITS_H
-TG_NAMESPACE_BEGIN
-const uint kTileSize = 16u;
-const uint kBlockBits = 16u;
-const uint kMaxTiles = 65536u;
-const float kAlphaMax = 0.99f;
-const float kAlphaMin = 1.0f / 255.0f;
-const float kTransmittanceStop = 1e-4f;
-const float kNear = 0.2f;
-const float kTextureExtent = 3.0f;
-const float kPlaneMinCosine = 1e-9f;
-const float kScreenVariance = 0.1f;
-const float kEllipsoidAmbient = 0.25f;
-const float kCenterRadius = 1.5f;
-const float kShC0 = 0.28209479177387814f;
-const uint kModeNone = 0u;
-const uint kModeAlpha = 1u;
-const uint kModeRgb = 2u;
-const uint kModeRgba = 3u;
-const uint kIntersectPlane = 0u;
-const uint kIntersectMaxResponse = 1u;
-const uint kOutsideBase = 0u;
-const uint kOutsideClip = 1u;
-const uint kOutsideEdge = 2u;
-const uint kShapeSplats = 0u;
-const uint kShapeEllipsoids = 1u;
-const uint kShapeCenters = 2u;
-const uint kSampleNone = 0u;
-const uint kSampleBilinear = 1u;
-const uint kSampleFootprint = 2u;
-const uint kOutputFinal = 0u;
-const uint kOutputBase = 1u;
-const uint kOutputTexture = 2u;
-const uint kOutputAlpha = 3u;
-const uint kOutputDepth = 4u;
-const uint kOutputNormal = 5u;
-const uint kOutputCount = 6u;
-const uint kOutputDepthMedian = 7u;
-const uint kOutputOverdraw = 8u;
-const uint kOutputEllipsoids = 9u;
-const uint kOutputCenters = 10u;
-const uint kOutputTexelDensity = 11u;
-TG_NAMESPACE_END
-#endif
-TG_NAMESPACE_BEGIN
-TG_FN mat3 rotationFromQuaternion(vec4 q) {
-  float s = 1.0f / sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-  float w = q.x * s;
-  float x = q.y * s;
-  float y = q.z * s;
-  float z = q.w * s;
-  return mat3(vec3(1.0f - 2.0f * (y * y + z * z), 2.0f * (x * y + w * z), 2.0f * (x * z - w * y)),
-              vec3(2.0f * (x * y - w * z), 1.0f - 2.0f * (x * x + z * z), 2.0f * (y * z + w * x)),
-              vec3(2.0f * (x * z + w * y), 2.0f * (y * z - w * x), 1.0f - 2.0f * (x * x + y * y)));
-}
-TG_FN int shortestAxis(vec3 scale) {
-  int c = 0;
-  if (scale.y < scale.x) c = 1;
-  if (scale.z < (c == 0 ? scale.x : scale.y)) c = 2;
-  return c;
-}
-TG_FN int axisU(int c) { return c == 0 ? 1 : 0; }
-TG_FN int axisV(int c) { return c == 2 ? 1 : 2; }
-TG_FN float visibleRadius(float opacity) {
-  float v = 2.0f * log(opacity / kAlphaMin);
-  return v > 0.0f ? sqrt(v) * 1.0002f : 0.0f;
-}
-TG_FN bool tangentBounds(float m, float z, vec3 lm, vec3 lz, TG_OUT(vec2) bounds) {
-  float c = m / z;
-  vec3 e = lm - c * lz;
-  float denominator = z * z - dot(lz, lz);
-  bounds = vec2(c, c);
-  if (z <= 0.0f || denominator <= 1e-6f * z * z) return false;
-  vec3 ez = cross(e, lz);
-  float disc = z * z * dot(e, e) - dot(ez, ez);
-  float root = sqrt(max(disc, 0.0f));
-  float mid = -dot(e, lz);
-  bounds = vec2(c + (mid - root) / denominator, c + (mid + root) / denominator);
-  return true;
-}
-TG_FN Splat makeSplat(vec3 mean_c, mat3 axes_c, vec3 scale, vec4 focal_center, float opacity, vec3 base) {
-  float inv_z = 1.0f / mean_c.z;
-  float cx = mean_c.x * inv_z;
-  float cy = mean_c.y * inv_z;
-  vec3 inv_scale = vec3(1.0f / scale.x, 1.0f / scale.y, 1.0f / scale.z);
-  vec3 mx = inv_scale * vec3(axes_c[0].x, axes_c[1].x, axes_c[2].x);
-  vec3 my = inv_scale * vec3(axes_c[0].y, axes_c[1].y, axes_c[2].y);
-  vec3 mz = inv_scale * vec3(axes_c[0].z, axes_c[1].z, axes_c[2].z);
-  vec3 d0 = cx * mx + cy * my + mz;
-  vec3 dx = mx * (1.0f / focal_center.x);
-  vec3 dy = my * (1.0f / focal_center.y);
-  vec3 o = -mean_c.z * d0;
-  vec3 wx = cross(o, dx);
-  vec3 wy = cross(o, dy);
-  Splat s;
-  s.center_depth_opacity =
-      vec4(cx * focal_center.x + focal_center.z, cy * focal_center.y + focal_center.w, mean_c.z, opacity);
-  s.wx_r = vec4(wx, base.x);
-  s.wy_g = vec4(wy, base.y);
-  s.dx_b = vec4(dx, base.z);
-  s.dy_offset = vec4(dy, 0.0f);
-  s.d0_size = vec4(d0, 0.0f);
-  return s;
-}
-TG_FN mat3 ellipsoidRows(mat3 axes_c, vec3 scale, float radius, bool flat_c) {
-  vec3 r = radius * scale;
-  if (flat_c) r.z = 0.0f;
-  return mat3(r * vec3(axes_c[0].x, axes_c[1].x, axes_c[2].x), r * vec3(axes_c[0].y, axes_c[1].y, axes_c[2].y),
-              r * vec3(axes_c[0].z, axes_c[1].z, axes_c[2].z));
-}
-TG_FN bool rowsBox(vec3 mean_c, mat3 rows, vec4 focal_center, TG_OUT(vec2) bx, TG_OUT(vec2) by, TG_OUT(vec4) box) {
-  bool ok_x = tangentBounds(mean_c.x, mean_c.z, rows[0], rows[2], bx);
-  bool ok_y = tangentBounds(mean_c.y, mean_c.z, rows[1], rows[2], by);
-  box = vec4(bx.x * focal_center.x + focal_center.z, by.x * focal_center.y + focal_center.w,
-             bx.y * focal_center.x + focal_center.z, by.y * focal_center.y + focal_center.w);
-  return ok_x && ok_y;
-}
-TG_FN bool splatBox(vec3 mean_c, mat3 axes_c, vec3 scale, float radius, bool flat_c, vec4 focal_center,
-                    TG_OUT(vec4) box) {
-  vec2 bx;
-  vec2 by;
-  return rowsBox(mean_c, ellipsoidRows(axes_c, scale, radius, flat_c), focal_center, bx, by, box);
-}
-TG_FN vec3 antialiasedScale(vec3 scale, float z, float focal) {
-  float pixel = z / focal;
-  float add = kScreenVariance * pixel * pixel;
-  return vec3(sqrt(scale.x * scale.x + add), sqrt(scale.y * scale.y + add), sqrt(scale.z * scale.z + add));
-}
-TG_FN float antialiasedOpacity(vec3 scale, vec3 wider, float length_before, float length_after, bool flat_c) {
-  float flat_part = (scale.x / wider.x) * (scale.y / wider.y);
-  return flat_c ? flat_part : flat_part * (scale.z / wider.z) * (length_before / length_after);
-}
-TG_FN float texelDensity(vec3 wx, vec3 wy, vec3 d0, uint size_u, uint size_v, uint model) {
-  vec2 across;
-  vec2 down;
-  if (model == kIntersectPlane) {
-    if (d0.z < kPlaneMinCosine && d0.z > -kPlaneMinCosine) return 0.0f;
-    float inv = 1.0f / d0.z;
-    across = vec2(-wx.y * inv, wx.x * inv);
-    down = vec2(-wy.y * inv, wy.x * inv);
-  } else {
-    float inv = 1.0f / dot(d0, d0);
-    across = vec2((d0.y * wx.z - d0.z * wx.y) * inv, (d0.z * wx.x - d0.x * wx.z) * inv);
-    down = vec2((d0.y * wy.z - d0.z * wy.y) * inv, (d0.z * wy.x - d0.x * wy.z) * inv);
-  }
-  float area = across.x * down.y - across.y * down.x;
-  float texels = float(size_u - 1u) * float(size_v - 1u) / (4.0f * kTextureExtent * kTextureExtent);
-  return sqrt(texels * max(area, -area));
-}
-TG_FN float footprintShare(float texel_density) {
-  return texel_density <= 1.0f ? 0.0f : min(log(texel_density) * 1.4426950408889634f, 1.0f);
-}
-struct Hit {
-  vec2 uv;
-  float power;
-  float t;
-};
-TG_FN bool intersectSplat(vec3 wx, vec3 wy, vec3 dx, vec3 dy, vec3 d0, float depth, uint model, vec2 delta,
-                          TG_OUT(Hit) hit) {
-  vec3 w = wx * delta.x + wy * delta.y;
-  vec3 d = d0 + dx * delta.x + dy * delta.y;
-  hit.uv = vec2(0.0f, 0.0f);
-  hit.power = 0.0f;
-  hit.t = 0.0f;
-  if (model == kIntersectPlane) {
-    if (d.z < kPlaneMinCosine && d.z > -kPlaneMinCosine) return false;
-    float inv = 1.0f / d.z;
-    hit.uv = vec2(-w.y * inv, w.x * inv);
-    hit.power = hit.uv.x * hit.uv.x + hit.uv.y * hit.uv.y;
-    hit.t = depth * d0.z * inv;
-  } else {
-    float inv = 1.0f / dot(d, d);
-    hit.uv = vec2((d.y * w.z - d.z * w.y) * inv, (d.z * w.x - d.x * w.z) * inv);
-    hit.power = dot(w, w) * inv;
-    hit.t = depth * dot(d0, d) * inv;
-  }
-  return hit.t > kNear;
-}
-TG_NAMESPACE_END
-#endif
-#ifndef TG_TEXTURE_H
-#define TG_TEXTURE_H
-TG_NAMESPACE_BEGIN
-struct TextureTap {
-  uint i0;
-  uint i1;
-  float fraction;
-};
-TG_FN float texelsPerSigma(uint size) { return float(size - 1u) / (2.0f * kTextureExtent); }
-TG_FN TextureTap textureTap(float u, uint size) {
-  float x = (u + kTextureExtent) * texelsPerSigma(size);
-  uint last = size >= 2u ? size - 2u : 0u;
-  float cell = clamp(floor(x), 0.0f, float(last));
-  TextureTap tap;
-  tap.i0 = uint(cell);
-  tap.i1 = min(tap.i0 + 1u, size - 1u);
-  tap.fraction = x - cell;
-  return tap;
-}
-TG_FN bool insideTexture(vec2 uv) {
-  return uv.x >= -kTextureExtent && uv.x <= kTextureExtent && uv.y >= -kTextureExtent && uv.y <= kTextureExtent;
-}
-TG_FN bool samplesTexture(uint outside, TG_INOUT(vec2) uv) {
-  if (outside == kOutsideEdge) {
-    uv = vec2(clamp(uv.x, -kTextureExtent, kTextureExtent), clamp(uv.y, -kTextureExtent, kTextureExtent));
-  }
-  return insideTexture(uv);
-}
-TG_NAMESPACE_END
-#endif
+${SPLAT_H}
+${TEXTURE_H}
 uniform sampler2DArray u_atlas;
 uniform vec2 u_size;
 uniform vec2 u_origin;
@@ -814,96 +551,7 @@ void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2
 precision highp float;
 precision highp int;
 precision highp sampler2D;
-#ifndef TG_LIMITS_H
-#define TG_LIMITS_H
-#ifndef TG_LANG_H
-#define TG_LANG_H
-#ifdef __cplusplus
-#include <cmath>
-#include <cstdint>
-#include <glm/glm.hpp>
-#ifdef __CUDACC__
-#define TG_FN __host__ __device__ inline
-#else
-#define TG_FN inline
-#endif
-#define TG_OUT(T) T&
-#define TG_INOUT(T) T&
-#define TG_PRECISE
-#define TG_CHECK_SIZE(T, bytes) static_assert(sizeof(T) == (bytes), #T " must match its std430 size");
-namespace tg {
-using glm::ivec2;
-using glm::mat3;
-using glm::mat4;
-using glm::uvec2;
-using glm::uvec4;
-using glm::vec2;
-using glm::vec3;
-using glm::vec4;
-using uint = std::uint32_t;
-using glm::clamp;
-using std::exp;
-using std::floor;
-using std::log;
-using std::max;
-using std::min;
-using std::sqrt;
-}
-#define TG_NAMESPACE_BEGIN namespace tg {
-#define TG_NAMESPACE_END }
-#else
-#define TG_FN
-#define TG_OUT(T) out T
-#define TG_INOUT(T) inout T
-#define TG_PRECISE precise
-#define TG_CHECK_SIZE(T, bytes)
-#define TG_NAMESPACE_BEGIN
-#define TG_NAMESPACE_END
-#endif
-#endif
-TG_NAMESPACE_BEGIN
-const uint kTileSize = 16u;
-const uint kBlockBits = 16u;
-const uint kMaxTiles = 65536u;
-const float kAlphaMax = 0.99f;
-const float kAlphaMin = 1.0f / 255.0f;
-const float kTransmittanceStop = 1e-4f;
-const float kNear = 0.2f;
-const float kTextureExtent = 3.0f;
-const float kPlaneMinCosine = 1e-9f;
-const float kScreenVariance = 0.1f;
-const float kEllipsoidAmbient = 0.25f;
-const float kCenterRadius = 1.5f;
-const float kShC0 = 0.28209479177387814f;
-const uint kModeNone = 0u;
-const uint kModeAlpha = 1u;
-const uint kModeRgb = 2u;
-const uint kModeRgba = 3u;
-const uint kIntersectPlane = 0u;
-const uint kIntersectMaxResponse = 1u;
-const uint kOutsideBase = 0u;
-const uint kOutsideClip = 1u;
-const uint kOutsideEdge = 2u;
-const uint kShapeSplats = 0u;
-const uint kShapeEllipsoids = 1u;
-const uint kShapeCenters = 2u;
-const uint kSampleNone = 0u;
-const uint kSampleBilinear = 1u;
-const uint kSampleFootprint = 2u;
-const uint kOutputFinal = 0u;
-const uint kOutputBase = 1u;
-const uint kOutputTexture = 2u;
-const uint kOutputAlpha = 3u;
-const uint kOutputDepth = 4u;
-const uint kOutputNormal = 5u;
-const uint kOutputCount = 6u;
-const uint kOutputDepthMedian = 7u;
-const uint kOutputOverdraw = 8u;
-const uint kOutputEllipsoids = 9u;
-const uint kOutputCenters = 10u;
-const uint kOutputTexelDensity = 11u;
-TG_NAMESPACE_END
-#endif
+${LIMITS_H}
 uniform sampler2D u_sum;
 uniform vec2 u_sum_per_pixel;
 uniform vec3 u_background;
