@@ -24,6 +24,7 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 STALL = 100    # [ms] that nothing may hold up the page
 TARGET = 44    # [px] of what a finger is to hit
 SHIFT = 8
+DRIP = 64     # bytes
 BUSY = 20      # [ms] that a page with nothing to do lags where stalls cannot be told from a machine with other work
 LAG = """new Promise((done) => {
   let last = performance.now(), lag = 0, left = 100;
@@ -45,7 +46,8 @@ def expect(what, ok, found=""):
 
 
 class SlowServer:
-    """Serves a file, half of it at once and the rest when `go` is set."""
+    """Serves a file, half of it at once and the rest when `go` is set. Until then it drips, as networks do: a browser
+    may keep what came last until more comes."""
 
     def __init__(self, data):
         self.go = threading.Event()
@@ -57,10 +59,14 @@ class SlowServer:
                 self.send_header("Content-Type", "text/html; charset=utf-8")
                 self.send_header("Content-Length", str(len(data)))
                 self.end_headers()
-                self.wfile.write(data[:len(data) // 2])
-                self.wfile.flush()
-                outer.go.wait(60)
-                self.wfile.write(data[len(data) // 2:])
+                at = len(data) // 2
+                self.wfile.write(data[:at])
+                for _ in range(600):
+                    if outer.go.wait(0.1):
+                        break
+                    self.wfile.write(data[at:at + DRIP])
+                    at += DRIP
+                self.wfile.write(data[at:])
 
             def log_message(self, *_):
                 pass
