@@ -80,7 +80,7 @@ std::string describe(const ConvertReport& report) {
     text += "for " + std::string(profileOf(a.viewer).program) + ": ";
     text += a.wide > 0 ? format("%zu wide Gaussians in %zu pieces, ", a.wide, a.pieces) : "no Gaussian too wide, ";
     text += a.fitted ? format("fitted over %zu views\n", a.fit_views) : "nothing gained by fitting\n";
-    text += format("emulated, %zu other views, against our base: there ", a.held_views) + decibels(a.after) +
+    text += format("emulated, %zu other views, against our picture: there ", a.held_views) + decibels(a.after) +
             ", without --for " + decibels(a.before) + "; here " + decibels(a.ours) + "\n";
   }
   text += format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::size_t kFitViews = 32, kHeldViews = 6, kChoiceViews = 6;
 constexpr int kFitSide = 256, kHeldSide = 512;  // [px]
-constexpr int kFitSteps = 96;
+constexpr int kFitSteps = 288;
 constexpr std::size_t kHeldEvery = 6;  // view, where no test views are there
 constexpr double kWideSigma = 0.3;     // of the distance to the nearest camera
 constexpr float kInvisible = static_cast<float>(-kLogitLimit);
@@ -86,8 +86,8 @@ Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool keep_textures) {
   const GaussianModel base = bakeFallback(source.model);
   std::vector<Camera> fit_cameras, held_cameras;
   shareViews(source, fit_cameras, held_cameras);
-  const FitViews held = fitViews(base, held_cameras, source.background, kHeldSide);
-  const FitViews choice = fitViews(base, evenly(fit_cameras, kChoiceViews), source.background, kFitSide);
+  const FitViews held = fitViews(source.model, held_cameras, source.background, kHeldSide);
+  const FitViews choice = fitViews(source.model, evenly(fit_cameras, kChoiceViews), source.background, kFitSide);
   Adapted adapted;
   AdaptReport& report = adapted.report;
   report.viewer = viewer;
@@ -99,7 +99,7 @@ Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool keep_textures) {
   double best = viewerPsnr(start.base, viewer, held);
   if (best < report.before) start = {base, 0, 0}, best = report.before;
   GaussianModel fitted = start.base;
-  fitToViewer(fitted, viewer, fitViews(base, fit_cameras, source.background, kFitSide),
+  fitToViewer(fitted, viewer, fitViews(source.model, fit_cameras, source.background, kFitSide),
               {.steps = kFitSteps, .shapes_from = keep ? source.model.size() : 0});
   const double after = viewerPsnr(fitted, viewer, held);
   report.fitted = after > best;
@@ -118,7 +118,7 @@ Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool keep_textures) {
     report.ours = renderedPsnr(source.model, adapted.model, held.cameras, source.background);
     adapted.base = std::move(shown);
   } else {
-    report.ours = renderedPsnr(base, shown, held.cameras, source.background);
+    report.ours = renderedPsnr(source.model, shown, held.cameras, source.background);
     adapted.model = std::move(shown);
   }
   return adapted;

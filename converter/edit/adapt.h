@@ -15,7 +15,7 @@ struct AdaptReport {
   bool fitted = false;         // opacities, colours and, where they are the base's alone, scales
   std::size_t fit_views = 0;   // views that were fitted
   std::size_t held_views = 0;  // others, of which the figures below are
-  double before = 0;           // [dB] the viewer's picture of the untouched base against our renderer's
+  double before = 0;           // [dB] the viewer's picture of the untouched base against ours of the source, with its textures
   double after = 0;            // [dB] the viewer's picture of what is written against the same
   double ours = 0;             // [dB] our renderer's picture of what is written, likewise; infinity when equal
 };
