@@ -33,7 +33,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Bytes = std::vector<std::uint8_t>;
 
-constexpr double kWatchedSeconds = 5;    // since the last request, which come once a second
+constexpr double kWatchedSeconds = 5;    // since the last request, which come all the time
 constexpr double kModelSeconds = 1.5;    // between two models at least
 constexpr double kModelShare = 0.05;     // of the time for making their files
 constexpr int kHeldOutSide = 1024;       // [px] at most
@@ -295,7 +295,7 @@ class PageServer::Pages {
     return {.status = 404, .text = "there is no such page\n"};
   }
 
-  // All that is not a picture: the page asks once a second for what it has not seen yet.
+  // All that is not a picture: the page asks again and again for what it has not seen yet.
   HttpAnswer state(const HttpRequest& request) {
     asked_ = nanoseconds();
     std::uint64_t changes = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the program says, once a second: the run's curves and numbers, and its newest model.
+// What the program says, asked time and again: the run's curves and numbers, and its newest model.
 
-const PAUSE = 1000;           // [ms] between two questions
+const PAUSE = 400;            // [ms] between an answer and the next question
 const LOST_AFTER = 5000;      // [ms] without an answer
 const COLORS = {train: '#5b8af0', test: '#f0a35b', loss: '#6fc2a0', gaussians: '#b79be0'};
 
