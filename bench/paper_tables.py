@@ -9,6 +9,8 @@ LEGO_800 = [
     ("3DGS, published", 35.78, None),
     ("3DGS, run again by others", 35.70, None),
     ("3DGS with MCMC", 36.01, 325000),
+    ("3DGUT, by its authors", 36.47, None),  # both: the README of github.com/nv-tlabs/3dgrut at a37ef72
+    ("3DGRT, by its authors", 36.70, None),
 ]
 
 # Table A.2, without textures and with 4 x 4 RGBA. Its "MB" are millions of parameters.
