@@ -23,9 +23,7 @@ from report_figures import byte_figures, pictures, rank_figures, share_figures, 
 from report_trials import (LABELS, METRICS, Broken, Trials, at, couple, gain, mean, number, percent, published,
                            ranks_of, scaled, score, shown, side, signed, small_kind, twin, used_metrics)
 from reproduce import (COMPARED, DEFAULT_SIZE, KEY_SHARES, KIND_SHARES, KINDS, ROOT, SCENES, SEEDS, SHARES, SIZES,
-                       SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TREATMENTS, TRIALS)
-
-TIE = 0.05  # [dB]
+                       SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TIE, TREATMENTS, TRIALS)
 
 
 def head(trials):
