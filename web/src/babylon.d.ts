@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-import type {Scene, TargetCamera, TransformNode} from '@babylonjs/core';
+import type {FreeCamera, Scene, TransformNode} from '@babylonjs/core';
 import {LoadOptions, Model, Settings} from './index.js';
 
 export class TexturedGaussians {
@@ -10,7 +10,7 @@ export class TexturedGaussians {
   visible: boolean;
   /** Whether the last picture had everything in the right order. */
   readonly settled: boolean;
-  placeCamera(camera: TargetCamera, index?: number, options?: {views?: boolean}): void;
+  placeCamera(camera: FreeCamera, index?: number, options?: {views?: boolean}): void;
   dispose(): void;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Babylon.js: drawn after a scene's meshes, hidden by what is nearer, in the engine's context. Nothing of Babylon.js is
 // imported: its modules and its one-file build will do alike.
-import {IDENTITY, matricesOf, multiplied} from './matrices.js';
+import {IDENTITY, matricesOf, multiplied, noSuchCamera} from './matrices.js';
 import {loadModel} from './model.js';
 import {Splats} from './splats.js';
 
@@ -45,7 +45,10 @@ export class TexturedGaussians {
   // were no node.
   placeCamera(camera, index = 0, {views = false} = {}) {
     const pinhole = (views ? this.model.views : this.model.cameras)[index];
-    if (!pinhole) throw new Error(`there is no camera ${index}`);
+    if (!pinhole) throw noSuchCamera(this.model, index, views);
+    if (camera.getClassName() === 'ArcRotateCamera') {
+      throw new Error('placeCamera takes a FreeCamera, no ArcRotateCamera');
+    }
     const engine = this.scene.getEngine();
     const {worldFromCamera: m, fovY} = matricesOf(pinhole, engine.getRenderWidth(), engine.getRenderHeight());
     const hand = this.scene.useRightHandedSystem ? 1 : -1;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // <textured-gaussians src="scene.glb">: a model on a page, turned by hand.
 import {listenToHands, moveByKey} from './hands.js';
-import {fetchBytes, readModel} from './model.js';
+import {fetchBytes, readFrom} from './model.js';
 import {Viewer} from './viewer.js';
 
 const SETTINGS = ['camera', 'view', 'show', 'textures', 'intersection', 'outside', 'background'];
@@ -27,6 +27,7 @@ export class TexturedGaussiansElement extends HTMLElement {
     this.viewer = null;
     this.loading = null;   // the address that is being read
     this.stop = null;
+    this.reasons = {};     // by attribute, why it does nothing
   }
 
   connectedCallback() {
@@ -83,7 +84,7 @@ export class TexturedGaussiansElement extends HTMLElement {
     try {
       const {signal} = this.stop;
       const onProgress = (loaded, total) => this.progress(loaded, total);
-      const model = await readModel(await fetchBytes(address, {signal, onProgress}));
+      const model = await readFrom(address, await fetchBytes(address, {signal, onProgress}));
       if (this.loading !== address || signal.aborted) return;
       await this.viewer.open(model);
       if (this.loading !== address || signal.aborted) return;
@@ -97,10 +98,10 @@ export class TexturedGaussiansElement extends HTMLElement {
   }
 
   apply(names) {
-    const wanted = {};
-    for (const name of names) if (this.hasAttribute(name)) wanted[name] = this.getAttribute(name);
-    const reasons = this.viewer.applyWhatCan(wanted);
-    this.words.textContent = [...this.viewer.model.notes, ...reasons].join(' ');
+    for (const name of names) {
+      this.reasons[name] = this.hasAttribute(name) ? this.viewer.applyWhatCan({[name]: this.getAttribute(name)}) : [];
+    }
+    this.words.textContent = [...this.viewer.model.notes, ...Object.values(this.reasons).flat()].join(' ');
   }
 
   progress(loaded, total) {

@@ -48,3 +48,10 @@ export function matricesOf(camera, width, height, near = 0.01, far = 1000) {
     fovY: 2 * Math.atan(0.5 * height / fy),
   };
 }
+
+// What to say where a model has no camera, or view, of that number.
+export function noSuchCamera(model, index, views) {
+  const count = (views ? model.views : model.cameras).length, what = views ? 'view' : 'camera';
+  if (count === 0) return new Error(`the model has no ${what}s`);
+  return new Error(`there is no ${what} ${index} (expected 0 to ${count - 1})`);
+}

@@ -8,7 +8,15 @@ export async function readModel(bytes) {
   const magic = bytes.length < 4 ? 0 : new DataView(bytes.buffer, bytes.byteOffset, 4).getUint32(0);
   if (magic === 0x676C5446) return readGlb(bytes);
   if (magic === 0x504B0304) return readSog(bytes);
-  throw new Error('the file is neither GLB nor SOG');
+  throw new Error(`the file is neither GLB nor SOG (found ${beginningOf(bytes)})`);
+}
+
+function beginningOf(bytes) {
+  const text = String.fromCharCode(...bytes.subarray(0, 64)).trimStart();
+  if (bytes.length === 0) return 'nothing';
+  if (text.startsWith('<')) return 'a page of HTML or XML';
+  if (bytes[0] === 0x1F && bytes[1] === 0x8B) return 'something gzipped: tgconvert makes a GLB of a model.tgz';
+  return `${bytes.length} bytes that begin otherwise`;
 }
 
 // The bytes at an address. onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it.
@@ -36,4 +44,13 @@ export async function fetchBytes(url, {onProgress, signal} = {}) {
   return bytes;
 }
 
-export async function loadModel(url, options) { return readModel(await fetchBytes(url, options)); }
+export async function loadModel(url, options) { return readFrom(url, await fetchBytes(url, options)); }
+
+// readModel, with the address in what goes wrong.
+export async function readFrom(url, bytes) {
+  try {
+    return await readModel(bytes);
+  } catch (error) {
+    throw new Error(`${url}: ${error.message}`, {cause: error});
+  }
+}

@@ -4,7 +4,8 @@ import {LoadOptions, Model, Settings} from './index.js';
 
 export class TexturedGaussians extends Entity {
   constructor(name: string, model: Model, app: AppBase);
-  readonly model: Model;
+  /** A Model; any, as an Entity's own `model` is something else, which is not used here. */
+  readonly model: any;
   readonly ready: Promise<void>;
   settings: Settings;
   /** Whether the last picture had everything in the right order. */

@@ -4,7 +4,7 @@
 import {BLENDEQUATION_ADD, BLENDMODE_ONE, BLENDMODE_ONE_MINUS_SRC_ALPHA, BlendState, CULLFACE_NONE, DepthState, Entity,
         FUNC_LESSEQUAL, LAYERID_WORLD, Mat4, Quat, Vec3} from 'playcanvas';
 import {loadModel} from './model.js';
-import {matricesOf} from './matrices.js';
+import {matricesOf, noSuchCamera} from './matrices.js';
 import {Splats} from './splats.js';
 
 const viewFromModel = new Mat4();
@@ -51,7 +51,7 @@ export class TexturedGaussians extends Entity {
   // entity of the model must not be turned or moved.
   placeCamera(entity, index = 0, {views = false} = {}) {
     const pinhole = (views ? this.model.views : this.model.cameras)[index];
-    if (!pinhole) throw new Error(`there is no camera ${index}`);
+    if (!pinhole) throw noSuchCamera(this.model, index, views);
     const {worldFromCamera, fovY} = matricesOf(pinhole, this.device.width, this.device.height);
     const matrix = new Mat4();
     matrix.data.set(worldFromCamera);

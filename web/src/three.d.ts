@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-import {Loader, Mesh, PerspectiveCamera, WebGLRenderer} from 'three';
+import {BufferGeometry, Loader, Material, Mesh, Object3DEventMap, PerspectiveCamera, WebGLRenderer} from 'three';
 import {Model, Settings} from './index.js';
 
+export interface TexturedGaussiansEventMap extends Object3DEventMap {
+  change: {};
+  error: {error: Error};
+}
+
 /** Sends 'change' when another picture would be better than the last one, and 'error'. */
-export class TexturedGaussians extends Mesh {
+export class TexturedGaussians extends Mesh<BufferGeometry, Material, TexturedGaussiansEventMap> {
   constructor(model: Model);
   readonly model: Model;
   settings: Settings;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // three.js: an object of a scene, drawn with its transparent ones, hidden by what is nearer, in the renderer's context.
 import {Box3, BufferAttribute, BufferGeometry, Loader, Mesh, ShaderMaterial, Sphere, Vector4} from 'three';
-import {matricesOf} from './matrices.js';
-import {fetchBytes, readModel} from './model.js';
+import {sceneUp} from './camera.js';
+import {matricesOf, noSuchCamera} from './matrices.js';
+import {fetchBytes, readFrom, readModel} from './model.js';
 import {Splats} from './splats.js';
 
 const viewport = new Vector4();
@@ -69,14 +70,16 @@ export class TexturedGaussians extends Mesh {
   }
 
   // Makes a perspective camera that one of the model's: its own cameras or, with `views`, those somebody has chosen. The
-  // object must not be turned or moved.
+  // object must not be turned or moved. camera.up becomes the model's, for controls that are made afterwards.
   placeCamera(camera, index = 0, {views = false} = {}) {
     const pinhole = (views ? this.model.views : this.model.cameras)[index];
-    if (!pinhole) throw new Error(`there is no camera ${index}`);
+    if (!pinhole) throw noSuchCamera(this.model, index, views);
+    if (!camera.isPerspectiveCamera) throw new Error('placeCamera takes a PerspectiveCamera');
     const height = 1000, width = height * camera.aspect;
     const {worldFromCamera, fovY} = matricesOf(pinhole, width, height);
     camera.matrix.fromArray(worldFromCamera).decompose(camera.position, camera.quaternion, camera.scale);
     camera.fov = fovY * 180 / Math.PI;
+    camera.up.fromArray(sceneUp(this.model.cameras));
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
   }
@@ -105,7 +108,8 @@ export class TexturedGaussiansLoader extends Loader {
 
   async open(url, onProgress) {
     const tell = onProgress && ((loaded, total) => onProgress({loaded, total, lengthComputable: total > 0}));
-    return this.parse(await fetchBytes(this.manager.resolveURL(this.path + url), {onProgress: tell}));
+    const address = this.manager.resolveURL(this.path + url);
+    return new TexturedGaussians(await readFrom(address, await fetchBytes(address, {onProgress: tell})));
   }
 
   // bytes: a Uint8Array or an ArrayBuffer of a GLB or a SOG file.
