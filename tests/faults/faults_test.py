@@ -6,6 +6,7 @@ For each command below and each kind of call, the command runs with its K-th suc
 of them spread over all. It must end by itself with the right code and one line, leave what stood there whole and nothing
 beside it, or, where it did without what failed, make what it makes otherwise."""
 import argparse
+import contextlib
 import io
 import os
 import pathlib
@@ -17,21 +18,22 @@ import tempfile
 
 # Exit codes that the failure of a kind may end with (CONTRIBUTING.md).
 CODES = {"memory": {5}, "open": {2, 4}, "read": {2, 4}, "write": {4}, "sync": {4}, "rename": {4}, "thread": {5}}
+DEVICE_CODES = {"vulkan": {5}, "gl": {5}, "gl-lost": {5}, "egl": {5}}
 # What a library makes of it: OpenEXR 3.1.5 calls a file broken when zlib has no memory.
 KNOWN = [("memory", 3, "Data decompression (zlib) failed")]
-LIMIT_S = 60
+LIMIT_S = 180
 OLDER = b"older"
 
 
 class Scenario:
     """A command in a folder: `inputs` are copied there first, `output` (a file or a folder) is what it makes."""
 
-    def __init__(self, name, command, output, inputs=(), kinds=tuple(CODES), older=True):
+    def __init__(self, name, command, output, inputs=(), kinds=tuple(CODES), older=True, window=False):
         self.name, self.command, self.output = name, command, output
-        self.inputs, self.kinds, self.older = inputs, kinds, older
+        self.inputs, self.kinds, self.older, self.window = inputs, kinds, older, window
 
 
-def scenarios(model, scene):
+def scenarios(model, scene, script):
     convert = ["tgconvert", "--quiet", "--overwrite"]
     found = [Scenario(f"write {kind}", [*convert, "model.tgz", f"out.{kind}"], f"out.{kind}", [model])
              for kind in ("tgz", "glb", "gltf", "sog", "ply", "compressed.ply", "spz", "splat", "html")]
@@ -48,6 +50,14 @@ def scenarios(model, scene):
                               "--overwrite"], "out.json", [model, scene]),
         Scenario("render", ["tgview", "model.tgz", "--render", "out.png", "--size", "64x48", "--backend", "cpu"],
                  "out.png", [model], older=False),
+        Scenario("render by Vulkan", ["tgview", "model.tgz", "--render", "out.png", "--size", "64x48", "--backend",
+                                      "vulkan"], "out.png", [model], ["vulkan"], older=False),
+        Scenario("render by OpenGL", ["tgview", "model.tgz", "--render", "out.png", "--size", "64x48", "--backend",
+                                      "opengl"], "out.png", [model], ["gl", "gl-lost", "egl"], older=False),
+        Scenario("window on Vulkan", ["tgview", "model.tgz", "--script", "script.txt", "--size", "96x64", "--backend",
+                                      "vulkan"], None, [model, script], ["vulkan"], window=True),
+        Scenario("window on OpenGL", ["tgview", "model.tgz", "--script", "script.txt", "--size", "96x64", "--backend",
+                                      "opengl"], None, [model, script], ["gl", "gl-lost"], window=True),
     ]
 
 
@@ -72,8 +82,8 @@ def spread(calls, most):
 
 
 class Runner:
-    def __init__(self, options, folder):
-        self.options, self.folder, self.failures, self.runs = options, folder, [], 0
+    def __init__(self, options, folder, screen):
+        self.options, self.folder, self.screen, self.failures, self.runs = options, folder, screen, [], 0
 
     def run(self, scenario, kind, k):
         """The finished process, the folder's files, and how many calls of the kind there were."""
@@ -90,6 +100,9 @@ class Runner:
         environment = os.environ | {"LD_PRELOAD": str(self.options.injector), "TG_FAULT": f"{kind}:{k}:{count}",
                                     "HOME": str(self.folder), "XDG_STATE_HOME": str(self.folder / "state"),
                                     "XDG_CACHE_HOME": str(self.folder / "cache"), "TMPDIR": str(self.folder / "tmp")}
+        environment.pop("WAYLAND_DISPLAY", None)
+        if self.screen:
+            environment["DISPLAY"] = self.screen
         (self.folder / "tmp").mkdir(exist_ok=True)
         try:
             done = subprocess.run(command, cwd=work, env=environment, stdin=subprocess.DEVNULL, capture_output=True,
@@ -112,8 +125,9 @@ class Runner:
             return f"success, but other bytes: {differing}" if differing else None
         if any((kind, done.returncode) == known[:2] and known[2] in said for known in KNOWN):
             return None
-        if done.returncode not in CODES[kind]:
-            return f"exit code {done.returncode} (expected {sorted(CODES[kind])}): {said[-300:]}"
+        codes = CODES.get(kind) or DEVICE_CODES[kind]
+        if done.returncode not in codes:
+            return f"exit code {done.returncode} (expected {sorted(codes)}): {said[-300:]}"
         if len(said.splitlines()) != 1:
             return f"{len(said.splitlines())} lines: {said[-600:]}"
         if scenario.older:
@@ -128,6 +142,7 @@ class Runner:
             if done is None or done.returncode != 0:
                 self.complain(scenario, kind, 0, "fails by itself: " + ("hangs" if done is None else done.stderr.decode()))
                 return
+            print(f"{scenario.name}, {kind}: {calls} calls", flush=True)
             before = {name: OLDER if name == scenario.output else data for name, data in wanted.items()
                       if name == scenario.output or any(name.startswith(file.name) for file in scenario.inputs)}
             for k in spread(calls, self.options.most):
@@ -146,7 +161,27 @@ def prepare(options, folder):
     call("tgtrain", "make-sample", scene, "--views", 4, "--test-views", 2, "--size", 32)
     call("tgtrain", scene, "-o", model, "--iterations", 5, "--texture-iterations", 5, "--gaussians", 30, "--texture-size",
          3, "--device", "cpu", "--quiet")
-    return model, scene
+    script = folder / "script.txt"
+    script.write_text("wait 2\norbit 10 0\nwait 2\nsize 80x60\nwait 2\n")
+    return model, scene, script
+
+
+@contextlib.contextmanager
+def display():
+    """The name of a display of its own, or nothing where there is no Xvfb."""
+    if not shutil.which("Xvfb"):
+        yield None
+        return
+    told, tells = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(tells), "-screen", "0", "320x240x24"], pass_fds=[tells],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    os.close(tells)
+    try:
+        yield ":" + os.read(told, 16).decode().strip()
+    finally:
+        os.close(told)
+        server.terminate()
+        server.wait()
 
 
 def main():
@@ -158,9 +193,14 @@ def main():
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name).resolve()
-        runner = Runner(options, folder)
-        for scenario in scenarios(*prepare(options, folder)):
-            if options.only in scenario.name:
+        with display() as screen:
+            runner = Runner(options, folder, screen)
+            for scenario in scenarios(*prepare(options, folder)):
+                if options.only not in scenario.name:
+                    continue
+                if scenario.window and not screen:
+                    print(f"{scenario.name}: not run, there is no Xvfb")
+                    continue
                 runner.sweep(scenario)
     print(f"{runner.runs} runs, {len(runner.failures)} wrong")
     sys.exit(1 if runner.failures else 0)

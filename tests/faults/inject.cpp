@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Preloaded, it makes one call of a program fail: TG_FAULT="KIND:K:FILE" the K-th of that kind after main has begun (0:
-// none). FILE gets how many calls there were. Kinds: memory, open, read, write, sync, rename, thread.
+// none). FILE gets how many calls there were. Kinds: memory, open, read, write, sync, rename, thread, and those of
+// inject_device.cpp.
+#include "inject.h"
+
 #include <cerrno>
 #include <cstdarg>
 #include <cstdint>
@@ -23,6 +26,7 @@ void* __libc_realloc(void*, std::size_t);
 void* __libc_memalign(std::size_t, std::size_t);
 }
 
+namespace tg::test {
 namespace {
 
 std::atomic<bool> counting;  // only between main's first and last line: loaders and exit handlers are not ours
@@ -30,9 +34,16 @@ std::atomic<std::uint64_t> calls;
 std::uint64_t chosen;
 char kind[16], report[4096];
 
+}  // namespace
+
+bool isChosen(const char* of) {
+  return counting.load(std::memory_order_relaxed) && std::strcmp(kind, of) == 0 && ++calls == chosen;
+}
+
+namespace {
+
 bool fails(const char* of, int error) {
-  if (!counting.load(std::memory_order_relaxed) || std::strcmp(kind, of) != 0) return false;
-  if (++calls != chosen) return false;
+  if (!isChosen(of)) return false;
   errno = error;
   return true;
 }
@@ -67,6 +78,7 @@ int countedMain(int argc, char** argv, char** environment) {
   if (const char* wish = std::getenv("TG_FAULT")) {
     std::sscanf(wish, "%15[^:]:%lu:%4095s", kind, &chosen, report);
     unsetenv("LD_PRELOAD");  // children are not meant
+    takeGl();
     counting = true;
   }
   return program(argc, argv, environment);
@@ -82,6 +94,9 @@ __attribute__((destructor)) void tell() {
 }
 
 }  // namespace
+}  // namespace tg::test
+
+using namespace tg::test;
 
 #define TG_NEXT(name) static const auto real = next(&name, #name)
 
