@@ -16,6 +16,7 @@
 #include "scenes.h"
 #include "scratch.h"
 #include "support/catch.h"
+#include "support/sanitizers.h"
 
 using namespace tg;
 
@@ -372,6 +373,7 @@ TEST_CASE("of several that write one file at once without --overwrite one wins a
 }
 
 TEST_CASE("a thread that cannot start is an error of the machine") {
+  TG_SKIP_IF(TG_THREAD_SANITIZER ? "ThreadSanitizer ends such a program itself" : "");
   const Scratch scratch;
   Bundle bundle;
   bundle.model = randomSplats(1, 50, 3.0, 50);

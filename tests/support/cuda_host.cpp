@@ -23,15 +23,9 @@
 #include "training/cuda/device.h"
 #include "training/cuda/memory.h"
 #include "core/system/random.h"
+#include "sanitizers.h"
 
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define TG_ADDRESS_SANITIZER
-#endif
-#elif defined(__SANITIZE_ADDRESS__)
-#define TG_ADDRESS_SANITIZER
-#endif
-#ifdef TG_ADDRESS_SANITIZER
+#if TG_ADDRESS_SANITIZER
 #include <sanitizer/common_interface_defs.h>
 #endif
 
@@ -86,7 +80,7 @@ std::size_t allocated_bytes = 0;
 std::size_t peak_bytes = 0;
 std::size_t free_memory = std::size_t{1} << 30;
 
-#ifdef TG_ADDRESS_SANITIZER
+#if TG_ADDRESS_SANITIZER
 void* scheduler_fake_stack = nullptr;
 const void* scheduler_stack = nullptr;
 std::size_t scheduler_stack_bytes = 0;
