@@ -152,7 +152,7 @@ def main():
             with_outside(model, folder / "clip.tgz", "clip")
             run(programs / "tgconvert", folder / "clip.tgz", folder / "clip.html", "--quiet")
             browser.open(f"{(folder / 'clip.html').as_uri()}?camera=0&size={size}&panel=off")
-            own_outside = browser.evaluate("Object.keys(OUTSIDES)[tgViewer.settings.outside]")
+            own_outside = browser.evaluate("tgViewer.settings.outside")
             same = browser.evaluate("tgViewer.picture()") == browser.evaluate("tgViewer.picture({outside: 'clip'})")
             expect("a page takes what its model says of it", own_outside == "clip" and same, own_outside)
 

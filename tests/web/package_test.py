@@ -134,6 +134,86 @@ def show_element(browser, address, references):
         return await failed;
     }})({loaded})""")
     expect("and says what it cannot show", "404" in told, told)
+    told = browser.evaluate(f"""(async (element) => {{
+        element.setAttribute('view', '0');
+        await element.picture();
+        return element.words.textContent;
+    }})({loaded})""")
+    expect("and a view that there is not", "the model has no views" in told, told)
+    told = browser.evaluate("""(async () => {
+        const element = document.createElement('textured-gaussians');
+        const failed = new Promise((done) => element.addEventListener('error', ({detail}) => done(detail.error.message)));
+        element.src = 'http://localhost:1/' + 'a'.repeat(9999);
+        document.body.append(element);
+        const told = await failed;
+        element.remove();
+        return [told.length < 400, /: no answer/.test(told), element.viewer === null];
+    })()""")
+    expect("an address that does not answer is told in short, without a context", told == [True] * 3, told)
+
+
+MANY = 20
+WITH_CONTEXT = "elements.filter(({viewer}) => viewer && !viewer.renderer.gl.isContextLost()).length"
+LOOK_AT = """(async (index) => {
+  const element = elements[index];
+  element.scrollIntoView({block: 'center'});
+  while (!element.model || element.still || !element.viewer.splats || !element.viewer.splats.sorted) {
+    await new Promise((done) => setTimeout(done, 20));
+  }
+  return element.viewer.viewText;
+})"""
+
+
+def show_many(browser, address, references):
+    browser.page("Page.navigate", url=f"{address}/element.html")
+    until(browser, "Boolean((document.querySelector('textured-gaussians') || {}).model)")
+    loaded = browser.evaluate(f"""(async () => {{
+        window.elements = Array.from({{length: {MANY}}}, () => document.createElement('textured-gaussians'));
+        window.loads = 0;
+        for (const element of elements) {{
+          element.style.height = '{SIDE}px';
+          element.addEventListener('load', () => ++loads);
+          element.src = 'scene.glb';
+        }}
+        document.body.replaceChildren(...elements);
+        return true;
+    }})()""")
+    until(browser, f"loads === {MANY}")
+    browser.evaluate(f"{LOOK_AT}(0)")
+    browser.evaluate("elements[0].viewer.apply({camera: 36, background: 'white'}); elements[0].viewer.settled()")
+    view = browser.evaluate("elements[0].viewer.viewText")
+    most = 0
+    for index in range(MANY):
+        browser.evaluate(f"{LOOK_AT}({index})")
+        most = max(most, browser.evaluate(WITH_CONTEXT))
+    expect(f"of {MANY} elements at most 8 have a context, and each is shown", loaded and 1 < most <= 8, most)
+    asleep = browser.evaluate("""(({still, viewer}) => {
+        const {data} = still.getContext('2d').getImageData(0, 0, still.width, still.height);
+        return [viewer.renderer.gl.isContextLost(), new Set(new Uint32Array(data.buffer)).size > 100];
+    })(elements[0])""")
+    expect("one that was seen before is a still picture", asleep == [True, True], asleep)
+    back = browser.evaluate(f"{LOOK_AT}(0)")
+    expect("and comes back with its view", back == view, [back, view])
+    before = len(browser.requests)
+    again = browser.evaluate(f"""(async () => {{
+        const [element] = elements;
+        element.remove();
+        let lost = false;
+        for (let left = 100; left > 0 && !lost; --left) {{
+          await new Promise((done) => setTimeout(done, 50));
+          lost = element.viewer.renderer.gl.isContextLost();
+        }}
+        document.body.prepend(element);
+        await {LOOK_AT}(0);
+        return [lost, element.viewer.viewText === '{view}'];
+    }})()""")
+    fetched = [url for url in browser.requests[before:] if "scene" in url]
+    expect("one taken out and put in again goes on, without a download", again == [True, True] and not fetched,
+           [again, fetched])
+    browser.evaluate(f"elements[0].viewer.setSize('{SIDE}x{SIDE}')")
+    compare(browser, "element, after it gave its context back", from_data_url(browser.evaluate("elements[0].picture()")),
+            references["scene.glb", 36])
+    expect("no word on the element's console", not browser.log, browser.log[:3])
 
 
 # Red squares that face the camera: a near one on the left, one behind all on the right.
@@ -157,6 +237,12 @@ THREE_MOVE = """(({THREE, scene, camera, gaussians, draw}) => {
   camera.matrix.premultiply(move).decompose(camera.position, camera.quaternion, new THREE.Vector3());
   camera.updateMatrixWorld();
   draw();
+})(example)"""
+# As if the model had been photographed with z up: as its cameras' up.
+THREE_UP = """(({camera, gaussians}) => {
+  const upright = gaussians.model.cameras[0];
+  gaussians.model.cameras = [{...upright, axes: [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}];
+  gaussians.placeCamera(camera, 0);
 })(example)"""
 PIXEL = """(async (url, at) => {
   const image = new Image();
@@ -193,7 +279,28 @@ def show_engine(browser, address, name, references):
         near, far = pixel(browser, picture, 0.32, 0.5), pixel(browser, picture, 0.6, 0.55)
         expect("a mesh that is nearer hides the model", near == [255, 0, 0], near)
         expect("the model hides one that is farther", far != [255, 0, 0], far)
+        browser.evaluate(THREE_UP)
+        up = browser.evaluate("example.camera.up.toArray().map((x) => Math.round(1000 * x))")
+        expect("placeCamera gives controls the model's up", up == [0, 0, 1000], up)
+    if name == "babylon":
+        told = browser.evaluate("""(async () => {
+            const {ArcRotateCamera} = await import('@babylonjs/core/Cameras/arcRotateCamera.js');
+            const {Vector3} = await import('@babylonjs/core/Maths/math.vector.js');
+            try {
+              example.gaussians.placeCamera(new ArcRotateCamera('arc', 0, 1, 3, Vector3.Zero(), example.scene), 0);
+            } catch (error) { return error.message; }
+        })()""")
+        expect("placeCamera refuses an ArcRotateCamera", "ArcRotateCamera" in (told or ""), told)
     expect(f"no word on {name}'s console", not browser.log, browser.log[:3])
+    browser.evaluate("example.gaussians.settings.textures = 'rbga'; if (example.draw) example.draw(); 0")
+    until(browser, "new Promise((done) => setTimeout(() => done(true), 300))")
+    told = [line.splitlines()[0] for line in browser.log if "rbga" in line]
+    expect("a setting that there is not is told once", len(told) == 1 and "expected rgba" in told[0], told)
+    if name == "three":
+        browser.evaluate("example.gaussians.settings.textures = 'rgba'; example.gaussians.scale.set(1, 2, 1); "
+                         "example.draw(); example.draw(); 0")
+        told = [line.splitlines()[0] for line in browser.log if "scaled otherwise" in line]
+        expect("so is uneven scale", len(told) == 1, told)
 
 
 def main():
@@ -232,6 +339,7 @@ def main():
                              mobile=False)
                 if name == "element":
                     show_element(browser, server.address, references)
+                    show_many(browser, server.address, references)
                 else:
                     show_engine(browser, server.address, name, {k: v for k, v in references.items()})
     return 1 if failures else 0

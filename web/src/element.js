@@ -4,17 +4,27 @@ import {listenToHands, moveByKey} from './hands.js';
 import {fetchBytes, readFrom} from './model.js';
 import {Viewer} from './viewer.js';
 
+const MOST_CONTEXTS = 8;  // at a time on a page: beyond 16 browsers take the oldest one away, phones beyond 8
 const SETTINGS = ['camera', 'view', 'show', 'textures', 'intersection', 'outside', 'background'];
 const STYLE = `
 :host { display: block; position: relative; width: 100%; aspect-ratio: 16 / 9; overflow: hidden; background: #101114; }
 :host([hidden]) { display: none; }
 canvas { position: absolute; inset: 0; width: 100%; height: 100%; outline: none; touch-action: none; cursor: grab; }
 canvas:active { cursor: grabbing; }
+canvas.still { pointer-events: none; }
 canvas:focus-visible { outline: 2px solid #8fb2ff; outline-offset: -2px; }
 div { position: absolute; left: 0; top: 0; height: 4px; width: 0; background: #5b8af0; transition: width 0.2s; }
 p { position: absolute; left: 12px; right: 12px; bottom: 12px; margin: 0; padding: 8px 12px; border-radius: 6px;
   background: #7c2630; color: #fff; font: 13px/1.4 system-ui, sans-serif; overflow-wrap: anywhere; }
 p:empty, div[hidden] { display: none; }`;
+
+const awake = [];  // elements that have a context, the one seen last at the end
+let turn = Promise.resolve();  // they get theirs one after the other
+
+function makeRoom() {
+  if (awake.length < MOST_CONTEXTS) return;
+  (awake.find((element) => !element.inView) || awake[0]).sleep();
+}
 
 export class TexturedGaussiansElement extends HTMLElement {
   static get observedAttributes() { return ['src', ...SETTINGS]; }
@@ -25,46 +35,51 @@ export class TexturedGaussiansElement extends HTMLElement {
     root.innerHTML = `<style>${STYLE}</style><canvas tabindex="0"></canvas><div hidden></div><p role="alert"></p>`;
     [, this.canvas, this.bar, this.words] = root.children;
     this.viewer = null;
+    this.still = null;     // what is seen instead of the canvas while the viewer has no context
+    this.inView = false;
     this.loading = null;   // the address that is being read
+    this.loaded = null;    // {address, model} of what was read last
     this.stop = null;
     this.reasons = {};     // by attribute, why it does nothing
+    this.watcher = new ResizeObserver(() => this.viewer && this.viewer.changed());
+    this.lookout = new IntersectionObserver((entries) => {
+      this.inView = entries[entries.length - 1].isIntersecting;
+      if (this.inView) this.look();
+    }, {rootMargin: '25%'});
+    for (const kind of ['pointerdown', 'focus', 'wheel']) {
+      this.canvas.addEventListener(kind, () => this.look(), {passive: true});
+    }
+    this.canvas.onkeydown = (event) => {
+      if (!this.viewer || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (moveByKey(this.viewer, event)) event.preventDefault();
+    };
   }
 
   connectedCallback() {
     this.canvas.setAttribute('aria-label', this.getAttribute('alt') || '3D view of a model');
-    try {
-      this.viewer = new Viewer(this.canvas);
-    } catch (error) {
-      this.fail(error);
-      return;
-    }
-    this.viewer.onError = (error) => this.fail(error);
-    listenToHands(this.viewer);
-    this.canvas.onkeydown = (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (moveByKey(this.viewer, event)) event.preventDefault();
-    };
-    this.watcher = new ResizeObserver(() => this.viewer && this.viewer.changed());
     this.watcher.observe(this);
-    this.open();
+    this.lookout.observe(this);
+    if (this.loaded && this.loaded.address === this.src) this.look();
+    else this.open();
   }
 
   disconnectedCallback() {
     if (this.stop) this.stop.abort();
     this.loading = null;
-    if (this.watcher) this.watcher.disconnect();
-    if (this.viewer) this.viewer.dispose();
-    this.viewer = null;
-    // A context belongs to its canvas for good: another canvas for the next time.
-    const fresh = this.canvas.cloneNode();
-    this.canvas.replaceWith(fresh);
-    this.canvas = fresh;
+    this.watcher.disconnect();
+    this.lookout.disconnect();
+    this.inView = false;
+    turn = turn.then(() => {
+      if (!this.isConnected) this.sleep();
+    });
   }
 
   attributeChangedCallback(name) {
-    if (!this.viewer) return;
-    if (name === 'src') this.open();
-    else if (this.viewer.model) this.apply([name]);
+    if (name === 'src') {
+      if (this.isConnected) this.open();
+    } else if (this.model) {
+      this.wake().then(() => this.apply([name])).catch((error) => this.fail(error));
+    }
   }
 
   get src() { return this.getAttribute('src') || ''; }
@@ -81,20 +96,67 @@ export class TexturedGaussiansElement extends HTMLElement {
     this.stop = new AbortController();
     this.words.textContent = '';
     this.progress(0, 0);
+    const {signal} = this.stop;
     try {
-      const {signal} = this.stop;
       const onProgress = (loaded, total) => this.progress(loaded, total);
       const model = await readFrom(address, await fetchBytes(address, {signal, onProgress}));
-      if (this.loading !== address || signal.aborted) return;
-      await this.viewer.open(model);
-      if (this.loading !== address || signal.aborted) return;
-      this.apply(SETTINGS);
-      await this.viewer.settled();
+      if (signal.aborted) return;
+      this.loaded = {address, model};
+      if (this.inView || awake.length < MOST_CONTEXTS) await this.wake();
+      if (signal.aborted) return;
       this.bar.hidden = true;
       this.dispatchEvent(new CustomEvent('load', {detail: {model}}));
     } catch (error) {
-      if (this.loading === address && error.name !== 'AbortError') this.fail(error);
+      if (!signal.aborted) this.fail(error);
     }
+  }
+
+  // Shows the model that was read last, in a context of its own, which another element may have to give back for it.
+  // Resolves when its picture stands.
+  wake() {
+    if (awake.includes(this) && this.model === this.loaded.model) awake.push(...awake.splice(awake.indexOf(this), 1));
+    const shown = turn.then(() => this.show());
+    turn = shown.catch(() => {});
+    return shown;
+  }
+
+  look() { this.wake().catch((error) => this.fail(error)); }
+
+  async show() {
+    if (!this.isConnected || !this.loaded) return;
+    const {model} = this.loaded;
+    if (awake.includes(this) && this.model === model) return;
+    if (!awake.includes(this)) {
+      makeRoom();
+      if (this.viewer) {
+        await this.viewer.resume();
+      } else {
+        this.viewer = new Viewer(this.canvas);
+        this.viewer.onError = (error) => this.fail(error);
+        listenToHands(this.viewer);
+      }
+      awake.push(this);
+    }
+    try {
+      if (this.model !== model) {
+        await this.viewer.open(model);
+        this.apply(SETTINGS);
+      }
+      await this.viewer.settled();
+    } finally {
+      if (!this.model) this.sleep();
+    }
+    if (this.still) this.still.remove();
+    this.still = null;
+  }
+
+  // Gives the context back; a still picture stands for it.
+  sleep() {
+    if (!awake.includes(this)) return;
+    awake.splice(awake.indexOf(this), 1);
+    this.still = this.viewer.release();
+    this.still.className = 'still';
+    this.canvas.after(this.still);
   }
 
   apply(names) {
@@ -116,11 +178,20 @@ export class TexturedGaussiansElement extends HTMLElement {
     this.dispatchEvent(new CustomEvent('error', {detail: {error}}));
   }
 
-  // A PNG of the view as a data URL; settings: as the attributes.
-  picture(settings = {}) { return this.viewer.picture(settings); }
+  // A PNG of the view as a data URL; settings: as the attributes. Throws where there is no model yet.
+  async picture(settings = {}) {
+    await this.wake();
+    if (!awake.includes(this)) throw new Error('no model is shown');
+    return this.viewer.picture(settings);
+  }
 
-  // Flies through the model's views, or its cameras; false to stop.
-  play(on = true) { return this.viewer.play(on); }
+  // Flies through the model's views, or its cameras; false to stop. False where it cannot fly.
+  play(on = true) {
+    if (!this.model) return false;
+    if (awake.includes(this)) return this.viewer.play(on);
+    this.wake().then(() => this.viewer.play(on)).catch((error) => this.fail(error));
+    return on && this.viewer.stops.length > 1;
+  }
 }
 
 if (!customElements.get('textured-gaussians')) customElements.define('textured-gaussians', TexturedGaussiansElement);

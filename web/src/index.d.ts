@@ -47,16 +47,16 @@ export interface LoadOptions {
 }
 
 export type Show = 'final' | 'base' | 'texture' | 'alpha' | 'depth' | 'normal' | 'overdraw';
+export type Intersection = 'plane' | 'maxResponse';
+export type Outside = 'base' | 'clip' | 'edge';
 export type Textures = 'rgba' | 'rgb' | 'alpha' | 'off' | 'fallback';
 
-/** How a model is drawn in an engine. */
+/** How a model is drawn in an engine. A value that cannot be is told as an error, and nothing is drawn. */
 export interface Settings {
   show: 'final' | 'base';
   textures: Textures;
-  /** 0: plane, 1: maxResponse. */
-  intersection: number;
-  /** 0: base, 1: clip, 2: edge. */
-  outside: number;
+  intersection: Intersection;
+  outside: Outside;
   background: number[];
 }
 
@@ -69,8 +69,8 @@ export function loadModel(url: string, options?: LoadOptions): Promise<Model>;
 export interface ViewerSettings {
   show?: Show;
   textures?: Textures;
-  intersection?: 'plane' | 'maxResponse';
-  outside?: 'base' | 'clip' | 'edge';
+  intersection?: Intersection;
+  outside?: Outside;
   /** 'r,g,b' from 0 to 1, 'black' or 'white'. */
   background?: string;
   /** 'WxH' in pixels, or 'window'. */
@@ -99,6 +99,9 @@ export class Viewer {
   play(on?: boolean): boolean;
   changed(byHand?: boolean): void;
   settled(): Promise<void>;
+  /** Gives the WebGL context back, of which a browser has few, until resume(). A canvas with what was seen. */
+  release(): HTMLCanvasElement;
+  resume(): Promise<void>;
   /** A PNG as a data URL. */
   picture(settings?: ViewerSettings): Promise<string>;
   dispose(): void;
@@ -112,7 +115,8 @@ export class Splats {
   static inContext(gl: WebGL2RenderingContext, model: Model,
                    options?: {onChange?: () => void; onError?: (error: Error) => void}): Promise<Splats>;
   settings: Settings;
-  /** Over the framebuffer that is bound, with its depth. Returns whether all was there, in the right order. */
+  /** Over the framebuffer that is bound, with its depth. Returns whether all was there, in the right order. What
+      cannot be drawn is told to onError, once. */
   drawInto(view: {viewFromModel: ArrayLike<number>; projection: ArrayLike<number>;
                   viewport: number[]; linear?: boolean}): boolean;
   dispose(): void;

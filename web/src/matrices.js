@@ -15,16 +15,40 @@ export function multiplied(a, b) {
   return out;
 }
 
+const UNEVEN = 1e-2;  // of scales along axes and of their angles, which no picture shows yet
+
+const isPerspective = (p) => Math.abs(Math.abs(p[11]) - 1) <= 1e-6 && Math.abs(p[15]) <= 1e-6;
+
+function determinant(m) {
+  return m[0] * (m[5] * m[10] - m[6] * m[9]) - m[4] * (m[1] * m[10] - m[2] * m[9]) + m[8] * (m[1] * m[6] - m[2] * m[5]);
+}
+
+// Why a model cannot be drawn with these matrices, which are cameraOf's; '' where it can.
+export function objection(viewFromModel, projection) {
+  const m = viewFromModel, p = projection;
+  if (!isPerspective(p)) return 'a camera without perspective shows no Gaussians';
+  const volume = -p[11] * determinant(m);
+  if (!(volume > 0)) return 'an object that is mirrored, or has no size, shows no Gaussians';
+  const square = Math.cbrt(volume) ** 2;
+  for (let a = 0; a < 12; a += 4) {
+    for (let b = a; b < 12; b += 4) {
+      const product = (m[a] * m[b] + m[a + 1] * m[b + 1] + m[a + 2] * m[b + 2]) / square;
+      if (Math.abs(product - (a === b ? 1 : 0)) > UNEVEN) {
+        return 'an object that is scaled otherwise along one axis than along another shows no Gaussians';
+      }
+    }
+  }
+  return '';
+}
+
 // {camera: a pinhole camera in the model's space; depth: [a, b], a normalised depth is a + b / camera z}. Matrices are 16
-// numbers by columns; the model may be turned, moved and scaled uniformly, the view look along -z or +z. Null for what
-// is no perspective, or mirrored.
+// numbers by columns; the model may be turned, moved and scaled uniformly, the view look along -z or +z. Null where
+// objection() has one, or there is no picture.
 export function cameraOf(viewFromModel, projection, width, height) {
   const m = viewFromModel, p = projection;
+  if (!(width >= 1 && height >= 1) || objection(m, p)) return null;
   const ahead = p[11];  // -1: the view looks along -z; 1: along +z
-  if (!(width >= 1 && height >= 1) || Math.abs(Math.abs(ahead) - 1) > 1e-6 || Math.abs(p[15]) > 1e-6) return null;
-  const scale = Math.cbrt(ahead * -(m[0] * (m[5] * m[10] - m[6] * m[9]) - m[4] * (m[1] * m[10] - m[2] * m[9]) +
-                                    m[8] * (m[1] * m[6] - m[2] * m[5])));
-  if (!(scale > 0)) return null;
+  const scale = Math.cbrt(-ahead * determinant(m));
   const row = (k, sign) => [sign * m[k] / scale, sign * m[4 + k] / scale, sign * m[8 + k] / scale];
   const axes = [row(0, 1), row(1, -1), row(2, ahead)];
   // The eye: where camera_from_model gives 0.

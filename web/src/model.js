@@ -19,10 +19,29 @@ function beginningOf(bytes) {
   return `${bytes.length} bytes that begin otherwise`;
 }
 
-// The bytes at an address. onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it.
+const LONGEST_ADDRESS = 200;  // characters of one in what goes wrong: data: addresses hold whole files
+
+function failure(url, words, cause) {
+  const address = String(url);
+  const told = address.length > LONGEST_ADDRESS ? `${address.slice(0, LONGEST_ADDRESS)}...` : address;
+  return new Error(`${told}: ${words}`, {cause});
+}
+
+// The bytes at an address. onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it. What goes
+// wrong has the address before it, but for an AbortError of `signal`.
 export async function fetchBytes(url, {onProgress, signal} = {}) {
+  try {
+    return await receivedBytes(url, onProgress, signal);
+  } catch (error) {
+    if (signal && signal.aborted || !(error instanceof TypeError)) throw error;
+    // Browsers say "Failed to fetch" of all of these.
+    throw failure(url, `no answer, an answer that broke off, or one that this page may not read (${error.message})`, error);
+  }
+}
+
+async function receivedBytes(url, onProgress, signal) {
   const answer = await fetch(url, {signal});
-  if (!answer.ok) throw new Error(`${url}: ${answer.status} ${answer.statusText}`.trim());
+  if (!answer.ok) throw failure(url, `${answer.status} ${answer.statusText}`.trim());
   if (!onProgress || !answer.body) return new Uint8Array(await answer.arrayBuffer());
   const packed = answer.headers.get('Content-Encoding');
   const total = packed ? 0 : Number(answer.headers.get('Content-Length')) || 0;
@@ -51,6 +70,6 @@ export async function readFrom(url, bytes) {
   try {
     return await readModel(bytes);
   } catch (error) {
-    throw new Error(`${url}: ${error.message}`, {cause: error});
+    throw failure(url, error.message, error);
   }
 }

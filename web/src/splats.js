@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // A model in a context: on the device, kept in order by a worker. What all engines' adapters draw.
-import {MODES} from './glb.js';
-import {cameraOf} from './matrices.js';
+import {INTERSECTIONS, MODES, OUTSIDES} from './glb.js';
+import {cameraOf, objection} from './matrices.js';
 import {drawOver} from './gl_state.js';
 import {dot} from './camera.js';
-import {SplatRenderer} from './renderer.js';
+import {SHOW, SplatRenderer} from './renderer.js';
 import {Sorter} from './sort.js';
 
 export const TEXTURE_CHOICES = {rgba: 3, rgb: 2, alpha: 1, off: 0, fallback: 0};  // masks on the model's kMode*
@@ -22,8 +22,10 @@ const viewRow = ({axes, eye}) => [...axes[2], -dot(axes[2], eye)];
 export class Splats {
   // Settings that a model brings along, under the names that Viewer.apply() takes.
   static settingsOf(model) {
-    return {show: 'final', textures: model.layer ? modeName(model.layer) : 'off', intersection: model.intersection,
-            outside: model.outside, background: model.background};
+    const nameOf = (known, number) => Object.keys(known).find((name) => known[name] === number);
+    return {show: 'final', textures: model.layer ? nameOf(MODES, model.layer.mode) : 'off',
+            intersection: nameOf(INTERSECTIONS, model.intersection), outside: nameOf(OUTSIDES, model.outside),
+            background: model.background};
   }
 
   // onChange(): there is a better order than the last one drawn. onError(error): of the worker.
@@ -36,8 +38,9 @@ export class Splats {
   static inContext(gl, model, options) { return Splats.create(rendererOf(gl), model, options); }
 
   constructor(renderer, model, gpu, onChange, onError) {
-    Object.assign(this, {renderer, model, gpu, onChange});
+    Object.assign(this, {renderer, model, gpu, onChange, onError});
     this.settings = Splats.settingsOf(model);
+    this.complaint = '';  // the last one, which is said once
     this.sorter = new Sorter(model.mean, {
       take: (order, visible) => this.gpu.setOrder(order, visible), onChange: () => this.onChange(), onError,
     });
@@ -48,23 +51,44 @@ export class Splats {
 
   sort(camera) { this.sorter.want(viewRow(camera)); }
 
-  // As the shaders want them; `settings` as Viewer.apply() names them.
+  // As the shaders want them; `settings` as Viewer.apply() names them. Throws at the first value that cannot be.
   static forShaders(settings) {
-    return {...settings, textures: TEXTURE_CHOICES[settings.textures], fallback: settings.textures === 'fallback'};
+    const number = (key, known) => {
+      const value = settings[key];
+      if (Object.hasOwn(known, value)) return known[value];
+      throw new Error(`settings.${key} is ${JSON.stringify(value)} (expected ${Object.keys(known).join(', ')})`);
+    };
+    number('show', SHOW);
+    return {...settings, textures: number('textures', TEXTURE_CHOICES), fallback: settings.textures === 'fallback',
+            intersection: number('intersection', INTERSECTIONS), outside: number('outside', OUTSIDES)};
   }
 
   // Over what another engine has drawn into the framebuffer that is bound. view: {viewFromModel, projection: matrices,
   // 16 numbers by columns; viewport: [x, y, width, height] in pixels; linear: whether the framebuffer holds linear
-  // light, its format decides where it is undefined}. Returns whether all was there, in the right order.
+  // light, its format decides where it is undefined}. Returns whether all was there, in the right order. What cannot be
+  // drawn is told to onError, once.
   drawInto({viewFromModel, projection, viewport, linear}) {
     const found = cameraOf(viewFromModel, projection, viewport[2], viewport[3]);
-    if (!found) return true;
+    if (!found) {
+      this.complain(objection(viewFromModel, projection));
+      return true;
+    }
     this.sort(found.camera);
-    if (this.gpu.visible > 0) {
+    try {
+      const settings = Splats.forShaders(this.settings);
       const view = {camera: found.camera, depth: found.depth, origin: [viewport[0], viewport[1]], linear};
-      drawOver(this.renderer, this.gpu, view, Splats.forShaders(this.settings));
+      if (this.gpu.visible > 0) drawOver(this.renderer, this.gpu, view, settings);
+      this.complaint = '';
+    } catch (error) {
+      this.complain(error.message);
+      return true;
     }
     return this.sorted;
+  }
+
+  complain(words) {
+    if (words && words !== this.complaint) this.onError(new Error(words));
+    this.complaint = words;
   }
 
   dispose() {

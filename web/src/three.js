@@ -39,7 +39,7 @@ export class TexturedGaussians extends Mesh {
 
   async open(gl) {
     const onChange = () => this.dispatchEvent({type: 'change'});
-    const onError = (error) => this.dispatchEvent({type: 'error', error});
+    const onError = (error) => this.fail(error);
     const splats = await Splats.inContext(gl, this.model, {onChange, onError});
     if (this.disposed) {
       splats.dispose();
@@ -49,10 +49,15 @@ export class TexturedGaussians extends Mesh {
     onChange();
   }
 
+  fail(error) {
+    console.error(error);
+    this.dispatchEvent({type: 'error', error});
+  }
+
   draw(renderer, camera) {
     this.settled = false;
     if (!this.splats) {
-      this.prepare(renderer).catch((error) => this.dispatchEvent({type: 'error', error}));
+      if (!this.opening) this.prepare(renderer).catch((error) => this.fail(error));
       return;
     }
     const target = renderer.getRenderTarget();

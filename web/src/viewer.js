@@ -17,7 +17,8 @@ export class Viewer {
     this.canvas = canvas;
     this.openContext();
     this.splats = null;       // what is shown
-    this.settings = {show: 'final', textures: 'rgba', intersection: 1, outside: 0, background: [0, 0, 0]};
+    this.model = null;        // what it is of
+    this.settings = {show: 'final', textures: 'rgba', intersection: 'maxResponse', outside: 'base', background: [0, 0, 0]};
     this.fixedSize = null;    // [px] instead of the canvas' own
     this.cameraIndex = -1;    // of the model's cameras, while the view is one of them; likewise for its views
     this.viewIndex = -1;
@@ -28,10 +29,13 @@ export class Viewer {
     this.flight = null;       // a path that is played
     this.waiting = [];        // called when the picture is what was asked for
     this.openings = 0;
+    this.lost = null;         // resolves once the context is, that release() has given back
     this.onChange = () => {};
     this.onError = (error) => console.error(error);
     canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
-    canvas.addEventListener('webglcontextrestored', () => this.restore().catch((error) => this.onError(error)));
+    canvas.addEventListener('webglcontextrestored', () => {
+      if (!this.lost) this.restore().catch((error) => this.onError(error));
+    });
   }
 
   openContext() {
@@ -39,9 +43,8 @@ export class Viewer {
                                                  powerPreference: 'high-performance'});
     if (!gl) throw new Error('This browser offers no WebGL 2, which the picture needs.');
     this.renderer = new SplatRenderer(gl);
+    this.device = gl.getExtension('WEBGL_lose_context');
   }
-
-  get model() { return this.splats && this.splats.model; }
 
   // Shows another model, from its start view on: the first of its views, its first test camera, or everything.
   async open(model) {
@@ -80,6 +83,7 @@ export class Viewer {
     next.onChange = () => this.changed();
     if (this.splats) this.splats.dispose();
     this.splats = next;
+    this.model = model;
     const {camera, distance} = orbit.camera || !this.orbit ? orbit : this.orbit;
     this.orbit = Object.assign(orbit, {camera, distance});
     return true;
@@ -116,9 +120,12 @@ export class Viewer {
     this.cameraIndex = this.viewIndex = -1;
   }
 
-  // The views in their order, or the cameras where there are none, round and round. False without two of them.
+  // What a flight passes: the views in their order, or the cameras where there are none.
+  get stops() { return this.model.views.length > 1 ? this.model.views : this.model.cameras; }
+
+  // Round and round past the stops. False without two of them.
   play(on = true) {
-    const stops = this.model.views.length > 1 ? this.model.views : this.model.cameras;
+    const {stops} = this;
     this.flight = on && stops.length > 1 ? new Flight(stops, this.orbit.camera) : null;
     if (this.flight) this.cameraIndex = this.viewIndex = -1;
     this.changed();
@@ -153,6 +160,7 @@ export class Viewer {
   get moving() { return performance.now() - this.lastInput < REST_MILLISECONDS; }
 
   frame(time) {
+    if (this.lost) return;
     if (this.flight) {
       this.orbit.set(this.flight.at(time));
       this.changed(true);
@@ -204,13 +212,8 @@ export class Viewer {
     };
     choice('show', Object.keys(SHOW));
     choice('textures', Object.keys(TEXTURE_CHOICES));
-    for (const [key, numbers] of [['intersection', INTERSECTIONS], ['outside', OUTSIDES]]) {
-      if (wanted[key] === undefined) continue;
-      if (!Object.hasOwn(numbers, wanted[key])) {
-        throw new Error(`${key}=${wanted[key]} (expected ${Object.keys(numbers).join(', ')})`);
-      }
-      this.settings[key] = numbers[wanted[key]];
-    }
+    choice('intersection', Object.keys(INTERSECTIONS));
+    choice('outside', Object.keys(OUTSIDES));
     if (wanted.background !== undefined) {
       const named = {black: [0, 0, 0], white: [1, 1, 1]}[wanted.background];
       const color = named || String(wanted.background).split(',').map(Number);
@@ -274,7 +277,10 @@ export class Viewer {
       return;
     }
     const camera = parseView(String(wanted));
-    if (!camera) throw new Error(`view=${wanted} (expected a view's name, or x,y,z and what a link has behind it)`);
+    if (!camera) {
+      const own = views.length > 0 ? `a view's name, 0 to ${views.length - 1},` : 'no name or number: the model has no views,';
+      throw new Error(`view=${wanted} (expected ${own} or x,y,z and what a link has behind it)`);
+    }
     this.moved();
     this.orbit.set(camera);
     this.orbit.distance = camera.distance;
@@ -301,11 +307,35 @@ export class Viewer {
 
   async restore() {
     this.openContext();
-    if (!this.splats) return;
-    const {model} = this.splats;
-    this.splats.sorter.dispose();
+    if (this.splats) this.splats.sorter.dispose();
     this.splats = null;
-    if (await this.take(model, this.orbit)) this.changed();
+    if (this.model && await this.take(this.model, this.orbit)) this.changed();
+  }
+
+  // Gives the context back, of which a browser has few, until resume(). Returns a canvas with what was seen.
+  release() {
+    const still = document.createElement('canvas');
+    [still.width, still.height] = [this.canvas.width, this.canvas.height];
+    if (this.splats && this.orbit.camera) {
+      this.draw(1);
+      still.getContext('2d').drawImage(this.canvas, 0, 0);
+      this.splats.sorter.dispose();
+    }
+    this.splats = this.flight = null;
+    this.lost = new Promise((done) => this.canvas.addEventListener('webglcontextlost', done, {once: true}));
+    this.device.loseContext();
+    return still;
+  }
+
+  // Goes on where release() was called. Resolves when the model is on the device again.
+  async resume() {
+    await this.lost;
+    const restored = new Promise((done) => this.canvas.addEventListener('webglcontextrestored', done, {once: true}));
+    this.device.restoreContext();
+    await restored;
+    await this.restore();
+    this.lost = null;
+    this.changed();
   }
 
   dispose() {
@@ -313,7 +343,8 @@ export class Viewer {
     this.flight = null;
     clearTimeout(this.restTimer);
     if (this.splats) this.splats.dispose();
-    this.splats = null;
+    this.splats = this.model = null;
     this.renderer.dispose();
+    this.device.loseContext();
   }
 }

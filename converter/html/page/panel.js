@@ -85,7 +85,7 @@ class Panel {
       const values = this.textureChoices().map(([value]) => value);
       if (values.length > 0) cycle(values, settings.textures, (value) => { settings.textures = value; });
     } else if (key === 'i') {
-      cycle(Object.values(INTERSECTIONS), settings.intersection, (value) => { settings.intersection = value; });
+      cycle(Object.keys(INTERSECTIONS), settings.intersection, (value) => { settings.intersection = value; });
     } else if (key === 'f') {
       viewer.frameAll();
     } else if (key === 'h') {
@@ -132,9 +132,8 @@ class Panel {
     const {viewer} = this;
     const own = Splats.settingsOf(viewer.model), now = viewer.settings;
     const words = [`view=${viewer.viewText}`];
-    for (const key of ['show', 'textures']) if (now[key] !== own[key]) words.push(`${key}=${now[key]}`);
-    for (const [key, numbers] of [['intersection', INTERSECTIONS], ['outside', OUTSIDES]]) {
-      if (now[key] !== own[key]) words.push(`${key}=${Object.keys(numbers)[now[key]]}`);
+    for (const key of ['show', 'textures', 'intersection', 'outside']) {
+      if (now[key] !== own[key]) words.push(`${key}=${now[key]}`);
     }
     if (String(now.background) !== String(own.background)) {
       words.push(`background=${now.background.map((c) => Number(c.toFixed(4))).join(',')}`);
@@ -182,9 +181,8 @@ class Panel {
     fillChoices('show', Object.keys(SHOW).map((name) => [name]), set('show'));
     fillChoices('textures', this.textureChoices(), set('textures'));
     fillChoices('outside', model.layer ? Object.keys(OUTSIDES).map((name) => [name, OUTSIDE_TITLES[name]]) : [],
-                (value) => set('outside')(OUTSIDES[value]));
-    fillChoices('intersection', Object.keys(INTERSECTIONS).map((name) => [name]),
-                (value) => set('intersection')(INTERSECTIONS[value]));
+                set('outside'));
+    fillChoices('intersection', Object.keys(INTERSECTIONS).map((name) => [name]), set('intersection'));
     this.update();
   }
 
@@ -202,8 +200,8 @@ class Panel {
     const {settings} = viewer;
     press('show', settings.show);
     press('textures', settings.textures);
-    press('outside', Object.keys(OUTSIDES)[settings.outside]);
-    press('intersection', Object.keys(INTERSECTIONS)[settings.intersection]);
+    press('outside', settings.outside);
+    press('intersection', settings.intersection);
     element('play').setAttribute('aria-pressed', String(viewer.playing));
     element('camera').value = viewer.viewIndex >= 0 ? `v${viewer.viewIndex}` : String(viewer.cameraIndex);
     element('background').value =
