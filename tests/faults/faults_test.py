@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""What the programs do when a call fails: faults_test.py INJECTOR BIN [--most N] [--only WORD] [--keep]
+"""What the programs do when a call fails: faults_test.py INJECTOR BIN [--most N] [--only WORD] [--kind KIND]
 
 For each command below and each kind of call, the command runs with its K-th such call failing, for every K or for --most
 of them spread over all. It must end by itself with the right code and one line, leave what stood there whole and nothing
-beside it, or, where it did without what failed, make what it makes otherwise."""
+beside it, or, where it did without what failed, make what it makes otherwise. Killed before its K-th call that concerns
+files, it may leave temporary files (.tg-*), and makes what it makes when it is called again."""
 import argparse
 import contextlib
 import io
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 import tarfile
@@ -26,10 +28,12 @@ OLDER = b"older"
 
 
 class Scenario:
-    """A command in a folder: `inputs` are copied there first, `output` (a file or a folder) is what it makes."""
+    """A command in a folder: `inputs` are linked there first, `output` (a file or a folder) is what it makes, with
+    `again` behind it where a killed one has been at work. `parts`: the output is files that come one by one."""
 
-    def __init__(self, name, command, output, inputs=(), kinds=tuple(CODES), older=True, window=False):
-        self.name, self.command, self.output = name, command, output
+    def __init__(self, name, command, output, inputs=(), kinds=(*CODES, "kill"), older=True, window=False, again=(),
+                 parts=False):
+        self.name, self.command, self.output, self.again, self.parts = name, command, output, again, parts
         self.inputs, self.kinds, self.older, self.window = inputs, kinds, older, window
 
 
@@ -45,11 +49,14 @@ def scenarios(model, scene, script):
                            "--overwrite"], "out.tgz", [scene]),
         Scenario("train in a run folder", ["tgtrain", "scene", "--run", "out", "--iterations", "3",
                                            "--texture-iterations", "2", "--gaussians", "60", "--texture-size", "2",
-                                           "--threads", "2", "--device", "cpu", "--quiet"], "out", [scene], older=False),
+                                           "--threads", "2", "--device", "cpu", "--quiet"], "out", [scene], older=False,
+                 again=["--resume"], parts=True),
         Scenario("evaluate", ["tgeval", "model.tgz", "scene", "--json", "out.json", "--device", "cpu", "--threads", "2",
                               "--overwrite"], "out.json", [model, scene]),
         Scenario("render", ["tgview", "model.tgz", "--render", "out.png", "--size", "64x48", "--backend", "cpu"],
                  "out.png", [model], older=False),
+        Scenario("record pictures", ["tgview", "model.tgz", "--turntable", "3", "-o", "out/####.png", "--size", "64x48",
+                                     "--backend", "cpu"], "out", [model], ["kill"], older=False, parts=True),
         Scenario("render by Vulkan", ["tgview", "model.tgz", "--render", "out.png", "--size", "64x48", "--backend",
                                       "vulkan"], "out.png", [model], ["vulkan"], older=False),
         Scenario("render by OpenGL", ["tgview", "model.tgz", "--render", "out.png", "--size", "64x48", "--backend",
@@ -61,10 +68,13 @@ def scenarios(model, scene, script):
     ]
 
 
-def contents(folder):
-    """Everything in a folder, names and bytes, without the seconds that a training took."""
+def contents(folder, temporary):
+    """Everything in a folder, names and bytes, without the seconds that a training took. `temporary`: with files that
+    are not at their place yet."""
     found = {}
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+        if not temporary and file.name.startswith(".tg-"):
+            continue
         data = file.read_bytes()
         if file.suffix == ".tgz" and data != OLDER:
             with tarfile.open(fileobj=io.BytesIO(data)) as bundle:
@@ -85,18 +95,20 @@ class Runner:
     def __init__(self, options, folder, screen):
         self.options, self.folder, self.screen, self.failures, self.runs = options, folder, screen, [], 0
 
-    def run(self, scenario, kind, k):
-        """The finished process, the folder's files, and how many calls of the kind there were."""
+    def run(self, scenario, kind, k, again=False):
+        """The finished process, the folder's files, and what failed or how many calls of the kind there were. `again`:
+        where the run before has left off."""
         work = self.folder / "work"
-        shutil.rmtree(work, ignore_errors=True)
-        work.mkdir()
-        for file in scenario.inputs:
-            (work / file.name).symlink_to(file)
-        if scenario.output and scenario.older:
-            (work / scenario.output).write_bytes(OLDER)
+        if not again:
+            shutil.rmtree(work, ignore_errors=True)
+            work.mkdir()
+            for file in scenario.inputs:
+                (work / file.name).symlink_to(file)
+            if scenario.output and scenario.older:
+                (work / scenario.output).write_bytes(OLDER)
         count = self.folder / "count"
         count.unlink(missing_ok=True)
-        command = [str(self.options.bin / scenario.command[0]), *scenario.command[1:]]
+        command = [str(self.options.bin / scenario.command[0]), *scenario.command[1:], *(scenario.again if again else ())]
         environment = os.environ | {"LD_PRELOAD": str(self.options.injector), "TG_FAULT": f"{kind}:{k}:{count}",
                                     "HOME": str(self.folder), "XDG_STATE_HOME": str(self.folder / "state"),
                                     "XDG_CACHE_HOME": str(self.folder / "cache"), "TMPDIR": str(self.folder / "tmp")}
@@ -110,10 +122,10 @@ class Runner:
         except subprocess.TimeoutExpired:
             done = None
         self.runs += 1
-        return done, contents(work), int(count.read_text()) if count.exists() else 0
+        return done, contents(work, kind != "kill"), count.read_text() if count.exists() else "0"
 
     def complain(self, scenario, kind, k, what):
-        self.failures.append(f"{scenario.name}, {kind} {k}: {what}")
+        self.failures.append(f"{scenario.name}, {kind} {k} {what}")
         print(self.failures[-1], flush=True)
 
     def judge(self, scenario, kind, k, done, files, before, wanted):
@@ -125,6 +137,8 @@ class Runner:
             return f"success, but other bytes: {differing}" if differing else None
         if any((kind, done.returncode) == known[:2] and known[2] in said for known in KNOWN):
             return None
+        if kind == "kill":
+            return self.judge_killed(scenario, done, files, before, wanted)
         codes = CODES.get(kind) or DEVICE_CODES[kind]
         if done.returncode not in codes:
             return f"exit code {done.returncode} (expected {sorted(codes)}): {said[-300:]}"
@@ -136,20 +150,40 @@ class Runner:
         parts = [name for name in files if name not in wanted and name not in before]
         return f"left behind: {parts}" if parts else None
 
+    def judge_killed(self, scenario, done, files, before, wanted):
+        if done.returncode != -signal.SIGKILL:
+            return f"exit code {done.returncode}"
+        def is_right(name):
+            if scenario.parts and name not in before:  # bundles on the way were read by contents()
+                return files.get(name) == wanted.get(name) or name.endswith(".tgz")
+            return files.get(name) in (before.get(name), wanted.get(name))
+        broken = sorted(name for name in before.keys() | files.keys() if not is_right(name))
+        if broken:
+            return f"broken: {broken}"
+        done, files, _ = self.run(scenario, "kill", 0, again=True)
+        if done is None or done.returncode != 0:
+            return f"called again: {'hangs' if done is None else done.stderr.decode(errors='replace')}"
+        differing = sorted(name for name in wanted.keys() | files.keys() if files.get(name) != wanted.get(name))
+        return f"called again, other bytes: {differing}" if differing else None
+
     def sweep(self, scenario):
         for kind in scenario.kinds:
-            done, wanted, calls = self.run(scenario, kind, 0)
+            if self.options.kind not in ("", kind):
+                continue
+            done, wanted, told = self.run(scenario, kind, 0)
             if done is None or done.returncode != 0:
-                self.complain(scenario, kind, 0, "fails by itself: " + ("hangs" if done is None else done.stderr.decode()))
+                said = "hangs" if done is None else done.stderr.decode()
+                self.complain(scenario, kind, 0, f"(nothing): fails by itself: {said}")
                 return
+            calls = int(told)
             print(f"{scenario.name}, {kind}: {calls} calls", flush=True)
             before = {name: OLDER if name == scenario.output else data for name, data in wanted.items()
-                      if name == scenario.output or any(name.startswith(file.name) for file in scenario.inputs)}
+                      if scenario.older and name == scenario.output or any(name.startswith(file.name) for file in scenario.inputs)}
             for k in spread(calls, self.options.most):
-                done, files, _ = self.run(scenario, kind, k)
+                done, files, told = self.run(scenario, kind, k)
                 wrong = self.judge(scenario, kind, k, done, files, before, wanted)
                 if wrong:
-                    self.complain(scenario, kind, k, wrong)
+                    self.complain(scenario, kind, k, f"({told}): {wrong}")
 
 
 def prepare(options, folder):
@@ -190,7 +224,9 @@ def main():
     parser.add_argument("bin", type=pathlib.Path)
     parser.add_argument("--most", type=int, default=10**9, help="calls of a kind that fail, spread over all")
     parser.add_argument("--only", default="", help="scenarios whose name holds this")
+    parser.add_argument("--kind", default="", help="this one alone")
     options = parser.parse_args()
+    options.injector, options.bin = options.injector.resolve(), options.bin.resolve()
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name).resolve()
         with display() as screen:

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Preloaded, it makes one call of a program fail: TG_FAULT="KIND:K:FILE" the K-th of that kind after main has begun (0:
-// none). FILE gets how many calls there were. Kinds: memory, open, read, write, sync, rename, thread, and those of
-// inject_device.cpp.
+// none). FILE gets the name of what failed, or how many calls there were. Kinds: memory, open, read, write, sync, rename,
+// thread, kill (the process, by SIGKILL, before a call of open, write, sync or rename), and those of inject_device.cpp.
 #include "inject.h"
 
 #include <cerrno>
+#include <csignal>
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
@@ -33,17 +34,35 @@ std::atomic<bool> counting;  // only between main's first and last line: loaders
 std::atomic<std::uint64_t> calls;
 std::uint64_t chosen;
 char kind[16], report[4096];
+std::atomic<bool> failed;
+
+void tell(const char* text) {
+  const long file = syscall(SYS_openat, AT_FDCWD, report, O_WRONLY | O_CREAT | O_TRUNC, 0666);
+  syscall(SYS_write, file, text, std::strlen(text));
+  syscall(SYS_close, file);
+}
 
 }  // namespace
 
-bool isChosen(const char* of) {
-  return counting.load(std::memory_order_relaxed) && std::strcmp(kind, of) == 0 && ++calls == chosen;
+bool isChosen(const char* of, const char* name) {
+  if (!counting.load(std::memory_order_relaxed) || std::strcmp(kind, of) != 0 || ++calls != chosen) return false;
+  failed = true;
+  tell(name);
+  return true;
 }
 
 namespace {
 
+bool changesFiles(const char* of) {
+  for (const char* name : {"open", "write", "sync", "rename"}) {
+    if (std::strcmp(of, name) == 0) return true;
+  }
+  return false;
+}
+
 bool fails(const char* of, int error) {
-  if (!isChosen(of)) return false;
+  if (changesFiles(of) && isChosen("kill", of)) kill(getpid(), SIGKILL);
+  if (!isChosen(of, of)) return false;
   errno = error;
   return true;
 }
@@ -84,13 +103,12 @@ int countedMain(int argc, char** argv, char** environment) {
   return program(argc, argv, environment);
 }
 
-__attribute__((destructor)) void tell() {
+__attribute__((destructor)) void tellCount() {
   counting = false;
-  if (report[0] == 0) return;
+  if (report[0] == 0 || failed) return;
   char text[32];
-  const int length = std::snprintf(text, sizeof text, "%lu\n", calls.load());
-  const long file = syscall(SYS_openat, AT_FDCWD, report, O_WRONLY | O_CREAT | O_TRUNC, 0666);
-  syscall(SYS_write, file, text, length);
+  std::snprintf(text, sizeof text, "%lu", calls.load());
+  tell(text);
 }
 
 }  // namespace

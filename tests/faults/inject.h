@@ -4,8 +4,8 @@
 
 namespace tg::test {
 
-// Counts a call of a kind; whether it is the one that TG_FAULT chose.
-bool isChosen(const char* kind);
+// Counts a call of a kind; whether it is the one that TG_FAULT chose. `name`: of the function, for the report.
+bool isChosen(const char* kind, const char* name);
 
 // Puts wrappers before OpenGL's and EGL's functions where the program has them.
 void takeGl();

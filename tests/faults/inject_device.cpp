@@ -8,6 +8,7 @@
 #include <vulkan/vulkan.h>
 #include <atomic>
 #include <cstdint>
+#include <cstring>
 #include <utility>
 
 #include "inject.h"
@@ -21,13 +22,20 @@ struct Name {
 
 using Word = std::uintptr_t;
 
+std::atomic<Word> queue;  // the last one that got work
+
 // Every call below takes numbers, handles and pointers alone, eight at most: as many words hold them, whatever they are
 // (System V on x86-64, AArch64).
 VkResult callVulkan(const char* name, VkResult error, Word a, Word b, Word c, Word d, Word e, Word f, Word g, Word h) {
   using Function = VkResult (*)(Word, Word, Word, Word, Word, Word, Word, Word);
   const auto real = reinterpret_cast<Function>(dlsym(RTLD_NEXT, name));
-  if (!isChosen("vulkan")) return real(a, b, c, d, e, f, g, h);
-  if (error == VK_ERROR_DEVICE_LOST) real(a, b, c, d, e, f, g, h);  // what runs is at an end when the program looks
+  if (std::strcmp(name, "vkQueueSubmit") == 0) queue = a;
+  if (!isChosen("vulkan", name)) return real(a, b, c, d, e, f, g, h);
+  if (error == VK_ERROR_DEVICE_LOST) {
+    real(a, b, c, d, e, f, g, h);
+    // A lost device runs nothing: what it was told has come to its end when the program hears of it.
+    if (queue != 0) reinterpret_cast<VkResult (*)(Word)>(dlsym(RTLD_NEXT, "vkQueueWaitIdle"))(queue);
+  }
   return error;
 }
 
@@ -66,8 +74,8 @@ template <const Name& name, typename Result, typename... Arguments>
 struct Gl<name, Result (*)(Arguments...)> {
   using Own = Taken<name, Result (*)(Arguments...)>;
   static Result call(Arguments... arguments) {
-    if (isChosen("gl-lost")) lost = true;
-    if (!isChosen("gl")) return Own::call(arguments...);
+    if (isChosen("gl-lost", name.text)) lost = true;
+    if (!isChosen("gl", name.text)) return Own::call(arguments...);
     next_error = GL_OUT_OF_MEMORY;
     return Result();
   }
@@ -78,7 +86,9 @@ struct Egl;
 template <const Name& name, typename Result, typename... Arguments>
 struct Egl<name, Result (*)(Arguments...)> {
   using Own = Taken<name, Result (*)(Arguments...)>;
-  static Result call(Arguments... arguments) { return isChosen("egl") ? Result() : Own::call(arguments...); }
+  static Result call(Arguments... arguments) {
+    return isChosen("egl", name.text) ? Result() : Own::call(arguments...);
+  }
 };
 
 constexpr Name kGetError{"epoxy_glGetError"}, kResetStatus{"epoxy_glGetGraphicsResetStatus"};

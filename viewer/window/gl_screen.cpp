@@ -172,8 +172,9 @@ class GlScreen final : public Screen {
     ImGui_ImplGlfw_NewFrame();
   }
   void stopPanels() override {
-    ImGui_ImplOpenGL3_Shutdown();
-    ImGui_ImplGlfw_Shutdown();
+    const ImGuiIO& io = ImGui::GetIO();
+    if (io.BackendRendererUserData) ImGui_ImplOpenGL3_Shutdown();
+    if (io.BackendPlatformUserData) ImGui_ImplGlfw_Shutdown();
   }
 
  private:

@@ -79,10 +79,17 @@ Gui::Gui(GLFWwindow* window, Screen& screen) : window_(window), screen_(screen),
   ImGui::GetIO().IniFilename = nullptr;  // leaves no file in the user's folder
   fonts_.load();
   applyStyle(interfaceScale(window));
-  screen_.startPanels();
+  try {
+    screen_.startPanels();
+  } catch (...) {
+    end();
+    throw;
+  }
 }
 
-Gui::~Gui() {
+Gui::~Gui() { end(); }
+
+void Gui::end() {
   screen_.stopPanels();
   ImGui::DestroyContext();
 }

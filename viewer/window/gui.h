@@ -28,6 +28,8 @@ class Gui {
   void endFrame();  // no widgets after this; Screen::draw() shows them
 
  private:
+  void end();
+
   GLFWwindow* window_;
   Screen& screen_;
   Fonts fonts_;

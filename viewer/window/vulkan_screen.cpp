@@ -220,7 +220,11 @@ class VulkanScreen final : public Screen {
     const VkCommandBuffer commands = presenter_.beginFrame();
     presenter_.recordPictures(pictures, imageOf, clear);
     presenter_.beginPanels();
-    if (panels) ImGui_ImplVulkan_RenderDrawData(ImGui::GetDrawData(), commands);
+    if (panels) {
+      panels_broken_ = true;
+      ImGui_ImplVulkan_RenderDrawData(ImGui::GetDrawData(), commands);
+      panels_broken_ = false;
+    }
     presenter_.endPanels();
     presenter_.submit();
   }
@@ -235,9 +239,15 @@ class VulkanScreen final : public Screen {
   }
   void stopPanels() override {
     presenter_.waitIdle();
-    ImGui_ImplVulkan_Shutdown();
-    ImGui_ImplGlfw_Shutdown();
+    ImGuiIO& io = ImGui::GetIO();
+    if (panels_broken_) {
+      io.BackendRendererUserData = nullptr;  // the back end would destroy its buffers twice: what it holds stays
+    } else if (io.BackendRendererUserData) {
+      ImGui_ImplVulkan_Shutdown();
+    }
+    if (io.BackendPlatformUserData) ImGui_ImplGlfw_Shutdown();
     vkDestroyDescriptorPool(device_->device, pool_, nullptr);
+    pool_ = VK_NULL_HANDLE;
   }
 
  private:
@@ -246,6 +256,7 @@ class VulkanScreen final : public Screen {
   const int frames_in_flight_;
   Presenter presenter_;
   VkDescriptorPool pool_ = VK_NULL_HANDLE;
+  bool panels_broken_ = false;  // an error left ImGui's back end in the middle of its work
 };
 
 void VulkanScreen::startPanels() {
