@@ -7,6 +7,8 @@
 #include <limits>
 #include <sstream>
 
+#include "core/image/flip.h"
+
 namespace tg::test {
 namespace {
 
@@ -21,6 +23,26 @@ double differ(glm::vec<3, float> a, glm::vec<3, T> b) {
   return std::max({differ(a.x, b.x), differ(a.y, b.y), differ(a.z, b.z)});
 }
 
+// As a screen shows it, over black.
+template <typename T>
+Image pictureOf(const FrameT<T>& frame) {
+  Image picture(frame.width, frame.height, 3);
+  for (std::size_t i = 0; i < frame.base.size(); ++i) {
+    const glm::vec3 color(frame.color(i));
+    for (int c = 0; c < 3; ++c) picture.data[3 * i + static_cast<std::size_t>(c)] = std::clamp(color[c], 0.0f, 1.0f);
+  }
+  return picture;
+}
+
+void look(FrameDifference& difference, const Image& picture, const Image& reference) {
+  if (reference.data.empty()) return;
+  Image map = flipMap(reference, picture);
+  difference.look_mean = flip(map);
+  const std::size_t rank = (map.data.size() * 99 + 99) / 100 - 1;
+  std::ranges::nth_element(map.data, map.data.begin() + static_cast<std::ptrdiff_t>(rank));
+  difference.look_99 = map.data[rank];
+}
+
 template <typename T>
 FrameDifference compare(const Frame& frame, const FrameT<T>& reference, const Tolerance& tolerance) {
   FrameDifference result;
@@ -29,6 +51,7 @@ FrameDifference compare(const Frame& frame, const FrameT<T>& reference, const To
     for (OutputDifference& output : result.outputs) output.max = std::numeric_limits<double>::infinity();
     return result;
   }
+  look(result, pictureOf(frame), pictureOf(reference));
   for (std::size_t i = 0; i < result.pixels; ++i) {
     const bool flipped = static_cast<double>(frame.count[i]) != static_cast<double>(reference.count[i]);
     result.flipped += flipped;
@@ -83,13 +106,19 @@ std::string violations(const FrameDifference& difference, const Tolerance& toler
       out << name(output) << ": a pixel differs (expected " << tolerance.flip << ", found " << d.max << ")\n";
     }
   }
+  const auto looks = [&](const char* what, double most, double found) {
+    if (!(found <= most)) out << "FLIP, " << what << " (expected " << most << ", found " << found << ")\n";
+  };
+  looks("mean", tolerance.look_mean, difference.look_mean);
+  looks("99th percentile", tolerance.look_99, difference.look_99);
   return out.str();
 }
 
 std::string report(const FrameDifference& difference) {
   std::ostringstream out;
   out.precision(3);
-  out << difference.pixels << " pixels, " << difference.flipped << " with another number of splats\n";
+  out << difference.pixels << " pixels, " << difference.flipped << " with another number of splats, FLIP mean "
+      << difference.look_mean << ", 99th percentile " << difference.look_99 << "\n";
   for (std::size_t k = 0; k < difference.outputs.size(); ++k) {
     const OutputDifference& d = difference.outputs[k];
     out << name(static_cast<Output>(k)) << ": max " << d.max << ", max of same splats " << d.max_same << ", mean "

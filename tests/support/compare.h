@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How far a float renderer's frame lies from the reference's, by the band rule: tight where both blended the same
 // splats, counted and bounded where a threshold (the alpha cut, the transmittance stop, the near plane) fell
-// differently.
+// differently; and how different the pictures look (LDR-FLIP).
 #pragma once
 #include <array>
 #include <cstddef>
@@ -23,6 +23,8 @@ struct FrameDifference {
   std::array<OutputDifference, 7> outputs;  // by Output
   std::size_t pixels = 0;
   std::size_t flipped = 0;  // pixels with another number of blended splats: a threshold fell differently
+  double look_mean = 0;     // LDR-FLIP of the final picture over black, mean over the pixels
+  double look_99 = 0;       // its 99th percentile
   const OutputDifference& operator[](Output output) const { return outputs[static_cast<std::size_t>(output)]; }
 };
 
@@ -32,6 +34,8 @@ struct Tolerance {
   double loose = 2e-4;          // what every pixel keeps that blended the same splats
   double flip = 2e-2;           // what flipped pixels keep in final, base, texture, alpha and normal: the stop can take
                                 // alpha 0.99 at transmittance 0.01 in or out, of colours up to 2
+  double look_mean = 1e-3;      // all tests stay below but those of compact storage
+  double look_99 = 1e-2;
   double depth_factor = 1.0;    // on tight and loose for depth: along a grazing plane, t multiplies rounding
 };
 
