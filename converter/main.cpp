@@ -16,6 +16,7 @@
 #include "converter/batch.h"
 #include "converter/check.h"
 #include "converter/convert.h"
+#include "converter/merge_blocks.h"
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/bundle/training_json.h"
@@ -192,12 +193,12 @@ constexpr ShapingOption kShapingOptions[] = {
     {"--for", [](const tg::Format& format) { return format.read && format.name != "tgz" && format.name != "html"; }},
 };
 
-// What stands before `check` would be lost.
-void refuseBeforeCheck(const CLI::App& app) {
+// What stands before a command would be lost.
+void refuseBefore(const CLI::App& app, const std::string& command, const std::string& usage) {
   for (const CLI::Option* option : app.get_options()) {
     if (option->count() == 0) continue;
     const std::string what = option->nonpositional() ? option->get_name() : "\"" + option->results().front() + "\"";
-    throw tg::Error(tg::ErrorKind::usage, what + " does nothing before check (expected check FILE [--json] [--quiet])");
+    throw tg::Error(tg::ErrorKind::usage, what + " does nothing before " + command + " (expected " + usage + ")");
   }
 }
 
@@ -289,6 +290,41 @@ int runCheck(const CheckArguments& arguments) {
     std::fputs((arguments.json ? tg::describeJson(report) : tg::describe(report)).c_str(), stdout);
   }
   return report.errors.empty() ? 0 : static_cast<int>(tg::ErrorKind::badData);
+}
+
+struct MergeArguments {
+  std::string blocks, models, output;
+  bool overwrite = false;
+  bool quiet = false;
+};
+
+void addMerge(CLI::App& app, MergeArguments& arguments) {
+  app.add_option("BLOCKS", arguments.blocks, "folder that tgtrain split wrote")->required()->type_name("FOLDER");
+  app.add_option("MODELS", arguments.models, "folder with NAME/model.tgz or NAME.tgz of each block: a farm's results")
+      ->required()
+      ->type_name("FOLDER");
+  app.add_option("OUT", arguments.output, "model to write, in any format that is read, too")
+      ->required()
+      ->type_name("FILE");
+  app.add_flag("--overwrite", arguments.overwrite, "replace OUT if it exists");
+  app.add_flag("-q,--quiet", arguments.quiet, "print errors only");
+  tg::addExamples(app, {{"tgconvert merge-blocks blocks farm/results city.tgz", "after tgtrain farm"},
+                        {"tgconvert merge-blocks blocks models city.sog", "of models/block_0_0.tgz, ..., for the web"},
+                        {"tgconvert merge-blocks blocks farm/results city.tgz --overwrite", "anew"},
+                        {"tgconvert merge-blocks blocks farm/results city.glb -q", "silently"},
+                        {"tgeval city.tgz city --blocks blocks", "what the seams cost"}});
+}
+
+int runMerge(const MergeArguments& arguments) {
+  const tg::MergeReport report =
+      tg::mergeBlocks(arguments.blocks, arguments.models, arguments.output, arguments.overwrite);
+  if (arguments.quiet) return 0;
+  for (const std::string& warning : report.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  for (const tg::MergedBlock& block : report.blocks) {
+    std::printf("%s: %zu of %zu Gaussians lie in its cell\n", block.name.c_str(), block.kept, block.trained);
+  }
+  std::printf("wrote %s: %zu Gaussians\n", arguments.output.c_str(), report.gaussians);
+  return 0;
 }
 
 void addSizes(CLI::App& app, Arguments& arguments) {
@@ -395,10 +431,17 @@ int convertMain(int argc, char** argv) {
   CLI::App* check = app.add_subcommand(
       "check", "Says what is wrong with a splat file, and where. Exit code 3 when a reader would refuse it.");
   addCheck(*check, check_arguments);
+  MergeArguments merge_arguments;
+  CLI::App* merge = app.add_subcommand("merge-blocks", "Joins the blocks of a scene that tgtrain split has cut.");
+  addMerge(*merge, merge_arguments);
   if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
   if (*check) {
-    refuseBeforeCheck(app);
+    refuseBefore(app, "check", "check FILE [--json] [--quiet]");
     return runCheck(check_arguments);
+  }
+  if (*merge) {
+    refuseBefore(app, "merge-blocks", "merge-blocks BLOCKS MODELS OUT");
+    return runMerge(merge_arguments);
   }
   if (arguments.files.empty()) throw tg::Error(tg::ErrorKind::usage, "IN and OUT are missing (see --help)");
   arguments.options.edits = edit_parser.edits();

@@ -9,8 +9,8 @@ import pathlib
 import re
 import sys
 
-ROOMS = ["shaders", "web", "core", "render", "converter", "training", "viewer"]
-STRANGERS = {("viewer", "training")}
+ROOMS = ["shaders", "web", "core", "render", "converter", "training", "viewer", "library"]
+STRANGERS = {("viewer", "training"), ("library", "viewer")}
 PROGRAMS = "training"  # the one folder of its room that knows the converter's formats
 LEFT = {
     "shaders": ["shaders/shared"],
@@ -34,8 +34,9 @@ LEFT = {
     "training/score": ["training/settings", "training/data", "training/step"],
     "training/run": ["training/settings", "training/data", "training/step", "training/score"],
     "training/figures": ["training/settings", "training/data", "training/step", "training/score"],
+    "training/farm": ["training/photos", "training/figures"],
     "training": ["training/settings", "training/data", "training/step", "training/cpu", "training/cuda", "training/score",
-                 "training/figures", "training/run", "training/photos"],
+                 "training/figures", "training/run", "training/photos", "training/farm"],
     "converter/gltf": ["converter/formats"],
     "converter/sog": ["converter/formats", "converter/gltf"],
     "converter/html": ["converter/formats", "converter/gltf"],

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "converter/registry/file_format.h"
+#include "core/bundle/blocks.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -14,6 +15,7 @@
 #include "core/system/program.h"
 #include "core/system/signals.h"
 #include "training/compare_models.h"
+#include "training/data/plan_blocks.h"
 #include "training/run/report.h"
 #include "training/score/eval_report.h"
 #include "training/score_model.h"
@@ -65,8 +67,19 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup&
   views.asked = dataset.views.size();
   views.options = tg::scoreOptions(options, lpips);
 
+  std::optional<tg::EvalScene> whole;
+  if (!options.blocks.empty()) {
+    if (dataset.points.position.empty()) {
+      throw tg::Error(tg::ErrorKind::badData, group.dataset, "has no points, by which --blocks tells seams");
+    }
+    views.seams.emplace();
+    views.seams->at_seams = tg::viewsAtSeams(dataset, tg::readBlocks(options.blocks));
+    if (!options.whole.empty()) whole = tg::readEvalScene(options.whole);
+  }
   tg::RenderSettings settings = options.render;
   settings.background = dataset.background;
+  std::optional<tg::EvalPictures> whole_renderer;
+  if (whole) whole_renderer.emplace(options.device, whole->model, settings);
   tg::EvalPictures renderer(options.device, scene.model, settings);
   views.device = renderer.device();
   tg::handleStopSignals(requestStop);
@@ -79,6 +92,10 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup&
     const std::shared_ptr<const tg::ViewPixels> photograph = dataset.pixels(i);
     tg::Image flip_map;
     views.scores.push_back(tg::scoreView(camera.name, *photograph, picture, views.options, &flip_map));
+    if (whole_renderer) {
+      const tg::Image unsplit = whole_renderer->draw(camera);
+      views.seams->whole.push_back(tg::scoreView(camera.name, *photograph, unsplit, {}));
+    }
     if (!pictures[i].empty()) tg::writeImage(pictures[i], picture);
     if (!comparisons[i].empty()) tg::writeImage(comparisons[i], tg::sideBySide(*photograph, picture, flip_map));
     if (!options.quiet) progress.show("scoring views", i + 1, views.asked);
@@ -126,6 +143,8 @@ void refuseIdleFlags(const CLI::App& app, const tg::EvalOptions& options, const 
     refuse({"--json", "--images", "--side-by-side", "--effective-rank"},
            "is not of a report, which has all that for every model (expected no --report with it)");
   }
+  if (!options.report.empty()) refuse({"--blocks"}, "is not of a report (expected no --report with it)");
+  if (options.blocks.empty()) refuse({"--whole"}, "is compared at seams (expected --blocks with it)");
   if (options.lpips.empty()) refuse({"--lpips-range"}, "says how (expected --lpips with it)");
   const bool writes =
       !options.report.empty() || !options.json.empty() || !options.images.empty() || !options.side_by_side.empty();
@@ -193,6 +212,11 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_flag("--effective-rank", options.effective_rank,
                  "Histogram of the shapes of the Gaussians, needle to disc to ball; needs no data set");
+    app.add_option("--blocks", options.blocks,
+                   "Folder of tgtrain split: also the means of views that see several cells, and of the others")
+        ->type_name("FOLDER");
+    app.add_option("--whole", options.whole, "With --blocks: a model of the same scene that was trained unsplit")
+        ->type_name("FILE");
     app.option_defaults()->group("What is written");
     app.add_option("--json", options.json, "Write the numbers here")->type_name("FILE");
     app.add_option("--images", options.images, "Write the renderings into this folder")->type_name("FOLDER");
@@ -226,6 +250,7 @@ int main(int argc, char** argv) {
                      {"tgeval model.tgz scene --side-by-side sides", "pictures beside their photographs"},
                      {"tgeval scene.sog scene --split all --images out", "renderings of all views"},
                      {"tgeval model.tgz scene --lpips vgg.safetensors", "LPIPS, too"},
+                     {"tgeval city.tgz city --blocks blocks --whole one.tgz", "what seams of blocks cost"},
                      {"tgeval model.tgz --effective-rank", "the shapes of its Gaussians"}},
                     "Interrupted it reports what was scored and exits with 128 + the signal's number.");
     if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;

@@ -16,6 +16,7 @@
 
 #include "converter/registry/file_format.h"
 #include "core/file/file.h"
+#include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
@@ -25,6 +26,7 @@
 #include "training/cli.h"
 #include "training/data/sample.h"
 #include "training/data/write_dataset.h"
+#include "training/farm_flags.h"
 #include "training/photos/scan.h"
 #include "training/photos_flags.h"
 #include "training/plot.h"
@@ -34,6 +36,8 @@
 #include "training/run/trained_bundle.h"
 #include "training/run/trainer.h"
 #include "training/settings/schedule.h"
+#include "training/split_flags.h"
+#include "training/step/context.h"
 #include "training/watch.h"
 #include "training/watchers.h"
 #include "training/write_scene.h"
@@ -58,6 +62,7 @@ struct Options {
   std::string output;
   std::string untextured_output;
   std::string start_model;
+  std::string context;
   std::string json;
   tg::RunFolderOptions run;
   tg::DatasetFlags data;
@@ -113,6 +118,24 @@ tg::TrainSettings settingsOf(const Options& options) {
 std::optional<tg::Bundle> startModel(const Options& options) {
   if (options.start_model.empty()) return std::nullopt;
   return tg::readModel(options.start_model);
+}
+
+// What is drawn around a block and stays: of the model that --context names what lies outside the part that is trained.
+// None without the flag, and where nothing does.
+std::optional<tg::GaussianModel> contextOf(const Options& options, const tg::Dataset& dataset) {
+  if (options.context.empty()) return std::nullopt;
+  const tg::Bundle bundle = tg::readModel(options.context);
+  tg::GaussianModel context = tg::withoutTextures(tg::bakeFallback(bundle.model));
+  if (dataset.block) {
+    const tg::Cell trained = dataset.block->cell.padded(dataset.block->padding);
+    std::vector<std::uint32_t> outside;
+    for (std::uint32_t i = 0; i < context.size(); ++i) {
+      if (!trained.contains(glm::dvec3(context.mean[i]))) outside.push_back(i);
+    }
+    context = tg::select(context, outside);
+  }
+  if (context.size() == 0) return std::nullopt;
+  return context;
 }
 
 // Whether a flag says it, or a file of settings, which names them all, other than the preset.
@@ -273,6 +296,8 @@ int runTraining(const Options& options) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
   const tg::Dataset dataset = loadData(options);
+  const std::optional<tg::GaussianModel> context = contextOf(options, dataset);
+  if (context) renderer = tg::withContext(std::move(renderer), *context);
   if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
   tg::handleStopSignals(requestStop);
   tg::TrainingJsonOptions json_options;
@@ -297,7 +322,7 @@ int runTraining(const Options& options) {
   if (run) {
     json_options.fingerprint = tg::datasetFingerprint(dataset);
     state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, *renderer, json_options,
-                        &stop_requested, quantizedFor(options)});
+                        &stop_requested, quantizedFor(options), context ? &*context : nullptr});
     if (options.run.resume && !state && !options.quiet) {
       std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
     }
@@ -472,6 +497,9 @@ void addTrainingOptions(CLI::App& app, Options& options) {
          "Go on from this model (of any format); with --iterations 0, only add textures to it; one with textures goes "
          "on in stage 2")
       ->type_name("FILE");
+  app.add_option("--context", options.context,
+                 "Draw this model, too, and leave it as it is: a coarse one of the whole scene, around a block of it")
+      ->type_name("FILE");
   tg::addDeviceFlag(app, options.device, "Where to train; auto: a CUDA device if there is one");
   app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
       ->check(CLI::Range(0, 4096));
@@ -526,7 +554,7 @@ std::string trainingMadeOf(const Options& options) {
   const tg::DatasetFlags& data = options.data;
   std::string text = tg::formatSettings(settingsOf(options));
   for (const std::string& part :
-       {options.start_model, data.background, data.images, data.points, data.masks, std::to_string(data.downscale),
+       {options.start_model, options.context, data.background, data.images, data.points, data.masks, std::to_string(data.downscale),
         std::to_string(data.test_every), std::to_string(data.validation)}) {
     text += part + "\n";
   }
@@ -599,6 +627,8 @@ void addSampleOptions(CLI::App& app, std::string& folder, tg::SampleOptions& opt
   app.add_option("--test-views", options.test_views, "Test views")->capture_default_str();
   app.add_option("--points", options.points, "Points in points3d.ply")->capture_default_str();
   app.add_option("--supersampling", options.supersampling, "Rays per pixel and axis")->capture_default_str();
+  app.add_option("--grid", options.grid, "Grow it to so many cells a side, which share views and points")
+      ->capture_default_str();
   app.add_flag("--overwrite", overwrite, "Replace an existing data set");
   app.add_flag("-q,--quiet", quiet, "Errors only");
   tg::addExamples(app, {{"tgtrain make-sample scene", "the built-in scene"},
@@ -680,6 +710,12 @@ int main(int argc, char** argv) {
     tg::PlotOptions plot_options;
     CLI::App* plotted = app.add_subcommand("plot", "Draws the curves of runs: loss, PSNR and Gaussians");
     tg::addPlotOptions(*plotted, plot_options);
+    tg::FarmFlags farm_flags;
+    CLI::App* farm = app.add_subcommand("farm", "Works on a list of trainings beside other workers, on many machines");
+    tg::addFarmFlags(*farm, farm_flags);
+    tg::SplitFlags split_flags;
+    CLI::App* split = app.add_subcommand("split", "Cuts a scene into blocks, each a data set of its own");
+    tg::addSplitFlags(*split, split_flags);
     if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
     if (*sample) {
       tg::writeSample(sample_folder, sample_options, sample_overwrite);
@@ -694,6 +730,11 @@ int main(int argc, char** argv) {
     if (*undistorted) return undistort(undistort_options);
     if (*plotted) {
       tg::plotRuns(plot_options);
+      return 0;
+    }
+    if (*farm) return tg::runFarm(farm_flags);
+    if (*split) {
+      tg::splitScene(split_flags);
       return 0;
     }
     refuseIdleFlags(app, options);

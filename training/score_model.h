@@ -25,6 +25,8 @@ struct EvalOptions {
   bool overwrite = false;
   bool quiet = false;  // neither tables nor progress
   DatasetFlags data;
+  std::string blocks;  // folder of tgtrain split: how the seams are
+  std::string whole;   // the same scene, trained unsplit
 
   std::string report;               // a folder; empty: none
   std::vector<std::string> labels;  // one a model, or none

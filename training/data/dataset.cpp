@@ -6,6 +6,7 @@
 #include <cmath>
 #include <locale>
 #include <mutex>
+#include <set>
 #include <sstream>
 
 #include "core/file/file.h"
@@ -229,14 +230,22 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
   }
   const std::int64_t count = static_cast<std::int64_t>(sources.size());
   dataset.views.resize(sources.size());
+  for (const DatasetIndex::Entry& entry : index.entries) dataset.files.push_back(entry.listed);
   dataset.photographs = std::make_shared<PhotographStore>(
       sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
   std::mutex counting;
   std::size_t decoded = 0;
   std::vector<std::string> stretched(sources.size());
   parallelFor(count, 1, [&](std::size_t i) {
-    Photograph photograph = decodePhotograph(sources[i]);
     const DatasetIndex::Entry& entry = index.entries[i];
+    const bool decodes = !options.cameras_only || entry.camera.size.x == 0;
+    Photograph photograph;
+    if (decodes) {
+      photograph = decodePhotograph(sources[i]);
+    } else {
+      photograph.file_width = entry.camera.size.x;
+      photograph.file_height = entry.camera.size.y;
+    }
     dataset.views[i] = entry.lens.isPinhole()
                            ? cameraOf(entry, photograph.file_width, photograph.file_height)
                            : undistortionOf(entry, photograph.file_width, photograph.file_height).pinhole;
@@ -247,7 +256,7 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
                      " x " + std::to_string(camera.size.y) + ", found " + std::to_string(photograph.file_width) +
                      " x " + std::to_string(photograph.file_height);
     }
-    dataset.photographs->offer(i, std::move(photograph));
+    if (decodes) dataset.photographs->offer(i, std::move(photograph));
     const std::lock_guard lock(counting);
     if (options.decoded) options.decoded(++decoded, sources.size());
   });
@@ -261,11 +270,20 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
   dataset.photographs->finishOffers();
   noteLenses(index, dataset);
   const std::size_t kept = dataset.photographs->keptViews();
-  if (kept < dataset.views.size()) {
+  if (!options.cameras_only && kept < dataset.views.size()) {
     dataset.notes.push_back("the decoded photographs exceed " + std::to_string(options.image_memory >> 20) +
                             " MiB: " + std::to_string(dataset.views.size() - kept) + " of " +
                             std::to_string(dataset.views.size()) + " are decoded whenever they are needed");
   }
+}
+
+void requireListed(const fs::path& folder, const fs::path& whole, const BlockFile& block, const DatasetIndex& index) {
+  std::set<std::string> missing(block.views.begin(), block.views.end());
+  for (const DatasetIndex::Entry& entry : index.entries) missing.erase(entry.listed);
+  if (missing.empty()) return;
+  throw Error(ErrorKind::badData, (folder / kBlockName).string(),
+              "names " + std::to_string(missing.size()) + " photographs that " + whole.string() +
+                  " lacks (the first: " + *missing.begin() + ")");
 }
 
 }  // namespace
@@ -291,11 +309,11 @@ void Dataset::prefetch(std::size_t view) const {
   photographs->prefetch(view);
 }
 
-Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
+Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   std::error_code code;
-  if (!fs::exists(folder, code)) throw Error(ErrorKind::cannotRead, folder.string(), "no such folder");
-  if (!fs::is_directory(folder, code)) {
-    throw Error(ErrorKind::cannotRead, folder.string(), "not a folder (expected a data set)");
+  if (!fs::exists(place, code)) throw Error(ErrorKind::cannotRead, place.string(), "no such folder");
+  if (!fs::is_directory(place, code)) {
+    throw Error(ErrorKind::cannotRead, place.string(), "not a folder (expected a data set)");
   }
   if (options.downscale < 1 || options.downscale > kMaxDownscale) {
     throw Error(ErrorKind::usage, "downscale factor out of range (expected 1 to " + std::to_string(kMaxDownscale) +
@@ -307,17 +325,31 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   }
 
   Dataset dataset;
-  dataset.name = fs::weakly_canonical(folder).filename().string();
-  dataset.layout = options.layout == DatasetLayout::automatic ? detectLayout(folder) : options.layout;
+  const std::optional<BlockFile> block = readBlock(place);
+  const fs::path folder = block ? (place / block->dataset).lexically_normal() : place;
+  dataset.name = fs::weakly_canonical(place).filename().string();
+  dataset.layout = options.layout;
+  if (block && dataset.layout == DatasetLayout::automatic) {
+    const std::optional<DatasetLayout> layout = parse<DatasetLayout>(block->layout);
+    if (!layout) throw Error(ErrorKind::badData, (place / kBlockName).string(), "\"layout\" is none");
+    dataset.layout = *layout;
+  }
+  if (block) dataset.block = block->block;
+  if (dataset.layout == DatasetLayout::automatic) dataset.layout = detectLayout(folder);
   DatasetIndex index =
       dataset.layout == DatasetLayout::colmap ? readColmap(folder) : readTransforms(folder, dataset.layout);
+  for (DatasetIndex::Entry& entry : index.entries) entry.listed = entry.image.lexically_relative(folder).string();
   dataset.background =
       options.background.value_or(glm::vec3(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f));
   dataset.random_background = options.random_background;
   dataset.validation = options.validation;
   dataset.masks = options.masks;
-  dataset.points = choosePoints(options, index, dataset.notes);
-  checkPoints(options.points.value_or(folder), dataset.points);
+  if (block && !options.points) {
+    dataset.points = readPointCloudPly(place / "points3d.ply");
+  } else {
+    dataset.points = choosePoints(options, index, dataset.notes);
+  }
+  checkPoints(options.points.value_or(place), dataset.points);
 
   std::string images = options.images;
   int downscale = options.downscale;
@@ -347,6 +379,7 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
                                   first_missing + " and others; --image-folder names another folder)");
   }
 
+  if (block) requireListed(place, folder, *block, index);
   std::stable_sort(index.entries.begin(), index.entries.end(),
                    [](const auto& a, const auto& b) { return a.camera.name < b.camera.name; });
   const auto holdOut = [&](int every) {
@@ -361,8 +394,12 @@ Dataset loadDataset(const fs::path& folder, const DatasetOptions& options) {
   }
   std::stable_partition(index.entries.begin(), index.entries.end(),
                         [](const DatasetIndex::Entry& entry) { return !entry.camera.test; });
+  if (block) {
+    const std::set<std::string> chosen(block->views.begin(), block->views.end());
+    std::erase_if(index.entries, [&](const DatasetIndex::Entry& entry) { return !chosen.contains(entry.listed); });
+  }
   if (index.entries.empty() || index.entries.front().camera.test) {
-    throw Error(ErrorKind::badData, folder.string(), "no image of the training split exists");
+    throw Error(ErrorKind::badData, place.string(), "no image of the training split exists");
   }
 
   if (options.only_test) {

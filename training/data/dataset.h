@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "core/bundle/blocks.h"
 #include "core/bundle/ply.h"
 #include "core/model/camera.h"
 #include "core/system/names.h"
@@ -25,11 +26,13 @@ constexpr unsigned kMaxImageSide = 1 << 20;  // [px] that a description may clai
 struct Dataset {
   std::string name;  // of the folder
   DatasetLayout layout = DatasetLayout::automatic;
-  std::vector<Camera> views;       // of the photographs: sorted by image name inside train and test; train first
-  PointCloud points;               // empty when the data set has none
-  glm::vec3 background{0.0f};      // what scores are taken against, and training without random_background
-  bool random_background = false;  // transparency is kept: training composites over a new colour every time
-  bool validation = false;         // the views called test are training views that were held out
+  std::vector<Camera> views;        // of the photographs: sorted by image name inside train and test; train first
+  std::vector<std::string> files;   // of each: its path below the data set's folder, as the data set lists it
+  std::optional<SceneBlock> block;  // of a scene in blocks
+  PointCloud points;                // empty when the data set has none
+  glm::vec3 background{0.0f};       // what scores are taken against, and training without random_background
+  bool random_background = false;   // transparency is kept: training composites over a new colour every time
+  bool validation = false;          // the views called test are training views that were held out
   MaskMeaning masks = MaskMeaning::hidden;
   std::vector<std::string> notes;                // what a user should know: one line each, without the data set's path
   int missing_images = 0;                        // listed by the data set, not on disk: skipped
@@ -58,11 +61,13 @@ struct DatasetOptions {
   std::optional<std::filesystem::path> points;        // point cloud PLY instead of the data set's own
   std::optional<bool> only_test;                      // keep the views of one side of the split only
   std::uint64_t image_memory = defaultImageMemory();  // decoded photographs beyond it are decoded when needed [bytes]
+  bool cameras_only = false;  // photographs are decoded when asked for, at the start only where they say the size
   // Told while photographs are decoded for the first time, from any thread, one call at a time.
   std::function<void(std::size_t done, std::size_t count)> decoded;
 };
 
-// Throws Error(cannotRead / badData / usage).
+// A folder with block.json is some photographs of the data set that it names, with the same ones held out, and its own
+// points3d.ply. Throws Error(cannotRead / badData / usage).
 Dataset loadDataset(const std::filesystem::path& folder, const DatasetOptions& options = {});
 
 // 1.1 * the largest distance of a training camera from their mean: the unit of position learning rates and of the
@@ -78,6 +83,7 @@ struct DatasetIndex {
     Camera camera;  // size = 0: taken from the image, focal length from field_of_view
     Lens lens;
     std::filesystem::path image;
+    std::string listed;                     // Dataset::files; filled by loadDataset()
     std::string below_images;               // the image's path below the folder `images`; empty: it is in another one
     std::filesystem::path mask;             // named by the data set; empty: found by its name, or none
     std::optional<double> field_of_view_x;  // [rad]

@@ -249,6 +249,41 @@ Scene makeScene() {
   return scene;
 }
 
+// A grid of scenes on one ground: each by quarter turns about the vertical, its colour channels in a turned order.
+constexpr double kCellSide = 2.6;
+constexpr double kCellReach = 1.8;  // from a cell's middle, everything in it
+struct SampleCell {
+  dvec3 middle;
+  int turns;
+
+  // Into the cell's own frame.
+  dvec3 turned(dvec3 v) const {
+    for (int i = 0; i < turns; ++i) v = {v.y, -v.x, v.z};
+    return v;
+  }
+  dvec3 turnedBack(dvec3 v) const {
+    for (int i = 0; i < turns; ++i) v = {-v.y, v.x, v.z};
+    return v;
+  }
+  dvec3 color(const dvec3& c) const {
+    return turns % 3 == 0 ? c : turns == 1 ? dvec3(c.g, c.b, c.r) : dvec3(c.b, c.r, c.g);
+  }
+};
+SampleCell cellOf(const SampleOptions& options, int index) {
+  const int column = index % options.grid, row = index / options.grid % options.grid;
+  const double half = (options.grid - 1) / 2.0;
+  return {kCellSide * dvec3(column - half, row - half, 0.0), (column + 3 * row) % 4};
+}
+struct World {
+  Scene scene;
+  std::vector<SampleCell> cells;
+};
+World makeWorld(const SampleOptions& options) {
+  World world{makeScene(), {}};
+  for (int i = 0; i < options.grid * options.grid; ++i) world.cells.push_back(cellOf(options, i));
+  return world;
+}
+
 dvec3 ballColor(const Ball& ball, dvec3 normal) {
   const double u = std::atan2(normal.y, normal.x) / (2 * kPi) + 0.5;
   return ball.pattern(u, std::acos(std::clamp(-normal.z, -1.0, 1.0)) / kPi);
@@ -285,12 +320,29 @@ std::optional<SurfaceHit> intersect(const Scene& scene, dvec3 origin, dvec3 dire
   return nearest;
 }
 
+std::optional<SurfaceHit> intersect(const World& world, dvec3 origin, dvec3 direction) {
+  std::optional<SurfaceHit> nearest;
+  for (const SampleCell& cell : world.cells) {
+    const dvec3 to_middle = cell.middle - origin;
+    const double along = glm::dot(to_middle, direction), square = glm::dot(direction, direction);
+    const double beside = glm::dot(to_middle, to_middle) - along * along / square;
+    if (beside > kCellReach * kCellReach) continue;
+    std::optional<SurfaceHit> hit = intersect(world.scene, cell.turned(-to_middle), cell.turned(direction));
+    if (!hit || (nearest && hit->t >= nearest->t)) continue;
+    hit->position = cell.middle + cell.turnedBack(hit->position);
+    hit->normal = cell.turnedBack(hit->normal);
+    hit->color = cell.color(hit->color);
+    nearest = hit;
+  }
+  return nearest;
+}
+
 // Diffuse, lit by a disc of which (x, y) in [-1, 1]^2 is one point.
-dvec3 shade(const Scene& scene, const SurfaceHit& hit, double x, double y) {
+dvec3 shade(const World& world, const SurfaceHit& hit, double x, double y) {
   const dvec3 side = glm::normalize(glm::cross(kLight, dvec3(0, 0, 1)));
   const dvec3 light = glm::normalize(kLight + kLightRadius * (x * side + y * glm::cross(side, kLight)));
   const double cosine = glm::dot(hit.normal, light);
-  const bool lit = cosine > 0 && !intersect(scene, hit.position + 1e-5 * hit.normal, light);
+  const bool lit = cosine > 0 && !intersect(world, hit.position + 1e-5 * hit.normal, light);
   return hit.color * (kAmbient + (lit ? (1 - kAmbient) * cosine / kLight.z : 0.0));
 }
 
@@ -306,6 +358,7 @@ void checkOptions(const SampleOptions& options) {
   check("number of test views", options.test_views, 0, 10000);
   check("number of points", options.points, 1, 10'000'000);
   check("supersampling", options.supersampling, 1, 16);
+  check("grid", options.grid, 1, 32);
 }
 
 }  // namespace
@@ -313,13 +366,16 @@ void checkOptions(const SampleOptions& options) {
 Camera sampleCamera(const SampleOptions& options, bool test, int index) {
   // Training views spiral by the golden angle so that any prefix covers the orbit; test views lie on one ring between.
   const double golden = kPi * (3 - std::sqrt(5.0));
-  const int count = test ? options.test_views : options.train_views;
-  const double azimuth = test ? 2 * kPi * (index + 0.5) / count - kPi / 2 : golden * index - kPi / 2;
+  // The cells of a grid take turns.
+  const int cells = options.grid * options.grid, place = index / cells;
+  const int count = ((test ? options.test_views : options.train_views) + cells - 1) / cells;
+  const double azimuth = test ? 2 * kPi * (place + 0.5) / count - kPi / 2 : golden * place - kPi / 2;
   const double height =
-      test ? 0.42 : 0.12 + 0.66 * fraction(index * 0.7548776662466927 + 0.3);  // sine of the elevation
+      test ? 0.42 : 0.12 + 0.66 * fraction(place * 0.7548776662466927 + 0.3);  // sine of the elevation
   const double ring = std::sqrt(1 - height * height);
-  const dvec3 eye = kTarget + kOrbitRadius * dvec3(ring * std::cos(azimuth), ring * std::sin(azimuth), height);
-  Camera camera = lookAt(eye, kTarget, dvec3(0, 0, 1), kFieldOfView, options.size, options.size);
+  const dvec3 target = kTarget + cellOf(options, index % cells).middle;
+  const dvec3 eye = target + kOrbitRadius * dvec3(ring * std::cos(azimuth), ring * std::sin(azimuth), height);
+  Camera camera = lookAt(eye, target, dvec3(0, 0, 1), kFieldOfView, options.size, options.size);
   camera.name = "r_" + std::to_string(index) + ".png";
   camera.test = test;
   return camera;
@@ -327,7 +383,7 @@ Camera sampleCamera(const SampleOptions& options, bool test, int index) {
 
 Image renderSample(const SampleOptions& options, const Camera& camera) {
   checkOptions(options);
-  const Scene scene = makeScene();
+  const World world = makeWorld(options);
   const int grid = options.supersampling;
   const glm::dmat3 world_from_camera = glm::transpose(camera.rotation);
   const dvec3 origin = camera.position();
@@ -339,11 +395,11 @@ Image renderSample(const SampleOptions& options, const Camera& camera) {
       for (int s = 0; s < grid * grid; ++s) {
         const glm::dvec2 pixel(x + (s % grid + 0.5) / grid, y + (s / grid + 0.5) / grid);
         const dvec3 direction = world_from_camera * ray(camera, pixel);
-        const std::optional<SurfaceHit> hit = intersect(scene, origin, direction);
+        const std::optional<SurfaceHit> hit = intersect(world, origin, direction);
         if (!hit) continue;
         // The light's disc is sampled along its own grid, turned against the pixel's so that they do not correlate.
         const int l = (s * 7 + x * 3 + y * 5) % (grid * grid);
-        sum += shade(scene, *hit, (l % grid + 0.5) / grid * 2 - 1, (l / grid + 0.5) / grid * 2 - 1);
+        sum += shade(world, *hit, (l % grid + 0.5) / grid * 2 - 1, (l / grid + 0.5) / grid * 2 - 1);
         ++hits;
       }
       for (int c = 0; c < 3; ++c) image.at(x, y, c) = hits ? static_cast<float>(sum[c] / hits) : 0.0f;
@@ -355,42 +411,48 @@ Image renderSample(const SampleOptions& options, const Camera& camera) {
 
 PointCloud samplePoints(const SampleOptions& options) {
   checkOptions(options);
-  const Scene scene = makeScene();
+  const World world = makeWorld(options);
+  const Scene& scene = world.scene;
   const double ball_area = 4 * kPi * scene.ball.radius * scene.ball.radius;
   double area = ball_area;
   for (const Panel& panel : scene.panels) area += panel.width * panel.height;
 
   PointCloud points;
+  const double each = static_cast<double>(options.points) / static_cast<double>(world.cells.size());
+  const SampleCell* cell = nullptr;
   const auto add = [&](const dvec3& position, const dvec3& normal, const dvec3& color) {
     constexpr int kLightGrid = 4;
-    const SurfaceHit hit{0, position, normal, color};
+    const SurfaceHit hit{0, cell->middle + cell->turnedBack(position), cell->turnedBack(normal), cell->color(color)};
     dvec3 sum(0.0);
     for (int i = 0; i < kLightGrid * kLightGrid; ++i) {
       sum +=
-          shade(scene, hit, (i % kLightGrid + 0.5) / kLightGrid * 2 - 1, (i / kLightGrid + 0.5) / kLightGrid * 2 - 1);
+          shade(world, hit, (i % kLightGrid + 0.5) / kLightGrid * 2 - 1, (i / kLightGrid + 0.5) / kLightGrid * 2 - 1);
     }
-    points.position.emplace_back(position);
+    points.position.emplace_back(hit.position);
     points.color.emplace_back(sum / static_cast<double>(kLightGrid * kLightGrid));
   };
   // Roberts' R2 sequence: even cover at any count.
   const auto sequence = [](int i) {
     return dvec2(fraction(0.5 + 0.7548776662466927 * i), fraction(0.5 + 0.5698402909980532 * i));
   };
-  for (const Panel& panel : scene.panels) {
-    const int count = static_cast<int>(std::lround(options.points * panel.width * panel.height / area));
-    const dvec3 normal = glm::cross(panel.u, panel.v);
-    for (int i = 0; i < count; ++i) {
-      const dvec2 p = sequence(i) * dvec2(panel.width, panel.height);
-      add(panel.corner + p.x * panel.u + p.y * panel.v, normal, panel.front(p.x, p.y));
+  for (const SampleCell& at : world.cells) {
+    cell = &at;
+    for (const Panel& panel : scene.panels) {
+      const int count = static_cast<int>(std::lround(each * panel.width * panel.height / area));
+      const dvec3 normal = glm::cross(panel.u, panel.v);
+      for (int i = 0; i < count; ++i) {
+        const dvec2 p = sequence(i) * dvec2(panel.width, panel.height);
+        add(panel.corner + p.x * panel.u + p.y * panel.v, normal, panel.front(p.x, p.y));
+      }
     }
-  }
-  const int count = static_cast<int>(std::lround(options.points * ball_area / area));
-  for (int i = 0; i < count; ++i) {
-    const dvec2 p = sequence(i);
-    const double z = 2 * p.y - 1;
-    const double ring = std::sqrt(1 - z * z);
-    const dvec3 normal(ring * std::cos(2 * kPi * p.x), ring * std::sin(2 * kPi * p.x), z);
-    add(scene.ball.center + scene.ball.radius * normal, normal, ballColor(scene.ball, normal));
+    const int count = static_cast<int>(std::lround(each * ball_area / area));
+    for (int i = 0; i < count; ++i) {
+      const dvec2 p = sequence(i);
+      const double z = 2 * p.y - 1;
+      const double ring = std::sqrt(1 - z * z);
+      const dvec3 normal(ring * std::cos(2 * kPi * p.x), ring * std::sin(2 * kPi * p.x), z);
+      add(scene.ball.center + scene.ball.radius * normal, normal, ballColor(scene.ball, normal));
+    }
   }
   return points;
 }

@@ -15,6 +15,7 @@ struct SampleOptions {
   int test_views = 12;
   int points = 8000;      // exact surface points
   int supersampling = 4;  // rays per pixel and axis
+  int grid = 1;  // so many of the scene a side, turned and in other colours, views and points shared among them
 };
 
 // One camera of the set; `index` within its split.

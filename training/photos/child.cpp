@@ -26,10 +26,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLastLines = 4;
-constexpr std::size_t kLongestLine = 4096;    // [bytes]; what is longer comes in pieces
-constexpr int kPollEvery = 100;               // [ms] for words
-constexpr int kPollEnd = 10;                  // [ms] for the end of a process
-constexpr std::chrono::seconds kPatience(5);  // for a child that was asked to end
+constexpr std::size_t kLongestLine = 4096;  // [bytes]; what is longer comes in pieces
+constexpr int kPollEvery = 100;             // [ms] for words
+constexpr int kPollEnd = 10;                // [ms] for the end of a process
 
 struct Pipe {
   Descriptor read, write;
@@ -63,14 +62,15 @@ std::vector<std::string> childEnvironment() {
 }
 
 // Between fork and exec: nothing but system calls.
-[[noreturn]] void becomeChild(char* const* words, char* const* environment, pid_t parent, int output, int log,
-                              int failure) {
+[[noreturn]] void becomeChild(char* const* words, char* const* environment, const char* folder, pid_t parent,
+                              int output, int log, int failure) {
   ::setpgid(0, 0);  // the terminal's Ctrl-C is this program's alone
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   const int nothing = ::open("/dev/null", O_RDONLY);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) ::signal(signal, SIG_DFL);
   if (::getppid() == parent && nothing >= 0 && ::dup2(nothing, STDIN_FILENO) >= 0 &&
-      ::dup2(output, STDOUT_FILENO) >= 0 && ::dup2(log, STDERR_FILENO) >= 0) {
+      ::dup2(output, STDOUT_FILENO) >= 0 && ::dup2(log, STDERR_FILENO) >= 0 &&
+      (*folder == '\0' || ::chdir(folder) == 0)) {
     ::execve(words[0], words, environment);
   }
   const int reason = errno;
@@ -123,7 +123,7 @@ class Words {
 // The group of a child that runs; ended and waited for at the end of this.
 class Process {
  public:
-  explicit Process(pid_t id) : id_(id) {}
+  Process(pid_t id, std::chrono::seconds patience) : id_(id), patience_(patience) {}
   ~Process() {
     if (id_ > 0) end();
   }
@@ -141,7 +141,7 @@ class Process {
   void end() {
     const pid_t group = id_;
     ::kill(-group, SIGTERM);
-    const auto give_up = std::chrono::steady_clock::now() + kPatience;
+    const auto give_up = std::chrono::steady_clock::now() + patience_;
     bool ended = false;
     while (!(ended = status().has_value()) && std::chrono::steady_clock::now() < give_up) {
       ::poll(nullptr, 0, kPollEnd);
@@ -151,6 +151,7 @@ class Process {
   }
 
   pid_t id_;
+  const std::chrono::seconds patience_;
 };
 
 }  // namespace
@@ -180,11 +181,11 @@ ChildEnd runChild(const ChildCommand& command, const std::atomic<int>& stop) {
   const pid_t parent = ::getpid();
   const pid_t id = ::fork();
   if (id == 0) {
-    becomeChild(argument_pointers.data(), environment_pointers.data(), parent,
+    becomeChild(argument_pointers.data(), environment_pointers.data(), command.folder.c_str(), parent,
                 command.output ? output.write.get() : log.write.get(), log.write.get(), failure.write.get());
   }
   if (id < 0) throw Error(ErrorKind::device, arguments[0], "cannot start: " + systemReason());
-  Process process(id);
+  Process process(id, command.patience);
   for (Pipe* pipe : {&log, &output, &failure}) pipe->write.close();
   int reason = 0;
   ssize_t failed = 0;
@@ -198,6 +199,7 @@ ChildEnd runChild(const ChildCommand& command, const std::atomic<int>& stop) {
   std::vector<std::uint8_t> buffer(std::size_t{1} << 16);
   while (open[0].fd >= 0 || open[1].fd >= 0) {
     if (stop != 0) throw Stopped();
+    if (command.meanwhile) command.meanwhile();
     if (::poll(open.data(), open.size(), kPollEvery) <= 0) continue;
     for (pollfd& end : open) {
       if (end.fd < 0 || end.revents == 0) continue;
@@ -218,6 +220,7 @@ ChildEnd runChild(const ChildCommand& command, const std::atomic<int>& stop) {
   std::optional<int> status;
   while (!(status = process.status())) {
     if (stop != 0) throw Stopped();
+    if (command.meanwhile) command.meanwhile();
     ::poll(nullptr, 0, kPollEnd);
   }
   if (stop != 0) throw Stopped();

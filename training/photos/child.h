@@ -2,6 +2,7 @@
 // Another program as a child of this one: no shell, its words in a log, gone when this one is.
 #pragma once
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <exception>
 #include <filesystem>
@@ -28,6 +29,9 @@ struct ChildCommand {
   std::function<void(std::string_view)> line;  // told of each line that it says, if given
   // Takes standard output, if given; else that goes where standard error goes, to the log.
   std::function<void(std::span<const std::uint8_t>)> output;
+  std::filesystem::path folder = {};          // that it works in; empty: where this program does
+  std::chrono::seconds patience{5};           // for a child that was asked to end; then it is killed
+  std::function<void()> meanwhile = nullptr;  // called ten times a second at least; what it throws ends the child
 };
 
 struct ChildEnd {

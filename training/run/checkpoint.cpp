@@ -437,7 +437,7 @@ std::string exactText(Number value) {
 }  // namespace
 
 RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, const std::string& fingerprint,
-                        const GaussianModel* start, const FlagTexts& quantized_for) {
+                        const GaussianModel* start, const FlagTexts& quantized_for, const GaussianModel* context) {
   RunIdentity identity;
   for (const SettingEntry& entry : settingEntries()) identity.settings += entry.name + " " + entry.get(settings) + "\n";
   if (settings.quantize_iterations > 0) {
@@ -455,6 +455,7 @@ RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, c
   fact("background", exactText(background.x) + "," + exactText(background.y) + "," + exactText(background.z));
   fact("random-background", dataset.random_background ? "on" : "off");
   fact("start-model", start ? modelFingerprint(*start) : "none");
+  if (context) fact("context", modelFingerprint(*context));
   fact("fingerprint", fingerprint);
   return identity;
 }

@@ -122,7 +122,8 @@ std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
   json_ = inputs.json;
   log_.stop = inputs.stop;
   if (json_.fingerprint.empty()) json_.fingerprint = datasetFingerprint(inputs.dataset);
-  identity_ = runIdentity(inputs.dataset, inputs.settings, json_.fingerprint, inputs.start, inputs.quantized_for);
+  identity_ = runIdentity(inputs.dataset, inputs.settings, json_.fingerprint, inputs.start, inputs.quantized_for,
+                          inputs.context);
   if (!has_checkpoint_) {
     // The checkpoint last: until then, the old run can go on.
     std::error_code ignored;

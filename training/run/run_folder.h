@@ -34,6 +34,7 @@ struct RunInputs {
   TrainingJsonOptions json;
   const std::atomic<bool>* stop = nullptr;  // set: leave out test scores, the run is about to end
   FlagTexts quantized_for;                  // runIdentity()
+  const GaussianModel* context = nullptr;   // likewise; drawn by `renderer`
 };
 
 // One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.

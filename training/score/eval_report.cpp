@@ -36,6 +36,53 @@ void addNumbers(const ViewScore& score, Json& json) {
   if (score.lpips) json["lpips"] = *score.lpips;
 }
 
+// The mean of the views at seams, or of the others.
+ViewScore meanOf(const std::vector<ViewScore>& scores, const std::vector<bool>& at_seams, bool seams) {
+  std::vector<ViewScore> chosen;
+  for (std::size_t i = 0; i < std::min(scores.size(), at_seams.size()); ++i) {
+    if (at_seams[i] == seams) chosen.push_back(scores[i]);
+  }
+  return meanView(chosen);
+}
+
+std::size_t countOf(const EvalReport::Views& views, bool seams) {
+  const auto end = views.seams->at_seams.begin() + static_cast<std::ptrdiff_t>(views.scores.size());
+  return static_cast<std::size_t>(std::count(views.seams->at_seams.begin(), end, seams));
+}
+
+std::string seamLines(const EvalReport::Views& views) {
+  std::string text;
+  for (const bool seams : {true, false}) {
+    const std::size_t count = countOf(views, seams);
+    text += formatted("%s: %zu views", seams ? "at seams" : "inside blocks", count);
+    if (count > 0) {
+      const double psnr = meanOf(views.scores, views.seams->at_seams, seams).psnr;
+      text += formatted(", %.3f dB", psnr);
+      if (!views.seams->whole.empty()) {
+        const double whole = meanOf(views.seams->whole, views.seams->at_seams, seams).psnr;
+        text += formatted("; unsplit %.3f dB, so %+.3f dB", whole, psnr - whole);
+      }
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+Json seamsJson(const EvalReport::Views& views) {
+  Json json;
+  for (const bool seams : {true, false}) {
+    const std::size_t count = countOf(views, seams);
+    Json& part = json[seams ? "at_seams" : "inside"];
+    part["views"] = count;
+    if (count == 0) continue;
+    part["psnr"] = meanOf(views.scores, views.seams->at_seams, seams).psnr;
+    if (!views.seams->whole.empty()) {
+      part["unsplit_psnr"] = meanOf(views.seams->whole, views.seams->at_seams, seams).psnr;
+    }
+  }
+  return json;
+}
+
 Json ranksJson(const EffectiveRanks& ranks) {
   return {{"mean", ranks.mean},   {"needle", ranks.needle}, {"flat", ranks.flat},
           {"round", ranks.round}, {"first", 1.0},           {"bin_width", 2.0 / EffectiveRanks::kBins},
@@ -71,6 +118,7 @@ std::string formatScores(const EvalReport& report) {
                       std::string(name(views.options.lpips_range)).c_str());
   }
   if (mean.flip || views.options.lpips) text += "\n";
+  if (views.seams) text += seamLines(views);
   if (views.scores.size() < views.asked) {
     text += formatted("interrupted: %zu of %zu views were scored\n", views.scores.size(), views.asked);
   }
@@ -118,6 +166,7 @@ std::string formatEvalJson(const EvalReport& report) {
     }
     json["interrupted"] = views.scores.size() < views.asked;
     addNumbers(meanView(views.scores), json);
+    if (views.seams) json["blocks"] = seamsJson(views);
     json["views"] = Json::array();
     for (const ViewScore& score : views.scores) {
       Json view = {{"name", score.name}};

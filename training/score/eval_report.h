@@ -4,11 +4,18 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/model/effective_rank.h"
 #include "training/score/evaluate.h"
 
 namespace tg {
+
+// Views of a scene in blocks that see several cells, and those that see one.
+struct SeamScores {
+  std::vector<bool> at_seams;    // [views]
+  std::vector<ViewScore> whole;  // of the model that was trained unsplit; empty: none
+};
 
 struct EvalReport {
   struct Views {
@@ -19,7 +26,8 @@ struct EvalReport {
     std::optional<TextureOutside> outside;  // instead of the model's own
     std::vector<ViewScore> scores;
     ScoreOptions options;
-    std::size_t asked = 0;  // more than scores: interrupted
+    std::size_t asked = 0;            // more than scores: interrupted
+    std::optional<SeamScores> seams;  // of all views
   };
   std::optional<Views> views;
   std::optional<EffectiveRanks> ranks;

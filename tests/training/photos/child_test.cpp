@@ -59,6 +59,23 @@ TEST_CASE("a child's output goes where it is asked for, however much it is", "[p
   CHECK(textOf(folder / "log.txt") == "said\n");
 }
 
+TEST_CASE("a child works in the folder that it is given, and who waits has something to do meanwhile", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const std::atomic<int> stop{0};
+  int calls = 0;
+  tg::ChildCommand command{{"/bin/sh", "-c", "pwd; sleep 0.3"}, folder / "log.txt", {}, {}};
+  command.folder = folder.path;
+  command.meanwhile = [&] { ++calls; };
+  CHECK(tg::runChild(command, stop).last == std::filesystem::canonical(folder.path).string());
+  CHECK(calls >= 3);
+  command.folder = folder / "absent";
+  CHECK_THROWS_AS(tg::runChild(command, stop), tg::Error);
+  command.folder.clear();
+  command.words = {"/bin/sleep", "60"};
+  command.meanwhile = [&] { throw tg::Stopped(); };
+  CHECK_THROWS_AS(tg::runChild(command, stop), tg::Stopped);
+}
+
 TEST_CASE("a child that cannot be started, or dies by a signal, is told", "[photos]") {
   const tg::TemporaryFolder folder;
   const std::atomic<int> stop{0};

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# A farm under MPI, which only starts the workers: they speak by the shared folder, not by messages.
+#
+#   cd /share/scans && .../scripts/farm/mpi.sh jobs.jsonl farm 16 --hostfile hosts --map-by ppr:4:node
+#
+# 16 workers, four a node, each with THREADS threads (2). What follows the number is for mpirun.
+set -eu
+if [ $# -lt 3 ]; then
+  echo "usage: mpi.sh JOBS.jsonl FOLDER WORKERS [ARGUMENTS OF mpirun...]" >&2
+  exit 1
+fi
+jobs=$1 farm=$2 workers=$3
+shift 3
+tgtrain farm "$jobs" --out "$farm" --prepare
+# --bind-to none: a rank bound to a core would train on that core alone.
+# A worker that ends with an error (a full disk, a job given up) must not take the others with it: mpirun would kill
+# them all, which loses nothing but time. The last command therefore says how it went.
+mpirun -np "$workers" --bind-to none "$@" \
+  sh -c 'tgtrain farm "$1" --out "$2" --join --threads "${THREADS:-2}" || echo "a worker ended with exit code $?" >&2' \
+  worker "$jobs" "$farm"
+exec tgtrain farm "$jobs" --out "$farm" --join --no-wait

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgtrain farm: workers that are killed, stopped, too many, too late, and without room.
+#include <unistd.h>
+
+#include <fstream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "core/system/random.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "training/child.h"
+
+namespace fs = std::filesystem;
+using Catch::Matchers::Contains;
+using namespace tg::test;
+using std::chrono::milliseconds;
+
+namespace {
+
+constexpr int kJobs = 6;
+const std::string kWorker = "farm jobs.jsonl --heartbeat 0.05 --stale 0.4 --threads 1 --takeovers 1000 ";
+
+// `every` [s] a checkpoint.
+void writeJobs(const tg::TemporaryFolder& folder, const std::string& iterations, int count, const std::string& every) {
+  std::ofstream jobs(folder / "jobs.jsonl");
+  for (int i = 0; i < count; ++i) {
+    jobs << "{\"name\": \"job" << i << "\", \"dataset\": \"scene\", \"flags\": [\"--iterations\", \"" << iterations
+         << "\", \"--texture-iterations\", \"6\", \"--gaussians\", \"300\", \"--seed\", \"" << i
+         << "\", \"--checkpoint-every\", \"" << every << "\"]}\n";
+  }
+}
+
+std::vector<std::string> namesIn(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+}  // namespace
+
+TEST_CASE("workers that are killed again and again leave every result once, with the bytes of one that is not",
+          "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "14", kJobs, "0");
+  const auto finish = [&](const std::string& out) {
+    Child beside(folder, kWorker + "--out " + out);
+    const Outcome outcome = tgtrain(folder, kWorker + "--out " + out);
+    INFO(outcome.output);
+    REQUIRE(outcome.code == 0);
+    REQUIRE(beside.end() == 0);
+  };
+  finish("calm");
+
+  std::map<std::string, fs::file_time_type> first_seen;
+  const auto look = [&] {  // a result that is there never changes
+    if (!fs::exists(folder / "wild/results")) return;
+    for (const std::string& name : namesIn(folder / "wild/results")) {
+      const fs::path result = folder / "wild/results" / name;
+      CHECK(namesIn(result) == std::vector<std::string>{"job.json", "metrics.jsonl", "model.tgz"});
+      CHECK(bytesOf(result / "model.tgz") == bytesOf(folder / "calm/results" / name / "model.tgz"));
+      const fs::file_time_type written = fs::last_write_time(result / "model.tgz");
+      CHECK(first_seen.try_emplace(name, written).first->second == written);
+    }
+  };
+  tg::Random random(static_cast<std::uint64_t>(::getpid()));
+  std::array<std::unique_ptr<Child>, 2> workers;
+  int kills = 0;
+  for (bool ended = false; kills < 10 && !ended; ++kills) {
+    for (auto& worker : workers) {
+      if (!worker) worker = std::make_unique<Child>(folder, kWorker + "--out wild");
+    }
+    std::this_thread::sleep_for(milliseconds(20 + random.below(150)));
+    auto& victim = workers[random.below(2)];
+    ended = !victim->running();
+    victim->send(SIGKILL);
+    if (!ended) CHECK(victim->end() == 128 + SIGKILL);
+    victim.reset();
+    look();
+  }
+  for (auto& worker : workers) worker.reset();
+  finish("wild");
+  CHECK(kills > 3);
+  look();
+  CHECK(first_seen.size() == kJobs);
+  for (int i = 0; i < kJobs; ++i) {
+    const std::string job = "job" + std::to_string(i);
+    CHECK(bytesOf(folder / "wild/results" / job / "job.json") == bytesOf(folder / "calm/results" / job / "job.json"));
+    for (const auto& attempt : fs::directory_iterator(folder / "wild/jobs" / job)) {
+      CHECK_FALSE(fs::exists(attempt.path() / "run"));
+    }
+  }
+  // Nothing is left to do, and nothing is done.
+  const Outcome again = tgtrain(folder, kWorker + "--out wild --join");
+  CHECK(again.code == 0);
+  CHECK(again.output == "6 of 6 jobs done\n");
+}
+
+TEST_CASE("a worker that is asked to stop leaves its job with a checkpoint to the next, who need not wait", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "300", 1, "60");
+  const std::string command = "farm jobs.jsonl --out farm --threads 1";  // 60 s until somebody is dead
+  {
+    Child child(folder, command);
+    child.until([&] { return contents(folder / "farm/jobs/job0/0001/run/metrics.jsonl").ends_with('\n'); });
+    const Outcome taken = run(folder, "'" TG_TGTRAIN "' farm --status farm");
+    CHECK_THAT(taken.output, Contains("0 of 1 done, 1 taken") && Contains("plain"));
+    child.send(SIGTERM);
+    CHECK(child.end() == 128 + SIGTERM);
+  }
+  CHECK_THAT(contents(folder / "farm/jobs/job0/0001/end.json"), Contains("released"));
+  const Outcome next = tgtrain(folder, command);
+  CHECK(next.code == 0);
+  CHECK_THAT(next.output, Contains("job0: attempt 2, from a checkpoint") && Contains("job0: done"));
+}
+
+TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at the end", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "2", 1, "60");
+  std::ofstream(folder / "jobs.jsonl", std::ios::app)
+      << "{\"name\": \"absent\", \"dataset\": \"nowhere\"}\n"
+      << "{\"name\": \"wrong\", \"dataset\": \"scene\", \"flags\": [\"--gausians\", \"3\"]}\n"
+      << "{\"name\": \"prints\", \"dataset\": \"scene\", \"flags\": [\"--print-config\"]}\n";
+  const Outcome worker = tgtrain(folder, "farm jobs.jsonl --out farm --retries 1");
+  INFO(worker.output);
+  CHECK(worker.code == 2);
+  CHECK_THAT(worker.output,
+             Contains("absent: attempt 1 failed with exit code 2, tried again: nowhere: ") &&
+                 Contains("absent: attempt 2 failed with exit code 2; given up: nowhere: ") &&
+                 Contains("wrong: attempt 1 failed with exit code 1; given up: no such option") &&
+                 Contains("prints: attempt 1 failed with exit code 1; given up: ended without a model") &&
+                 Contains("1 of 4 jobs done, 3 given up"));
+  const Outcome status = tgtrain(folder, "farm --status farm --html farm.html");
+  CHECK(status.code == 0);
+  CHECK_THAT(status.output, Contains("1 of 4 done, 3 failed") && Contains("2, 2 failed"));
+  CHECK_THAT(contents(folder / "farm.html"), Contains("<td>wrong</td><td>failed</td>"));
+  CHECK(tgtrain(folder, "farm --status farm --html farm.html").code == 4);
+}
+
+TEST_CASE("a farm's folder that is another's, gone or full is one line and the right code", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "1000000", 1, "60");
+  const auto refused = [&](const std::string& arguments, int code, const std::string& words) {
+    const Outcome outcome = tgtrain(folder, arguments);
+    INFO(arguments << '\n' << outcome.output);
+    CHECK(outcome.code == code);
+    CHECK_THAT(outcome.output, Contains(words));
+    CHECK(std::ranges::count(outcome.output, '\n') == 1);
+  };
+  refused("farm jobs.jsonl", 1, "expected JOBS.jsonl and --out FOLDER");
+  refused("farm jobs.jsonl --out farm --status farm", 1, "--status stands alone");
+  refused("farm jobs.jsonl --out farm --stale 1 --heartbeat 1", 1, "three heartbeats or more");
+  refused("farm jobs.jsonl --out farm --join", 2, "farm: holds no farm");
+  refused("farm absent.jsonl --out farm", 2, "absent.jsonl: cannot open");
+  refused("farm jobs.jsonl --out absent/farm", 4, "absent/farm: cannot make this folder");
+  refused("farm --status farm", 2, "farm/farm.json: cannot open");
+  CHECK_FALSE(fs::exists(folder / "farm"));
+  refused("farm jobs.jsonl --out farm --prepare", 0, "farm: 1 jobs");
+  {
+    Child child(folder, kWorker + "--out farm --join");
+    child.until([&] { return fs::exists(folder / "farm/jobs/job0/0001/run/checkpoint"); });
+    fs::rename(folder / "farm", folder / "lost");
+    CHECK(child.end() == 4);
+    CHECK_THAT(child.output(), Contains("tgtrain: " + (folder / "farm").string()) && Contains("cannot "));
+  }
+  fs::rename(folder / "lost", folder / "farm");
+  writeJobs(folder, "2", 1, "60");
+  refused("farm jobs.jsonl --out farm", 1, "farm: is the folder of other jobs: job 1 differs");
+  fs::remove_all(folder / "farm");
+  REQUIRE(tgtrain(folder, "farm jobs.jsonl --out farm --prepare").code == 0);
+  nlohmann::json farm = nlohmann::json::parse(contents(folder / "farm/farm.json"));
+  farm["tgtrain"] = "0.0.1";
+  std::ofstream(folder / "farm/farm.json") << farm.dump();
+  refused("farm jobs.jsonl --out farm", 1, "farm/farm.json: is of workers of another version (expected 0.0.1, found ");
+}
+
+TEST_CASE("a full disk ends a worker, and with room again the next goes on", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "20", 1, "60");
+  fs::create_directory(folder / "disk");
+  const std::string mount = "mount -t tmpfs -o size=96k none disk";
+  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  const Outcome outcome =
+      run(folder, "unshare -rm sh -c '" + mount +
+                      " && \"" TG_TGTRAIN
+                      "\" farm jobs.jsonl --out disk/farm; code=$?; cat disk/farm/jobs/job0/0001/end.json; "
+                      "mount -o remount,size=32m disk && \"" TG_TGTRAIN
+                      "\" farm jobs.jsonl --out disk/farm --stale 0.3 --heartbeat 0.1 && exit $code'");
+  INFO(outcome.output);
+  CHECK(outcome.code == 4);
+  CHECK_THAT(outcome.output, Contains("No space left on device") && Contains("job0: done"));
+}

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: Apache-2.0
+// Look, claim, train, publish; and what to do where one of them fails.
+#include "training/farm/work.h"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <climits>
+#include <csignal>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/run/live.h"
+#include "core/system/error.h"
+#include "core/system/numbers.h"
+#include "core/system/shortened.h"
+#include "training/farm/claims.h"
+#include "training/photos/child.h"
+
+namespace tg {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+
+constexpr const char* kThisProgram = "/proc/self/exe";  // also while another version is being installed over it
+constexpr std::chrono::seconds kPatience(30);           // to finish a step and write a checkpoint
+constexpr int kPause = 50;                              // [ms] between two looks for a signal
+constexpr int kSignalled = 128;
+
+std::string workerName() {
+  char host[HOST_NAME_MAX + 1] = {};
+  if (::gethostname(host, sizeof host - 1) != 0) host[0] = '\0';
+  return printable(host) + ":" + std::to_string(::getpid());
+}
+
+bool isStopCode(int code) {
+  return std::ranges::any_of(std::array{SIGINT, SIGTERM, SIGHUP}, [&](int s) { return code == kSignalled + s; });
+}
+
+// The same end whenever it is tried: a wrong command line, wrong data.
+bool isFinal(int code) {
+  return code == static_cast<int>(ErrorKind::usage) || code == static_cast<int>(ErrorKind::badData);
+}
+
+class Worker {
+ public:
+  Worker(const FarmOptions& options, const FarmListener& listener, const std::atomic<int>& stop)
+      : options_(options),
+        listener_(listener),
+        stop_(stop),
+        folder_(fs::absolute(options.folder).lexically_normal(), readJobs(options.jobs), TG_VERSION, options.join),
+        watch_(Seconds(options.stale), Seconds(2 * options.heartbeat)) {}
+
+  int run() {
+    while (stop_ == 0) {
+      const std::optional<Choice> choice = choose();
+      if (choice) {
+        work(*choice);
+      } else if (open_ == 0 || options_.no_wait) {
+        break;
+      } else {
+        pause(Seconds(options_.heartbeat));
+      }
+    }
+    return stop_ != 0 ? kSignalled + stop_ : conclude();
+  }
+
+  std::size_t jobs() const { return folder_.jobs().size(); }
+
+ private:
+  struct Choice {
+    const FarmJob* job = nullptr;
+    JobView view;
+  };
+
+  // The first of the open jobs that failed least, those of dead workers among them. Counts what is not settled.
+  std::optional<Choice> choose() {
+    std::optional<Choice> best;
+    open_ = 0;
+    for (const FarmJob& job : folder_.jobs()) {
+      if (settled_.contains(job.name)) continue;
+      JobView view = folder_.look(job.name);
+      if (view.state == JobState::taken && watch_.isDead(job.name, view, Clock::now())) {
+        if (view.deaths >= options_.takeovers) {
+          const Failure failure{kSignalled + SIGKILL, std::to_string(view.deaths + 1) + " workers died at it"};
+          folder_.fail(job.name, failure);
+          listener_.warn(job.name + ": given up: " + failure.words);
+          view.state = JobState::failed;
+        } else {
+          view.state = JobState::open;
+        }
+      }
+      if (view.state == JobState::done || view.state == JobState::failed) {
+        if (view.state == JobState::done) folder_.sweep(job.name);
+        settled_.insert(job.name);
+        continue;
+      }
+      ++open_;
+      if (view.state == JobState::open && (!best || view.failures < best->view.failures)) {
+        best = Choice{&job, std::move(view)};
+        if (best->view.failures == 0) break;
+      }
+    }
+    return best;
+  }
+
+  void work(const Choice& choice) {
+    const FarmJob& job = *choice.job;
+    const int number = choice.view.attempts + 1;
+    if (!folder_.claim(job.name, number, worker_)) return;
+    bool overtaken = false;
+    try {
+      const bool resumed = folder_.carryOver(job.name, number);
+      listener_.say(job.name + ": " + (number > 1 ? "attempt " + std::to_string(number) : std::string("begins")) +
+                    (resumed ? ", from a checkpoint" : ""));
+      finish(job, number, choice.view.failures, train(job, number, overtaken));
+    } catch (const Stopped&) {
+      if (overtaken) return listener_.warn(job.name + ": another worker has taken over; this one lets it go");
+      folder_.end(job.name, number, AttemptEnd::released, {kSignalled + stop_, "stopped"});
+      listener_.say(job.name + ": stopped; open for others");
+    } catch (const Error& error) {
+      release(job, number, error.what());
+      throw;
+    }
+  }
+
+  // For others, if the folder can still be written: an attempt that nobody ended goes stale.
+  void release(const FarmJob& job, int number, const std::string& why) {
+    try {
+      folder_.end(job.name, number, AttemptEnd::released, {static_cast<int>(ErrorKind::cannotWrite), why});
+    } catch (const Error&) {
+    }
+  }
+
+  // Its exit code and the last of its errors.
+  Failure train(const FarmJob& job, int number, bool& overtaken) {
+    const fs::path place = folder_.attempt(job.name, number), result = place / "result";
+    std::error_code error;
+    fs::create_directory(result, error);
+    if (error) throw Error(ErrorKind::cannotWrite, result.string(), "cannot make this folder: " + error.message());
+    ChildCommand command;
+    command.words = {kThisProgram, job.dataset};
+    command.words.insert(command.words.end(), job.flags.begin(), job.flags.end());
+    if (std::ranges::find(job.flags, "--reproducible") == job.flags.end()) command.words.push_back("--reproducible");
+    if (options_.threads > 0) command.words.push_back("--threads=" + std::to_string(options_.threads));
+    for (const std::string& word : {std::string("--run"), (place / "run").string(), std::string("--resume"),
+                                    std::string("-o"), (result / job.output).string()}) {
+      command.words.push_back(word);
+    }
+    command.log = place / "log.txt";
+    const std::string_view ours = "tgtrain: ";
+    std::string error_line;
+    command.line = [&](std::string_view line) {
+      if (line.starts_with(ours)) error_line = line.substr(ours.size());
+    };
+    command.folder = fs::absolute(options_.jobs).parent_path();
+    command.patience = kPatience;
+    Clock::time_point last_try = Clock::now(), last_beat = last_try;
+    std::uint64_t beats = 0;
+    command.meanwhile = [&] {
+      const Clock::time_point now = Clock::now();
+      if (now - last_try < Seconds(options_.heartbeat)) return;
+      last_try = now;
+      overtaken = folder_.isOvertaken(job.name, number);
+      if (overtaken) throw Stopped();
+      try {
+        folder_.beat(job.name, number, ++beats);
+        last_beat = now;
+      } catch (const Error&) {
+        // A share that is away for a moment comes back; one that stays away is lost, and the job is another's by then.
+        if (now - last_beat >= Seconds(options_.stale)) throw;
+      }
+    };
+    const ChildEnd end = runChild(command, stop_);
+    return {end.code, shortened(printable(error_line.empty() ? end.last : error_line))};
+  }
+
+  void finish(const FarmJob& job, int number, int failures, Failure failure) {
+    const fs::path place = folder_.attempt(job.name, number), result = place / "result";
+    if (isStopCode(failure.code)) {  // sent to the whole job of a scheduler: this worker's own comes, too
+      folder_.end(job.name, number, AttemptEnd::released, {failure.code, "stopped"});
+      return listener_.say(job.name + ": stopped; open for others");
+    }
+    // All that it writes is the farm's: not the job is wrong, but the place.
+    if (failure.code == static_cast<int>(ErrorKind::cannotWrite)) {
+      throw Error(ErrorKind::cannotWrite, failure.words);
+    }
+    if (failure.code == 0 && !isFile(result / job.output)) {
+      failure = {static_cast<int>(ErrorKind::usage), "ended without a model (a flag that only prints?)"};
+    }
+    if (failure.code != 0) {
+      const bool last = isFinal(failure.code) || failures >= options_.retries;
+      listener_.warn(job.name + ": attempt " + std::to_string(number) + " failed with exit code " +
+                     std::to_string(failure.code) + (last ? "; given up: " : ", tried again: ") + failure.words);
+      if (last) folder_.fail(job.name, failure);
+      return folder_.end(job.name, number, AttemptEnd::failed, failure);
+    }
+    writeTextAtomically(result / "job.json", dumpJson(jsonOf(job), 1) + "\n");
+    copyFileAtomically(place / "run" / kMetricsName, result / kMetricsName);
+    const bool first = folder_.publish(job.name, number);
+    listener_.say(job.name + (first ? ": done" : ": done by another worker meanwhile"));
+    folder_.sweep(job.name);
+  }
+
+  // Every job is settled, or others are at work on the rest.
+  int conclude() {
+    std::size_t done = 0, failed = 0;
+    int code = 0;
+    for (const FarmJob& job : folder_.jobs()) {
+      const JobView view = folder_.look(job.name);
+      done += view.state == JobState::done;
+      if (view.state != JobState::failed) continue;
+      ++failed;
+      if (code == 0) code = view.failure->code;
+    }
+    listener_.say(std::to_string(done) + " of " + std::to_string(jobs()) + " jobs done" +
+                  (failed > 0 ? ", " + std::to_string(failed) + " given up" : ""));
+    const bool ours = code >= 0 && code <= static_cast<int>(ErrorKind::device);
+    return ours ? code : static_cast<int>(ErrorKind::device);
+  }
+
+  void pause(Seconds time) const {
+    const Clock::time_point end = Clock::now() + std::chrono::duration_cast<Clock::duration>(time);
+    while (stop_ == 0 && Clock::now() < end) ::poll(nullptr, 0, kPause);
+  }
+
+  const FarmOptions& options_;
+  const FarmListener& listener_;
+  const std::atomic<int>& stop_;
+  const std::string worker_ = workerName();
+  const FarmFolder folder_;
+  BeatWatch watch_;
+  std::set<std::string> settled_;
+  std::size_t open_ = 0;
+};
+
+}  // namespace
+
+int workOnFarm(const FarmOptions& options, const FarmListener& listener, const std::atomic<int>& stop) {
+  if (options.prepare && options.join) {
+    throw Error(ErrorKind::usage, "--prepare begins a farm, --join expects one (expected one of them)");
+  }
+  const auto least = static_cast<float>(3 * options.heartbeat), stale = static_cast<float>(options.stale);
+  if (stale < least) {
+    throw Error(ErrorKind::usage, "--stale must be three heartbeats or more" +
+                                      expectedFound("at least " + numberText(least), numberText(stale)));
+  }
+  Worker worker(options, listener, stop);
+  if (!options.prepare) return worker.run();
+  listener.say(options.folder.string() + ": " + std::to_string(worker.jobs()) + " jobs");
+  return 0;
+}
+
+}  // namespace tg
