@@ -17,7 +17,7 @@ COPY --from=build /usr/local /usr/local
 # for tgtrain photos.
 RUN apt-get update -qq \
   && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $(cat /usr/local/runtime_packages) \
-    libvulkan1 mesa-vulkan-drivers libegl1 libgl1-mesa-dri colmap ffmpeg \
+    libglfw3 libfontconfig1 libvulkan1 mesa-vulkan-drivers libegl1 libgl1-mesa-dri colmap ffmpeg \
   && rm -rf /var/lib/apt/lists/* && tgtrain --version && tgeval --version && tgconvert --version && tgview --version
 WORKDIR /data
 CMD ["tgview", "--help"]

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|test]`, test = build + more,
-# among it a CUDA compiler where PyPI can be reached.
+# Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|package|test]`: package =
+# build + what packages.sh runs, test = build + what the tests run, among it a CUDA compiler where PyPI can be reached.
 set -euo pipefail
 case "${1:-build}" in
-  build | test) ;;
+  build | package | test) ;;
   *) sed -n 's/^# //p' "$0" && exit ;;
 esac
 
@@ -12,12 +12,15 @@ build_packages=(build-essential cmake ninja-build pkg-config ccache
   nlohmann-json3-dev libopenexr-dev libimath-dev glslang-tools libcli11-dev libhwy-dev libpng-dev libjpeg-dev libwebp-dev
   zlib1g-dev libzstd-dev libarchive-dev libssl-dev libmeshoptimizer-dev libexif-dev libheif-dev libsqlite3-dev
   libcpp-httplib-dev)
+package_packages=(patchelf lintian)
 # What tgtrain photos starts: cameras of photographs, frames of films.
 photo_packages=(colmap ffmpeg)
-test_packages=(catch2 desktop-file-utils shared-mime-info libheif-examples vulkan-validationlayers xvfb xauth xdotool
-  openbox imagemagick spirv-cross python3 python3-venv curl zsh fish mandoc)
+test_packages=(catch2 librapidcheck-dev appstream desktop-file-utils shared-mime-info libheif-examples vulkan-validationlayers xvfb xauth
+  xdotool openbox imagemagick spirv-cross python3 python3-venv
+  python3-dev python3-numpy pybind11-dev curl zsh fish mandoc)
 
 packages=("${build_packages[@]}" "${photo_packages[@]}")
+[ "${1:-build}" = package ] && packages+=("${package_packages[@]}")
 [ "${1:-build}" = test ] && packages+=("${test_packages[@]}")
 
 if ! command -v apt-get >/dev/null; then

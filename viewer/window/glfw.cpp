@@ -18,7 +18,7 @@ namespace {
 std::string lastError() {
   const char* text = nullptr;
   glfwGetError(&text);
-  return text ? text : "unknown GLFW error";
+  return text ? text : "GLFW gives no reason (are libglfw.so.3 and libX11.so.6 there?)";
 }
 
 Events& eventsOf(GLFWwindow* window) { return *static_cast<Events*>(glfwGetWindowUserPointer(window)); }

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// What stands behind the public classes, for the library's own sources.
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "core/bundle/bundle.h"
+#include "core/system/error.h"
+#include "render/settings.h"
+#include "textured_gaussians/dataset.h"
+#include "textured_gaussians/error.h"
+#include "textured_gaussians/model.h"
+#include "training/data/dataset.h"
+
+namespace textured_gaussians {
+
+struct Model::Parts {
+  tg::Bundle bundle;
+};
+
+struct Dataset::Parts {
+  tg::Dataset dataset;
+};
+
+struct Access {
+  static std::shared_ptr<const tg::Bundle> bundle(const Model& model) { return {model.parts_, &model.parts_->bundle}; }
+  static std::shared_ptr<const tg::Dataset> dataset(const Dataset& dataset) {
+    return {dataset.parts_, &dataset.parts_->dataset};
+  }
+  static Model model(tg::Bundle bundle);
+};
+
+// Calls `body`; what it throws leaves as the public Error.
+template <typename Body>
+decltype(auto) guarded(const Body& body) {
+  try {
+    return body();
+  } catch (const tg::Error& error) {
+    throw Error(static_cast<ErrorKind>(error.kind), error.what());
+  } catch (const std::filesystem::filesystem_error& error) {
+    throw Error(ErrorKind::cannotRead, tg::printable(error.what()));
+  }
+}
+
+// The first throws Error(usage) for a camera that is none.
+tg::Camera cameraOf(const Camera& camera);
+Camera cameraOf(const tg::Camera& camera);
+
+inline glm::vec3 colorOf(const std::array<float, 3>& color) { return {color[0], color[1], color[2]}; }
+inline std::array<float, 3> colorOf(const glm::vec3& color) { return {color.x, color.y, color.z}; }
+
+// The enumerations have the same values.
+inline tg::TextureMode modeOf(TextureMode mode) { return static_cast<tg::TextureMode>(mode); }
+
+}  // namespace textured_gaussians

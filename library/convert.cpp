@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// tgconvert as a function.
+#include "textured_gaussians/convert.h"
+
+#include "converter/convert.h"
+
+#include <algorithm>
+
+#include "library/access.h"
+
+namespace textured_gaussians {
+
+ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
+                      const ConvertOptions& options) {
+  return guarded([&] {
+    tg::ConvertOptions own;
+    own.overwrite = options.overwrite;
+    own.quantize = options.quantize;
+    own.meshopt = options.meshopt;
+    own.steps = options.steps;
+    own.measure = options.measure ? tg::Measure::always : tg::Measure::never;
+    for (const auto& [name, value] : options.edits) {
+      const std::string flag = "--" + name;
+      if (std::ranges::find(tg::editOptions(), flag, &tg::EditOption::name) == tg::editOptions().end()) {
+        throw tg::Error(tg::ErrorKind::usage, name, "no such edit (docs/converter.md has them)");
+      }
+      own.edits.push_back({flag, value});
+    }
+    tg::ConvertReport report = tg::convert(input, output, own);
+    return ConvertReport{report.input_format, report.output_format, report.input_bytes,        report.output_bytes,
+                         report.gaussians,    report.textured_psnr, std::move(report.warnings)};
+  });
+}
+
+}  // namespace textured_gaussians

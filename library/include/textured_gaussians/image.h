@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures as floats.
+#pragma once
+#include <filesystem>
+#include <vector>
+
+namespace textured_gaussians {
+
+struct Image {
+  int width = 0;            // [px]
+  int height = 0;           // [px]
+  int channels = 0;         // 1, 3 (RGB) or 4 (RGB and straight alpha)
+  std::vector<float> data;  // [height, width, channels], top row first; colours as stored (sRGB), black 0, white 1
+};
+
+// PNG, JPEG or EXR, told apart by their first bytes. Throws Error: cannotRead, badData.
+Image readImage(const std::filesystem::path& path);
+// By the extension: .png (clamped to [0, 1], 8 bits), .jpg (the same, quality 95) or .exr (half floats). A file that is
+// there is replaced once the new one is complete. Throws Error: cannotWrite; usage for another extension, and for data
+// that is not as long as the shape says.
+void writeImage(const std::filesystem::path& path, const Image& image);
+
+}  // namespace textured_gaussians

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures, by the CPU renderer.
+#include "textured_gaussians/render.h"
+
+#include "core/system/parallel.h"
+#include "library/access.h"
+#include "render/renderer.h"
+
+namespace textured_gaussians {
+namespace {
+
+static_assert(static_cast<int>(Output::depthMedian) == static_cast<int>(tg::Output::depthMedian));
+
+constexpr int kMostThreads = 4096;
+
+}  // namespace
+
+struct Renderer::Parts {
+  std::shared_ptr<const tg::Bundle> bundle;
+  std::unique_ptr<tg::Renderer> renderer = tg::makeCpuRenderer();
+};
+
+Renderer::Renderer(const Model& model) : parts_(std::make_unique<Parts>(Parts{Access::bundle(model)})) {
+  guarded([&] { parts_->renderer->setModel({parts_->bundle, &parts_->bundle->model}); });
+}
+Renderer::~Renderer() = default;
+Renderer::Renderer(Renderer&&) noexcept = default;
+Renderer& Renderer::operator=(Renderer&&) noexcept = default;
+
+Image Renderer::render(const Camera& camera, Output output, const RenderOptions& options) {
+  return guarded([&] {
+    tg::RenderSettings settings;
+    settings.textures = modeOf(options.textures);
+    settings.background = options.background ? colorOf(*options.background) : parts_->bundle->background;
+    settings.splat_scale = options.splat_scale;
+    settings.opacity_scale = options.opacity_scale;
+    settings.max_sh_degree = options.max_sh_degree;
+    settings.outputs = {static_cast<tg::Output>(output)};
+    const tg::Frame frame = parts_->renderer->render(cameraOf(camera), settings);
+    tg::Image image = tg::extract(frame, static_cast<tg::Output>(output));
+    return Image{image.width, image.height, image.channels, std::move(image.data)};
+  });
+}
+
+void setThreads(int count) {
+  if (count < 0 || count > kMostThreads) {
+    throw Error(ErrorKind::usage, "threads: expected 0 to 4096, found " + std::to_string(count));
+  }
+  tg::setThreadCount(count);
+}
+
+}  // namespace textured_gaussians

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Training, by the CPU's trainer.
+#include "textured_gaussians/train.h"
+
+#include <algorithm>
+
+#include "library/access.h"
+#include "training/run/trainer.h"
+
+namespace textured_gaussians {
+namespace {
+
+tg::TrainSettings settingsOf(const TrainOptions& options) {
+  tg::TrainSettings settings = tg::presetSettings(options.preset);
+  for (const auto& [name, value] : options.settings) {
+    const auto entry = std::ranges::find(tg::settingEntries(), name, &tg::SettingEntry::name);
+    if (entry == tg::settingEntries().end()) {
+      throw tg::Error(tg::ErrorKind::usage, name, "no such setting (docs/training.md has them)");
+    }
+    entry->set(settings, value);
+  }
+  tg::checkSettings(settings);
+  return settings;
+}
+
+std::optional<tg::GaussianModel> startOf(const std::optional<Model>& start) {
+  if (!start) return std::nullopt;
+  return Access::bundle(*start)->model;
+}
+
+}  // namespace
+
+struct Trainer::Parts {
+  Parts(const Dataset& dataset, const TrainOptions& options, const std::optional<Model>& start)
+      : data(Access::dataset(dataset)), trainer(*data, settingsOf(options), *renderer, startOf(start)) {}
+
+  std::shared_ptr<const tg::Dataset> data;
+  std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::makeCpuDifferentiableRenderer();
+  tg::Trainer trainer;
+};
+
+Trainer::Trainer(const Dataset& dataset, const TrainOptions& options, const std::optional<Model>& start)
+    : parts_(guarded([&] { return std::make_unique<Parts>(dataset, options, start); })) {}
+Trainer::~Trainer() = default;
+Trainer::Trainer(Trainer&&) noexcept = default;
+Trainer& Trainer::operator=(Trainer&&) noexcept = default;
+
+bool Trainer::step() {
+  return guarded([&] { return parts_->trainer.step(); });
+}
+
+TrainProgress Trainer::progress() const {
+  return guarded([&] {
+    const tg::TrainProgress progress = parts_->trainer.progress();
+    return TrainProgress{std::string(tg::name(progress.stage)),
+                         progress.iteration,
+                         progress.iterations,
+                         progress.loss,
+                         progress.psnr,
+                         progress.gaussians,
+                         progress.seconds_left};
+  });
+}
+
+Model Trainer::model() const {
+  return guarded([&] {
+    tg::Bundle bundle;
+    bundle.model = parts_->trainer.model();
+    bundle.cameras = parts_->data->views;
+    bundle.background = parts_->data->background;
+    return Access::model(std::move(bundle));
+  });
+}
+
+}  // namespace textured_gaussians

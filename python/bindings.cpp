@@ -1,0 +1,470 @@
+// SPDX-License-Identifier: Apache-2.0
+// The library's headers as a Python module; arrays are NumPy's.
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "textured_gaussians/textured_gaussians.h"
+
+namespace py = pybind11;
+using namespace py::literals;
+using namespace textured_gaussians;
+
+namespace {
+
+using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Shape = std::vector<py::ssize_t>;
+
+[[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
+
+// ---- Names of enumerators
+
+template <typename Enum, std::size_t kCount>
+struct Names {
+  const char* what;
+  std::array<const char*, kCount> names;
+
+  Enum parse(const std::string& name) const {
+    const auto found = std::ranges::find(names, name);
+    if (found != names.end()) return static_cast<Enum>(found - names.begin());
+    std::string expected;
+    for (const char* each : names) expected += (expected.empty() ? "" : ", ") + std::string(each);
+    refuse(std::string(what) + ": expected one of " + expected + ", found \"" + name + "\"");
+  }
+  const char* of(Enum value) const { return names[static_cast<std::size_t>(value)]; }
+};
+constexpr Names<TextureMode, 4> kModes{"texture mode", {"none", "alpha", "rgb", "rgba"}};
+constexpr Names<Intersection, 2> kIntersections{"intersection", {"plane", "max_response"}};
+constexpr Names<TextureOutside, 3> kOutsides{"outside", {"base", "clip", "edge"}};
+constexpr Names<Output, 8> kOutputs{"output",
+                                    {"final", "base", "texture", "alpha", "depth", "normal", "count", "depth_median"}};
+constexpr Names<Split, 3> kSplits{"split", {"test", "train", "all"}};
+constexpr const char* kKinds[] = {"", "usage", "cannot_read", "bad_data", "cannot_write", "device"};
+
+// ---- Arrays
+
+// The floats of a view, which the model at `owner` keeps alive.
+py::array view(std::span<const float> floats, Shape shape, const py::object& owner) {
+  py::array array(py::dtype::of<float>(), std::move(shape), floats.data(), owner);
+  array.attr("flags").attr("writeable") = false;
+  return array;
+}
+
+// Takes the vector's memory.
+template <typename Value>
+py::array_t<Value> taken(std::vector<Value>&& values, Shape shape) {
+  auto kept = std::make_unique<std::vector<Value>>(std::move(values));
+  const Value* data = kept->data();
+  const py::capsule owner(kept.release(), [](void* pointer) { delete static_cast<std::vector<Value>*>(pointer); });
+  return py::array_t<Value>(std::move(shape), data, owner);
+}
+
+// [height, width, channels], or without the last of one channel.
+py::array_t<float> arrayOf(Image&& image) {
+  Shape shape = {image.height, image.width};
+  if (image.channels > 1) shape.push_back(image.channels);
+  return taken(std::move(image.data), std::move(shape));
+}
+
+std::string shapeText(const py::array& array) {
+  std::string text;
+  for (py::ssize_t axis = 0; axis < array.ndim(); ++axis) {
+    text += (axis > 0 ? ", " : "") + std::to_string(array.shape(axis));
+  }
+  return "[" + text + "]";
+}
+
+// An array of the shape that `expected` names; a side of -1 is free.
+template <typename Array>
+void requireShape(const Array& array, const Shape& shape, const std::string& name, const std::string& expected) {
+  bool right = array.ndim() == static_cast<py::ssize_t>(shape.size());
+  for (std::size_t axis = 0; right && axis < shape.size(); ++axis) {
+    right = shape[axis] < 0 || array.shape(static_cast<py::ssize_t>(axis)) == shape[axis];
+  }
+  if (!right) refuse(name + ": expected an array of shape " + expected + ", found " + shapeText(array));
+}
+
+std::vector<float> floatsOf(const Floats& array, const Shape& shape, const std::string& name,
+                            const std::string& expected) {
+  requireShape(array, shape, name, expected);
+  return {array.data(), array.data() + array.size()};
+}
+
+template <std::size_t kCount>
+void fill(std::array<double, kCount>& numbers, const Doubles& array, const Shape& shape, const std::string& name,
+          const std::string& expected) {
+  requireShape(array, shape, name, expected);
+  std::copy_n(array.data(), kCount, numbers.begin());
+}
+
+// ---- Models
+
+Model makeModel(const Floats& means, const Floats& rotations, const Floats& log_scales, const Floats& opacity_logits,
+                const Floats& sh, const std::string& texture_mode, const std::optional<py::array>& texture_rects,
+                const std::optional<Floats>& texels, const std::array<float, 3>& background,
+                const std::vector<Camera>& cameras, const std::string& intersection, const std::string& outside) {
+  ModelData data;
+  data.means = floatsOf(means, {-1, 3}, "means", "[N, 3]");
+  const py::ssize_t n = means.shape(0);
+  data.rotations = floatsOf(rotations, {n, 4}, "rotations", "[N, 4]");
+  data.log_scales = floatsOf(log_scales, {n, 3}, "log_scales", "[N, 3]");
+  data.opacity_logits = floatsOf(opacity_logits, {n}, "opacity_logits", "[N]");
+  data.sh = floatsOf(sh, {n, -1, 3}, "sh", "[N, K, 3]");
+  const py::ssize_t k = sh.shape(1);
+  while (data.sh_degree < 3 && (data.sh_degree + 1) * (data.sh_degree + 1) < k) ++data.sh_degree;
+  if ((data.sh_degree + 1) * (data.sh_degree + 1) != k)
+    refuse("sh: expected K of 1, 4, 9 or 16, found " + std::to_string(k));
+  data.texture_mode = kModes.parse(texture_mode);
+  data.intersection = kIntersections.parse(intersection);
+  data.outside = kOutsides.parse(outside);
+  data.background = background;
+  data.cameras = cameras;
+  if (texels) data.texels = floatsOf(*texels, {-1, 4}, "texels", "[T, 4]");
+  if (texture_rects) {
+    const auto rects = py::array_t < std::int64_t, py::array::c_style | py::array::forcecast > ::ensure(*texture_rects);
+    if (!rects) throw py::error_already_set();
+    requireShape(rects, {n, 3}, "texture_rects", "[N, 3]");
+    for (py::ssize_t i = 0; i < n; ++i) {
+      const std::int64_t offset = rects.at(i, 0), width = rects.at(i, 1), height = rects.at(i, 2);
+      if (offset < 0 || offset > 0xffffffff || width < 0 || width > 0xffff || height < 0 || height > 0xffff) {
+        refuse("texture_rects: row " + std::to_string(i) +
+               ": expected offset, width and height of 32, 16 and 16 bits without a sign");
+      }
+      data.texture_rects.push_back(
+          {static_cast<std::uint32_t>(offset), static_cast<std::uint16_t>(width), static_cast<std::uint16_t>(height)});
+    }
+  }
+  const py::gil_scoped_release release;
+  return Model(data);
+}
+
+py::ssize_t gaussians(const Model& model) { return static_cast<py::ssize_t>(model.size()); }
+
+// A view of a model's numbers, one row a Gaussian.
+template <std::span<const float> (Model::*kNumbers)() const>
+py::array numbers(const py::object& self, Shape row) {
+  const Model& model = self.cast<const Model&>();
+  row.insert(row.begin(), gaussians(model));
+  return view((model.*kNumbers)(), std::move(row), self);
+}
+
+// The exception that carries an Error's kind.
+void bindError(py::module_& module) {
+  // Kept for as long as the process lives: it may be thrown until then.
+  static const py::handle error = py::exception<Error>(module, "Error", PyExc_RuntimeError).release();
+  error.attr("__doc__") =
+      "What the library refuses, with one line for users.\n\nkind: \"usage\", \"cannot_read\", \"bad_data\", "
+      "\"cannot_write\" or \"device\".";
+  py::register_exception_translator([](std::exception_ptr thrown) {
+    try {
+      if (thrown) std::rethrow_exception(thrown);
+    } catch (const Error& refused) {
+      const py::object raised = error(refused.what());
+      raised.attr("kind") = kKinds[static_cast<int>(refused.kind())];
+      PyErr_SetObject(error.ptr(), raised.ptr());
+    }
+  });
+}
+
+void bindCamera(py::module_& module) {
+  py::class_<Camera>(module, "Camera", R"(A pinhole camera.
+
+Axes: x right, y down, z forward; pixel centres lie at +0.5, the image's left edge at x = 0. A point p of the world
+appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p + translation.)")
+      .def(
+          py::init([](const Doubles& rotation, const Doubles& translation, const Doubles& focal, const Doubles& center,
+                      int width, int height, const std::string& name, bool test) {
+            Camera camera;
+            fill(camera.rotation, rotation, {3, 3}, "rotation", "[3, 3]");
+            fill(camera.translation, translation, {3}, "translation", "[3]");
+            fill(camera.focal, focal, {2}, "focal", "[2]");
+            fill(camera.center, center, {2}, "center", "[2]");
+            camera.width = width;
+            camera.height = height;
+            camera.name = name;
+            camera.test = test;
+            return camera;
+          }),
+          "rotation"_a, "translation"_a, "focal"_a, "center"_a, "width"_a, "height"_a, "name"_a = "", "test"_a = false,
+          R"(rotation [3, 3], orthonormal, and translation [3] [world units]: camera from world; focal [2] and center [2]
+[px]; width and height [px]. What makes no camera is refused where it is used.)")
+      .def_property_readonly(
+          "rotation",
+          [](const Camera& camera) {
+            return taken(std::vector<double>(camera.rotation.begin(), camera.rotation.end()), {3, 3});
+          },
+          "float64 [3, 3]: camera from world.")
+      .def_property_readonly(
+          "translation",
+          [](const Camera& camera) {
+            return taken(std::vector<double>(camera.translation.begin(), camera.translation.end()), {3});
+          },
+          "float64 [3]: camera from world [world units].")
+      .def_property_readonly(
+          "focal",
+          [](const Camera& camera) {
+            return taken(std::vector<double>(camera.focal.begin(), camera.focal.end()), {2});
+          },
+          "float64 [2]: x, y [px].")
+      .def_property_readonly(
+          "center",
+          [](const Camera& camera) {
+            return taken(std::vector<double>(camera.center.begin(), camera.center.end()), {2});
+          },
+          "float64 [2]: x, y [px].")
+      .def_readonly("width", &Camera::width, "[px]")
+      .def_readonly("height", &Camera::height, "[px]")
+      .def_readonly("name", &Camera::name, "Of the photograph, without its folder; may be empty.")
+      .def_readonly("test", &Camera::test, "Whether it was held out from training.")
+      .def("__repr__", [](const Camera& camera) {
+        return "<Camera " + camera.name + (camera.name.empty() ? "" : " ") + std::to_string(camera.width) + " x " +
+               std::to_string(camera.height) + ">";
+      });
+  module.def("look_at", &lookAt, "eye"_a, "target"_a, "up"_a, "fov_y"_a, "width"_a, "height"_a,
+             R"(A camera at `eye` that looks at `target`, both [3] in world space; `up` [3] points to the picture's top.
+fov_y: the vertical field of view [radians].)");
+}
+
+void bindModel(py::module_& module) {
+  py::class_<Model>(module, "Model",
+                    R"(Gaussians with textures. A model does not change: its arrays are read-only views.
+
+World space is the data set's, right-handed; nothing is rescaled.)")
+      .def(py::init(&makeModel), "means"_a, "rotations"_a, "log_scales"_a, "opacity_logits"_a, "sh"_a, py::kw_only(),
+           "texture_mode"_a = "none", "texture_rects"_a = py::none(), "texels"_a = py::none(),
+           "background"_a = std::array<float, 3>{}, "cameras"_a = std::vector<Camera>{},
+           "intersection"_a = "max_response", "outside"_a = "base", R"(A model of N Gaussians from arrays of float32.
+
+means [N, 3] [world units]; rotations [N, 4] quaternions w, x, y, z, world from Gaussian, of any length above 0;
+log_scales [N, 3] ln(sigma); opacity_logits [N], opacity = 1 / (1 + exp(-logit)); sh [N, K, 3] with K = 1, 4, 9 or 16,
+colour = 0.5 + sum of sh times basis; texture_mode "none", "alpha", "rgb" or "rgba"; texture_rects [N, 3] integers
+offset, width, height [texels]: texel (i, j), i along u, is texels[offset + j * width + i]; texels [T, 4] RGB, added to
+the base colour, and a factor on alpha in [0, 1].)")
+      .def_static("load", &Model::load, "path"_a, py::call_guard<py::gil_scoped_release>(),
+                  "From any file that tgconvert reads: .tgz, .glb, .gltf, .ply, .sog, .spz, .splat, .ksplat, .html.")
+      .def("save", &Model::save, "path"_a, py::call_guard<py::gil_scoped_release>(),
+           R"(In the format of the extension. A file that is there is replaced once the new one is complete.
+
+Returns what the format does not hold, a line each.)")
+      .def("__len__", &Model::size)
+      .def("__repr__",
+           [](const Model& model) {
+             return "<Model of " + std::to_string(model.size()) + " Gaussians, SH degree " +
+                    std::to_string(model.shDegree()) + ", textures " + kModes.of(model.textureMode()) + ">";
+           })
+      .def_property_readonly(
+          "means", [](const py::object& self) { return numbers<&Model::means>(self, {3}); },
+          "float32 [N, 3] [world units].")
+      .def_property_readonly(
+          "rotations", [](const py::object& self) { return numbers<&Model::rotations>(self, {4}); },
+          "float32 [N, 4]: quaternions w, x, y, z, world from Gaussian.")
+      .def_property_readonly(
+          "log_scales", [](const py::object& self) { return numbers<&Model::logScales>(self, {3}); },
+          "float32 [N, 3]: ln(sigma), sigma in [world units].")
+      .def_property_readonly(
+          "opacity_logits", [](const py::object& self) { return numbers<&Model::opacityLogits>(self, {}); },
+          "float32 [N]: opacity = 1 / (1 + exp(-logit)).")
+      .def_property_readonly(
+          "sh",
+          [](const py::object& self) {
+            const py::ssize_t side = self.cast<const Model&>().shDegree() + 1;
+            return numbers<&Model::sh>(self, {side * side, 3});
+          },
+          "float32 [N, K, 3], K = (sh_degree + 1) ** 2.")
+      .def_property_readonly(
+          "texels",
+          [](const py::object& self) {
+            const std::span<const float> texels = self.cast<const Model&>().texels();
+            return view(texels, {static_cast<py::ssize_t>(texels.size() / 4), 4}, self);
+          },
+          "float32 [T, 4]: RGB, added to the base colour, and a factor on alpha.")
+      .def_property_readonly(
+          "texture_rects",
+          [](const Model& model) {
+            const std::vector<TextureRect> rects = model.textureRects();
+            std::vector<std::int64_t> rows;
+            for (const TextureRect& rect : rects) rows.insert(rows.end(), {rect.offset, rect.width, rect.height});
+            return taken(std::move(rows), {static_cast<py::ssize_t>(rects.size()), 3});
+          },
+          "int64 [N, 3]: offset, width, height [texels]; [0, 3] without textures. A copy.")
+      .def_property_readonly("sh_degree", &Model::shDegree, "0 to 3.")
+      .def_property_readonly(
+          "texture_mode", [](const Model& model) { return kModes.of(model.textureMode()); },
+          "\"none\", \"alpha\", \"rgb\" or \"rgba\".")
+      .def_property_readonly(
+          "intersection", [](const Model& model) { return kIntersections.of(model.intersection()); },
+          "Where a ray meets a Gaussian: \"plane\" or \"max_response\".")
+      .def_property_readonly(
+          "outside", [](const Model& model) { return kOutsides.of(model.outside()); },
+          "What is drawn of a textured Gaussian beyond +-3 sigma: \"base\", \"clip\" or \"edge\".")
+      .def_property_readonly(
+          "background", [](const Model& model) { return py::tuple(py::cast(model.background())); },
+          "RGB that it was trained against.")
+      .def_property_readonly("cameras", &Model::cameras, "Of the photographs that it was trained on; may be empty.")
+      .def_property_readonly("warnings", &Model::warnings, "What reading repaired or passed over, a line each.");
+}
+
+void bindRendering(py::module_& module) {
+  py::class_<Renderer>(module, "Renderer",
+                       "Draws a model on the processor, with all threads. Not for two threads at once.")
+      .def(py::init<const Model&>(), "model"_a)
+      .def(
+          "render",
+          [](Renderer& renderer, const Camera& camera, const std::string& output, const std::string& textures,
+             const std::optional<std::array<float, 3>>& background, float splat_scale, float opacity_scale,
+             int max_sh_degree) {
+            const RenderOptions options{kModes.parse(textures), background, splat_scale, opacity_scale, max_sh_degree};
+            const Output wanted = kOutputs.parse(output);
+            return arrayOf([&] {
+              const py::gil_scoped_release release;
+              return renderer.render(camera, wanted, options);
+            }());
+          },
+          "camera"_a, "output"_a = "final", py::kw_only(), "textures"_a = "rgba", "background"_a = py::none(),
+          "splat_scale"_a = 1.0f, "opacity_scale"_a = 1.0f, "max_sh_degree"_a = 3, R"(A picture as float32, not clamped.
+
+output: "final", "base" (without what textures add), "texture" (what they add), "normal": [height, width, 3]; "alpha",
+"depth" and "depth_median" (camera z [world units], 0 where nothing is hit), "count" (of blended Gaussians): [height,
+width]. textures: terms that count. background: RGB; None: the model's.)");
+  module.def("set_threads", &setThreads, "count"_a,
+             "Threads from now on; 0, as at the start: as many as the machine has. Results do not depend on it.");
+  module.def(
+      "read_image", [](const std::filesystem::path& path) { return arrayOf(readImage(path)); }, "path"_a,
+      "PNG, JPEG or EXR as float32 [height, width, 3 or 4], grey as [height, width]; black 0, white 1.");
+  module.def(
+      "write_image",
+      [](const std::filesystem::path& path, const Floats& image) {
+        if (image.ndim() != 2 && image.ndim() != 3) {
+          refuse("image: expected an array of shape [height, width] or [height, width, channels], found " +
+                 shapeText(image));
+        }
+        const auto side = [&](py::ssize_t axis) {
+          return static_cast<int>(std::min<py::ssize_t>(image.shape(axis), 1 << 30));
+        };
+        const int channels = image.ndim() == 3 ? side(2) : 1;
+        writeImage(path, {side(1), side(0), channels, {image.data(), image.data() + image.size()}});
+      },
+      "path"_a, "image"_a, "By the extension: .png and .jpg (clamped to [0, 1], 8 bits) or .exr (half floats).");
+}
+
+void bindTraining(py::module_& module) {
+  py::class_<Dataset>(module, "Dataset", "Photographs with known cameras.")
+      .def_static(
+          "load",
+          [](const std::filesystem::path& folder, int downscale, const std::optional<std::array<float, 3>>& background,
+             int test_every) { return Dataset::load(folder, {downscale, background, test_every}); },
+          "folder"_a, py::kw_only(), "downscale"_a = 1, "background"_a = py::none(), "test_every"_a = 8,
+          py::call_guard<py::gil_scoped_release>(), R"(A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder.
+
+downscale: whole number. background: RGB behind transparent photographs; None: white for NeRF-synthetic, else black.
+test_every: every n-th photograph is held out where the data set has no split; 0: none.)")
+      .def("__len__", &Dataset::size)
+      .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
+      .def_property_readonly(
+          "background", [](const Dataset& dataset) { return py::tuple(py::cast(dataset.background())); }, "RGB.")
+      .def(
+          "photograph",
+          [](const Dataset& dataset, std::size_t index) {
+            return arrayOf([&] {
+              const py::gil_scoped_release release;
+              return dataset.photograph(index);
+            }());
+          },
+          "index"_a, "float32 [height, width, 3] over the background.");
+
+  py::class_<TrainProgress>(module, "Progress", "Where a training stands.")
+      .def_readonly("stage", &TrainProgress::stage,
+                    "\"plain\" (no textures yet), \"textured\", \"untextured\", \"count\".")
+      .def_readonly("iteration", &TrainProgress::iteration, "Done in this stage.")
+      .def_readonly("iterations", &TrainProgress::iterations, "Of this stage.")
+      .def_readonly("loss", &TrainProgress::loss, "Running mean over training photographs.")
+      .def_readonly("psnr", &TrainProgress::psnr, "Running mean over training photographs [dB].")
+      .def_readonly("gaussians", &TrainProgress::gaussians)
+      .def_readonly("seconds_left", &TrainProgress::seconds_left, "Of all stages, as far as it can be told.");
+
+  py::class_<Trainer>(module, "Trainer", "A training on the processor, with all threads. Not for two threads at once.")
+      .def(py::init([](const Dataset& dataset, const std::string& preset, const std::optional<Model>& start,
+                       const py::kwargs& settings) {
+             TrainOptions options{preset, {}};
+             for (const auto& [key, value] : settings) {
+               std::string name = py::str(key);
+               std::ranges::replace(name, '_', '-');
+               options.settings[name] =
+                   py::isinstance<py::bool_>(value) ? (value.cast<bool>() ? "on" : "off") : std::string(py::str(value));
+             }
+             const py::gil_scoped_release release;
+             return std::make_unique<Trainer>(dataset, options, start);
+           }),
+           "dataset"_a, "preset"_a = "default", "start"_a = py::none(), R"(preset, and over it settings by the names of
+tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from.)")
+      .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
+           "One iteration; False: there was none left.")
+      .def_property_readonly("progress", &Trainer::progress)
+      .def("model", &Trainer::model, py::call_guard<py::gil_scoped_release>(),
+           "As it stands, with the data set's cameras and background: a copy.");
+}
+
+void bindEvaluation(py::module_& module) {
+  py::class_<ViewScore>(module, "ViewScore", "How close a picture comes to a photograph.")
+      .def_readonly("name", &ViewScore::name)
+      .def_readonly("psnr", &ViewScore::psnr, "[dB] after rounding to 8 bits; inf when equal.")
+      .def_readonly("ssim", &ViewScore::ssim, "Up to 1.")
+      .def_readonly("flip", &ViewScore::flip, "0 (equal) to 1; None where it was not asked for.");
+  py::class_<Evaluation>(module, "Evaluation")
+      .def_readonly("views", &Evaluation::views, "A ViewScore a photograph.")
+      .def_readonly("mean", &Evaluation::mean, "Of every figure; its name is empty.");
+  module.def(
+      "evaluate",
+      [](const Model& model, const Dataset& dataset, const std::string& split, bool flip, const std::string& textures) {
+        const EvaluateOptions options{kSplits.parse(split), flip, kModes.parse(textures)};
+        const py::gil_scoped_release release;
+        return evaluate(model, dataset, options);
+      },
+      "model"_a, "dataset"_a, py::kw_only(), "split"_a = "test", "flip"_a = false, "textures"_a = "rgba",
+      "PSNR, SSIM and, where asked for, FLIP of the photographs of a split: \"test\", \"train\" or \"all\".");
+
+  py::class_<ConvertReport>(module, "ConvertReport")
+      .def_readonly("input_format", &ConvertReport::input_format)
+      .def_readonly("output_format", &ConvertReport::output_format)
+      .def_readonly("input_bytes", &ConvertReport::input_bytes)
+      .def_readonly("output_bytes", &ConvertReport::output_bytes)
+      .def_readonly("gaussians", &ConvertReport::gaussians, "Written.")
+      .def_readonly("psnr", &ConvertReport::psnr, "[dB] of the file read back; None where it was not measured.")
+      .def_readonly("warnings", &ConvertReport::warnings, "What the format does not hold, a line each.");
+  module.def(
+      "convert",
+      [](const std::filesystem::path& input, const std::filesystem::path& output, bool overwrite, bool quantize,
+         bool meshopt, bool measure, std::optional<float> steps,
+         const std::vector<std::pair<std::string, std::string>>& edits) {
+        return convert(input, output, {overwrite, quantize, meshopt, measure, steps, edits});
+      },
+      "input"_a, "output"_a, py::kw_only(), "overwrite"_a = false, "quantize"_a = false, "meshopt"_a = false,
+      "measure"_a = false, "steps"_a = py::none(), "edits"_a = py::list(), py::call_guard<py::gil_scoped_release>(),
+      R"(A model's file to the format of the other's extension.
+
+edits: names and values of tgconvert's flags, in this order: [("scale", "2"), ("upright", "")].)");
+}
+
+}  // namespace
+
+PYBIND11_MODULE(_core, module) {
+  bindError(module);
+  bindCamera(module);
+  bindModel(module);
+  bindRendering(module);
+  bindTraining(module);
+  bindEvaluation(module);
+  module.attr("__version__") = version();
+}

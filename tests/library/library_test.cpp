@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+// The public headers: what they promise to programs that know nothing else of the project.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <string>
+
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "textured_gaussians/textured_gaussians.h"
+#include "training/data/sample.h"
+
+using namespace textured_gaussians;
+using tg::TemporaryFolder;
+
+namespace {
+
+const char* const kSample = "docs/sample.tgz";
+constexpr tg::SampleOptions kScene = {.size = 32, .train_views = 6, .test_views = 2, .points = 300, .supersampling = 1};
+
+// The message of the Error that `step` throws; "accepted" when it throws none.
+template <typename Step>
+std::string messageOf(const Step& step, ErrorKind kind) {
+  try {
+    step();
+  } catch (const Error& error) {
+    return error.kind() == kind ? error.what() : std::string("another kind: ") + error.what();
+  }
+  return "accepted";
+}
+
+std::string bytesOf(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream bytes;
+  bytes << file.rdbuf();
+  return bytes.str();
+}
+
+// Runs an example; what it prints.
+std::string example(const std::string& name, const std::string& arguments, const TemporaryFolder& folder) {
+  const std::string log = (folder / "log").string();
+  const std::string command = std::string(TG_EXAMPLES) + "/example_" + name + " " + arguments + " >'" + log + "' 2>&1";
+  const int status = std::system(command.c_str());
+  const std::string said = bytesOf(log);
+  INFO(command << ": " << said);
+  REQUIRE(status == 0);
+  return said;
+}
+
+}  // namespace
+
+TEST_CASE("the version is the project's") { CHECK(std::string(version()) == TG_VERSION); }
+
+TEST_CASE("a model of the numbers of another one is saved as the same file") {
+  const TemporaryFolder folder;
+  const Model model = Model::load(kSample);
+  REQUIRE(model.size() == 5000);
+  CHECK(model.means().size() == 5000 * 3);
+  CHECK(model.rotations().size() == 5000 * 4);
+  CHECK(model.sh().size() == 5000 * 3 * static_cast<std::size_t>((model.shDegree() + 1) * (model.shDegree() + 1)));
+  CHECK(model.textureMode() == TextureMode::rgba);
+  const ModelData data = model.data();
+  CHECK(data.texture_rects.size() == 5000);
+  CHECK(data.cameras.size() == model.cameras().size());
+  const Model again(data);
+  again.save(folder / "a.tgz");
+  const Model read = Model::load(folder / "a.tgz");
+  read.save(folder / "b.tgz");
+  CHECK(bytesOf(folder / "a.tgz") == bytesOf(folder / "b.tgz"));
+  CHECK(std::ranges::equal(read.sh(), model.sh()));
+  CHECK(std::ranges::equal(read.texels(), model.texels()));
+  CHECK(read.cameras().front().rotation == model.cameras().front().rotation);
+}
+
+TEST_CASE("numbers that make no model are refused by name") {
+  const ModelData good = Model::load(kSample).data();
+  const auto refused = [&](const auto& spoil) {
+    ModelData data = good;
+    spoil(data);
+    return messageOf([&] { Model{data}; }, ErrorKind::badData);
+  };
+  CHECK(refused([](ModelData& data) { data.means.pop_back(); }) ==
+        "model: means: no whole number of values (expected a multiple of 3 floats, found 14999)");
+  CHECK_THAT(refused([](ModelData& data) { data.opacity_logits.pop_back(); }), Catch::Contains("opacity_logit"));
+  CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 4; }), Catch::Contains("expected 0 to 3, found 4"));
+  CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 0; }), Catch::Contains("sh"));
+  CHECK_THAT(refused([](ModelData& data) { data.means[7] = std::numeric_limits<float>::quiet_NaN(); }),
+             Catch::Contains("mean"));
+  CHECK_THAT(refused([](ModelData& data) { std::fill_n(data.rotations.begin() + 8, 4, 0.0f); }),
+             Catch::Contains("rotation"));
+  CHECK_THAT(refused([](ModelData& data) { data.texture_rects[3].offset = 0xffffffff; }),
+             Catch::Contains("Gaussian 3"));
+  CHECK_THAT(refused([](ModelData& data) { data.background[1] = INFINITY; }), Catch::Contains("background"));
+  CHECK(refused([](ModelData&) {}) == "accepted");
+}
+
+TEST_CASE("a file that is not there, none or of no known format is refused with its kind") {
+  const TemporaryFolder folder;
+  CHECK_THAT(messageOf([&] { Model::load(folder / "none.tgz"); }, ErrorKind::cannotRead), Catch::Contains("none.tgz"));
+  std::ofstream(folder / "bad.ply") << "ply, but not quite";
+  CHECK_THAT(messageOf([&] { Model::load(folder / "bad.ply"); }, ErrorKind::badData), Catch::Contains("bad.ply"));
+  const Model model = Model::load(kSample);
+  CHECK_THAT(messageOf([&] { model.save(folder / "model.xyz"); }, ErrorKind::usage), Catch::Contains("model.xyz"));
+  CHECK_THAT(messageOf([&] { model.save(folder / "none/model.tgz"); }, ErrorKind::cannotWrite),
+             Catch::Contains("none"));
+  const std::vector<std::string> left = model.save(folder / "model.ply");
+  CHECK(std::ranges::any_of(left, [](const std::string& line) { return line.find("texture") != line.npos; }));
+}
+
+TEST_CASE("a camera that is none is refused") {
+  const Camera good = lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 40, 30);
+  Renderer renderer(Model::load(kSample));
+  const auto refused = [&](const auto& spoil) {
+    Camera camera = good;
+    camera.name = "a.png";
+    spoil(camera);
+    return messageOf([&] { renderer.render(camera); }, ErrorKind::usage);
+  };
+  CHECK_THAT(refused([](Camera& camera) { camera.width = 0; }), Catch::Contains("found 0 x 30"));
+  CHECK_THAT(refused([](Camera& camera) { camera.width = camera.height = 60000; }), Catch::Contains("60000 x 60000"));
+  CHECK(refused([](Camera& camera) { camera.focal[1] = 0; }) == "camera a.png: expected focal lengths above 0");
+  CHECK_THAT(refused([](Camera& camera) { camera.center[0] = NAN; }), Catch::Contains("not finite"));
+  CHECK_THAT(refused([](Camera& camera) { camera.rotation[0] *= 1.1; }), Catch::Contains("orthonormal"));
+  CHECK_THAT(refused([](Camera& camera) {
+               for (int i = 0; i < 3; ++i) camera.rotation[static_cast<std::size_t>(i)] *= -1;
+             }),
+             Catch::Contains("reflection"));
+  CHECK(refused([](Camera&) {}) == "accepted");
+  CHECK_THAT(messageOf([] { lookAt({1, 2, 3}, {1, 2, 3}, {0, 1, 0}, 0.8, 8, 8); }, ErrorKind::usage),
+             Catch::Contains("target"));
+  CHECK_THAT(messageOf([] { lookAt({1, 2, 3}, {0, 0, 0}, {0, 1, 0}, 4, 8, 8); }, ErrorKind::usage),
+             Catch::Contains("field of view"));
+}
+
+TEST_CASE("a point of the world appears where the camera's documentation says") {
+  ModelData data;
+  data.means = {0.3f, -0.2f, 0.1f};
+  data.rotations = {1, 0, 0, 0};
+  data.log_scales = {-2, -2, -2};
+  data.opacity_logits = {8};
+  data.sh = {1, 1, 1};
+  const Camera camera = lookAt({1, 2, -4}, {0, 0, 0}, {0.1, -1, 0}, 0.8, 80, 60);
+  const Image alpha = Renderer(Model(data)).render(camera, Output::alpha);
+  std::array<double, 3> seen = camera.translation;
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t i = 0; i < 3; ++i) seen[row] += camera.rotation[3 * row + i] * double{data.means[i]};
+  }
+  const auto brightest = static_cast<int>(std::ranges::max_element(alpha.data) - alpha.data.begin());
+  CHECK(brightest % 80 == static_cast<int>(seen[0] / seen[2] * camera.focal[0] + camera.center[0]));
+  CHECK(brightest / 80 == static_cast<int>(seen[1] / seen[2] * camera.focal[1] + camera.center[1]));
+}
+
+TEST_CASE(
+    "a picture has its camera's shape, is base and texture, and stands before the background that was asked for") {
+  const Model model = Model::load(kSample);
+  const Camera camera = lookAt({0, 0, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, 40, 30);
+  Renderer renderer(model);
+  const Image picture = renderer.render(camera);
+  REQUIRE(picture.width == 40);
+  REQUIRE(picture.height == 30);
+  REQUIRE(picture.channels == 3);
+  REQUIRE(picture.data.size() == 40 * 30 * 3);
+  const Image base = renderer.render(camera, Output::base), texture = renderer.render(camera, Output::texture);
+  double added = 0;
+  for (std::size_t i = 0; i < picture.data.size(); ++i) {
+    REQUIRE(picture.data[i] == Approx(base.data[i] + texture.data[i]).margin(1e-5));  // floats, summed in another order
+    added += std::abs(texture.data[i]);
+  }
+  CHECK(added > 1);
+  const Image plain = renderer.render(camera, Output::final, {.textures = TextureMode::none});
+  const Image none = renderer.render(camera, Output::texture, {.textures = TextureMode::none});
+  CHECK_FALSE(std::ranges::equal(plain.data, picture.data));
+  CHECK(std::ranges::count(none.data, 0.0f) == 40 * 30 * 3);
+  const Image alpha = renderer.render(camera, Output::alpha);
+  CHECK(alpha.channels == 1);
+  const Image red = renderer.render(camera, Output::final, {.background = std::array<float, 3>{1, 0, 0}});
+  const auto empty = std::ranges::find(alpha.data, 0.0f);
+  REQUIRE(empty != alpha.data.end());
+  CHECK(red.data[3 * static_cast<std::size_t>(empty - alpha.data.begin())] == 1);
+  CHECK_THAT(messageOf([&] { renderer.render(camera, Output::final, {.splat_scale = -1}); }, ErrorKind::usage),
+             Catch::Contains("splat"));
+}
+
+TEST_CASE("training by steps ends, learns, and gives the same bytes with one thread as with two") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  const Dataset dataset = Dataset::load(folder / "scene");
+  REQUIRE(dataset.size() == 8);
+  CHECK(dataset.photograph(7).data.size() == 32 * 32 * 3);
+  CHECK_THAT(messageOf([&] { dataset.photograph(8); }, ErrorKind::usage), Catch::Contains("expected 0 to 7, found 8"));
+  const TrainOptions options = {
+      .settings = {{"iterations", "150"}, {"texture-iterations", "20"}, {"texture-size", "2"}, {"sh-degree", "1"}}};
+  std::string files[2];
+  double before = 0, after = 0;
+  for (const int threads : {1, 2}) {
+    setThreads(threads);
+    Trainer trainer(dataset, options);
+    if (threads == 1) before = evaluate(trainer.model(), dataset, {.split = Split::train}).mean.psnr;
+    int steps = 0;
+    while (trainer.step()) ++steps;
+    CHECK(steps == 170);
+    const TrainProgress progress = trainer.progress();
+    CHECK(progress.stage == "textured");
+    CHECK(progress.iteration == 20);
+    CHECK(progress.gaussians == trainer.model().size());
+    after = evaluate(trainer.model(), dataset, {.split = Split::train}).mean.psnr;
+    trainer.model().save(folder / "model.tgz");
+    files[threads - 1] = bytesOf(folder / "model.tgz");
+  }
+  setThreads(0);
+  CHECK(files[0] == files[1]);
+  CHECK(after > before + 1);
+}
+
+TEST_CASE("settings that there are none of, or that are no values, are refused, and a model can be gone on from") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  const Dataset dataset = Dataset::load(folder / "scene");
+  const auto refused = [&](const TrainOptions& options) {
+    return messageOf([&] { Trainer trainer(dataset, options); }, ErrorKind::usage);
+  };
+  CHECK(refused({.settings = {{"iteration", "30"}}}) == "iteration: no such setting (docs/training.md has them)");
+  CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Catch::Contains("iterations"));
+  CHECK_THAT(refused({.preset = "best"}), Catch::Contains("best"));
+  CHECK_THAT(messageOf([&] { setThreads(-1); }, ErrorKind::usage), Catch::Contains("found -1"));
+  CHECK_THAT(messageOf([&] { Dataset::load(folder / "none"); }, ErrorKind::cannotRead), Catch::Contains("none"));
+  CHECK_THAT(messageOf([&] { Dataset::load(folder / "scene", {.downscale = 0}); }, ErrorKind::usage),
+             Catch::Contains("downscale"));
+  TrainOptions options = {.settings = {{"iterations", "2"}, {"texture-mode", "none"}, {"sh-degree", "0"}}};
+  Trainer first(dataset, options);
+  while (first.step()) {
+  }
+  Trainer second(dataset, options, first.model());
+  CHECK(second.model().size() == first.model().size());
+  CHECK(std::ranges::equal(second.model().means(), first.model().means()));
+}
+
+TEST_CASE("an evaluation has every photograph of the split, and its means are theirs") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  const Model model = Model::load(kSample);
+  const Dataset dataset = Dataset::load(folder / "scene", {.background = model.background()});
+  const Evaluation test = evaluate(model, dataset, {.flip = true});
+  REQUIRE(test.views.size() == 2);
+  CHECK(test.mean.psnr == Approx((test.views[0].psnr + test.views[1].psnr) / 2));
+  CHECK(test.mean.psnr > 18);  // the sample was trained on this scene, at 128 px
+  CHECK(test.mean.ssim > 0.5);
+  REQUIRE(test.mean.flip);
+  CHECK(*test.mean.flip < 0.3);
+  CHECK(evaluate(model, dataset, {.split = Split::train}).views.size() == 6);
+  CHECK(evaluate(model, dataset, {.split = Split::all}).views.size() == 8);
+  CHECK(evaluate(model, dataset, {.textures = TextureMode::none}).mean.psnr < test.mean.psnr);
+}
+
+TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
+  const TemporaryFolder folder;
+  const ConvertReport report = convert(kSample, folder / "a.glb", {.measure = true});
+  CHECK(report.input_format == "tgz");
+  CHECK(report.output_format == "glb");
+  CHECK(report.gaussians == 5000);
+  CHECK(report.output_bytes == std::filesystem::file_size(folder / "a.glb"));
+  REQUIRE(report.psnr);
+  CHECK(*report.psnr > 40);
+  CHECK_FALSE(messageOf([&] { convert(kSample, folder / "a.glb"); }, ErrorKind::cannotWrite) == "accepted");
+  CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"shrink", "2"}}}); }, ErrorKind::usage) ==
+        "shrink: no such edit (docs/converter.md has them)");
+  CHECK(convert(kSample, folder / "a.ply", {.edits = {{"decimate", "100"}}}).gaussians == 100);
+}
+
+TEST_CASE("every example runs on what the one before it made") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  const std::string path = folder.path.string();
+  CHECK_THAT(example("train", path + "/scene " + path + "/model.tgz 5", folder),
+             Catch::Contains("textured: 5 iterations"));
+  CHECK_THAT(example("evaluate", path + "/model.tgz " + path + "/scene", folder), Catch::Contains("mean: "));
+  CHECK_THAT(example("convert", path + "/model.tgz " + path + "/model.glb", folder), Catch::Contains("tgz -> glb"));
+  CHECK_THAT(example("render", path + "/model.glb " + path + "/picture.png", folder),
+             Catch::Contains("32 x 32 pixels"));
+  CHECK(readImage(folder / "picture.png").data.size() == 32 * 32 * 3);
+  CHECK(example("make", path + "/disc.tgz", folder).empty());
+  CHECK_THAT(example("render", path + "/disc.tgz " + path + "/disc.png", folder),
+             Catch::Contains("1 Gaussians, 256 x 256"));
+}
+
+TEST_CASE("a picture that is none is not written") {
+  const TemporaryFolder folder;
+  Image image{2, 2, 3, std::vector<float>(11)};
+  CHECK_THAT(messageOf([&] { writeImage(folder / "a.png", image); }, ErrorKind::usage),
+             Catch::Contains("found 11 for 2 x 2 x 3"));
+  CHECK_FALSE(std::filesystem::exists(folder / "a.png"));
+  image.data.push_back(1);
+  writeImage(folder / "a.png", image);
+  CHECK(readImage(folder / "a.png").data.back() == 1);
+}

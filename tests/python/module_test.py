@@ -1,0 +1,271 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The Python module on small scenes: module_test.py FOLDER MAKE_SAMPLE..., FOLDER the package's, MAKE_SAMPLE a command
+that writes a data set. Exit code 77: NumPy is missing."""
+import ast
+import inspect
+import pathlib
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+FOLDER, MAKE_SAMPLE = sys.argv[1], sys.argv[2:]
+SAMPLE = "docs/sample.tgz"
+
+try:
+    import numpy as np
+except ImportError:
+    print("skipped: no NumPy for " + sys.executable + " (package python3-numpy)")
+    sys.exit(77)
+
+sys.path.insert(0, FOLDER)
+import textured_gaussians as tg  # noqa: E402
+
+
+class Folder(unittest.TestCase):
+    def setUp(self):
+        self.temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(self.temporary.cleanup)
+        self.folder = pathlib.Path(self.temporary.name)
+
+    def refused(self, kind, words, call, *arguments, **named):
+        with self.assertRaises(tg.Error) as caught:
+            call(*arguments, **named)
+        self.assertEqual(caught.exception.kind, kind, str(caught.exception))
+        self.assertIn(words, str(caught.exception))
+        self.assertNotIn("\n", str(caught.exception))
+
+
+class Models(Folder):
+    def test_arrays_have_the_shapes_that_are_documented(self):
+        model = tg.Model.load(SAMPLE)
+        self.assertEqual(len(model), 5000)
+        k = (model.sh_degree + 1) ** 2
+        shapes = {"means": (5000, 3), "rotations": (5000, 4), "log_scales": (5000, 3), "opacity_logits": (5000,),
+                  "sh": (5000, k, 3), "texture_rects": (5000, 3)}
+        for name, shape in shapes.items():
+            self.assertEqual(getattr(model, name).shape, shape, name)
+        self.assertEqual(model.texels.shape, (int(model.texture_rects[:, 1:].prod(axis=1).sum()), 4))
+        self.assertEqual(model.means.dtype, np.float32)
+        self.assertEqual(model.texture_mode, "rgba")
+        self.assertEqual(len(model.background), 3)
+
+    def test_arrays_are_views_that_outlive_the_name_of_their_model_and_cannot_be_written(self):
+        model = tg.Model.load(SAMPLE)
+        means = model.means
+        self.assertFalse(means.flags.owndata)
+        expected = means.copy()
+        del model
+        self.assertTrue((means == expected).all())
+        with self.assertRaises(ValueError):
+            means[0, 0] = 1
+
+    def test_a_model_of_another_ones_arrays_is_saved_as_the_same_file(self):
+        model = tg.Model.load(SAMPLE)
+        again = tg.Model(model.means, model.rotations, model.log_scales, model.opacity_logits, model.sh,
+                         texture_mode=model.texture_mode, texture_rects=model.texture_rects, texels=model.texels,
+                         background=model.background, cameras=model.cameras, intersection=model.intersection,
+                         outside=model.outside)
+        again.save(self.folder / "a.tgz")
+        tg.Model.load(self.folder / "a.tgz").save(str(self.folder / "b.tgz"))
+        self.assertEqual((self.folder / "a.tgz").read_bytes(), (self.folder / "b.tgz").read_bytes())
+        self.assertTrue((tg.Model.load(self.folder / "a.tgz").texels == model.texels).all())
+
+    def test_arrays_that_make_no_model_are_refused_by_name_and_shape(self):
+        good = {"means": np.zeros((2, 3)), "rotations": [[1, 0, 0, 0]] * 2, "log_scales": np.zeros((2, 3)),
+                "opacity_logits": np.zeros(2), "sh": np.zeros((2, 4, 3))}
+        self.assertEqual(tg.Model(**good).sh_degree, 1)
+        for name, value, kind, words in (
+                ("means", np.zeros((2, 4)), "usage", "means: expected an array of shape [N, 3], found [2, 4]"),
+                ("rotations", np.ones((3, 4)), "usage", "rotations: expected an array of shape [N, 4], found [3, 4]"),
+                ("rotations", np.zeros((2, 4)), "bad_data", "rotation"),
+                ("means", np.full((2, 3), np.nan), "bad_data", "mean"),
+                ("sh", np.zeros((2, 5, 3)), "usage", "sh: expected K of 1, 4, 9 or 16, found 5"),
+                ("texture_mode", "rgbx", "usage", 'texture mode: expected one of none, alpha, rgb, rgba, found "rgbx"'),
+                ("texture_rects", np.array([[0, 2, 2], [-1, 1, 1]]), "usage", "texture_rects: row 1"),
+                ("texture_rects", np.array([[0, 2, 2], [0, 0, 0]]), "bad_data", "Gaussian 0")):
+            with self.subTest(name=name):
+                self.refused(kind, words, tg.Model, **(good | {name: value}))
+        with self.assertRaises(TypeError):
+            tg.Model(**(good | {"means": "far"}))
+
+    def test_files_that_are_none_are_refused_with_their_kind(self):
+        self.refused("cannot_read", "none.tgz", tg.Model.load, self.folder / "none.tgz")
+        (self.folder / "bad.tgz").write_bytes(b"\x1f\x8b, but not quite")
+        self.refused("bad_data", "bad.tgz", tg.Model.load, self.folder / "bad.tgz")
+        model = tg.Model.load(SAMPLE)
+        self.refused("usage", "a.xyz", model.save, self.folder / "a.xyz")
+        self.assertTrue(any("texture" in line for line in model.save(self.folder / "a.ply")))
+        self.assertTrue(issubclass(tg.Error, RuntimeError))
+
+
+class Pictures(Folder):
+    def test_pictures_have_the_shape_of_camera_and_output(self):
+        renderer = tg.Renderer(tg.Model.load(SAMPLE))
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 40, 30)
+        picture = renderer.render(camera)
+        self.assertEqual((picture.shape, picture.dtype), ((30, 40, 3), np.float32))
+        parts = renderer.render(camera, "base") + renderer.render(camera, "texture")
+        np.testing.assert_allclose(picture, parts, atol=1e-5)
+        self.assertEqual(renderer.render(camera, "depth").shape, (30, 40))
+        alpha = renderer.render(camera, output="alpha")
+        red = renderer.render(camera, background=(1, 0, 0))
+        self.assertTrue((alpha == 0).any())
+        self.assertTrue((red[alpha == 0] == (1, 0, 0)).all())
+        self.assertGreater(np.abs(picture - renderer.render(camera, textures="none")).max(), 0.01)
+        self.refused("usage", "output: expected one of final", renderer.render, camera, "colour")
+        self.refused("usage", "splat", renderer.render, camera, splat_scale=-1)
+
+    def test_a_camera_projects_as_its_documentation_says(self):
+        camera = tg.look_at((1, 2, -4), (0, 0, 0), (0, -1, 0), 0.8, 80, 60)
+        point = np.array([0.3, -0.2, 0.1])
+        x, y, z = camera.rotation @ point + camera.translation
+        where = np.array([x / z, y / z]) * camera.focal + camera.center
+        model = tg.Model([point], [[1, 0, 0, 0]], [[-2, -2, -2]], [8], [[[1, 1, 1]]])
+        alpha = tg.Renderer(model).render(camera, "alpha")
+        row, column = np.unravel_index(alpha.argmax(), alpha.shape)
+        self.assertEqual((column, row), tuple(where.astype(int)))
+        again = tg.Camera(camera.rotation, camera.translation, camera.focal, camera.center, 80, 60, name="a")
+        self.assertTrue((tg.Renderer(model).render(again, "alpha") == alpha).all())
+        bad = tg.Camera(2 * camera.rotation, camera.translation, camera.focal, camera.center, 80, 60, "a")
+        self.refused("usage", "camera a: the rotation's rows", tg.Renderer(model).render, bad)
+        self.refused("usage", "rotation: expected an array of shape [3, 3]", tg.Camera, np.eye(4), (0, 0, 0), (1, 1),
+                     (1, 1), 2, 2)
+
+    def test_an_image_survives_a_file(self):
+        image = np.linspace(0, 1, 2 * 3 * 3, dtype=np.float32).reshape(2, 3, 3)
+        tg.write_image(self.folder / "a.png", image)
+        np.testing.assert_allclose(tg.read_image(self.folder / "a.png"), image, atol=0.5 / 255 + 1e-6)
+        tg.write_image(self.folder / "grey.png", image[:, :, 0])
+        self.assertEqual(tg.read_image(self.folder / "grey.png").shape, (2, 3))
+        self.refused("usage", "found [2]", tg.write_image, self.folder / "a.png", np.zeros(2))
+        self.refused("usage", "no picture", tg.write_image, self.folder / "a.png", np.zeros((2, 2, 7)))
+
+    def test_other_threads_go_on_while_a_picture_is_drawn(self):
+        renderer = tg.Renderer(tg.Model.load(SAMPLE))
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 400, 400)
+        done, counted = threading.Event(), []
+
+        def count():
+            while not done.is_set():
+                counted.append(1)
+                time.sleep(0)
+
+        other = threading.Thread(target=count)
+        other.start()
+        interval = sys.getswitchinterval()
+        try:
+            sys.setswitchinterval(100)  # nobody is made to let others go on: whoever lets them does so
+            before = len(counted)
+            for _ in range(100):  # a busy machine may not come to the other thread during one picture
+                renderer.render(camera)
+                if len(counted) > before:
+                    break
+            self.assertGreater(len(counted), before)
+        finally:
+            sys.setswitchinterval(interval)
+            done.set()
+            other.join()
+
+
+class Training(Folder):
+    @classmethod
+    def setUpClass(cls):
+        cls.scene = tempfile.TemporaryDirectory()
+        subprocess.run([*MAKE_SAMPLE, cls.scene.name, "--size", "32", "--views", "6", "--test-views", "2",
+                        "--points", "300", "--overwrite"], check=True, stdout=subprocess.DEVNULL)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scene.cleanup()
+
+    def test_training_learns_and_does_not_depend_on_threads(self):
+        dataset = tg.Dataset.load(self.scene.name)
+        self.assertEqual(len(dataset), 8)
+        self.assertEqual([camera.test for camera in dataset.cameras], [False] * 6 + [True] * 2)
+        self.assertEqual(dataset.photograph(0).shape, (32, 32, 3))
+        self.refused("usage", "found 8", dataset.photograph, 8)
+        files = []
+        for threads in (1, 2):
+            tg.set_threads(threads)
+            trainer = tg.Trainer(dataset, iterations=150, texture_iterations=20, texture_size=2, sh_degree=1,
+                                 compare_untextured=False)
+            before = tg.evaluate(trainer.model(), dataset, split="train").mean.psnr
+            steps = 0
+            while trainer.step():
+                steps += 1
+            self.assertEqual(steps, 170)
+            self.assertEqual((trainer.progress.stage, trainer.progress.iteration), ("textured", 20))
+            self.assertEqual(trainer.progress.gaussians, len(trainer.model()))
+            after = tg.evaluate(trainer.model(), dataset, split="train", flip=True)
+            self.assertGreater(after.mean.psnr, before + 1)
+            self.assertEqual(len(after.views), 6)
+            self.assertAlmostEqual(after.mean.ssim, sum(view.ssim for view in after.views) / 6)
+            self.assertTrue(0 < after.mean.flip < 1)
+            trainer.model().save(self.folder / "model.tgz")
+            files.append((self.folder / "model.tgz").read_bytes())
+        tg.set_threads(0)
+        self.assertEqual(*files)
+
+    def test_settings_that_there_are_none_of_are_refused(self):
+        dataset = tg.Dataset.load(self.scene.name)
+        self.refused("usage", "iteration: no such setting", tg.Trainer, dataset, iteration=3)
+        self.refused("usage", "iterations", tg.Trainer, dataset, iterations="many")
+        self.refused("usage", "best", tg.Trainer, dataset, "best")
+        self.refused("cannot_read", "none", tg.Dataset.load, self.folder / "none")
+
+    def test_a_model_can_be_gone_on_from(self):
+        dataset = tg.Dataset.load(self.scene.name)
+        start = tg.Trainer(dataset, iterations=2, texture_mode="none").model()
+        trainer = tg.Trainer(dataset, start=start, iterations=2, texture_mode="none")
+        self.assertTrue((trainer.model().means == start.means).all())
+
+
+class Conversion(Folder):
+    def test_a_conversion_says_what_it_did(self):
+        report = tg.convert(SAMPLE, self.folder / "a.glb", measure=True)
+        self.assertEqual((report.input_format, report.output_format, report.gaussians), ("tgz", "glb", 5000))
+        self.assertEqual(report.output_bytes, (self.folder / "a.glb").stat().st_size)
+        self.assertGreater(report.psnr, 40)
+        self.refused("cannot_write", "a.glb", tg.convert, SAMPLE, self.folder / "a.glb")
+        small = tg.convert(SAMPLE, self.folder / "b.ply", edits=[("decimate", "100"), ("scale", "2")])
+        self.assertEqual(small.gaussians, 100)
+        self.assertTrue(small.psnr is None)
+        self.refused("usage", "shrink: no such edit", tg.convert, SAMPLE, self.folder / "c.ply", edits=[("shrink", "2")])
+
+
+class Stubs(unittest.TestCase):
+    """What __init__.pyi says is there is there, and the other way round."""
+
+    def test_names_arguments_and_docstrings(self):
+        tree = ast.parse((pathlib.Path(FOLDER) / "textured_gaussians/__init__.pyi").read_text())
+        stubs = {node.name: node for node in tree.body if isinstance(node, (ast.ClassDef, ast.FunctionDef))}
+        self.assertEqual(set(stubs), set(tg.__all__))
+        for name, node in stubs.items():
+            real = getattr(tg, name)
+            self.assertTrue(real.__doc__ or name in ("Evaluation", "ConvertReport"), name)
+            if isinstance(node, ast.FunctionDef):
+                self.check_arguments(name, node, real)
+                continue
+            members = {each.name: each for each in node.body if isinstance(each, ast.FunctionDef)}
+            own = {each for each in vars(real) if not each.startswith("_")}
+            self.assertEqual({each for each in members if not each.startswith("_")}, own, name)
+            for member, function in members.items():
+                if not any(isinstance(d, ast.Name) and d.id == "property" for d in function.decorator_list):
+                    self.check_arguments(f"{name}.{member}", function, getattr(real, member))
+
+    def check_arguments(self, name, node, real):
+        documented = inspect.getdoc(real).splitlines()[0]
+        arguments = [each.arg for each in node.args.args + node.args.kwonlyargs if each.arg != "self"]
+        for argument in arguments:
+            self.assertIn(f"{argument}: ", documented, name)
+
+    def test_the_package_is_marked_as_typed_and_has_the_projects_version(self):
+        self.assertTrue((pathlib.Path(FOLDER) / "textured_gaussians/py.typed").exists())
+        self.assertRegex(pathlib.Path("CMakeLists.txt").read_text(), rf"VERSION {tg.__version__}\b")
+
+
+unittest.main(argv=sys.argv[:1], verbosity=1)
