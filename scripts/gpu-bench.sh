@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# The CUDA trainer's tests and times on a machine with an NVIDIA GPU: `gpu-bench.sh [--packages FOLDER]
-# [--build FOLDER] [--out FOLDER] [--iterations N] [--only PART] [--sizes LIST]`. --packages: Debian packages unpacked
-# with `dpkg -x` (usr/ below it), where the machine has no apt; with a cuda-13.0/ in it, as scripts/install_cuda.sh
-# makes it, where it has no nvcc. Builds in --build (build-gpu), for the machine's device alone where nvidia-smi names
-# it; writes table.md, kernels.txt and the logs into --out (gpu-bench). --iterations: of each timing (200). --only: build,
-# tests, sanitizer or times, where one command may not take as long as all of them; each writes a table of its own.
-# --sizes: of the timed pictures ("800x800 1600x1064"). Ends with 5 where no device answers: then the table holds the
-# tests on the host alone.
+# The CUDA trainer's tests and times on a machine with an NVIDIA GPU: `gpu-bench.sh [--packages FOLDER] [--build FOLDER]
+# [--out FOLDER] [--iterations N] [--only PART] [--sizes LIST]`. --packages: Debian packages unpacked with `dpkg -x`
+# (usr/ below it), where the machine has no apt; with a cuda-13.0/ in it, as `scripts/install_cuda.sh --sanitizer` makes
+# it, where it has no nvcc or no compute-sanitizer. Builds in --build (build-gpu), for the machine's device alone where
+# nvidia-smi names it; writes table.md, kernels.txt and the logs into --out (gpu-bench). --iterations: of each timing
+# (200). --only: build, tests, sanitizer or times, where one command may not take as long as all of them; each writes a
+# table of its own. --sizes: of the timed pictures ("800x800 1600x1064"). Ends with 5 where no device answers: then the
+# table holds the tests on the host alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -49,6 +49,7 @@ if [ -n "$packages" ]; then
   export LD_LIBRARY_PATH="$packages/usr/lib/x86_64-linux-gnu${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
   export PKG_CONFIG_PATH="$packages/usr/lib/x86_64-linux-gnu/pkgconfig:$packages/usr/share/pkgconfig"
   [ -x "$packages/cuda-13.0/bin/nvcc" ] && options+=("-DCMAKE_CUDA_COMPILER=$packages/cuda-13.0/bin/nvcc")
+  PATH=$PATH:$packages/cuda-13.0/bin
 fi
 architecture=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2>/dev/null | head -1 | tr -d . || true)
 case $architecture in

@@ -31,15 +31,15 @@ TG_DEVICE Pixel pixelOf(const View& view) {
 }
 
 // The texture colour and alpha factor of a sample. Neutral texels give exactly 0 and 1 whatever the weights' rounding.
-TG_DEVICE void sampleTexture(const View& view, const float* texels, const TexturePoint& at, float* color,
-                             float& alpha_factor) {
+TG_DEVICE void sampleTexture(const View& view, const float* texels, std::uint32_t offset, const TexturePoint& at,
+                             float* color, float& alpha_factor) {
   float deviation = 0.0f;
 #pragma unroll
   for (int k = 0; k < 4; ++k) {
-    const float* texel = texels + 4 * static_cast<std::size_t>(at.corner(k));
+    const FourFloats texel = loadFour(texels + 4 * (std::size_t{offset} + at.corner(k)));
     const float weight = at.weight(k);
-    for (int c = 0; c < 3; ++c) color[c] += weight * (view.texture_rgb ? texel[c] : 0.0f);
-    deviation = ::fmaf(weight, texel[3] - 1.0f, deviation);
+    for (int c = 0; c < 3; ++c) color[c] += weight * (view.texture_rgb ? texel.value[c] : 0.0f);
+    deviation = ::fmaf(weight, texel.value[3] - 1.0f, deviation);
   }
   alpha_factor = view.texture_alpha ? 1.0f + deviation : 1.0f;
 }
@@ -87,7 +87,7 @@ TG_KERNEL forwardKernel(ForwardArguments a) {
         if (!at.inside && view.outside == kOutsideClip) continue;
         if (at.inside) {
           float alpha_factor;
-          sampleTexture(view, a.in.texels + 4 * static_cast<std::size_t>(s.texel_offset), at, texture, alpha_factor);
+          sampleTexture(view, a.in.texels, s.texel_offset, at, texture, alpha_factor);
           value *= alpha_factor;
           if (!(value >= kAlphaMin)) continue;
         }
@@ -119,13 +119,13 @@ TG_DEVICE TextureSlopes textureSlopes(const BlendInput& in, const BlendSplat& s,
   TextureSlopes t = {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f};
   if (!at.inside) return t;
   float along[4], alpha[4];
-  const float* texels = in.texels + 4 * static_cast<std::size_t>(s.texel_offset);
   float deviation = 0.0f;
 #pragma unroll
   for (int k = 0; k < 4; ++k) {
-    const float* texel = texels + 4 * static_cast<std::size_t>(at.corner(k));
-    along[k] = in.view.texture_rgb ? v_color[0] * texel[0] + v_color[1] * texel[1] + v_color[2] * texel[2] : 0.0f;
-    alpha[k] = in.view.texture_alpha ? texel[3] : 1.0f;
+    const FourFloats texel = loadFour(in.texels + 4 * (std::size_t{s.texel_offset} + at.corner(k)));
+    const float* c = texel.value;
+    along[k] = in.view.texture_rgb ? v_color[0] * c[0] + v_color[1] * c[1] + v_color[2] * c[2] : 0.0f;
+    alpha[k] = in.view.texture_alpha ? c[3] : 1.0f;
     t.along += at.weight(k) * along[k];
     deviation = ::fmaf(at.weight(k), alpha[k] - 1.0f, deviation);
   }

@@ -16,6 +16,12 @@ struct Sample {
   float q;  // |W|^2 / |D|^2
 };
 
+// What one load of 16 bytes reads, from where memory is aligned to them.
+struct alignas(16) FourFloats {
+  float value[4];
+};
+TG_DEVICE FourFloats loadFour(const float* from) { return *reinterpret_cast<const FourFloats*>(from); }
+
 // False: the splat does not show there. Forward and backward pass must agree on that: every sum is an explicit fmaf, so
 // that no compiler contracts it in one kernel and not in another.
 TG_DEVICE bool evaluate(const BlendSplat& s, float pixel_x, float pixel_y, Sample& out) {
@@ -38,10 +44,15 @@ struct LocalRay {
   float w[3], d[3];
 };
 TG_DEVICE LocalRay localRay(const LocalFrame& f, float x, float y) {
+  // Member by member the compiler would load four bytes at a time.
+  const float* from = f.wx;
+  const FourFloats a = loadFour(from), b = loadFour(from + 4), c = loadFour(from + 8), d = loadFour(from + 12);
+  const float wx[3] = {a.value[0], a.value[1], a.value[2]}, wy[3] = {a.value[3], b.value[0], b.value[1]};
+  const float dx[3] = {b.value[2], b.value[3], c.value[0]}, dy[3] = {c.value[1], c.value[2], c.value[3]};
   LocalRay ray;
   for (int k = 0; k < 3; ++k) {
-    ray.w[k] = ::fmaf(f.wx[k], x, f.wy[k] * y);
-    ray.d[k] = ::fmaf(f.dx[k], x, ::fmaf(f.dy[k], y, f.d0[k]));
+    ray.w[k] = ::fmaf(wx[k], x, wy[k] * y);
+    ray.d[k] = ::fmaf(dx[k], x, ::fmaf(dy[k], y, d.value[k]));
   }
   return ray;
 }

@@ -76,8 +76,8 @@ struct alignas(16) BlendSplat {
 };
 static_assert(sizeof(BlendSplat) == 96);
 
-// What a texture look-up needs beside it.
-struct alignas(8) LocalFrame {
+// What a texture look-up needs beside it. Aligned for loads of 16 bytes.
+struct alignas(16) LocalFrame {
   float wx[3], wy[3], dx[3], dy[3], d0[3], kappa[3];
 };
 
