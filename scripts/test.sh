@@ -10,8 +10,9 @@ cd "$(dirname "$0")/.."
 scripts/install_packages.sh test
 werror=OFF
 [ "${CI:-}" = true ] && werror=ON
+python=/usr/bin/python3  # Debian's, for which the packages are; another may come first on the PATH
 cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DTG_TESTS=ON -DTG_BENCH=ON -DTG_PYTHON=AUTO \
-  -DTG_WERROR=$werror
+  -DPython3_EXECUTABLE=$python -DTG_WERROR=$werror
 cmake --build build
 scripts/fetch_swiftshader.sh build/swiftshader || true  # without it tests of the second Vulkan driver are skipped
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"

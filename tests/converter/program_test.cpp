@@ -111,7 +111,7 @@ TEST_CASE("a signal ends tgconvert with nothing half written, and one that it wa
 
 TEST_CASE("the option --for knows its viewers, and the formats that they read") {
   const Scratch scratch;
-  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 46));
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 46));
   const Result json = tgconvert(scratch, "in.ply out.glb --for cesium --json");
   REQUIRE(json.code == 0);
   const auto report = nlohmann::json::parse(json.out)["for"];

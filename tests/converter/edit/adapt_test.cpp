@@ -23,7 +23,7 @@ namespace {
 // Textured, with a Gaussian as wide as the room and cameras around.
 Bundle room() {
   Bundle bundle;
-  bundle.model = test::trainedLikeModel(3, 300);
+  bundle.model = test::trainedLikeModel(3, 150);
   for (int k = 0; k < 14; ++k) {
     const double angle = 0.45 * k;
     Camera camera = lookAt({4 * std::sin(angle), -1.0, -4 * std::cos(angle)}, glm::dvec3(0.0), {0, -1, 0}, 0.9, 64, 48);
@@ -73,7 +73,7 @@ TEST_CASE("formats without textures get the pieces in place of what is wide") {
     const ConvertReport report = convert(scratch.folder() / "in.tgz", scratch.folder() / name,
                                          {.measure = Measure::never, .viewer = SplatViewer::babylon});
     REQUIRE(report.adapted);
-    CHECK(report.gaussians == 300 - report.adapted->wide + report.adapted->pieces);
+    CHECK(report.gaussians == 150 - report.adapted->wide + report.adapted->pieces);
     CHECK(readModel(scratch.folder() / name).model.size() == report.gaussians);
   }
   CHECK(test::messageOf(
