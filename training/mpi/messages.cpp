@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <utility>
 
 #include "core/system/assert.h"
 
@@ -30,8 +31,13 @@ std::vector<Message> exchangeMessages(Channel& channel, std::span<const std::spa
   return in;
 }
 
-std::vector<Message> exchangeMessages(Channel& channel, const std::vector<Message>& out) {
-  return exchangeMessages(channel, std::vector<std::span<const std::byte>>(out.begin(), out.end()));
+std::vector<Message> exchangeMessages(Channel& channel, std::vector<Message> out) {
+  const auto rank = static_cast<std::size_t>(channel.rank());
+  Message own = std::move(out[rank]);  // stays, without a copy
+  out[rank] = {};
+  std::vector<Message> in = exchangeMessages(channel, std::vector<std::span<const std::byte>>(out.begin(), out.end()));
+  in[rank] = std::move(own);
+  return in;
 }
 
 std::vector<Message> exchangeWithAll(Channel& channel, std::span<const std::byte> out) {

@@ -84,7 +84,7 @@ class MessageReader {
 
 // [ranks] A message to each, and what each has sent here. All ranks call these.
 std::vector<Message> exchangeMessages(Channel& channel, std::span<const std::span<const std::byte>> out);
-std::vector<Message> exchangeMessages(Channel& channel, const std::vector<Message>& out);
+std::vector<Message> exchangeMessages(Channel& channel, std::vector<Message> out);
 // The same message to all: [ranks] theirs.
 std::vector<Message> exchangeWithAll(Channel& channel, std::span<const std::byte> out);
 // What the first rank has said; the others' arguments do not count.

@@ -191,6 +191,10 @@ void ShardedPass::sendSplats() {
     for (std::size_t j = 0; j < splats.size(); ++j) {
       splats[j] = sentOf(screen_.splats[sent_[r][j]], keys_[sent_[r][j]].key);
     }
+    std::size_t texels = 0;
+    for (const std::uint32_t k : sent_[r]) texels += texelCount(screen_.splats[k]);
+    writer.reserve(sizeof(std::size_t) + splats.size() * (sizeof(SentSplat) + sizeof(SentTexture)) +
+                   texels * sizeof(glm::vec4));
     writer.put(splats.size());
     writer.put(splats);
     if (view_.textured()) {
@@ -204,37 +208,37 @@ void ShardedPass::sendSplats() {
     }
     out[r] = writer.take();
   }
-  receiveSplats(exchangeMessages(channel_, out));
+  receiveSplats(exchangeMessages(channel_, std::move(out)));
 }
 
 void ShardedPass::receiveSplats(const std::vector<Message>& messages) {
-  received_.splats.clear();
-  received_keys_.clear();
-  received_texels_.clear();
   received_begin_.assign(1, 0);
-  for (const Message& message : messages) {
-    MessageReader reader(message);
-    const auto splats = reader.get<SentSplat>(reader.get<std::size_t>());
-    const std::size_t first = received_.splats.size();
-    received_.splats.resize(first + splats.size());
-    for (std::size_t j = 0; j < splats.size(); ++j) {
+  std::vector<MessageReader> readers(messages.begin(), messages.end());
+  for (MessageReader& reader : readers) {
+    received_begin_.push_back(received_begin_.back() + reader.get<std::size_t>());
+  }
+  received_.splats.resize(received_begin_.back());
+  received_keys_.resize(received_begin_.back());
+  std::size_t texels = 0;
+  for (std::size_t r = 0; r < readers.size(); ++r) {
+    const std::size_t first = received_begin_[r], count = received_begin_[r + 1] - first;
+    const auto splats = readers[r].get<SentSplat>(count);
+    for (std::size_t j = 0; j < count; ++j) {
+      received_.splats[first + j].texture_width = received_.splats[first + j].texture_height = 0;
       take(splats[j], received_.splats[first + j]);
-      received_keys_.push_back({splats[j].key, static_cast<std::uint32_t>(first + j)});
+      received_keys_[first + j] = {splats[j].key, static_cast<std::uint32_t>(first + j)};
     }
-    if (view_.textured()) {
-      const auto textures = reader.get<SentTexture>(splats.size());
-      std::size_t texels = received_texels_.size();
-      for (std::size_t j = 0; j < splats.size(); ++j) {
-        cpu::Splat& s = received_.splats[first + j];
-        take(textures[j], s);
-        s.texel_offset = static_cast<std::uint32_t>(texels);
-        texels += texelCount(s);
-      }
-      const std::size_t before = received_texels_.size();
-      received_texels_.resize(texels);
-      reader.get(std::span(received_texels_).subspan(before));
+    if (!view_.textured()) continue;
+    const auto textures = readers[r].get<SentTexture>(count);
+    const std::size_t before = texels;
+    for (std::size_t j = 0; j < count; ++j) {
+      cpu::Splat& s = received_.splats[first + j];
+      take(textures[j], s);
+      s.texel_offset = static_cast<std::uint32_t>(texels);
+      texels += texelCount(s);
     }
-    received_begin_.push_back(received_.splats.size());
+    received_texels_.resize(texels);
+    readers[r].get(std::span(received_texels_).subspan(before));
   }
 }
 
@@ -276,7 +280,7 @@ LossValue ShardedPass::compare(PhotometricLoss& loss, int owner, const ViewPixel
     }
     out[r] = writer.take();
   }
-  const std::vector<Message> in = exchangeMessages(channel_, out);
+  const std::vector<Message> in = exchangeMessages(channel_, std::move(out));
   const std::size_t pixels = static_cast<std::size_t>(around.end - around.first) * width;
   std::vector<glm::vec3> picture(pixels);
   std::vector<std::uint8_t> rgb(3 * pixels), mask;
@@ -322,8 +326,7 @@ void ShardedPass::backward(const GradientOptions& options, ModelGradient& gradie
                      texels_in_flight_, pairs_, [&] { keepTexels(); });
   std::vector<Message> out(ranks());
   for (std::size_t r = 0; r < ranks(); ++r) out[r] = sumsFor(r, options);
-  std::vector<Message> in = exchangeMessages(channel_, out);
-  out.clear();
+  std::vector<Message> in = exchangeMessages(channel_, std::move(out));
   std::vector<Returned> returned(ranks());
   for (std::size_t r = 0; r < ranks(); ++r) {
     returned[r] = readSums(in[r], sent_[r].size(), options);
@@ -393,7 +396,12 @@ Message ShardedPass::sumsFor(std::size_t rank, const GradientOptions& options) c
     }
     counts.push_back(static_cast<std::uint32_t>(records.size() - before));
   }
+  Message of_texels = texels.take();
   MessageWriter writer;
+  writer.reserve(counts.size() * sizeof(counts[0]) +
+                 records.size() * (sizeof(cpu::PairSums) + sizeof(float) + sizeof(cpu::PairTextureSums) +
+                                   sizeof(cpu::TexelSlots::Range)) +
+                 of_texels.size());
   writer.put(counts);
   for (const cpu::SplatSums& record : records) writer.put(record.pairs);
   if (options.statistics) {
@@ -402,7 +410,7 @@ Message ShardedPass::sumsFor(std::size_t rank, const GradientOptions& options) c
   if (view_.textured()) {
     for (const cpu::SplatSums& record : records) writer.put(record.texture);
     writer.put(written);
-    writer.put(texels.take());
+    writer.put(of_texels);
   }
   return writer.take();
 }

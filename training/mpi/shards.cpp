@@ -255,7 +255,7 @@ void selectGaussians(Channel& channel, std::span<const std::uint32_t> source, st
       out[r] = writer.take();
     }
     values = std::vector<T>(count * length, T{});
-    const std::vector<Message> in = exchangeMessages(channel, out);
+    const std::vector<Message> in = exchangeMessages(channel, std::move(out));
     for (std::size_t r = 0; r < ranks; ++r) {
       MessageReader reader(in[r]);
       const std::size_t rows = moments ? take[r].kept : take[r].all.size();
