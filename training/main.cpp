@@ -707,7 +707,8 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
   Options photos_options;
   tg::PhotosFlags photos_flags;
   const std::shared_ptr<CLI::App> photos = photosApp(photos_options, photos_flags);
-  if (argc > 1 && std::string_view(argv[1]) == "photos" && !tg::launchOf().together()) {  // by itself: CLI11 reads --config for no subcommand
+  // By itself: CLI11 reads --config for no subcommand.
+  if (argc > 1 && std::string_view(argv[1]) == "photos" && !tg::launchOf().together()) {
     photos->name("tgtrain photos");
     if (const std::optional<int> code = tg::parseCommandLine(*photos, argc - 1, argv + 1)) return *code;
     return runPhotos(photos_flags, photos_options);
@@ -765,8 +766,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
     }
     return 0;
   }
-  if (*photos)
-    throw tg::Error(tg::ErrorKind::usage, "photos: expected before every flag (tgtrain photos FOLDER ...)");
+  if (*photos) throw tg::Error(tg::ErrorKind::usage, "photos: expected before every flag (tgtrain photos FOLDER ...)");
   if (*undistorted) return undistort(undistort_options);
   if (*plotted) {
     tg::plotRuns(plot_options);

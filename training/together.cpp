@@ -69,7 +69,8 @@ void takeShare(Processes& processes, int threads, bool memory, DatasetOptions& o
     const bool bound = cores < ::sysconf(_SC_NPROCESSORS_ONLN);
     setThreadCount(bound ? cores : std::max(1, cores / here));
   }
-  if (memory) options.image_memory = std::max<std::uint64_t>(1, options.image_memory / static_cast<std::uint64_t>(here));
+  if (memory)
+    options.image_memory = std::max<std::uint64_t>(1, options.image_memory / static_cast<std::uint64_t>(here));
   options.part = channel.rank();
   options.parts = channel.size();
 }
@@ -86,7 +87,8 @@ void beginTogether(Processes& processes, const std::function<void()>& load, cons
 
 int followFirst(Processes& processes, const std::string& folder, const std::function<DatasetOptions()>& options) {
   Dataset dataset;
-  beginTogether(processes, [&] { dataset = loadDataset(folder, options()); }, dataset);
+  beginTogether(
+      processes, [&] { dataset = loadDataset(folder, options()); }, dataset);
   handleStopSignals([](int) {});  // the first process says when it is over
   const int code = serveRank(processes.channel(), dataset);
   processes.endTogether();

@@ -58,7 +58,8 @@ void buildTileLists(const View& view, TileRows rows, const ScreenSplats& screen,
 
   // Apart from the records: small enough to be looked at in depth order.
   std::vector<TileRange> ranges(count);
-  parallelFor(static_cast<std::int64_t>(count), 4096, [&](std::int64_t k) { ranges[k] = tileRange(screen.splats[k], rows); });
+  parallelFor(static_cast<std::int64_t>(count), 4096,
+              [&](std::int64_t k) { ranges[k] = tileRange(screen.splats[k], rows); });
   std::size_t total = 0;
   lists.pair_begin.resize(count + 1);
   for (std::size_t k = 0; k < count; ++k) {

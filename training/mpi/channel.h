@@ -14,8 +14,8 @@ class Channel {
   virtual int size() const = 0;
   virtual int onThisMachine() const = 0;  // how many of them, this one included
 
-  // Sends to[r] to rank r and receives its message in from[r], this rank's own among them; [size()] both. All ranks call
-  // it, and each knows how long what it receives is. Throws Error(device).
+  // Sends to[r] to rank r and receives its message in from[r], this rank's own among them; [size()] both. All ranks
+  // call it, and each knows how long what it receives is. Throws Error(device).
   virtual void exchange(std::span<const std::span<const std::byte>> to, std::span<const std::span<std::byte>> from) = 0;
 
   // All ranks call it, last of all. Throws Error(device).

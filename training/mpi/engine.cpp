@@ -15,7 +15,16 @@ namespace tg {
 namespace {
 
 enum class Order : std::uint8_t {
-  scatter, gather, step, draw, densify, relocateAndGrow, resetOpacity, growShDegree, updateFilter, end
+  scatter,
+  gather,
+  step,
+  draw,
+  densify,
+  relocateAndGrow,
+  resetOpacity,
+  growShDegree,
+  updateFilter,
+  end
 };
 
 // A StepInput without what only one rank has.
@@ -38,9 +47,23 @@ struct StepOrder {
 };
 
 StepOrder orderOf(const StepInput& input, float ssim_weight) {
-  return {input.camera, input.view, input.following.value_or(0), input.following.has_value(), input.background,
-          input.background_varies, input.iteration, input.gradient, input.gather_statistics, input.rates, input.mcmc,
-          input.opacity_weight, input.scale_weight, input.noise, input.noise_seed, input.clamp_colors, ssim_weight};
+  return {input.camera,
+          input.view,
+          input.following.value_or(0),
+          input.following.has_value(),
+          input.background,
+          input.background_varies,
+          input.iteration,
+          input.gradient,
+          input.gather_statistics,
+          input.rates,
+          input.mcmc,
+          input.opacity_weight,
+          input.scale_weight,
+          input.noise,
+          input.noise_seed,
+          input.clamp_colors,
+          ssim_weight};
 }
 
 Camera cameraOf(const Pinhole& pinhole) {

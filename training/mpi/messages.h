@@ -56,9 +56,9 @@ class MessageReader {
   void get(std::span<T> values) {
     static_assert(std::is_trivially_copyable_v<T>);
     if (values.size_bytes() > left_.size()) {
-      throw Error(ErrorKind::device, "a message between ranks ends early" +
-                                         expectedFound(std::to_string(values.size_bytes()) + " bytes",
-                                                       std::to_string(left_.size())));
+      throw Error(ErrorKind::device,
+                  "a message between ranks ends early" +
+                      expectedFound(std::to_string(values.size_bytes()) + " bytes", std::to_string(left_.size())));
     }
     if (!values.empty()) std::memcpy(static_cast<void*>(values.data()), left_.data(), values.size_bytes());
     left_ = left_.subspan(values.size_bytes());

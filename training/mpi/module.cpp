@@ -54,8 +54,7 @@ class MpiChannel final : public tg::Channel {
   int size() const override { return size_; }
   int onThisMachine() const override { return on_this_machine_; }
 
-  void exchange(std::span<const std::span<const std::byte>> to,
-                std::span<const std::span<std::byte>> from) override {
+  void exchange(std::span<const std::span<const std::byte>> to, std::span<const std::span<std::byte>> from) override {
     requests_.clear();
     for (int rank = 0; rank < size_; ++rank) {
       if (rank == rank_) continue;

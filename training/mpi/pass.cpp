@@ -32,10 +32,9 @@ struct SentSplat {
 static_assert(sizeof(SentSplat) == 112);
 static_assert(sizeof(cpu::Splat) == 216, "name the splat's new member below where blending reads it");
 SentSplat sentOf(const cpu::Splat& s, std::uint32_t key) {
-  return {s.center_x, s.center_y, s.log2_opacity, s.radius2, s.margin, key,    s.w_xx,        s.w_xy,
-          s.w_yy,     s.d_xx,     s.d_xy,         s.d_x1,    s.d_yy,   s.d_y1, s.d_11,        s.t_x,
-          s.t_y,      s.t_1,      s.base,         s.kappa_first, s.kappa_second, s.x0, s.y0, s.x1,
-          s.y1,       s.near};
+  return {s.center_x, s.center_y,    s.log2_opacity, s.radius2, s.margin, key,    s.w_xx, s.w_xy, s.w_yy,
+          s.d_xx,     s.d_xy,        s.d_x1,         s.d_yy,    s.d_y1,   s.d_11, s.t_x,  s.t_y,  s.t_1,
+          s.base,     s.kappa_first, s.kappa_second, s.x0,      s.y0,     s.x1,   s.y1,   s.near};
 }
 void take(const SentSplat& from, cpu::Splat& s) {
   s.center_x = from.center_x;
@@ -114,7 +113,8 @@ std::vector<cpu::TileRows> shareRows(std::span<const std::uint64_t> costs, int r
     // An even share of what is left, as near as whole rows come to it; a row at least while there are rows.
     const std::uint64_t share = left / static_cast<std::uint64_t>(ranks - rank);
     std::uint64_t taken = 0;
-    while (row < rows && (rank + 1 == ranks || row == first || taken + costs[static_cast<std::size_t>(row)] / 2 < share)) {
+    while (row < rows &&
+           (rank + 1 == ranks || row == first || taken + costs[static_cast<std::size_t>(row)] / 2 < share)) {
       taken += costs[static_cast<std::size_t>(row++)];
     }
     left -= taken;
@@ -247,8 +247,7 @@ void ShardedPass::collect(std::vector<glm::vec3>& picture) {
   const std::vector<Message> bands = toFirst(channel_, std::as_bytes(std::span(picture_)));
   for (std::size_t r = 0; r < bands.size(); ++r) {
     const LossRows rows = pixelRows(bands_[r]);
-    const std::size_t pixels =
-        static_cast<std::size_t>(rows.end - rows.first) * static_cast<std::size_t>(view_.size.x);
+    const std::size_t pixels = static_cast<std::size_t>(rows.end - rows.first) * static_cast<std::size_t>(view_.size.x);
     const std::size_t before = picture.size();
     picture.resize(before + pixels);
     MessageReader(bands[r]).get(std::span(picture).subspan(before));
@@ -346,8 +345,8 @@ void ShardedPass::keepTexels() {
   parallelFor(static_cast<std::int64_t>(received_.splats.size()), kGrain, [&](std::int64_t k) {
     const cpu::Splat& s = received_.splats[k];
     if (s.texture_width == 0 || !beginsHere(s)) return;
-    const auto [first, end] = cpu::addSlots(pairs_.slots, lists_.pair_begin[k], lists_.pair_begin[k + 1],
-                                            v_texels_.data() + s.texel_offset);
+    const auto [first, end] =
+        cpu::addSlots(pairs_.slots, lists_.pair_begin[k], lists_.pair_begin[k + 1], v_texels_.data() + s.texel_offset);
     if (first >= end) return;
     cpu::TexelSlots::Range& range = v_texels_range_[k];
     range = range.first < range.end ? cpu::TexelSlots::Range{std::min(range.first, first), std::max(range.end, end)}

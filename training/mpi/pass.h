@@ -85,8 +85,8 @@ class ShardedPass {
   std::vector<std::uint32_t> gaussians_;
   std::vector<cpu::DepthKey> keys_;
   cpu::ScreenSplats screen_;
-  std::vector<Reach> reach_;            // [splats]
-  std::vector<std::uint32_t> numbers_;  // Reach
+  std::vector<Reach> reach_;                      // [splats]
+  std::vector<std::uint32_t> numbers_;            // Reach
   std::vector<std::vector<std::uint32_t>> sent_;  // [ranks] positions in screen_.splats
   // Of this rank's rows of tiles; splats of all ranks, one rank's after the other's.
   std::vector<cpu::TileRows> bands_;  // [ranks]

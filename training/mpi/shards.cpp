@@ -62,8 +62,7 @@ void gatherArray(Channel& channel, const Cuts& cuts, std::span<const T> part, st
 // `training`, `min_sigma` and `statistics`, as RunState and ShardState do.
 template <typename Visit, typename... Sets>
 void forEachArray(std::size_t k, bool filtered, const Visit& visit, Sets&... sets) {
-  forEachField([&](const Field& field, auto&... values) { visit(field.values(k), values...); },
-               sets.training.model...);
+  forEachField([&](const Field& field, auto&... values) { visit(field.values(k), values...); }, sets.training.model...);
   forEachField(
       [&](const Field& field, auto&... moments) {
         visit(field.row(k), moments.first...);
@@ -97,7 +96,8 @@ Cuts texelCuts(const Shards& shards, const TextureAtlas& atlas) {
     for (std::size_t i = shards.begin[r]; i < shards.begin[r + 1] && !atlas.rects.empty(); ++i) {
       const TextureRect& rect = atlas.rects[i];
       if (rect.texelCount() > 0 && rect.offset != next) {
-        throw Error(ErrorKind::badData, "textures: expected texels in the order of their Gaussians, for several processes");
+        throw Error(ErrorKind::badData,
+                    "textures: expected texels in the order of their Gaussians, for several processes");
       }
       next += rect.texelCount();
     }
@@ -146,8 +146,8 @@ void scatter(Channel& channel, RunState& whole, Shards& shards, ShardState& shar
   if (!shape.filtered) shard.min_sigma = {};
   forEachArray(
       part.shCount(), shape.filtered,
-      [&](std::size_t length, auto& from, auto& to) { scatterArray(channel, cutsOf(shards, length), from, to); },
-      whole, shard);
+      [&](std::size_t length, auto& from, auto& to) { scatterArray(channel, cutsOf(shards, length), from, to); }, whole,
+      shard);
 
   shard.filtered = shape.filtered;
   part.atlas.rects = {};

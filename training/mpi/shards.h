@@ -25,7 +25,7 @@ struct Shards {
 // What a rank has of a RunState: model and moments, min_sigma, statistics. All ranks call the functions below.
 struct ShardState {
   TrainingState training;
-  bool filtered = false;         // whether the model has min_sigma, also where this shard has no Gaussian
+  bool filtered = false;  // whether the model has min_sigma, also where this shard has no Gaussian
   std::vector<float> min_sigma;
   DensityStatistics statistics;
 };
@@ -49,8 +49,8 @@ extern template void gatherValues(Channel&, const Shards&, std::span<const glm::
 extern template void gatherValues(Channel&, const Shards&, std::span<const glm::vec4>, std::vector<glm::vec4>&);
 
 // selectGaussians() over all ranks: Gaussian i of the new model is a copy of the old Gaussian source[i], and the first
-// `kept` take their moments along. `source` is the same everywhere. Shards are even again; statistics start anew, and the
-// filter is to be updated. For models without textures.
+// `kept` take their moments along. `source` is the same everywhere. Shards are even again; statistics start anew, and
+// the filter is to be updated. For models without textures.
 void selectGaussians(Channel& channel, std::span<const std::uint32_t> source, std::size_t kept, Shards& shards,
                      ShardState& shard);
 

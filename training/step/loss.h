@@ -48,9 +48,9 @@ class PhotometricLoss {
 
  private:
   float ssim_weight_;
-  std::vector<float> planes_;                // [2, surroundings, width] a channel of picture and target
-  std::vector<float> v_moments_;             // [3, rows and kSsimRadius around, width] dSSIM/d mean, variance, covariance
-  std::vector<LossRowSums> row_sums_;        // [3, height]
+  std::vector<float> planes_;          // [2, surroundings, width] a channel of picture and target
+  std::vector<float> v_moments_;       // [3, rows and kSsimRadius around, width] dSSIM/d mean, variance, covariance
+  std::vector<LossRowSums> row_sums_;  // [3, height]
   std::vector<std::vector<float>> scratch_;  // one a worker
 };
 

@@ -77,8 +77,7 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
   return plan.result;
 }
 
-void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration,
-                         std::uint64_t first) {
+void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration, std::uint64_t first) {
   TG_ASSERT(iteration >= 1, "iterations count from 1");
   parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
     model.mean[i] += explorationNoise(model.rotation[i], model.log_scale[i], model.opacity_logit[i], strength, seed,
@@ -92,8 +91,8 @@ void addRegularizerGradient(const GaussianModel& model, float opacity_weight, fl
             "the gradient has the model's size");
   const auto number = static_cast<double>(count);
   parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
-    addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / number,
-                             scale_weight / number, gradient.log_scale[i], gradient.opacity_logit[i]);
+    addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / number, scale_weight / number,
+                             gradient.log_scale[i], gradient.opacity_logit[i]);
   });
 }
 

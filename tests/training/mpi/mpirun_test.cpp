@@ -15,8 +15,9 @@ using namespace tg::test;
 
 namespace {
 
-const std::string kTrain = "scene --reproducible -q --threads 1 --texture-iterations 20 --densify-every 5 "
-                           "--densify-from 4 --gaussians 600 ";
+const std::string kTrain =
+    "scene --reproducible -q --threads 1 --texture-iterations 20 --densify-every 5 "
+    "--densify-from 4 --gaussians 600 ";
 
 // Why there is none; "": there is.
 std::string noMpi() {
@@ -38,7 +39,8 @@ std::ptrdiff_t linesIn(const std::string& text) { return std::ranges::count(text
 TEST_CASE("processes that mpirun started train one model, with the bytes that one process gives it") {
   TG_SKIP_IF(noMpi());
   const tg::TemporaryFolder folder;
-  REQUIRE(tgtrain(folder, "make-sample scene --size 96 --views 4 --test-views 2 --points 200 --supersampling 1").code == 0);
+  REQUIRE(tgtrain(folder, "make-sample scene --size 96 --views 4 --test-views 2 --points 200 --supersampling 1").code ==
+          0);
   REQUIRE(tgtrain(folder, kTrain + "--iterations 40 -o alone.tgz").code == 0);
   for (const int processes : {2, 3}) {
     const Outcome outcome = run(folder, mpirun(processes) + kTrain + "--iterations 40 --overwrite -o together.tgz");
@@ -90,11 +92,11 @@ TEST_CASE("what is wrong with a training over several processes is said in one l
 TEST_CASE("a photograph that a process cannot read any more ends all of them with its line and code") {
   TG_SKIP_IF(noMpi());
   const tg::TemporaryFolder folder;
-  REQUIRE(tgtrain(folder, "make-sample scene --size 256 --views 12 --test-views 0 --points 100 --supersampling 1")
-              .code == 0);
+  REQUIRE(
+      tgtrain(folder, "make-sample scene --size 256 --views 12 --test-views 0 --points 100 --supersampling 1").code ==
+      0);
   const std::string command =
-      mpirun(2) +
-      "scene -q --threads 1 --iterations 100000 --densification none --image-memory 1 --run run & p=$!; ";
+      mpirun(2) + "scene -q --threads 1 --iterations 100000 --densification none --image-memory 1 --run run & p=$!; ";
   const Outcome outcome =
       run(folder, command + "while [ ! -e run/checkpoint ]; do sleep 0.02; done; rm scene/train/*; wait $p");
   INFO(outcome.output);

@@ -74,8 +74,7 @@ TEST_CASE("a process with another command line or data set is refused, and the f
   std::vector<std::string> texts = said([](int rank, std::unique_ptr<tg::Channel> channel) {
     tg::Processes(std::move(channel), rank == 2 ? "other -o model.tgz" : "scene -o model.tgz");
   });
-  CHECK(texts[0] ==
-        "1 process 2: has another command line (expected scene -o model.tgz, found other -o model.tgz)");
+  CHECK(texts[0] == "1 process 2: has another command line (expected scene -o model.tgz, found other -o model.tgz)");
   CHECK(texts[1] == "ended 1");
   CHECK(texts[2] == "ended 1");
   texts = said([](int rank, std::unique_ptr<tg::Channel> channel) {

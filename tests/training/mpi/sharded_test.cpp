@@ -24,8 +24,7 @@ using tg::test::ThreadRanks;
 
 namespace {
 
-constexpr tg::SampleOptions kScene{
-    .size = 80, .train_views = 5, .test_views = 1, .points = 400, .supersampling = 1};
+constexpr tg::SampleOptions kScene{.size = 80, .train_views = 5, .test_views = 1, .points = 400, .supersampling = 1};
 
 tg::TrainSettings shortRun() {
   tg::TrainSettings settings;

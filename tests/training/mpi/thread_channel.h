@@ -24,8 +24,7 @@ class ThreadRanks {
   // Bytes that went from one rank to another.
   std::size_t sent() const { return sent_; }
 
-  void exchange(int rank, std::span<const std::span<const std::byte>> to,
-                std::span<const std::span<std::byte>> from) {
+  void exchange(int rank, std::span<const std::span<const std::byte>> to, std::span<const std::span<std::byte>> from) {
     messages_[static_cast<std::size_t>(rank)] = to;
     wait();
     for (std::size_t r = 0; r < messages_.size(); ++r) {
@@ -70,8 +69,7 @@ class ThreadChannel final : public Channel {
   int rank() const override { return rank_; }
   int size() const override { return ranks_.size(); }
   int onThisMachine() const override { return ranks_.size(); }
-  void exchange(std::span<const std::span<const std::byte>> to,
-                std::span<const std::span<std::byte>> from) override {
+  void exchange(std::span<const std::span<const std::byte>> to, std::span<const std::span<std::byte>> from) override {
     ranks_.exchange(rank_, to, from);
   }
   void finish() override {}
