@@ -17,7 +17,8 @@ package_packages=(patchelf lintian)
 photo_packages=(colmap ffmpeg)
 test_packages=(catch2 librapidcheck-dev appstream desktop-file-utils shared-mime-info libheif-examples vulkan-validationlayers xvfb xauth
   xdotool openbox imagemagick spirv-cross python3 python3-venv
-  python3-dev python3-numpy pybind11-dev curl zsh fish mandoc)
+  python3-dev python3-numpy pybind11-dev curl zsh fish mandoc
+  libopenmpi-dev openmpi-bin)
 
 packages=("${build_packages[@]}" "${photo_packages[@]}")
 [ "${1:-build}" = package ] && packages+=("${package_packages[@]}")

@@ -27,6 +27,8 @@
 #include "training/data/sample.h"
 #include "training/data/write_dataset.h"
 #include "training/farm_flags.h"
+#include "training/mpi/engine.h"
+#include "training/mpi/launch.h"
 #include "training/photos/scan.h"
 #include "training/photos_flags.h"
 #include "training/plot.h"
@@ -38,6 +40,7 @@
 #include "training/settings/schedule.h"
 #include "training/split_flags.h"
 #include "training/step/context.h"
+#include "training/together.h"
 #include "training/watch.h"
 #include "training/watchers.h"
 #include "training/write_scene.h"
@@ -229,8 +232,7 @@ std::unique_ptr<tg::RunFolder> openRunFolder(const Options& options) {
   return std::make_unique<tg::RunFolder>(folder);
 }
 
-tg::Dataset loadData(const Options& options) {
-  tg::DatasetOptions data_options = tg::datasetOptions(options.data);
+tg::Dataset loadData(const Options& options, tg::DatasetOptions data_options) {
   tg::ProgressLine line;
   if (!options.quiet) {
     data_options.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
@@ -264,38 +266,69 @@ tg::FlagTexts quantizedFor(const Options& options) {
           {"output", fs::path(options.output).extension().string()}};
 }
 
-int runTraining(const Options& options) {
+// What a training over several processes has no use for, or cannot do.
+void refuseTogether(const Options& options) {
+  if (options.device == "cuda") {
+    throw tg::Error(tg::ErrorKind::usage, "--device cuda is for one process (expected auto or cpu under mpirun)");
+  }
+  if (!options.context.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, "--context is for one process (expected none under mpirun)");
+  }
+}
+
+int runTraining(const Options& options, tg::Processes* together = nullptr) {
   if (options.print_config) {
-    std::fputs(tg::formatSettings(settingsOf(options)).c_str(), stdout);
+    if (together) together->endTogether();
+    if (!together || together->isFirst()) std::fputs(tg::formatSettings(settingsOf(options)).c_str(), stdout);
     return 0;
   }
-  if (options.dataset.empty() || (options.output.empty() && options.run.folder.empty())) {
-    throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
-  }
-  if (options.data.layout == "auto" && tg::isForPhotos(options.dataset)) {
-    throw tg::Error(tg::ErrorKind::badData, options.dataset,
-                    (tg::isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
-                        std::string(": `tgtrain photos ") + options.dataset +
-                        " -o model.tgz` finds the cameras and trains");
-  }
-  std::optional<tg::Bundle> start_bundle = checkTraining(options);
-  std::unique_ptr<tg::PageServer> page;
-  if (!options.serve.empty()) {
-    page = tg::servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset));
-  }
-  const std::unique_ptr<tg::RunFolder> run = openRunFolder(options);
-  // What a run wrote when it was stopped, it replaces when it goes on.
-  const bool replace = options.overwrite || (run && run->hasCheckpoint());
-  checkOutputs(options, replace);
   if (options.threads > 0) tg::setThreadCount(options.threads);
-  std::string why_cpu;
-  std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::openCuda(options.device, why_cpu);
-  if (!renderer) renderer = tg::makeCpuDifferentiableRenderer();
+  const auto data_options = [&] {
+    tg::DatasetOptions data = tg::datasetOptions(options.data);
+    if (together) tg::takeShare(*together, options.threads, options.data.image_memory == 0, data);
+    return data;
+  };
+  if (together && !together->isFirst()) return tg::followFirst(*together, options.dataset, data_options);
 
   const auto seconds = [start = std::chrono::steady_clock::now()] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
-  const tg::Dataset dataset = loadData(options);
+  std::optional<tg::Bundle> start_bundle;
+  std::unique_ptr<tg::PageServer> page;
+  std::unique_ptr<tg::RunFolder> run;
+  bool replace = false;
+  std::string why_cpu;
+  std::unique_ptr<tg::DifferentiableRenderer> renderer;
+  tg::Dataset dataset;
+  const auto load = [&] {
+    if (options.dataset.empty() || (options.output.empty() && options.run.folder.empty())) {
+      throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
+    }
+    if (options.data.layout == "auto" && tg::isForPhotos(options.dataset)) {
+      throw tg::Error(tg::ErrorKind::badData, options.dataset,
+                      (tg::isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
+                          std::string(": `tgtrain photos ") + options.dataset +
+                          " -o model.tgz` finds the cameras and trains");
+    }
+    if (together) refuseTogether(options);
+    start_bundle = checkTraining(options);
+    if (!options.serve.empty()) {
+      page = tg::servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset));
+    }
+    run = openRunFolder(options);
+    // What a run wrote when it was stopped, it replaces when it goes on.
+    replace = options.overwrite || (run && run->hasCheckpoint());
+    checkOutputs(options, replace);
+    if (!together) renderer = tg::openCuda(options.device, why_cpu);
+    dataset = loadData(options, data_options());
+  };
+  if (together) {
+    tg::beginTogether(*together, load, dataset);
+    renderer = tg::makeShardedRenderer(together->channel(), dataset);
+  } else {
+    load();
+  }
+  if (!renderer) renderer = tg::makeCpuDifferentiableRenderer();
   const std::optional<tg::GaussianModel> context = contextOf(options, dataset);
   if (context) renderer = tg::withContext(std::move(renderer), *context);
   if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
@@ -417,7 +450,9 @@ int runTraining(const Options& options) {
   watchers.finish(trainer);
   // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
   // An order to stop is as Ctrl-C.
-  return result.report.interrupted ? 128 + (stop_signal > 0 ? stop_signal.load() : SIGINT) : 0;
+  const int code = result.report.interrupted ? 128 + (stop_signal > 0 ? stop_signal.load() : SIGINT) : 0;
+  if (together) tg::endTogether(*together, code);
+  return code;
 }
 
 // Every entry of the settings as a flag; what is given stands in `chosen`, over the preset. Switches are flags that
@@ -668,76 +703,94 @@ int undistort(const UndistortOptions& options) {
   return 0;
 }
 
+int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) {
+  Options photos_options;
+  tg::PhotosFlags photos_flags;
+  const std::shared_ptr<CLI::App> photos = photosApp(photos_options, photos_flags);
+  // By itself: CLI11 reads --config for no subcommand.
+  if (argc > 1 && std::string_view(argv[1]) == "photos" && !tg::launchOf().together()) {
+    photos->name("tgtrain photos");
+    if (const std::optional<int> code = tg::parseCommandLine(*photos, argc - 1, argv + 1)) return *code;
+    return runPhotos(photos_flags, photos_options);
+  }
+  CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
+  app.require_subcommand(0, 1);
+  Options options;
+  addTrainingOptions(app, options);
+  addRunOptions(app, options);
+  app.option_defaults()->group("Options");
+  tg::addExamples(app,
+                  {{"tgtrain make-sample scene && tgtrain scene -o model.tgz", "the built-in scene"},
+                   {"tgtrain fox -o fox.tgz --downscale 2", "photographs at half their size"},
+                   {"tgtrain fox --run run --watch", "a run that can stop and go on, in a window"},
+                   {"tgtrain fox -o fox.tgz --serve 8080", "in a browser meanwhile"},
+                   {"tgtrain fox --run run --resume", "go on where it stopped"},
+                   {"tgtrain fox -o fox.sog --target-size 900KB", "a file to ship, of at most that size"},
+                   {"tgtrain fox -o fox.tgz --iterations 0 --start-model scan.ply", "only add textures"},
+                   {"tgtrain --preset quick --print-config > quick.toml", "settings to change by hand"}},
+                  "Interrupted (Ctrl-C, kill) it writes the model so far, and exits with 128 +\n"
+                  "the signal's number.");
+  tg::SampleOptions sample_options;
+  std::string sample_folder;
+  bool sample_overwrite = false, sample_quiet = false;
+  CLI::App* sample = app.add_subcommand("make-sample", "Writes the built-in scene as a NeRF-synthetic data set");
+  addSampleOptions(*sample, sample_folder, sample_options, sample_overwrite, sample_quiet);
+  app.add_subcommand(photos);
+  UndistortOptions undistort_options;
+  CLI::App* undistorted = app.add_subcommand(
+      "undistort", "Writes a data set as training sees it: photographs of pinhole cameras, in nerfstudio's layout");
+  addUndistortOptions(*undistorted, undistort_options);
+  tg::PlotOptions plot_options;
+  CLI::App* plotted = app.add_subcommand("plot", "Draws the curves of runs: loss, PSNR and Gaussians");
+  tg::addPlotOptions(*plotted, plot_options);
+  tg::FarmFlags farm_flags;
+  CLI::App* farm = app.add_subcommand("farm", "Works on a list of trainings beside other workers, on many machines");
+  tg::addFarmFlags(*farm, farm_flags);
+  tg::SplitFlags split_flags;
+  CLI::App* split = app.add_subcommand("split", "Cuts a scene into blocks, each a data set of its own");
+  tg::addSplitFlags(*split, split_flags);
+  std::vector<std::string> commands;
+  for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
+  together = tg::joinProcesses(argc, argv, commands);
+  const std::optional<int> parsed = tg::parseTogether(together.get(), [&] {
+    const std::optional<int> code = tg::parseCommandLine(app, argc, argv);
+    if (!code && app.get_subcommands().empty()) refuseIdleFlags(app, options);
+    return code;
+  });
+  if (parsed) return *parsed;
+  if (*sample) {
+    tg::writeSample(sample_folder, sample_options, sample_overwrite);
+    if (!sample_quiet) {
+      const int views = sample_options.train_views + sample_options.test_views;
+      std::printf("wrote %d photographs to %s\n", views, sample_folder.c_str());
+    }
+    return 0;
+  }
+  if (*photos) throw tg::Error(tg::ErrorKind::usage, "photos: expected before every flag (tgtrain photos FOLDER ...)");
+  if (*undistorted) return undistort(undistort_options);
+  if (*plotted) {
+    tg::plotRuns(plot_options);
+    return 0;
+  }
+  if (*farm) return tg::runFarm(farm_flags);
+  if (*split) {
+    tg::splitScene(split_flags);
+    return 0;
+  }
+  return runTraining(options, together.get());
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  return tg::runProgram("tgtrain", [&] {
-    Options photos_options;
-    tg::PhotosFlags photos_flags;
-    const std::shared_ptr<CLI::App> photos = photosApp(photos_options, photos_flags);
-    if (argc > 1 && std::string_view(argv[1]) == "photos") {  // by itself: CLI11 reads --config for no subcommand
-      photos->name("tgtrain photos");
-      if (const std::optional<int> code = tg::parseCommandLine(*photos, argc - 1, argv + 1)) return *code;
-      return runPhotos(photos_flags, photos_options);
+  std::unique_ptr<tg::Processes> together;  // where mpirun has started several
+  const int code = tg::runProgram("tgtrain", [&] {
+    try {
+      return runCommand(argc, argv, together);
+    } catch (const tg::EndedByFirst& ended) {
+      return ended.code;
     }
-    CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
-    app.require_subcommand(0, 1);
-    Options options;
-    addTrainingOptions(app, options);
-    addRunOptions(app, options);
-    app.option_defaults()->group("Options");
-    tg::addExamples(app,
-                    {{"tgtrain make-sample scene && tgtrain scene -o model.tgz", "the built-in scene"},
-                     {"tgtrain fox -o fox.tgz --downscale 2", "photographs at half their size"},
-                     {"tgtrain fox --run run --watch", "a run that can stop and go on, in a window"},
-                     {"tgtrain fox -o fox.tgz --serve 8080", "in a browser meanwhile"},
-                     {"tgtrain fox --run run --resume", "go on where it stopped"},
-                     {"tgtrain fox -o fox.sog --target-size 900KB", "a file to ship, of at most that size"},
-                     {"tgtrain fox -o fox.tgz --iterations 0 --start-model scan.ply", "only add textures"},
-                     {"tgtrain --preset quick --print-config > quick.toml", "settings to change by hand"}},
-                    "Interrupted (Ctrl-C, kill) it writes the model so far, and exits with 128 +\n"
-                    "the signal's number.");
-    tg::SampleOptions sample_options;
-    std::string sample_folder;
-    bool sample_overwrite = false, sample_quiet = false;
-    CLI::App* sample = app.add_subcommand("make-sample", "Writes the built-in scene as a NeRF-synthetic data set");
-    addSampleOptions(*sample, sample_folder, sample_options, sample_overwrite, sample_quiet);
-    app.add_subcommand(photos);
-    UndistortOptions undistort_options;
-    CLI::App* undistorted = app.add_subcommand(
-        "undistort", "Writes a data set as training sees it: photographs of pinhole cameras, in nerfstudio's layout");
-    addUndistortOptions(*undistorted, undistort_options);
-    tg::PlotOptions plot_options;
-    CLI::App* plotted = app.add_subcommand("plot", "Draws the curves of runs: loss, PSNR and Gaussians");
-    tg::addPlotOptions(*plotted, plot_options);
-    tg::FarmFlags farm_flags;
-    CLI::App* farm = app.add_subcommand("farm", "Works on a list of trainings beside other workers, on many machines");
-    tg::addFarmFlags(*farm, farm_flags);
-    tg::SplitFlags split_flags;
-    CLI::App* split = app.add_subcommand("split", "Cuts a scene into blocks, each a data set of its own");
-    tg::addSplitFlags(*split, split_flags);
-    if (const std::optional<int> code = tg::parseCommandLine(app, argc, argv)) return *code;
-    if (*sample) {
-      tg::writeSample(sample_folder, sample_options, sample_overwrite);
-      if (!sample_quiet) {
-        const int views = sample_options.train_views + sample_options.test_views;
-        std::printf("wrote %d photographs to %s\n", views, sample_folder.c_str());
-      }
-      return 0;
-    }
-    if (*photos)
-      throw tg::Error(tg::ErrorKind::usage, "photos: expected before every flag (tgtrain photos FOLDER ...)");
-    if (*undistorted) return undistort(undistort_options);
-    if (*plotted) {
-      tg::plotRuns(plot_options);
-      return 0;
-    }
-    if (*farm) return tg::runFarm(farm_flags);
-    if (*split) {
-      tg::splitScene(split_flags);
-      return 0;
-    }
-    refuseIdleFlags(app, options);
-    return runTraining(options);
   });
+  if (together) together->leave(code);
+  return code;
 }

@@ -153,8 +153,8 @@ template <Mode kMode>
 void blendTile(const BlendArgs& args, int tile) {
   constexpr bool kAll = kMode == Mode::all;
   const View& view = args.view;
-  const int tile_x = tile % args.lists.tiles_x * kTileWidth;
-  const int tile_y = tile / args.lists.tiles_x * kTileHeight;
+  const int tile_x = args.lists.pixelX(tile);
+  const int tile_y = args.lists.pixelY(tile);
   const int width = std::min(kTileWidth, view.size.x - tile_x);
   const int height = std::min(kTileHeight, view.size.y - tile_y);
   const std::span<const std::uint32_t> list = args.lists.list(tile);
@@ -211,7 +211,7 @@ void blendTile(const BlendArgs& args, int tile) {
       const int row = block % kTileHeight;
       const int x = block / kTileHeight * kLanes + lane;
       const std::size_t recorded = static_cast<std::size_t>(tile) * kTilePixels + row * kTileWidth + x;
-      (*args.picture)[pixel] = color;
+      (*args.picture)[pixel - static_cast<std::size_t>(args.lists.firstPixelY()) * view.size.x] = color;
       args.record->transmittance[recorded] = transmittance;
       args.record->stop[recorded] = state.stop[at];
       return;
@@ -292,6 +292,7 @@ bool wantsAll(const Frame& frame) {
 }  // namespace
 
 void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& lists, Texels texels, Frame& frame) {
+  TG_ASSERT(lists.tiles_y == tileRowsOf(view), "a frame is of all rows of tiles");
   TG_ASSERT(frame.width == view.size.x && frame.height == view.size.y, "the frame has the view's size");
   TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
   TG_ASSERT(!view.footprint || texels.means != nullptr, "the footprint filter needs the textures' means");
@@ -312,7 +313,8 @@ void blendPicture(const View& view, const ScreenSplats& screen, const TileLists&
                   std::vector<glm::vec3>& picture, BlendRecord& record) {
   TG_ASSERT(lists.begin.size() == static_cast<std::size_t>(lists.tiles()) + 1, "a list a tile");
   TG_ASSERT(view.order == SplatOrder::global, "training blends in the global order");
-  picture.resize(static_cast<std::size_t>(view.size.x) * view.size.y);
+  const int rows = std::min(view.size.y, lists.firstPixelY() + lists.tiles_y * kTileHeight) - lists.firstPixelY();
+  picture.resize(static_cast<std::size_t>(view.size.x) * std::max(rows, 0));
   record.transmittance.resize(static_cast<std::size_t>(lists.tiles()) * kTilePixels);
   record.stop.resize(record.transmittance.size());
   record.words_per_pair = HWY_DYNAMIC_DISPATCH(blockWords)();

@@ -58,7 +58,7 @@ inline void putPixel(Frame& frame, std::size_t pixel, const PixelSums& sums) {
 
 // What the frame has room for of the outputs that blending yields, in the view's order, and overdraw.
 void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& lists, Texels texels, Frame& frame);
-// The picture alone, and what backward needs.
+// The picture alone, and what backward needs. The picture has the rows of pixels that the lists' tiles have.
 void blendPicture(const View& view, const ScreenSplats& screen, const TileLists& lists, const glm::vec4* texels,
                   std::vector<glm::vec3>& picture, BlendRecord& record);
 

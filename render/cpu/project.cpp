@@ -13,7 +13,6 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
-#include "render/cpu/sort.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/cpu/project.cpp"
@@ -289,11 +288,18 @@ Frustum makeFrustum(const View& view) {
 }
 
 void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out) {
+  std::vector<DepthKey> keys;
+  findVisible(view, model, out.gaussians, keys);
+  sortByDepth(keys, out.order);
+}
+
+void findVisible(const View& view, const GaussianModel& model, std::vector<std::uint32_t>& gaussians,
+                 std::vector<DepthKey>& keys) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   constexpr std::size_t kChunk = 4096;
   const Frustum frustum = makeFrustum(view);
   const std::size_t chunks = (model.size() + kChunk - 1) / kChunk;
-  std::vector<DepthKey> keys(model.size());
+  keys.resize(model.size());
   std::vector<std::size_t> counts(chunks, 0);
   const auto range = [&](std::size_t chunk) {
     return std::pair(chunk * kChunk, std::min(model.size(), (chunk + 1) * kChunk));
@@ -319,14 +325,17 @@ void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& ou
     kept += counts[chunk];
   }
   keys.resize(kept);
-  out.gaussians.resize(kept);
+  gaussians.resize(kept);
   for (std::size_t k = 0; k < kept; ++k) {
-    out.gaussians[k] = keys[k].index;
+    gaussians[k] = keys[k].index;
     keys[k].index = static_cast<std::uint32_t>(k);
   }
+}
+
+void sortByDepth(std::vector<DepthKey>& keys, std::vector<std::uint32_t>& order) {
   sortByKey(keys);
-  out.order.resize(kept);
-  for (std::size_t k = 0; k < kept; ++k) out.order[k] = keys[k].index;
+  order.resize(keys.size());
+  for (std::size_t k = 0; k < keys.size(); ++k) order[k] = keys[k].index;
 }
 
 void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& gaussians,

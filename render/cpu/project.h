@@ -7,6 +7,7 @@
 
 #include "core/model/camera.h"
 #include "core/model/model.h"
+#include "render/cpu/sort.h"
 #include "render/renderer.h"
 
 namespace tg::cpu {
@@ -82,6 +83,10 @@ struct DepthOrder {
   std::vector<std::uint32_t> order;      // positions in `gaussians` by ascending camera z of the mean, ties by position
 };
 void findDepthOrder(const View& view, const GaussianModel& model, DepthOrder& out);
+// The two halves of it. keys: [as gaussians] the means' depths, with the positions in `gaussians`.
+void findVisible(const View& view, const GaussianModel& model, std::vector<std::uint32_t>& gaussians,
+                 std::vector<DepthKey>& keys);
+void sortByDepth(std::vector<DepthKey>& keys, std::vector<std::uint32_t>& order);
 void projectSplats(const View& view, const GaussianModel& model, const std::vector<std::uint32_t>& gaussians,
                    ScreenSplats& out);
 

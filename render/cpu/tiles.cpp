@@ -17,9 +17,12 @@ struct TileRange {
   std::size_t count() const { return static_cast<std::size_t>(x1 - x0) * static_cast<std::size_t>(y1 - y0); }
 };
 
-TileRange tileRange(const Splat& s) {
-  if (s.x0 >= s.x1 || s.y0 >= s.y1) return {0, 0, 0, 0};
-  return {s.x0 / kTileWidth, s.y0 / kTileHeight, (s.x1 - 1) / kTileWidth + 1, (s.y1 - 1) / kTileHeight + 1};
+// Of the lists' tiles.
+TileRange tileRange(const Splat& s, TileRows rows) {
+  const TileRows met = tileRowsOf(s);
+  const TileRows listed{std::max(met.first, rows.first), std::min(met.end, rows.end)};
+  if (listed.empty()) return {0, 0, 0, 0};
+  return {s.x0 / kTileWidth, listed.first - rows.first, (s.x1 - 1) / kTileWidth + 1, listed.end - rows.first};
 }
 
 template <typename Visit>
@@ -31,19 +34,32 @@ void forEachTile(const TileRange& range, int tiles_x, const Visit& visit) {
 
 }  // namespace
 
+TileRows tileRowsOf(const Splat& s) {
+  if (s.x0 >= s.x1 || s.y0 >= s.y1) return {0, 0};
+  return {s.y0 / kTileHeight, (s.y1 - 1) / kTileHeight + 1};
+}
+
 void buildTileLists(const View& view, const ScreenSplats& screen, const std::vector<std::uint32_t>& order,
                     bool with_pairs, TileLists& lists) {
+  buildTileLists(view, {0, tileRowsOf(view)}, screen, order, with_pairs, lists);
+}
+
+void buildTileLists(const View& view, TileRows rows, const ScreenSplats& screen,
+                    const std::vector<std::uint32_t>& order, bool with_pairs, TileLists& lists) {
   TG_ASSERT(order.size() <= screen.splats.size(), "an order of the splats");
   TG_ASSERT(std::all_of(order.begin(), order.end(), [&](std::uint32_t k) { return k < screen.splats.size(); }),
             "an order of the splats");
+  TG_ASSERT(rows.first >= 0 && rows.first <= rows.end && rows.end <= tileRowsOf(view), "the image has these rows");
   lists.tiles_x = (view.size.x + kTileWidth - 1) / kTileWidth;
-  lists.tiles_y = (view.size.y + kTileHeight - 1) / kTileHeight;
+  lists.tiles_y = rows.end - rows.first;
+  lists.first_y = rows.first;
   const std::size_t tiles = lists.tiles();
   const std::size_t count = screen.splats.size();
 
   // Apart from the records: small enough to be looked at in depth order.
   std::vector<TileRange> ranges(count);
-  parallelFor(static_cast<std::int64_t>(count), 4096, [&](std::int64_t k) { ranges[k] = tileRange(screen.splats[k]); });
+  parallelFor(static_cast<std::int64_t>(count), 4096,
+              [&](std::int64_t k) { ranges[k] = tileRange(screen.splats[k], rows); });
   std::size_t total = 0;
   lists.pair_begin.resize(count + 1);
   for (std::size_t k = 0; k < count; ++k) {

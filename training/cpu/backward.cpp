@@ -568,7 +568,9 @@ HWY_INLINE void loadState(const BackwardInput& in, int tile, int tile_x, int til
       GradientBlock& pixels = state.blocks[x / kLanes * kTileHeight + row];
       const int lane = x % kLanes;
       const std::size_t recorded = static_cast<std::size_t>(tile) * kTilePixels + row * kTileWidth + x;
-      const glm::vec3 v_color = in.v_color[static_cast<std::size_t>(tile_y + row) * in.view.size.x + tile_x + x];
+      const std::size_t pixel =
+          static_cast<std::size_t>(tile_y - in.lists.firstPixelY() + row) * in.view.size.x + tile_x + x;
+      const glm::vec3 v_color = in.v_color[pixel];
       pixels.transmittance[lane] = in.record.transmittance[recorded];
       pixels.behind[lane] = in.record.transmittance[recorded] * glm::dot(v_color, in.view.background);
       for (int ch = 0; ch < 3; ++ch) pixels.v_color[ch][lane] = v_color[ch];
@@ -580,8 +582,8 @@ HWY_INLINE void loadState(const BackwardInput& in, int tile, int tile_x, int til
 template <bool kStatistics>
 void backwardTile(const BackwardArgs& args, int tile) {
   const BackwardInput& in = args.in;
-  const int tile_x = tile % in.lists.tiles_x * kTileWidth;
-  const int tile_y = tile / in.lists.tiles_x * kTileHeight;
+  const int tile_x = in.lists.pixelX(tile);
+  const int tile_y = in.lists.pixelY(tile);
   const std::span<const std::uint32_t> list = in.lists.list(tile);
   const std::uint32_t first = in.lists.begin[tile];
 
@@ -669,9 +671,8 @@ HWY_EXPORT(backwardTileGradient);
 void backwardTiles(const BackwardInput& input, int first_tile, int end_tile, const PairGradients& out) {
   TG_ASSERT(first_tile >= 0 && first_tile <= end_tile && end_tile <= input.lists.tiles(),
             "the picture has these tiles");
-  TG_ASSERT(
-      input.v_color.size() == static_cast<std::size_t>(input.view.size.x) * static_cast<std::size_t>(input.view.size.y),
-      "a derivative a pixel");
+  TG_ASSERT(input.lists.tiles() == 0 || input.v_color.size() % static_cast<std::size_t>(input.view.size.x) == 0,
+            "a derivative a pixel of the lists' rows");
   TG_ASSERT(out.shows.size() == input.lists.splats.size() && out.sums.size() == input.lists.splats.size(),
             "sums for every pair");
   const BackwardArgs args{input,     out.shows.data(), out.sums.data(), out.screen_abs.data(), out.texture_sums.data(),

@@ -57,7 +57,7 @@ struct BackwardInput {
   const TileLists& lists;
   const BlendRecord& record;
   const glm::vec4* texels;
-  std::span<const glm::vec3> v_color;
+  std::span<const glm::vec3> v_color;  // [as blendPicture's picture]
   GradientOptions options;
 };
 // For the pairs of tiles [first_tile, end_tile).

@@ -233,11 +233,23 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
   for (const DatasetIndex::Entry& entry : index.entries) dataset.files.push_back(entry.listed);
   dataset.photographs = std::make_shared<PhotographStore>(
       sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
+  const auto isOwn = [&](std::size_t i) {
+    return options.parts == 1 ||
+           (!index.entries[i].camera.test && i % static_cast<std::size_t>(options.parts) == std::size_t(options.part));
+  };
+  std::size_t to_keep = 0;
+  for (std::size_t i = 0; i < sources.size(); ++i) to_keep += isOwn(i);
   std::mutex counting;
   std::size_t decoded = 0;
   std::vector<std::string> stretched(sources.size());
   parallelFor(count, 1, [&](std::size_t i) {
     const DatasetIndex::Entry& entry = index.entries[i];
+    const bool own = isOwn(i);
+    if (!own && options.part > 0) {
+      dataset.views[i].name = entry.camera.name;
+      dataset.views[i].test = entry.camera.test;
+      return;
+    }
     const bool decodes = !options.cameras_only || entry.camera.size.x == 0;
     Photograph photograph;
     if (decodes) {
@@ -256,7 +268,7 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
                      " x " + std::to_string(camera.size.y) + ", found " + std::to_string(photograph.file_width) +
                      " x " + std::to_string(photograph.file_height);
     }
-    if (decodes) dataset.photographs->offer(i, std::move(photograph));
+    if (decodes && own) dataset.photographs->offer(i, std::move(photograph));
     const std::lock_guard lock(counting);
     if (options.decoded) options.decoded(++decoded, sources.size());
   });
@@ -270,10 +282,10 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
   dataset.photographs->finishOffers();
   noteLenses(index, dataset);
   const std::size_t kept = dataset.photographs->keptViews();
-  if (!options.cameras_only && kept < dataset.views.size()) {
+  if (!options.cameras_only && kept < to_keep) {
     dataset.notes.push_back("the decoded photographs exceed " + std::to_string(options.image_memory >> 20) +
-                            " MiB: " + std::to_string(dataset.views.size() - kept) + " of " +
-                            std::to_string(dataset.views.size()) + " are decoded whenever they are needed");
+                            " MiB: " + std::to_string(to_keep - kept) + " of " + std::to_string(to_keep) +
+                            " are decoded whenever they are needed");
   }
 }
 

@@ -61,6 +61,11 @@ struct DatasetOptions {
   std::optional<std::filesystem::path> points;        // point cloud PLY instead of the data set's own
   std::optional<bool> only_test;                      // keep the views of one side of the split only
   std::uint64_t image_memory = defaultImageMemory();  // decoded photographs beyond it are decoded when needed [bytes]
+  // Where several processes share the photographs: of the training views those whose number leaves `part` over `parts`
+  // are kept in memory here, and others are decoded whenever they are asked for. At the start part 0 decodes all, the
+  // others their own alone: of other views they have no camera but its name.
+  int part = 0;
+  int parts = 1;
   bool cameras_only = false;  // photographs are decoded when asked for, at the start only where they say the size
   // Told while photographs are decoded for the first time, from any thread, one call at a time.
   std::function<void(std::size_t done, std::size_t count)> decoded;

@@ -349,11 +349,8 @@ bool Trainer::step(const std::atomic<bool>* stop) {
 void Trainer::beginTimes() { time_left_.beginStage(plan()); }
 
 double Trainer::texelsEach() const {
-  const GaussianModel& model = state_.training.model;
-  if (!model.atlas.texels.empty()) {
-    return static_cast<double>(model.atlas.texels.size()) / static_cast<double>(std::max<std::size_t>(model.size(), 1));
-  }
   const auto gaussians = static_cast<double>(std::max<std::size_t>(engine_->gaussians(state_), 1));
+  if (const std::size_t texels = engine_->texels(state_); texels > 0) return static_cast<double>(texels) / gaussians;
   if (settings_.texel_budget > 0) return static_cast<double>(settings_.texel_budget) / gaussians;
   const int side =
       settings_.texture_size > 0 ? settings_.texture_size : automaticTextureSize(engine_->gaussians(state_));
@@ -373,7 +370,7 @@ RunPlan Trainer::plan() const {
   plan.limit = limit();
   plan.swaps = plan.densifies && swaps();
   if (settings_.densification == Densification::mcmc) plan.growth = mcmcGrowth();
-  plan.textured = !state_.training.model.atlas.texels.empty();
+  plan.textured = engine_->texels(state_) > 0;
   plan.texels = texelsEach();
   if (state_.stage == Stage::count) {
     plan.first_left = settings_.iterations;
@@ -421,8 +418,12 @@ void Trainer::iterate() {
     Random random = stream(settings_.seed + static_cast<std::uint64_t>(iteration), Stream::background);
     for (int c = 0; c < 3; ++c) background[c] = static_cast<float>(random.uniform());
   }
-  const std::shared_ptr<const ViewPixels> photograph = dataset_.composited(view, background);
-  if (const auto following = state_.order.following()) dataset_.prefetch(*following);
+  const std::optional<std::size_t> following = state_.order.following();
+  std::shared_ptr<const ViewPixels> photograph;
+  if (!engine_->takesPhotographs()) {
+    photograph = dataset_.composited(view, background);
+    if (following) dataset_.prefetch(*following);
+  }
   const bool mcmc = first_stage && settings_.densification == Densification::mcmc;
   LearningRates rates;
   const bool own = !first_stage && settings_.rate_position_texture >= 0;
@@ -450,6 +451,7 @@ void Trainer::iterate() {
   StepInput input{
       .camera = dataset_.views[view],
       .view = view,
+      .following = following,
       .photograph = photograph,
       .background = background,
       .background_varies = dataset_.random_background,

@@ -81,20 +81,20 @@ void DensityStatistics::add(const ModelGradient& gradient) {
   }
 }
 
-DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const DensifySettings& settings,
-                      Random& random) {
-  TG_ASSERT(statistics.score_sum.size() == state.model.size() && statistics.magnitude_sum.size() == state.model.size(),
+DensifyPlan planDensification(const GaussianModel& model, const DensityStatistics& statistics,
+                              const DensifySettings& settings, Random& random) {
+  TG_ASSERT(statistics.score_sum.size() == model.size() && statistics.magnitude_sum.size() == model.size(),
             "statistics are of the model");
-  TG_ASSERT(statistics.view_count.size() == state.model.size() && statistics.max_radius.size() == state.model.size(),
+  TG_ASSERT(statistics.view_count.size() == model.size() && statistics.max_radius.size() == model.size(),
             "statistics are of the model");
-  TG_ASSERT(state.model.atlas.rects.empty(), "stage 1 has no textures");
-  const GaussianModel& model = state.model;
+  TG_ASSERT(model.atlas.rects.empty(), "stage 1 has no textures");
   struct Candidate {
     std::uint32_t gaussian;
     float score;
   };
   const std::vector<float> scores = densificationScores(statistics, settings);
-  std::vector<std::uint32_t> source;
+  DensifyPlan plan;
+  std::vector<std::uint32_t>& source = plan.source;
   std::vector<Candidate> candidates;
   for (std::uint32_t i = 0; i < model.size(); ++i) {
     const bool grows = scores[i] >= 1;
@@ -102,9 +102,8 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
     source.push_back(i);
     if (grows) candidates.push_back({i, scores[i]});
   }
-  DensifyResult result;
-  result.pruned = model.size() - source.size();
-  const std::size_t kept = source.size();
+  plan.result.pruned = model.size() - source.size();
+  const std::size_t kept = plan.kept = source.size();
 
   // Every clone and every split adds one Gaussian: the cap leaves room for the highest scores.
   if (settings.max_gaussians > 0) {
@@ -118,21 +117,14 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
     }
   }
 
-  struct Child {
-    std::size_t index;  // in the new model
-    glm::vec3 mean;
-    glm::vec3 log_scale;
-  };
-  std::vector<Child> children;
-  std::vector<std::size_t> fresh;  // survivors' places taken by a child: their moments restart
   for (const Candidate& candidate : candidates) {
     const std::size_t added = source.size();
     source.push_back(candidate.gaussian);
     if (clonable(model.log_scale[candidate.gaussian], settings)) {
-      ++result.cloned;
+      ++plan.result.cloned;
       continue;
     }
-    ++result.split;
+    ++plan.result.split;
     const auto place = static_cast<std::size_t>(
         std::lower_bound(source.begin(), source.begin() + static_cast<std::ptrdiff_t>(kept), candidate.gaussian) -
         source.begin());
@@ -140,19 +132,24 @@ DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const
     for (std::size_t index : {place, added}) {
       const glm::vec3 mean = sampleGaussian(model.mean[candidate.gaussian], model.rotation[candidate.gaussian],
                                             model.log_scale[candidate.gaussian], random);
-      children.push_back({index, mean, log_scale});
+      plan.children.push_back({index, mean, log_scale});
     }
-    fresh.push_back(place);
+    plan.fresh.push_back(place);
   }
+  return plan;
+}
 
-  selectGaussians(state, source, kept);
-  for (const Child& child : children) {
+DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const DensifySettings& settings,
+                      Random& random) {
+  const DensifyPlan plan = planDensification(state.model, statistics, settings, random);
+  selectGaussians(state, plan.source, plan.kept);
+  for (const DensifyPlan::Child& child : plan.children) {
     state.model.mean[child.index] = child.mean;
     state.model.log_scale[child.index] = child.log_scale;
   }
-  for (std::size_t place : fresh) clearMoments(state, place);
+  for (std::size_t place : plan.fresh) clearMoments(state, place);
   statistics.reset(state.model.size());
-  return result;
+  return plan.result;
 }
 
 void resetOpacity(TrainingState& state) {

@@ -24,6 +24,23 @@ struct DensityStatistics {
   void add(const ModelGradient& gradient);
 };
 
+// What a round does to the Gaussians.
+struct DensifyPlan {
+  struct Child {
+    std::size_t index;  // in the new model
+    glm::vec3 mean;
+    glm::vec3 log_scale;
+  };
+  std::vector<std::uint32_t> source;  // new Gaussian i is a copy of the old one source[i]
+  std::size_t kept = 0;               // the first so many keep their moments
+  std::vector<Child> children;        // of splits: they get a mean and a scale of their own
+  std::vector<std::size_t> fresh;     // survivors' places taken by a child: their moments restart
+  DensifyResult result;
+};
+// Of `model` it reads mean, rotation, log_scale and opacity_logit alone.
+DensifyPlan planDensification(const GaussianModel& model, const DensityStatistics& statistics,
+                              const DensifySettings& settings, Random& random);
+
 // One round. Survivors come first and keep their moments; clones and the second child of each split follow, with zero
 // moments; the first child of a split takes its parent's place. Statistics are reset to the new size.
 DensifyResult densify(TrainingState& state, DensityStatistics& statistics, const DensifySettings& settings,

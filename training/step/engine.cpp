@@ -2,45 +2,13 @@
 // The host's engine: everything in place.
 #include "training/step/engine.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "core/system/parallel.h"
+#include "training/step/update.h"
 
 namespace tg {
 namespace {
-
-// While it lives, the model's scales and opacities are the effective ones.
-class DrawnModel {
- public:
-  DrawnModel(GaussianModel& model, EffectiveParameters& effective, bool filtered)
-      : model_(model), effective_(effective), filtered_(filtered) {
-    exchange();
-  }
-  ~DrawnModel() { exchange(); }
-  DrawnModel& operator=(DrawnModel&&) = delete;
-
- private:
-  void exchange() {
-    if (!filtered_) return;
-    std::swap(model_.log_scale, effective_.log_scale);
-    std::swap(model_.opacity_logit, effective_.opacity_logit);
-  }
-  GaussianModel& model_;
-  EffectiveParameters& effective_;
-  bool filtered_;
-};
-
-void clampColors(std::vector<glm::vec4>& texels) {
-  constexpr std::int64_t kChunk = 1 << 16;
-  const auto count = static_cast<std::int64_t>(texels.size());
-  parallelFor((count + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
-    for (std::int64_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
-      texels[i] = glm::clamp(texels[i], glm::vec4(0.0f), glm::vec4(1.0f));
-    }
-  });
-}
 
 class HostTrainingEngine final : public TrainingEngine {
  public:
@@ -48,10 +16,8 @@ class HostTrainingEngine final : public TrainingEngine {
 
   void step(RunState& state, const StepInput& input) override {
     TrainingState& training = state.training;
-    const bool filtered = !state.min_sigma.empty();
-    if (filtered) applyFilter(training.model, state.min_sigma, effective_);
     {
-      const DrawnModel drawn(training.model, effective_, filtered);
+      const DrawnModel drawn(training.model, effective_, state.min_sigma);
       RenderSettings render;
       render.background = input.background;
       const std::vector<glm::vec3>& picture = renderer_.forward(training.model, input.camera, render);
@@ -61,12 +27,7 @@ class HostTrainingEngine final : public TrainingEngine {
       if (!std::isfinite(losses_.back().total)) return;
       renderer_.backward(v_picture_, gradient_, input.gradient);
     }
-    if (filtered) filterGradient(training.model, state.min_sigma, gradient_);
-    if (input.mcmc) addRegularizerGradient(training.model, input.opacity_weight, input.scale_weight, gradient_);
-    adamStep(training, gradient_, input.rates);
-    if (input.clamp_colors) clampColors(training.model.atlas.texels);
-    if (input.mcmc) addExplorationNoise(training.model, input.noise, input.noise_seed, input.iteration);
-    if (input.gather_statistics) state.statistics.add(gradient_);
+    updateParameters(training, state.min_sigma, state.statistics, input, {0, training.model.size()}, gradient_);
   }
   std::vector<LossValue> losses(RunState&, bool) override { return std::exchange(losses_, {}); }
   DensifyResult densify(RunState& state, const DensifySettings& settings) override {
@@ -84,9 +45,7 @@ class HostTrainingEngine final : public TrainingEngine {
   }
   std::size_t gaussians(const RunState& state) const override { return state.training.model.size(); }
   const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) override {
-    const bool filtered = !state.min_sigma.empty();
-    if (filtered) applyFilter(state.training.model, state.min_sigma, effective_);
-    const DrawnModel drawn(state.training.model, effective_, filtered);
+    const DrawnModel drawn(state.training.model, effective_, state.min_sigma);
     RenderSettings render;
     render.background = background;
     return renderer_.forward(state.training.model, camera, render);

@@ -5,6 +5,7 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -23,7 +24,10 @@ namespace tg {
 struct StepInput {
   const Camera& camera;  // stays where it is until the step's loss is known
   std::size_t view;      // of the data set
-  // What the picture is compared with; the same for every step with this view unless background_varies.
+  // The view of the next step, where it is known.
+  std::optional<std::size_t> following;
+  // What the picture is compared with; the same for every step with this view unless background_varies. Null where the
+  // engine takes it from the data set itself.
   std::shared_ptr<const ViewPixels> photograph;
   glm::vec3 background;
   bool background_varies;
@@ -42,6 +46,8 @@ struct StepInput {
 class TrainingEngine {
  public:
   virtual ~TrainingEngine() = default;
+  // Whether steps are to come without photographs.
+  virtual bool takesPhotographs() const { return false; }
   // One iteration, which may still be under way at return. A state with min_sigma is drawn through the 3D filter. After
   // a loss that is not finite the state is not to be used. Throws Error(device).
   virtual void step(RunState& state, const StepInput& input) = 0;
@@ -62,6 +68,7 @@ class TrainingEngine {
   virtual const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) = 0;
   // How many Gaussians there are, whether or not `state` is up to date.
   virtual std::size_t gaussians(const RunState& state) const = 0;
+  virtual std::size_t texels(const RunState& state) const { return state.training.model.atlas.texels.size(); }
   // Brings training, statistics and min_sigma of `state` up to date with what was done. Before, the arrays there are
   // old, their sizes included; the SH degree and densify_random are always right.
   virtual void pull(RunState& state) = 0;

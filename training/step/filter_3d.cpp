@@ -17,19 +17,31 @@ std::vector<Pinhole> filterCameras(const Dataset& dataset) {
   return cameras;
 }
 
-std::vector<float> pixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model) {
+std::vector<float> seenPixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model) {
   std::vector<float> sizes(model.size(), 0.0f);
   parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask,
               [&](std::int64_t i) { sizes[i] = pixelSizeAt(model.mean[i], cameras.data(), cameras.size()); });
-  const float largest = sizes.empty() ? 0.0f : *std::max_element(sizes.begin(), sizes.end());
-  std::replace(sizes.begin(), sizes.end(), 0.0f, largest);
+  return sizes;
+}
+
+float largestOf(std::span<const float> sizes) {
+  return sizes.empty() ? 0.0f : *std::max_element(sizes.begin(), sizes.end());
+}
+
+std::vector<float> pixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model) {
+  std::vector<float> sizes = seenPixelSizes(cameras, model);
+  std::replace(sizes.begin(), sizes.end(), 0.0f, largestOf(sizes));
   return sizes;
 }
 
 std::vector<float> minSigmas(std::span<const Pinhole> cameras, const GaussianModel& model) {
-  std::vector<float> sizes = pixelSizes(cameras, model);
-  for (float& size : sizes) size *= std::sqrt(kFilterVariance);
+  std::vector<float> sizes = seenPixelSizes(cameras, model);
+  makeMinSigmas(largestOf(sizes), sizes);
   return sizes;
+}
+
+void makeMinSigmas(float largest, std::span<float> sizes) {
+  for (float& size : sizes) size = (size == 0.0f ? largest : size) * std::sqrt(kFilterVariance);
 }
 
 void applyFilter(const GaussianModel& model, std::span<const float> min_sigma, EffectiveParameters& out) {

@@ -22,6 +22,12 @@ std::vector<float> pixelSizes(std::span<const Pinhole> cameras, const GaussianMo
 // The filter's standard deviation: sqrt(0.2) pixels. [world units]
 std::vector<float> minSigmas(std::span<const Pinhole> cameras, const GaussianModel& model);
 
+// Its steps, for a model of which others have the rest: sizes that are 0 where no view sees the Gaussian; the largest,
+// 0 of none; sizes become minSigmas(), given the largest of the whole model.
+std::vector<float> seenPixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model);
+float largestOf(std::span<const float> sizes);
+void makeMinSigmas(float largest, std::span<float> sizes);
+
 // What is drawn (8a).
 struct EffectiveParameters {
   std::vector<glm::vec3> log_scale;

@@ -105,6 +105,11 @@ class BlurBand {
   const SsimWindow& window_;
 };
 
+double countedValues(int width, int height, std::size_t ignored) {
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  return static_cast<double>(3 * std::max<std::size_t>(pixels - ignored, 1));
+}
+
 }  // namespace
 
 SsimWindow makeSsimWindow() {
@@ -120,41 +125,70 @@ SsimWindow makeSsimWindow() {
   return window;
 }
 
+LossRows lossSurroundings(LossRows rows, int height) {
+  if (rows.first >= rows.end) return {rows.first, rows.first};
+  return {std::max(rows.first - 2 * kRadius, 0), std::min(rows.end + 2 * kRadius, height)};
+}
+
 LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::vec3> picture,
                                     std::span<const std::uint8_t> target, std::span<glm::vec3> v_picture,
                                     std::span<const std::uint8_t> mask) {
   TG_ASSERT(width > 0 && height > 0, "a picture has pixels");
   TG_ASSERT(picture.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height), "a colour a pixel");
-  TG_ASSERT(target.size() == 3 * picture.size() && v_picture.size() == picture.size(),
-            "target and gradient have the picture's size");
-  TG_ASSERT(mask.empty() || mask.size() == picture.size(), "a mask has the picture's size");
-  const std::size_t pixels = static_cast<std::size_t>(width) * height;
   const std::size_t ignored = static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
-  const double counted = static_cast<double>(3 * std::max<std::size_t>(pixels - ignored, 1));
+  row_sums_.assign(3 * static_cast<std::size_t>(height), {});
+  evaluateRows(width, height, {0, height}, ignored, picture, target, v_picture, mask, row_sums_);
+  return total(width, height, ignored, row_sums_);
+}
+
+void PhotometricLoss::evaluateRows(int width, int height, LossRows rows, std::size_t ignored,
+                                   std::span<const glm::vec3> picture, std::span<const std::uint8_t> target,
+                                   std::span<glm::vec3> v_picture, std::span<const std::uint8_t> mask,
+                                   std::span<LossRowSums> row_sums) {
+  TG_ASSERT(width > 0 && rows.first >= 0 && rows.first <= rows.end && rows.end <= height, "a picture has these rows");
+  const LossRows given = lossSurroundings(rows, height);
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(given.end - given.first);
+  const auto own = static_cast<std::size_t>(rows.end - rows.first);
+  TG_ASSERT(picture.size() == pixels, "a colour a pixel");
+  TG_ASSERT(target.size() == 3 * pixels && v_picture.size() == own * static_cast<std::size_t>(width),
+            "target and gradient have the picture's size");
+  TG_ASSERT(mask.empty() || mask.size() == pixels, "a mask has the picture's size");
+  TG_ASSERT(row_sums.size() == 3 * own, "sums a row and channel");
+  if (own == 0) return;
   if (ignored == 0) mask = {};
+  // Rows with a window whose pixels' gradients are wanted.
+  const LossRows windows{std::max(rows.first - kRadius, 0), std::min(rows.end + kRadius, height)};
+  const std::size_t window_pixels =
+      static_cast<std::size_t>(width) * static_cast<std::size_t>(windows.end - windows.first);
+  const auto isOwn = [&](int y) { return y >= rows.first && y < rows.end; };
   const SsimWindow window = makeSsimWindow();
   planes_.resize(2 * pixels);
-  v_moments_.resize(3 * pixels);
-  row_sums_.assign(3 * static_cast<std::size_t>(height), {});
+  v_moments_.resize(3 * window_pixels);
   scratch_.resize(static_cast<std::size_t>(threadCount()));
   const std::size_t scratch_size = BlurBand::size(kForward, width) + static_cast<std::size_t>(kForward + 1) * width;
+  const auto pixelAt = [&](int y) { return static_cast<std::size_t>(y - given.first) * width; };
   const auto plane = [&](int set, int y) {
-    return planes_.data() + static_cast<std::size_t>(set) * pixels + static_cast<std::size_t>(y) * width;
+    return planes_.data() + static_cast<std::size_t>(set) * pixels + pixelAt(y);
   };
   const auto moment = [&](int kind, int y) {
-    return v_moments_.data() + static_cast<std::size_t>(kind) * pixels + static_cast<std::size_t>(y) * width;
+    return v_moments_.data() + static_cast<std::size_t>(kind) * window_pixels +
+           static_cast<std::size_t>(y - windows.first) * width;
   };
-  const float count = static_cast<float>(counted);
-  const int bands = (height + kBand - 1) / kBand;
+  const auto sumsOf = [&](int c, int y) -> LossRowSums& {
+    return row_sums[static_cast<std::size_t>(c) * own + static_cast<std::size_t>(y - rows.first)];
+  };
+  const float count = static_cast<float>(countedValues(width, height, ignored));
+  const auto bandsOf = [](LossRows of) { return (of.end - of.first + kBand - 1) / kBand; };
 
   // A channel at a time: a third of the memory, which is 20 bytes a pixel.
   for (int c = 0; c < 3; ++c) {
-    parallelFor(height, 8, [&](int y) {
+    parallelFor(given.end - given.first, 8, [&](std::int64_t row) {
+      const int y = given.first + static_cast<int>(row);
       float* a = plane(0, y);
       float* b = plane(1, y);
-      RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + y];
+      LossRowSums sums;
       for (int x = 0; x < width; ++x) {
-        const std::size_t i = static_cast<std::size_t>(y) * width + x;
+        const std::size_t i = pixelAt(y) + x;
         a[x] = picture[i][c];
         b[x] = static_cast<float>(target[i * 3 + c]) / 255.0f;
         if (!mask.empty() && mask[i] == 0) a[x] = b[x] = 0;
@@ -162,14 +196,15 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         sums.l1 += std::abs(a[x] - b[x]);
         sums.squared += clamped * clamped;
       }
+      if (isOwn(y)) sumsOf(c, y) = sums;
     });
 
-    parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
+    parallelForWorkers(bandsOf(windows), 1, [&](std::int64_t band, int worker) {
       std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
       scratch.resize(scratch_size);
       float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kForward + 1, width]
-      const int first = static_cast<int>(band) * kBand;
-      const int last = std::min(first + kBand, height);
+      const int first = windows.first + static_cast<int>(band) * kBand;
+      const int last = std::min(first + kBand, windows.end);
       BlurBand blur(scratch.data(), kForward, width, window);
       for (int y = std::max(first - kRadius, 0); y < last + kRadius; ++y) {
         if (y < height) {
@@ -194,20 +229,21 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         ssimRow(value(0), value(1), value(2), value(3), value(4), width, ssim, moment(0, done), moment(1, done),
                 moment(2, done));
         for (int x = 0; x < width && !mask.empty(); ++x) {
-          if (mask[static_cast<std::size_t>(done) * width + x] != 0) continue;
+          if (mask[pixelAt(done) + x] != 0) continue;
           ssim[x] = moment(0, done)[x] = moment(1, done)[x] = moment(2, done)[x] = 0;
         }
-        RowSums& sums = row_sums_[static_cast<std::size_t>(c) * height + done];
+        if (!isOwn(done)) continue;
+        LossRowSums& sums = sumsOf(c, done);
         for (int x = 0; x < width; ++x) sums.ssim += ssim[x];
       }
     });
 
-    parallelForWorkers(bands, 1, [&](std::int64_t band, int worker) {
+    parallelForWorkers(bandsOf(rows), 1, [&](std::int64_t band, int worker) {
       std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
       scratch.resize(scratch_size);
       float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kBackward + 1, width]
-      const int first = static_cast<int>(band) * kBand;
-      const int last = std::min(first + kBand, height);
+      const int first = rows.first + static_cast<int>(band) * kBand;
+      const int last = std::min(first + kBand, rows.end);
       BlurBand blur(scratch.data(), kBackward, width, window);
       for (int y = std::max(first - kRadius, 0); y < last + kRadius; ++y) {
         if (y < height) {
@@ -224,15 +260,20 @@ LossValue PhotometricLoss::evaluate(int width, int height, std::span<const glm::
         gradientRow(plane(0, done), plane(1, done), value(0), value(1), value(2), width, (1 - ssim_weight_) / count,
                     ssim_weight_ / count, value(kBackward));
         for (int x = 0; x < width; ++x) {
-          const std::size_t i = static_cast<std::size_t>(done) * width + x;
-          v_picture[i][c] = mask.empty() || mask[i] != 0 ? value(kBackward)[x] : 0.0f;
+          const bool counts = mask.empty() || mask[pixelAt(done) + x] != 0;
+          v_picture[static_cast<std::size_t>(done - rows.first) * width + x][c] = counts ? value(kBackward)[x] : 0.0f;
         }
       }
     });
   }
+}
 
-  RowSums sums;
-  for (const RowSums& row : row_sums_) {
+LossValue PhotometricLoss::total(int width, int height, std::size_t ignored,
+                                 std::span<const LossRowSums> row_sums) const {
+  TG_ASSERT(row_sums.size() == 3 * static_cast<std::size_t>(height), "sums of every row");
+  const double counted = countedValues(width, height, ignored);
+  LossRowSums sums;
+  for (const LossRowSums& row : row_sums) {
     sums.l1 += row.l1;
     sums.ssim += row.ssim;
     sums.squared += row.squared;

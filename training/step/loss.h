@@ -15,6 +15,19 @@ struct LossValue {
   double mean_squared_error = 0;  // after clamping the picture to [0, 1], for PSNR
 };
 
+// What a row of pixels adds in one channel.
+struct LossRowSums {
+  double l1 = 0, ssim = 0, squared = 0;
+};
+
+// Rows [first, end) of a picture, by whoever has them and their surroundings.
+struct LossRows {
+  int first = 0;
+  int end = 0;
+};
+// Those that the loss and its gradient in `rows` are made of.
+LossRows lossSurroundings(LossRows rows, int height);
+
 // Keeps its scratch space between calls. Results do not depend on the thread count.
 class PhotometricLoss {
  public:
@@ -25,14 +38,19 @@ class PhotometricLoss {
   LossValue evaluate(int width, int height, std::span<const glm::vec3> picture, std::span<const std::uint8_t> target,
                      std::span<glm::vec3> v_picture, std::span<const std::uint8_t> mask = {});
 
+  // The same for some rows of a picture of `height`, of which `ignored` pixels are; picture, target and mask are those
+  // of the rows' surroundings, v_picture and row_sums [3, rows] of the rows alone.
+  void evaluateRows(int width, int height, LossRows rows, std::size_t ignored, std::span<const glm::vec3> picture,
+                    std::span<const std::uint8_t> target, std::span<glm::vec3> v_picture,
+                    std::span<const std::uint8_t> mask, std::span<LossRowSums> row_sums);
+  // Of the sums of all rows, [3, height].
+  LossValue total(int width, int height, std::size_t ignored, std::span<const LossRowSums> row_sums) const;
+
  private:
-  struct RowSums {
-    double l1 = 0, ssim = 0, squared = 0;
-  };
   float ssim_weight_;
-  std::vector<float> planes_;                // [2, height, width] a channel of picture and target
-  std::vector<float> v_moments_;             // [3, height, width] dSSIM/d mean, variance, covariance of its windows
-  std::vector<RowSums> row_sums_;            // [3, height]
+  std::vector<float> planes_;          // [2, surroundings, width] a channel of picture and target
+  std::vector<float> v_moments_;       // [3, rows and kSsimRadius around, width] dSSIM/d mean, variance, covariance
+  std::vector<LossRowSums> row_sums_;  // [3, height]
   std::vector<std::vector<float>> scratch_;  // one a worker
 };
 

@@ -25,16 +25,13 @@ std::uint32_t draw(const std::vector<double>& cumulative, Random& random) {
 
 }  // namespace
 
-McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, Random& random) {
-  TG_ASSERT(momentsAgree(state), "moments have the model's size");
-  TG_ASSERT(state.model.atlas.rects.empty(), "stage 1 has no textures");
-  const GaussianModel& model = state.model;
-  const std::size_t count = model.size();
+McmcPlan planRelocation(std::span<const float> opacity_logit, const McmcSettings& settings, Random& random) {
+  const std::size_t count = opacity_logit.size();
   std::vector<double> cumulative(count);
   std::vector<std::uint32_t> dead;
   double sum = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    const double opacity = sigmoid(model.opacity_logit[i]);
+    const double opacity = sigmoid(opacity_logit[i]);
     if (opacity <= settings.dead_opacity) {
       dead.push_back(static_cast<std::uint32_t>(i));
     } else {
@@ -42,50 +39,59 @@ McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, R
     }
     cumulative[i] = sum;
   }
-  McmcResult result;
-  if (sum <= 0) return result;
+  McmcPlan plan;
+  if (sum <= 0) return plan;
 
-  std::vector<std::uint32_t> source(count);
+  std::vector<std::uint32_t>& source = plan.source;
+  source.resize(count);
   std::iota(source.begin(), source.end(), 0u);
-  std::vector<int> copies(count, 1);
+  plan.copies.assign(count, 1);
   for (const std::uint32_t i : dead) {
     source[i] = draw(cumulative, random);
-    ++copies[source[i]];
+    ++plan.copies[source[i]];
   }
-  result.relocated = dead.size();
+  plan.result.relocated = dead.size();
   const auto step = static_cast<std::size_t>(std::ceil(static_cast<double>(count) * double{settings.growth} - 1e-3));
   const std::size_t target = std::max(count, std::min(settings.max_gaussians, count + step));
   while (source.size() < target) {
     source.push_back(draw(cumulative, random));
-    copies[source.back()]++;
+    ++plan.copies[source.back()];
   }
-  result.added = target - count;
-
-  selectGaussians(state, source, count);
-  for (std::size_t i = 0; i < source.size(); ++i) {
-    const int shared = copies[source[i]];
-    if (shared == 1) continue;
-    shareParameters(shared, settings.dead_opacity, state.model.opacity_logit[i], state.model.log_scale[i]);
-    clearMoments(state, i);
-  }
-  return result;
+  plan.result.added = target - count;
+  return plan;
 }
 
-void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration) {
+void shareGaussian(TrainingState& state, std::size_t i, int shared, const McmcSettings& settings) {
+  if (shared == 1) return;
+  shareParameters(shared, settings.dead_opacity, state.model.opacity_logit[i], state.model.log_scale[i]);
+  clearMoments(state, i);
+}
+
+McmcResult relocateAndGrow(TrainingState& state, const McmcSettings& settings, Random& random) {
+  TG_ASSERT(momentsAgree(state), "moments have the model's size");
+  TG_ASSERT(state.model.atlas.rects.empty(), "stage 1 has no textures");
+  const McmcPlan plan = planRelocation(state.model.opacity_logit, settings, random);
+  if (plan.source.empty()) return plan.result;
+  selectGaussians(state, plan.source, state.model.size());
+  for (std::size_t i = 0; i < plan.source.size(); ++i) shareGaussian(state, i, plan.copies[plan.source[i]], settings);
+  return plan.result;
+}
+
+void addExplorationNoise(GaussianModel& model, float strength, std::uint64_t seed, int iteration, std::uint64_t first) {
   TG_ASSERT(iteration >= 1, "iterations count from 1");
   parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
     model.mean[i] += explorationNoise(model.rotation[i], model.log_scale[i], model.opacity_logit[i], strength, seed,
-                                      iteration, static_cast<std::uint64_t>(i));
+                                      iteration, first + static_cast<std::uint64_t>(i));
   });
 }
 
-void addRegularizerGradient(const GaussianModel& model, float opacity_weight, float scale_weight,
+void addRegularizerGradient(const GaussianModel& model, float opacity_weight, float scale_weight, std::size_t count,
                             ModelGradient& gradient) {
   TG_ASSERT(gradient.log_scale.size() == model.size() && gradient.opacity_logit.size() == model.size(),
             "the gradient has the model's size");
-  const auto count = static_cast<double>(model.size());
+  const auto number = static_cast<double>(count);
   parallelFor(static_cast<std::int64_t>(model.size()), kGaussiansPerTask, [&](std::int64_t i) {
-    addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / count, scale_weight / count,
+    addRegularizerGradientOf(model.log_scale[i], model.opacity_logit[i], opacity_weight / number, scale_weight / number,
                              gradient.log_scale[i], gradient.opacity_logit[i]);
   });
 }

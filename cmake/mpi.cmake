@@ -1,0 +1,16 @@
+# MPI, for one training over several processes. Sets TG_MPI_FOUND. TG_MPI: AUTO takes what there is, ON fails without
+# it, OFF does not look.
+set(TG_MPI AUTO CACHE STRING "Build the module by which mpirun starts one training in several processes: AUTO (where MPI is), ON, OFF")
+set(TG_MPI_FOUND OFF)
+if(NOT TG_MPI STREQUAL OFF)
+  if(TG_MPI STREQUAL ON)
+    find_package(MPI REQUIRED COMPONENTS C)
+  else()
+    find_package(MPI QUIET COMPONENTS C)
+  endif()
+  if(MPI_C_FOUND)
+    set(TG_MPI_FOUND ON)
+  else()
+    message(STATUS "MPI: not compiled, none found (packages libopenmpi-dev, openmpi-bin)")
+  endif()
+endif()
