@@ -329,7 +329,7 @@ void ShardedPass::backward(const GradientOptions& options, ModelGradient& gradie
   std::vector<Returned> returned(ranks());
   for (std::size_t r = 0; r < ranks(); ++r) {
     returned[r] = readSums(in[r], sent_[r].size(), options);
-    in[r] = {};
+    in[r] = Message();
   }
   if (view_.textured()) {
     gradient.texels.assign(part_->atlas.texels.size(), glm::vec4(0.0f));

@@ -21,7 +21,13 @@ Cuts cutsOf(const Shards& shards, std::size_t length) {
   return cuts;
 }
 
-// The first rank's `whole` to the others' parts, or with `back` the parts into `whole`, which has its size.
+// Its memory, too, which an assignment of {} keeps.
+template <typename T>
+void free(std::vector<T>& values) {
+  values = std::vector<T>();
+}
+
+// The first rank's `whole` to all ranks' parts.
 template <typename T>
 void scatterArray(Channel& channel, const Cuts& cuts, std::vector<T>& whole, std::vector<T>& part) {
   const auto ranks = static_cast<std::size_t>(channel.size());
@@ -38,7 +44,7 @@ void scatterArray(Channel& channel, const Cuts& cuts, std::vector<T>& whole, std
   part.shrink_to_fit();
   from[0] = std::as_writable_bytes(std::span(part));
   channel.exchange(to, from);
-  if (rank == 0) whole = {};
+  if (rank == 0) free(whole);
 }
 
 template <typename T>
@@ -143,14 +149,14 @@ void scatter(Channel& channel, RunState& whole, Shards& shards, ShardState& shar
   part.texture_mode = shape.texture_mode;
   part.intersection = shape.intersection;
   shard.training.step = shape.step;
-  if (!shape.filtered) shard.min_sigma = {};
+  if (!shape.filtered) free(shard.min_sigma);
   forEachArray(
       part.shCount(), shape.filtered,
       [&](std::size_t length, auto& from, auto& to) { scatterArray(channel, cutsOf(shards, length), from, to); }, whole,
       shard);
 
   shard.filtered = shape.filtered;
-  part.atlas.rects = {};
+  part.atlas.rects.clear();
   if (shape.rects) {
     std::vector<TextureRect> rects = model.atlas.rects;
     scatterArray(channel, cutsOf(shards, 1), rects, part.atlas.rects);
@@ -199,7 +205,7 @@ void gather(Channel& channel, const Shards& shards, const ShardState& shard, Run
 }
 
 void dropArrays(RunState& whole) {
-  const auto drop = [](std::size_t, auto& values) { values = {}; };
+  const auto drop = [](std::size_t, auto& values) { free(values); };
   forEachArray(1, true, drop, whole);
   drop(0, whole.training.model.atlas.texels);
   drop(0, whole.training.moments.texels.first);
@@ -273,7 +279,7 @@ void selectGaussians(Channel& channel, std::span<const std::uint32_t> source, st
       },
       shard.training.model, shard.training.moments);
   shard.statistics.reset(count);
-  shard.min_sigma = {};
+  shard.min_sigma.clear();
   shard.filtered = false;
   shards = fresh;
   shards.texels_begin.assign(ranks + 1, 0);

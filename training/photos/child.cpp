@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
@@ -15,6 +16,7 @@
 #include <cstdlib>
 #include <deque>
 #include <sstream>
+#include <string_view>
 
 #include "core/system/assert.h"
 #include "core/system/descriptor.h"
@@ -49,12 +51,17 @@ std::vector<char*> pointersTo(std::vector<std::string>& words) {
   return pointers;
 }
 
+// What is set for every child; and what mpirun and Slurm say of this process, which its children are not.
+constexpr const char* kNotForChildren[] = {"LC_ALL=", "QT_QPA_PLATFORM=", "OMPI_COMM_WORLD_", "PMI_", "PMIX_"};
+
 // Numbers with points, words in English, no window.
 std::vector<std::string> childEnvironment() {
   std::vector<std::string> environment;
   for (char** entry = environ; *entry != nullptr; ++entry) {
     const std::string_view text = *entry;
-    if (!text.starts_with("LC_ALL=") && !text.starts_with("QT_QPA_PLATFORM=")) environment.emplace_back(text);
+    const bool left_out =
+        std::ranges::any_of(kNotForChildren, [&](const char* start) { return text.starts_with(start); });
+    if (!left_out) environment.emplace_back(text);
   }
   environment.emplace_back("LC_ALL=C.UTF-8");
   environment.emplace_back("QT_QPA_PLATFORM=offscreen");

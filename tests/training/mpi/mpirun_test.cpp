@@ -105,6 +105,19 @@ TEST_CASE("a photograph that a process cannot read any more ends all of them wit
   CHECK(fs::exists(folder / "run/checkpoint"));
 }
 
+TEST_CASE("workers of a farm that mpirun has started train alone, each its jobs") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string job =
+      R"({"name": "a", "dataset": "scene", "flags": ["--iterations", "3", "--texture-mode", "none"]})";
+  const Outcome outcome =
+      run(folder, "echo '" + job + "' > jobs.jsonl && OMPI_COMM_WORLD_SIZE=2 OMPI_COMM_WORLD_RANK=0 " + TG_TGTRAIN +
+                      " farm jobs.jsonl --out farm");
+  INFO(outcome.output);
+  CHECK(outcome.code == 0);
+  CHECK(fs::exists(folder / "farm/results/a/model.tgz"));
+}
+
 TEST_CASE("a program without the module says so where mpirun has started it several times, the first of them alone") {
   const tg::TemporaryFolder folder;
   fs::create_directory(folder / "bin");
