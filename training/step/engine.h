@@ -25,7 +25,7 @@ struct StepInput {
   const Camera& camera;  // stays where it is until the step's loss is known
   std::size_t view;      // of the data set
   // The view of the next step, where it is known.
-  std::optional<std::size_t> following;
+  std::optional<std::size_t> following = {};
   // What the picture is compared with; the same for every step with this view unless background_varies. Null where the
   // engine takes it from the data set itself.
   std::shared_ptr<const ViewPixels> photograph;
