@@ -725,6 +725,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
                    {"tgtrain fox --run run --watch", "a run that can stop and go on, in a window"},
                    {"tgtrain fox -o fox.tgz --serve 8080", "in a browser meanwhile"},
                    {"tgtrain fox --run run --resume", "go on where it stopped"},
+                   {"mpirun -np 4 tgtrain fox -o fox.tgz", "by four processes, to the same bytes"},
                    {"tgtrain fox -o fox.sog --target-size 900KB", "a file to ship, of at most that size"},
                    {"tgtrain fox -o fox.tgz --iterations 0 --start-model scan.ply", "only add textures"},
                    {"tgtrain --preset quick --print-config > quick.toml", "settings to change by hand"}},

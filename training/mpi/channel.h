@@ -24,7 +24,7 @@ class Channel {
   [[noreturn]] virtual void abort(int code) noexcept = 0;
 };
 
-// What the module has, by this name: `throws Error(device)`, and the version it is of.
+// What the module has, by these names: what opens the channel, or throws Error(device), and the version that it is of.
 using OpenChannel = Channel*();
 constexpr const char* kOpenChannelName = "tgOpenChannel";
 using ChannelVersion = const char*();

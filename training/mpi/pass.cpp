@@ -88,13 +88,9 @@ std::size_t texelCount(const cpu::Splat& s) { return std::size_t{s.texture_width
 LossRows common(LossRows a, LossRows b) { return {std::max(a.first, b.first), std::min(a.end, b.end)}; }
 bool empty(LossRows rows) { return rows.first >= rows.end; }
 
-template <typename T>
-std::span<T> rowsOf(std::vector<T>& pixels, LossRows all, LossRows rows, std::size_t row) {
-  return std::span(pixels).subspan(static_cast<std::size_t>(rows.first - all.first) * row,
-                                   static_cast<std::size_t>(rows.end - rows.first) * row);
-}
-template <typename T>
-std::span<const T> rowsOf(const std::vector<T>& pixels, LossRows all, LossRows rows, std::size_t row) {
+// Some rows of `row` values each, of pixels that have the rows `all`.
+template <typename Pixels>
+auto rowsOf(Pixels& pixels, LossRows all, LossRows rows, std::size_t row) {
   return std::span(pixels).subspan(static_cast<std::size_t>(rows.first - all.first) * row,
                                    static_cast<std::size_t>(rows.end - rows.first) * row);
 }

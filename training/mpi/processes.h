@@ -28,16 +28,16 @@ class Processes {
 
   // What the first rank says, everywhere.
   int fromFirst(int said);
-  // Whether all ranks came as far as here: `failed` is what stopped this one, or null. Where it stopped some, the first
-  // rank throws the Error of the lowest of them, and the others EndedByFirst. `text`, where all came here, is the same
-  // everywhere, or it is `what` that differs: Error(badData).
+  // All ranks come here; `failed`: what has stopped this one, or null. Where some have been stopped, the first throws
+  // the Error of the lowest of them, and the others EndedByFirst. So it goes where `text` is not the same at all ranks:
+  // Error(usage), which calls it `what`.
   void agree(const std::exception_ptr& failed, const std::string& what, const std::string& text);
 
-  // Last of all, with the program's exit code: ends this process's part where all have agreed on it or `together` says
-  // so, else all processes.
-  void leave(int code);
-  // From now on a code is one that all ranks have.
+  // From now on all ranks are about to end, with the same code.
   void endTogether() { together_ = true; }
+  // Last of all, with the program's exit code: ends this process's part in what all ranks end together, else all of
+  // them at once with this code.
+  void leave(int code);
 
  private:
   std::unique_ptr<Channel> channel_;

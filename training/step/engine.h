@@ -68,6 +68,7 @@ class TrainingEngine {
   virtual const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) = 0;
   // How many Gaussians there are, whether or not `state` is up to date.
   virtual std::size_t gaussians(const RunState& state) const = 0;
+  // Likewise of its textures.
   virtual std::size_t texels(const RunState& state) const { return state.training.model.atlas.texels.size(); }
   // Brings training, statistics and min_sigma of `state` up to date with what was done. Before, the arrays there are
   // old, their sizes included; the SH degree and densify_random are always right.

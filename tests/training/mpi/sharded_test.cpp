@@ -156,6 +156,28 @@ TEST_CASE("textures that do not lie in the order of their Gaussians are refused 
   });
 }
 
+TEST_CASE("of shared photographs each part keeps its own in memory, and only the first has all cameras") {
+  const tg::TemporaryFolder folder;
+  tg::writeSample(folder / "scene", {.size = 16, .train_views = 5, .test_views = 2, .points = 10, .supersampling = 1},
+                  false);
+  std::size_t kept = 0;
+  for (const int part : {0, 1}) {
+    tg::DatasetOptions options;
+    options.part = part;
+    options.parts = 2;
+    const tg::Dataset dataset = tg::loadDataset(folder / "scene", options);
+    CHECK(dataset.views.size() == 7);
+    CHECK(dataset.photographs->keptViews() == (part == 0 ? 3 : 2));
+    kept += dataset.photographs->keptViews();
+    for (std::size_t view = 0; view < 7; ++view) {
+      const bool own = view < 5 && tg::photographOwner(view, 2) == part;
+      CHECK((dataset.views[view].size.x == 16) == (own || part == 0));
+      CHECK(dataset.pixels(view)->width == 16);
+    }
+  }
+  CHECK(kept == 5);
+}
+
 TEST_CASE("rows of tiles are shared out by their cost, top to bottom, and all of them") {
   const auto shared = [](const std::vector<std::uint64_t>& costs, int ranks) {
     std::string text;
