@@ -7,10 +7,10 @@
 
 namespace tg {
 
-// At most `count` >= 1 Gaussians, each in the place of neighbours: cells of equally many by splits at the median of the
-// longer side, one Gaussian of a cell's mass, mean and covariance, as Kerbl et al. 2024 (Hierarchical 3D Gaussians,
-// section 4) merge nodes. Textures have half their sides; of 2 x 2 and fewer the mean goes into colour and opacity.
-// Its time grows with the Gaussians times the logarithm of `count`. Same model in, same bytes out.
+// At most `count` >= 1 Gaussians: pairs of neighbours become one of their mass, mean and covariance, in rounds, those
+// first whose size and colour change least for their mass; where that mass asks for an opacity above 1, wider ones.
+// Textures have half their sides; of 2 x 2 and fewer the mean goes into colour and opacity. Its time grows with the
+// Gaussians times their logarithm. Same model in, same bytes out.
 GaussianModel coarser(const GaussianModel& model, std::size_t count);
 
 }  // namespace tg

@@ -7,9 +7,9 @@
 namespace tg::lod {
 
 constexpr const char* kOwn = "TG_levels_of_detail";  // key of what only our files say
-constexpr const char* kMeans = "TG_means";          // of a leaf
-constexpr int kVersion = 1;                         // of these
-constexpr int kFormatVersion = 1;                   // of lod-meta.json
+constexpr const char* kMeans = "TG_means";           // of a leaf
+constexpr int kVersion = 1;                          // of these
+constexpr int kFormatVersion = 1;                    // of lod-meta.json
 
 // `relative` beside lod-meta.json, as messages name it.
 inline std::string besideMeta(const std::string& meta, const std::string& relative) {

@@ -74,7 +74,8 @@ class Parser {
     scene_.levels = static_cast<int>(root.integer("lodLevels", 1, kMaxLodLevels));
     const JsonNode names = root.at("filenames").array();
     if (names.size() < 1 || names.size() > kMaxFiles) {
-      names.fail("wrong number of files" + expectedFound("1 to " + std::to_string(kMaxFiles), std::to_string(names.size())));
+      names.fail("wrong number of files" +
+                 expectedFound("1 to " + std::to_string(kMaxFiles), std::to_string(names.size())));
     }
     for (std::size_t i = 0; i < names.size(); ++i) {
       scene_.files.push_back(insideName(names, names.element(i).string()));
@@ -147,8 +148,8 @@ std::array<glm::dvec3, 5> planesOf(const Pinhole& camera) {
   for (int k = 0; k < 3; ++k) r[k] = {camera.rotation[0][k], camera.rotation[1][k], camera.rotation[2][k]};
   const double w = camera.size.x, h = camera.size.y, mx = 0.1 * w, my = 0.1 * h;
   const glm::dvec2 f = camera.focal, c = camera.center;
-  return {r[2], f.x * r[0] + (c.x + mx) * r[2], (w - c.x + mx) * r[2] - f.x * r[0],
-          f.y * r[1] + (c.y + my) * r[2], (h - c.y + my) * r[2] - f.y * r[1]};
+  return {r[2], f.x * r[0] + (c.x + mx) * r[2], (w - c.x + mx) * r[2] - f.x * r[0], f.y * r[1] + (c.y + my) * r[2],
+          (h - c.y + my) * r[2] - f.y * r[1]};
 }
 
 struct Candidate {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene in levels of detail, as PlayCanvas streams SOG: lod-meta.json with a tree of leaves, and a folder of images for
-// some leaves at one level (docs/lod.md).
+// A scene in levels of detail, as PlayCanvas streams SOG: lod-meta.json with a tree of leaves, and a folder of images
+// for some leaves at one level (docs/lod.md).
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -48,7 +48,8 @@ struct LodScene {
   std::string cameras;  // a cameras.json, relative as files are; "": none
 };
 
-// Bytes of a file by its name relative to the folder of lod-meta.json, at most so many. Throws Error as readFile() does.
+// Bytes of a file by its name relative to the folder of lod-meta.json, at most so many. Throws Error as readFile()
+// does.
 using LodReader = std::function<std::vector<std::uint8_t>(const std::string& relative, std::uint64_t most)>;
 // Of a folder. From any number of threads.
 LodReader lodFolderReader(const std::filesystem::path& lod_meta);
@@ -67,8 +68,8 @@ GaussianModel readLodFile(const LodScene& scene, std::uint32_t file, const LodRe
 
 // Leaves in view become finer one level at a time, first where the squared distance of their Gaussians on the screen is
 // largest, until it is at most `least_pixels`^2 or a next level would bring the sum above `budget`; the others keep the
-// coarsest level, all of them where the budget is less than that. A larger budget makes no leaf coarser. docs/lod.md has
-// the numbers, which web/src computes alike to the last bit.
+// coarsest level, all of them where the budget is less than that. A larger budget makes no leaf coarser. docs/lod.md
+// has the numbers, which web/src computes alike to the last bit.
 std::vector<std::uint8_t> chooseLevels(const LodScene& scene, const Pinhole& camera, std::uint64_t budget,
                                        double least_pixels = 1.0);
 std::vector<std::uint8_t> sameLevel(const LodScene& scene, int level);

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -26,6 +27,7 @@
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "core/system/parallel.h"
+#include "core/system/temporary_files.h"
 
 namespace tg {
 namespace {
@@ -138,6 +140,7 @@ class NewFolder {
       throw Error(ErrorKind::cannotWrite, parent.string(), "cannot make a folder here: " + systemReason());
     }
     path_ = name;
+    removed_.emplace(path_);
     std::error_code ignored;
     fs::permissions(path_, fs::perms(0755), ignored);
   }
@@ -160,14 +163,17 @@ class NewFolder {
       fs::rename(path_, wanted, status);
       if (status) continue;
       path_ = wanted;
+      removed_.reset();  // a signal must not take what lod-meta.json is about to name
       return name;
     }
-    throw Error(ErrorKind::cannotWrite, path_.parent_path().string(), "cannot name the folder of files: " + status.message());
+    throw Error(ErrorKind::cannotWrite, path_.parent_path().string(),
+                "cannot name the folder of files: " + status.message());
   }
   void keep() { path_.clear(); }
 
  private:
   fs::path path_;
+  std::optional<RemovedBySignal> removed_;
 };
 
 void makeFolder(const fs::path& folder) {

@@ -10,8 +10,8 @@
 namespace tg {
 
 struct LodOptions {
-  std::size_t leaf = 8192;       // Gaussians of a leaf at most, at level 0
-  std::size_t file = 65536;      // Gaussians of a file at most, but for one leaf's; up to here SH of a file are not shared
+  std::size_t leaf = 8192;   // Gaussians of a leaf at most, at level 0
+  std::size_t file = 65536;  // Gaussians of a file at most, but for one leaf's; up to here SH of a file are not shared
   std::size_t coarsest = 65536;  // levels end with the first that has no more Gaussians
   std::size_t merged = 4;        // Gaussians that become one of the next level
 };

@@ -161,7 +161,7 @@ void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::v
     try {
       (void)readLodFile(scene, file, reader);
     } catch (const Error& error) {
-      errors.push_back("/filenames/" + std::to_string(file) + ": " + error.what());
+      errors.emplace_back(error.what());
     }
   }
 }
