@@ -2,10 +2,15 @@
 // A fixed table of names that a handler may walk.
 #include "core/system/temporary_files.h"
 
+#include <fcntl.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <climits>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 
 namespace tg {
@@ -20,6 +25,43 @@ namespace {
 
 constinit RemovedBySignal::Slot slots[32];
 static_assert(std::atomic<bool>::is_always_lock_free);
+
+constexpr int kMostDepth = 16;  // of folders in folders: more are left behind
+
+// An entry of getdents64(2): readdir() may take memory, which a handler must not.
+struct Entry {
+  std::uint64_t inode;
+  std::int64_t offset;
+  std::uint16_t length;  // [bytes] to the next entry
+  std::uint8_t type;
+  char name[1];
+};
+
+// Empties and removes folder `name` of the folder `at`; whether it is gone.
+bool removeFolder(int at, const char* name, int depth) noexcept {
+  const int folder = ::openat(at, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  if (folder < 0) return false;
+  alignas(Entry) char entries[4096];
+  for (bool removed = true; removed;) {  // entries may move while others are removed: once more from the start
+    removed = false;
+    ::lseek(folder, 0, SEEK_SET);
+    for (long size; (size = ::syscall(SYS_getdents64, folder, entries, sizeof entries)) > 0;) {
+      for (long first = 0; first < size;) {
+        const char* start = entries + first;
+        std::uint16_t length;
+        std::memcpy(&length, start + offsetof(Entry, length), sizeof length);
+        const char* entry = start + offsetof(Entry, name);
+        first += length;
+        if (std::strcmp(entry, ".") == 0 || std::strcmp(entry, "..") == 0) continue;
+        const bool gone =
+            ::unlinkat(folder, entry, 0) == 0 || (depth < kMostDepth && removeFolder(folder, entry, depth + 1));
+        removed = removed || gone;
+      }
+    }
+  }
+  ::close(folder);
+  return ::unlinkat(at, name, AT_REMOVEDIR) == 0;
+}
 
 }  // namespace
 
@@ -42,7 +84,14 @@ RemovedBySignal::~RemovedBySignal() {
 
 void removeTemporaryFiles() noexcept {
   for (RemovedBySignal::Slot& slot : slots) {
-    if (slot.named) ::unlink(slot.path);
+    if (!slot.named || ::unlink(slot.path) == 0 || (errno != EISDIR && errno != EPERM)) continue;
+    // Under another name no thread puts more files into it.
+    char moved[PATH_MAX + 1];
+    const std::size_t length = std::strlen(slot.path);
+    std::memcpy(moved, slot.path, length);
+    std::memcpy(moved + length, "~", 2);
+    const bool away = ::rename(slot.path, moved) == 0;
+    removeFolder(AT_FDCWD, away ? moved : slot.path, 0);
   }
 }
 

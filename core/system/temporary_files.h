@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The names of temporary files, kept where a signal handler finds them.
+// The names of temporary files and folders, kept where a signal handler finds them.
 #pragma once
 #include <filesystem>
 
 namespace tg {
 
-// A name that removeTemporaryFiles() removes while this lives. Of more than 32 at a time, the others are left behind.
+// A file, or a folder with what is in it, that removeTemporaryFiles() removes while this lives. Of more than 32 at a
+// time, the others are left behind.
 class RemovedBySignal {
  public:
   explicit RemovedBySignal(const std::filesystem::path& path);
@@ -18,8 +19,8 @@ class RemovedBySignal {
   Slot* slot_ = nullptr;
 };
 
-// Removes the temporary files of writes that are under way in any thread, for a signal handler that ends the program:
-// async-signal-safe. Those writes fail.
+// Removes the temporary files and folders of writes that are under way in any thread, for a signal handler that ends
+// the program: async-signal-safe. Those writes fail.
 void removeTemporaryFiles() noexcept;
 
 }  // namespace tg

@@ -45,8 +45,8 @@ TEST_CASE("the help names every format that is read or written") {
   std::string words;  // lines are broken anywhere
   for (std::string word; help >> word;) words += " " + word;
   CAPTURE(words);
-  CHECK(words.find("IN: model to read, tgz, ply, compressed ply, splat, ksplat, spz, sog, glb, gltf or our html;") !=
-        words.npos);
+  CHECK(words.find("IN: model to read, tgz, ply, compressed ply, splat, ksplat, spz, sog, lod-meta.json, glb, gltf or our "
+                   "html;") != words.npos);
   for (const Format& format : formats()) {
     CAPTURE(format.name);
     if (format.write) CHECK(words.find(std::string(format.name).insert(0, ".")) != words.npos);

@@ -85,6 +85,26 @@ TEST_CASE("what a signal handler removes is what is half written, and nothing el
   REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
 }
 
+TEST_CASE("a signal handler removes a folder that is half written, with all that is in it") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes{7});
+  const std::filesystem::path half = folder / "half";
+  {
+    std::filesystem::create_directories(half / "inner" / "most");
+    std::filesystem::create_directory_symlink(folder.path, half / "link");
+    for (int i = 0; i < 500; ++i) {  // more than one read of a folder tells
+      tg::writeFileAtomically(half / "inner" / ("a file with a long name " + std::to_string(i)), Bytes{1});
+    }
+    const tg::RemovedBySignal removed(half);
+    tg::removeTemporaryFiles();
+    REQUIRE(fileCount(folder.path) == 1);
+  }
+  std::filesystem::create_directory(half);
+  tg::removeTemporaryFiles();
+  REQUIRE(fileCount(folder.path) == 2);
+  REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
+}
+
 TEST_CASE("an exception while writing leaves the older file and nothing beside it") {
   const tg::TemporaryFolder folder;
   tg::writeFileAtomically(folder / "a.txt", Bytes{7});
