@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files over HTTP, from the project's own server and from sockets that mean no good.
+#include "viewer/model/http_reader.h"
+
+#include <arpa/inet.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <thread>
+
+#include "converter/serve/http.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "support/catch.h"
+#include "support/message_of.h"
+
+using namespace tg;
+using Catch::Matchers::Contains;
+using test::messageOf;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// Serves /scene/a.bin (1000 bytes), /scene/b/c.bin (3 bytes), and nothing else.
+HttpServer makeServer() {
+  return HttpServer("127.0.0.1", 0, [](const HttpRequest& request) -> HttpAnswer {
+    const auto bytes = [](std::size_t count) { return std::make_shared<const Bytes>(count, std::uint8_t{7}); };
+    if (request.path == "/scene/a.bin") return {.text = {}, .bytes = bytes(1000)};
+    if (request.path == "/scene/b/c.bin") return {.text = {}, .bytes = bytes(3)};
+    return {.status = 404, .text = "no", .bytes = {}};
+  });
+}
+
+// Answers its one connection with `head`, then `times` times with `rest`, and closes it at once or at its own end.
+class RawServer {
+ public:
+  RawServer(std::string head, std::string rest, std::size_t times, bool holds) {
+    socket_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    REQUIRE(::bind(socket_, reinterpret_cast<const sockaddr*>(&address), size) == 0);
+    REQUIRE(::listen(socket_, 4) == 0);
+    REQUIRE(::getsockname(socket_, reinterpret_cast<sockaddr*>(&address), &size) == 0);
+    port_ = ntohs(address.sin_port);
+    thread_ = std::jthread([this, head, rest, times, holds](const std::stop_token& stop) {
+      const int client = ::accept(socket_, nullptr, nullptr);
+      char asked[4096];
+      if (::recv(client, asked, sizeof asked, 0) > 0) (void)::send(client, head.data(), head.size(), MSG_NOSIGNAL);
+      for (std::size_t i = 0; i < times; ++i) {
+        if (::send(client, rest.data(), rest.size(), MSG_NOSIGNAL) <= 0) break;
+      }
+      while (holds && !stop.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      ::close(client);
+    });
+  }
+  ~RawServer() {
+    thread_.request_stop();
+    ::shutdown(socket_, SHUT_RDWR);
+    thread_.join();
+    ::close(socket_);
+  }
+  RawServer& operator=(RawServer&&) = delete;
+
+  std::string address() const { return "http://127.0.0.1:" + std::to_string(port_) + "/scene/a.bin"; }
+
+ private:
+  int socket_ = -1;
+  int port_ = 0;
+  std::jthread thread_;
+};
+
+std::string addressOf(const HttpServer& server, const std::string& path) {
+  return "http://127.0.0.1:" + std::to_string(server.port()) + path;
+}
+
+}  // namespace
+
+TEST_CASE("files come over HTTP as they are, the address's own and those beside it") {
+  const HttpServer server = makeServer();
+  HttpReader reader(addressOf(server, "/scene/a.bin"));
+  CHECK(reader.read("", 1000, {}) == Bytes(1000, 7));
+  CHECK(reader.read("b/c.bin", 1000, {}) == Bytes(3, 7));
+  CHECK(reader.read("a.bin", 1000, {}) == Bytes(1000, 7));
+}
+
+TEST_CASE("what does not come over HTTP is named in a line") {
+  const HttpServer server = makeServer();
+  HttpReader reader(addressOf(server, "/scene/a.bin"));
+  const std::string folder = addressOf(server, "/scene/");
+  const auto said = [](HttpReader& from, const std::string& file, std::uint64_t most) {
+    return messageOf([&] { from.read(file, most, {}); }, ErrorKind::cannotRead);
+  };
+  CHECK(said(reader, "", 999) == folder + "a.bin: is too long (expected at most 999, found 1000)");
+  CHECK(said(reader, "none", 999) == folder + "none: the server refuses it (expected 200, found 404)");
+  CHECK(reader.read("b/c.bin", 3, {}) == Bytes(3, 7));  // the connection is none the worse
+  HttpReader nobody("http://127.0.0.1:1/scene/a.bin");
+  CHECK_THAT(said(nobody, "", 1), Contains("http://127.0.0.1:1/scene/a.bin: cannot be fetched"));
+  const RawServer cut("HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\nshort", "", 0, false);
+  HttpReader half(cut.address());
+  CHECK_THAT(said(half, "", 1000), Contains("/scene/a.bin: cannot be fetched"));
+}
+
+TEST_CASE("an address that is none of HTTP is refused before anything is sent") {
+  for (const char* address : {"https://a/b", "http://", "http://host", "http:///b", "http://a:99999/b", "http://a:/b",
+                              "http://a:x/b", "http://me@a/b", "http://a/b?c", "http://a/b c", "ftp://a/b", "a/b"}) {
+    INFO(address);
+    CHECK_THAT(messageOf([&] { HttpReader reader(address); }, ErrorKind::usage),
+               Contains("expected http://HOST[:PORT]/FOLDER/FILE"));
+  }
+}
+
+TEST_CASE("an answer over HTTP that does not end, in its headers or its body, is given up when its bytes are spent") {
+  const std::string status = "HTTP/1.1 200 OK\r\n";
+  for (const auto& [head, rest] : {std::pair<std::string, std::string>(status + "X-Long: ", std::string(4000, 'x')),
+                                   {status, "X: y\r\n"},
+                                   {status + "\r\n", std::string(4000, 'b')}}) {
+    INFO(head + rest.substr(0, 10));
+    constexpr std::size_t kTimes = std::size_t{1} << 30;
+    const RawServer server(head, rest, kTimes, true);
+    HttpReader reader(server.address());
+    CHECK_THROWS_AS(reader.read("", 100'000, {}), tg::Error);
+  }
+}
+
+TEST_CASE("a fetch from a server that says nothing ends as soon as it is told to stop") {
+  const RawServer silent("", "", 0, true);
+  HttpReader reader(silent.address());
+  std::stop_source stop;
+  const std::jthread stopper([&stop] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    stop.request_stop();
+  });
+  CHECK_THROWS_AS(reader.read("", 100, stop.get_token()), ReadCancelled);
+}

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files of an HTTP server, read whole: bounded in bytes and time.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+namespace tg {
+
+constexpr int kConnectSeconds = 10;
+constexpr int kFetchStallSeconds = 20;  // without a byte received
+constexpr int kFetchSeconds = 600;      // of a whole file
+
+// Keeps its connection from file to file. To be used by one thread at a time.
+class HttpReader {
+ public:
+  // `address`: "http://HOST[:PORT]/FOLDER/FILE". Throws Error(usage) for any other, also for https.
+  explicit HttpReader(const std::string& address);
+  ~HttpReader();
+  HttpReader& operator=(HttpReader&&) = delete;
+
+  // The bytes of a file beside the address's own; "" is that one. Throws Error(cannotRead) for what does not come, is
+  // longer than that or has another status than 200, and ReadCancelled when `stop` is asked for.
+  std::vector<std::uint8_t> read(const std::string& relative, std::uint64_t max_bytes, const std::stop_token& stop);
+
+ private:
+  class Client;
+  std::string base_;    // "http://HOST:PORT", as typed
+  std::string folder_;  // of the path, with slashes at both ends
+  std::string file_;
+  std::unique_ptr<Client> client_;
+};
+
+}  // namespace tg
