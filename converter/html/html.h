@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model as a page that shows it, textures included, in any browser with WebGL 2 and without a network; and back.
+// A model as a page that shows it, textures included, in any browser with WebGL 2 and without a network; and back. A scene
+// with levels of detail as a page beside it.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -18,6 +19,11 @@ namespace tg {
 // the page's.
 GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content);
 
+// A page without a model, which shows the scene with levels of detail (docs/lod.md) whose lod-meta.json is named: it streams
+// it from the server that it comes from, so that both are to lie there as they lie now. Atomic. Returns its bytes. Throws
+// Error(cannotWrite).
+std::uint64_t writeStreamingHtml(const std::filesystem::path& path, const std::filesystem::path& lod_meta);
+
 // The GLB in a page that writeHtml made. Throws Error(cannotRead / badData).
 std::vector<std::uint8_t> readHtmlGlb(const std::filesystem::path& path);
 std::vector<std::uint8_t> parseHtmlGlb(std::span<const std::uint8_t> bytes, const std::string& path);
@@ -30,5 +36,7 @@ inline constexpr std::string_view kHtmlStart = "<!doctype html>";
 // How the model stands in a page: `kHtmlModelTag`, base64, `kHtmlModelEnd`, repeated; together a gzip stream of a GLB.
 inline constexpr std::string_view kHtmlModelTag = "<script type=\"text/plain\" class=\"model\">";
 inline constexpr std::string_view kHtmlModelEnd = "</script>";
+// How the address of a scene stands in a page that streams it, as a JSON string.
+inline constexpr std::string_view kHtmlStreamTag = "<script type=\"application/json\" class=\"stream\">";
 
 }  // namespace tg

@@ -1,0 +1,379 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scenes with levels of detail: the coarsest levels first, then those that the view wants, as they come. A coarser level
+// is drawn until a finer one is there to the last Gaussian; what is no longer wanted makes room for what is.
+import {sceneBounds} from './camera.js';
+import {readCameraFile} from './camera_file.js';
+import {ChunkLoader} from './chunks.js';
+import {addressIn} from './decoder.js';
+import {fetchBytes} from './fetch.js';
+import {chooseLevels, parseLodMeta} from './lod.js';
+import {SplatPool, perRowFor} from './pool.js';
+import {Splats} from './splats.js';
+
+const SPLAT_BUDGET = 1000000;  // Gaussians, if nobody says another number
+const MOST_CAMERAS = 1 << 25;  // [bytes] of cameras.json
+const AT_ONCE = 4;             // chunks on their way
+const PLAN_MILLISECONDS = 100; // between two choices of levels
+const SPARE = 0.5;             // of the budget: what was seen a moment ago, and what comes in place of what is drawn
+
+// What scenes that are shown have in common: the chunks' addresses and the way to them.
+export class LodStream {
+  constructor(scene, address, budget) {
+    this.scene = scene;
+    this.address = String(new URL(address, document.baseURI));
+    this.folder = String(new URL('.', this.address));
+    for (const file of scene.files) file.address = addressIn(this.folder, this.address, file.name);
+    this.budget = budget;
+    this.loader = new ChunkLoader();
+    // Of the pieces: what the file says, or the first chunk. Textures are this toolchain's, whose files say so.
+    const {shCoefficients = null, mode = 0} = scene.own || {};
+    this.kind = {shCoefficients, mode};
+    this.coarsest = new Set(scene.leaves.map(({pieces}) => pieces[pieces.length - 1]));
+    this.first = null;  // chunks of the coarsest levels, until they are on a device
+    this.shown = 0;     // Gaussians that are drawn, and that the view wants
+    this.wanted = 0;
+  }
+
+  get count() { return this.scene.count; }
+
+  get levels() { return this.scene.levels; }
+
+  // {file, pieces} with what the decoder packs; throws what goes wrong.
+  async load(file, signal) {
+    const {shCoefficients} = this.kind;
+    const answer = await this.loader.load({
+      address: file.address, folder: this.folder, ranges: file.pieces.map(({first, count}) => [first, count]),
+      textured: this.kind.mode > 0, shCoefficients,
+    }, signal);
+    return {...answer, file};
+  }
+
+  // The chunks of the coarsest levels; {chunks, errors}.
+  async loadCoarsest(signal) {
+    const files = [...new Set([...this.coarsest].map(({file}) => file))];
+    const results = await Promise.allSettled(files.map((file) => this.load(file, signal)));
+    signal.throwIfAborted();
+    return {chunks: results.filter(({value}) => value).map(({value}) => value),
+            errors: results.filter(({reason}) => reason).map(({reason}) => reason)};
+  }
+
+  open(renderer, model, hooks) { return StreamedSplats.open(this, renderer, model, hooks); }
+}
+
+const LOOKED_AT = 1 << 15;  // means, for where the scene is
+
+// Means of the coarsest levels, [{leaf, positions}], each leaf with as many as its share of the finest level.
+function sampleMeans(scene, found) {
+  const means = [];
+  for (const {leaf, positions} of found) {
+    const held = positions.length / 3, count = Math.ceil(LOOKED_AT * leaf.pieces[0].count / scene.count);
+    for (let i = 0; i < count; ++i) {
+      const at = 3 * Math.floor(i * held / count);
+      means.push(positions[at], positions[at + 1], positions[at + 2]);
+    }
+  }
+  return Float32Array.from(means);
+}
+
+// The cameras beside a lod-meta.json of this toolchain; none where there is no such file.
+async function fetchCameras({scene, folder}, signal) {
+  if (!scene.own) return [];
+  try {
+    return readCameraFile(await fetchBytes(`${folder}cameras.json`, {signal, most: MOST_CAMERAS}));
+  } catch (error) {
+    signal.throwIfAborted();
+    return [];
+  }
+}
+
+// The model of a lod-meta.json, once its coarsest levels are there: readModel's, of those levels; more of it comes as
+// `lod` is drawn. What Gaussians have beyond their means stays with what draws them.
+export async function readLod(address, bytes, {signal = new AbortController().signal, splatBudget = SPLAT_BUDGET} = {}) {
+  const scene = parseLodMeta(bytes);
+  const stream = new LodStream(scene, address, splatBudget);
+  const [{chunks, errors}, cameras] = await Promise.all([stream.loadCoarsest(signal), fetchCameras(stream, signal)]);
+  if (chunks.length === 0) throw errors[0];
+  stream.first = chunks;
+  if (!scene.own) stream.kind.shCoefficients = Math.max(...chunks.map((chunk) => chunk.shCoefficients));
+  const {shCoefficients, mode} = stream.kind;
+  const leafOf = new Map(scene.leaves.map((leaf) => [leaf.pieces[leaf.pieces.length - 1], leaf]));
+  const found = chunks.flatMap(({file, pieces}) =>
+    pieces.map(({positions}, i) => ({leaf: leafOf.get(file.pieces[i]), positions}))).filter(({leaf}) => leaf);
+  const mean = new Float32Array(found.reduce((sum, {positions}) => sum + positions.length, 0));
+  let at = 0;
+  for (const {positions} of found) {
+    mean.set(positions, at);
+    at += positions.length;
+  }
+  const none = new Float32Array(0);
+  const {intersection, outside, background = [0, 0, 0]} = scene.own || chunks[0];
+  const notes = [...chunks.flatMap((chunk) => chunk.notes), ...errors.map(({message}) => message)];
+  return {
+    count: mean.length / 3, mean, rotation: none, scale: none, opacity: none,
+    sh: Array.from({length: shCoefficients + 1}, () => none), layer: mode > 0 ? {mode} : null, cameras, views: [],
+    background, intersection, outside, notes: [...new Set(notes)], bounds: sceneBounds(sampleMeans(scene, found)),
+    lod: stream,
+  };
+}
+
+export class StreamedSplats extends Splats {
+  static async open(stream, renderer, model, hooks) {
+    const stop = new AbortController();
+    const chunks = stream.first || (await stream.loadCoarsest(stop.signal)).chunks;
+    stream.first = null;
+    const pool = await openPool(stream, renderer);
+    const splats = new StreamedSplats(stream, renderer, model, pool, hooks, stop);
+    try {
+      for (const chunk of chunks) await splats.place(chunk);
+    } catch (error) {
+      splats.dispose();
+      throw error;
+    }
+    splats.advance();
+    return splats;
+  }
+
+  constructor(stream, renderer, model, pool, hooks, stop) {
+    super(renderer, model, pool, hooks);
+    Object.assign(this, {stream, stop});
+    const {leaves} = stream.scene;
+    this.choice = leaves.map(({pieces}) => pieces[pieces.length - 1]);  // what the view wants
+    this.wanted = new Set(this.choice);  // the same, less those that failed
+    this.order = leaves.map((_, leaf) => leaf);  // the one that matters most to the view first
+    this.shown = leaves.map(() => null);  // pieces
+    this.held = new Map();       // by piece: {room, used: when it was wanted last, hidden: since which order}
+    this.failed = new Set();     // files
+    this.coming = new Map();     // by file: what stops it
+    this.placing = Promise.resolve();
+    this.drawn = 0;              // what sorter.show() returned for what is drawn
+    this.pressed = false;        // room is short: what is not wanted is shown in its coarsest level
+    this.clock = 0;
+    this.camera = null;
+    this.planned = null;         // the camera of the last choice
+    this.planTimer = 0;
+    this.lastPlan = -Infinity;
+    this.waiting = [];           // called when an order comes, or all is there
+  }
+
+  get complete() {
+    return this.planned === this.camera && this.coming.size === 0 && !this.planTimer &&
+      this.shown.every((piece, leaf) => piece === this.bestOf(leaf) || !this.bestOf(leaf));
+  }
+
+  async completed() {
+    while (!this.stop.signal.aborted && !this.complete) await this.nextChange();
+  }
+
+  nextChange() { return new Promise((done) => { this.waiting.push(done); }); }
+
+  tellWaiting() { for (const done of this.waiting.splice(0)) done(); }
+
+  sort(camera) {
+    super.sort(camera);
+    const same = this.camera && ['fx', 'fy', 'width', 'height'].every((key) => camera[key] === this.camera[key]) &&
+      String([camera.axes, camera.eye]) === String([this.camera.axes, this.camera.eye]);
+    if (!same) this.camera = camera;
+    if (this.planned !== this.camera) this.planSoon();
+  }
+
+  planSoon() {
+    if (this.planTimer) return;
+    const wait = Math.max(this.lastPlan + PLAN_MILLISECONDS - performance.now(), 0);
+    this.planTimer = setTimeout(() => {
+      this.planTimer = 0;
+      this.plan();
+    }, wait);
+  }
+
+  // After the budget was changed. False where it is more than there is room for.
+  replan() {
+    this.planned = null;
+    if (this.camera) this.planSoon();
+    return this.stream.budget <= this.gpu.budget;
+  }
+
+  // Chooses levels for the camera.
+  plan() {
+    if (this.stop.signal.aborted) return;
+    this.lastPlan = performance.now();
+    this.planned = this.camera;
+    const {scene, budget} = this.stream;
+    const {levels, errors} = chooseLevels(scene, this.camera, Math.min(budget, this.gpu.budget));
+    this.choice = scene.leaves.map(({levels: own}, leaf) => own[levels[leaf]]);
+    this.order.sort((a, b) => errors[b] - errors[a] || a - b);
+    this.advance();
+  }
+
+  // What a leaf should show: what was chosen or, where that failed, the next coarser piece that did not, then the next
+  // finer one. Null where all failed.
+  bestOf(leaf) {
+    const {pieces} = this.stream.scene.leaves[leaf];
+    const chosen = pieces.indexOf(this.choice[leaf]);
+    const good = ({file}) => !this.failed.has(file);
+    return pieces.slice(chosen).find(good) || pieces.slice(0, chosen).reverse().find(good) || null;
+  }
+
+  // What a leaf shows until that is there.
+  pieceFor(leaf, best) {
+    if (this.held.has(best)) return best;
+    const now = this.shown[leaf];
+    const {pieces} = this.stream.scene.leaves[leaf];
+    const at = pieces.indexOf(best);
+    if (now && pieces.indexOf(now) < at && !this.pressed) return now;
+    const held = (piece) => this.held.has(piece);
+    return pieces.slice(at).find(held) || now || pieces.slice(0, at).reverse().find(held) || null;
+  }
+
+  // Shows the best of what is there, and asks for what is not.
+  advance() {
+    if (this.stop.signal.aborted) return;
+    ++this.clock;
+    const best = this.shown.map((_, leaf) => this.bestOf(leaf));
+    this.wanted = new Set(best);
+    for (const piece of best) if (this.held.has(piece)) this.held.get(piece).used = this.clock;
+    const next = best.map((piece, leaf) => this.pieceFor(leaf, piece));
+    if (next.some((piece, leaf) => piece !== this.shown[leaf])) this.show(next);
+    const {stream} = this;
+    stream.wanted = best.reduce((sum, piece) => sum + (piece ? piece.count : 0), 0);
+    this.request(best);
+    this.tellWaiting();
+  }
+
+  show(next) {
+    const runs = [];
+    for (const piece of next) {
+      if (!piece) continue;
+      let left = piece.count;
+      for (const [row, rows] of this.held.get(piece).room.rows) {
+        const some = Math.min(left, rows * this.gpu.perRow);
+        runs.push(row * this.gpu.perRow, some);
+        left -= some;
+      }
+    }
+    const showing = this.sorter.show(runs);
+    const stays = new Set(next);
+    for (const piece of this.shown) if (piece && !stays.has(piece)) this.held.get(piece).hidden = showing;
+    for (const piece of next) if (piece) this.held.get(piece).hidden = Infinity;
+    this.shown = next;
+    this.stream.shown = next.reduce((sum, piece) => sum + (piece ? piece.count : 0), 0);
+    if (this.camera) super.sort(this.camera);
+  }
+
+  ordered(order, visible, showing) {
+    super.ordered(order, visible);
+    this.drawn = showing;
+    this.tellWaiting();
+  }
+
+  // Loads files that hold what is wanted and not there, as many at once as may be; stops those that are not wanted now.
+  request(best) {
+    const files = new Set();
+    for (const leaf of this.order) {
+      const piece = best[leaf];
+      if (piece && !this.held.has(piece)) files.add(piece.file);
+    }
+    for (const [file, stop] of this.coming) if (!files.has(file)) stop.abort();
+    for (const file of files) {
+      if (this.coming.size >= AT_ONCE) break;
+      if (!this.coming.has(file)) this.load(file);
+    }
+  }
+
+  async load(file) {
+    const stop = new AbortController();
+    this.coming.set(file, stop);
+    try {
+      const chunk = await this.stream.load(file, stop.signal);
+      const placed = this.placing.then(() => this.place(chunk));
+      this.placing = placed.catch(() => {});
+      await placed;
+      if (chunk.notes.length > 0) this.onError(new Error(`${file.address}: ${chunk.notes.join(' ')}`));
+    } catch (error) {
+      if (!stop.signal.aborted && !this.stop.signal.aborted) {
+        this.failed.add(file);
+        this.onError(error);
+      }
+    }
+    this.coming.delete(file);
+    this.advance();
+  }
+
+  // A chunk's pieces on the device; of those that nobody wants as many as there is room for.
+  async place({file, pieces}) {
+    for (const [index, piece] of file.pieces.entries()) {
+      if (this.held.has(piece)) continue;
+      const room = await this.roomFor(piece, pieces[index]);
+      if (this.stop.signal.aborted) return;
+      if (!room) continue;
+      await this.gpu.fill(pieces[index], room);
+      if (this.stop.signal.aborted) return;
+      this.put(pieces[index].positions, room.rows);
+      this.held.set(piece, {room, used: this.clock, hidden: 0});
+    }
+  }
+
+  put(positions, rows) {
+    const {perRow} = this.gpu;
+    let from = 0;
+    for (const [row, count] of rows) {
+      const part = positions.slice(from, from + 3 * count * perRow);
+      this.sorter.put(row * perRow, part);
+      from += part.length;
+    }
+  }
+
+  // Room for a piece, made by giving up what was wanted longest ago; null where nobody wants it enough.
+  async roomFor(piece, packed) {
+    const {coarsest} = this.stream;
+    for (;;) {
+      const room = this.gpu.take(packed);
+      if (room) {
+        this.pressed = false;
+        return room;
+      }
+      const needed = this.wanted.has(piece) || coarsest.has(piece);
+      const others = [...this.held].filter(([other]) => !this.wanted.has(other) && !coarsest.has(other));
+      const free = others.filter(([, {hidden}]) => hidden <= this.drawn)
+        .sort(([, a], [, b]) => a.used - b.used);
+      if (free.length > 0) {
+        const [other, {room: given}] = free[0];
+        this.held.delete(other);
+        this.gpu.give(given);
+        continue;
+      }
+      if (!needed) return null;
+      if (others.length === 0) throw new Error(`${piece.file.address}: no room for ${piece.count} Gaussians on this device`);
+      // What is drawn beyond what is wanted goes with the next order.
+      this.pressed = true;
+      this.advance();
+      await this.nextChange();
+      if (this.stop.signal.aborted) return null;
+    }
+  }
+
+  dispose() {
+    this.stop.abort(new DOMException('The scene is no longer shown.', 'AbortError'));
+    for (const stop of this.coming.values()) stop.abort();
+    clearTimeout(this.planTimer);
+    this.tellWaiting();
+    super.dispose();
+  }
+}
+
+// A pool for what a stream's budget needs on the renderer's device: all coarsest levels, the budget and some to spare.
+async function openPool({scene, coarsest, budget, kind}, renderer) {
+  const {gl} = renderer;
+  const side = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+  const sum = (pieces) => pieces.reduce((total, {count}) => total + count, 0);
+  const all = sum(scene.pieces), least = sum([...coarsest]);
+  const wanted = Math.min(all, least + Math.ceil((1 + SPARE) * budget));
+  const perRow = perRowFor(side, wanted, kind.shCoefficients) || perRowFor(side, least, kind.shCoefficients);
+  if (!perRow) throw new Error(`${least} Gaussians are too many for this device, even in the coarsest levels`);
+  const rowsOf = (pieces) => pieces.reduce((total, {count}) => total + Math.ceil(count / perRow), 0);
+  const rows = Math.min(rowsOf(scene.pieces), rowsOf([...coarsest]) + Math.ceil((1 + SPARE) * budget / perRow), side);
+  const texels = scene.own ? Math.max(...scene.own.densities) * rows * perRow : 0;
+  const pool = await SplatPool.open(renderer, rows, perRow, kind, texels);
+  const room = Math.floor((rows - rowsOf([...coarsest])) / (1 + SPARE)) * perRow;
+  pool.budget = rows === rowsOf(scene.pieces) ? Infinity : room;
+  return pool;
+}
