@@ -31,24 +31,25 @@ function readBound(bound, where) {
   return {low: [-max[0], -max[1], min[2]], high: [-min[0], -min[1], max[2]]};
 }
 
-// What the toolchain adds, {shCoefficients, mode, intersection, outside, background, densities: texels a Gaussian of each
-// level}; null where another program wrote the file, or a later one.
+// What the toolchain adds, {shCoefficients, mode, intersection, outside, background, cameras: the name of a file or null,
+// densities: texels a Gaussian of each level}; null where another program wrote the file, or a later one.
 function readOwn(own, levels) {
   if (!own || own.version !== 1) return null;
   const where = `/${LEVELS}`;
-  const {sh_degree: degree, texture_mode: mode, intersection, outside, background, counts, texels} = own;
+  const {sh_degree: degree, texture_mode: mode, intersection, outside, background, cameras = null, counts, texels} = own;
   expectThat(isCount(degree, 0, 3), `${where}/sh_degree`, `${degree} (expected 0 to 3)`);
   expectThat(mode === 'none' || Object.hasOwn(MODES, mode), `${where}/texture_mode`, mode);
   expectThat(Object.hasOwn(INTERSECTIONS, intersection), `${where}/intersection`, intersection);
   expectThat(Object.hasOwn(OUTSIDES, outside), `${where}/outside`, outside);
   expectThat(Array.isArray(background) && background.length === 3 && background.every((c) => c >= 0 && c <= 1),
              `${where}/background`, 'expected 3 numbers from 0 to 1');
+  expectThat(cameras === null || typeof cameras === 'string', `${where}/cameras`, cameras);
   for (const list of [counts, texels]) {
     expectThat(Array.isArray(list) && list.length === levels && list.every((n) => isCount(n, 0, MOST_COUNT * 1024)),
                where, `counts and texels (expected ${levels} of each)`);
   }
   return {shCoefficients: (degree + 1) ** 2 - 1, mode: MODES[mode] || 0, intersection: INTERSECTIONS[intersection],
-          outside: OUTSIDES[outside], background, densities: texels.map((n, level) => n / Math.max(counts[level], 1))};
+          outside: OUTSIDES[outside], background, cameras, densities: texels.map((n, level) => n / Math.max(counts[level], 1))};
 }
 
 // The levels of a leaf; what is missing is the next finer one or, where there is none, the next coarser.
@@ -63,7 +64,7 @@ function filled(levels) {
 // thing that cannot be.
 export function parseLodMeta(bytes) {
   const meta = JSON.parse(new TextDecoder().decode(bytes));
-  const {lodLevels: levels, filenames: names} = meta;
+  const {lodLevels: levels, filenames: names} = Object(meta);
   expectThat(isCount(levels, 1, MOST_LEVELS), '/lodLevels', `${levels} (expected 1 to ${MOST_LEVELS})`);
   expectThat(Array.isArray(names) && names.length > 0 && names.length <= MOST_FILES &&
              names.every((name) => typeof name === 'string'), '/filenames', `expected 1 to ${MOST_FILES} names`);

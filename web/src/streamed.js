@@ -75,14 +75,15 @@ function sampleMeans(scene, found) {
   return Float32Array.from(means);
 }
 
-// The cameras beside a lod-meta.json of this toolchain; none where there is no such file.
-async function fetchCameras({scene, folder}, signal) {
-  if (!scene.own) return [];
+// The cameras that a lod-meta.json of this toolchain names, {cameras, notes}.
+async function fetchCameras({scene, address, folder}, signal) {
+  if (!scene.own || !scene.own.cameras) return {cameras: [], notes: []};
   try {
-    return readCameraFile(await fetchBytes(`${folder}cameras.json`, {signal, most: MOST_CAMERAS}));
+    const at = addressIn(folder, address, scene.own.cameras);
+    return {cameras: readCameraFile(await fetchBytes(at, {signal, most: MOST_CAMERAS})), notes: []};
   } catch (error) {
     signal.throwIfAborted();
-    return [];
+    return {cameras: [], notes: [`The scene's cameras cannot be used (${error.message}).`]};
   }
 }
 
@@ -91,7 +92,7 @@ async function fetchCameras({scene, folder}, signal) {
 export async function readLod(address, bytes, {signal = new AbortController().signal, splatBudget = SPLAT_BUDGET} = {}) {
   const scene = parseLodMeta(bytes);
   const stream = new LodStream(scene, address, splatBudget);
-  const [{chunks, errors}, cameras] = await Promise.all([stream.loadCoarsest(signal), fetchCameras(stream, signal)]);
+  const [{chunks, errors}, {cameras, notes: said}] = await Promise.all([stream.loadCoarsest(signal), fetchCameras(stream, signal)]);
   if (chunks.length === 0) throw errors[0];
   stream.first = chunks;
   if (!scene.own) stream.kind.shCoefficients = Math.max(...chunks.map((chunk) => chunk.shCoefficients));
@@ -107,7 +108,7 @@ export async function readLod(address, bytes, {signal = new AbortController().si
   }
   const none = new Float32Array(0);
   const {intersection, outside, background = [0, 0, 0]} = scene.own || chunks[0];
-  const notes = [...chunks.flatMap((chunk) => chunk.notes), ...errors.map(({message}) => message)];
+  const notes = [...said, ...chunks.flatMap((chunk) => chunk.notes), ...errors.map(({message}) => message)];
   return {
     count: mean.length / 3, mean, rotation: none, scale: none, opacity: none,
     sh: Array.from({length: shCoefficients + 1}, () => none), layer: mode > 0 ? {mode} : null, cameras, views: [],
