@@ -234,8 +234,9 @@ export class StreamedSplats extends Splats {
     for (const piece of best) if (this.held.has(piece)) this.held.get(piece).used = this.clock;
     const next = best.map((piece, leaf) => this.pieceFor(leaf, piece));
     if (next.some((piece, leaf) => piece !== this.shown[leaf])) this.show(next);
-    const {stream} = this;
-    stream.wanted = best.reduce((sum, piece) => sum + (piece ? piece.count : 0), 0);
+    const countOf = (pieces) => pieces.reduce((sum, piece) => sum + (piece ? piece.count : 0), 0);
+    this.stream.wanted = countOf(best);
+    this.stream.shown = countOf(this.shown);
     this.request(best);
     this.tellWaiting();
   }
@@ -256,7 +257,6 @@ export class StreamedSplats extends Splats {
     for (const piece of this.shown) if (piece && !stays.has(piece)) this.held.get(piece).hidden = showing;
     for (const piece of next) if (piece) this.held.get(piece).hidden = Infinity;
     this.shown = next;
-    this.stream.shown = next.reduce((sum, piece) => sum + (piece ? piece.count : 0), 0);
     if (this.camera) super.sort(this.camera);
   }
 

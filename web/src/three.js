@@ -100,6 +100,8 @@ export class TexturedGaussians extends Mesh {
 }
 
 export class TexturedGaussiansLoader extends Loader {
+  splatBudget = undefined;  // Gaussians of a scene with levels of detail that may be drawn; undefined: as loadModel has it
+
   load(url, onLoad, onProgress, onError = (error) => console.error(error)) {
     this.manager.itemStart(url);
     this.open(url, onProgress).then(onLoad, (error) => {

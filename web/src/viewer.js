@@ -29,6 +29,7 @@ export class Viewer {
     this.flight = null;       // a path that is played
     this.waiting = [];        // called when the picture is what was asked for
     this.openings = 0;
+    this.taking = null;       // resolves when a larger budget has its room
     this.lost = null;         // resolves once the context is, that release() has given back
     this.onChange = () => {};
     this.onError = (error) => console.error(error);
@@ -254,7 +255,7 @@ export class Viewer {
     lod.budget = budget;
     // Else with more room, and the old picture until that is filled.
     if (!this.splats || this.splats.replan()) return;
-    this.take(this.model, this.orbit).then(() => this.changed()).catch((error) => this.onError(error));
+    this.taking = this.take(this.model, this.orbit).then(() => this.changed()).catch((error) => this.onError(error));
   }
 
   setSize(text) {
@@ -317,6 +318,7 @@ export class Viewer {
   // The picture for these settings, as a data URL of a PNG; of a scene with levels once all is there that the view wants.
   async picture(wanted = {}) {
     this.apply(wanted);
+    await this.taking;
     do {
       await this.splats.completed();
       await this.settled();  // goes on in the task that drew: later the canvas is empty
@@ -341,7 +343,8 @@ export class Viewer {
       this.splats.dispose();
     }
     this.splats = this.flight = null;
-    this.lost = new Promise((done) => this.canvas.addEventListener('webglcontextlost', done, {once: true}));
+    // A context may be asked back once the event is over.
+    this.lost = new Promise((done) => this.canvas.addEventListener('webglcontextlost', () => setTimeout(done), {once: true}));
     this.device.loseContext();
     return still;
   }
