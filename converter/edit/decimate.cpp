@@ -3,19 +3,17 @@
 #include "converter/edit/decimate.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
 #include <span>
-#include <tuple>
 #include <utility>
 #include <vector>
 
-#include "converter/edit/merged_texture.h"
 #include "converter/edit/select.h"
 #include "converter/formats/morton.h"
-#include "converter/gltf/axes.h"
+#include "converter/lod/merge_pair.h"
+#include "converter/lod/moments.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -28,91 +26,14 @@ namespace {
 
 constexpr std::size_t kNeighbours = 12;  // looked at along each of two space-filling curves
 constexpr double kColorPart = 4.0;       // of a pair's cost, for a squared difference of 1 in colour
-constexpr double kMostOpacity = 0.999;
 constexpr double kRoundPart = 0.2;        // of the Gaussians merged before neighbours are looked for again
-constexpr double kLeastVariance = 1e-20;  // [world units^2] where Gaussians lie on one spot
-constexpr double kLeastMass = 1e-200;
-constexpr double kLargestSigma = 1e50;
 constexpr double kTexturePart = 3.0;  // of a squared difference of 1 in colour, for a texture's squared contrast
 constexpr double kRemovedPart = 2.0;  // of what views show of a Gaussian, where it is not merged but removed
 constexpr double kUnseenRemoved = 1e-15;
 constexpr double kUnseenPart = 1e-12;  // orders pairs that no view shows
 
-struct Moments {
-  double mass = 0.0;  // opacity times the area of the two longer axes
-  glm::dvec3 mean{0.0};
-  glm::dmat3 covariance{0.0};
-};
-
-// Sigmas [world units] whose squares, and products of these, are finite.
-glm::dvec3 boundedSigma(const GaussianModel& model, std::size_t i) {
-  return glm::min(sigmaOf(model, i), glm::dvec3(kLargestSigma));
-}
-
-// Of the two longer axes [world units^2], as sigmas.
-double areaOf(glm::dvec3 scale) {
-  std::sort(&scale[0], &scale[0] + 3);
-  return scale.y * scale.z;
-}
-
 double opaqueArea(const GaussianModel& model, std::size_t i) {
   return opacityOf(model, i) * areaOf(boundedSigma(model, i));
-}
-
-// `alpha`: its texture's mean factor.
-Moments momentsOf(const GaussianModel& model, std::size_t i, double alpha) {
-  glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
-  const glm::dvec3 scale = boundedSigma(model, i);
-  for (int k = 0; k < 3; ++k) axes[k] *= scale[k];
-  return {std::max(opacityOf(model, i) * alpha * areaOf(scale), kLeastMass), glm::dvec3(model.mean[i]),
-          axes * glm::transpose(axes)};
-}
-
-Moments merged(const Moments& a, const Moments& b) {
-  Moments m;
-  m.mass = a.mass + b.mass;
-  const double p = a.mass / m.mass, q = b.mass / m.mass;
-  m.mean = p * a.mean + q * b.mean;
-  const glm::dvec3 d = a.mean - b.mean;
-  m.covariance = p * a.covariance + q * b.covariance + p * q * glm::outerProduct(d, d);
-  return m;
-}
-
-// Eigenvalues, and eigenvectors as columns, of a symmetric matrix: cyclic Jacobi rotations.
-glm::dvec3 eigen(glm::dmat3 m, glm::dmat3& vectors) {
-  vectors = glm::dmat3(1.0);
-  for (int sweep = 0; sweep < 12; ++sweep) {
-    for (const auto& [p, q] : {std::array<int, 2>{0, 1}, {0, 2}, {1, 2}}) {
-      if (m[p][q] == 0.0) continue;
-      const double theta = 0.5 * (m[q][q] - m[p][p]) / m[p][q];
-      const double t = (theta >= 0.0 ? 1.0 : -1.0) / (std::abs(theta) + std::sqrt(theta * theta + 1.0));
-      const double c = 1.0 / std::sqrt(t * t + 1.0), s = t * c;
-      glm::dmat3 turn(1.0);
-      turn[p][p] = turn[q][q] = c;
-      turn[q][p] = s;  // column q, row p
-      turn[p][q] = -s;
-      m = glm::transpose(turn) * m * turn;
-      vectors = vectors * turn;
-    }
-  }
-  return {m[0][0], m[1][1], m[2][2]};
-}
-
-glm::dvec3 scaleOf(const Moments& moments, glm::dmat3& axes) {
-  return glm::sqrt(glm::max(eigen(moments.covariance, axes), glm::dvec3(kLeastVariance)));
-}
-
-static_assert(kFieldCount == 5, "a merged pair would keep the new parameter of one of the two: here or in merge()");
-
-void setMoments(GaussianModel& model, std::size_t i, const Moments& moments) {
-  glm::dmat3 axes;
-  const glm::dvec3 scale = scaleOf(moments, axes);
-  if (glm::determinant(axes) < 0.0) axes[2] = -axes[2];
-  model.mean[i] = glm::vec3(moments.mean);
-  model.rotation[i] = glm::vec4(quaternionFromMatrix(axes));
-  model.log_scale[i] = glm::vec3(glm::log(scale));
-  const double opacity = std::min(moments.mass / areaOf(scale), kMostOpacity);
-  model.opacity_logit[i] = static_cast<float>(std::log(opacity) - std::log1p(-opacity));
 }
 
 struct Pair {
@@ -244,7 +165,7 @@ class PairMerger {
     const auto [x, y] = shownMoments(a, b);
     const Moments whole = merged(x, y);
     glm::dmat3 axes;
-    const double area = areaOf(scaleOf(whole, axes));
+    const double area = areaOf(sigmaOf(whole, axes));
     const double parts =
         (x.mass * areaOf(boundedSigma(model_, a)) + y.mass * areaOf(boundedSigma(model_, b))) / whole.mass;
     const double growth = std::log(std::max(area / std::max(parts, kLeastVariance), 1.0));
@@ -257,46 +178,12 @@ class PairMerger {
     return weight * (growth + kColorPart * difference) + kUnseenPart * growth;
   }
 
-  // Into the place of pair.a.
+  // Into the place of pair.a; keepGaussians puts texels in order again.
   void merge(const Pair& pair) {
     const auto [x, y] = shownMoments(pair.a, pair.b);
-    const Moments whole = merged(x, y);
-    const float part = static_cast<float>(x.mass / whole.mass);
-    if (rectOf(model_, pair.a).texelCount() + rectOf(model_, pair.b).texelCount() != 0) {
-      mergeTextures(pair, whole, part);
-    } else {
-      setMoments(model_, pair.a, whole);
-    }
-    const std::size_t count = model_.shCount();
-    for (std::size_t k = 0; k < count; ++k) {
-      glm::vec3& to = model_.sh[pair.a * count + k];
-      to = glm::mix(model_.sh[pair.b * count + k], to, part);
-    }
+    const auto [part_a, part_b] = shownParts(pair.a, pair.b);
+    mergePair(model_, {pair.a, x, part_a}, {pair.b, y, part_b}, fits_);
     weights_[pair.a] += weights_[pair.b];
-  }
-
-  // Shape, opacity and texture of the merged one.
-  void mergeTextures(const Pair& pair, const Moments& whole, float part) {
-    const GaussianModel& model = model_;
-    const std::size_t offset = model_.atlas.texels.size();  // keepGaussians puts them in order again
-    const glm::ivec2 size = mergedSize(rectOf(model, pair.a), rectOf(model, pair.b));
-    const std::uint64_t texels = offset + static_cast<std::uint64_t>(size.x) * static_cast<std::uint64_t>(size.y);
-    if (texels > kMaxModelTexels) {
-      throw Error(ErrorKind::badData, "too many texels to merge" + atMost(kMaxModelTexels, texels));
-    }
-    MergedShape shape;
-    shape.mean = whole.mean;
-    shape.sigma = scaleOf(whole, shape.axes);
-    if (glm::determinant(shape.axes) < 0.0) shape.axes[2] = -shape.axes[2];  // as setMoments has them
-    shape.opacity = std::min(whole.mass / areaOf(shape.sigma), kMostOpacity);
-    shape.dc = glm::dvec3(glm::mix(model.sh[pair.b * model.shCount()], model.sh[pair.a * model.shCount()], part));
-    std::tie(shape.part_a, shape.part_b) = shownParts(pair.a, pair.b);
-    const MergedTexture texture = mergedTexture(model, pair.a, pair.b, shape, fits_);
-    setMoments(model_, pair.a, whole);
-    model_.opacity_logit[pair.a] = logitFromOpacity(texture.opacity);
-    model_.atlas.texels.insert(model_.atlas.texels.end(), texture.texels.begin(), texture.texels.end());
-    model_.atlas.rects[pair.a] = {static_cast<std::uint32_t>(offset), static_cast<std::uint16_t>(texture.size.x),
-                                  static_cast<std::uint16_t>(texture.size.y)};
   }
 
   GaussianModel& model_;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <map>
 #include <system_error>
 
 #include "converter/formats/inflate.h"
@@ -16,6 +17,8 @@
 #include "converter/gltf/read_gltf.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/html/html.h"
+#include "converter/lod/lod_scene.h"
+#include "converter/lod/write_lod.h"
 #include "converter/sog/sog.h"
 #include "core/bundle/ply.h"
 #include "core/bundle/splat_rows.h"
@@ -45,7 +48,10 @@ Bundle bundleOf(GaussianModel model) {
   return loaded;
 }
 
-std::string extensionOf(const Format& format) { return std::string(".").append(format.name); }
+// How a file's name ends.
+std::string extensionOf(const Format& format) {
+  return std::string(format.whole_name ? "" : ".").append(format.name);
+}
 
 Bundle checked(Bundle loaded, const Path& path) {
   checkModel(loaded.model, path.string());
@@ -121,6 +127,44 @@ void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& op
                {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)});
 }
 
+// The finest level.
+Bundle readLevels(const Path& path, const ReadOptions& options) {
+  const LodScene scene = readLodScene(path);
+  const LodReader reader = lodFolderReader(path);
+  const std::vector<std::uint8_t> levels = sameLevel(scene, 0);
+  std::map<std::uint32_t, GaussianModel> files;
+  for (const std::uint32_t file : filesOf(scene, levels)) {
+    if (options.progress && options.progress->cancel) throw ReadCancelled();
+    files.emplace(file, readLodFile(scene, file, reader));
+  }
+  Bundle loaded = bundleOf(
+      assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
+  if (options.base_only) loaded.model = bakeFallback(loaded.model);
+  loaded.cameras = readLodCameras(scene, reader);
+  loaded.background = scene.background;
+  if (scene.has_environment) loaded.warnings.push_back("\"environment\" is left out");
+  return checked(std::move(loaded), path);
+}
+
+void writeLevels(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
+  LodReport report = writeLod(path, source);
+  written.output_bytes = report.bytes;
+  written.order = std::move(report.order);
+}
+
+// The files of all levels.
+void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::vector<std::string>&) {
+  const LodScene scene = readLodScene(path);
+  const LodReader reader = lodFolderReader(path);
+  for (std::uint32_t file = 0; file < scene.files.size(); ++file) {
+    try {
+      (void)readLodFile(scene, file, reader);
+    } catch (const Error& error) {
+      errors.push_back("/filenames/" + std::to_string(file) + ": " + error.what());
+    }
+  }
+}
+
 constexpr Format kFormats[] = {
     {.name = "tgz",
      .spoken = "tgz",
@@ -168,6 +212,16 @@ constexpr Format kFormats[] = {
      .write = writeOrdered,
      .has_base = true,
      .has_steps = true},
+    {.name = kLodMetaName,
+     .spoken = "lod-meta.json",
+     .title = "lod-meta.json",
+     .keeps = kKeepsTextures | kKeepsCameras | kKeepsSh,
+     .sniff = [](const FileStart& start) { return isJson(start) && start.holds("\"lodLevels\""); },
+     .read = readLevels,
+     .write = writeLevels,
+     .overlooked = findBrokenLevels,
+     .has_base = true,
+     .whole_name = true},
     {.name = "glb",
      .spoken = "glb",
      .keeps = kKeepsAll,
@@ -294,7 +348,7 @@ const Format& outputFormat(const Path& path) {
     if (!name.ends_with(known.back())) continue;
     if (!found || format.name.size() > found->name.size()) found = &format;  // .compressed.ply before .ply
   }
-  if (found && name != extensionOf(*found)) return *found;
+  if (found && (found->whole_name || name != extensionOf(*found))) return *found;
   std::ranges::sort(known);
   throw Error(ErrorKind::usage, path.string(),
               "unknown output format (expected " + listed(known) + ", found \"" + path.extension().string() + "\")");

@@ -22,24 +22,21 @@ namespace {
 
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{4} << 30;
 constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{16} << 20;
-constexpr std::int64_t kCountAlwaysAllowed = 1 << 20;
-constexpr std::int64_t kMostPerByte = 64;  // Gaussians: positions alone take six bytes where they are no pattern
+constexpr std::size_t kCountAlwaysAllowed = 1 << 20;
+constexpr std::size_t kMostPerByte = 64;  // Gaussians: positions alone take six bytes where they are no pattern
 constexpr std::size_t kMaxName = 255;
 
 class SogReader {
  public:
-  SogReader(std::span<const std::uint8_t> bytes, const std::string& path)
-      : path_(path), zip_(bytes, path), json_(parseJson(zip_.read("meta.json", kMaxMetaBytes), path)) {
+  SogReader(SogFiles files, const std::string& path)
+      : path_(path), files_(std::move(files)), json_(parseJson(files_("meta.json", kMaxMetaBytes), path)) {
     const JsonNode meta = root().object();
     if (!meta.has("version")) meta.fail("has no version (SOG version 1 is not supported, expected version 2)");
     meta.integer("version", sog::kVersion, sog::kVersion);
     count_ = static_cast<std::size_t>(meta.integer("count", 1, static_cast<std::int64_t>(kMaxGaussians)));
-    const auto count = static_cast<std::int64_t>(count_);
-    if (count > kCountAlwaysAllowed && count / kMostPerByte > static_cast<std::int64_t>(bytes.size())) {
-      meta.fail("too many Gaussians for a file of " + std::to_string(bytes.size()) + " bytes (found " +
-                std::to_string(count) + ")");
-    }
   }
+
+  std::size_t count() const { return count_; }
 
   Bundle read(bool base_only) {
     const JsonNode meta = root();
@@ -70,7 +67,7 @@ class SogReader {
     const std::string name = node.at("files").element(index).string();
     if (name.size() > kMaxName) node.fail("a file's name is too long" + atMost(kMaxName, name.size()));
     const std::string where = path_ + ": " + name;
-    BytePixels pixels = decodeWebp(zip_.read(name, kMaxFileBytes), where);
+    BytePixels pixels = decodeWebp(files_(name, kMaxFileBytes), where);
     if (pixels.size() < least) {
       throw Error(ErrorKind::badData, where,
                   "too few pixels (expected at least " + std::to_string(least) + ", found " +
@@ -226,7 +223,7 @@ class SogReader {
   }
 
   const std::string& path_;
-  ZipReader zip_;
+  const SogFiles files_;
   nlohmann::json json_;
   std::size_t count_ = 0;
   Bundle loaded_;
@@ -235,7 +232,22 @@ class SogReader {
 }  // namespace
 
 Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bool base_only) {
-  return SogReader(bytes, path).read(base_only);
+  const ZipReader zip(bytes, path);
+  SogReader reader([&](const std::string& name, std::uint64_t most) { return zip.read(name, most); }, path);
+  if (reader.count() > kCountAlwaysAllowed && reader.count() / kMostPerByte > bytes.size()) {
+    throw Error(ErrorKind::badData, path,
+                "meta.json: too many Gaussians for a file of " + std::to_string(bytes.size()) + " bytes (found " +
+                    std::to_string(reader.count()) + ")");
+  }
+  return reader.read(base_only);
+}
+
+Bundle parseSogFiles(const SogFiles& files, const std::string& path, std::uint64_t most, bool base_only) {
+  SogReader reader(files, path);
+  if (reader.count() > most) {
+    throw Error(ErrorKind::badData, path, "too many Gaussians" + atMost(most, reader.count()));
+  }
+  return reader.read(base_only);
 }
 
 Bundle readSog(const std::filesystem::path& path, bool base_only) {

@@ -4,11 +4,13 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "converter/gltf/write_gltf.h"
+#include "converter/sog/zip.h"
 #include "core/bundle/bundle.h"
 
 namespace tg {
@@ -17,6 +19,11 @@ namespace tg {
 // Throws Error(cannotRead / badData).
 Bundle readSog(const std::filesystem::path& path, bool base_only = false);
 Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bool base_only = false);
+
+// The bytes of a file of a SOG by its name, meta.json first, at most so many. Throws Error.
+using SogFiles = std::function<std::vector<std::uint8_t>(const std::string& name, std::uint64_t most)>;
+// Of a SOG that is not bundled: of at most `most` Gaussians. `path`, of meta.json, starts messages.
+Bundle parseSogFiles(const SogFiles& files, const std::string& path, std::uint64_t most, bool base_only = false);
 
 struct SogOptions {
   // So many times as wide are the steps of SH and texels, and those of positions, opacities, rotations and scales as
@@ -32,5 +39,8 @@ struct SogOptions {
 // images of 16383 pixels a side hold.
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
                                     const SogOptions& options = {});
+// meta.json and the images, Gaussians in the model's order: what an archive or a folder holds. `path` starts messages.
+// Throws as writeSog.
+std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, const SogOptions& options = {});
 
 }  // namespace tg

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SOG out.
 #include <algorithm>
-#include <charconv>
 #include <nlohmann/json.hpp>
 
 #include "converter/formats/morton.h"
@@ -17,6 +16,7 @@
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "core/system/parallel.h"
 #include "shared/splat.h"
 
@@ -40,19 +40,10 @@ double scaleStep(double f, bool textured) { return std::pow(textured ? f / 4 : f
 
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
 
-// As short as brings the float back.
-double shortest(double number) {
-  char text[64];
-  const auto written = std::to_chars(text, text + sizeof text, static_cast<float>(number));
-  double value = 0.0;
-  std::from_chars(text, written.ptr, value);
-  return value;
-}
-
 // Filled up: some readers take 256 values for granted.
 Json codebookOf(std::span<const float> values) {
   Json array = Json::array();
-  for (const float value : values) array.push_back(shortest(value));
+  for (const float value : values) array.push_back(shortDouble(value));
   while (array.size() < sog::kCodebook) array.push_back(0);
   return array;
 }
@@ -261,7 +252,8 @@ class SogWriter {
     }
     neutralize(model_.atlas.texels, model_.texture_mode);
     const double step = static_cast<double>(options_.texture_step) * options_.steps;
-    const std::array<double, 2> steps = {shortest(std::min(step, 1.0)), shortest(std::min(2 * step, 1.0))};
+    const std::array<double, 2> steps = {shortDouble(static_cast<float>(std::min(step, 1.0))),
+                                         shortDouble(static_cast<float>(std::min(2 * step, 1.0)))};
     BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
     // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
     std::size_t at = 0;
@@ -302,15 +294,19 @@ class SogWriter {
 
 }  // namespace
 
-std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
-                                    const SogOptions& options) {
+std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, const SogOptions& options) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   TG_ASSERT(options.steps >= kLeastSteps && options.steps <= kMostSteps && options.texture_step > 0,
             "steps that the format has");
-  if (model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
-  const std::string name = path.string();
-  std::vector<std::uint32_t> order = mortonOrder(model.mean);
-  const std::vector<ZipEntry> entries = SogWriter(select(model, order), options, name).write();
+  if (model.size() == 0) throw Error(ErrorKind::badData, path, "the model has no Gaussians");
+  return SogWriter(std::move(model), options, path).write();
+}
+
+std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
+                                    const SogOptions& options) {
+  std::vector<std::uint32_t> order;
+  if (model.size() > 0) order = mortonOrder(model.mean);
+  const std::vector<ZipEntry> entries = sogFiles(select(model, order), path.string(), options);
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries, path); });
   return order;
 }

@@ -53,6 +53,14 @@ std::string numberText(T value) {
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
 }
 
+// What JSON shows of a float without digits that mean nothing: reads back as the same float.
+inline double shortDouble(float value) {
+  const std::string text = numberText(value);
+  double number = 0.0;
+  std::from_chars(text.data(), text.data() + text.size(), number);
+  return number;
+}
+
 // As printf; 255 characters of it.
 template <typename... Values>
 std::string formatted(const char* pattern, Values... values) {

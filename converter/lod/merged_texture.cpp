@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The texture of a Gaussian that stands for two.
-#include "converter/edit/merged_texture.h"
+#include "converter/lod/merged_texture.h"
 
 #include <algorithm>
 #include <array>

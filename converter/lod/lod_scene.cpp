@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+// lod-meta.json in, the choice of levels, and models out of files.
+#include "converter/lod/lod_scene.h"
+
+#include <algorithm>
+#include <array>
+#include <nlohmann/json.hpp>
+#include <queue>
+
+#include "converter/lod/lod_names.h"
+#include "converter/sog/sog.h"
+#include "core/bundle/camera_file.h"
+#include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/model/verbs.h"
+#include "core/system/assert.h"
+#include "core/system/error.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{64} << 20;
+constexpr std::size_t kMaxFiles = 1'000'000;
+constexpr std::size_t kMaxChildren = 1'000'000;
+constexpr std::size_t kMaxName = 1024;
+
+// Parts of letters, digits, '_', '-' and '.', none of which begins with a dot, with '/' between them.
+bool staysInside(std::string_view name) {
+  if (name.empty() || name.size() > kMaxName) return false;
+  char before = '/';
+  for (const char c : name) {
+    if (before == '/' && (c == '/' || c == '.')) return false;
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+    if (!plain && c != '_' && c != '-' && c != '.' && c != '/') return false;
+    before = c;
+  }
+  return before != '/';
+}
+
+std::string insideName(const JsonNode& node, const std::string& name) {
+  if (!staysInside(name)) {
+    node.fail("a file's name leaves the folder, or has other signs" +
+              expectedFound("letters, digits, _ - . and /", lod::quoted(name)));
+  }
+  return name;
+}
+
+Box readBox(const JsonNode& node) {
+  const auto low = node.numbers<3>("min", -1e30, 1e30), high = node.numbers<3>("max", -1e30, 1e30);
+  Box box;
+  for (int k = 0; k < 3; ++k) {
+    if (low[k] > high[k]) node.fail("min is beyond max");
+    box.low[k] = static_cast<float>(low[k]);
+    box.high[k] = static_cast<float>(high[k]);
+  }
+  return box;
+}
+
+template <typename T>
+T named(const JsonNode& node, const char* key) {
+  const std::string name = node.string(key);
+  const std::optional<T> value = parse<T>(name);
+  if (!value) node.fail(std::string(key) + expectedFound(allNames<T>(), lod::quoted(name)));
+  return *value;
+}
+
+class Parser {
+ public:
+  explicit Parser(LodScene& scene) : scene_(scene) {}
+
+  void parse(const JsonNode& root) {
+    if (root.has("version")) root.integer("version", 1, lod::kFormatVersion);
+    scene_.levels = static_cast<int>(root.integer("lodLevels", 1, kMaxLodLevels));
+    const JsonNode names = root.at("filenames").array();
+    if (names.size() < 1 || names.size() > kMaxFiles) {
+      names.fail("wrong number of files" + expectedFound("1 to " + std::to_string(kMaxFiles), std::to_string(names.size())));
+    }
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      scene_.files.push_back(insideName(names, names.element(i).string()));
+    }
+    scene_.file_counts.assign(scene_.files.size(), 0);
+    scene_.counts.assign(static_cast<std::size_t>(scene_.levels), 0);
+    addNode(root.at("tree").object());
+    if (scene_.leaves.empty()) root.fail("the tree has no leaves");
+    scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
+    if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
+  }
+
+ private:
+  void addNode(const JsonNode& node) {
+    if (node.has("lods")) addLeaf(node, node.at("lods").object());
+    if (!node.has("children")) return;
+    const JsonNode children = node.at("children").array();
+    if (children.size() > kMaxChildren) children.fail("too many children" + atMost(kMaxChildren, children.size()));
+    for (std::size_t i = 0; i < children.size(); ++i) addNode(children.element(i).object());
+  }
+
+  void addLeaf(const JsonNode& node, const JsonNode& lods) {
+    const JsonNode bound = node.at("bound").object();
+    LodLeaf leaf{readBox(bound), {}, {}};
+    leaf.means = node.has(lod::kMeans) ? readBox(node.at(lod::kMeans).object()) : leaf.bound;
+    std::vector<std::optional<LodRange>> given(static_cast<std::size_t>(scene_.levels));
+    for (int level = 0; level < scene_.levels; ++level) {
+      const std::string key = std::to_string(level);
+      if (!lods.has(key.c_str())) continue;
+      const JsonNode entry = lods.at(key.c_str()).object();
+      const auto most = static_cast<std::int64_t>(kMaxGaussians);
+      LodRange range;
+      range.file =
+          static_cast<std::uint32_t>(entry.integer("file", 0, static_cast<std::int64_t>(scene_.files.size()) - 1));
+      range.first = static_cast<std::uint32_t>(entry.integer("offset", 0, most));
+      range.count = static_cast<std::uint32_t>(entry.integer("count", 0, most - range.first));
+      if (range.count == 0) continue;
+      given[static_cast<std::size_t>(level)] = range;
+      std::uint32_t& held = scene_.file_counts[range.file];
+      held = std::max(held, range.first + range.count);
+    }
+    const auto first = std::ranges::find_if(given, [](const auto& range) { return range.has_value(); });
+    if (first == given.end()) return;  // nothing to show
+    LodRange last = **first;
+    for (std::size_t level = 0; level < given.size(); ++level) {
+      if (given[level]) last = *given[level];
+      leaf.levels.push_back(last);
+      scene_.counts[level] += last.count;
+    }
+    scene_.leaves.push_back(std::move(leaf));
+  }
+
+  void parseOwn(const JsonNode& own) {
+    if (own.integer("version", 1, 1000) != lod::kVersion) return;
+    scene_.sh_degree = static_cast<int>(own.integer("sh_degree", 0, 3));
+    scene_.texture_mode = named<TextureMode>(own, "texture_mode");
+    scene_.intersection = named<IntersectionModel>(own, "intersection");
+    scene_.outside = named<TextureOutside>(own, "outside");
+    const auto background = own.numbers<3>("background", 0.0, 1.0);
+    for (int c = 0; c < 3; ++c) scene_.background[c] = static_cast<float>(background[c]);
+    if (own.has("cameras")) scene_.cameras = insideName(own, own.string("cameras"));
+  }
+
+  LodScene& scene_;
+};
+
+// Planes of the picture, a tenth of it wider at each side: a point p is inside where dot(plane, p - eye) >= 0.
+std::array<glm::dvec3, 5> planesOf(const Pinhole& camera) {
+  std::array<glm::dvec3, 3> r;
+  for (int k = 0; k < 3; ++k) r[k] = {camera.rotation[0][k], camera.rotation[1][k], camera.rotation[2][k]};
+  const double w = camera.size.x, h = camera.size.y, mx = 0.1 * w, my = 0.1 * h;
+  const glm::dvec2 f = camera.focal, c = camera.center;
+  return {r[2], f.x * r[0] + (c.x + mx) * r[2], (w - c.x + mx) * r[2] - f.x * r[0],
+          f.y * r[1] + (c.y + my) * r[2], (h - c.y + my) * r[2] - f.y * r[1]};
+}
+
+struct Candidate {
+  double error2;  // [px^2]
+  std::uint32_t leaf;
+  bool operator<(const Candidate& other) const {
+    return error2 != other.error2 ? error2 < other.error2 : leaf > other.leaf;
+  }
+};
+
+}  // namespace
+
+LodReader lodFolderReader(const std::filesystem::path& lod_meta) {
+  const std::filesystem::path folder = lod_meta.parent_path();
+  return [folder](const std::string& relative, std::uint64_t most) {
+    const std::filesystem::path path = folder / relative;
+    std::error_code status;
+    if (std::filesystem::exists(path, status) && !isFile(path)) {
+      throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");
+    }
+    return readFile(path, most);
+  };
+}
+
+bool isLodMeta(const std::filesystem::path& path) { return path.filename().string().ends_with(kLodMetaName); }
+
+LodScene parseLodScene(std::span<const std::uint8_t> json, const std::string& path) {
+  LodScene scene;
+  scene.path = path;
+  const nlohmann::json document = parseJson(json, path);
+  Parser(scene).parse(JsonNode{document, path, ""}.object());
+  return scene;
+}
+
+LodScene readLodScene(const std::filesystem::path& path) {
+  return parseLodScene(readFile(path, kMaxMetaBytes), path.string());
+}
+
+std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reader) {
+  if (scene.cameras.empty()) return {};
+  const std::vector<std::uint8_t> bytes = reader(scene.cameras, kMaxCamerasBytes);
+  return parseCameras({bytes.begin(), bytes.end()}, lod::besideMeta(scene.path, scene.cameras));
+}
+
+GaussianModel readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader) {
+  TG_ASSERT(file < scene.files.size(), "a file of the scene");
+  const std::string& meta = scene.files[file];
+  const std::string folder = meta.substr(0, meta.rfind('/') + 1);  // "" where there is none
+  const std::string path = lod::besideMeta(scene.path, meta);
+  const SogFiles files = [&](const std::string& name, std::uint64_t most) {
+    if (name == "meta.json") return reader(meta, most);
+    if (!staysInside(name)) {
+      throw Error(ErrorKind::badData, path,
+                  "a file's name leaves the folder, or has other signs" +
+                      expectedFound("letters, digits, _ - . and /", lod::quoted(name)));
+    }
+    return reader(folder + name, most);
+  };
+  const std::uint32_t named = scene.file_counts[file];
+  GaussianModel model = parseSogFiles(files, path, std::max<std::uint32_t>(named, 1)).model;
+  if (model.size() < named) {
+    throw Error(ErrorKind::badData, path,
+                "too few Gaussians for what lod-meta.json says" + expectedFound(std::uint64_t{named}, model.size()));
+  }
+  if (scene.sh_degree && *scene.sh_degree != model.sh_degree) {
+    throw Error(ErrorKind::badData, path,
+                "another SH degree than lod-meta.json says" +
+                    expectedFound(std::to_string(*scene.sh_degree), std::to_string(model.sh_degree)));
+  }
+  return model;
+}
+
+std::vector<std::uint8_t> chooseLevels(const LodScene& scene, const Pinhole& camera, std::uint64_t budget,
+                                       double least_pixels) {
+  const auto coarsest = static_cast<std::uint8_t>(scene.levels - 1);
+  std::vector<std::uint8_t> levels = sameLevel(scene, coarsest);
+  std::uint64_t total = countOf(scene, levels);
+  const glm::dvec3 eye = camera.position();
+  const std::array<glm::dvec3, 5> planes = planesOf(camera);
+  const double focal = std::max(camera.focal.x, camera.focal.y), f2 = focal * focal;
+  // Of one Gaussian that filled the leaf.
+  const auto pixels2 = [&](const LodLeaf& leaf) {
+    double d2 = 0.0, q = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      const double low = leaf.means.low[k], high = leaf.means.high[k], side = high - low;
+      const double out = eye[k] < low ? low - eye[k] : eye[k] > high ? eye[k] - high : 0.0;
+      d2 += side * side;
+      q += out * out;
+    }
+    if (d2 == 0.0) d2 = 1e-12;
+    return f2 * d2 / (q + 0.01 * d2);
+  };
+  const auto visible = [&](const LodLeaf& leaf) {
+    for (const glm::dvec3& plane : planes) {
+      double reach = 0.0;
+      for (int k = 0; k < 3; ++k) {
+        reach += plane[k] * (static_cast<double>(plane[k] >= 0.0 ? leaf.bound.high[k] : leaf.bound.low[k]) - eye[k]);
+      }
+      if (reach < 0.0) return false;
+    }
+    return true;
+  };
+  const auto countAt = [&](std::uint32_t leaf) { return scene.leaves[leaf].levels[levels[leaf]].count; };
+  std::vector<double> size2(scene.leaves.size());
+  std::priority_queue<Candidate> open;
+  for (std::uint32_t i = 0; i < scene.leaves.size(); ++i) {
+    if (!visible(scene.leaves[i])) continue;
+    size2[i] = pixels2(scene.leaves[i]);
+    open.push({size2[i] / countAt(i), i});
+  }
+  while (!open.empty()) {
+    const Candidate next = open.top();
+    open.pop();
+    if (next.error2 <= least_pixels * least_pixels) break;
+    std::uint8_t& level = levels[next.leaf];
+    if (level == 0) continue;
+    const std::uint64_t before = countAt(next.leaf), after = scene.leaves[next.leaf].levels[level - 1u].count;
+    if (total - before + after > budget) break;
+    total = total - before + after;
+    --level;
+    open.push({size2[next.leaf] / countAt(next.leaf), next.leaf});
+  }
+  return levels;
+}
+
+std::vector<std::uint8_t> sameLevel(const LodScene& scene, int level) {
+  TG_ASSERT(level >= 0 && level < scene.levels, "a level of the scene");
+  return std::vector<std::uint8_t>(scene.leaves.size(), static_cast<std::uint8_t>(level));
+}
+
+std::uint64_t countOf(const LodScene& scene, std::span<const std::uint8_t> levels) {
+  TG_ASSERT(levels.size() == scene.leaves.size(), "a level for every leaf");
+  std::uint64_t count = 0;
+  for (std::size_t i = 0; i < levels.size(); ++i) count += scene.leaves[i].levels[levels[i]].count;
+  return count;
+}
+
+std::vector<std::uint32_t> filesOf(const LodScene& scene, std::span<const std::uint8_t> levels) {
+  TG_ASSERT(levels.size() == scene.leaves.size(), "a level for every leaf");
+  std::vector<std::uint32_t> files;
+  for (std::size_t i = 0; i < levels.size(); ++i) files.push_back(scene.leaves[i].levels[levels[i]].file);
+  std::ranges::sort(files);
+  files.erase(std::ranges::unique(files).begin(), files.end());
+  return files;
+}
+
+GaussianModel assembleLod(const LodScene& scene, std::span<const std::uint8_t> levels,
+                          const std::function<const GaussianModel&(std::uint32_t file)>& file) {
+  const std::uint64_t count = countOf(scene, levels);
+  if (count > kMaxGaussians) {
+    throw Error(ErrorKind::badData, scene.path, "too many Gaussians for one model" + atMost(kMaxGaussians, count));
+  }
+  GaussianModel model;
+  std::uint64_t texels = 0;
+  bool textured = false;
+  const auto visit = [&](auto&& use) {
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+      const LodRange& range = scene.leaves[i].levels[levels[i]];
+      use(range, file(range.file));
+    }
+  };
+  visit([&](const LodRange& range, const GaussianModel& from) {
+    TG_ASSERT(from.size() >= std::size_t{range.first} + range.count, "a file holds what its ranges name");
+    if (!isTextured(from)) return;
+    textured = true;
+    for (std::uint32_t i = 0; i < range.count; ++i) texels += from.atlas.rects[range.first + i].texelCount();
+  });
+  if (texels > kMaxModelTexels) {
+    throw Error(ErrorKind::badData, scene.path, "too many texels for one model" + atMost(kMaxModelTexels, texels));
+  }
+  if (textured) {
+    model.atlas.rects.reserve(count);
+    model.atlas.texels.reserve(texels);
+  }
+  std::size_t at = 0;
+  visit([&](const LodRange& range, const GaussianModel& from) {
+    if (at == 0) {
+      resizeGaussians(model, count, from.sh_degree);
+    } else if (from.sh_degree != model.sh_degree) {
+      throw Error(ErrorKind::badData, lod::besideMeta(scene.path, scene.files[range.file]),
+                  "another SH degree than other files have" +
+                      expectedFound(std::to_string(model.sh_degree), std::to_string(from.sh_degree)));
+    }
+    forEachField(
+        [&](const Field& field, auto& to, const auto& values) {
+          const std::size_t row = field.values(model.shCount());
+          std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(range.first * row), range.count * row,
+                      to.begin() + static_cast<std::ptrdiff_t>(at * row));
+        },
+        model, from);
+    at += range.count;
+    if (!textured) return;
+    for (std::uint32_t i = range.first; i < range.first + range.count; ++i) {
+      TextureRect rect = rectOf(from, i);
+      const auto first = from.atlas.texels.begin() + rect.offset;
+      rect.offset = rect.texelCount() == 0 ? 0 : static_cast<std::uint32_t>(model.atlas.texels.size());
+      model.atlas.texels.insert(model.atlas.texels.end(), first, first + rect.texelCount());
+      model.atlas.rects.push_back(rect);
+    }
+    if (isTextured(from)) {
+      model.texture_mode = from.texture_mode;
+      model.intersection = from.intersection;
+      model.outside = from.outside;
+    }
+  });
+  if (!textured) model.intersection = scene.intersection;
+  return model;
+}
+
+}  // namespace tg

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians as mass, mean and covariance, by which several become one.
+#pragma once
+#include <cstddef>
+#include <glm/glm.hpp>
+
+#include "core/model/model.h"
+
+namespace tg {
+
+constexpr double kMostMergedOpacity = 0.999;
+constexpr double kLeastVariance = 1e-20;  // [world units^2] where Gaussians lie on one spot
+constexpr double kLeastMass = 1e-200;     // [world units^2]
+
+struct Moments {
+  double mass = 0.0;           // [world units^2] opacity times the area of the two longer axes
+  glm::dvec3 mean{0.0};        // [world units]
+  glm::dmat3 covariance{0.0};  // [world units^2]
+};
+
+// Sigmas [world units] whose squares, and products of these, are finite.
+glm::dvec3 boundedSigma(const GaussianModel& model, std::size_t i);
+// Of the two longer axes [world units^2], as sigmas.
+double areaOf(glm::dvec3 sigma);
+// `alpha`: its texture's mean factor.
+Moments momentsOf(const GaussianModel& model, std::size_t i, double alpha);
+// Those of the two densities together, each with its mass.
+Moments merged(const Moments& a, const Moments& b);
+// Sigmas [world units], and their directions as columns.
+glm::dvec3 sigmaOf(const Moments& moments, glm::dmat3& axes);
+// Shape, place and opacity of Gaussian i.
+void setMoments(GaussianModel& model, std::size_t i, const Moments& moments);
+
+}  // namespace tg

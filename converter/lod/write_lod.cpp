@@ -1,0 +1,352 @@
+// SPDX-License-Identifier: Apache-2.0
+// Leaves by median splits, the levels of each, files of leaves, and lod-meta.json.
+#include "converter/lod/write_lod.h"
+
+#include <stdlib.h>
+
+#include <algorithm>
+#include <atomic>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <span>
+#include <string>
+
+#include "converter/formats/morton.h"
+#include "converter/lod/coarser.h"
+#include "converter/lod/lod_names.h"
+#include "converter/lod/lod_scene.h"
+#include "converter/lod/moments.h"
+#include "converter/lod/split.h"
+#include "converter/sog/sog.h"
+#include "core/bundle/camera_file.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+#include "core/model/verbs.h"
+#include "core/system/assert.h"
+#include "core/system/error.h"
+#include "core/system/numbers.h"
+#include "core/system/parallel.h"
+
+namespace tg {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+constexpr float kFarthest = 1e30f;  // [world units] that a box reaches, where Gaussians have no end
+
+struct Leaf {
+  std::span<std::uint32_t> gaussians;  // of the model, in Morton order
+  Box means;
+  Box bound;
+  std::vector<GaussianModel> coarse;  // levels from 1 on
+  std::vector<LodRange> ranges;       // [levels]
+};
+
+struct Node {
+  int leaf = -1;                    // or
+  std::size_t left = 0, right = 0;  // nodes
+};
+
+struct Tree {
+  std::vector<Node> nodes;  // the root last
+  std::vector<Leaf> leaves;
+};
+
+std::size_t addNode(Tree& tree, std::span<const glm::vec3> places, std::span<std::uint32_t> part, std::size_t most) {
+  Node node;
+  if (part.size() <= most) {
+    node.leaf = static_cast<int>(tree.leaves.size());
+    tree.leaves.push_back({part, boxOf(places, part), {}, {}, {}});
+  } else {
+    const std::size_t middle = part.size() / 2;
+    splitAt(places, part, middle);
+    node.left = addNode(tree, places, part.first(middle), most);
+    node.right = addNode(tree, places, part.subspan(middle), most);
+  }
+  tree.nodes.push_back(node);
+  return tree.nodes.size() - 1;
+}
+
+void orderByMorton(std::span<const glm::vec3> places, std::span<std::uint32_t> part) {
+  std::ranges::sort(part);
+  std::vector<glm::vec3> own;
+  for (const std::uint32_t i : part) own.push_back(places[i]);
+  std::vector<std::uint32_t> ordered;
+  for (const std::uint32_t j : mortonOrder(own)) ordered.push_back(part[j]);
+  std::ranges::copy(ordered, part.begin());
+}
+
+// To 3 sigma along the world's axes.
+Box boundOf(const GaussianModel& model) {
+  Box bound{model.mean[0], model.mean[0]};
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const glm::dmat3 covariance = momentsOf(model, i, 1.0).covariance;
+    const glm::vec3 reach(3.0 * glm::sqrt(glm::dvec3(covariance[0][0], covariance[1][1], covariance[2][2])));
+    bound = around(bound, {model.mean[i] - reach, model.mean[i] + reach});
+  }
+  const glm::vec3 most(kFarthest);
+  return {glm::max(bound.low, -most), glm::min(bound.high, most)};
+}
+
+// [levels][leaves]
+std::vector<std::vector<std::size_t>> countsOf(const Tree& tree, const LodOptions& options) {
+  std::vector<std::vector<std::size_t>> counts(1);
+  for (const Leaf& leaf : tree.leaves) counts[0].push_back(leaf.gaussians.size());
+  while (counts.size() < kMaxLodLevels) {
+    const std::vector<std::size_t>& last = counts.back();
+    if (std::accumulate(last.begin(), last.end(), std::size_t{0}) <= options.coarsest) break;
+    std::vector<std::size_t> next;
+    for (const std::size_t count : last) next.push_back((count + options.merged - 1) / options.merged);
+    if (next == last) break;
+    counts.push_back(std::move(next));
+  }
+  return counts;
+}
+
+// Consecutive leaves at one level.
+struct File {
+  std::size_t level;
+  std::size_t first_leaf, end_leaf;
+};
+
+std::vector<File> filesOf(const std::vector<std::vector<std::size_t>>& counts, Tree& tree, const LodOptions& options) {
+  std::vector<File> files;
+  for (std::size_t level = 0; level < counts.size(); ++level) {
+    std::size_t held = 0;
+    for (std::size_t leaf = 0; leaf < tree.leaves.size(); ++leaf) {
+      const std::size_t count = counts[level][leaf];
+      if (leaf == 0 || held + count > options.file) {
+        files.push_back({level, leaf, leaf});
+        held = 0;
+      }
+      files.back().end_leaf = leaf + 1;
+      tree.leaves[leaf].ranges.push_back({static_cast<std::uint32_t>(files.size() - 1),
+                                          static_cast<std::uint32_t>(held), static_cast<std::uint32_t>(count)});
+      held += count;
+    }
+  }
+  return files;
+}
+
+// A folder that is gone when this ends, unless it has got its name.
+class NewFolder {
+ public:
+  explicit NewFolder(const fs::path& parent) {
+    std::string name = (parent / ".new-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) {
+      throw Error(ErrorKind::cannotWrite, parent.string(), "cannot make a folder here: " + systemReason());
+    }
+    path_ = name;
+    std::error_code ignored;
+    fs::permissions(path_, fs::perms(0755), ignored);
+  }
+  ~NewFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  NewFolder& operator=(NewFolder&&) = delete;
+
+  const fs::path& path() const { return path_; }
+
+  // The first of 0, 1, 2, ... beside it that nothing has.
+  std::string settle() {
+    constexpr int kTries = 1000;
+    std::error_code status;
+    for (int number = 0; number < kTries; ++number) {
+      const std::string name = std::to_string(number);
+      const fs::path wanted = path_.parent_path() / name;
+      if (fs::exists(wanted, status)) continue;
+      fs::rename(path_, wanted, status);
+      if (status) continue;
+      path_ = wanted;
+      return name;
+    }
+    throw Error(ErrorKind::cannotWrite, path_.parent_path().string(), "cannot name the folder of files: " + status.message());
+  }
+  void keep() { path_.clear(); }
+
+ private:
+  fs::path path_;
+};
+
+void makeFolder(const fs::path& folder) {
+  std::error_code status;
+  fs::create_directory(folder, status);
+  if (status) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + status.message());
+}
+
+// The folder of files that lod-meta.json names now; "" where that is none of ours.
+std::string folderBefore(const fs::path& path) {
+  try {
+    const std::string first = readLodScene(path).files.front();
+    const std::string folder = first.substr(0, first.find('/'));
+    const bool numbered = !folder.empty() && folder.find_first_not_of("0123456789") == std::string::npos;
+    return numbered ? folder : "";
+  } catch (const Error&) {
+    return "";
+  }
+}
+
+Json numbersOf(glm::vec3 v) {
+  Json array = Json::array();
+  for (int k = 0; k < 3; ++k) array.push_back(shortDouble(v[k]));
+  return array;
+}
+
+Json jsonOf(const Box& box) { return {{"min", numbersOf(box.low)}, {"max", numbersOf(box.high)}}; }
+
+class Writer {
+ public:
+  Writer(const fs::path& path, const Bundle& source, const LodOptions& options)
+      : path_(path), source_(source), options_(options) {}
+
+  LodReport write() {
+    const GaussianModel& model = source_.model;
+    report_.order.resize(model.size());
+    std::iota(report_.order.begin(), report_.order.end(), 0u);
+    addNode(tree_, model.mean, report_.order, options_.leaf);
+    const std::vector<std::vector<std::size_t>> counts = countsOf(tree_, options_);
+    files_ = filesOf(counts, tree_, options_);
+    for (const auto& level : counts) {
+      report_.counts.push_back(std::accumulate(level.begin(), level.end(), std::uint64_t{0}));
+    }
+    const fs::path parent = path_.parent_path().empty() ? fs::path(".") : path_.parent_path();
+    std::error_code status;
+    const bool made = !fs::exists(parent, status);
+    if (made) makeFolder(parent);
+    try {
+      requireWritable(path_);
+      const std::string before = folderBefore(path_);
+      NewFolder folder(parent);
+      makeLevels(counts);
+      writeFiles(folder.path());
+      if (!source_.cameras.empty()) add(folder.path() / "cameras.json", formatCameras(source_.cameras));
+      const std::string name = folder.settle();
+      const std::string meta = dumpJson(metaOf(counts, name));
+      writeTextAtomically(path_, meta);
+      folder.keep();
+      bytes_ += meta.size();
+      if (!before.empty()) fs::remove_all(parent / before, status);
+    } catch (...) {
+      if (made) fs::remove(parent, status);
+      throw;
+    }
+    report_.files = files_.size();
+    report_.bytes = bytes_;
+    return std::move(report_);
+  }
+
+ private:
+  void makeLevels(const std::vector<std::vector<std::size_t>>& counts) {
+    parallelFor(static_cast<std::int64_t>(tree_.leaves.size()), 1, [&](std::int64_t item) {
+      const auto i = static_cast<std::size_t>(item);
+      Leaf& leaf = tree_.leaves[i];
+      orderByMorton(source_.model.mean, leaf.gaussians);
+      const GaussianModel finest = select(source_.model, leaf.gaussians);
+      leaf.bound = boundOf(finest);
+      for (std::size_t level = 1; level < counts.size(); ++level) {
+        const GaussianModel& finer = level == 1 ? finest : leaf.coarse.back();
+        leaf.coarse.push_back(coarser(finer, counts[level][i]));
+        leaf.bound = around(leaf.bound, boundOf(leaf.coarse.back()));
+      }
+    });
+  }
+
+  GaussianModel modelOf(const File& file) const {
+    if (file.level == 0) {
+      const std::uint32_t* first = tree_.leaves[file.first_leaf].gaussians.data();
+      const std::span<std::uint32_t> last = tree_.leaves[file.end_leaf - 1].gaussians;
+      return select(source_.model, {first, last.data() + last.size()});
+    }
+    GaussianModel model = tree_.leaves[file.first_leaf].coarse[file.level - 1];
+    for (std::size_t leaf = file.first_leaf + 1; leaf < file.end_leaf; ++leaf) {
+      const GaussianModel& next = tree_.leaves[leaf].coarse[file.level - 1];
+      if (isTextured(next)) model.texture_mode = next.texture_mode;
+      append(model, next);
+    }
+    return model;
+  }
+
+  void writeFiles(const fs::path& folder) {
+    parallelFor(static_cast<std::int64_t>(files_.size()), 1, [&](std::int64_t item) {
+      const fs::path own = folder / folderOf(static_cast<std::size_t>(item));
+      makeFolder(own);
+      for (const ZipEntry& entry : sogFiles(modelOf(files_[static_cast<std::size_t>(item)]), path_.string())) {
+        add(own / entry.name, entry.bytes);
+      }
+    });
+  }
+
+  template <typename Content>
+  void add(const fs::path& path, const Content& content) {
+    writeFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
+    bytes_ += content.size();
+  }
+
+  std::string folderOf(std::size_t file) const {
+    return std::to_string(files_[file].level) + "_" + std::to_string(file);
+  }
+
+  Json metaOf(const std::vector<std::vector<std::size_t>>& counts, const std::string& folder) const {
+    Json meta = Json::object();
+    meta["version"] = lod::kFormatVersion;
+    meta["lodLevels"] = counts.size();
+    meta["count"] = std::accumulate(report_.counts.begin(), report_.counts.end(), std::uint64_t{0});
+    meta["counts"] = report_.counts;
+    Json own = {{"version", lod::kVersion},
+                {"sh_degree", source_.model.sh_degree},
+                {"texture_mode", name(isTextured(source_.model) ? source_.model.texture_mode : TextureMode::none)},
+                {"intersection", name(source_.model.intersection)},
+                {"outside", name(source_.model.outside)},
+                {"background", numbersOf(source_.background)}};
+    if (!source_.cameras.empty()) own["cameras"] = folder + "/cameras.json";
+    meta[lod::kOwn] = std::move(own);
+    Json& names = meta["filenames"] = Json::array();
+    for (std::size_t i = 0; i < files_.size(); ++i) names.push_back(folder + "/" + folderOf(i) + "/meta.json");
+    Box whole;
+    meta["tree"] = nodeOf(tree_.nodes.back(), whole);
+    return meta;
+  }
+
+  Json nodeOf(const Node& node, Box& bound) const {
+    Json json = Json::object();
+    json["bound"] = nullptr;  // its place
+    if (node.leaf >= 0) {
+      const Leaf& leaf = tree_.leaves[static_cast<std::size_t>(node.leaf)];
+      bound = leaf.bound;
+      json[lod::kMeans] = jsonOf(leaf.means);
+      Json& lods = json["lods"] = Json::object();
+      for (std::size_t level = 0; level < leaf.ranges.size(); ++level) {
+        const LodRange& range = leaf.ranges[level];
+        lods[std::to_string(level)] = {{"file", range.file}, {"offset", range.first}, {"count", range.count}};
+      }
+    } else {
+      Box left, right;
+      Json children = Json::array({nodeOf(tree_.nodes[node.left], left), nodeOf(tree_.nodes[node.right], right)});
+      bound = around(left, right);
+      json["children"] = std::move(children);
+    }
+    json["bound"] = jsonOf(bound);
+    return json;
+  }
+
+  const fs::path& path_;
+  const Bundle& source_;
+  const LodOptions& options_;
+  Tree tree_;
+  std::vector<File> files_;
+  std::atomic<std::uint64_t> bytes_{0};
+  LodReport report_;
+};
+
+}  // namespace
+
+LodReport writeLod(const std::filesystem::path& path, const Bundle& source, const LodOptions& options) {
+  TG_ASSERT(lengthsAgree(source.model), "the model's arrays have their lengths");
+  TG_ASSERT(options.leaf > 0 && options.file > 0 && options.merged > 1, "sizes that make a tree");
+  if (source.model.size() == 0) throw Error(ErrorKind::badData, path.string(), "the model has no Gaussians");
+  return Writer(path, source, options).write();
+}
+
+}  // namespace tg
