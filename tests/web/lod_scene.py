@@ -6,6 +6,7 @@ import http.server
 import json
 import pathlib
 import subprocess
+import tarfile
 import threading
 import time
 import zipfile
@@ -18,7 +19,7 @@ def make(programs, model, folder):
     """Writes lod-meta.json and its chunks into `folder`; returns the address of the finest level as one model (a .tgz)."""
     run = lambda *arguments: subprocess.run([str(programs / "tgconvert"), *map(str, arguments), "--quiet", "--overwrite"],
                                             check=True, stdout=subprocess.DEVNULL)
-    names, counts, texels = [], [0] * len(COUNTS), [0] * len(COUNTS)
+    names = []
     leaves = [{"bound": {"min": [x, y, -REACH], "max": [x + REACH, y + REACH, REACH]}, "lods": {}}
               for x in (-REACH, 0.0) for y in (-REACH, 0.0)]
     for level, count in enumerate(COUNTS):
@@ -34,15 +35,15 @@ def make(programs, model, folder):
             meta = json.loads((folder / chunk / "meta.json").read_text())
             leaf["lods"][str(level)] = {"file": len(names), "offset": 0, "count": meta["count"]}
             names.append(f"{chunk}/meta.json")
-            counts[level] += meta["count"]
-            texels[level] += 16 * meta["count"]
     # Boxes around the means, as a writer gives them, if a little wide.
     for leaf in leaves:
         leaf["bound"] = {key: [min(max(v, -2.0), 2.0) for v in corner] for key, corner in leaf["bound"].items()}
     textures = meta["TG_gaussian_splatting_texture"]
     own = {"version": 1, "sh_degree": meta["shN"]["bands"], "texture_mode": textures["mode"],
-           "intersection": textures["intersection"], "outside": textures["outside"], "background": [0, 0, 0],
-           "counts": counts, "texels": texels}
+           "intersection": textures["intersection"], "outside": textures["outside"], "background": [1, 1, 1],
+           "cameras": "cameras.json"}
+    with tarfile.open(model) as archive:
+        (folder / "cameras.json").write_bytes(archive.extractfile("cameras.json").read())
     (folder / "lod-meta.json").write_text(json.dumps({
         "lodLevels": len(COUNTS), "filenames": names, "TG_levels_of_detail": own,
         "tree": {"bound": {"min": [-2.0] * 3, "max": [2.0] * 3}, "children": leaves}}))

@@ -24,7 +24,8 @@ function randomScene(leaves, levels, gaps) {
   const children = Array.from({length: leaves}, () => {
     const low = [between(-4, 4), between(-4, 4), between(-4, 4)];
     const size = random() < 0.1 ? 0 : between(0.01, 2);
-    const bound = {min: low, max: low.map((x) => Math.fround(x + size * random()))};
+    const means = {min: low, max: low.map((x) => Math.fround(x + size * random()))};
+    const bound = {min: low.map((x) => Math.fround(x - 0.3 * random())), max: means.max.map((x) => Math.fround(x + 0.3))};
     let count = 1 + Math.floor(8000 * random());
     const lods = {};
     for (let level = 0; level < levels; ++level, count = Math.max(Math.floor(count / 4), 1)) {
@@ -32,7 +33,7 @@ function randomScene(leaves, levels, gaps) {
       lods[level] = {file: level, offset: first[level], count};
       first[level] += count;
     }
-    return {bound, lods};
+    return {bound, ...(gaps ? {} : {TG_means: means}), lods};
   });
   return {lodLevels: levels, filenames: files, tree: {bound: {min: [-9, -9, -9], max: [9, 9, 9]}, children}};
 }
@@ -98,19 +99,20 @@ const gap = parseLodMeta(bytesOf({
   tree: {bound: {min: [0, 0, 0], max: [1, 1, 1]}, lods: {1: {file: 0, offset: 3, count: 9}, 2: {file: 1, count: 2}}},
 }));
 expect('levels are filled', gap.leaves[0].levels.map(({level}) => level).join() === '1,1,2,2', gap.leaves[0].levels);
-expect('a box is turned', gap.leaves[0].low.join() === '-1,-1,0' && gap.leaves[0].high.join() === '0,0,1', gap.leaves[0].low);
+const {box, means} = gap.leaves[0];
+expect('a box is turned, and stands for that of the means', box === means && box.low.join() === '-1,-1,0' &&
+  box.high.join() === '0,0,1', box.low);
 
 // Spoilt ones are refused with a sentence, never by a slip of the reader's own.
 const good = randomScene(5, 3, false);
-const own = {version: 1, sh_degree: 3, texture_mode: 'rgba', intersection: 'plane', outside: 'base', background: [0, 0, 0],
-             counts: [9, 3, 1], texels: [144, 12, 1]};
+const own = {version: 1, sh_degree: 3, texture_mode: 'rgba', intersection: 'plane', outside: 'base', background: [0, 0, 0]};
 const deep = (depth) => {
   let tree = good.tree.children[0];
   for (let i = 0; i < depth; ++i) tree = {bound: tree.bound, children: [tree]};
   return tree;
 };
 expect('a deep tree is read', parseLodMeta(bytesOf({...good, tree: deep(2000)})).leaves.length === 1);
-expect('what is ours is read', parseLodMeta(bytesOf({...good, TG_levels_of_detail: own})).own.densities[0] === 16);
+expect('what is ours is read', parseLodMeta(bytesOf({...good, TG_levels_of_detail: own})).own.mode === 3);
 expect('a later version is passed over', parseLodMeta(bytesOf({...good, TG_levels_of_detail: {...own, version: 2}})).own === null);
 const changed = (path, value) => {
   const copy = structuredClone(good);
@@ -123,13 +125,13 @@ const spoilt = [
   {...good, filenames: []}, {...good, filenames: [1]}, {...good, filenames: {}}, {...good, tree: null}, {...good, tree: []},
   {...good, tree: {children: []}}, {...good, tree: {children: 'x'}}, {...good, tree: {children: {length: 1e9}}},
   changed('tree/children/0/bound', {min: [1, 1, 1], max: [0, 0, 0]}), changed('tree/children/0/bound', {}),
-  changed('tree/children/1/bound/min/0', null), changed('tree/children/1/bound/max', [1, 2]),
+  changed('tree/children/1/bound/min/0', null), changed('tree/children/1/TG_means', {min: [0, 0, 0]}), changed('tree/children/1/bound/max', [1, 2]),
   changed('tree/children/0/lods/0/file', 3), changed('tree/children/0/lods/0/file', -1),
   changed('tree/children/0/lods/0/file', 'constructor'), changed('tree/children/0/lods/0/count', -5),
   changed('tree/children/0/lods/0/count', 1e300), changed('tree/children/0/lods/0/count', 1.5),
   changed('tree/children/0/lods/0/offset', -1), changed('tree/children/0/lods/0/offset', 2 ** 40),
   ...[['sh_degree', 4], ['texture_mode', 'toString'], ['intersection', 'x'], ['outside', 0], ['background', [2, 0, 0]],
-      ['counts', [1]], ['texels', 'abc'], ['texels', [1, 2, 1e300]]]
+      ['cameras', 3]]
     .map(([key, value]) => ({...good, TG_levels_of_detail: {...own, [key]: value}})),
 ];
 for (const [index, meta] of spoilt.entries()) {

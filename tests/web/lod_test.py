@@ -5,16 +5,18 @@ a budget; what is seen meanwhile, and in the end against tgview.
 
     tests/web/lod_test.py BIN [MODEL]        BIN: folder of tgconvert and tgview; default docs/sample.tgz
 
-TG_WEB_PICTURES=FOLDER keeps the pictures. Skips (exit code 77) where there is no Chromium.
+Engines come from where viewers_test.py looks for them. TG_WEB_PICTURES=FOLDER keeps the pictures. Skips (exit code 77) where there is no Chromium.
 """
 import io
 import json
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tarfile
 import tempfile
+import time
 
 import lod_scene
 from chromium import Chromium, Difference, find_chromium, from_data_url
@@ -22,7 +24,9 @@ from chromium import Chromium, Difference, find_chromium, from_data_url
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 LEAST_DB = 38.0  # what the package promises
 SIDE = 160       # [px]
+LIMIT_SECONDS = 240
 FULL, COARSEST = 5000, 300
+ENGINES = ["three", "babylon", "playcanvas"]
 failures = []
 
 PAGE = """<!doctype html><meta charset="utf-8"><body style="margin:0"><script type="module">
@@ -156,7 +160,7 @@ def check_budget(scene):
     expect("what is no budget is told", "splat-budget=0 (expected a number of Gaussians)" in told, told)
 
     # From within each leaf in turn, twice: together their finest levels are more than there is room for.
-    scene.open(budget=1700)
+    scene.open(budget=2000)
     first_round = 0
     for turn in range(8):
         x, y = ((1, 1), (1, -1), (-1, -1), (-1, 1))[turn % 4]
@@ -166,7 +170,7 @@ def check_budget(scene):
         scene.browser.evaluate(f"element.viewer.apply({{camera: {json.dumps(camera)}}})")
         found = scene.all_there()
         expect(f"in leaf {turn % 4} it alone is at its finest", sorted(found["levels"]) == [0, 2, 2, 2] and
-               found["shown"] == found["wanted"] <= 1700 and not found["told"], found)
+               found["shown"] == found["wanted"] <= 2000 and not found["told"], found)
         expect("and no more is held than there is room for", found["held"] <= found["room"] < FULL, found)
         if turn == 3:
             first_round = len(scene.server.asked)
@@ -212,10 +216,42 @@ def check_faults(scene):
     expect("a lod-meta.json that is cut off is refused with a line", not opened and len(words) == 1, words)
 
 
+def find_packages(programs):
+    for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
+        modules = pathlib.Path(folder) / "node_modules"
+        if folder and (modules / "three").is_dir():
+            return modules
+    return None
+
+
+def show_engine(browser, server, name, pages, reference):
+    """The package's example with the scene in place of its model."""
+    text = (REPOSITORY / f"web/examples/{name}.html").read_text()
+    text = re.sub(r"https://unpkg.com/([^'\"]*)", lambda m: "/packages/" + re.sub(r"@\d[^/]*", "", m[1]), text)
+    (pages / f"{name}.html").write_text(text.replace("../src/", "/web/src/").replace("scene.glb", "/scene/lod-meta.json"))
+    browser.page("Emulation.setDeviceMetricsOverride", width=SIDE, height=SIDE, deviceScaleFactor=1, mobile=False)
+    browser.page("Page.navigate", url=f"{server.address}/page/{name}.html")
+    end = time.monotonic() + LIMIT_SECONDS
+    ready = "window.example && example.gaussians.settled && example.gaussians.splats.complete && example.gaussians.model.lod.shown"
+    while browser.evaluate(f"{ready} || 0") != FULL and time.monotonic() < end:
+        time.sleep(0.2)
+    browser.evaluate("example.gaussians.placeCamera(example.camera, 0); if (example.draw) example.draw(); 0")
+    settled = "example.gaussians.settled && example.gaussians.splats.complete"
+    while not browser.evaluate(settled) and time.monotonic() < end:
+        time.sleep(0.2)
+    browser.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    picture = browser.screenshot()
+    keep(f"lod, {name}", picture)
+    found = Difference(browser, picture, reference)
+    expect(f"{name} against tgview, at least {LEAST_DB:.0f} dB", found.psnr >= LEAST_DB, found)
+    expect(f"no word on {name}'s console", not browser.log, browser.log[:3])
+
+
 def main():
     programs = pathlib.Path(sys.argv[1]).resolve()
     model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
     find_chromium()
+    modules = find_packages(programs)
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         (folder / "scene").mkdir()
@@ -228,7 +264,8 @@ def main():
         subprocess.run([str(programs / "tgview"), str(finest), "--render", str(folder / "reference.png"), "--size",
                         f"{SIDE}x{SIDE}", "--backend", "cpu", "--camera", str(folder / "camera.json"), "--background",
                         "white"], check=True, stdout=subprocess.DEVNULL)
-        server = lod_scene.Server({"scene": folder / "scene", "page": folder / "page", "web": REPOSITORY / "web"})
+        server = lod_scene.Server({"scene": folder / "scene", "page": folder / "page", "web": REPOSITORY / "web",
+                                   **({"packages": modules} if modules else {})})
         server.folder = folder / "scene"
         with Chromium() as browser:
             browser.open(f"{server.address}/page/page.html", 320, 240)
@@ -237,6 +274,12 @@ def main():
             check_budget(scene)
             expect("no word on the console", not browser.log, browser.log[:3])
             check_faults(scene)
+        server.broken, server.gone = [], []
+        for name in ENGINES if modules else []:
+            with Chromium() as browser:
+                show_engine(browser, server, name, folder / "page", (folder / "reference.png").read_bytes())
+        if not modules:
+            print("not shown: engines (scripts/test_browsers.sh installs them)")
     return 1 if failures else 0
 
 

@@ -2,7 +2,7 @@
 // Scenes with levels of detail: what a lod-meta.json says (docs/lod.md), and which level of each node a view wants.
 import {INTERSECTIONS, MODES, OUTSIDES} from './glb.js';
 
-const LEVELS = 'TG_levels_of_detail';  // of this toolchain
+const LEVELS = 'TG_levels_of_detail', MEANS = 'TG_means';  // of this toolchain
 const MOST_LOD_META = 1 << 26;    // [bytes]
 const MOST_LEVELS = 16;
 const MOST_FILES = 1 << 16;
@@ -25,18 +25,18 @@ const isCount = (value, least, most) => Number.isInteger(value) && value >= leas
 // A box of the file's axes in those of models here, a half turn about z from them; floats, as the C++ library has them.
 function readBound(bound, where) {
   const corner = (list) => Array.isArray(list) && list.length === 3 && list.every(Number.isFinite);
-  expectThat(bound && corner(bound.min) && corner(bound.max), where, 'bound (expected min and max of 3 numbers)');
+  expectThat(bound && corner(bound.min) && corner(bound.max), where, 'expected min and max of 3 numbers');
   const [min, max] = [bound.min, bound.max].map((list) => list.map(Math.fround));
-  expectThat(min.every((x, k) => x <= max[k]), where, 'bound (expected min up to max)');
+  expectThat(min.every((x, k) => x <= max[k]), where, 'min is beyond max');
   return {low: [-max[0], -max[1], min[2]], high: [-min[0], -min[1], max[2]]};
 }
 
-// What the toolchain adds, {shCoefficients, mode, intersection, outside, background, cameras: the name of a file or null,
-// densities: texels a Gaussian of each level}; null where another program wrote the file, or a later one.
-function readOwn(own, levels) {
+// What the toolchain adds, {shCoefficients, mode, intersection, outside, background, cameras: the name of a file or null};
+// null where another program wrote the file, or a later one.
+function readOwn(own) {
   if (!own || own.version !== 1) return null;
   const where = `/${LEVELS}`;
-  const {sh_degree: degree, texture_mode: mode, intersection, outside, background, cameras = null, counts, texels} = own;
+  const {sh_degree: degree, texture_mode: mode, intersection, outside, background, cameras = null} = own;
   expectThat(isCount(degree, 0, 3), `${where}/sh_degree`, `${degree} (expected 0 to 3)`);
   expectThat(mode === 'none' || Object.hasOwn(MODES, mode), `${where}/texture_mode`, mode);
   expectThat(Object.hasOwn(INTERSECTIONS, intersection), `${where}/intersection`, intersection);
@@ -44,12 +44,8 @@ function readOwn(own, levels) {
   expectThat(Array.isArray(background) && background.length === 3 && background.every((c) => c >= 0 && c <= 1),
              `${where}/background`, 'expected 3 numbers from 0 to 1');
   expectThat(cameras === null || typeof cameras === 'string', `${where}/cameras`, cameras);
-  for (const list of [counts, texels]) {
-    expectThat(Array.isArray(list) && list.length === levels && list.every((n) => isCount(n, 0, MOST_COUNT * 1024)),
-               where, `counts and texels (expected ${levels} of each)`);
-  }
   return {shCoefficients: (degree + 1) ** 2 - 1, mode: MODES[mode] || 0, intersection: INTERSECTIONS[intersection],
-          outside: OUTSIDES[outside], background, cameras, densities: texels.map((n, level) => n / Math.max(counts[level], 1))};
+          outside: OUTSIDES[outside], background, cameras};
 }
 
 // The levels of a leaf; what is missing is the next finer one or, where there is none, the next coarser.
@@ -58,7 +54,7 @@ function filled(levels) {
   return found.map((piece, level) => piece || found.slice(level).find(Boolean));
 }
 
-// {files: [{name, pieces}], leaves: [{low, high, pieces, levels}], pieces, levels: how many, count: Gaussians of the
+// {files: [{name, pieces}], leaves: [{box: around all it shows, means: around its means, pieces, levels}], pieces, levels: how many, count: Gaussians of the
 // finest one, own: as readOwn()}. A piece is a level of a leaf, {level, file, first, count}; the pieces of a leaf, of which
 // there is at least one, go from the finest to the coarsest, and `levels` are pieces for each level. Throws at the first
 // thing that cannot be.
@@ -69,7 +65,7 @@ export function parseLodMeta(bytes) {
   expectThat(Array.isArray(names) && names.length > 0 && names.length <= MOST_FILES &&
              names.every((name) => typeof name === 'string'), '/filenames', `expected 1 to ${MOST_FILES} names`);
   const scene = {files: names.map((name) => ({name, pieces: []})), leaves: [], pieces: [], levels, count: 0,
-                 own: readOwn(meta[LEVELS], levels)};
+                 own: readOwn(meta[LEVELS])};
   const readPiece = (lod, level, where) => {
     if (!lod || lod.count === 0) return null;
     const {file, offset: first = 0, count} = lod;
@@ -91,11 +87,12 @@ export function parseLodMeta(bytes) {
       continue;
     }
     expectThat(scene.leaves.length < MOST_LEAVES, where, `more than ${MOST_LEAVES} leaves`);
-    const box = readBound(node.bound, where);
+    const box = readBound(node.bound, `${where}/bound`);
+    const means = node[MEANS] ? readBound(node[MEANS], `${where}/${MEANS}`) : box;
     const found = Array.from({length: levels}, (_, level) => readPiece(lods[level], level, `${where}/lods/${level}`));
     const pieces = found.filter(Boolean);
     if (pieces.length === 0) continue;
-    scene.leaves.push({...box, pieces, levels: filled(found)});
+    scene.leaves.push({box, means, pieces, levels: filled(found)});
     scene.count += pieces[0].count;
   }
   expectThat(scene.leaves.length > 0, '/tree', 'expected a leaf with Gaussians');
@@ -106,7 +103,7 @@ const LEAST_PIXELS = 1;   // between Gaussians of a leaf on the screen: finer le
 const LEAST_SIZE2 = 1e-12;
 const VIEW_MARGIN = 0.1;       // around the picture, of its sides
 
-// Whether a leaf's box reaches into what the camera sees, with a margin.
+// Whether a box reaches into what the camera sees, with a margin.
 function isInView({low, high}, planes, eye) {
   return planes.every((a) => {
     let sum = 0;
@@ -153,18 +150,19 @@ class Errors {
 }
 
 // The level of each leaf that a view wants, as chooseLevels of converter/lod chooses it, to the bit (docs/lod.md): the
-// squared spacing of a leaf's Gaussians on the screen is brought down where it is largest, as long as `budget` Gaussians
-// are not passed. {levels, errors: that spacing in the coarsest level, [px^2], by leaf; 0 out of view}.
+// squared distance of a leaf's Gaussians on the screen is brought down where it is largest, as long as `budget` Gaussians
+// are not passed. {levels, errors: that distance in the coarsest level, [px^2], by leaf; 0 out of view}.
 export function chooseLevels(scene, camera, budget) {
   const {leaves} = scene;
   const {eye, fx, fy} = camera;
   const planes = planesOf(camera), focal = Math.max(fx, fy), focal2 = focal * focal;
   const coarsest = scene.levels - 1;
   const levels = new Uint8Array(leaves.length).fill(coarsest);
-  const errors = new Float64Array(leaves.length);
+  const errors = new Float64Array(leaves.length), sizes = new Float64Array(leaves.length);
   const heap = new Errors();
   let total = 0;
-  const sizes = leaves.map(({low, high}) => {
+  // Of one Gaussian that filled the leaf.
+  const pixels2 = ({low, high}) => {
     let size2 = 0, far2 = 0;
     for (let k = 0; k < 3; ++k) {
       const side = high[k] - low[k];
@@ -173,28 +171,25 @@ export function chooseLevels(scene, camera, budget) {
       far2 += out * out;
     }
     if (size2 === 0) size2 = LEAST_SIZE2;
-    return [size2, far2];
-  });
-  const errorOf = (leaf, level) => {
-    const [size2, far2] = sizes[leaf];
-    return focal2 * size2 / (leaves[leaf].levels[level].count * (far2 + 0.01 * size2));
+    return focal2 * size2 / (far2 + 0.01 * size2);
   };
-  for (const [leaf, box] of leaves.entries()) {
-    total += box.levels[coarsest].count;
+  const countAt = (leaf) => leaves[leaf].levels[levels[leaf]].count;
+  for (const [leaf, {box, means}] of leaves.entries()) {
+    total += countAt(leaf);
     if (!isInView(box, planes, eye)) continue;
-    errors[leaf] = errorOf(leaf, coarsest);
+    sizes[leaf] = pixels2(means);
+    errors[leaf] = sizes[leaf] / countAt(leaf);
     heap.push([errors[leaf], leaf]);
   }
   while (heap.list.length > 0) {
     const [error, leaf] = heap.pop();
     if (error <= LEAST_PIXELS * LEAST_PIXELS) break;
-    const level = levels[leaf];
-    if (level === 0) continue;
-    const more = total - leaves[leaf].levels[level].count + leaves[leaf].levels[level - 1].count;
-    if (more > budget) continue;
+    if (levels[leaf] === 0) continue;
+    const more = total - countAt(leaf) + leaves[leaf].levels[levels[leaf] - 1].count;
+    if (more > budget) break;
     total = more;
     --levels[leaf];
-    heap.push([errorOf(leaf, level - 1), leaf]);
+    heap.push([sizes[leaf] / countAt(leaf), leaf]);
   }
   return {levels, errors};
 }

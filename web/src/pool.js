@@ -5,9 +5,8 @@ import {BAND_WIDTH} from './decoder.js';
 import {BLOCK_BYTES, GpuModel, TEXELS_PER_GAUSSIAN} from './renderer.js';
 
 const LEAST_PER_ROW = 128;    // Gaussians: what a piece leaves free of its last row
-const LAYER_ROWS = 2048;      // [texels] of an atlas, if so many are needed
-const ROWS_APART = 256;       // of an atlas that is lower
-const SHELF_WASTE = 1.25;     // bands over the texels on them
+const LAYER_ROWS = 512;       // [texels] of an atlas
+const USUAL_TEXELS = 16;      // of a Gaussian, where atlases cannot grow
 
 // Which of `size` rows are free: runs [first, count], in order.
 class Rows {
@@ -60,15 +59,15 @@ export function perRowFor(side, places, shCoefficients) {
 }
 
 export class SplatPool extends GpuModel {
-  // rows: of perRow Gaussians; kind: {shCoefficients, mode} as GpuModel has it; texels: of all textures together.
-  static async open(renderer, rows, perRow, kind, texels) {
+  // rows: of perRow Gaussians; kind: {shCoefficients, mode} as GpuModel has it.
+  static async open(renderer, rows, perRow, kind) {
     await renderer.linked();
     const {gl} = renderer;
     await renderer.finished();  // before asking for errors, here and below: that waits for all that was sent
     while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
     const pool = new SplatPool(renderer, rows, perRow, kind);
     try {
-      renderer.guarded(() => pool.allocate(texels));
+      renderer.guarded(() => pool.allocate());
       await renderer.finished();
       if (gl.getError() !== gl.NO_ERROR) throw new Error('the scene does not fit into the memory of the graphics device');
     } catch (error) {
@@ -83,9 +82,11 @@ export class SplatPool extends GpuModel {
     this.renderer = renderer;
     this.gaussianRows = new Rows(rows);
     this.layers = [];  // rows of atlases
+    this.most = 0;     // layers that there may be
+    this.density = 0;  // [texels] of a Gaussian, with what bands leave free: the most that a chunk had
   }
 
-  allocate(texels) {
+  allocate() {
     const {gl, renderer, perRow, rows, shCoefficients} = this;
     const open = (name, format, width) => {
       renderer.newTexture(this.textures, name, gl.TEXTURE_2D, gl.NEAREST);
@@ -95,22 +96,60 @@ export class SplatPool extends GpuModel {
     if (shCoefficients > 0) open('u_sh', gl.RGB16F, shCoefficients);
     if (this.mode > 0) {
       open('u_rects', gl.RGBA16UI, 1);
-      this.allocateAtlases(texels);
+      this.most = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
+      this.openAtlases(renderer.deep ? 1 : this.layersFor(USUAL_TEXELS));
     }
     this.openOrder();
   }
 
-  allocateAtlases(texels) {
-    const {gl, renderer} = this;
-    const wanted = Math.ceil(SHELF_WASTE * texels / BAND_WIDTH / ROWS_APART + 1) * ROWS_APART;
-    const height = Math.min(wanted, LAYER_ROWS);
-    const count = Math.min(Math.ceil(wanted / height), gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS));
-    this.layers = Array.from({length: count}, () => new Rows(height));
-    renderer.newTexture(this.textures, 'u_ranges', gl.TEXTURE_2D, gl.NEAREST);
+  layersFor(density) {
+    return Math.min(Math.ceil(density * this.count / (BAND_WIDTH * LAYER_ROWS)), this.most);
+  }
+
+  openAtlases(count) {
+    const {gl, renderer, textures} = this;
+    for (let layer = this.layers.length; layer < count; ++layer) this.layers.push(new Rows(LAYER_ROWS));
+    renderer.newTexture(textures, 'u_ranges', gl.TEXTURE_2D, gl.NEAREST);
     const ranges = Float32Array.from({length: 8 * count}, (_, i) => (i % 8 < 4 ? 1 : 0));
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 2, count, 0, gl.RGBA, gl.FLOAT, ranges);
-    renderer.newTexture(this.textures, 'u_atlas', gl.TEXTURE_2D_ARRAY, gl.LINEAR);
-    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA16F, BAND_WIDTH, height, count);
+    renderer.newTexture(textures, 'u_atlas', gl.TEXTURE_2D_ARRAY, gl.LINEAR);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA16F, BAND_WIDTH, LAYER_ROWS, count);
+  }
+
+  // As many layers as the densest chunk so far asks for, with what they hold. False where there are as many.
+  grow() {
+    const {gl, renderer, textures} = this;
+    const before = this.layers.length, count = this.layersFor(this.density);
+    if (count <= before || !renderer.deep) return false;
+    const {u_atlas: atlas, u_ranges: ranges} = textures;
+    while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
+    this.openAtlases(count);
+    const framebuffer = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    for (let layer = 0; layer < before; ++layer) {
+      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, atlas, 0, layer);
+      gl.copyTexSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, 0, 0, BAND_WIDTH, LAYER_ROWS);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.deleteFramebuffer(framebuffer);
+    if (gl.getError() !== gl.NO_ERROR) {  // no memory: what there was stays
+      this.most = before;
+      this.layers.length = before;
+      gl.deleteTexture(textures.u_atlas);
+      gl.deleteTexture(textures.u_ranges);
+      Object.assign(textures, {u_atlas: atlas, u_ranges: ranges});
+      return false;
+    }
+    gl.deleteTexture(atlas);
+    gl.deleteTexture(ranges);
+    return true;
+  }
+
+  // Of the pieces of a chunk as the decoder packs them, before the first of them is given room.
+  expect(pieces) {
+    const sum = (numberOf) => pieces.reduce((total, piece) => total + numberOf(piece), 0);
+    const rows = sum(({textures}) => (textures ? textures.bands.reduce((total, band) => total + band.rows, 0) : 0));
+    this.density = Math.max(this.density, BAND_WIDTH * rows / sum(({positions}) => positions.length / 3));
   }
 
   // Room for a piece as the decoder packs it, or null where there is none: {rows: runs, bands: [{layer, first, count}]}.
@@ -119,16 +158,23 @@ export class SplatPool extends GpuModel {
     if (this.gaussianRows.free < rows) return null;
     const room = {rows: [], bands: []};
     for (const {rows: count} of textures && this.mode > 0 ? textures.bands : []) {
-      let first = -1;
-      const layer = this.layers.findIndex((free) => (first = free.take(count)) >= 0);
-      if (layer < 0) {
+      const band = this.takeBand(count) || (this.renderer.guarded(() => this.grow()) && this.takeBand(count));
+      if (!band) {
         this.give(room);
         return null;
       }
-      room.bands.push({layer, first, count});
+      room.bands.push(band);
     }
     room.rows = this.gaussianRows.takeRuns(rows);
     return room;
+  }
+
+  takeBand(count) {
+    for (const [layer, free] of this.layers.entries()) {
+      const first = free.take(count);
+      if (first >= 0) return {layer, first, count};
+    }
+    return null;
   }
 
   give({rows, bands}) {

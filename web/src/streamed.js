@@ -301,6 +301,7 @@ export class StreamedSplats extends Splats {
 
   // A chunk's pieces on the device; of those that nobody wants as many as there is room for.
   async place({file, pieces}) {
+    this.gpu.expect(pieces);
     for (const [index, piece] of file.pieces.entries()) {
       if (this.held.has(piece)) continue;
       const room = await this.roomFor(piece, pieces[index]);
@@ -372,8 +373,7 @@ async function openPool({scene, coarsest, budget, kind}, renderer) {
   if (!perRow) throw new Error(`${least} Gaussians are too many for this device, even in the coarsest levels`);
   const rowsOf = (pieces) => pieces.reduce((total, {count}) => total + Math.ceil(count / perRow), 0);
   const rows = Math.min(rowsOf(scene.pieces), rowsOf([...coarsest]) + Math.ceil((1 + SPARE) * budget / perRow), side);
-  const texels = scene.own ? Math.max(...scene.own.densities) * rows * perRow : 0;
-  const pool = await SplatPool.open(renderer, rows, perRow, kind, texels);
+  const pool = await SplatPool.open(renderer, rows, perRow, kind);
   const room = Math.floor((rows - rowsOf([...coarsest])) / (1 + SPARE)) * perRow;
   pool.budget = rows === rowsOf(scene.pieces) ? Infinity : room;
   return pool;
