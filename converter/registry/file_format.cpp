@@ -21,6 +21,7 @@
 #include "converter/lod/write_lod.h"
 #include "converter/sog/sog.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/read_progress.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
 #include "core/model/fallback.h"
