@@ -182,10 +182,15 @@ export class SplatPool extends GpuModel {
     for (const {layer, first, count} of bands) this.layers[layer].give(first, count);
   }
 
-  // Uploads a piece into its room, in slices. Nothing of it is drawn before it is there.
+  // Uploads a piece into its room, in slices, each when the device has done what it was told before: numbers that it cannot
+  // take yet would hold up the page. Nothing of the piece is drawn before it is there.
   async fill(piece, room) {
+    const {gl, renderer} = this;
     const steps = this.fillSteps(piece, room);
-    while (!this.gl.isContextLost() && !this.renderer.guarded(() => steps.next()).done) await breathe();
+    do {
+      await renderer.finished();
+      await breathe();
+    } while (!gl.isContextLost() && !renderer.guarded(() => steps.next()).done);
   }
 
   *fillSteps({positions, gaussians, sh, textures}, {rows, bands}) {

@@ -68,6 +68,7 @@ export class SplatRenderer {
     this.emptyArray = gl.createVertexArray();
     this.target = null;
     this.ready = null;
+    this.drawing = null;  // a fence behind the last draw()
   }
 
   program(vertex, fragment) {
@@ -355,10 +356,23 @@ export class SplatRenderer {
     gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
     gl.disable(gl.BLEND);
     this.show({...settings, perPixel: [camera.width / gl.canvas.width, camera.height / gl.canvas.height]});
+    gl.deleteSync(this.drawing);
+    this.drawing = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+  }
+
+  // Whether the device has done the last draw().
+  get idle() {
+    const {gl} = this;
+    if (this.drawing && !gl.isContextLost() && gl.clientWaitSync(this.drawing, 0, 0) === gl.TIMEOUT_EXPIRED) return false;
+    gl.deleteSync(this.drawing);
+    this.drawing = null;
+    return true;
   }
 
   dispose() {
     const {gl} = this;
+    gl.deleteSync(this.drawing);
     this.dropTarget();
     for (const {program, shaders} of [this.splat, this.resolve]) {
       for (const shader of shaders) gl.deleteShader(shader);

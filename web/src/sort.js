@@ -65,18 +65,18 @@ function sorting() {
 }
 
 export class Sorter {
-  // `places`: how many Gaussians there may be. take(order, visible, showing) gets indices of places, which are its own
-  // until it returns, and what show() returned for those that are among them; then onChange() is called.
-  constructor(places, {take, onChange, onError}) {
+  // `places`: how many Gaussians there may be. onChange(): there is an order to take().
+  constructor(places, {onChange, onError}) {
     const text = new Blob([`(${sorting})()`], {type: 'text/javascript'});
     this.address = URL.createObjectURL(text);
     this.worker = new Worker(this.address);
     this.worker.onmessage = ({data}) => this.sorted(data);
     this.worker.onerror = (event) => onError(new Error(`The sorting worker failed: ${event.message}`));
-    Object.assign(this, {take, onChange});
+    this.onChange = onChange;
     this.busy = false;
     this.asked = null;    // what the last order was asked for
     this.wanted = null;   // what came while it was made
+    this.ready = null;    // {order, visible, showing} that nobody has taken
     this.spare = null;    // an order to fill again
     this.showing = 0;     // counts what show() was told
     this.worker.postMessage({places});
@@ -107,14 +107,24 @@ export class Sorter {
     this.spare = null;
   }
 
-  sorted({order, visible, showing}) {
+  sorted(answer) {
     this.busy = false;
-    this.take(order, visible, showing);
-    this.spare = order;
+    if (this.ready) this.spare = this.ready.order;
+    this.ready = answer;
     const row = this.wanted;
     this.wanted = null;
     if (row) this.want(row);
     this.onChange();
+  }
+
+  // Calls body(order, visible, showing) if there is a newer order than the last one taken: indices of places, which are
+  // the body's until it returns, and what show() returned for those that are among them.
+  take(body) {
+    if (!this.ready) return;
+    const {order, visible, showing} = this.ready;
+    this.ready = null;
+    body(order, visible, showing);
+    this.spare = order;
   }
 
   dispose() {

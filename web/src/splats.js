@@ -45,12 +45,12 @@ export class Splats {
     this.settings = Splats.settingsOf(model);
     this.complaint = '';  // the last one, which is said once
     this.sorter = new Sorter(gpu.perRow * gpu.rows, {
-      take: (order, visible, showing) => this.ordered(order, visible, showing),
       onChange: () => this.onChange(), onError: (error) => this.onError(error),
     });
   }
 
-  ordered(order, visible) { this.gpu.setOrder(order, visible); }
+  // The newest order to the device: at once before drawing, when the device has nothing else to do.
+  takeOrder() { this.sorter.take((order, visible) => this.gpu.setOrder(order, visible)); }
 
   // Whether the order is that of the last camera sorted for.
   get sorted() { return !this.sorter.busy; }
@@ -89,6 +89,7 @@ export class Splats {
     this.sort(found.camera);
     try {
       const settings = Splats.forShaders(this.settings);
+      this.takeOrder();
       const view = {camera: found.camera, depth: found.depth, origin: [viewport[0], viewport[1]], linear};
       if (this.gpu.visible > 0) drawOver(this.renderer, this.gpu, view, settings);
       this.complaint = '';

@@ -260,10 +260,12 @@ export class StreamedSplats extends Splats {
     if (this.camera) super.sort(this.camera);
   }
 
-  ordered(order, visible, showing) {
-    super.ordered(order, visible);
-    this.drawn = showing;
-    this.tellWaiting();
+  takeOrder() {
+    this.sorter.take((order, visible, showing) => {
+      this.gpu.setOrder(order, visible);
+      this.drawn = showing;
+      this.tellWaiting();
+    });
   }
 
   // Loads files that hold what is wanted and not there, as many at once as may be; stops those that are not wanted now.

@@ -8,6 +8,7 @@ import {Splats, TEXTURE_CHOICES} from './splats.js';
 import {formatView, parseView} from './view_text.js';
 
 const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full again
+const PATIENCE_MILLISECONDS = 5;  // between two looks whether the device is done
 const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
 const MAX_FIXED_SIDE = 8192;
 
@@ -165,6 +166,10 @@ export class Viewer {
 
   frame(time) {
     if (this.lost) return;
+    if (!this.renderer.idle) {  // a picture that the device cannot begin yet would hold up the page
+      setTimeout(() => this.changed(), PATIENCE_MILLISECONDS);
+      return;
+    }
     if (this.flight) {
       this.orbit.set(this.flight.at(time));
       this.changed(true);
@@ -191,6 +196,7 @@ export class Viewer {
     const {bounds, camera} = this.orbit;
     const middle = dot(add(bounds.center, camera.eye, -1), camera.axes[2]);
     const near = Math.max(middle - bounds.radius, NEAR);
+    this.splats.takeOrder();
     this.renderer.draw(this.splats.gpu, fitted(camera, width, height), {
       ...Splats.forShaders(this.settings), depthRange: [near, Math.max(middle + bounds.radius, near + 1e-3)],
     });
