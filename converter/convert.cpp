@@ -74,8 +74,8 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
   return file->rows().plain() ? std::move(file) : nullptr;
 }
 
-// Whether the output is a page that streams the input rather than one that holds it: levels of detail of which nothing is
-// to be changed.
+// Whether the output is a page that streams the input rather than one that holds it: levels of detail of which nothing
+// is to be changed.
 bool isStreamingPage(const std::filesystem::path& input, const Format& format, const ConvertOptions& options) {
   const bool changed = !options.edits.empty() || options.base_only || options.viewer || options.target.given() ||
                        options.steps || options.texture_step || options.quantize || options.meshopt ||
@@ -94,7 +94,9 @@ void writePageBeside(const std::filesystem::path& input, const std::filesystem::
                                " from the server that both lie on");
   const std::optional<ScratchFolder> folder =
       report.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
-  report.output_bytes = writeStreamingHtml(folder ? folder->path() / output.filename() : output, input);
+  const std::filesystem::path file = folder ? folder->path() / output.filename() : output;
+  writeStreamingHtml(file, addressFrom(output, input));
+  report.output_bytes = std::filesystem::file_size(file);
 }
 
 // Of the source what is written where it is made for a viewer; `base` lives as long as the options.

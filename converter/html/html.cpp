@@ -135,11 +135,16 @@ PageParts pageParts() {
           page.substr(bytes + kBytes.size(), payload - bytes - kBytes.size()), page.substr(payload + kPayload.size())};
 }
 
-// A relative path as an address: "/" between names, all but unreserved characters of RFC 3986 as %XX. Nothing is left that
-// a JSON string or an element would read otherwise.
-std::string addressOf(const std::filesystem::path& relative) {
+}  // namespace
+
+// "/" between names, all but unreserved characters of RFC 3986 as %XX: nothing is left that a JSON string or an element
+// would read otherwise.
+std::string addressFrom(const std::filesystem::path& page, const std::filesystem::path& file) {
+  const auto whole = [](const std::filesystem::path& path) {
+    return std::filesystem::absolute(path).lexically_normal();
+  };
   std::string address;
-  for (const unsigned char c : relative.generic_string()) {
+  for (const unsigned char c : whole(file).lexically_relative(whole(page).parent_path()).generic_string()) {
     if (std::isalnum(c) || std::string_view("-._~/").find(static_cast<char>(c)) != std::string_view::npos) {
       address += static_cast<char>(c);
     } else {
@@ -150,14 +155,8 @@ std::string addressOf(const std::filesystem::path& relative) {
   return address;
 }
 
-}  // namespace
-
-std::uint64_t writeStreamingHtml(const std::filesystem::path& path, const std::filesystem::path& lod_meta) {
+void writeStreamingHtml(const std::filesystem::path& path, const std::string& address) {
   const PageParts page = pageParts();
-  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
-  const std::string address = addressOf(std::filesystem::absolute(lod_meta).lexically_normal().lexically_relative(
-      folder.lexically_normal()));
-  std::uint64_t bytes = 0;
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
     std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
     out << page.before_title << escaped(path.stem().string()) << page.before_bytes << 0 << page.before_payload
@@ -165,9 +164,7 @@ std::uint64_t writeStreamingHtml(const std::filesystem::path& path, const std::f
         << page.rest;
     out.close();
     if (!out) throw Error(ErrorKind::cannotWrite, path.string(), "cannot be written: the disk is full");
-    bytes = std::filesystem::file_size(temporary);
   });
-  return bytes;
 }
 
 GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model as a page that shows it, textures included, in any browser with WebGL 2 and without a network; and back. A scene
-// with levels of detail as a page beside it.
+// A model as a page that shows it, textures included, in any browser with WebGL 2 and without a network; and back. A
+// scene with levels of detail as a page beside it.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -19,10 +19,11 @@ namespace tg {
 // the page's.
 GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content);
 
-// A page without a model, which shows the scene with levels of detail (docs/lod.md) whose lod-meta.json is named: it streams
-// it from the server that it comes from, so that both are to lie there as they lie now. Atomic. Returns its bytes. Throws
-// Error(cannotWrite).
-std::uint64_t writeStreamingHtml(const std::filesystem::path& path, const std::filesystem::path& lod_meta);
+// A page without a model, which streams the scene with levels of detail (docs/lod.md) whose lod-meta.json lies at
+// `address`, as addressFrom() gives it. Atomic. Throws Error(cannotWrite).
+void writeStreamingHtml(const std::filesystem::path& path, const std::string& address);
+// The address of a file as a page has it that lies on the same server, both as they lie here.
+std::string addressFrom(const std::filesystem::path& page, const std::filesystem::path& file);
 
 // The GLB in a page that writeHtml made. Throws Error(cannotRead / badData).
 std::vector<std::uint8_t> readHtmlGlb(const std::filesystem::path& path);

@@ -216,6 +216,33 @@ def check_faults(scene):
     expect("a lod-meta.json that is cut off is refused with a line", not opened and len(words) == 1, words)
 
 
+def check_page(browser, server, programs, reference):
+    """The page that tgconvert writes beside a scene."""
+    folder = server.folder
+    subprocess.run([str(programs / "tgconvert"), str(folder / "lod-meta.json"), str(folder / "page.html"), "--quiet"],
+                   check=True, stdout=subprocess.DEVNULL)
+    server.slow, server.broken, server.gone = {}, [], []
+    done = browser.open(f"{server.address}/scene/page.html?camera=0&size={SIDE}x{SIDE}&splat-budget=6000")
+    expect("a page opens that streams the scene beside it", done == {"gaussians": FULL}, done)
+    picture = from_data_url(browser.evaluate("tgViewer.picture()"))
+    keep("lod, page", picture)
+    found = Difference(browser, picture, reference)
+    expect(f"it shows tgview's picture, at least {LEAST_DB:.0f} dB", found.psnr >= LEAST_DB, found)
+    facts = browser.evaluate("document.getElementById('facts').textContent")
+    expect("it tells how many are drawn", facts.startswith("5,000 of 5,000 Gaussians, SH degree 3, rgba"), facts)
+    scripts = browser.evaluate("performance.getEntriesByType('resource').map(({name}) => name.split('/').pop())")
+    expect("it fetches nothing but the scene", not [name for name in scripts if name.endswith(".js")], scripts)
+    server.broken = ["/scene/0_1/quats"]
+    browser.page("Network.clearBrowserCache")
+    browser.open(f"{server.address}/scene/page.html?camera=0&size={SIDE}x{SIDE}&show=base")
+    browser.evaluate("tgViewer.picture()")
+    words = browser.evaluate("document.getElementById('message').textContent")
+    expect("a broken chunk is told on it", "/scene/0_1/meta.json: quats.webp:" in words, words)
+    done = browser.open((folder / "page.html").as_uri())
+    expect("from disk it says what it needs", "http.server" in done.get("error", ""), done)
+    expect("no word on the page's console", not browser.log, browser.log[:3])
+
+
 def find_packages(programs):
     for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
         modules = pathlib.Path(folder) / "node_modules"
@@ -274,6 +301,7 @@ def main():
             check_budget(scene)
             expect("no word on the console", not browser.log, browser.log[:3])
             check_faults(scene)
+            check_page(browser, server, programs, (folder / "reference.png").read_bytes())
         server.broken, server.gone = [], []
         for name in ENGINES if modules else []:
             with Chromium() as browser:
