@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small scene with levels of detail for tests: four leaves, three levels, a chunk each; and a server for it that can be
-slow or break chunks off."""
+"""A small scene with levels of detail for tests: four leaves, three levels, a chunk each; and a server for it that can
+be slow or break chunks off."""
 import functools
 import http.server
 import json
@@ -16,9 +16,10 @@ REACH = 100.0
 
 
 def make(programs, model, folder):
-    """Writes lod-meta.json and its chunks into `folder`; returns the address of the finest level as one model (a .tgz)."""
-    run = lambda *arguments: subprocess.run([str(programs / "tgconvert"), *map(str, arguments), "--quiet", "--overwrite"],
-                                            check=True, stdout=subprocess.DEVNULL)
+    """Writes lod-meta.json and its chunks into `folder`; returns the path of the finest level as one model (a .tgz)."""
+    def run(*arguments):
+        subprocess.run([str(programs / "tgconvert"), *map(str, arguments), "--quiet", "--overwrite"], check=True,
+                       stdout=subprocess.DEVNULL)
     names = []
     leaves = [{"bound": {"min": [x, y, -REACH], "max": [x + REACH, y + REACH, REACH]}, "lods": {}}
               for x in (-REACH, 0.0) for y in (-REACH, 0.0)]

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes with levels of detail without a browser: `node lod_test.mjs CUTS.json`. What lod-meta.json may say and may not,
-// where addresses may lead, and which levels a view wants: the same as the C++ library, by one file of cases
+// Scenes with levels of detail without a browser: `node lod_test.mjs CUTS.json`. What lod-meta.json may say and may
+// not, where addresses may lead, and which levels a view wants: the same as the C++ library, by one file of cases
 // (tests/goldens/lod_cuts.json), which `node lod_test.mjs CUTS.json --make` makes anew.
 import {readFileSync, writeFileSync} from 'node:fs';
 import {readCameraFile} from '../../web/src/camera_file.js';
@@ -16,8 +16,8 @@ const random = () => (seed = (1103515245 * seed + 12345) % 2147483648) / 2147483
 const between = (a, b) => Math.fround(a + (b - a) * random());
 const bytesOf = (value) => new TextEncoder().encode(typeof value === 'string' ? value : JSON.stringify(value));
 
-// A scene of `leaves` boxes, some of them flat or far, each a quarter as full from level to level; `gaps`: some leaves lack
-// some levels.
+// A scene of `leaves` boxes, some of them flat or far, each a quarter as full from level to level; `gaps`: some leaves
+// lack some levels.
 function randomScene(leaves, levels, gaps) {
   const files = Array.from({length: levels}, (_, level) => `${level}_0/meta.json`);
   const first = new Array(levels).fill(0);
@@ -25,7 +25,8 @@ function randomScene(leaves, levels, gaps) {
     const low = [between(-4, 4), between(-4, 4), between(-4, 4)];
     const size = random() < 0.1 ? 0 : between(0.01, 2);
     const means = {min: low, max: low.map((x) => Math.fround(x + size * random()))};
-    const bound = {min: low.map((x) => Math.fround(x - 0.3 * random())), max: means.max.map((x) => Math.fround(x + 0.3))};
+    const bound = {min: low.map((x) => Math.fround(x - 0.3 * random())),
+                   max: means.max.map((x) => Math.fround(x + 0.3))};
     let count = 1 + Math.floor(8000 * random());
     const lods = {};
     for (let level = 0; level < levels; ++level, count = Math.max(Math.floor(count / 4), 1)) {
@@ -86,7 +87,7 @@ for (const {meta, cuts} of scenes) {
   const coarsest = countOf(scene.leaves.map(() => scene.levels - 1));
   for (const {camera, budget, levels} of cuts) {
     const found = chosen(scene, camera, budget);
-    expect('levels are those of the golden', String([...found]) === String(levels), `${[...found]} (expected ${levels})`);
+    expect('levels are as before', String([...found]) === String(levels), `${[...found]} (expected ${levels})`);
     expect('the budget is kept', countOf(found) <= Math.max(budget, coarsest), countOf(found));
     differing += new Set(levels).size > 1;
   }
@@ -105,7 +106,8 @@ expect('a box is turned, and stands for that of the means', box === means && box
 
 // Spoilt ones are refused with a sentence, never by a slip of the reader's own.
 const good = randomScene(5, 3, false);
-const own = {version: 1, sh_degree: 3, texture_mode: 'rgba', intersection: 'plane', outside: 'base', background: [0, 0, 0]};
+const own = {version: 1, sh_degree: 3, texture_mode: 'rgba', intersection: 'plane', outside: 'base',
+             background: [0, 0, 0]};
 const deep = (depth) => {
   let tree = good.tree.children[0];
   for (let i = 0; i < depth; ++i) tree = {bound: tree.bound, children: [tree]};
@@ -113,7 +115,8 @@ const deep = (depth) => {
 };
 expect('a deep tree is read', parseLodMeta(bytesOf({...good, tree: deep(2000)})).leaves.length === 1);
 expect('what is ours is read', parseLodMeta(bytesOf({...good, TG_levels_of_detail: own})).own.mode === 3);
-expect('a later version is passed over', parseLodMeta(bytesOf({...good, TG_levels_of_detail: {...own, version: 2}})).own === null);
+expect('a later version is passed over',
+       parseLodMeta(bytesOf({...good, TG_levels_of_detail: {...own, version: 2}})).own === null);
 const changed = (path, value) => {
   const copy = structuredClone(good);
   const keys = path.split('/'), last = keys.pop();
@@ -122,10 +125,11 @@ const changed = (path, value) => {
 };
 const spoilt = [
   'null', '{}', '{"lodLevels": 1', {...good, lodLevels: 0}, {...good, lodLevels: 1e9}, {...good, lodLevels: '3'},
-  {...good, filenames: []}, {...good, filenames: [1]}, {...good, filenames: {}}, {...good, tree: null}, {...good, tree: []},
-  {...good, tree: {children: []}}, {...good, tree: {children: 'x'}}, {...good, tree: {children: {length: 1e9}}},
+  {...good, filenames: []}, {...good, filenames: [1]}, {...good, filenames: {}}, {...good, tree: null},
+  {...good, tree: []}, {...good, tree: {children: []}}, {...good, tree: {children: 'x'}}, {...good, tree: {children: {length: 1e9}}},
   changed('tree/children/0/bound', {min: [1, 1, 1], max: [0, 0, 0]}), changed('tree/children/0/bound', {}),
-  changed('tree/children/1/bound/min/0', null), changed('tree/children/1/TG_means', {min: [0, 0, 0]}), changed('tree/children/1/bound/max', [1, 2]),
+  changed('tree/children/1/bound/min/0', null), 
+  changed('tree/children/1/TG_means', {min: [0, 0, 0]}), changed('tree/children/1/bound/max', [1, 2]),
   changed('tree/children/0/lods/0/file', 3), changed('tree/children/0/lods/0/file', -1),
   changed('tree/children/0/lods/0/file', 'constructor'), changed('tree/children/0/lods/0/count', -5),
   changed('tree/children/0/lods/0/count', 1e300), changed('tree/children/0/lods/0/count', 1.5),
@@ -141,7 +145,8 @@ for (const [index, meta] of spoilt.entries()) {
   } catch (error) {
     told = error;
   }
-  const isOwn = told instanceof SyntaxError || (told && told.constructor === Error && told.message.startsWith('lod-meta.json'));
+  const isOwn = told instanceof SyntaxError ||
+    (told && told.constructor === Error && told.message.startsWith('lod-meta.json'));
   expect(`spoilt scene ${index}`, isOwn, told ? told.stack : 'is read');
 }
 expect('a lod-meta.json is known', isLodMeta(bytesOf(good)) && isLodMeta(bytesOf(` ${JSON.stringify(good)}`)));
@@ -151,21 +156,25 @@ expect('a glTF is none', !isLodMeta(bytesOf({asset: {version: '2.0'}})) && !isLo
 const folder = 'https://server/scenes/fox/';
 expect('a chunk', addressIn(folder, `${folder}lod-meta.json`, '0_0/meta.json') === `${folder}0_0/meta.json`);
 expect('an image', addressIn(folder, `${folder}0_0/meta.json`, 'sh0.webp') === `${folder}0_0/sh0.webp`);
-for (const name of ['../x.webp', '/x', '//evil/scenes/fox/x', 'https://evil/x', 'data:,x', '%2e%2e/x', '.%2E/x', '..\\x',
-                    '\t../x', 'a/../../x', 'https://server/scenes/foxes/x', 'http://server/scenes/fox/x', 'blob:x', 'http://[']) {
+for (const name of ['../x.webp', '/x', '//evil/scenes/fox/x', 'https://evil/x', 'data:,x', '%2e%2e/x', '.%2E/x',
+                    '..\\x', '\t../x', 'a/../../x', 'https://server/scenes/foxes/x', 'http://server/scenes/fox/x',
+                    'blob:x', 'http://[']) {
   let told = '';
   try { told = `is ${addressIn(folder, `${folder}lod-meta.json`, name)}`; } catch (error) { told = error.message; }
   expect(`the address ${name}`, /leads out|no address/.test(told), told);
 }
 
 const [camera] = readCameraFile(bytesOf([
-  {img_name: 'a', width: 640, height: 480, fx: 500, fy: 510, position: [1, 2, 3], rotation: [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
-   split: 'test'},
-  {width: 640}, null, {width: -1, height: 1, fx: 1, fy: 1, position: [0, 0, 0], rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+  {img_name: 'a', width: 640, height: 480, fx: 500, fy: 510, position: [1, 2, 3],
+   rotation: [[1, 0, 0], [0, 0, -1], [0, 1, 0]], split: 'test'},
+  {width: 640}, null,
+  {width: -1, height: 1, fx: 1, fy: 1, position: [0, 0, 0], rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
 ]));
 expect('a camera is read', camera.test && camera.cx === 320 && camera.eye.join() === '-1,-2,3' &&
   camera.axes.flat().every((x, k) => x === [-1, 0, 0, 0, 0, 1, 0, 1, 0][k]), JSON.stringify(camera));
-expect('what is no camera is left out', readCameraFile(bytesOf([null, {}])).length === 0 && readCameraFile(bytesOf({})).length === 0);
+for (const none of [[null, {}], {}, 3]) {
+  expect('what is no camera is left out', readCameraFile(bytesOf(none)).length === 0, JSON.stringify(none));
+}
 
 console.log(failures.join('\n') || `${scenes.length} scenes, ${spoilt.length} spoilt ones refused`);
 process.exit(failures.length > 0 ? 1 : 0);

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Streams a scene with levels of detail in a headless Chromium: from a server that is slow, that breaks chunks off, under
-a budget; what is seen meanwhile, and in the end against tgview.
+"""Streams a scene with levels of detail in a headless Chromium: from a server that is slow, that breaks chunks off,
+under a budget; what is seen meanwhile, and in the end against tgview.
 
     tests/web/lod_test.py BIN [MODEL]        BIN: folder of tgconvert and tgview; default docs/sample.tgz
 
-Engines come from where viewers_test.py looks for them. TG_WEB_PICTURES=FOLDER keeps the pictures. Skips (exit code 77) where there is no Chromium.
+Engines come from where viewers_test.py looks for them. TG_WEB_PICTURES=FOLDER keeps the pictures. Skips (exit code 77)
+where there is no Chromium.
 """
 import io
 import json
@@ -255,15 +256,16 @@ def show_engine(browser, server, name, pages, reference):
     """The package's example with the scene in place of its model."""
     text = (REPOSITORY / f"web/examples/{name}.html").read_text()
     text = re.sub(r"https://unpkg.com/([^'\"]*)", lambda m: "/packages/" + re.sub(r"@\d[^/]*", "", m[1]), text)
-    (pages / f"{name}.html").write_text(text.replace("../src/", "/web/src/").replace("scene.glb", "/scene/lod-meta.json"))
+    text = text.replace("../src/", "/web/src/").replace("scene.glb", "/scene/lod-meta.json")
+    (pages / f"{name}.html").write_text(text)
     browser.page("Emulation.setDeviceMetricsOverride", width=SIDE, height=SIDE, deviceScaleFactor=1, mobile=False)
     browser.page("Page.navigate", url=f"{server.address}/page/{name}.html")
     end = time.monotonic() + LIMIT_SECONDS
-    ready = "window.example && example.gaussians.settled && example.gaussians.splats.complete && example.gaussians.model.lod.shown"
-    while browser.evaluate(f"{ready} || 0") != FULL and time.monotonic() < end:
+    settled = "example.gaussians.settled && example.gaussians.splats.complete"
+    while (browser.evaluate(f"window.example && {settled} && example.gaussians.model.lod.shown || 0") != FULL and
+           time.monotonic() < end):
         time.sleep(0.2)
     browser.evaluate("example.gaussians.placeCamera(example.camera, 0); if (example.draw) example.draw(); 0")
-    settled = "example.gaussians.settled && example.gaussians.splats.complete"
     while not browser.evaluate(settled) and time.monotonic() < end:
         time.sleep(0.2)
     browser.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")

@@ -15,8 +15,8 @@ export class ChunkLoader {
     this.heard = false;      // whether the worker has answered ever
   }
 
-  // `request` as decodeFor() has it. Resolves with what that answers; a chunk that fails is tried again. An AbortError of
-  // `signal` once that is told.
+  // `request` as decodeFor() has it. Resolves with what that answers; a chunk that fails is tried again. An AbortError
+  // of `signal` once that is told.
   async load(request, signal) {
     for (let tries = 1, wait = FIRST_WAIT; ; ++tries, wait *= 2) {
       try {

@@ -9,15 +9,16 @@ export function failure(url, words, cause) {
   return new Error(`${told}: ${words}`, {cause});
 }
 
-// onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it. most: [bytes] there may be. cache: as
-// fetch() has it. What goes wrong has the address before it, but for an AbortError of `signal`.
+// onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it. most: [bytes] there may be. cache:
+// as fetch() has it. What goes wrong has the address before it, but for an AbortError of `signal`.
 export async function fetchBytes(url, {onProgress, signal, most = Infinity, cache = 'default'} = {}) {
   try {
     return await receivedBytes(url, {onProgress, signal, most, cache});
   } catch (error) {
     if (signal && signal.aborted || !(error instanceof TypeError)) throw error;
     // Browsers say "Failed to fetch" of all of these.
-    throw failure(url, `no answer, an answer that broke off, or one that this page may not read (${error.message})`, error);
+    const words = `no answer, an answer that broke off, or one that this page may not read (${error.message})`;
+    throw failure(url, words, error);
   }
 }
 

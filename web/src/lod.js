@@ -31,8 +31,8 @@ function readBound(bound, where) {
   return {low: [-max[0], -max[1], min[2]], high: [-min[0], -min[1], max[2]]};
 }
 
-// What the toolchain adds, {shCoefficients, mode, intersection, outside, background, cameras: the name of a file or null};
-// null where another program wrote the file, or a later one.
+// What the toolchain adds, {shCoefficients, mode, intersection, outside, background, cameras: the name of a file or
+// null}; null where another program wrote the file, or a later one.
 function readOwn(own) {
   if (!own || own.version !== 1) return null;
   const where = `/${LEVELS}`;
@@ -54,10 +54,10 @@ function filled(levels) {
   return found.map((piece, level) => piece || found.slice(level).find(Boolean));
 }
 
-// {files: [{name, pieces}], leaves: [{box: around all it shows, means: around its means, pieces, levels}], pieces, levels: how many, count: Gaussians of the
-// finest one, own: as readOwn()}. A piece is a level of a leaf, {level, file, first, count}; the pieces of a leaf, of which
-// there is at least one, go from the finest to the coarsest, and `levels` are pieces for each level. Throws at the first
-// thing that cannot be.
+// {files: [{name, pieces}], leaves: [{box: around all it shows, means: around its means, pieces, levels}], pieces,
+// levels: how many, count: Gaussians of the finest one, own: as readOwn()}. A piece is a level of a leaf, {level, file,
+// first, count}; the pieces of a leaf, of which there is at least one, go from the finest to the coarsest, and `levels`
+// are pieces for each level. Throws at the first thing that cannot be.
 export function parseLodMeta(bytes) {
   const meta = JSON.parse(new TextDecoder().decode(bytes));
   const {lodLevels: levels, filenames: names} = Object(meta);
@@ -70,7 +70,8 @@ export function parseLodMeta(bytes) {
     if (!lod || lod.count === 0) return null;
     const {file, offset: first = 0, count} = lod;
     expectThat(isCount(file, 0, names.length - 1), `${where}/file`, `${file} (expected 0 to ${names.length - 1})`);
-    expectThat(isCount(first, 0, MOST_COUNT) && isCount(count, 1, MOST_COUNT), where, `offset ${first}, count ${count}`);
+    const known = isCount(first, 0, MOST_COUNT) && isCount(count, 1, MOST_COUNT);
+    expectThat(known, where, `offset ${first}, count ${count}`);
     const piece = {level, file: scene.files[file], first, count};
     scene.files[file].pieces.push(piece);
     scene.pieces.push(piece);
@@ -82,7 +83,8 @@ export function parseLodMeta(bytes) {
     expectThat(node && typeof node === 'object', where, 'expected a node');
     const {children, lods} = node;
     if (!lods) {
-      expectThat(Array.isArray(children) && children.length + left.length <= MOST_LEAVES, where, 'expected children or lods');
+      const some = Array.isArray(children) && children.length + left.length <= MOST_LEAVES;
+      expectThat(some, where, 'expected children or lods');
       for (let i = children.length - 1; i >= 0; --i) left.push([children[i], `${where}/children/${i}`]);
       continue;
     }
@@ -150,8 +152,8 @@ class Errors {
 }
 
 // The level of each leaf that a view wants, as chooseLevels of converter/lod chooses it, to the bit (docs/lod.md): the
-// squared distance of a leaf's Gaussians on the screen is brought down where it is largest, as long as `budget` Gaussians
-// are not passed. {levels, errors: that distance in the coarsest level, [px^2], by leaf; 0 out of view}.
+// squared distance of a leaf's Gaussians on the screen is brought down where it is largest, as long as `budget`
+// Gaussians are not passed. {levels, errors: that distance in the coarsest level, [px^2], by leaf; 0 out of view}.
 export function chooseLevels(scene, camera, budget) {
   const {leaves} = scene;
   const {eye, fx, fy} = camera;

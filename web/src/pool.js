@@ -69,7 +69,7 @@ export class SplatPool extends GpuModel {
     try {
       renderer.guarded(() => pool.allocate());
       await renderer.finished();
-      if (gl.getError() !== gl.NO_ERROR) throw new Error('the scene does not fit into the memory of the graphics device');
+      if (gl.getError() !== gl.NO_ERROR) throw new Error('the scene does not fit into the graphics device\'s memory');
     } catch (error) {
       pool.dispose();
       throw error;
@@ -152,7 +152,8 @@ export class SplatPool extends GpuModel {
     this.density = Math.max(this.density, BAND_WIDTH * rows / sum(({positions}) => positions.length / 3));
   }
 
-  // Room for a piece as the decoder packs it, or null where there is none: {rows: runs, bands: [{layer, first, count}]}.
+  // Room for a piece as the decoder packs it, or null where there is none: {rows: runs, bands: [{layer, first,
+  // count}]}.
   take({positions, textures}) {
     const rows = Math.ceil(positions.length / 3 / this.perRow);
     if (this.gaussianRows.free < rows) return null;
@@ -182,8 +183,8 @@ export class SplatPool extends GpuModel {
     for (const {layer, first, count} of bands) this.layers[layer].give(first, count);
   }
 
-  // Uploads a piece into its room, in slices, each when the device has done what it was told before: numbers that it cannot
-  // take yet would hold up the page. Nothing of the piece is drawn before it is there.
+  // Uploads a piece into its room, in slices, each when the device has done what it was told before: numbers that it
+  // cannot take yet would hold up the page. Nothing of the piece is drawn before it is there.
   async fill(piece, room) {
     const {gl, renderer} = this;
     const steps = this.fillSteps(piece, room);
@@ -232,7 +233,8 @@ export class SplatPool extends GpuModel {
       const across = whole > 0 ? perRow : last - at, down = Math.max(whole, 1);
       const end = at + across * down;
       renderer.bind(this.textures, name, gl.TEXTURE_2D);
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, to, across * width, down, format, type, numbers.subarray(at * size, end * size));
+      const part = numbers.subarray(at * size, end * size);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, to, across * width, down, format, type, part);
       at = end;
       to += down;
       yield;

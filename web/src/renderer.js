@@ -165,7 +165,8 @@ export class SplatRenderer {
     const {gl} = this;
     const {layer} = model;
     const float = [gl.RGBA32F, gl.RGBA, gl.FLOAT, Float32Array];
-    yield* this.uploadRows(gpu, 'u_gaussians', TEXELS_PER_GAUSSIAN, 4, float, (i, out, at) => packGaussian(model, i, out, at));
+    yield* this.uploadRows(gpu, 'u_gaussians', TEXELS_PER_GAUSSIAN, 4, float,
+                           (i, out, at) => packGaussian(model, i, out, at));
     if (gpu.shCoefficients > 0) {
       const half = [gl.RGB16F, gl.RGB, gl.FLOAT, Float32Array];
       yield* this.uploadRows(gpu, 'u_sh', gpu.shCoefficients, 3, half, (i, out, at) => packSh(model, i, out, at));
@@ -231,7 +232,8 @@ export class SplatRenderer {
     }
   }
 
-  // A picture to sum into, of at least 16 bits a channel where the device can. `depth`: a format of a depth buffer, or 0.
+  // A picture to sum into, of at least 16 bits a channel where the device can. `depth`: a format of a depth buffer, or
+  // 0.
   sizeTarget(width, height, depth) {
     const {gl, target} = this;
     if (target && target.width === width && target.height === height && target.depth === depth) return;
@@ -364,7 +366,8 @@ export class SplatRenderer {
   // Whether the device has done the last draw().
   get idle() {
     const {gl} = this;
-    if (this.drawing && !gl.isContextLost() && gl.clientWaitSync(this.drawing, 0, 0) === gl.TIMEOUT_EXPIRED) return false;
+    const asked = this.drawing && !gl.isContextLost();
+    if (asked && gl.clientWaitSync(this.drawing, 0, 0) === gl.TIMEOUT_EXPIRED) return false;
     gl.deleteSync(this.drawing);
     this.drawing = null;
     return true;

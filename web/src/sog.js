@@ -314,8 +314,8 @@ export function parseSogMeta(bytes) {
   return meta;
 }
 
-// entries: a map from the images' names to functions that give bytes; size: [bytes] of all there is; whole: textures that
-// cannot be read are an error, too.
+// entries: a map from the images' names to functions that give bytes; size: [bytes] of all there is; whole: textures
+// that cannot be read are an error, too.
 export async function readSogParts(meta, entries, size, {whole = false} = {}) {
   const file = new SogFile(entries, meta, size);
   const {count} = file;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sorts Gaussians by camera z, farthest first, in a worker: exactly docs/math.md 1.2 (float32 z, the lower index in
-// front on ties), by counting the two 16-bit halves of the float's bits, which order positive floats. Gaussians stand in
-// places, some of which are shown; what the others hold may change meanwhile.
+// front on ties), by counting the two 16-bit halves of the float's bits, which order positive floats. Gaussians stand
+// in places, some of which are shown; what the others hold may change meanwhile.
 
 // What the worker runs. It travels as text: it uses nothing of this file.
 function sorting() {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes with levels of detail: the coarsest levels first, then those that the view wants, as they come. A coarser level
-// is drawn until a finer one is there to the last Gaussian; what is no longer wanted makes room for what is.
+// Scenes with levels of detail: the coarsest levels first, then those that the view wants, as they come. A coarser
+// level is drawn until a finer one is there to the last Gaussian; what is no longer wanted makes room for what is.
 import {sceneBounds} from './camera.js';
 import {readCameraFile} from './camera_file.js';
 import {ChunkLoader} from './chunks.js';
@@ -89,10 +89,12 @@ async function fetchCameras({scene, address, folder}, signal) {
 
 // The model of a lod-meta.json, once its coarsest levels are there: readModel's, of those levels; more of it comes as
 // `lod` is drawn. What Gaussians have beyond their means stays with what draws them.
-export async function readLod(address, bytes, {signal = new AbortController().signal, splatBudget = SPLAT_BUDGET} = {}) {
+export async function readLod(address, bytes, options) {
+  const {signal = new AbortController().signal, splatBudget = SPLAT_BUDGET} = options;
   const scene = parseLodMeta(bytes);
   const stream = new LodStream(scene, address, splatBudget);
-  const [{chunks, errors}, {cameras, notes: said}] = await Promise.all([stream.loadCoarsest(signal), fetchCameras(stream, signal)]);
+  const both = [stream.loadCoarsest(signal), fetchCameras(stream, signal)];
+  const [{chunks, errors}, {cameras, notes: said}] = await Promise.all(both);
   if (chunks.length === 0) throw errors[0];
   stream.first = chunks;
   if (!scene.own) stream.kind.shCoefficients = Math.max(...chunks.map((chunk) => chunk.shCoefficients));
@@ -346,7 +348,9 @@ export class StreamedSplats extends Splats {
         continue;
       }
       if (!needed) return null;
-      if (others.length === 0) throw new Error(`${piece.file.address}: no room for ${piece.count} Gaussians on this device`);
+      if (others.length === 0) {
+        throw new Error(`${piece.file.address}: no room for ${piece.count} Gaussians on this device`);
+      }
       // What is drawn beyond what is wanted goes with the next order.
       this.pressed = true;
       this.advance();

@@ -100,7 +100,7 @@ export class TexturedGaussians extends Mesh {
 }
 
 export class TexturedGaussiansLoader extends Loader {
-  splatBudget = undefined;  // Gaussians of a scene with levels of detail that may be drawn; undefined: as loadModel has it
+  splatBudget = undefined;  // Gaussians of a scene with levels of detail that may be drawn, or as loadModel has it
 
   load(url, onLoad, onProgress, onError = (error) => console.error(error)) {
     this.manager.itemStart(url);

@@ -213,7 +213,8 @@ export class Viewer {
 
   // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
   // fy, cx, cy, axes, eye} as in camera.js), view (name or index of one of the model's, or what viewText gives), size
-  // "WxH" or "window", show, textures, intersection, outside, background, splat-budget. Throws at the first that cannot be.
+  // "WxH" or "window", show, textures, intersection, outside, background, splat-budget. Throws at the first that cannot
+  // be.
   apply(wanted) {
     const choice = (key, known) => {
       if (wanted[key] === undefined) return;
@@ -255,7 +256,9 @@ export class Viewer {
   // Gaussians that a scene with levels may have drawn; other models are drawn whole.
   setBudget(wanted) {
     const budget = wanted === '' ? NaN : Number(wanted);
-    if (!(Number.isInteger(budget) && budget > 0)) throw new Error(`splat-budget=${wanted} (expected a number of Gaussians)`);
+    if (!(Number.isInteger(budget) && budget > 0)) {
+      throw new Error(`splat-budget=${wanted} (expected a number of Gaussians)`);
+    }
     const {lod} = this.model;
     if (!lod) return;
     lod.budget = budget;
@@ -321,7 +324,8 @@ export class Viewer {
     });
   }
 
-  // The picture for these settings, as a data URL of a PNG; of a scene with levels once all is there that the view wants.
+  // The picture for these settings, as a data URL of a PNG; of a scene with levels once all is there that the view
+  // wants.
   async picture(wanted = {}) {
     this.apply(wanted);
     await this.taking;
@@ -350,7 +354,9 @@ export class Viewer {
     }
     this.splats = this.flight = null;
     // A context may be asked back once the event is over.
-    this.lost = new Promise((done) => this.canvas.addEventListener('webglcontextlost', () => setTimeout(done), {once: true}));
+    this.lost = new Promise((done) => {
+      this.canvas.addEventListener('webglcontextlost', () => setTimeout(done), {once: true});
+    });
     this.device.loseContext();
     return still;
   }

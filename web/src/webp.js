@@ -50,7 +50,9 @@ async function readRows(gl, begin, end, width, out) {
 async function pixelsOf(frame, width, height) {
   const swapped = frame.format.startsWith('BGR');
   if (!swapped && !frame.format.startsWith('RGB')) return null;
-  if (frame.codedWidth !== width || frame.codedHeight !== height) throw new Error('WebP: another size than its header says');
+  if (frame.codedWidth !== width || frame.codedHeight !== height) {
+    throw new Error('WebP: another size than its header says');
+  }
   const samples = new Uint8Array(4 * width * height);
   await frame.copyTo(samples, {layout: [{offset: 0, stride: 4 * width}]});
   for (let i = 0; swapped && i < samples.length; i += 4) {

@@ -60,8 +60,8 @@ function streamedAddress() {
   const node = document.querySelector('script.stream');
   if (!node) return null;
   if (location.protocol === 'file:') {
-    throw new Error('This page streams its scene, which browsers do from a server only: "python3 -m http.server" in its ' +
-                    'folder, then http://localhost:8000/.');
+    throw new Error('This page streams its scene, which browsers do from a server only: "python3 -m http.server" in ' +
+                    'its folder, then http://localhost:8000/.');
   }
   return JSON.parse(node.textContent);
 }
