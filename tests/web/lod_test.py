@@ -20,7 +20,7 @@ import tempfile
 import time
 
 import lod_scene
-from chromium import Chromium, Difference, find_chromium, from_data_url
+from chromium import STALL, Chromium, Difference, find_chromium, from_data_url
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 LEAST_DB = 38.0  # what the package promises
@@ -239,6 +239,19 @@ def check_page(browser, server, programs, reference):
     browser.evaluate("tgViewer.picture()")
     words = browser.evaluate("document.getElementById('message').textContent")
     expect("a broken chunk is told on it", "/scene/0_1/meta.json: quats.webp:" in words, words)
+    server.broken = []
+
+    def look():
+        browser.page("Network.clearBrowserCache")
+        browser.open(f"{server.address}/scene/page.html?size=320x240")
+        browser.evaluate("(async () => { do await tgViewer.splats.completed(); while (!tgViewer.splats.complete); })()")
+
+    browser.watch_stalls()
+    longest, busy = browser.longest_stall(look)
+    if busy:
+        print(busy)
+    else:
+        expect(f"once there is a context nothing stalls it for more than {STALL} ms", longest <= STALL, longest)
     done = browser.open((folder / "page.html").as_uri())
     expect("from disk it says what it needs", "http.server" in done.get("error", ""), done)
     expect("no word on the page's console", not browser.log, browser.log[:3])
