@@ -7,6 +7,7 @@ import {readCameraFile} from '../../web/src/camera_file.js';
 import {addressIn} from '../../web/src/decoder.js';
 import {chooseLevels, isLodMeta, parseLodMeta} from '../../web/src/lod.js';
 
+setInterval(() => {}, 1000);  // long work in slices does not keep Node from ending
 const failures = [];
 const expect = (what, ok, found = '') => {
   if (!ok) failures.push(`${what}: ${found}`);
@@ -61,28 +62,30 @@ function chosen(scene, camera, budget) {
   return chooseLevels(scene, {...camera, eye: turned(eye), axes: [right, down, forward].map(turned)}, budget).levels;
 }
 
-function makeCuts() {
-  return [[40, 4, false], [40, 4, true], [150, 6, false], [1, 1, false]].map(([leaves, levels, gaps]) => {
+async function makeCuts() {
+  const scenes = [];
+  for (const [leaves, levels, gaps] of [[40, 4, false], [40, 4, true], [150, 6, false], [1, 1, false]]) {
     const meta = randomScene(leaves, levels, gaps);
-    const scene = parseLodMeta(bytesOf(meta));
+    const scene = await parseLodMeta(bytesOf(meta));
     const cuts = Array.from({length: 12}, (_, i) => {
       const camera = randomCamera(), budget = [0, 5000, 50000, 1000000][i % 4];
       return {camera, budget, levels: [...chosen(scene, camera, budget)]};
     });
-    return {meta, cuts};
-  });
+    scenes.push({meta, cuts});
+  }
+  return scenes;
 }
 
 const path = process.argv[2];
 if (process.argv[3] === '--make') {
-  writeFileSync(path, `[\n${makeCuts().map((scene) => JSON.stringify(scene)).join(',\n')}\n]\n`);
+  writeFileSync(path, `[\n${(await makeCuts()).map((scene) => JSON.stringify(scene)).join(',\n')}\n]\n`);
   process.exit(0);
 }
 
 const scenes = JSON.parse(readFileSync(path, 'utf8'));
 let differing = 0;
 for (const {meta, cuts} of scenes) {
-  const scene = parseLodMeta(bytesOf(meta));
+  const scene = await parseLodMeta(bytesOf(meta));
   const countOf = (levels) => scene.leaves.reduce((sum, leaf, i) => sum + leaf.levels[levels[i]].count, 0);
   const coarsest = countOf(scene.leaves.map(() => scene.levels - 1));
   for (const {camera, budget, levels} of cuts) {
@@ -95,7 +98,7 @@ for (const {meta, cuts} of scenes) {
 expect('the cases tell levels apart', scenes.length > 0 && differing > 10, differing);
 
 // What is missing at a level is shown by the next finer one, else by the next coarser.
-const gap = parseLodMeta(bytesOf({
+const gap = await parseLodMeta(bytesOf({
   lodLevels: 4, filenames: ['a/meta.json', 'b/meta.json'],
   tree: {bound: {min: [0, 0, 0], max: [1, 1, 1]}, lods: {1: {file: 0, offset: 3, count: 9}, 2: {file: 1, count: 2}}},
 }));
@@ -113,10 +116,10 @@ const deep = (depth) => {
   for (let i = 0; i < depth; ++i) tree = {bound: tree.bound, children: [tree]};
   return tree;
 };
-expect('a deep tree is read', parseLodMeta(bytesOf({...good, tree: deep(2000)})).leaves.length === 1);
-expect('what is ours is read', parseLodMeta(bytesOf({...good, TG_levels_of_detail: own})).own.mode === 3);
+expect('a deep tree is read', (await parseLodMeta(bytesOf({...good, tree: deep(2000)}))).leaves.length === 1);
+expect('what is ours is read', (await parseLodMeta(bytesOf({...good, TG_levels_of_detail: own}))).own.mode === 3);
 expect('a later version is passed over',
-       parseLodMeta(bytesOf({...good, TG_levels_of_detail: {...own, version: 2}})).own === null);
+       (await parseLodMeta(bytesOf({...good, TG_levels_of_detail: {...own, version: 2}}))).own === null);
 const changed = (path, value) => {
   const copy = structuredClone(good);
   const keys = path.split('/'), last = keys.pop();
@@ -141,7 +144,7 @@ const spoilt = [
 for (const [index, meta] of spoilt.entries()) {
   let told = null;
   try {
-    parseLodMeta(bytesOf(meta));
+    await parseLodMeta(bytesOf(meta));
   } catch (error) {
     told = error;
   }

@@ -4,6 +4,7 @@
 under a budget; what is seen meanwhile, and in the end against tgview.
 
     tests/web/lod_test.py BIN [MODEL]        BIN: folder of tgconvert and tgview; default docs/sample.tgz
+    tests/web/lod_test.py --measure FOLDER [BUDGET]    how soon, in 640 x 480, a FOLDER with lod-meta.json is seen
 
 Engines come from where viewers_test.py looks for them. TG_WEB_PICTURES=FOLDER keeps the pictures. Skips (exit code 77)
 where there is no Chromium.
@@ -20,7 +21,7 @@ import tempfile
 import time
 
 import lod_scene
-from chromium import STALL, Chromium, Difference, find_chromium, from_data_url
+from chromium import LAG, STALL, Chromium, Difference, find_chromium, from_data_url
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 LEAST_DB = 38.0  # what the package promises
@@ -86,6 +87,26 @@ window.holes_seen = async () => {
 };
 window.__done = {};
 </script>"""
+# Times [ms] are from the moment in which the page has an element with the address.
+MEASURE = """(async (budget) => {
+  const element = document.createElement('textured-gaussians');
+  element.style.cssText = 'width: 640px; height: 480px; aspect-ratio: auto';
+  element.setAttribute('splat-budget', budget);
+  const begin = performance.now(), since = () => Math.round(performance.now() - begin);
+  const loaded = new Promise((done, no) => {
+    element.addEventListener('load', done, {once: true});
+    element.addEventListener('error', ({detail}) => no(detail.error), {once: true});
+  });
+  element.src = '/scene/lod-meta.json';
+  document.body.replaceChildren(element);
+  await loaded;
+  const {viewer, model} = element;
+  await viewer.renderer.finished();
+  const first = since(), shown = model.lod.shown;
+  await element.picture();
+  await viewer.renderer.finished();
+  return {first, gaussians: shown, all: since(), drawn: model.lod.shown, of: model.lod.count, room: viewer.splats.gpu.count};
+})"""
 
 
 def expect(what, ok, found=""):
@@ -257,6 +278,22 @@ def check_page(browser, server, programs, reference):
     expect("no word on the page's console", not browser.log, browser.log[:3])
 
 
+def measure(folder, budget):
+    with tempfile.TemporaryDirectory() as pages, Chromium() as browser:
+        (pathlib.Path(pages) / "page.html").write_text(PAGE)
+        server = lod_scene.Server({"scene": folder, "page": pages, "web": REPOSITORY / "web"})
+        browser.watch_stalls()
+        for _ in range(3):
+            browser.page("Network.clearBrowserCache")
+            browser.page("Page.navigate", url="about:blank")
+            lag = browser.evaluate(LAG)
+            browser.open(f"{server.address}/page/page.html", 640, 480)
+            found = browser.evaluate(f"{MEASURE}({budget})")
+            stalls = [round(x) for x in browser.evaluate("stalls") if x > STALL]
+            print(f"{found}; held up for more than {STALL} ms once there was a context: {stalls or 'never'} "
+                  f"(an empty page lags by {lag:.0f} ms)", flush=True)
+
+
 def find_packages(programs):
     for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
         modules = pathlib.Path(folder) / "node_modules"
@@ -290,6 +327,8 @@ def show_engine(browser, server, name, pages, reference):
 
 
 def main():
+    if sys.argv[1] == "--measure":
+        return measure(pathlib.Path(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1000000)
     programs = pathlib.Path(sys.argv[1]).resolve()
     model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
     find_chromium()

@@ -81,34 +81,34 @@ async function packTextures({rects: from, pages, atlases}, first, count) {
   return {rects, bandOf, bands};
 }
 
-async function packPiece(model, [first, count]) {
-  if (first + count > model.count) {
-    throw new Error(`holds ${model.count} Gaussians (expected ${first + count}, as lod-meta.json has it)`);
-  }
-  const numbers = 3 * (model.sh.length - 1);
-  const piece = {
-    positions: new Float32Array(3 * count), gaussians: new Float32Array(GAUSSIAN_NUMBERS * count),
-    sh: new Float32Array(numbers * count), textures: null,
-  };
+// All Gaussians of a chunk, and the textures of each piece of it, null where there are none.
+async function packChunk(model, ranges) {
+  const {count, sh: coefficients, layer} = model;
+  const end = Math.max(...ranges.map(([first, held]) => first + held));
+  if (end > count) throw new Error(`holds ${count} Gaussians (expected ${end}, as lod-meta.json has it)`);
+  const numbers = 3 * (coefficients.length - 1);
+  const gaussians = new Float32Array(GAUSSIAN_NUMBERS * count), sh = new Float32Array(numbers * count);
   for (let i = 0; i < count; ++i) {
     if (i % SLICE_GAUSSIANS === 0) await breathe();
-    packGaussian(model, first + i, piece.gaussians, GAUSSIAN_NUMBERS * i);
-    packSh(model, first + i, piece.sh, numbers * i);
+    packGaussian(model, i, gaussians, GAUSSIAN_NUMBERS * i);
+    packSh(model, i, sh, numbers * i);
   }
-  piece.positions.set(model.mean.subarray(3 * first, 3 * (first + count)));
-  if (model.layer) piece.textures = await packTextures(model.layer, first, count);
-  return piece;
+  const textures = [];
+  for (const range of ranges) textures.push(layer ? await packTextures(layer, ...range) : null);
+  return {positions: model.mean, gaussians, sh, textures};
 }
 
 function buffersOf({positions, gaussians, sh, textures}) {
   const lists = [positions, gaussians, sh];
-  if (textures) lists.push(textures.rects, textures.bandOf, ...textures.bands.map(({texels}) => texels));
+  for (const part of textures.filter(Boolean)) {
+    lists.push(part.rects, part.bandOf, ...part.bands.map(({texels}) => texels));
+  }
   return lists.map((list) => list.buffer);
 }
 
 // Answers what `port` asks: {id, address, folder, ranges: first and count of each piece, textured: whether textures are
 // wanted, shCoefficients: without the first one, null: as the chunk has them, again: past the browser's cache};
-// {id, stop: true}. With {id, pieces, shCoefficients, mode, intersection,
+// {id, stop: true}. With {id, chunk, shCoefficients, mode, intersection,
 // outside, notes} or {id, error: a sentence}; to what was stopped there is no answer.
 export function decodeFor(port) {
   const stops = new Map();
@@ -116,7 +116,7 @@ export function decodeFor(port) {
 
   const unpack = async ({id, address, ranges, textured, shCoefficients}, read) => {
     if (!stops.has(id)) return;
-    const pieces = [];
+    let chunk = null;
     const model = await telling(address, async () => {
       const found = await read();
       if (!textured) found.layer = null;
@@ -124,13 +124,13 @@ export function decodeFor(port) {
         while (found.sh.length - 1 < shCoefficients) found.sh.push(new Float32Array(3 * found.count));
         found.sh.length = shCoefficients + 1;
       }
-      for (const range of ranges) pieces.push(await packPiece(found, range));
+      chunk = await packChunk(found, ranges);
       return found;
     });
     if (!stops.has(id)) return;
     const {sh, layer, intersection, outside, notes} = model;
-    port.postMessage({id, pieces, shCoefficients: sh.length - 1, mode: layer ? layer.mode : 0, intersection, outside,
-                      notes}, pieces.flatMap(buffersOf));
+    port.postMessage({id, chunk, shCoefficients: sh.length - 1, mode: layer ? layer.mode : 0, intersection, outside,
+                      notes}, buffersOf(chunk));
   };
 
   const answer = async (asked) => {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes with levels of detail: what a lod-meta.json says (docs/lod.md), and which level of each node a view wants.
+import {breathe} from './breathe.js';
 import {INTERSECTIONS, MODES, OUTSIDES} from './glb.js';
 
 const LEVELS = 'TG_levels_of_detail', MEANS = 'TG_means';  // of this toolchain
@@ -8,6 +9,7 @@ const MOST_LEVELS = 16;
 const MOST_FILES = 1 << 16;
 const MOST_LEAVES = 1 << 16;
 const MOST_COUNT = 2 ** 31;   // Gaussians of a level
+const NODES_AT_A_TIME = 256;  // between two looks at the clock
 
 // Whether bytes are a lod-meta.json, as it is or spoilt.
 export function isLodMeta(bytes) {
@@ -16,8 +18,10 @@ export function isLodMeta(bytes) {
   return bytes[at] === 0x7B && bytes.length <= MOST_LOD_META && new TextDecoder().decode(bytes).includes('"lodLevels"');
 }
 
+const complaint = (where, words) => new Error(`lod-meta.json: ${where}: ${words}`);
+
 function expectThat(ok, where, words) {
-  if (!ok) throw new Error(`lod-meta.json: ${where}: ${words}`);
+  if (!ok) throw complaint(where, words);
 }
 
 const isCount = (value, least, most) => Number.isInteger(value) && value >= least && value <= most;
@@ -58,7 +62,7 @@ function filled(levels) {
 // levels: how many, count: Gaussians of the finest one, own: as readOwn()}. A piece is a level of a leaf, {level, file,
 // first, count}; the pieces of a leaf, of which there is at least one, go from the finest to the coarsest, and `levels`
 // are pieces for each level. Throws at the first thing that cannot be.
-export function parseLodMeta(bytes) {
+export async function parseLodMeta(bytes) {
   const meta = JSON.parse(new TextDecoder().decode(bytes));
   const {lodLevels: levels, filenames: names} = Object(meta);
   expectThat(isCount(levels, 1, MOST_LEVELS), '/lodLevels', `${levels} (expected 1 to ${MOST_LEVELS})`);
@@ -69,16 +73,20 @@ export function parseLodMeta(bytes) {
   const readPiece = (lod, level, where) => {
     if (!lod || lod.count === 0) return null;
     const {file, offset: first = 0, count} = lod;
-    expectThat(isCount(file, 0, names.length - 1), `${where}/file`, `${file} (expected 0 to ${names.length - 1})`);
-    const known = isCount(first, 0, MOST_COUNT) && isCount(count, 1, MOST_COUNT);
-    expectThat(known, where, `offset ${first}, count ${count}`);
+    if (!isCount(file, 0, names.length - 1)) {
+      throw complaint(`${where}/lods/${level}/file`, `${file} (expected 0 to ${names.length - 1})`);
+    }
+    if (!isCount(first, 0, MOST_COUNT) || !isCount(count, 1, MOST_COUNT)) {
+      throw complaint(`${where}/lods/${level}`, `offset ${first}, count ${count}`);
+    }
     const piece = {level, file: scene.files[file], first, count};
     scene.files[file].pieces.push(piece);
     scene.pieces.push(piece);
     return piece;
   };
   const left = [[meta.tree, '/tree']];  // JSON holds no circles
-  while (left.length > 0) {
+  for (let nodes = 0; left.length > 0; ++nodes) {
+    if (nodes % NODES_AT_A_TIME === 0) await breathe();
     const [node, where] = left.pop();
     expectThat(node && typeof node === 'object', where, 'expected a node');
     const {children, lods} = node;
@@ -91,7 +99,7 @@ export function parseLodMeta(bytes) {
     expectThat(scene.leaves.length < MOST_LEAVES, where, `more than ${MOST_LEAVES} leaves`);
     const box = readBound(node.bound, `${where}/bound`);
     const means = node[MEANS] ? readBound(node[MEANS], `${where}/${MEANS}`) : box;
-    const found = Array.from({length: levels}, (_, level) => readPiece(lods[level], level, `${where}/lods/${level}`));
+    const found = Array.from({length: levels}, (_, level) => readPiece(lods[level], level, where));
     const pieces = found.filter(Boolean);
     if (pieces.length === 0) continue;
     scene.leaves.push({box, means, pieces, levels: filled(found)});

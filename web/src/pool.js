@@ -2,6 +2,7 @@
 // Room on the device for Gaussians that come and go: those of a scene with levels of detail.
 import {breathe} from './breathe.js';
 import {BAND_WIDTH} from './decoder.js';
+import {GAUSSIAN_NUMBERS} from './pack.js';
 import {BLOCK_BYTES, GpuModel, TEXELS_PER_GAUSSIAN} from './renderer.js';
 
 const LEAST_PER_ROW = 128;    // Gaussians: what a piece leaves free of its last row
@@ -51,6 +52,20 @@ class Rows {
   }
 }
 
+// Parts of `list`, `width` numbers a Gaussian, as one.
+function gathered(list, width, pieces) {
+  const [{first}] = pieces, {first: last, count} = pieces[pieces.length - 1];
+  const sum = pieces.reduce((total, piece) => total + piece.count, 0);
+  if (last + count - first === sum) return list.subarray(width * first, width * (first + sum));
+  const out = new list.constructor(width * sum);
+  let at = 0;
+  for (const piece of pieces) {
+    out.set(list.subarray(width * piece.first, width * (piece.first + piece.count)), at);
+    at += width * piece.count;
+  }
+  return out;
+}
+
 // How many Gaussians stand in a row on this device if `places` are to have room; 0 where they cannot.
 export function perRowFor(side, places, shCoefficients) {
   const most = Math.floor(side / Math.max(TEXELS_PER_GAUSSIAN, shCoefficients));
@@ -81,6 +96,7 @@ export class SplatPool extends GpuModel {
     super(renderer.gl, {...kind, count: rows * perRow}, perRow, rows);
     this.renderer = renderer;
     this.gaussianRows = new Rows(rows);
+    this.users = new Uint16Array(rows);  // pieces that stand in a row
     this.layers = [];  // rows of atlases
     this.most = 0;     // layers that there may be
     this.density = 0;  // [texels] of a Gaussian, with what bands leave free: the most that a chunk had
@@ -145,29 +161,49 @@ export class SplatPool extends GpuModel {
     return true;
   }
 
-  // Of the pieces of a chunk as the decoder packs them, before the first of them is given room.
+  // Of the pieces of a chunk, {first, count, textures: as the decoder packs them}, before any of them is given room.
   expect(pieces) {
     const sum = (numberOf) => pieces.reduce((total, piece) => total + numberOf(piece), 0);
     const rows = sum(({textures}) => (textures ? textures.bands.reduce((total, band) => total + band.rows, 0) : 0));
-    this.density = Math.max(this.density, BAND_WIDTH * rows / sum(({positions}) => positions.length / 3));
+    this.density = Math.max(this.density, BAND_WIDTH * rows / sum(({count}) => count));
   }
 
-  // Room for a piece as the decoder packs it, or null where there is none: {rows: runs, bands: [{layer, first,
-  // count}]}.
-  take({positions, textures}) {
-    const rows = Math.ceil(positions.length / 3 / this.perRow);
+  // Room for pieces of a chunk, one after the other: {rows: runs, rooms: {places: first and count in turns, bands} of
+  // each}. Null where there is none.
+  take(pieces) {
+    const count = pieces.reduce((sum, piece) => sum + piece.count, 0);
+    const rows = Math.ceil(count / this.perRow);
     if (this.gaussianRows.free < rows) return null;
-    const room = {rows: [], bands: []};
-    for (const {rows: count} of textures && this.mode > 0 ? textures.bands : []) {
-      const band = this.takeBand(count) || (this.renderer.guarded(() => this.grow()) && this.takeBand(count));
-      if (!band) {
-        this.give(room);
-        return null;
+    const rooms = pieces.map(() => ({places: [], bands: []}));
+    for (const [index, {textures}] of pieces.entries()) {
+      for (const {rows: height} of textures && this.mode > 0 ? textures.bands : []) {
+        const band = this.takeBand(height) || (this.renderer.guarded(() => this.grow()) && this.takeBand(height));
+        if (!band) {
+          for (const room of rooms) this.give(room);
+          return null;
+        }
+        rooms[index].bands.push(band);
       }
-      room.bands.push(band);
     }
-    room.rows = this.gaussianRows.takeRuns(rows);
-    return room;
+    const runs = this.gaussianRows.takeRuns(rows);
+    const left = runs.map(([first, some]) => [first * this.perRow, some * this.perRow]);
+    for (const [index, {places}] of rooms.entries()) {
+      for (let needed = pieces[index].count; needed > 0;) {
+        const [run] = left;
+        const some = Math.min(needed, run[1]);
+        places.push(run[0], some);
+        this.eachRow(run[0], some, (row) => ++this.users[row]);
+        run[0] += some;
+        run[1] -= some;
+        needed -= some;
+        if (run[1] === 0) left.shift();
+      }
+    }
+    return {rows: runs, rooms};
+  }
+
+  eachRow(first, count, body) {
+    for (let row = Math.floor(first / this.perRow); row * this.perRow < first + count; ++row) body(row);
   }
 
   takeBand(count) {
@@ -178,40 +214,52 @@ export class SplatPool extends GpuModel {
     return null;
   }
 
-  give({rows, bands}) {
-    for (const [first, count] of rows) this.gaussianRows.give(first, count);
+  // A piece's room is free again.
+  give({places, bands}) {
+    for (let i = 0; i < places.length; i += 2) {
+      this.eachRow(places[i], places[i + 1], (row) => {
+        if (--this.users[row] === 0) this.gaussianRows.give(row, 1);
+      });
+    }
     for (const {layer, first, count} of bands) this.layers[layer].give(first, count);
   }
 
-  // Uploads a piece into its room, in slices, each when the device has done what it was told before: numbers that it
-  // cannot take yet would hold up the page. Nothing of the piece is drawn before it is there.
-  async fill(piece, room) {
+  // Uploads pieces of a chunk, as decoder and take() have them, in slices, each when the device has done what it was told
+  // before: numbers that it cannot take yet would hold up the page. Nothing of them is drawn before they are there.
+  async fill(chunk, pieces, room) {
     const {gl, renderer} = this;
-    const steps = this.fillSteps(piece, room);
+    const steps = this.fillSteps(chunk, pieces, room);
     do {
       await renderer.finished();
       await breathe();
     } while (!gl.isContextLost() && !renderer.guarded(() => steps.next()).done);
   }
 
-  *fillSteps({positions, gaussians, sh, textures}, {rows, bands}) {
+  *fillSteps(chunk, pieces, {rows, rooms}) {
     const {gl, perRow, shCoefficients} = this;
-    const count = positions.length / 3;
-    const numbers = gaussians.length / count;
-    const rects = textures ? textures.rects : new Uint16Array(4 * count);
-    if (bands.length > 0) {
-      const {bandOf} = textures;
-      for (let i = 0; i < count; ++i) {
-        if (rects[4 * i + 2] === 0) continue;
-        const {layer, first} = bands[bandOf[i]];
-        rects[4 * i + 1] += first;
-        gaussians[numbers * i + 11] = layer;
+    const gaussians = gathered(chunk.gaussians, GAUSSIAN_NUMBERS, pieces);
+    const sh = gathered(chunk.sh, 3 * shCoefficients, pieces);
+    const count = gaussians.length / GAUSSIAN_NUMBERS;
+    const rects = new Uint16Array(this.mode > 0 ? 4 * count : 0);
+    let at = 0;
+    for (const [index, piece] of pieces.entries()) {
+      const {bands} = rooms[index];
+      if (bands.length > 0) {
+        const {textures} = piece;
+        for (let i = 0; i < piece.count; ++i) {
+          if (textures.rects[4 * i + 2] === 0) continue;
+          const {layer, first} = bands[textures.bandOf[i]];
+          for (let k = 0; k < 4; ++k) rects[4 * (at + i) + k] = textures.rects[4 * i + k] + (k === 1 ? first : 0);
+          gaussians[GAUSSIAN_NUMBERS * (at + i) + 11] = layer;
+        }
+        yield;
+        for (const [n, {layer, first}] of bands.entries()) yield* this.fillBand(textures.bands[n], layer, first);
       }
-      for (const [index, {layer, first}] of bands.entries()) yield* this.fillBand(textures.bands[index], layer, first);
+      at += piece.count;
     }
     let from = 0;
-    for (const [row, runRows] of rows) {
-      const last = Math.min(from + runRows * perRow, count);
+    for (const [row, some] of rows) {
+      const last = Math.min(from + some * perRow, count);
       yield* this.fillRows('u_gaussians', TEXELS_PER_GAUSSIAN, 4, [gl.RGBA, gl.FLOAT], gaussians, from, last, row);
       if (shCoefficients > 0) {
         yield* this.fillRows('u_sh', shCoefficients, 3, [gl.RGB, gl.FLOAT], sh, from, last, row);
@@ -220,6 +268,17 @@ export class SplatPool extends GpuModel {
         yield* this.fillRows('u_rects', 1, 4, [gl.RGBA_INTEGER, gl.UNSIGNED_SHORT], rects, from, last, row);
       }
       from = last;
+    }
+  }
+
+  // The positions of the same pieces, for a sorter: put(first place, positions).
+  eachRun({positions}, pieces, {rows}, put) {
+    const all = gathered(positions, 3, pieces);
+    let from = 0;
+    for (const [row, some] of rows) {
+      const part = all.slice(from, from + 3 * some * this.perRow);
+      put(row * this.perRow, part);
+      from += part.length;
     }
   }
 

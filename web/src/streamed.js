@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes with levels of detail: the coarsest levels first, then those that the view wants, as they come. A coarser
 // level is drawn until a finer one is there to the last Gaussian; what is no longer wanted makes room for what is.
+import {breathe} from './breathe.js';
 import {sceneBounds} from './camera.js';
 import {readCameraFile} from './camera_file.js';
 import {ChunkLoader} from './chunks.js';
@@ -38,14 +39,16 @@ export class LodStream {
 
   get levels() { return this.scene.levels; }
 
-  // {file, pieces} with what the decoder packs; throws what goes wrong.
+  // What the decoder answers, and {file, pieces: {piece, first, count, textures}}; throws what goes wrong.
   async load(file, signal) {
     const {shCoefficients} = this.kind;
     const answer = await this.loader.load({
       address: file.address, folder: this.folder, ranges: file.pieces.map(({first, count}) => [first, count]),
       textured: this.kind.mode > 0, shCoefficients,
     }, signal);
-    return {...answer, file};
+    const {textures} = answer.chunk;
+    const pieces = file.pieces.map((piece, i) => ({piece, first: piece.first, count: piece.count, textures: textures[i]}));
+    return {...answer, file, pieces};
   }
 
   // The chunks of the coarsest levels; {chunks, errors}.
@@ -91,7 +94,7 @@ async function fetchCameras({scene, address, folder}, signal) {
 // `lod` is drawn. What Gaussians have beyond their means stays with what draws them.
 export async function readLod(address, bytes, options) {
   const {signal = new AbortController().signal, splatBudget = SPLAT_BUDGET} = options;
-  const scene = parseLodMeta(bytes);
+  const scene = await parseLodMeta(bytes);
   const stream = new LodStream(scene, address, splatBudget);
   const both = [stream.loadCoarsest(signal), fetchCameras(stream, signal)];
   const [{chunks, errors}, {cameras, notes: said}] = await Promise.all(both);
@@ -100,21 +103,25 @@ export async function readLod(address, bytes, options) {
   if (!scene.own) stream.kind.shCoefficients = Math.max(...chunks.map((chunk) => chunk.shCoefficients));
   const {shCoefficients, mode} = stream.kind;
   const leafOf = new Map(scene.leaves.map((leaf) => [leaf.pieces[leaf.pieces.length - 1], leaf]));
-  const found = chunks.flatMap(({file, pieces}) =>
-    pieces.map(({positions}, i) => ({leaf: leafOf.get(file.pieces[i]), positions}))).filter(({leaf}) => leaf);
+  const found = chunks.flatMap(({chunk, pieces}) => pieces.filter(({piece}) => leafOf.has(piece))
+    .map(({piece, first, count}) =>
+      ({leaf: leafOf.get(piece), positions: chunk.positions.subarray(3 * first, 3 * (first + count))})));
+  await breathe();
   const mean = new Float32Array(found.reduce((sum, {positions}) => sum + positions.length, 0));
   let at = 0;
   for (const {positions} of found) {
     mean.set(positions, at);
     at += positions.length;
   }
+  await breathe();
+  const bounds = sceneBounds(sampleMeans(scene, found));
   const none = new Float32Array(0);
   const {intersection, outside, background = [0, 0, 0]} = scene.own || chunks[0];
   const notes = [...said, ...chunks.flatMap((chunk) => chunk.notes), ...errors.map(({message}) => message)];
   return {
     count: mean.length / 3, mean, rotation: none, scale: none, opacity: none,
     sh: Array.from({length: shCoefficients + 1}, () => none), layer: mode > 0 ? {mode} : null, cameras, views: [],
-    background, intersection, outside, notes: [...new Set(notes)], bounds: sceneBounds(sampleMeans(scene, found)),
+    background, intersection, outside, notes: [...new Set(notes)], bounds,
     lod: stream,
   };
 }
@@ -247,11 +254,11 @@ export class StreamedSplats extends Splats {
     const runs = [];
     for (const piece of next) {
       if (!piece) continue;
-      let left = piece.count;
-      for (const [row, rows] of this.held.get(piece).room.rows) {
-        const some = Math.min(left, rows * this.gpu.perRow);
-        runs.push(row * this.gpu.perRow, some);
-        left -= some;
+      const {places} = this.held.get(piece).room;
+      for (let i = 0; i < places.length; i += 2) {
+        const {length} = runs;
+        if (length > 0 && runs[length - 2] + runs[length - 1] === places[i]) runs[length - 1] += places[i + 1];
+        else runs.push(places[i], places[i + 1]);
       }
     }
     const showing = this.sorter.show(runs);
@@ -303,57 +310,48 @@ export class StreamedSplats extends Splats {
     this.advance();
   }
 
-  // A chunk's pieces on the device; of those that nobody wants as many as there is room for.
-  async place({file, pieces}) {
-    this.gpu.expect(pieces);
-    for (const [index, piece] of file.pieces.entries()) {
-      if (this.held.has(piece)) continue;
-      const room = await this.roomFor(piece, pieces[index]);
-      if (this.stop.signal.aborted) return;
-      if (!room) continue;
-      await this.gpu.fill(pieces[index], room);
-      if (this.stop.signal.aborted) return;
-      this.put(pieces[index].positions, room.rows);
-      this.held.set(piece, {room, used: this.clock, hidden: 0});
+  // A chunk's pieces on the device: all, or where there is no room for them those that somebody wants.
+  async place({file, chunk, pieces}) {
+    const {gpu, sorter} = this;
+    const missing = pieces.filter(({piece}) => !this.held.has(piece));
+    if (missing.length === 0) return;
+    gpu.expect(missing);
+    let placed = missing;
+    let room = gpu.take(missing);
+    if (!room) {
+      placed = missing.filter(({piece}) => this.wanted.has(piece) || this.stream.coarsest.has(piece));
+      room = placed.length > 0 ? await this.roomFor(file, placed) : null;
+    }
+    if (!room || this.stop.signal.aborted) return;
+    await gpu.fill(chunk, placed, room);
+    if (this.stop.signal.aborted) return;
+    gpu.eachRun(chunk, placed, room, (first, positions) => sorter.put(first, positions));
+    for (const [index, {piece}] of placed.entries()) {
+      this.held.set(piece, {room: room.rooms[index], used: this.clock, hidden: 0});
     }
   }
 
-  put(positions, rows) {
-    const {perRow} = this.gpu;
-    let from = 0;
-    for (const [row, count] of rows) {
-      const part = positions.slice(from, from + 3 * count * perRow);
-      this.sorter.put(row * perRow, part);
-      from += part.length;
-    }
-  }
-
-  // Room for a piece, made by giving up what was wanted longest ago; null where nobody wants it enough.
-  async roomFor(piece, packed) {
-    const {coarsest} = this.stream;
+  // Room for pieces of a file that are wanted, made by giving up what was wanted longest ago.
+  async roomFor(file, pieces) {
     for (;;) {
-      const room = this.gpu.take(packed);
+      const room = this.gpu.take(pieces);
       if (room) {
         this.pressed = false;
         return room;
       }
-      const needed = this.wanted.has(piece) || coarsest.has(piece);
-      const others = [...this.held].filter(([other]) => !this.wanted.has(other) && !coarsest.has(other));
-      const free = others.filter(([, {hidden}]) => hidden <= this.drawn)
-        .sort(([, a], [, b]) => a.used - b.used);
-      if (free.length > 0) {
-        const [other, {room: given}] = free[0];
-        this.held.delete(other);
-        this.gpu.give(given);
+      const others = [...this.held].filter(([piece]) => !this.wanted.has(piece) && !this.stream.coarsest.has(piece));
+      const [oldest] = others.filter(([, {hidden}]) => hidden <= this.drawn).sort(([, a], [, b]) => a.used - b.used);
+      if (oldest) {
+        this.held.delete(oldest[0]);
+        this.gpu.give(oldest[1].room);
         continue;
-      }
-      if (!needed) return null;
-      if (others.length === 0) {
-        throw new Error(`${piece.file.address}: no room for ${piece.count} Gaussians on this device`);
       }
       // What is drawn beyond what is wanted goes with the next order.
       this.pressed = true;
       this.advance();
+      if (others.every(([piece]) => this.shown.includes(piece))) {
+        throw new Error(`${file.address}: no room for it on this device`);
+      }
       await this.nextChange();
       if (this.stop.signal.aborted) return null;
     }
@@ -377,10 +375,11 @@ async function openPool({scene, coarsest, budget, kind}, renderer) {
   const wanted = Math.min(all, least + Math.ceil((1 + SPARE) * budget));
   const perRow = perRowFor(side, wanted, kind.shCoefficients) || perRowFor(side, least, kind.shCoefficients);
   if (!perRow) throw new Error(`${least} Gaussians are too many for this device, even in the coarsest levels`);
-  const rowsOf = (pieces) => pieces.reduce((total, {count}) => total + Math.ceil(count / perRow), 0);
-  const rows = Math.min(rowsOf(scene.pieces), rowsOf([...coarsest]) + Math.ceil((1 + SPARE) * budget / perRow), side);
+  // The last row of what comes together is not full.
+  const rowsFor = (gaussians) => Math.ceil(gaussians / perRow) + scene.files.length;
+  const rows = Math.min(rowsFor(wanted), side);
   const pool = await SplatPool.open(renderer, rows, perRow, kind);
-  const room = Math.floor((rows - rowsOf([...coarsest])) / (1 + SPARE)) * perRow;
-  pool.budget = rows === rowsOf(scene.pieces) ? Infinity : room;
+  const room = Math.floor((rows - rowsFor(least)) / (1 + SPARE)) * perRow;
+  pool.budget = rows === rowsFor(all) ? Infinity : Math.min(budget, room);
   return pool;
 }
