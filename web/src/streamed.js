@@ -217,6 +217,7 @@ export class StreamedSplats extends Splats {
   // What a leaf should show: what was chosen or, where that failed, the next coarser piece that did not, then the next
   // finer one. Null where all failed.
   bestOf(leaf) {
+    if (!this.failed.has(this.choice[leaf].file)) return this.choice[leaf];
     const {pieces} = this.stream.scene.leaves[leaf];
     const chosen = pieces.indexOf(this.choice[leaf]);
     const good = ({file}) => !this.failed.has(file);
@@ -379,7 +380,7 @@ async function openPool({scene, coarsest, budget, kind}, renderer) {
   const rowsFor = (gaussians) => Math.ceil(gaussians / perRow) + scene.files.length;
   const rows = Math.min(rowsFor(wanted), side);
   const pool = await SplatPool.open(renderer, rows, perRow, kind);
-  const room = Math.floor((rows - rowsFor(least)) / (1 + SPARE)) * perRow;
-  pool.budget = rows === rowsFor(all) ? Infinity : Math.min(budget, room);
+  if (rows < rowsFor(wanted)) pool.budget = Math.floor(Math.max(rows - rowsFor(least), 0) / (1 + SPARE)) * perRow;
+  else pool.budget = wanted === all ? Infinity : budget;
   return pool;
 }
