@@ -281,6 +281,56 @@ def check_page(browser, server, programs, reference):
     expect("no word on the page's console", not browser.log, browser.log[:3])
 
 
+PLAYCANVAS = """<!doctype html><meta charset="utf-8"><body style="margin:0">
+<script type="importmap">{"imports": {"playcanvas": "/packages/playcanvas/build/playcanvas.mjs"}}</script>
+<script type="module">
+import * as pc from 'playcanvas';
+const canvas = document.createElement('canvas');
+document.body.append(canvas);
+const app = new pc.Application(canvas);
+app.setCanvasFillMode(pc.FILLMODE_FILL_WINDOW);
+app.setCanvasResolution(pc.RESOLUTION_AUTO);
+app.start();
+const camera = new pc.Entity();
+camera.addComponent('camera', {clearColor: new pc.Color(1, 1, 1), nearClip: 0.05});
+camera.setPosition(0, 1.5, 3.5);
+camera.lookAt(pc.Vec3.ZERO);
+app.root.addChild(camera);
+const asset = new pc.Asset('scene', 'gsplat', {url: '/scene/lod-meta.json'});
+asset.on('load', () => {
+  const entity = new pc.Entity();
+  entity.addComponent('gsplat', {asset, unified: true});
+  entity.setLocalEulerAngles(0, 0, 180);
+  app.root.addChild(entity);
+  window.octree = asset.resource.octree;
+});
+app.assets.add(asset);
+app.assets.load(asset);
+window.__done = {};
+</script>"""
+
+
+def show_foreign_engine(browser, server, pages):
+    """PlayCanvas' own engine, which streams the same form by itself."""
+    (pages / "foreign.html").write_text(PLAYCANVAS)
+    browser.open(f"{server.address}/page/foreign.html", 320, 240)
+    blank = browser.screenshot()
+    found, end = [], time.monotonic() + LIMIT_SECONDS
+    while len(found) < 4 and time.monotonic() < end:
+        time.sleep(0.5)
+        found = browser.evaluate("window.octree ? [...octree.fileResources.keys()].filter((i) => octree.files[i].lodLevel "
+                                 "=== 0) : []")
+    expect("PlayCanvas' engine loads the finest level of all leaves", len(found) == 4, found)
+    picture, changed = browser.screenshot(), 0
+    while changed < 30000 and time.monotonic() < end:
+        time.sleep(0.5)
+        picture = browser.screenshot()
+        changed = Difference(browser, picture, blank).count
+    keep("lod, PlayCanvas' engine", picture)
+    expect("and shows it", changed >= 30000, changed)
+    expect("without a word on the console", not browser.log, browser.log[:3])
+
+
 def measure(folder, budget):
     with tempfile.TemporaryDirectory() as pages, Chromium() as browser:
         (pathlib.Path(pages) / "page.html").write_text(PAGE)
@@ -363,6 +413,9 @@ def main():
         for name in ENGINES if modules else []:
             with Chromium() as browser:
                 show_engine(browser, server, name, folder / "page", (folder / "reference.png").read_bytes())
+        if modules:
+            with Chromium() as browser:
+                show_foreign_engine(browser, server, folder / "page")
         if not modules:
             print("not shown: engines (scripts/test_browsers.sh installs them)")
     return 1 if failures else 0
