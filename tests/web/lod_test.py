@@ -108,7 +108,8 @@ MEASURE = """(async (budget) => {
     await viewer.settled();
   } while (!viewer.splats.complete);
   await viewer.renderer.finished();
-  return {first, gaussians: shown, all: since(), drawn: model.lod.shown, of: model.lod.count, room: viewer.splats.gpu.count};
+  return {first, gaussians: shown, all: since(), drawn: model.lod.shown, of: model.lod.count,
+          room: viewer.splats.gpu.count};
 })"""
 
 
@@ -318,8 +319,8 @@ def show_foreign_engine(browser, server, pages):
     found, end = [], time.monotonic() + LIMIT_SECONDS
     while len(found) < 4 and time.monotonic() < end:
         time.sleep(0.5)
-        found = browser.evaluate("window.octree ? [...octree.fileResources.keys()].filter((i) => octree.files[i].lodLevel "
-                                 "=== 0) : []")
+        found = browser.evaluate("window.octree ? [...octree.fileResources.keys()].filter((i) => "
+                                 "octree.files[i].lodLevel === 0) : []")
     expect("PlayCanvas' engine loads the finest level of all leaves", len(found) == 4, found)
     picture, changed = browser.screenshot(), 0
     while changed < 30000 and time.monotonic() < end:
