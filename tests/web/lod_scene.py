@@ -85,5 +85,6 @@ class Server:
             def log_message(self, *_):
                 pass
         self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Handler))
+        self.server.handle_error = lambda *_: None  # a browser that asks no longer closes the connection
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
         self.address = f"http://127.0.0.1:{self.server.server_port}"
