@@ -10,6 +10,8 @@
 #include <utility>
 
 #include "converter/formats/gaussian_blocks.h"
+#include "converter/html/html.h"
+#include "converter/lod/lod_scene.h"
 #include "core/bundle/splat_rows.h"
 #include "core/bundle/training_json.h"
 #include "core/file/atomic_files.h"
@@ -72,6 +74,31 @@ std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input,
   return file->rows().plain() ? std::move(file) : nullptr;
 }
 
+// Whether the output is a page that streams the input rather than one that holds it: levels of detail of which nothing
+// is to be changed.
+bool isStreamingPage(const std::filesystem::path& input, const Format& format, const ConvertOptions& options) {
+  const bool changed = !options.edits.empty() || options.base_only || options.viewer || options.target.given() ||
+                       options.steps || options.texture_step || options.quantize || options.meshopt ||
+                       !options.views.empty() || !options.cameras || options.atlas != ConvertOptions().atlas;
+  return format.name == "html" && isLodMeta(input) && !changed;
+}
+
+void writePageBeside(const std::filesystem::path& input, const std::filesystem::path& output, ConvertReport& report) {
+  const LodScene scene = readLodScene(input);
+  report.input_format = kLodMetaName;
+  report.gaussians = scene.counts.front();
+  report.sh_degree = scene.sh_degree.value_or(0);
+  report.cameras = readLodCameras(scene, lodFolderReader(input)).size();
+  report.texture_mode = name(scene.texture_mode);
+  report.warnings.emplace_back("the page holds no model: it streams " + input.filename().string() +
+                               " from the server that both lie on");
+  const std::optional<ScratchFolder> folder =
+      report.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
+  const std::filesystem::path file = folder ? folder->path() / output.filename() : output;
+  writeStreamingHtml(file, addressFrom(output, input));
+  report.output_bytes = std::filesystem::file_size(file);
+}
+
 // Of the source what is written where it is made for a viewer; `base` lives as long as the options.
 Bundle adaptedBundle(const Bundle& source, SplatViewer viewer, const Format& format, GaussianModel& base,
                      WriteOptions& options, ConvertReport& report) {
@@ -121,6 +148,11 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     writeModel(format, file, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
   };
+  if (isStreamingPage(input, format, options)) {
+    const KeepExisting no_other_run(!options.overwrite && !options.dry_run);
+    writePageBeside(input, output, report);
+    return report;
+  }
   if (const auto file = streamed(input, format, options)) {
     const FileBlocks blocks(*file, input);
     report.input_format = "ply";

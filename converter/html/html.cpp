@@ -6,6 +6,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <cctype>
 #include <fstream>
 #include <new>
 #include <string>
@@ -103,7 +104,10 @@ std::vector<std::uint8_t> packedOf(std::span<const std::uint8_t> file, const std
     at = end;
   }
   if (packed.empty()) {
-    throw Error(ErrorKind::badData, path, "the page holds no model (expected one that tgconvert wrote)");
+    const bool streams = page.find(kHtmlStreamTag) != std::string_view::npos;
+    throw Error(ErrorKind::badData, path,
+                streams ? "the page holds no model, but streams one: read its lod-meta.json"
+                        : "the page holds no model (expected one that tgconvert wrote)");
   }
   return packed;
 }
@@ -118,13 +122,53 @@ std::vector<std::uint8_t> unpacked(const std::vector<std::uint8_t>& packed, cons
   return glb;
 }
 
-}  // namespace
+// The page around what stands at its @WORDS@.
+struct PageParts {
+  std::string_view before_title, before_bytes, before_payload, rest;
+};
 
-GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content) {
+PageParts pageParts() {
   const std::string_view page = htmlPage();
   constexpr std::string_view kTitle = "@TITLE@", kBytes = "@BYTES@", kPayload = "@PAYLOAD@";
   const std::size_t title = page.find(kTitle), bytes = page.find(kBytes, title), payload = page.find(kPayload, bytes);
+  return {page.substr(0, title), page.substr(title + kTitle.size(), bytes - title - kTitle.size()),
+          page.substr(bytes + kBytes.size(), payload - bytes - kBytes.size()), page.substr(payload + kPayload.size())};
+}
 
+}  // namespace
+
+// "/" between names, all but unreserved characters of RFC 3986 as %XX: nothing is left that a JSON string or an element
+// would read otherwise.
+std::string addressFrom(const std::filesystem::path& page, const std::filesystem::path& file) {
+  const auto whole = [](const std::filesystem::path& path) {
+    return std::filesystem::absolute(path).lexically_normal();
+  };
+  std::string address;
+  for (const unsigned char c : whole(file).lexically_relative(whole(page).parent_path()).generic_string()) {
+    if (std::isalnum(c) || std::string_view("-._~/").find(static_cast<char>(c)) != std::string_view::npos) {
+      address += static_cast<char>(c);
+    } else {
+      constexpr std::string_view kDigits = "0123456789ABCDEF";
+      address += {'%', kDigits[c >> 4], kDigits[c & 15]};
+    }
+  }
+  return address;
+}
+
+void writeStreamingHtml(const std::filesystem::path& path, const std::string& address) {
+  const PageParts page = pageParts();
+  writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
+    out << page.before_title << escaped(path.stem().string()) << page.before_bytes << 0 << page.before_payload
+        << kHtmlStreamTag << '"' << address << '"' << kHtmlModelEnd << '\n'
+        << page.rest;
+    out.close();
+    if (!out) throw Error(ErrorKind::cannotWrite, path.string(), "cannot be written: the disk is full");
+  });
+}
+
+GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content) {
+  const PageParts page = pageParts();
   GltfReport report;
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
     // The GLB has no name any more once it is open: whatever happens, nothing is left behind.
@@ -144,12 +188,11 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
     std::filesystem::remove(glb_path);
 
     std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
-    out << page.substr(0, title) << escaped(path.stem().string())
-        << page.substr(title + kTitle.size(), bytes - title - kTitle.size());
+    out << page.before_title << escaped(path.stem().string()) << page.before_bytes;
     const std::ofstream::pos_type size_place = out.tellp();  // what is known at the end
-    out << std::string(kSizeDigits, ' ') << page.substr(bytes + kBytes.size(), payload - bytes - kBytes.size());
+    out << std::string(kSizeDigits, ' ') << page.before_payload;
     const std::uint64_t characters = glb.good() ? writePayload(out, glb) : 0;
-    out << page.substr(payload + kPayload.size());
+    out << page.rest;
     out.seekp(size_place);
     out << characters;
     out.close();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model as a page that shows it, textures included, in any browser with WebGL 2 and without a network; and back.
+// A model as a page that shows it, textures included, in any browser with WebGL 2 and without a network; and back. A
+// scene with levels of detail as a page beside it.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -18,6 +19,12 @@ namespace tg {
 // the page's.
 GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& content);
 
+// A page without a model, which streams the scene with levels of detail (docs/lod.md) whose lod-meta.json lies at
+// `address`, as addressFrom() gives it. Atomic. Throws Error(cannotWrite).
+void writeStreamingHtml(const std::filesystem::path& path, const std::string& address);
+// The address of a file as a page has it that lies on the same server, both as they lie here.
+std::string addressFrom(const std::filesystem::path& page, const std::filesystem::path& file);
+
 // The GLB in a page that writeHtml made. Throws Error(cannotRead / badData).
 std::vector<std::uint8_t> readHtmlGlb(const std::filesystem::path& path);
 std::vector<std::uint8_t> parseHtmlGlb(std::span<const std::uint8_t> bytes, const std::string& path);
@@ -30,5 +37,7 @@ inline constexpr std::string_view kHtmlStart = "<!doctype html>";
 // How the model stands in a page: `kHtmlModelTag`, base64, `kHtmlModelEnd`, repeated; together a gzip stream of a GLB.
 inline constexpr std::string_view kHtmlModelTag = "<script type=\"text/plain\" class=\"model\">";
 inline constexpr std::string_view kHtmlModelEnd = "</script>";
+// How the address of a scene stands in a page that streams it, as a JSON string.
+inline constexpr std::string_view kHtmlStreamTag = "<script type=\"application/json\" class=\"stream\">";
 
 }  // namespace tg

@@ -11,6 +11,29 @@ import tempfile
 import time
 
 SKIPPED = 77  # ctest's SKIP_RETURN_CODE
+STALL = 100   # [ms] that nothing may hold up a page
+BUSY = 20     # [ms] that a page with nothing to do lags where stalls cannot be told from a machine with other work
+LAG = """new Promise((done) => {
+  let last = performance.now(), lag = 0, left = 100;
+  const next = () => {
+    const now = performance.now();
+    lag = Math.max(lag, now - last - 5);
+    last = now;
+    if (--left > 0) setTimeout(next, 5); else done(lag);
+  };
+  setTimeout(next, 5);
+})"""
+WATCH = """window.stalls = [];
+let context = 0;  // when it came: that takes as long as the browser takes to begin with the device
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function(...given) {
+  const found = getContext.apply(this, given);
+  if (found.getExtension) found.getExtension('EXT_color_buffer_float');
+  context = performance.now();
+  return found;
+};
+new PerformanceObserver((list) => stalls.push(...list.getEntries().filter((e) => e.startTime > context)
+    .map((e) => e.duration))).observe({entryTypes: ['longtask']});"""
 FLAGS = ["--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync", "--disable-extensions", "--hide-scrollbars",
          "--force-device-scale-factor=1", "--force-color-profile=srgb", "--use-angle=swiftshader",
@@ -137,6 +160,24 @@ class Chromium:
                 return done
             time.sleep(0.1)
         raise RuntimeError(f"{url}: no picture after {seconds} s; {self.log}")
+
+    def watch_stalls(self):
+        """Of pages that are opened from now on: window.stalls, [ms] of what held them up once they had a context."""
+        self.page("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
+
+    def longest_stall(self, use):
+        """[ms] that a page was held up while `use()` opens it, the least of three tries that are more than STALL, as what
+        else runs on the machine may stop the browser, too; and why that tells nothing, "" if it does."""
+        longest = []
+        for _ in range(3):
+            self.page("Page.navigate", url="about:blank")
+            lag = self.evaluate(LAG)
+            use()
+            longest.append(max(self.evaluate("stalls"), default=0))
+            if longest[-1] <= STALL or lag > BUSY:
+                break
+        busy = f"not measured: stalls (an empty page lags by {lag:.0f} ms: the machine is busy)" if lag > BUSY else ""
+        return min(longest), busy
 
     def press(self, key, code=None, modifiers=0):
         """A key as a keyboard sends it; of those without a letter by its name ("Tab", "ArrowLeft")."""

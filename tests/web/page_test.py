@@ -18,24 +18,12 @@ import tempfile
 import threading
 import time
 
-from chromium import Chromium, Difference, from_data_url
+from chromium import STALL, Chromium, Difference, from_data_url
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
-STALL = 100    # [ms] that nothing may hold up the page
 TARGET = 44    # [px] of what a finger is to hit
 SHIFT = 8
 DRIP = 64     # bytes
-BUSY = 20      # [ms] that a page with nothing to do lags where stalls cannot be told from a machine with other work
-LAG = """new Promise((done) => {
-  let last = performance.now(), lag = 0, left = 100;
-  const next = () => {
-    const now = performance.now();
-    lag = Math.max(lag, now - last - 5);
-    last = now;
-    if (--left > 0) setTimeout(next, 5); else done(lag);
-  };
-  setTimeout(next, 5);
-})"""
 failures = []
 
 
@@ -182,30 +170,13 @@ def main():
     with Chromium() as browser, tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         run(programs / "tgconvert", model, folder / "page.html", "--quiet")
-        browser.page("Page.addScriptToEvaluateOnNewDocument", source="""window.stalls = [];
-            let context = 0;  // when it came: that takes as long as the browser takes to begin with the device
-            const getContext = HTMLCanvasElement.prototype.getContext;
-            HTMLCanvasElement.prototype.getContext = function(...given) {
-              const found = getContext.apply(this, given);
-              if (found.getExtension) found.getExtension('EXT_color_buffer_float');
-              context = performance.now();
-              return found;
-            };
-            new PerformanceObserver((list) => stalls.push(...list.getEntries().filter((e) => e.startTime > context)
-                .map((e) => e.duration))).observe({entryTypes: ['longtask']});""")
+        browser.watch_stalls()
         page = (folder / "page.html").as_uri()
-        longest = []
-        for _ in range(3):  # what else runs on the machine may stop the browser, too
-            browser.page("Page.navigate", url="about:blank")
-            lag = browser.evaluate(LAG)
-            browser.open(page, 320, 240)
-            longest.append(max(browser.evaluate("stalls"), default=0))
-            if longest[-1] <= STALL or lag > BUSY:
-                break
-        if lag > BUSY:
-            print(f"not measured: stalls (an empty page lags by {lag:.0f} ms: the machine is busy)")
+        longest, busy = browser.longest_stall(lambda: browser.open(page, 320, 240))
+        if busy:
+            print(busy)
         else:
-            expect(f"once there is a context nothing stalls the page for more than {STALL} ms", longest[-1] <= STALL, longest)
+            expect(f"once there is a context nothing stalls the page for more than {STALL} ms", longest <= STALL, longest)
         at_a_desk(browser, page)
         on_a_phone(browser, page)
 

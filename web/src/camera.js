@@ -50,7 +50,7 @@ export function sceneUp(cameras) {
 
 export class Orbit {
   constructor(model) {
-    this.bounds = sceneBounds(model.mean);
+    this.bounds = model.bounds || sceneBounds(model.mean);
     this.up = sceneUp(model.cameras);
     this.camera = null;
     this.distance = 1;  // [world units] along the view axis to the point that orbits keep in place

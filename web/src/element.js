@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // <textured-gaussians src="scene.glb">: a model on a page, turned by hand.
+import {fetchBytes} from './fetch.js';
 import {listenToHands, moveByKey} from './hands.js';
-import {fetchBytes, readFrom} from './model.js';
+import {readFrom} from './model.js';
 import {Viewer} from './viewer.js';
 
 const MOST_CONTEXTS = 8;  // at a time on a page: beyond 16 browsers take the oldest one away, phones beyond 8
-const SETTINGS = ['camera', 'view', 'show', 'textures', 'intersection', 'outside', 'background'];
+const SETTINGS = ['camera', 'view', 'show', 'textures', 'intersection', 'outside', 'background', 'splat-budget'];
 const STYLE = `
 :host { display: block; position: relative; width: 100%; aspect-ratio: 16 / 9; overflow: hidden; background: #101114; }
 :host([hidden]) { display: none; }
@@ -99,7 +100,8 @@ export class TexturedGaussiansElement extends HTMLElement {
     const {signal} = this.stop;
     try {
       const onProgress = (loaded, total) => this.progress(loaded, total);
-      const model = await readFrom(address, await fetchBytes(address, {signal, onProgress}));
+      const splatBudget = Number(this.getAttribute('splat-budget')) || undefined;
+      const model = await readFrom(address, await fetchBytes(address, {signal, onProgress}), {signal, splatBudget});
       if (signal.aborted) return;
       this.loaded = {address, model};
       if (this.inView || awake.length < MOST_CONTEXTS) await this.wake();

@@ -15,8 +15,26 @@ export interface Pinhole {
   eye: number[];
 }
 
+/** A scene with levels of detail, of which what a view wants is fetched and drawn. */
+export interface LodStream {
+  /** Where its lod-meta.json lies. */
+  readonly address: string;
+  /** Gaussians of the finest level. */
+  readonly count: number;
+  /** How many levels there are. */
+  readonly levels: number;
+  /** Gaussians that may be drawn. To be set before the model is drawn; later by Viewer.apply. */
+  budget: number;
+  /** Gaussians that are drawn, and those that the view wants. */
+  readonly shown: number;
+  readonly wanted: number;
+}
+
 /** What readModel gives. Space is glTF's: y up, z forward. */
 export interface Model {
+  /** Set where the model is a scene with levels of detail: count and mean are then of its coarsest levels, and other
+      numbers of Gaussians are left out (empty arrays). */
+  lod?: LodStream;
   /** Gaussians. */
   count: number;
   /** Positions, three numbers a Gaussian. */
@@ -40,10 +58,15 @@ export interface Model {
   notes: string[];
 }
 
-export interface LoadOptions {
+export interface FetchOptions {
   /** [bytes]; total is 0 where the server does not tell it. */
   onProgress?: (loaded: number, total: number) => void;
   signal?: AbortSignal;
+}
+
+export interface LoadOptions extends FetchOptions {
+  /** Gaussians of a scene with levels of detail that may be drawn; 1,000,000 where it is left out. */
+  splatBudget?: number;
 }
 
 export type Show = 'final' | 'base' | 'texture' | 'alpha' | 'depth' | 'normal' | 'overdraw';
@@ -60,9 +83,10 @@ export interface Settings {
   background: number[];
 }
 
-export function fetchBytes(url: string, options?: LoadOptions): Promise<Uint8Array>;
+export function fetchBytes(url: string, options?: FetchOptions): Promise<Uint8Array>;
 /** Of a GLB or a SOG file. */
 export function readModel(bytes: Uint8Array): Promise<Model>;
+/** Of a GLB or a SOG file, or of a lod-meta.json, once its coarsest levels are there. */
 export function loadModel(url: string, options?: LoadOptions): Promise<Model>;
 
 /** What Viewer.apply takes: names and values of tgview's flags. */
@@ -75,6 +99,8 @@ export interface ViewerSettings {
   background?: string;
   /** 'WxH' in pixels, or 'window'. */
   size?: string;
+  /** Gaussians of a scene with levels of detail that may be drawn. */
+  'splat-budget'?: number | string;
   /** One of the model's, or any other. */
   camera?: number | string | Pinhole;
   /** Name or number of one of the model's views, or Viewer.viewText. */
@@ -102,7 +128,7 @@ export class Viewer {
   /** Gives the WebGL context back, of which a browser has few, until resume(). A canvas with what was seen. */
   release(): HTMLCanvasElement;
   resume(): Promise<void>;
-  /** A PNG as a data URL. */
+  /** A PNG as a data URL; of a scene with levels of detail once all is there that the view wants. */
   picture(settings?: ViewerSettings): Promise<string>;
   dispose(): void;
 }
@@ -115,6 +141,9 @@ export class Splats {
   static inContext(gl: WebGL2RenderingContext, model: Model,
                    options?: {onChange?: () => void; onError?: (error: Error) => void}): Promise<Splats>;
   settings: Settings;
+  /** Whether nothing more is to come for the last view; a promise of that. */
+  readonly complete: boolean;
+  completed(): Promise<void>;
   /** Over the framebuffer that is bound, with its depth. Returns whether all was there, in the right order. What
       cannot be drawn is told to onError, once. */
   drawInto(view: {viewFromModel: ArrayLike<number>; projection: ArrayLike<number>;

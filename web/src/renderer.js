@@ -4,23 +4,36 @@
 import {breathe} from './breathe.js';
 import {dot} from './camera.js';
 import {keepingState} from './gl_state.js';
+import {GAUSSIAN_NUMBERS, packGaussian, packSh} from './pack.js';
 import {SHADERS} from './shaders.js';
 
 export const SHOW = {final: 0, base: 1, texture: 2, alpha: 3, depth: 4, normal: 5, overdraw: 8};  // kOutput* of limits.h
-const TEXELS_PER_GAUSSIAN = 5;
-const BLOCK_BYTES = 1 << 20;  // uploaded at a time
+export const TEXELS_PER_GAUSSIAN = GAUSSIAN_NUMBERS / 4;
+export const BLOCK_BYTES = 1 << 20;  // uploaded at a time
 const UNITS = {u_gaussians: 0, u_sh: 1, u_rects: 2, u_ranges: 3, u_atlas: 4, u_sum: 5};
 const PATIENCE = 5;  // [ms]
 
 // A model in the device's memory, and how it is drawn unless told otherwise.
-class GpuModel {
-  constructor(gl, model, perRow, rows) {
-    Object.assign(this, {gl, perRow, rows, count: model.count, shCoefficients: model.sh.length - 1});
-    this.mode = model.layer ? model.layer.mode : 0;
+export class GpuModel {
+  // What each Gaussian has: `shCoefficients` without the first one, `mode` of its texture (kMode*).
+  constructor(gl, {count, shCoefficients, mode}, perRow, rows) {
+    Object.assign(this, {gl, perRow, rows, count, shCoefficients, mode});
     this.textures = {};
     this.order = gl.createBuffer();
     this.array = gl.createVertexArray();
     this.visible = 0;
+  }
+
+  // Room for the order of all.
+  openOrder() {
+    const {gl} = this;
+    gl.bindVertexArray(this.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
+    gl.bufferData(gl.ARRAY_BUFFER, 4 * this.count, gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
+    gl.vertexAttribDivisor(0, 1);
+    gl.bindVertexArray(null);
   }
 
   // Gaussian indices, farthest first.
@@ -55,6 +68,7 @@ export class SplatRenderer {
     this.emptyArray = gl.createVertexArray();
     this.target = null;
     this.ready = null;
+    this.drawing = null;  // a fence behind the last draw()
   }
 
   program(vertex, fragment) {
@@ -104,7 +118,8 @@ export class SplatRenderer {
     const perRow = Math.min(model.count, Math.floor(side / Math.max(TEXELS_PER_GAUSSIAN, model.sh.length - 1)));
     const rows = Math.ceil(model.count / perRow);
     if (rows > side) throw new Error(`${model.count} Gaussians are too many for this device (at most ${perRow * side})`);
-    const gpu = new GpuModel(gl, model, perRow, rows);
+    const kind = {count: model.count, shCoefficients: model.sh.length - 1, mode: model.layer ? model.layer.mode : 0};
+    const gpu = new GpuModel(gl, kind, perRow, rows);
     const steps = this.uploadSteps(gpu, model, side);
     try {
       await this.finished();  // before asking for errors, here and below: that waits for all that was sent
@@ -148,29 +163,13 @@ export class SplatRenderer {
   // After each step others may have the context.
   *uploadSteps(gpu, model, side) {
     const {gl} = this;
-    const {layer, sh} = model;
-    const opacity = (layer && layer.opacity) || model.opacity;
-    const dc = (layer && layer.dc) || sh[0];
+    const {layer} = model;
     const float = [gl.RGBA32F, gl.RGBA, gl.FLOAT, Float32Array];
-    yield* this.uploadRows(gpu, 'u_gaussians', TEXELS_PER_GAUSSIAN, 4, float, (i, out, at) => {
-      for (let k = 0; k < 3; ++k) {
-        out[at + k] = model.mean[3 * i + k];
-        out[at + 8 + k] = model.scale[3 * i + k];
-        out[at + 12 + k] = dc[3 * i + k];
-        out[at + 16 + k] = sh[0][3 * i + k];
-      }
-      for (let k = 0; k < 4; ++k) out[at + 4 + k] = model.rotation[4 * i + k];
-      out[at + 3] = opacity[i];
-      out[at + 11] = layer && layer.pages ? layer.pages[i] : 0;
-      out[at + 19] = model.opacity[i];
-    });
+    yield* this.uploadRows(gpu, 'u_gaussians', TEXELS_PER_GAUSSIAN, 4, float,
+                           (i, out, at) => packGaussian(model, i, out, at));
     if (gpu.shCoefficients > 0) {
       const half = [gl.RGB16F, gl.RGB, gl.FLOAT, Float32Array];
-      yield* this.uploadRows(gpu, 'u_sh', gpu.shCoefficients, 3, half, (i, out, at) => {
-        for (let c = 0; c < gpu.shCoefficients; ++c) {
-          for (let k = 0; k < 3; ++k) out[at + 3 * c + k] = sh[c + 1][3 * i + k];
-        }
-      });
+      yield* this.uploadRows(gpu, 'u_sh', gpu.shCoefficients, 3, half, (i, out, at) => packSh(model, i, out, at));
     }
     if (layer) {
       const integers = [gl.RGBA16UI, gl.RGBA_INTEGER, gl.UNSIGNED_SHORT, Uint16Array];
@@ -179,13 +178,7 @@ export class SplatRenderer {
       });
       yield* this.uploadAtlases(gpu, layer.atlases, side);
     }
-    gl.bindVertexArray(gpu.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gpu.order);
-    gl.bufferData(gl.ARRAY_BUFFER, 4 * model.count, gl.DYNAMIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
-    gl.vertexAttribDivisor(0, 1);
-    gl.bindVertexArray(null);
+    gpu.openOrder();
   }
 
   // `width` texels of `channels` numbers a Gaussian; fill(i, out, at) writes those of Gaussian i.
@@ -239,7 +232,8 @@ export class SplatRenderer {
     }
   }
 
-  // A picture to sum into, of at least 16 bits a channel where the device can. `depth`: a format of a depth buffer, or 0.
+  // A picture to sum into, of at least 16 bits a channel where the device can. `depth`: a format of a depth buffer, or
+  // 0.
   sizeTarget(width, height, depth) {
     const {gl, target} = this;
     if (target && target.width === width && target.height === height && target.depth === depth) return;
@@ -364,10 +358,24 @@ export class SplatRenderer {
     gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
     gl.disable(gl.BLEND);
     this.show({...settings, perPixel: [camera.width / gl.canvas.width, camera.height / gl.canvas.height]});
+    gl.deleteSync(this.drawing);
+    this.drawing = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+  }
+
+  // Whether the device has done the last draw().
+  get idle() {
+    const {gl} = this;
+    const asked = this.drawing && !gl.isContextLost();
+    if (asked && gl.clientWaitSync(this.drawing, 0, 0) === gl.TIMEOUT_EXPIRED) return false;
+    gl.deleteSync(this.drawing);
+    this.drawing = null;
+    return true;
   }
 
   dispose() {
     const {gl} = this;
+    gl.deleteSync(this.drawing);
     this.dropTarget();
     for (const {program, shaders} of [this.splat, this.resolve]) {
       for (const shader of shaders) gl.deleteShader(shader);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads a SOG file, version 2, with the textures that docs/sog.md defines, into what readGlb gives: the file's numbers
-// are those of a PLY (x right, y down, z forward) and become glTF's by a half turn about z.
+// are those of a PLY (x right, y down, z forward) and become glTF's by a half turn about z. The file is an archive, or
+// lies in a folder, as the chunks of a scene with levels of detail do.
 import {breathe} from './breathe.js';
 import {INTERSECTIONS, MODES, OUTSIDES, TEXTURES} from './glb.js';
 import {decodeWebp} from './webp.js';
@@ -45,8 +46,10 @@ class SogFile {
   async image(part, index, least) {
     const name = Array.isArray(part.files) ? part.files[index] : undefined;
     const entry = this.entries.get(name);
-    if (!entry) throw new Error(`the archive has no "${name}"`);
-    const picture = await decodeWebp(await entry());
+    if (!entry) throw new Error(`there is no image "${name}"`);
+    const picture = await decodeWebp(await entry()).catch((error) => {
+      throw new Error(`${name}: ${error.message}`, {cause: error});
+    });
     if (picture.width * picture.height < least) throw new Error(`${name}: too few pixels (expected at least ${least})`);
     return picture;
   }
@@ -296,13 +299,25 @@ async function takeOffBase(file, layer) {
   }
 }
 
-export async function readSog(bytes) {
-  const entries = readZip(bytes);
-  const json = entries.get('meta.json');
-  if (!json) throw new Error('the archive holds no meta.json (expected a SOG file)');
-  const text = await json();
-  if (text.length > MOST_META) throw new Error('meta.json is too long');
-  const file = new SogFile(entries, JSON.parse(new TextDecoder().decode(text)), bytes.length);
+// The names of the images that a meta.json wants.
+export function sogImages(meta) {
+  return ['means', 'scales', 'quats', 'sh0', 'shN', TEXTURES].flatMap((key) => {
+    const files = meta[key] && meta[key].files;
+    return Array.isArray(files) ? files.filter((name) => typeof name === 'string') : [];
+  });
+}
+
+export function parseSogMeta(bytes) {
+  if (bytes.length > MOST_META) throw new Error('meta.json is too long');
+  const meta = JSON.parse(new TextDecoder().decode(bytes));
+  if (!meta || typeof meta !== 'object') throw new Error('meta.json is no object');
+  return meta;
+}
+
+// entries: a map from the images' names to functions that give bytes; size: [bytes] of all there is; whole: textures
+// that cannot be read are an error, too.
+export async function readSogParts(meta, entries, size, {whole = false} = {}) {
+  const file = new SogFile(entries, meta, size);
   const {count} = file;
   const model = {
     count, mean: new Float32Array(3 * count), rotation: new Float32Array(4 * count), scale: new Float32Array(3 * count),
@@ -315,7 +330,15 @@ export async function readSog(bytes) {
   try {
     if (part) Object.assign(model, await readTextures(file, model, part));
   } catch (error) {
+    if (whole && part.version === 1) throw error;
     model.notes.push(`The textures cannot be used (${error.message}): the picture is the base without them.`);
   }
   return model;
+}
+
+export async function readSog(bytes) {
+  const entries = readZip(bytes);
+  const json = entries.get('meta.json');
+  if (!json) throw new Error('the archive holds no meta.json (expected a SOG file)');
+  return readSogParts(parseSogMeta(await json()), entries, bytes.length);
 }

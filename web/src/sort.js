@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sorts Gaussians by camera z, farthest first, in a worker: exactly docs/math.md 1.2 (float32 z, the lower index in
-// front on ties), by counting the two 16-bit halves of the float's bits, which order positive floats.
+// front on ties), by counting the two 16-bit halves of the float's bits, which order positive floats. Gaussians stand
+// in places, some of which are shown; what the others hold may change meanwhile.
 
 // What the worker runs. It travels as text: it uses nothing of this file.
 function sorting() {
@@ -8,15 +9,15 @@ function sorting() {
   const kNear = 0.2;  // shaders/shared/limits.h
   const low = new Uint32Array(kBuckets), high = new Uint32Array(kBuckets);
   let positions, depths, bits, indices, keys, byLow;
+  let runs = [];  // first place and count, of those that are shown
 
-  function load(newPositions) {
-    positions = newPositions;
-    const count = positions.length / 3;
-    depths = new Float32Array(count);
+  function open(places) {
+    positions = new Float32Array(3 * places);
+    depths = new Float32Array(places);
     bits = new Uint32Array(depths.buffer);
-    indices = new Uint32Array(count);
-    keys = new Uint32Array(count);
-    byLow = new Uint32Array(count);
+    indices = new Uint32Array(places);
+    keys = new Uint32Array(places);
+    byLow = new Uint32Array(places);
   }
 
   // `row`: the third row of camera_from_world and the translation's z. Fills `order` (room for all), returns how many
@@ -26,14 +27,16 @@ function sorting() {
     low.fill(0);
     high.fill(0);
     let visible = 0;
-    for (let i = 0; i < indices.length; ++i) {
-      const z = rx * positions[3 * i] + ry * positions[3 * i + 1] + rz * positions[3 * i + 2] + t;
-      if (!(z > kNear)) continue;
-      depths[visible] = z;
-      const key = bits[visible];
-      ++low[key & 0xFFFF];
-      ++high[key >>> 16];
-      indices[visible++] = i;
+    for (let run = 0; run < runs.length; run += 2) {
+      for (let i = runs[run], end = i + runs[run + 1]; i < end; ++i) {
+        const z = rx * positions[3 * i] + ry * positions[3 * i + 1] + rz * positions[3 * i + 2] + t;
+        if (!(z > kNear)) continue;
+        depths[visible] = z;
+        const key = bits[visible];
+        ++low[key & 0xFFFF];
+        ++high[key >>> 16];
+        indices[visible++] = i;
+      }
     }
     for (let bucket = 0, a = 0, b = 0; bucket < kBuckets; ++bucket) {
       const inLow = low[bucket], inHigh = high[bucket];
@@ -52,31 +55,42 @@ function sorting() {
   }
 
   onmessage = ({data}) => {
-    if (data.positions) {
-      load(data.positions);
-      return;
-    }
+    if (data.places) open(data.places);
+    if (data.positions) positions.set(data.positions, 3 * data.first);
+    if (data.runs) runs = data.runs;
+    if (!data.row) return;
     const order = data.order || new Uint32Array(indices.length);
-    postMessage({order, visible: sort(data.row, order)}, [order.buffer]);
+    postMessage({order, visible: sort(data.row, order), showing: data.showing}, [order.buffer]);
   };
 }
 
 export class Sorter {
-  // `mean`: positions, three numbers a Gaussian. take(order, visible) gets indices, which are its own until it returns;
-  // then onChange() is called.
-  constructor(mean, {take, onChange, onError}) {
+  // `places`: how many Gaussians there may be. onChange(): there is an order to take().
+  constructor(places, {onChange, onError}) {
     const text = new Blob([`(${sorting})()`], {type: 'text/javascript'});
     this.address = URL.createObjectURL(text);
     this.worker = new Worker(this.address);
     this.worker.onmessage = ({data}) => this.sorted(data);
     this.worker.onerror = (event) => onError(new Error(`The sorting worker failed: ${event.message}`));
-    Object.assign(this, {take, onChange});
+    this.onChange = onChange;
     this.busy = false;
-    this.asked = null;   // what the last order was asked for
-    this.wanted = null;  // what came while it was made
-    this.spare = null;   // an order to fill again
-    const positions = new Float32Array(mean);
-    this.worker.postMessage({positions}, [positions.buffer]);
+    this.asked = null;    // what the last order was asked for
+    this.wanted = null;   // what came while it was made
+    this.ready = null;    // {order, visible, showing} that nobody has taken
+    this.spare = null;    // an order to fill again
+    this.showing = 0;     // counts what show() was told
+    this.worker.postMessage({places});
+  }
+
+  // Positions of the places from `first` on, three numbers each, which are the sorter's from now on. None of these
+  // places is shown.
+  put(first, positions) { this.worker.postMessage({first, positions}, [positions.buffer]); }
+
+  // Shows the places of `runs` alone, first place and count in turns, from the next order on that is wanted.
+  show(runs) {
+    this.worker.postMessage({runs});
+    this.asked = null;
+    return ++this.showing;
   }
 
   // `row`: as in the worker. The order that comes is that of the last row asked for, maybe after those of others.
@@ -88,18 +102,29 @@ export class Sorter {
     if (this.asked && row.every((x, k) => x === this.asked[k])) return;
     this.asked = row;
     this.busy = true;
-    this.worker.postMessage({row, order: this.spare}, this.spare ? [this.spare.buffer] : []);
+    const {showing, spare: order} = this;
+    this.worker.postMessage({row, order, showing}, order ? [order.buffer] : []);
     this.spare = null;
   }
 
-  sorted({order, visible}) {
+  sorted(answer) {
     this.busy = false;
-    this.take(order, visible);
-    this.spare = order;
+    if (this.ready) this.spare = this.ready.order;
+    this.ready = answer;
     const row = this.wanted;
     this.wanted = null;
     if (row) this.want(row);
     this.onChange();
+  }
+
+  // Calls body(order, visible, showing) if there is a newer order than the last one taken: indices of places, which are
+  // the body's until it returns, and what show() returned for those that are among them.
+  take(body) {
+    if (!this.ready) return;
+    const {order, visible, showing} = this.ready;
+    this.ready = null;
+    body(order, visible, showing);
+    this.spare = order;
   }
 
   dispose() {

@@ -30,24 +30,37 @@ export class Splats {
 
   // onChange(): there is a better order than the last one drawn. onError(error): of the worker.
   static async create(renderer, model, {onChange = () => {}, onError = (error) => console.error(error)} = {}) {
-    const gpu = await renderer.upload(model);
-    return new Splats(renderer, model, gpu, onChange, onError);
+    if (model.lod) return model.lod.open(renderer, model, {onChange, onError});
+    const splats = new Splats(renderer, model, await renderer.upload(model), {onChange, onError});
+    splats.sorter.put(0, Float32Array.from(model.mean));
+    splats.sorter.show([0, model.count]);
+    return splats;
   }
 
   // In a context that another engine draws with.
   static inContext(gl, model, options) { return Splats.create(rendererOf(gl), model, options); }
 
-  constructor(renderer, model, gpu, onChange, onError) {
+  constructor(renderer, model, gpu, {onChange, onError}) {
     Object.assign(this, {renderer, model, gpu, onChange, onError});
     this.settings = Splats.settingsOf(model);
     this.complaint = '';  // the last one, which is said once
-    this.sorter = new Sorter(model.mean, {
-      take: (order, visible) => this.gpu.setOrder(order, visible), onChange: () => this.onChange(), onError,
+    this.sorter = new Sorter(gpu.perRow * gpu.rows, {
+      onChange: () => this.onChange(), onError: (error) => this.onError(error),
     });
   }
 
+  // The newest order to the device: at once before drawing, when the device has nothing else to do.
+  takeOrder() { this.sorter.take((order, visible) => this.gpu.setOrder(order, visible)); }
+
   // Whether the order is that of the last camera sorted for.
   get sorted() { return !this.sorter.busy; }
+
+  // Whether nothing more is to come for the last camera; a promise of that.
+  get complete() { return true; }
+  completed() { return Promise.resolve(); }
+
+  // After the budget of a scene with levels was changed. False where it is more than there is room for.
+  replan() { return true; }
 
   sort(camera) { this.sorter.want(viewRow(camera)); }
 
@@ -76,6 +89,7 @@ export class Splats {
     this.sort(found.camera);
     try {
       const settings = Splats.forShaders(this.settings);
+      this.takeOrder();
       const view = {camera: found.camera, depth: found.depth, origin: [viewport[0], viewport[1]], linear};
       if (this.gpu.visible > 0) drawOver(this.renderer, this.gpu, view, settings);
       this.complaint = '';

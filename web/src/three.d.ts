@@ -20,6 +20,8 @@ export class TexturedGaussians extends Mesh<BufferGeometry, Material, TexturedGa
 }
 
 export class TexturedGaussiansLoader extends Loader<TexturedGaussians> {
+  /** Gaussians of a scene with levels of detail that may be drawn. */
+  splatBudget?: number;
   load(url: string, onLoad: (gaussians: TexturedGaussians) => void, onProgress?: (event: ProgressEvent) => void,
        onError?: (error: unknown) => void): void;
   parse(bytes: Uint8Array | ArrayBuffer): Promise<TexturedGaussians>;

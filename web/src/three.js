@@ -2,8 +2,9 @@
 // three.js: an object of a scene, drawn with its transparent ones, hidden by what is nearer, in the renderer's context.
 import {Box3, BufferAttribute, BufferGeometry, Loader, Mesh, ShaderMaterial, Sphere, Vector4} from 'three';
 import {sceneUp} from './camera.js';
+import {fetchBytes} from './fetch.js';
 import {matricesOf, noSuchCamera} from './matrices.js';
-import {fetchBytes, readFrom, readModel} from './model.js';
+import {readFrom, readModel} from './model.js';
 import {Splats} from './splats.js';
 
 const viewport = new Vector4();
@@ -99,6 +100,8 @@ export class TexturedGaussians extends Mesh {
 }
 
 export class TexturedGaussiansLoader extends Loader {
+  splatBudget = undefined;  // Gaussians of a scene with levels of detail that may be drawn, or as loadModel has it
+
   load(url, onLoad, onProgress, onError = (error) => console.error(error)) {
     this.manager.itemStart(url);
     this.open(url, onProgress).then(onLoad, (error) => {
@@ -114,7 +117,8 @@ export class TexturedGaussiansLoader extends Loader {
   async open(url, onProgress) {
     const tell = onProgress && ((loaded, total) => onProgress({loaded, total, lengthComputable: total > 0}));
     const address = this.manager.resolveURL(this.path + url);
-    return new TexturedGaussians(await readFrom(address, await fetchBytes(address, {onProgress: tell})));
+    const {splatBudget} = this;
+    return new TexturedGaussians(await readFrom(address, await fetchBytes(address, {onProgress: tell}), {splatBudget}));
   }
 
   // bytes: a Uint8Array or an ArrayBuffer of a GLB or a SOG file.

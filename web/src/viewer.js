@@ -8,6 +8,7 @@ import {Splats, TEXTURE_CHOICES} from './splats.js';
 import {formatView, parseView} from './view_text.js';
 
 const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full again
+const PATIENCE_MILLISECONDS = 5;  // between two looks whether the device is done
 const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
 const MAX_FIXED_SIDE = 8192;
 
@@ -29,6 +30,7 @@ export class Viewer {
     this.flight = null;       // a path that is played
     this.waiting = [];        // called when the picture is what was asked for
     this.openings = 0;
+    this.taking = null;       // resolves when a larger budget has its room
     this.lost = null;         // resolves once the context is, that release() has given back
     this.onChange = () => {};
     this.onError = (error) => console.error(error);
@@ -73,7 +75,7 @@ export class Viewer {
     const ordered = new Promise((resolve) => { first = resolve; });
     const next = await Splats.create(this.renderer, model, {onChange: () => first(), onError: (e) => this.onError(e)});
     if (this.orbit && this.splats) {
-      next.sort(this.orbit.camera);
+      next.sort(this.camera);
       await ordered;
     }
     if (opening !== this.openings) {
@@ -134,10 +136,13 @@ export class Viewer {
 
   get playing() { return Boolean(this.flight); }
 
+  // The view at hand, in the canvas' size.
+  get camera() { return fitted(this.orbit.camera, this.canvas.width, this.canvas.height); }
+
   // After any change of camera or settings. `byHand`: more is to be expected at once.
   changed(byHand = false) {
     if (byHand) this.stir();
-    if (this.splats && this.orbit.camera) this.splats.sort(this.orbit.camera);
+    if (this.splats && this.orbit.camera) this.splats.sort(this.camera);
     if (this.framePending) return;
     this.framePending = true;
     requestAnimationFrame((now) => {
@@ -161,6 +166,10 @@ export class Viewer {
 
   frame(time) {
     if (this.lost) return;
+    if (!this.renderer.idle) {  // a picture that the device cannot begin yet would hold up the page
+      setTimeout(() => this.changed(), PATIENCE_MILLISECONDS);
+      return;
+    }
     if (this.flight) {
       this.orbit.set(this.flight.at(time));
       this.changed(true);
@@ -187,6 +196,7 @@ export class Viewer {
     const {bounds, camera} = this.orbit;
     const middle = dot(add(bounds.center, camera.eye, -1), camera.axes[2]);
     const near = Math.max(middle - bounds.radius, NEAR);
+    this.splats.takeOrder();
     this.renderer.draw(this.splats.gpu, fitted(camera, width, height), {
       ...Splats.forShaders(this.settings), depthRange: [near, Math.max(middle + bounds.radius, near + 1e-3)],
     });
@@ -203,7 +213,8 @@ export class Viewer {
 
   // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
   // fy, cx, cy, axes, eye} as in camera.js), view (name or index of one of the model's, or what viewText gives), size
-  // "WxH" or "window", show, textures, intersection, outside, background. Throws at the first that cannot be.
+  // "WxH" or "window", show, textures, intersection, outside, background, splat-budget. Throws at the first that cannot
+  // be.
   apply(wanted) {
     const choice = (key, known) => {
       if (wanted[key] === undefined) return;
@@ -222,6 +233,7 @@ export class Viewer {
       }
       this.settings.background = color;
     }
+    if (wanted['splat-budget'] !== undefined) this.setBudget(wanted['splat-budget']);
     if (wanted.size !== undefined) this.setSize(wanted.size);
     if (wanted.camera !== undefined) this.setCamera(wanted.camera);
     if (wanted.view !== undefined) this.setView(wanted.view);
@@ -239,6 +251,20 @@ export class Viewer {
       }
     }
     return reasons;
+  }
+
+  // Gaussians that a scene with levels may have drawn; other models are drawn whole.
+  setBudget(wanted) {
+    const budget = wanted === '' ? NaN : Number(wanted);
+    if (!(Number.isInteger(budget) && budget > 0)) {
+      throw new Error(`splat-budget=${wanted} (expected a number of Gaussians)`);
+    }
+    const {lod} = this.model;
+    if (!lod) return;
+    lod.budget = budget;
+    // Else with more room, and the old picture until that is filled.
+    if (!this.splats || this.splats.replan()) return;
+    this.taking = this.take(this.model, this.orbit).then(() => this.changed()).catch((error) => this.onError(error));
   }
 
   setSize(text) {
@@ -298,16 +324,21 @@ export class Viewer {
     });
   }
 
-  // The picture for these settings, as a data URL of a PNG.
+  // The picture for these settings, as a data URL of a PNG; of a scene with levels once all is there that the view
+  // wants.
   async picture(wanted = {}) {
     this.apply(wanted);
-    await this.settled();  // goes on in the task that drew: later the canvas is empty
+    await this.taking;
+    do {
+      await this.splats.completed();
+      await this.settled();  // goes on in the task that drew: later the canvas is empty
+    } while (!this.splats.complete);
     return this.canvas.toDataURL('image/png');
   }
 
   async restore() {
     this.openContext();
-    if (this.splats) this.splats.sorter.dispose();
+    if (this.splats) this.splats.dispose();
     this.splats = null;
     if (this.model && await this.take(this.model, this.orbit)) this.changed();
   }
@@ -319,10 +350,13 @@ export class Viewer {
     if (this.splats && this.orbit.camera) {
       this.draw(1);
       still.getContext('2d').drawImage(this.canvas, 0, 0);
-      this.splats.sorter.dispose();
+      this.splats.dispose();
     }
     this.splats = this.flight = null;
-    this.lost = new Promise((done) => this.canvas.addEventListener('webglcontextlost', done, {once: true}));
+    // A context may be asked back once the event is over.
+    this.lost = new Promise((done) => {
+      this.canvas.addEventListener('webglcontextlost', () => setTimeout(done), {once: true});
+    });
     this.device.loseContext();
     return still;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lossless WebP files as the numbers they hold, alpha included. The browser's own decoder gives them unchanged when it
-// is told to convert nothing; a 2D canvas would multiply colours by alpha, a framebuffer of WebGL hands them on.
+// is told to convert nothing: WebCodecs' where a browser has it and the page's server is trusted (https, or this
+// machine); else by way of a framebuffer of WebGL, as a 2D canvas would multiply colours by alpha.
 import {breathe} from './breathe.js';
 import {MAX_ATLAS_TEXELS} from './png.js';
 
@@ -45,6 +46,41 @@ async function readRows(gl, begin, end, width, out) {
   gl.deleteBuffer(buffer);
 }
 
+// The pixels of a frame as they are, or null where it has others than RGBA.
+async function pixelsOf(frame, width, height) {
+  const swapped = frame.format.startsWith('BGR');
+  if (!swapped && !frame.format.startsWith('RGB')) return null;
+  if (frame.codedWidth !== width || frame.codedHeight !== height) {
+    throw new Error('WebP: another size than its header says');
+  }
+  const samples = new Uint8Array(4 * width * height);
+  await frame.copyTo(samples, {layout: [{offset: 0, stride: 4 * width}]});
+  for (let i = 0; swapped && i < samples.length; i += 4) {
+    if (i % BAND_BYTES === 0) await breathe();
+    const blue = samples[i];
+    samples[i] = samples[i + 2];
+    samples[i + 2] = blue;
+  }
+  return samples;
+}
+
+// As the WebGL way; null where it cannot be told that the numbers are the file's.
+async function decodeByCodec(bytes, width, height) {
+  if (typeof ImageDecoder === 'undefined') return null;
+  const decoder = new ImageDecoder({data: bytes, type: 'image/webp', premultiplyAlpha: 'none',
+                                    colorSpaceConversion: 'none', preferAnimation: false});
+  try {
+    const {image} = await decoder.decode();
+    try {
+      return await pixelsOf(image, width, height);
+    } finally {
+      image.close();
+    }
+  } finally {
+    decoder.close();
+  }
+}
+
 let busy = Promise.resolve();  // files are read one after the other, as they share the context
 
 async function decode(bytes) {
@@ -52,6 +88,8 @@ async function decode(bytes) {
   if (width * height > MAX_ATLAS_TEXELS) {
     throw new Error(`WebP: bad size ${width} x ${height} (expected at most ${MAX_ATLAS_TEXELS} texels)`);
   }
+  const decoded = await decodeByCodec(bytes, width, height);
+  if (decoded) return {width, height, channels: 4, largest: 255, samples: decoded};
   const bitmap = await createImageBitmap(new Blob([bytes], {type: 'image/webp'}),
                                          {premultiplyAlpha: 'none', colorSpaceConversion: 'none'});
   if (bitmap.width !== width || bitmap.height !== height) throw new Error('WebP: another size than its header says');

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page that holds its model: loads, unpacks and shows it, and takes what the address asks for.
+// The page that holds its model, or streams a scene beside it: loads, unpacks and shows it, and takes what the address
+// asks for.
 
 const WATCH = 100;                         // [ms] between two looks at what has come of the page
 const PIECE = 1 << 19;                     // characters of base64 at a time
@@ -21,7 +22,7 @@ function watchLoading(total) {
     for (const node of document.querySelectorAll('script.model')) {
       for (const part of node.childNodes) come += part.length;
     }
-    showLoading(SHARES.come * Math.min(come / Number(total), 1));
+    showLoading(SHARES.come * Math.min(come / Math.max(Number(total), 1), 1));
   }, WATCH);
 }
 
@@ -52,6 +53,26 @@ async function unpackPayload() {
   });
   const stream = source.pipeThrough(new DecompressionStream('gzip'));
   return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// The address of a scene with levels of detail that the page shows in place of a model of its own, or null.
+function streamedAddress() {
+  const node = document.querySelector('script.stream');
+  if (!node) return null;
+  if (location.protocol === 'file:') {
+    throw new Error('This page streams its scene, which browsers do from a server only: "python3 -m http.server" in ' +
+                    'its folder, then http://localhost:8000/.');
+  }
+  return JSON.parse(node.textContent);
+}
+
+async function readPayload() {
+  const bytes = await unpackPayload().catch(() => {
+    throw new Error('The model in this page is damaged.');
+  });
+  if (!bytes) throw new Error('The page holds no model.');
+  showLoading(SHARES.unpacked);
+  return readModel(bytes);
 }
 
 // Another file dropped on the page. A broken one is reported and leaves the old model.
@@ -91,12 +112,9 @@ async function startViewer() {
     if (typeof DecompressionStream === 'undefined') throw new Error('This browser is too old: no DecompressionStream.');
     const viewer = new Viewer(element('picture'));
     showLoading(SHARES.come);
-    const bytes = await unpackPayload().catch(() => {
-      throw new Error('The model in this page is damaged.');
-    });
-    if (!bytes) throw new Error('The page holds no model.');
-    showLoading(SHARES.unpacked);
-    const model = await readModel(bytes);
+    const streamed = streamedAddress();
+    const splatBudget = Number(new URLSearchParams(location.search).get('splat-budget')) || undefined;
+    const model = streamed ? await loadModel(streamed, {splatBudget}) : await readPayload();
     showLoading(SHARES.read);
     await viewer.open(model);
     const panel = new Panel(viewer, document.title);
@@ -109,7 +127,7 @@ async function startViewer() {
     window.tgViewer = viewer;
     await viewer.settled();
     showLoading(1);
-    window.__done = {gaussians: viewer.model.count};
+    window.__done = {gaussians: (model.lod || model).count};
   } catch (error) {
     showLoading(1);
     showMessage(error.message);

@@ -157,9 +157,6 @@ class Panel {
   fill() {
     const {model} = this.viewer;
     element('title').textContent = this.name;
-    const textures = model.layer ? `${modeName(model.layer)} textures` : 'no textures';
-    element('facts').textContent = `${model.count.toLocaleString('en')} Gaussians, SH degree ` +
-      `${Math.round(Math.sqrt(model.sh.length)) - 1}, ${textures}`;
     this.stops = Math.max(model.views.length, model.cameras.length);
     element('cameras').hidden = this.stops === 0;
     element('play').hidden = this.stops < 2;
@@ -194,10 +191,18 @@ class Panel {
     return possible.map((name) => [name, titles[name]]);
   }
 
+  facts({count, lod, layer, sh}) {
+    const words = (number) => number.toLocaleString('en');
+    const gaussians = lod ? `${words(lod.shown)} of ${words(lod.count)}` : words(count);
+    return `${gaussians} Gaussians, SH degree ${Math.round(Math.sqrt(sh.length)) - 1}, ` +
+      (layer ? `${modeName(layer)} textures` : 'no textures');
+  }
+
   update() {
     const {viewer} = this;
     if (!viewer.model) return;
     const {settings} = viewer;
+    element('facts').textContent = this.facts(viewer.model);
     press('show', settings.show);
     press('textures', settings.textures);
     press('outside', settings.outside);

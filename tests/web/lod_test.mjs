@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scenes with levels of detail without a browser: `node lod_test.mjs CUTS.json`. What lod-meta.json may say and may
+// not, where addresses may lead, and which levels a view wants: the same as the C++ library, by one file of cases
+// (tests/goldens/lod_cuts.json), which `node lod_test.mjs CUTS.json --make` makes anew.
+import {readFileSync, writeFileSync} from 'node:fs';
+import {readCameraFile} from '../../web/src/camera_file.js';
+import {addressIn} from '../../web/src/decoder.js';
+import {chooseLevels, isLodMeta, parseLodMeta} from '../../web/src/lod.js';
+
+setInterval(() => {}, 1000);  // long work in slices does not keep Node from ending
+const failures = [];
+const expect = (what, ok, found = '') => {
+  if (!ok) failures.push(`${what}: ${found}`);
+};
+let seed = 7;
+const random = () => (seed = (1103515245 * seed + 12345) % 2147483648) / 2147483648;
+const between = (a, b) => Math.fround(a + (b - a) * random());
+const bytesOf = (value) => new TextEncoder().encode(typeof value === 'string' ? value : JSON.stringify(value));
+
+// A scene of `leaves` boxes, some of them flat or far, each a quarter as full from level to level; `gaps`: some leaves
+// lack some levels.
+function randomScene(leaves, levels, gaps) {
+  const files = Array.from({length: levels}, (_, level) => `${level}_0/meta.json`);
+  const first = new Array(levels).fill(0);
+  const children = Array.from({length: leaves}, () => {
+    const low = [between(-4, 4), between(-4, 4), between(-4, 4)];
+    const size = random() < 0.1 ? 0 : between(0.01, 2);
+    const means = {min: low, max: low.map((x) => Math.fround(x + size * random()))};
+    const bound = {min: low.map((x) => Math.fround(x - 0.3 * random())),
+                   max: means.max.map((x) => Math.fround(x + 0.3))};
+    let count = 1 + Math.floor(8000 * random());
+    const lods = {};
+    for (let level = 0; level < levels; ++level, count = Math.max(Math.floor(count / 4), 1)) {
+      if (gaps && random() < 0.3 && !(level === levels - 1 && Object.keys(lods).length === 0)) continue;
+      lods[level] = {file: level, offset: first[level], count};
+      first[level] += count;
+    }
+    return {bound, ...(gaps ? {} : {TG_means: means}), lods};
+  });
+  return {lodLevels: levels, filenames: files, tree: {bound: {min: [-9, -9, -9], max: [9, 9, 9]}, children}};
+}
+
+// In the file's axes, from the world to the camera, as the C++ library has it.
+function randomCamera() {
+  const q = [0, 0, 0, 0].map(() => random() - 0.5), length = Math.sqrt(q.reduce((sum, x) => sum + x * x, 0));
+  const [x, y, z, w] = q.map((v) => v / length);
+  const [width, height] = [640, 480], fx = between(200, 900);
+  return {
+    right: [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+    down: [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+    forward: [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+    translation: [between(-5, 5), between(-5, 5), between(-5, 5)], width, height, fx, fy: between(0.9, 1.1) * fx,
+    cx: between(300, 340), cy: between(220, 260),
+  };
+}
+
+const turned = ([x, y, z]) => [-x, -y, z];  // the file's axes to those of models here
+
+function chosen(scene, camera, budget) {
+  const {right, down, forward, translation: [x, y, z]} = camera;
+  const eye = [0, 1, 2].map((k) => -(right[k] * x + down[k] * y + forward[k] * z));
+  return chooseLevels(scene, {...camera, eye: turned(eye), axes: [right, down, forward].map(turned)}, budget).levels;
+}
+
+async function makeCuts() {
+  const scenes = [];
+  for (const [leaves, levels, gaps] of [[40, 4, false], [40, 4, true], [150, 6, false], [1, 1, false]]) {
+    const meta = randomScene(leaves, levels, gaps);
+    const scene = await parseLodMeta(bytesOf(meta));
+    const cuts = Array.from({length: 12}, (_, i) => {
+      const camera = randomCamera(), budget = [0, 5000, 50000, 1000000][i % 4];
+      return {camera, budget, levels: [...chosen(scene, camera, budget)]};
+    });
+    scenes.push({meta, cuts});
+  }
+  return scenes;
+}
+
+const path = process.argv[2];
+if (process.argv[3] === '--make') {
+  writeFileSync(path, `[\n${(await makeCuts()).map((scene) => JSON.stringify(scene)).join(',\n')}\n]\n`);
+  process.exit(0);
+}
+
+const scenes = JSON.parse(readFileSync(path, 'utf8'));
+let differing = 0;
+for (const {meta, cuts} of scenes) {
+  const scene = await parseLodMeta(bytesOf(meta));
+  const countOf = (levels) => scene.leaves.reduce((sum, leaf, i) => sum + leaf.levels[levels[i]].count, 0);
+  const coarsest = countOf(scene.leaves.map(() => scene.levels - 1));
+  for (const {camera, budget, levels} of cuts) {
+    const found = chosen(scene, camera, budget);
+    expect('levels are as before', String([...found]) === String(levels), `${[...found]} (expected ${levels})`);
+    expect('the budget is kept', countOf(found) <= Math.max(budget, coarsest), countOf(found));
+    differing += new Set(levels).size > 1;
+  }
+}
+expect('the cases tell levels apart', scenes.length > 0 && differing > 10, differing);
+
+// What is missing at a level is shown by the next finer one, else by the next coarser.
+const gap = await parseLodMeta(bytesOf({
+  lodLevels: 4, filenames: ['a/meta.json', 'b/meta.json'],
+  tree: {bound: {min: [0, 0, 0], max: [1, 1, 1]}, lods: {1: {file: 0, offset: 3, count: 9}, 2: {file: 1, count: 2}}},
+}));
+expect('levels are filled', gap.leaves[0].levels.map(({level}) => level).join() === '1,1,2,2', gap.leaves[0].levels);
+const {box, means} = gap.leaves[0];
+expect('a box is turned, and stands for that of the means', box === means && box.low.join() === '-1,-1,0' &&
+  box.high.join() === '0,0,1', box.low);
+
+// Spoilt ones are refused with a sentence, never by a slip of the reader's own.
+const good = randomScene(5, 3, false);
+const own = {version: 1, sh_degree: 3, texture_mode: 'rgba', intersection: 'plane', outside: 'base',
+             background: [0, 0, 0]};
+const deep = (depth) => {
+  let tree = good.tree.children[0];
+  for (let i = 0; i < depth; ++i) tree = {bound: tree.bound, children: [tree]};
+  return tree;
+};
+expect('a deep tree is read', (await parseLodMeta(bytesOf({...good, tree: deep(2000)}))).leaves.length === 1);
+expect('what is ours is read', (await parseLodMeta(bytesOf({...good, TG_levels_of_detail: own}))).own.mode === 3);
+expect('a later version is passed over',
+       (await parseLodMeta(bytesOf({...good, TG_levels_of_detail: {...own, version: 2}}))).own === null);
+const changed = (path, value) => {
+  const copy = structuredClone(good);
+  const keys = path.split('/'), last = keys.pop();
+  keys.reduce((at, key) => at[key], copy)[last] = value;
+  return copy;
+};
+const spoilt = [
+  'null', '{}', '{"lodLevels": 1', {...good, lodLevels: 0}, {...good, lodLevels: 1e9}, {...good, lodLevels: '3'},
+  {...good, filenames: []}, {...good, filenames: [1]}, {...good, filenames: {}}, {...good, tree: null},
+  {...good, tree: []}, {...good, tree: {children: []}}, {...good, tree: {children: 'x'}}, {...good, tree: {children: {length: 1e9}}},
+  changed('tree/children/0/bound', {min: [1, 1, 1], max: [0, 0, 0]}), changed('tree/children/0/bound', {}),
+  changed('tree/children/1/bound/min/0', null), 
+  changed('tree/children/1/TG_means', {min: [0, 0, 0]}), changed('tree/children/1/bound/max', [1, 2]),
+  changed('tree/children/0/lods/0/file', 3), changed('tree/children/0/lods/0/file', -1),
+  changed('tree/children/0/lods/0/file', 'constructor'), changed('tree/children/0/lods/0/count', -5),
+  changed('tree/children/0/lods/0/count', 1e300), changed('tree/children/0/lods/0/count', 1.5),
+  changed('tree/children/0/lods/0/offset', -1), changed('tree/children/0/lods/0/offset', 2 ** 40),
+  ...[['sh_degree', 4], ['texture_mode', 'toString'], ['intersection', 'x'], ['outside', 0], ['background', [2, 0, 0]],
+      ['cameras', 3]]
+    .map(([key, value]) => ({...good, TG_levels_of_detail: {...own, [key]: value}})),
+];
+for (const [index, meta] of spoilt.entries()) {
+  let told = null;
+  try {
+    await parseLodMeta(bytesOf(meta));
+  } catch (error) {
+    told = error;
+  }
+  const isOwn = told instanceof SyntaxError ||
+    (told && told.constructor === Error && told.message.startsWith('lod-meta.json'));
+  expect(`spoilt scene ${index}`, isOwn, told ? told.stack : 'is read');
+}
+expect('a lod-meta.json is known', isLodMeta(bytesOf(good)) && isLodMeta(bytesOf(` ${JSON.stringify(good)}`)));
+expect('a glTF is none', !isLodMeta(bytesOf({asset: {version: '2.0'}})) && !isLodMeta(new Uint8Array(0)));
+
+// Addresses stay in the scene's folder, whatever names say.
+const folder = 'https://server/scenes/fox/';
+expect('a chunk', addressIn(folder, `${folder}lod-meta.json`, '0_0/meta.json') === `${folder}0_0/meta.json`);
+expect('an image', addressIn(folder, `${folder}0_0/meta.json`, 'sh0.webp') === `${folder}0_0/sh0.webp`);
+for (const name of ['../x.webp', '/x', '//evil/scenes/fox/x', 'https://evil/x', 'data:,x', '%2e%2e/x', '.%2E/x',
+                    '..\\x', '\t../x', 'a/../../x', 'https://server/scenes/foxes/x', 'http://server/scenes/fox/x',
+                    'blob:x', 'http://[']) {
+  let told = '';
+  try { told = `is ${addressIn(folder, `${folder}lod-meta.json`, name)}`; } catch (error) { told = error.message; }
+  expect(`the address ${name}`, /leads out|no address/.test(told), told);
+}
+
+const [camera] = readCameraFile(bytesOf([
+  {img_name: 'a', width: 640, height: 480, fx: 500, fy: 510, position: [1, 2, 3],
+   rotation: [[1, 0, 0], [0, 0, -1], [0, 1, 0]], split: 'test'},
+  {width: 640}, null,
+  {width: -1, height: 1, fx: 1, fy: 1, position: [0, 0, 0], rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+]));
+expect('a camera is read', camera.test && camera.cx === 320 && camera.eye.join() === '-1,-2,3' &&
+  camera.axes.flat().every((x, k) => x === [-1, 0, 0, 0, 0, 1, 0, 1, 0][k]), JSON.stringify(camera));
+for (const none of [[null, {}], {}, 3]) {
+  expect('what is no camera is left out', readCameraFile(bytesOf(none)).length === 0, JSON.stringify(none));
+}
+
+console.log(failures.join('\n') || `${scenes.length} scenes, ${spoilt.length} spoilt ones refused`);
+process.exit(failures.length > 0 ? 1 : 0);

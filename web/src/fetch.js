@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// The bytes at an address, and sentences that name it.
+
+const LONGEST_ADDRESS = 200;  // characters of one in what goes wrong: data: addresses hold whole files
+
+export function failure(url, words, cause) {
+  const address = String(url);
+  const told = address.length > LONGEST_ADDRESS ? `${address.slice(0, LONGEST_ADDRESS)}...` : address;
+  return new Error(`${told}: ${words}`, {cause});
+}
+
+// onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it. most: [bytes] there may be. cache:
+// as fetch() has it. What goes wrong has the address before it, but for an AbortError of `signal`.
+export async function fetchBytes(url, {onProgress, signal, most = Infinity, cache = 'default'} = {}) {
+  try {
+    return await receivedBytes(url, {onProgress, signal, most, cache});
+  } catch (error) {
+    if (signal && signal.aborted || !(error instanceof TypeError)) throw error;
+    // Browsers say "Failed to fetch" of all of these.
+    const words = `no answer, an answer that broke off, or one that this page may not read (${error.message})`;
+    throw failure(url, words, error);
+  }
+}
+
+async function receivedBytes(url, {onProgress, signal, most, cache}) {
+  const answer = await fetch(url, {signal, cache});
+  if (!answer.ok) throw failure(url, `${answer.status} ${answer.statusText}`.trim());
+  if (!answer.body) return new Uint8Array(await answer.arrayBuffer());
+  const packed = answer.headers.get('Content-Encoding');
+  const total = packed ? 0 : Number(answer.headers.get('Content-Length')) || 0;
+  const chunks = [], reader = answer.body.getReader();
+  let loaded = 0;
+  for (;;) {
+    const {done, value} = await reader.read();
+    if (done) break;
+    chunks.push(value);
+    loaded += value.length;
+    if (loaded > most) {
+      reader.cancel().catch(() => {});
+      throw failure(url, `too long (expected at most ${most} bytes)`);
+    }
+    if (onProgress) onProgress(loaded, total);
+  }
+  const bytes = new Uint8Array(loaded);
+  let at = 0;
+  for (const chunk of chunks) {
+    bytes.set(chunk, at);
+    at += chunk.length;
+  }
+  return bytes;
+}
