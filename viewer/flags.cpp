@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "converter/lod/lod_scene.h"
 #include "converter/registry/file_format.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
@@ -37,7 +38,7 @@ struct Flags {
   std::string compare_mode;
   std::map<std::string_view, std::string> settings;  // by the name of their RenderSetting
   std::string show = "final", size, backend = "auto", up = "cameras";
-  std::string turntable, elevation, radius, fps = "30", inspect;
+  std::string turntable, elevation, radius, fps = "30", inspect, splat_budget;
   std::filesystem::path benchmark;
   bool list_cameras = false, window = false, no_session = false;
 };
@@ -60,6 +61,9 @@ void declarePicture(CLI::App& app, Flags& flags) {
   flags.settings["textures"] = texturesName(RenderSettings().textures);
   for (const RenderSetting& setting : renderSettings()) {
     if (setting.name == "background") {  // its place in the help
+      app.add_option("--splat-budget", flags.splat_budget,
+                     "how many Gaussians of a scene with levels of detail are drawn, at most")
+          ->type_name("N");
       app.add_option("--size", flags.size, "WIDTHxHEIGHT of the image or the window")->type_name("SIZE");
     }
     const std::string unit = setting.unit.empty() ? "" : "[" + std::string(setting.unit) + "] ";
@@ -267,6 +271,7 @@ void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
       {"--size",
        {window, picture, numbers, comparison, recording, benchmark, windowBenchmark, inspection},
        "a picture"},
+      {"--splat-budget", {window, picture, numbers, comparison, recording, inspection}, "a picture"},
       {"--backend", drawn, "a picture"},
       {"--device", drawn, "a picture"},
       {"--validation", drawn, "a picture"},
@@ -357,6 +362,10 @@ void parseValues(Flags& flags) {
   view.show = parse<Output>(flags.show, "--show");
   parseSettings(flags);
   if (!flags.size.empty()) view.size = parseSize(flags.size, "--size");
+  if (!flags.splat_budget.empty()) {
+    view.splat_budget = static_cast<std::size_t>(
+        parseNumber(flags.splat_budget, kLeastSplatBudget, kMostSplatBudget, "--splat-budget"));
+  }
   view.backend = parse<Backend>(flags.backend, "--backend");
   if (!flags.compare_mode.empty()) view.compare_mode = parse<CompareMode>(flags.compare_mode, "--compare-mode");
   if (view.compare_mode == CompareMode::difference) {
@@ -375,6 +384,8 @@ void parseValues(Flags& flags) {
   refuseIf(!view.serve.empty() && (other || view.model.empty()),
            "--serve shows a model in browsers (expected one model, and no other output with it)");
   refuseIf(view.serve.empty() && !view.serve_token.empty(), "--serve-token is of a page (expected --serve with it)");
+  refuseIf((view.follow || view.benchmark) && isLodMeta(view.model),
+           "--follow and --benchmark are of a model that is read whole (expected no lod-meta.json with it)");
   if (view.follow) view.model = followedFile(view.model);
   refuseIf(!view.out.empty() && !view.script.empty(), "--script drives the window (expected no --render with it)");
 }

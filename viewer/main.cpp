@@ -2,6 +2,7 @@
 // tgview: look at a model in a window, or render it to a file.
 #include <cstdio>
 #include <optional>
+#include <vector>
 
 #include "converter/registry/file_format.h"
 #include "core/system/error.h"
@@ -9,18 +10,20 @@
 #include "core/system/signals.h"
 #include "viewer/flags.h"
 #include "viewer/headless/headless.h"
+#include "viewer/model/resident_levels.h"
 #include "viewer/window/window.h"
 
 namespace {
 
 void listCameras(const std::filesystem::path& path) {
-  const tg::Bundle loaded = tg::readModel(path);
-  for (std::size_t i = 0; i < loaded.cameras.size(); ++i) {
-    const tg::Camera& camera = loaded.cameras[i];
+  const std::vector<tg::Camera> cameras =
+      tg::isLodMeta(path) ? tg::openLevels(path, {}).cameras : tg::readModel(path).cameras;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const tg::Camera& camera = cameras[i];
     std::printf("%4zu  %-5s  %5d x %-5d  fy %8.1f  %s\n", i, camera.test ? "test" : "train", camera.size.x,
                 camera.size.y, camera.focal.y, tg::printable(camera.name).c_str());
   }
-  if (loaded.cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", path.c_str());
+  if (cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", path.c_str());
 }
 
 int run(int argc, char** argv) {

@@ -17,8 +17,8 @@
 namespace tg {
 namespace {
 
-Frame frameOf(Renderer& renderer, const Scene& scene, const Camera& camera, const RenderSettings& settings) {
-  renderer.setModel(scene.model);
+Frame frameOf(Renderer& renderer, ViewedScene& viewed, const Camera& camera, const RenderSettings& settings) {
+  renderer.setModel(viewed.modelFor(camera));
   return renderer.render(camera, settings);
 }
 
@@ -64,18 +64,21 @@ void compareToFile(const ViewOptions& options) {
                 "expected side, wipe, difference or flip with --render, found \"" + std::string(name(how.mode)) + "\"");
   }
 
-  const Scene scene = readScene(options);
+  ViewedScene viewed(options, options.model);
+  const Scene& scene = viewed.scene();
   const Camera camera = cameraFor(viewOf(options, how.mode, scene), scene);
   const glm::vec3 background = options.background.value_or(scene.background);
 
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   const RenderSettings settings = settingsFor(options, background);
-  const Frame frame = frameOf(*backend.renderer, scene, camera, settings);
+  const Frame frame = frameOf(*backend.renderer, viewed, camera, settings);
   Image first = visualize(frame, options.show, settings), other;
   std::vector<std::uint8_t> mask;
   std::string against = options.compare.string();
   if (!options.compare.empty()) {
-    const Scene second = sceneOf(readModel(options.compare), options.compare);
+    ViewOptions unwarned = options;
+    unwarned.quiet = true;
+    ViewedScene second(unwarned, options.compare);
     const Frame second_frame = frameOf(*backend.renderer, second, camera, settings);
     if (kNumberOutputs.has(options.show)) {
       ValueScale scale;

@@ -3,6 +3,7 @@
 #include "viewer/headless/headless.h"
 
 #include <cstdio>
+#include <memory>
 
 #include "core/system/error.h"
 #include "render/reference/inspect.h"
@@ -13,7 +14,8 @@
 namespace tg {
 
 void inspectHeadless(const ViewOptions& options) {
-  const Scene scene = readScene(options);
+  ViewedScene viewed(options, options.model);
+  const Scene& scene = viewed.scene();
   const Camera camera = cameraFor(options, scene);
   const glm::ivec2 pixel = *options.inspect;
   if (pixel.x >= camera.size.x || pixel.y >= camera.size.y) {
@@ -22,8 +24,9 @@ void inspectHeadless(const ViewOptions& options) {
                                       "," + std::to_string(pixel.y));
   }
   const RenderSettings settings = settingsFor(options, scene.background);
-  const std::vector<PixelHit> hits = inspectPixel(*scene.model, camera, settings, pixel);
-  std::fputs(formatInspection(*scene.model, camera, settings, pixel, hits).c_str(), stdout);
+  const std::shared_ptr<const GaussianModel> model = viewed.modelFor(camera);
+  const std::vector<PixelHit> hits = inspectPixel(*model, camera, settings, pixel);
+  std::fputs(formatInspection(*model, camera, settings, pixel, hits).c_str(), stdout);
 }
 
 }  // namespace tg

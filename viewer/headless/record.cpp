@@ -4,8 +4,10 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <memory>
 
 #include "viewer/headless/renderer.h"
 #include "viewer/picture/frame_writer.h"
@@ -50,17 +52,24 @@ class Progress {
 void recordToFile(const ViewOptions& options) {
   const RecordTarget target = parseRecordTarget(options.record, "--output");
   const bool numbers = target.path.extension() == ".exr";
-  const Scene scene = readScene(options);
+  ViewedScene viewed(options, options.model);
+  const Scene& scene = viewed.scene();
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);
   const RenderSettings settings = settingsFor(options, scene.background);
   FrameWriter writer(target, cameras.front().size, options.fps);
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
-  backend.renderer->setModel(scene.model);
 
   double seconds = 0;
+  std::size_t most = 0;  // Gaussians of a frame
   {
     Progress progress(cameras.size(), !options.quiet);
+    std::shared_ptr<const GaussianModel> set;
     for (const Camera& camera : cameras) {
+      if (auto model = viewed.modelFor(camera); model != set) {
+        set = std::move(model);
+        backend.renderer->setModel(set);
+        most = std::max(most, set->size());
+      }
       const Frame frame = backend.renderer->render(camera, settings);
       writer.add(numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
       progress.step();
@@ -72,8 +81,7 @@ void recordToFile(const ViewOptions& options) {
   if (options.quiet) return;
   std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),
               cameras.size(), cameras.front().size.x, cameras.front().size.y, std::string(name(options.show)).c_str(),
-              texturesName(settings.textures).c_str(), scene.gaussians, seconds,
-              backend.renderer->deviceName().c_str());
+              texturesName(settings.textures).c_str(), most, seconds, backend.renderer->deviceName().c_str());
 }
 
 }  // namespace tg

@@ -3,6 +3,7 @@
 #include "viewer/headless/headless.h"
 
 #include <cstdio>
+#include <memory>
 
 #include "core/system/error.h"
 #include "viewer/headless/renderer.h"
@@ -21,11 +22,11 @@ bool writesNumbers(const std::filesystem::path& path) {
               "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
 }
 
-void render(const Scene& scene, const ViewOptions& options, bool numbers, const HeadlessRenderer& backend) {
-  const Camera camera = cameraFor(options, scene);
+void render(const Scene& scene, const Camera& camera, const std::shared_ptr<const GaussianModel>& model,
+            const ViewOptions& options, bool numbers, const HeadlessRenderer& backend) {
   const RenderSettings settings = settingsFor(options, scene.background);
 
-  backend.renderer->setModel(scene.model);
+  backend.renderer->setModel(model);
   const Frame frame = backend.renderer->render(camera, settings);
   requireNoValidationMessages(backend);
   writeImage(options.out, numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
@@ -35,7 +36,7 @@ void render(const Scene& scene, const ViewOptions& options, bool numbers, const 
   for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;
   std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s%s\n", options.out.c_str(), frame.width,
               frame.height, std::string(name(options.show)).c_str(), texturesName(settings.textures).c_str(),
-              scene.gaussians, milliseconds, backend.renderer->deviceName().c_str(),
+              model->size(), milliseconds, backend.renderer->deviceName().c_str(),
               options.follow && !scene.training.empty() ? (", " + scene.training).c_str() : "");
 }
 
@@ -48,7 +49,8 @@ void followToFile(const ViewOptions& options, bool numbers) {
     if (!news.problem.empty()) std::fprintf(stderr, "tgview: %s\n", news.problem.c_str());
     if (!news.model) continue;
     const bool finished = trainingProgress(news.model->training_json).finished;
-    render(sceneFor(options, std::move(*news.model)), options, numbers, backend);
+    const Scene scene = sceneFor(options, std::move(*news.model));
+    render(scene, cameraFor(options, scene), scene.model, options, numbers, backend);
     std::fflush(stdout);
     if (finished) return;
   }
@@ -59,8 +61,9 @@ void followToFile(const ViewOptions& options, bool numbers) {
 void renderToFile(const ViewOptions& options) {
   const bool numbers = writesNumbers(options.out);
   if (options.follow) return followToFile(options, numbers);
-  const Scene scene = readScene(options);
-  render(scene, options, numbers, makeHeadlessRenderer(options));
+  ViewedScene viewed(options, options.model);
+  const Camera camera = cameraFor(options, viewed.scene());
+  render(viewed.scene(), camera, viewed.modelFor(camera), options, numbers, makeHeadlessRenderer(options));
 }
 
 }  // namespace tg

@@ -19,6 +19,14 @@ std::string limitsText(const GpuLimits& limits) {
          " px a side";
 }
 
+// What the command line says of it.
+void adapt(Scene& scene, const ViewOptions& options) {
+  scene.up = upOf(options.up, scene.up);
+  for (const std::string& warning : scene.warnings) {
+    if (!options.quiet) std::fprintf(stderr, "%s: warning: %s\n", scene.path.c_str(), warning.c_str());
+  }
+}
+
 }  // namespace
 
 HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options) {
@@ -76,14 +84,35 @@ Image shownPicture(const Frame& frame, const ViewOptions& options, const RenderS
   return legend ? withLegend(std::move(picture), *legend) : picture;
 }
 
-Scene readScene(const ViewOptions& options) { return sceneFor(options, readModel(options.model)); }
+ViewedScene::ViewedScene(const ViewOptions& options, const std::filesystem::path& path)
+    : budget_(options.splat_budget.value_or(kUsualSplatBudget)) {
+  ViewOptions named = options;
+  named.model = path;
+  if (!isLodMeta(path)) {
+    if (options.splat_budget && !isLodMeta(options.model) && !isLodMeta(options.compare)) {
+      throw Error(ErrorKind::usage, path.string(), "has no levels for --splat-budget (expected a lod-meta.json)");
+    }
+    scene_ = sceneFor(named, readModel(path));
+    return;
+  }
+  opened_ = openLevels(path, {});
+  resident_.emplace(opened_->scene, opened_->reader);
+  scene_ = sceneOf(*opened_, resident_->model(), path);
+  adapt(scene_, options);
+}
+
+std::shared_ptr<const GaussianModel> ViewedScene::modelFor(const Camera& camera) {
+  if (!opened_) return scene_.model;
+  const std::vector<std::uint8_t> levels = chooseLevels(opened_->scene, camera, budget_);
+  if (levels == resident_->levels()) return resident_->model();
+  for (const std::uint32_t file : resident_->missing(levels, camera.position())) resident_->read(file, levels);
+  resident_->assemble(levels);
+  return resident_->model();
+}
 
 Scene sceneFor(const ViewOptions& options, Bundle loaded) {
   Scene scene = sceneOf(std::move(loaded), options.model);
-  scene.up = upOf(options.up, scene.up);
-  for (const std::string& warning : scene.warnings) {
-    if (!options.quiet) std::fprintf(stderr, "%s: warning: %s\n", options.model.c_str(), warning.c_str());
-  }
+  adapt(scene, options);
   return scene;
 }
 

@@ -85,8 +85,6 @@ class BoundedStream : public httplib::Stream {
 
 }  // namespace
 
-bool isWebAddress(const std::string& text) { return text.starts_with(kScheme) || text.starts_with("https://"); }
-
 class HttpReader::Client : public httplib::ClientImpl {
  public:
   Client(const std::string& host, int port) : httplib::ClientImpl(host, port) {

@@ -13,9 +13,6 @@ constexpr int kConnectSeconds = 10;
 constexpr int kFetchStallSeconds = 20;  // without a byte received
 constexpr int kFetchSeconds = 600;      // of a whole file
 
-// Whether it is an address and no path: "http://..." or "https://...".
-bool isWebAddress(const std::string& text);
-
 // Keeps its connection from file to file. To be used by one thread at a time.
 class HttpReader {
  public:

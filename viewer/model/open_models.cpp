@@ -2,6 +2,7 @@
 // The life of the open models.
 #include "viewer/model/open_models.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "core/file/identity.h"
@@ -9,13 +10,18 @@
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/edits.h"
+#include "viewer/view/inspection.h"
 #include "viewer/view/parse.h"
 
 namespace tg {
 
 OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
-                       std::function<void(ViewerState&, Scene)> adopt, ModelReader read)
-    : options_(options), adopt_(std::move(adopt)), loader_(wake, std::move(read)) {
+                       std::function<void(ViewerState&, Scene)> adopt, ModelReader model_reader, LodReaderWrap wrap)
+    : options_(options),
+      adopt_(std::move(adopt)),
+      wake_(wake),
+      wrap_(std::move(wrap)),
+      loader_(wake, std::move(model_reader)) {
   if (options.follow) {
     if (options.model.filename() == "model.tgz") {
       run_ = std::make_unique<RunWatch>(options.model.parent_path(), wake);
@@ -23,9 +29,19 @@ OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
     follower_ = std::make_unique<ModelFollower>(options.model, std::move(wake));
     return;
   }
-  if (!options.model.empty()) loader_.open(options.model);
-  for (const std::filesystem::path& path : options.more_models) loader_.open(path);
-  if (!options.compare.empty()) loader_.open(options.compare);
+  if (!options.model.empty()) read(options.model);
+  for (const std::filesystem::path& path : options.more_models) read(path);
+  if (!options.compare.empty()) read(options.compare);
+}
+
+// Scenes with levels of detail beside each other, models one after the other.
+void OpenModels::read(const std::filesystem::path& path) {
+  if (!isLodMeta(path)) return loader_.open(path);
+  std::erase_if(streams_, [&](const Stream& stream) { return stream.streamer->path() == path; });
+  Stream stream;
+  stream.streamer = std::make_unique<SceneStreamer>(path, wake_, wrap_);
+  stream.begun = std::chrono::steady_clock::now();
+  streams_.push_back(std::move(stream));
 }
 
 // A line that fades; it would come and go in a script's pictures.
@@ -43,21 +59,28 @@ bool OpenModels::update(ViewerState& state) {
       there = path.string() + " is open already";
       continue;
     }
-    loader_.open(document >= 0 ? documents.open[static_cast<std::size_t>(document)].path : path);
+    read(document >= 0 ? documents.open[static_cast<std::size_t>(document)].path : path);
     say(state, "Opening " + path.string());
   }
   if (std::exchange(state.loading.cancel, false)) {
     loader_.cancel();
+    std::erase_if(streams_, [](const Stream& stream) { return stream.models == 0; });
     state.desktop.agreed.clear();
     say(state, "Opening was cancelled");
   }
   bool changed = takeLoaded(state);
+  changed |= takeStreamed(state);
   const ModelLoader::Status status = loader_.status();
   state.loading.active = !status.path.empty() || state.loading.part_owed;
   state.loading.path = status.path;
   state.loading.done = status.done;
   state.loading.total = status.total;
   state.loading.waiting = status.waiting;
+  for (const Stream& stream : streams_) {
+    if (stream.models > 0) continue;
+    state.loading.active = true;
+    if (status.path.empty()) state.loading.path = stream.streamer->path();
+  }
   changed |= takeFollowed(state);
   changed |= takeRun(state);
   if (const auto document = std::exchange(documents.show_request, std::nullopt)) {
@@ -123,18 +146,119 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       if (follower_ && !sameFile(news->path, follower_->file())) unfollow(state);
     } else {
       if (partial) close(state, document);
-      if (!news->problem.empty()) {
-        const bool last = loader_.status().path.empty();
-        if (last && !opened_any_ && !options_.model.empty() && state.documents.open.empty()) {
-          throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
-        }
-        state.messages.error = news->problem;
-        state.messages.notice_until = 0;
-      }
+      if (!news->problem.empty()) takeFailure(state, news->problem, news->error_kind);
     }
     changed = true;
   }
   return changed;
+}
+
+// Throws where nothing else can be opened at the start.
+void OpenModels::takeFailure(ViewerState& state, const std::string& problem, int error_kind) {
+  const bool waits = std::ranges::any_of(streams_, [](const Stream& stream) { return stream.models == 0; });
+  const bool last = loader_.status().path.empty() && !waits;
+  if (last && !opened_any_ && !options_.model.empty() && state.documents.open.empty()) {
+    throw Error(static_cast<ErrorKind>(error_kind), problem);
+  }
+  state.messages.error = problem;
+  state.messages.notice_until = 0;
+}
+
+bool OpenModels::takeStreamed(ViewerState& state) {
+  bool changed = false;
+  for (std::size_t i = 0; i < streams_.size(); ++i) {
+    std::optional<SceneStreamer::News> news = streams_[i].streamer->take();
+    if (!news) continue;
+    changed = true;
+    if (!news->failed) {
+      takeNews(state, streams_[i], *std::move(news));
+      continue;
+    }
+    // What is there of it stays.
+    streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i--));
+    takeFailure(state, news->problem, news->error_kind);
+  }
+  return wish(state) || changed;
+}
+
+void OpenModels::takeNews(ViewerState& state, Stream& stream, SceneStreamer::News news) {
+  const std::filesystem::path& path = stream.streamer->path();
+  const int document = documentOf(state, path);
+  if (news.scene) state.stream.drawn = false;
+  if (news.scene && document < 0 && stream.models > 0) return;  // closed meanwhile
+  if (news.scene && stream.models == 0) {
+    if (document < 0) {
+      open(state, *std::move(news.scene));
+    } else {
+      news.scene->path = state.documents.open[static_cast<std::size_t>(document)].path;
+      replace(state, document, *std::move(news.scene));
+    }
+    if (path == options_.compare && !std::exchange(compare_opened_, true)) {
+      state.documents.show_request = documentOf(state, options_.model);
+    }
+    if (opened_any_) say(state, "Opened " + path.string());
+    opened_any_ = true;
+    if (follower_) unfollow(state);
+  } else if (news.scene) {
+    refine(state, document, *std::move(news.scene));
+  }
+  stream.models = news.models;
+  if (!news.problem.empty() && stream.news.lost == 0) {  // of many, the first one
+    state.messages.error = news.problem;
+    state.messages.notice_until = 0;
+  }
+  if (news.settled && !stream.news.settled) {
+    read_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - stream.begun).count();
+    read_bytes_ = news.bytes;
+  }
+  news.scene.reset();
+  stream.news = std::move(news);
+}
+
+// What the scene shown is asked for, and how far it is. True when that has changed.
+bool OpenModels::wish(ViewerState& state) {
+  StreamState& shown = state.stream;
+  const auto at = std::ranges::find_if(streams_, [&](const Stream& stream) {
+    return stream.models > 0 && state.documents.shown >= 0 &&
+           documentOf(state, stream.streamer->path()) == state.documents.shown;
+  });
+  if (at == streams_.end()) {
+    shown.settled = true;  // nothing comes
+    shown.owed = 0;
+    shown.loading.clear();
+    return false;
+  }
+  Stream& stream = *at;
+  SceneStreamer::Wish wish = stream.wish;
+  wish.camera = shown.camera;
+  wish.budget = shown.budget;
+  if (shown.drawn) wish.drawn = stream.models;
+  const bool other = wish.budget != stream.wish.budget ||
+                     static_cast<const Pinhole&>(wish.camera) != static_cast<const Pinhole&>(stream.wish.camera);
+  if (shown.camera.size.x > 0 && (other || wish.drawn != stream.wish.drawn)) {
+    wish.number += other;
+    stream.wish = wish;
+    stream.streamer->want(std::move(wish));
+  }
+  const bool settled = stream.news.settled && stream.news.wish == stream.wish.number;
+  const bool changed = settled != shown.settled || shown.owed != stream.news.owed || shown.lost != stream.news.lost;
+  shown.settled = settled;
+  shown.owed = stream.news.owed;
+  shown.lost = stream.news.lost;
+  shown.loading = stream.news.loading;
+  return changed;
+}
+
+// The same scene with other levels: all that the user has changed of it stays.
+void OpenModels::refine(ViewerState& state, int document, Scene scene) {
+  TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
+  Scene& held = sceneAt(state, document);
+  if (document == state.documents.shown && state.inspect.inspected) clearInspection(state);  // of the model before
+  held.model = std::move(scene.model);
+  held.gaussians = scene.gaussians;
+  held.textured = scene.textured;
+  held.texels = scene.texels;
+  held.texture_mode = scene.texture_mode;
 }
 
 // The first model opens like any other; later ones change nothing but the model.
@@ -255,6 +379,7 @@ void OpenModels::close(ViewerState& state, int document) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   std::vector<Document>& open = state.documents.open;
   if (isFollowed(state, document)) unfollow(state);
+  std::erase_if(streams_, [&](const Stream& stream) { return documentOf(state, stream.streamer->path()) == document; });
   const int shown = state.documents.shown;
   if (shown == document) {
     if (open.size() > 1) {

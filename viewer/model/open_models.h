@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opens, replaces and closes the models that the state asks for: loading, --follow, switching.
 #pragma once
+#include <chrono>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "viewer/model/follower.h"
 #include "viewer/model/loader.h"
 #include "viewer/model/run_watch.h"
+#include "viewer/model/scene_streamer.h"
 #include "viewer/view/options.h"
 #include "viewer/view/state.h"
 
@@ -16,9 +19,9 @@ class OpenModels {
  public:
   // Begins to read the models of `options` (with --follow, to watch the first). `wake` is called in other threads when
   // update() has something to do; `adopt` makes a scene (an empty one: none) the one shown, with its own view and
-  // background; `read` is the loader's.
+  // background; `read` is the loader's, `wrap` lies around the files of streamed scenes.
   OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt,
-             ModelReader read = {});
+             ModelReader read = {}, LodReaderWrap wrap = {});
 
   // Once a frame. True when the models have changed. Throws Error when nothing could be opened at the start.
   bool update(ViewerState& state);
@@ -28,6 +31,20 @@ class OpenModels {
   std::uint64_t readBytes() const { return read_bytes_; }
 
  private:
+  // A scene that is streamed, and what was asked of it last.
+  struct Stream {
+    std::unique_ptr<SceneStreamer> streamer;
+    SceneStreamer::Wish wish;
+    SceneStreamer::News news;  // the last one, without its scene
+    std::uint64_t models = 0;  // taken
+    std::chrono::steady_clock::time_point begun;
+  };
+  void read(const std::filesystem::path& path);
+  bool takeStreamed(ViewerState& state);
+  void takeNews(ViewerState& state, Stream& stream, SceneStreamer::News news);
+  bool wish(ViewerState& state);
+  void refine(ViewerState& state, int document, Scene scene);
+  void takeFailure(ViewerState& state, const std::string& problem, int error_kind);
   void say(ViewerState& state, const std::string& text) const;
   bool takeLoaded(ViewerState& state);
   bool takeFollowed(ViewerState& state);
@@ -47,6 +64,9 @@ class OpenModels {
   ViewPose adopted_pose_;        // of a part's view, to tell whether it has been moved
   double read_seconds_ = 0;
   std::uint64_t read_bytes_ = 0;
+  const std::function<void()> wake_;
+  const LodReaderWrap wrap_;
+  std::vector<Stream> streams_;
   std::unique_ptr<ModelFollower> follower_;
   std::unique_ptr<RunWatch> run_;
   ModelLoader loader_;

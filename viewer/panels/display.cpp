@@ -2,7 +2,9 @@
 // What of the model is shown: outputs, textures, intersection, background.
 #include <imgui.h>
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +17,7 @@
 namespace tg {
 
 constexpr std::size_t kMostButtons = 4;           // in a line
+constexpr std::size_t kLeastOfSlider = 1'000;     // Gaussians
 constexpr const char* kColoursTitle = "COLOURS";  // holds what the output at hand has
 
 void outputSection(ViewerState& state) {
@@ -147,6 +150,20 @@ void cropSection(ViewerState& state) {
   };
   if (corner("##low", display.box.min)) display.box.max = glm::max(display.box.min, display.box.max);
   if (corner("##high", display.box.max)) display.box.min = glm::min(display.box.min, display.box.max);
+}
+
+void levelSection(ViewerState& state) {
+  if (state.scene.streamed_from == 0) return;
+  heading("LEVELS OF DETAIL");
+  std::uint64_t budget = state.stream.budget;
+  const std::uint64_t most = std::clamp(state.scene.streamed_from, kLeastOfSlider, kMostSplatBudget);
+  const std::uint64_t least = kLeastOfSlider;
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  if (ImGui::SliderScalar("##budget", ImGuiDataType_U64, &budget, &least, &most, "At most %llu Gaussians",
+                          ImGuiSliderFlags_AlwaysClamp | ImGuiSliderFlags_Logarithmic)) {
+    state.stream.budget = static_cast<std::size_t>(budget);
+  }
+  hint("How many are drawn: those that the picture needs most");
 }
 
 }  // namespace tg

@@ -143,7 +143,7 @@ void valueSection(ViewerState& state) {
     if (segment(values[i].label, edit.value == i, static_cast<int>(i), static_cast<int>(values.size()))) edit.value = i;
     hint(values[i].help);
   }
-  if (const Histogram* histogram = state.scene.partial ? nullptr : histogramShown(state)) {
+  if (const Histogram* histogram = isWhole(state.scene) ? histogramShown(state) : nullptr) {
     histogramBars(state, *histogram);
   }
 }

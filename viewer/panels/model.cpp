@@ -5,8 +5,24 @@
 #include "core/system/error.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
+#include "viewer/view/web_address.h"
 
 namespace tg {
+namespace {
+
+// What comes, and what will not.
+void streamLine(const StreamState& stream) {
+  if (stream.owed > 0) {
+    ImGui::TextColored(kHighlightText, "loading %s, %zu to come", printable(stream.loading).c_str(), stream.owed);
+  } else {
+    ImGui::TextDisabled(stream.settled ? "all levels of this view are there" : "choosing levels");
+  }
+  if (stream.lost > 0) {
+    ImGui::TextColored(kWarningText, "%zu file%s of chunks cannot be read", stream.lost, stream.lost == 1 ? "" : "s");
+  }
+}
+
+}  // namespace
 
 void modelSection(ViewerState& state) {
   const Scene& scene = state.scene;
@@ -18,13 +34,22 @@ void modelSection(ViewerState& state) {
   ImGui::AlignTextToFramePadding();
   ImGui::TextUnformatted(scene.path.empty() ? "No model" : printable(scene.path.filename().string()).c_str());
   ImGui::PopClipRect();
-  if (!scene.path.empty()) hint(printable(std::filesystem::absolute(scene.path).string()).c_str());
+  if (!scene.path.empty()) {
+    const bool address = isWebAddress(scene.path.string());
+    hint(printable((address ? scene.path : std::filesystem::absolute(scene.path)).string()).c_str());
+  }
   ImGui::SameLine(right);
   if (ImGui::Button(keys)) state.ui.help = !state.ui.help;
   hint("Keys and mouse; H hides this panel");
   if (!scene.model && !state.follow.active) return;
-  ImGui::TextDisabled("%s%s Gaussian%s, SH degree %d", scene.partial ? "a part: " : "",
-                      grouped(scene.gaussians).c_str(), scene.gaussians == 1 ? "" : "s", scene.sh_degree);
+  if (scene.streamed_from > 0) {
+    ImGui::TextDisabled("%s of %s Gaussians", grouped(scene.gaussians).c_str(), grouped(scene.streamed_from).c_str());
+    ImGui::TextDisabled("SH degree %d", scene.sh_degree);
+    streamLine(state.stream);
+  } else {
+    ImGui::TextDisabled("%s%s Gaussian%s, SH degree %d", scene.partial ? "a part: " : "",
+                        grouped(scene.gaussians).c_str(), scene.gaussians == 1 ? "" : "s", scene.sh_degree);
+  }
   if (scene.textured > 0) {
     ImGui::TextDisabled("%s textured (%s), %s texels", grouped(scene.textured).c_str(),
                         std::string(name(scene.texture_mode)).c_str(), grouped(scene.texels).c_str());

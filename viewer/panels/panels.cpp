@@ -74,6 +74,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   ImGui::BeginChild("page");
   switch (state.ui.tab) {
     case Tab::view:
+      levelSection(state);
       outputSection(state);
       textureSection(state);
       settingSection(state, "INTERSECTION");

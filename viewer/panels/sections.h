@@ -28,6 +28,7 @@ std::size_t settingWidgets(ViewerState& state, std::string_view heading);
 void scaleSection(ViewerState& state);
 void backgroundSection(ViewerState& state);
 void cropSection(ViewerState& state);
+void levelSection(ViewerState& state);  // nothing where the scene has no levels
 // camera.cpp
 void cameraSection(ViewerState& state);
 void motionSection(ViewerState& state);

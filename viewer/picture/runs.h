@@ -35,6 +35,8 @@ class PictureRuns {
       : options_(options), started_(started), scripted_(scripted) {}
 
   bool active() const { return run_ != nullptr; }
+  // The camera of the picture that is due; null while there is none.
+  const Camera* next() { return run_ ? run_->due() : nullptr; }
 
   // Once a frame. `area`: of the picture [px]. True when a run has ended: what was asked for last is no longer wanted.
   // Throws Error with a script or a benchmark.

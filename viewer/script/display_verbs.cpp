@@ -32,6 +32,10 @@ constexpr std::array kDisplayVerbs = {
     Verb{"isolate", 1, 0, [](const Call& c) { c.state.inspect.isolated = c.on(); }},
     Verb{"clear-inspection", 0, 0, [](const Call& c) { clearInspection(c.state); }},
     Verb{"continuous", 1, 0, [](const Call& c) { c.state.ui.continuous = c.on(); }},
+    Verb{"splat-budget", 1, 1,
+         [](const Call& c) {
+           c.state.stream.budget = static_cast<std::size_t>(c.number(0, kLeastSplatBudget, kMostSplatBudget));
+         }},
     Verb{"resolution", 1, 0,
          [](const Call& c) { c.state.display.resolution = c.number(0, kMinResolution, kMaxResolution); }},
 };

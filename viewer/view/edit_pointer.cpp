@@ -88,7 +88,7 @@ bool hasButton(const EditState& edit) {
 }
 
 std::optional<Gizmo> shownGizmo(const ViewerState& state, const Camera& camera) {
-  if (!state.scene.model || state.scene.partial) return std::nullopt;
+  if (!isWhole(state.scene)) return std::nullopt;
   GizmoKind kind = GizmoKind::move;
   switch (state.edit.tool) {
     case EditTool::move:
@@ -114,7 +114,7 @@ PointerTaken editPointer(ViewerState& state, const EditPointer& pointer, const C
   EditState& edit = state.edit;
   if (!pointer.down) state.ui.drag_spent = false;
   PointerTaken taken{state.ui.drag_spent, false};
-  if (edit.tool == EditTool::none || !state.scene.model || state.scene.partial) {
+  if (edit.tool == EditTool::none || !isWhole(state.scene)) {
     edit.pointer.reset();
     return taken;
   }

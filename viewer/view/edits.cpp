@@ -52,8 +52,11 @@ std::uint64_t newRevision() {
 }
 
 bool mayEdit(ViewerState& state) {
-  if (state.scene.model && !state.scene.partial && state.scene.model->size() > 0) return true;
-  notify(state, state.scene.model ? "Wait until the whole model is read" : "There is no model to edit");
+  if (isWhole(state.scene) && state.scene.model->size() > 0) return true;
+  notify(state, state.scene.streamed_from > 0
+                    ? "A scene with levels of detail is not edited: open the model it was made from"
+                : state.scene.model ? "Wait until the whole model is read"
+                                    : "There is no model to edit");
   return false;
 }
 

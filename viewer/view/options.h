@@ -19,6 +19,10 @@ namespace tg {
 enum class Backend { automatic, vulkan, opengl, cpu };
 constexpr auto namesOf(Backend) { return enumNames("auto", "vulkan", "opengl", "cpu"); }
 
+// Of a scene with levels of detail, in Gaussians. docs/lod.md has what they cost.
+constexpr std::size_t kUsualSplatBudget = 1'000'000;
+constexpr std::size_t kLeastSplatBudget = 1, kMostSplatBudget = 100'000'000;
+
 // What the command line asks for, in a window or to a file.
 struct ViewOptions {
   std::filesystem::path model;                     // empty: a window that waits for one
@@ -35,9 +39,10 @@ struct ViewOptions {
   std::string serve_token;       // what the page's address must bring
   std::string camera;            // "": the model's first test camera, else the whole model in view
   Output show = Output::final;
-  RenderSettings settings;              // all but outputs and background
-  std::optional<glm::ivec2> size;       // default: the camera's
-  std::optional<glm::vec3> background;  // default: the model's
+  RenderSettings settings;                  // all but outputs and background
+  std::optional<glm::ivec2> size;           // default: the camera's
+  std::optional<glm::vec3> background;      // default: the model's
+  std::optional<std::size_t> splat_budget;  // Gaussians drawn of a streamed scene, at most; default: kUsualSplatBudget
   Backend backend = Backend::automatic;
   std::string device;  // a number of --list-devices, or part of a device's name
   bool validation = false;

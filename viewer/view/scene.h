@@ -18,6 +18,8 @@ struct Scene {
   std::optional<FileIdentity> file;            // what was read, or written last; none: not known
   std::shared_ptr<const GaussianModel> model;  // null: none yet
   bool partial = false;                        // a part of the model, to look at while the rest is read
+  // Gaussians of all finest levels of a scene that is streamed: `model` is what is drawn of it now. 0: not streamed.
+  std::size_t streamed_from = 0;
   std::vector<Camera> cameras;
   int camera_lists = 0;  // that `cameras` were replaced by
   std::size_t gaussians = 0;
@@ -35,6 +37,8 @@ struct Scene {
   std::string training;       // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
 };
 
+// Whether its model is all there is of it: what is edited and saved.
+inline bool isWhole(const Scene& scene) { return scene.model && !scene.partial && scene.streamed_from == 0; }
 // Counts and bounds of its model, which is there.
 void measure(Scene& scene);
 

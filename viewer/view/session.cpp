@@ -11,6 +11,7 @@
 #include "core/file/json.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
+#include "viewer/view/web_address.h"
 
 namespace tg {
 namespace {
@@ -28,6 +29,7 @@ T named(const JsonNode& json, const char* key) {
 }
 
 std::string absoluteName(const std::filesystem::path& path) {
+  if (isWebAddress(path.string())) return path.string();
   std::error_code error;
   const std::filesystem::path result = std::filesystem::absolute(path, error);
   return error ? path.string() : result.lexically_normal().string();

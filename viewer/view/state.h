@@ -20,6 +20,7 @@
 #include "viewer/view/documents.h"
 #include "viewer/view/edit_state.h"
 #include "viewer/view/history.h"
+#include "viewer/view/options.h"
 #include "viewer/view/scene.h"
 
 namespace tg {
@@ -131,6 +132,17 @@ struct FollowState {
   std::optional<RunOrder> order;                         // to be given to it
 };
 
+// The scene shown, where it is streamed (Scene::streamed_from). The window writes all but the budget.
+struct StreamState {
+  std::size_t budget = kUsualSplatBudget;  // Gaussians drawn, at most
+  Camera camera;                           // that the levels are chosen for
+  bool drawn = false;                      // the model that came last is on screen
+  bool settled = false;                    // it has the levels that the camera asks for, as far as they can be read
+  std::size_t owed = 0;                    // files of chunks on their way
+  std::size_t lost = 0;                    // files of chunks that cannot be read
+  std::string loading;                     // the chunks being read; "" = none
+};
+
 // What to write after the next complete frame. Empty paths: nothing.
 struct CaptureRequest {
   std::filesystem::path picture;  // .png: the renderer's image alone
@@ -153,6 +165,7 @@ struct ViewerState {
   UiState ui;
   MessageState messages;
   FollowState follow;
+  StreamState stream;
   DesktopState desktop;
 
   double time = 0;                  // [s] since the window opened, written by the window

@@ -13,6 +13,7 @@
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/path_editor.h"
+#include "viewer/view/web_address.h"
 #include "viewer/window/glfw.h"
 
 namespace tg {
@@ -116,8 +117,11 @@ bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 p
 }
 
 void DesktopControl::openDialog(ViewerState& state, FileUse use) {
-  if (use == FileUse::saveModel && (!state.scene.model || state.scene.partial)) {
-    return notify(state, state.scene.model ? "The model is still being read" : "There is no model to save");
+  if (use == FileUse::saveModel && !isWhole(state.scene)) {
+    return notify(state, state.scene.streamed_from > 0
+                             ? "A scene with levels of detail is not saved: tgconvert makes one"
+                         : state.scene.model ? "The model is still being read"
+                                             : "There is no model to save");
   }
   if (use == FileUse::savePath && state.path.path.keys.empty()) {
     return notify(state, "There is no path to save: K adds a key at the view");
@@ -132,10 +136,11 @@ void DesktopControl::openDialog(ViewerState& state, FileUse use) {
   const std::string stem = state.scene.path.empty() ? "tgview" : state.scene.path.stem().string();
   std::filesystem::path folder = folder_;
   const bool edited = use == FileUse::saveModel && state.edit.revision != state.edit.saved;
-  if ((folder.empty() || edited) && !state.scene.path.empty()) {
+  if ((folder.empty() || edited) && !state.scene.path.empty() && !isWebAddress(state.scene.path.string())) {
     folder = absolutePath(state.scene.path).parent_path();
   }
-  if (folder.empty() && !state.recent.empty()) folder = std::filesystem::path(state.recent.front()).parent_path();
+  const auto local = std::ranges::find_if(state.recent, [](const std::string& name) { return !isWebAddress(name); });
+  if (folder.empty() && local != state.recent.end()) folder = std::filesystem::path(*local).parent_path();
   switch (use) {
     case FileUse::open:
       dialog.browser.types = readableTypes();

@@ -85,6 +85,7 @@ class Viewer {
   PixelRect pictureArea() const;
   void followAspect();
   void keepEdits(bool moving);
+  void wishForLevels();
   bool handleMoves();
   void handleEvents();
   bool handlePointer();
@@ -110,6 +111,10 @@ class Viewer {
   void takePicture();
   void drawFrame();
   bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
+  // Levels are on their way that a script waits for.
+  bool streaming() const {
+    return script_ && state_.scene.streamed_from > 0 && !state_.stream.settled && !state_.loading.script_goes_on;
+  }
   // The picture on screen is that of the present state at full size, or will never come.
   bool complete() const;
   void capture();
@@ -157,7 +162,8 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       session_(options),
       documents_(
           options, [this] { wake(); },
-          [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }, additions.read),
+          [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }, additions.read,
+          additions.wrap_levels),
       comparison_(options, [this] { wake(); }),
       graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options, additions.wrap_screen)),
       desktop_(options, [this] { wake(); }),
@@ -172,6 +178,7 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
   if (!options.compare.empty() || comparison_.hasPhotographs()) state_.compare.how.mode = options.compare_mode;
   state_.compare.how.gain = options.difference_gain;
   state_.record.fps = options.fps;
+  state_.stream.budget = options.splat_budget.value_or(kUsualSplatBudget);
   setTitle();
 }
 
@@ -212,6 +219,7 @@ int Viewer::run() {
     takePicture();
     if (state_.loading.part_owed) state_.loading.part_owed = state_.scene.partial && !complete();
     if (!script_ && guardEdits(state_)) frames_since_event_ = 0;
+    wishForLevels();
     if (documents_.update(state_)) {
       frames_since_event_ = 0;
       setTitle();
@@ -334,6 +342,21 @@ void Viewer::keepEdits(bool moving) {
   if (picture_ && picture_->request.model == shownModel(state_)) updatePreview(state_);
 }
 
+// A streamed scene has the levels of what is looked at, or of the picture that a recording waits for. One model more is
+// made once the last one is on screen; what a recording draws need not be.
+void Viewer::wishForLevels() {
+  StreamState& stream = state_.stream;
+  if (state_.scene.streamed_from == 0) return;
+  if (runs_.active()) {
+    if (const Camera* next = runs_.next()) stream.camera = *next;
+    stream.drawn = true;
+    return;
+  }
+  const glm::ivec2 size = wantedSize();
+  stream.camera = toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y);
+  stream.drawn = picture_ && picture_->request.model == state_.scene.model;
+}
+
 // Whether a handle is dragged, and not held still.
 bool Viewer::handleMoves() {
   const glm::dvec2 at(ImGui::GetIO().MousePos.x, ImGui::GetIO().MousePos.y);
@@ -444,8 +467,9 @@ glm::dvec2 Viewer::fromMiddle(glm::dvec2 place) const {
 // A .json is no model: a camera path, or cameras that replace the cameras of the one shown.
 void Viewer::openCameraFiles() {
   std::vector<std::filesystem::path>& requests = state_.documents.open_requests;
-  const auto first = std::stable_partition(requests.begin(), requests.end(),
-                                           [](const auto& path) { return path.extension() != ".json"; });
+  const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
+    return path.extension() != ".json" || isLodMeta(path);
+  });
   const std::vector<std::filesystem::path> files(first, requests.end());
   requests.erase(first, requests.end());
   for (const std::filesystem::path& path : files) attempt(state_, [&] { openJson(path); });
@@ -479,7 +503,7 @@ PictureRequest Viewer::request(glm::ivec2 size) const {
 }
 
 bool Viewer::complete() const {
-  if (inspecting()) return false;
+  if (inspecting() || streaming()) return false;
   if (!state_.scene.model || given_up_) return true;
   if (runs_.active() || animating()) return picture_ != nullptr;  // no picture is the last one
   return picture_ && same(picture_->request, request(wantedSize()));
@@ -504,6 +528,10 @@ void Viewer::askForPicture(bool moving) {
     return;
   }
   if (runs_.active()) {
+    if (state_.scene.streamed_from > 0) {
+      const Camera* next = runs_.next();
+      if (!next || !state_.stream.settled || static_cast<const Pinhole&>(*next) != state_.stream.camera) return;
+    }
     if (const auto due = runs_.due(request(pictureArea().size))) ask(*due);
     return;
   }
@@ -547,7 +575,8 @@ void Viewer::takePicture() {
   statistics_.device = picture_->device;
   statistics_.picture_size = size;
   if (options_.timings) {
-    const bool whole = !state_.scene.partial && picture_->request.model == state_.scene.model && !statistics_.reduced;
+    const bool there = state_.scene.streamed_from > 0 ? state_.stream.settled : !state_.scene.partial;
+    const bool whole = there && picture_->request.model == state_.scene.model && !statistics_.reduced;
     timings_.take(whole, state_.scene, documents_);
   }
 }
@@ -583,13 +612,15 @@ void Viewer::capture() {
 void runWindow(const ViewOptions& options, const WindowAdditions& additions) {
   // What is no model at all is said without a window.
   const bool names_file = !options.follow && !options.model.empty();
-  if (names_file) (void)detectFormat(options.model);
+  if (names_file && !isLodMeta(options.model)) (void)detectFormat(options.model);
   std::unique_ptr<Viewer> viewer;
   try {
     viewer = std::make_unique<Viewer>(options, additions);
   } catch (const Error& error) {
     // A broken file is the better news: it stays broken on a machine with a display.
-    if (error.kind == ErrorKind::device && names_file) (void)readModel(options.model);
+    if (error.kind == ErrorKind::device && names_file) {
+      isLodMeta(options.model) ? (void)openLevels(options.model, {}) : (void)readModel(options.model);
+    }
     throw;
   }
   const int signal = viewer->run();

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "viewer/model/loader.h"
+#include "viewer/model/scene_streamer.h"
 #include "viewer/script/verb.h"
 #include "viewer/view/options.h"
 #include "viewer/window/screen.h"
@@ -15,6 +16,7 @@ struct WindowAdditions {
   ScreenWrapper wrap_screen;    // each that opens; empty: as it is
   std::span<const Verb> verbs;  // of scripts, beside the viewer's own
   ModelReader read;             // of the models that are opened; empty: readModel
+  LodReaderWrap wrap_levels;    // around the files of streamed scenes; empty: as they are
 };
 
 // Opens the model and a window, and returns when it is closed. Throws Error of every kind; without a display

@@ -127,6 +127,8 @@ TEST_CASE("recent files: the last one first, each once, a bounded number") {
   noteRecent(session, "/m/../m/27.tgz");
   CHECK(session.recent[0] == "/m/27.tgz");
   CHECK(session.recent.size() == kMaxRecentFiles);
+  noteRecent(session, "http://host/scene/lod-meta.json");
+  CHECK(session.recent[0] == "http://host/scene/lod-meta.json");  // no path
 }
 
 TEST_CASE("bookmarks belong to their model, those of the models used last are kept") {

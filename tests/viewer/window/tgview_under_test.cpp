@@ -4,6 +4,8 @@
 //   lose-window-device    the window's next frame does
 //   hold-picture FILE     the next picture waits until there is such a file, at most 60 s
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
+//   hold-finest on/off    files of the finest level of a scene wait while it is on, at most 60 s
+//   await-scene           until a scene with levels of detail is shown
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -30,6 +32,7 @@ std::atomic<bool> lose_device{false}, lose_window{false};
 std::atomic<bool> hold_picture{false};
 std::filesystem::path held_until;  // written before hold_picture
 std::atomic<double> slow_file{0};  // [s]
+std::atomic<bool> hold_finest{false};
 
 constexpr std::array kVerbs = {
     Verb{"lose-device", 0, 1, [](const Call&) { lose_device = true; }},
@@ -40,6 +43,9 @@ constexpr std::array kVerbs = {
            hold_picture = true;
          }},
     Verb{"slow-file", 1, 0, [](const Call& c) { slow_file = c.number(0, 0, 60); }},
+    Verb{"hold-finest", 1, 0, [](const Call& c) { hold_finest = c.on(); }},
+    Verb{"await-scene", 0, 1, [](const Call&) {},
+         [](const ViewerState& state) { return state.scene.streamed_from > 0; }},
 };
 
 void loseIf(std::atomic<bool>& fault) {
@@ -58,6 +64,16 @@ Bundle readSlowly(const std::filesystem::path& path, const ReadOptions& options)
   const auto end = Clock::now() + std::chrono::duration<double>(slow_file.exchange(0));
   while (!options.progress->cancel && Clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   return readModel(path, options);
+}
+
+LodReader heldFiles(LodReader files) {
+  return [files = std::move(files)](const std::string& relative, std::uint64_t most) {
+    const auto end = Clock::now() + std::chrono::seconds(60);
+    while (hold_finest && relative.find("/0_") != std::string::npos && Clock::now() < end) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return files(relative, most);
+  };
 }
 
 // What the CPU draws is only uploaded, and is not lost with the device.
@@ -120,7 +136,7 @@ int run(int argc, char** argv) {
   CommandLine line;
   if (const std::optional<int> code = readFlags(argc, argv, line)) return *code;
   const auto wrap = [](std::unique_ptr<Screen> screen) { return std::make_unique<FaultyScreen>(std::move(screen)); };
-  runWindow(line.view, {wrap, kVerbs, readSlowly});
+  runWindow(line.view, {wrap, kVerbs, readSlowly, heldFiles});
   return 0;
 }
 

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scenes with levels of detail in memory: never a leaf without a level, never more than the budget, whatever the files
+// do.
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <fstream>
+#include <random>
+#include <thread>
+
+#include "converter/lod/write_lod.h"
+#include "converter/registry/file_format.h"
+#include "converter/serve/http.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "viewer/model/open_models.h"
+#include "viewer/view/edits.h"
+#include "viewer/view/state.h"
+
+using namespace tg;
+using Catch::Matchers::Contains;
+using test::messageOf;
+
+namespace {
+
+constexpr LodOptions kSmallLevels{.leaf = 64, .file = 256, .coarsest = 60, .merged = 4};
+
+struct SmallScene {
+  SmallScene() {
+    Bundle bundle;
+    bundle.model = tinyTexturedModel(2000);
+    bundle.cameras.push_back(lookAt({0.2, 0.5, -3}, {0, 0, 0}, {0, -1, 0}, 0.8, 640, 480));
+    writeLod(path, bundle, kSmallLevels);
+    scene = readLodScene(path);
+    camera = lookAt({0.2, 0.5, -3}, {0, 0, 0}, {0, -1, 0}, 0.8, 640, 480);
+  }
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder / "lod-meta.json";
+  LodScene scene;
+  Camera camera;
+};
+
+// Like the window: the picture of a model is on screen in the next frame.
+struct Window {
+  Window(const std::filesystem::path& path, const Camera& camera, std::size_t budget, LodReaderWrap wrap = {})
+      : open_models(
+            optionsFor(path), [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }, {},
+            std::move(wrap)) {
+    state.stream.camera = camera;
+    state.stream.budget = budget;
+  }
+  static ViewOptions optionsFor(const std::filesystem::path& path) {
+    ViewOptions options;
+    options.model = path;
+    return options;
+  }
+  // Until `done`, looking at every frame.
+  void until(
+      const std::function<bool()>& done, const std::function<void()>& look = [] {}) {
+    for (int i = 0; i < 5000 && !done(); ++i) {
+      open_models.update(state);
+      look();
+      state.stream.drawn = state.scene.model != nullptr;
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    REQUIRE(done());
+  }
+  bool settled() const { return state.scene.model && state.stream.settled; }
+
+  ViewerState state;
+  OpenModels open_models;
+};
+
+void truncateFile(const std::filesystem::path& path) { std::filesystem::resize_file(path, 40); }
+
+}  // namespace
+
+TEST_CASE("all finest levels in memory are the model that is read from the same files") {
+  const SmallScene small;
+  REQUIRE(small.scene.levels >= 3);
+  const std::vector<std::uint8_t> finest = sameLevel(small.scene, 0);
+  ResidentLevels resident(small.scene, lodFolderReader(small.path));
+  CHECK(resident.model()->size() == small.scene.counts.back());
+  for (const std::uint32_t file : resident.missing(finest, {})) resident.read(file, finest);
+  CHECK(resident.missing(finest, {}).empty());
+  resident.assemble(finest);
+  CHECK(*resident.model() == readModel(small.path).model);
+  CHECK(resident.bytesWaiting() == 0);
+}
+
+TEST_CASE("from any levels to any others every leaf has one all the way, and the budget holds") {
+  const SmallScene small;
+  ResidentLevels resident(small.scene, lodFolderReader(small.path));
+  std::mt19937 random(3);
+  for (int step = 0; step < 12; ++step) {
+    const std::uint64_t budget = small.scene.counts.back() + random() % small.scene.counts.front();
+    Camera camera = small.camera;
+    camera.translation.x += static_cast<double>(random() % 200) / 100.0 - 1;
+    camera.translation.z -= static_cast<double>(random() % 200) / 100.0;
+    const std::vector<std::uint8_t> wanted = chooseLevels(small.scene, camera, budget);
+    for (const std::uint32_t file : resident.missing(wanted, camera.position())) {
+      const std::vector<std::uint8_t> levels = resident.reachable(wanted, budget);
+      CHECK(countOf(small.scene, levels) <= budget);
+      if (random() % 2 == 0) resident.assemble(levels);
+      CHECK(resident.model()->size() == countOf(small.scene, resident.levels()));
+      resident.read(file, wanted);
+    }
+    CHECK(resident.reachable(wanted, budget) == wanted);
+    resident.assemble(wanted);
+    // The same as from nothing.
+    ResidentLevels fresh(small.scene, lodFolderReader(small.path));
+    for (const std::uint32_t file : fresh.missing(wanted, {})) fresh.read(file, wanted);
+    fresh.assemble(wanted);
+    CHECK(*resident.model() == *fresh.model());
+  }
+}
+
+TEST_CASE("a scene opens with its coarsest level while finer files are slow, and ends with those of the camera") {
+  const SmallScene small;
+  const auto held = std::make_shared<std::atomic<bool>>(true);
+  const auto asked = std::make_shared<std::atomic<int>>(0);
+  Window window(small.path, small.camera, 1500, [&](LodReader files) -> LodReader {
+    return [=, &small](const std::string& relative, std::uint64_t most) {
+      // The coarsest level is the last folder's.
+      const bool finer = relative.find("/" + std::to_string(small.scene.levels - 1) + "_") == std::string::npos;
+      if (finer) ++*asked;
+      while (finer && *held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      return files(relative, most);
+    };
+  });
+  window.until([&] { return *asked > 0 && window.state.scene.model && !window.state.stream.loading.empty(); });
+  CHECK(window.state.scene.gaussians == small.scene.counts.back());
+  CHECK(window.state.scene.streamed_from == small.scene.counts.front());
+  CHECK(window.state.scene.cameras.size() == 1);
+  CHECK_FALSE(window.state.stream.settled);
+  CHECK(window.state.stream.owed > 0);
+  *held = false;
+  std::size_t least = window.state.scene.gaussians;
+  window.until([&] { return window.settled(); },
+               [&] {
+                 CHECK(window.state.scene.gaussians >= least);
+                 least = window.state.scene.gaussians;
+               });
+  const std::vector<std::uint8_t> levels = chooseLevels(small.scene, small.camera, 1500);
+  CHECK(window.state.scene.gaussians == countOf(small.scene, levels));
+  CHECK(window.state.scene.gaussians > small.scene.counts.back());
+  CHECK(window.state.stream.owed == 0);
+
+  // Another camera, then a smaller budget.
+  window.state.stream.camera.translation.z -= 2.6;
+  window.until([&] { return !window.state.stream.settled; });
+  window.until([&] { return window.settled(); });
+  CHECK(window.state.scene.gaussians ==
+        countOf(small.scene, chooseLevels(small.scene, window.state.stream.camera, 1500)));
+  window.state.stream.budget = small.scene.counts.back();
+  window.until([&] { return !window.state.stream.settled; });
+  window.until([&] { return window.settled(); });
+  CHECK(window.state.scene.gaussians == small.scene.counts.back());
+}
+
+TEST_CASE("no second model is made while the one before it is not on screen") {
+  const SmallScene small;
+  Window window(small.path, small.camera, small.scene.counts.front());
+  window.until([&] { return window.state.scene.model != nullptr; });
+  const auto first = window.state.scene.model;
+  for (int i = 0; i < 50; ++i) {
+    window.state.stream.drawn = false;
+    window.open_models.update(window.state);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  CHECK(window.state.scene.model == first);
+  window.until([&] { return window.settled(); });
+  CHECK(window.state.scene.gaussians > first->size());
+}
+
+TEST_CASE("a truncated file is one message, its leaves stay coarser, and everything else comes") {
+  const SmallScene small;
+  const std::vector<std::uint8_t> finest = sameLevel(small.scene, 0);
+  const std::uint32_t broken = small.scene.leaves[0].levels[0].file;
+  const std::filesystem::path folder = (small.folder / small.scene.files[broken]).parent_path();
+  truncateFile(folder / "means_l.webp");
+  Window window(small.path, small.camera, small.scene.counts.front());
+  int messages = 0;
+  window.until([&] { return window.settled(); },
+               [&] {
+                 if (window.state.messages.error.empty()) return;
+                 ++messages;
+                 CHECK_THAT(window.state.messages.error, Contains(folder.filename().string()));
+                 window.state.messages.error.clear();
+               });
+  CHECK(messages == 1);
+  CHECK(window.state.stream.lost == 1);
+  const std::vector<std::uint8_t> levels =
+      withoutFiles(small.scene, chooseLevels(small.scene, small.camera, small.scene.counts.front()), {broken});
+  CHECK(levels[0] == 1);
+  CHECK(window.state.scene.gaussians == countOf(small.scene, levels));
+}
+
+TEST_CASE("a scene whose coarsest level is truncated is not opened: the first error ends the program, by its code") {
+  const SmallScene small;
+  const std::uint32_t broken = small.scene.leaves[0].levels.back().file;
+  truncateFile((small.folder / small.scene.files[broken]).parent_path() / "quats.webp");
+  Window window(small.path, small.camera, 1500);
+  CHECK_THAT(messageOf([&] { window.until([] { return false; }); }), Contains("quats.webp"));
+}
+
+TEST_CASE("what is streamed is neither edited nor taken for a whole model") {
+  const SmallScene small;
+  Window window(small.path, small.camera, 1500);
+  window.until([&] { return window.settled(); });
+  CHECK_FALSE(mayEdit(window.state));
+  CHECK_THAT(window.state.messages.notice, Contains("levels of detail"));
+  CHECK_FALSE(isWhole(window.state.scene));
+}
+
+TEST_CASE("a scene comes over HTTP as from disk, and a file that the server lacks costs its leaves' level alone") {
+  const SmallScene small;
+  const std::string lost = small.scene.files[small.scene.leaves[0].levels[0].file];
+  const HttpServer server("127.0.0.1", 0, [&](const HttpRequest& request) -> HttpAnswer {
+    const std::filesystem::path path = small.folder / request.path.substr(std::string("/scene/").size());
+    if (!isFile(path) || request.path.ends_with(lost)) return {.status = 404, .text = "no", .bytes = {}};
+    return {.text = {}, .bytes = std::make_shared<const std::vector<std::uint8_t>>(readFile(path, 1 << 24))};
+  });
+  const std::string address = "http://127.0.0.1:" + std::to_string(server.port()) + "/scene/lod-meta.json";
+  const OpenedLevels opened = openLevels(address, {});
+  CHECK(opened.cameras.size() == 1);
+  CHECK(opened.scene.counts == small.scene.counts);
+  Window window(address, small.camera, small.scene.counts.front());
+  window.until([&] { return window.settled(); });
+  CHECK(window.state.stream.lost == 1);
+  CHECK_THAT(window.state.messages.error, Contains(lost + ": the server refuses it (expected 200, found 404)"));
+  CHECK(window.state.scene.gaussians > small.scene.counts.front() / 2);
+}
