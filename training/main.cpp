@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "converter/registry/file_format.h"
+#include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
@@ -409,8 +410,8 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
                         tg::SceneSize size = {}) {
     tg::Bundle bundle = tg::makeTrainedBundle(dataset, settings, report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
-    const std::string facts =
-        tg::writeScene(path, std::move(bundle), replace, run != nullptr && path == options.output, size);
+    const std::string kept = run && path == options.output ? run->model().string() : "";
+    const std::string facts = tg::writeScene(path, std::move(bundle), replace, kept, size);
     if (path == options.output) written = facts;
     return training_json;
   };
@@ -420,7 +421,9 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
     json = run->finish(trainer);
     json_options.total_seconds = run->seconds();
     if (fs::path(options.output).extension() == ".tgz") {
-      tg::copyFileAtomically(run->model(), options.output);
+      tg::writeAfterTraining(
+          options.output, replace, [&] { tg::copyFileAtomically(run->model(), options.output); },
+          [&] { return run->model().string(); });
     } else if (!options.output.empty()) {
       save(options.output, std::move(result.model), result.report, size);
     }
@@ -435,7 +438,10 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
     report.textured.reset();
     save(options.untextured_output, std::move(*result.untextured), report);
   }
-  if (!options.json.empty()) tg::writeTextAtomically(options.json, json);
+  if (!options.json.empty()) {
+    const tg::KeepExisting no_other_run(!replace);
+    tg::writeTextAtomically(options.json, json);
+  }
   if (!options.quiet) {
     const std::string name = options.output.empty() ? run->model().string() : options.output;
     if (written.empty()) written = "(" + std::to_string(fs::file_size(name)) + " bytes)";
@@ -783,6 +789,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);  // who reads a pipe reads each line when it is said
   std::unique_ptr<tg::Processes> together;  // where mpirun has started several
   const int code = tg::runProgram("tgtrain", [&] {
     try {
