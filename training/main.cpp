@@ -216,7 +216,9 @@ std::optional<tg::Bundle> checkTraining(const Options& options) {
   }
   if (!options.serve.empty()) tg::parseServe(options.serve, options.serve_token);
   if (options.run.folder.empty() && (options.run.resume || options.watch)) {
-    throw tg::Error(tg::ErrorKind::usage, "--resume and --watch expect a run folder (--run FOLDER)");
+    const std::string flag = !options.watch ? "--resume" : !options.run.resume ? "--watch" : "--resume and --watch";
+    const std::string expects = options.run.resume && options.watch ? " expect" : " expects";
+    throw tg::Error(tg::ErrorKind::usage, flag + expects + " a run folder (--run FOLDER)");
   }
   if (options.watch) tg::requireViewer();
   tg::datasetOptions(options.data);
@@ -302,8 +304,12 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
   std::unique_ptr<tg::DifferentiableRenderer> renderer;
   tg::Dataset dataset;
   const auto load = [&] {
-    if (options.dataset.empty() || (options.output.empty() && options.run.folder.empty())) {
-      throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
+    const bool no_output = options.output.empty() && options.run.folder.empty();
+    if (options.dataset.empty() || no_output) {
+      const std::string output = "-o model.tgz or --run FOLDER (see --help)";
+      throw tg::Error(tg::ErrorKind::usage, !no_output                ? "expected a data set (see --help)"
+                                            : options.dataset.empty() ? "expected a data set and " + output
+                                                                      : options.dataset + ": expected " + output);
     }
     if (options.data.layout == "auto" && tg::isForPhotos(options.dataset)) {
       throw tg::Error(tg::ErrorKind::badData, options.dataset,
@@ -558,6 +564,41 @@ void refuseIdleFlags(const CLI::App& app, const Options& options) {
   for (const char* flag : {"--metrics-every", "--eval-every"}) refuse(flag, "--run FOLDER or --serve");
 }
 
+// Of the recipe, which files and presets name as a whole: what a flag says and no stage uses is a line on stderr.
+void warnIdleSettings(const CLI::App& app, const Options& options) {
+  if (options.print_config || options.dataset.empty()) return;
+  const tg::TrainSettings settings = settingsOf(options);
+  const bool by_adc = settings.densification == tg::Densification::adc;
+  const bool textured = settings.texture_mode != tg::TextureMode::none && settings.texture_iterations > 0;
+  const auto warn = [&](const std::string& why, const auto& idle) {
+    std::string flags;
+    for (const tg::SettingEntry& entry : tg::settingEntries()) {
+      if (app.count("--" + entry.name) == 0 || !idle(entry)) continue;
+      if (options.from_file && !options.by_flag.contains(&entry)) continue;
+      flags += (flags.empty() ? "--" : ", --") + entry.name;
+    }
+    if (!flags.empty()) std::fprintf(stderr, "tgtrain: %s: does nothing with %s\n", flags.c_str(), why.c_str());
+  };
+  const auto is_of_stage_2 = [](const tg::SettingEntry& entry) {
+    const std::string_view name = entry.name;
+    const bool is_of_stage = name == "texture-mode" || name == "texture-iterations";
+    return !is_of_stage && (name.starts_with("texture-") || name.find("texel") != name.npos);
+  };
+  const bool planned = options.target_bytes > 0 || !options.start_model.empty();  // what they have of textures
+  if (!textured && !planned) {
+    const bool none = settings.texture_mode == tg::TextureMode::none;
+    warn(none ? "--texture-mode none" : "--texture-iterations 0", is_of_stage_2);
+  }
+  if (!by_adc) {
+    const std::string densification(tg::name(settings.densification));
+    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("adc: "); });
+  }
+  if (settings.densification != tg::Densification::mcmc) {
+    const std::string densification(tg::name(settings.densification));
+    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("mcmc: "); });
+  }
+}
+
 void addRunOptions(CLI::App& app, Options& options) {
   const auto add = [&](auto* option) { option->group("Run folder")->configurable(false); };
   const CLI::Range iterations(0, 10'000'000);
@@ -717,6 +758,11 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
   if (argc > 1 && std::string_view(argv[1]) == "photos" && !tg::launchOf().together()) {
     photos->name("tgtrain photos");
     if (const std::optional<int> code = tg::parseCommandLine(*photos, argc - 1, argv + 1)) return *code;
+    std::error_code ignored;
+    if (photos->count("--frames") > 0 && fs::is_directory(photos_options.dataset, ignored)) {
+      throw tg::Error(tg::ErrorKind::usage, "--frames expects a film (" + photos_options.dataset + " is a folder)");
+    }
+    warnIdleSettings(*photos, photos_options);
     return runPhotos(photos_flags, photos_options);
   }
   CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
@@ -760,7 +806,10 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
   together = tg::joinProcesses(argc, argv, commands);
   const std::optional<int> parsed = tg::parseTogether(together.get(), [&] {
     const std::optional<int> code = tg::parseCommandLine(app, argc, argv);
-    if (!code && app.get_subcommands().empty()) refuseIdleFlags(app, options);
+    if (!code && app.get_subcommands().empty()) {
+      refuseIdleFlags(app, options);
+      if (!together || together->isFirst()) warnIdleSettings(app, options);
+    }
     return code;
   });
   if (parsed) return *parsed;

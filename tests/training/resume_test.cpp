@@ -281,7 +281,8 @@ TEST_CASE("what tgtrain says reaches a file or a pipe while it trains", "[resume
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
   Child child(folder, kForever + "--run run --resume");
-  child.until([&] { return child.output().find("run: no checkpoint yet: training starts anew\n") != std::string::npos; });
+  const std::string anew = "run: no checkpoint yet: training starts anew\n";
+  child.until([&] { return child.output().find(anew) != std::string::npos; });
   child.send(SIGINT);
   CHECK(child.end() == 128 + SIGINT);
 }
