@@ -125,8 +125,11 @@ std::string describe(const CheckReport& report) {
   };
   for (const Finding& finding : report.errors) add("error", finding);
   for (const Finding& finding : report.warnings) add("warning", finding);
-  text += report.file + ": " + (report.errors.empty() ? "valid" : "not valid") + ", " +
-          std::to_string(report.errors.size()) + " errors, " + std::to_string(report.warnings.size()) + " warnings\n";
+  const auto counted = [](std::size_t count, const char* what) {
+    return ", " + std::to_string(count) + " " + what + (count == 1 ? "" : "s");
+  };
+  text += report.file + ": " + (report.errors.empty() ? "valid" : "not valid") +
+          counted(report.errors.size(), "error") + counted(report.warnings.size(), "warning") + "\n";
   return text;
 }
 

@@ -108,6 +108,7 @@ Bundle adaptedBundle(const Bundle& source, SplatViewer viewer, const Format& for
   }
   Adapted adapted = adaptTo(viewer, source, format.is_gltf);
   report.adapted = adapted.report;
+  if (isTextured(source.model) && !format.holds(kKeepsTextures)) report.warnings.push_back(lostTextures(format));
   Bundle written = source;
   written.model = std::move(adapted.model);
   base = std::move(adapted.base);

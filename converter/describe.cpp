@@ -90,9 +90,9 @@ std::string describe(const ConvertReport& report) {
                  static_cast<unsigned long long>(report.output_bytes), report.dry_run ? " (nothing is written)" : "");
   if (report.steps != 1) text += format("steps: %.3g\n", static_cast<double>(report.steps));
   text += "textures: " + report.texture_mode;
+  if (report.texels > 0) text += format(", %llu texels", static_cast<unsigned long long>(report.texels));
   if (report.atlases > 0) {
-    text += format(", %llu texels in %d atlas%s of %d x %d, %llu clipped",
-                   static_cast<unsigned long long>(report.texels), report.atlases, report.atlases == 1 ? "" : "es",
+    text += format(" in %d atlas%s of %d x %d, %llu clipped", report.atlases, report.atlases == 1 ? "" : "es",
                    report.atlas_width, report.atlas_height, static_cast<unsigned long long>(report.clipped_texels));
   }
   text += "\n";

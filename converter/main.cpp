@@ -274,7 +274,7 @@ struct CheckArguments {
 };
 
 void addCheck(CLI::App& app, CheckArguments& arguments) {
-  app.add_option("FILE", arguments.file, "any format that tgconvert reads")->required();
+  app.add_option("FILE", arguments.file, "any format that tgconvert reads")->required()->type_name("FILE");
   app.add_flag("--json", arguments.json, "print the findings as JSON");
   app.add_flag("-q,--quiet", arguments.quiet, "print nothing: the exit code says it");
   tg::addExamples(app, {{"tgconvert check scene.glb", "a line for each finding, then the verdict"},

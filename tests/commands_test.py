@@ -62,11 +62,39 @@ def check_examples(name, text, known):
                     check(word in options, f"{name} --help: the example has {word}: {example}")
 
 
-def completions(script, program, words):
+def completions(script, program, words, folder=None):
     """What bash offers for the last of the words."""
     lines = ["source " + script, f"COMP_WORDS=({' '.join(repr(word) for word in words)})",
              f"COMP_CWORD={len(words) - 1}", "compopt() { :; }", f"_{program.name} 2>&1", 'printf "%s\\n" "${COMPREPLY[@]}"']
-    return run("bash", "--norc", "-c", "\n".join(lines)).stdout.split()
+    return run("bash", "--norc", "-c", "\n".join(lines), cwd=folder).stdout.split()
+
+
+def check_first_words(script, program, commands, folder):
+    """A command while the word may become one, else a file; both where nothing is typed yet."""
+    if not commands:
+        return
+    for name in (commands[0] + "-file", "other"):
+        (folder / name).touch()
+    check(completions(script, program, [program.name, commands[0][:2]], folder)
+          == [command for command in commands if command.startswith(commands[0][:2])], f"bash: {program.name}: a command")
+    check(completions(script, program, [program.name, "oth"], folder) == [], f"bash: {program.name}: a file is bash's")
+    check({*commands, "other"} <= set(completions(script, program, [program.name, ""], folder)), f"bash: {program.name}: all")
+
+
+def check_zsh(program, folder):
+    """The file works where it is sourced, and in $fpath, where its first call runs it."""
+    source = folder / f"{program.name}.zsh"
+    autoload = folder / f"fpath-{program.name}"
+    autoload.mkdir()
+    (autoload / f"_{program.name}").write_text(source.read_text())
+    start = f"autoload -Uz compinit; compinit -u -D -d {folder}/dump-{program.name}; "
+    sourced = run("zsh", "-f", "-c", start + f"source {source} && print -r -- $_comps[{program.name}] $+functions[_{program.name}]")
+    check((sourced.stdout.split(), sourced.stderr) == ([f"_{program.name}", "1"], ""),
+          f"zsh: source {source.name}: {sourced.stdout}{sourced.stderr}")
+    found = run("zsh", "-f", "-c", f"fpath=({autoload} $fpath); " + start + "_arguments() { print -r -- called; }; "
+                f"print -r -- $_comps[{program.name}]; words=({program.name} ''); CURRENT=2; _{program.name}")
+    check((found.stdout.split(), found.stderr) == ([f"_{program.name}", "called"], ""),
+          f"zsh: {program.name} in $fpath: {found.stdout}{found.stderr}")
 
 
 def check_shells(program, folder, tables):
@@ -87,6 +115,9 @@ def check_shells(program, folder, tables):
         offered = completions(script, program, [*before, "--"])
         check(set(offered) >= options, f"bash offers {program.name} {command}: {sorted(options - set(offered))} are missing")
         check(completions(script, program, [*before, "--vers"]) == ["--version"], f"bash: {before} --vers")
+    check_first_words(script, program, [command for command in tables if command], folder)
+    if shutil.which("zsh"):
+        check_zsh(program, folder)
     check(completions(script, program, [program.name, "--completion", "z"]) == ["zsh"], "bash: a value")
     check(completions(script, program, [program.name, "--completion", "=", "f"]) == ["fish"], "bash: a value after =")
 

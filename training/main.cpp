@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "converter/registry/file_format.h"
+#include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
@@ -215,7 +216,9 @@ std::optional<tg::Bundle> checkTraining(const Options& options) {
   }
   if (!options.serve.empty()) tg::parseServe(options.serve, options.serve_token);
   if (options.run.folder.empty() && (options.run.resume || options.watch)) {
-    throw tg::Error(tg::ErrorKind::usage, "--resume and --watch expect a run folder (--run FOLDER)");
+    const std::string flag = !options.watch ? "--resume" : !options.run.resume ? "--watch" : "--resume and --watch";
+    const std::string expects = options.run.resume && options.watch ? " expect" : " expects";
+    throw tg::Error(tg::ErrorKind::usage, flag + expects + " a run folder (--run FOLDER)");
   }
   if (options.watch) tg::requireViewer();
   tg::datasetOptions(options.data);
@@ -301,8 +304,12 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
   std::unique_ptr<tg::DifferentiableRenderer> renderer;
   tg::Dataset dataset;
   const auto load = [&] {
-    if (options.dataset.empty() || (options.output.empty() && options.run.folder.empty())) {
-      throw tg::Error(tg::ErrorKind::usage, "expected a data set and -o model.tgz or --run FOLDER (see --help)");
+    const bool no_output = options.output.empty() && options.run.folder.empty();
+    if (options.dataset.empty() || no_output) {
+      const std::string output = "-o model.tgz or --run FOLDER (see --help)";
+      throw tg::Error(tg::ErrorKind::usage, !no_output                ? "expected a data set (see --help)"
+                                            : options.dataset.empty() ? "expected a data set and " + output
+                                                                      : options.dataset + ": expected " + output);
     }
     if (options.data.layout == "auto" && tg::isForPhotos(options.dataset)) {
       throw tg::Error(tg::ErrorKind::badData, options.dataset,
@@ -409,8 +416,8 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
                         tg::SceneSize size = {}) {
     tg::Bundle bundle = tg::makeTrainedBundle(dataset, settings, report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
-    const std::string facts =
-        tg::writeScene(path, std::move(bundle), replace, run != nullptr && path == options.output, size);
+    const std::string kept = run && path == options.output ? run->model().string() : "";
+    const std::string facts = tg::writeScene(path, std::move(bundle), replace, kept, size);
     if (path == options.output) written = facts;
     return training_json;
   };
@@ -420,7 +427,9 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
     json = run->finish(trainer);
     json_options.total_seconds = run->seconds();
     if (fs::path(options.output).extension() == ".tgz") {
-      tg::copyFileAtomically(run->model(), options.output);
+      tg::writeAfterTraining(
+          options.output, replace, [&] { tg::copyFileAtomically(run->model(), options.output); },
+          [&] { return run->model().string(); });
     } else if (!options.output.empty()) {
       save(options.output, std::move(result.model), result.report, size);
     }
@@ -435,7 +444,10 @@ int runTraining(const Options& options, tg::Processes* together = nullptr) {
     report.textured.reset();
     save(options.untextured_output, std::move(*result.untextured), report);
   }
-  if (!options.json.empty()) tg::writeTextAtomically(options.json, json);
+  if (!options.json.empty()) {
+    const tg::KeepExisting no_other_run(!replace);
+    tg::writeTextAtomically(options.json, json);
+  }
   if (!options.quiet) {
     const std::string name = options.output.empty() ? run->model().string() : options.output;
     if (written.empty()) written = "(" + std::to_string(fs::file_size(name)) + " bytes)";
@@ -550,6 +562,41 @@ void refuseIdleFlags(const CLI::App& app, const Options& options) {
   for (const char* flag : {"--checkpoint-every", "--preview-every"}) refuse(flag, "a run folder (--run FOLDER)");
   if (!options.serve.empty()) return;
   for (const char* flag : {"--metrics-every", "--eval-every"}) refuse(flag, "--run FOLDER or --serve");
+}
+
+// Of the recipe, which files and presets name as a whole: what a flag says and no stage uses is a line on stderr.
+void warnIdleSettings(const CLI::App& app, const Options& options) {
+  if (options.print_config || options.dataset.empty()) return;
+  const tg::TrainSettings settings = settingsOf(options);
+  const bool by_adc = settings.densification == tg::Densification::adc;
+  const bool textured = settings.texture_mode != tg::TextureMode::none && settings.texture_iterations > 0;
+  const auto warn = [&](const std::string& why, const auto& idle) {
+    std::string flags;
+    for (const tg::SettingEntry& entry : tg::settingEntries()) {
+      if (app.count("--" + entry.name) == 0 || !idle(entry)) continue;
+      if (options.from_file && !options.by_flag.contains(&entry)) continue;
+      flags += (flags.empty() ? "--" : ", --") + entry.name;
+    }
+    if (!flags.empty()) std::fprintf(stderr, "tgtrain: %s: does nothing with %s\n", flags.c_str(), why.c_str());
+  };
+  const auto is_of_stage_2 = [](const tg::SettingEntry& entry) {
+    const std::string_view name = entry.name;
+    const bool is_of_stage = name == "texture-mode" || name == "texture-iterations";
+    return !is_of_stage && (name.starts_with("texture-") || name.find("texel") != name.npos);
+  };
+  const bool planned = options.target_bytes > 0 || !options.start_model.empty();  // what they have of textures
+  if (!textured && !planned) {
+    const bool none = settings.texture_mode == tg::TextureMode::none;
+    warn(none ? "--texture-mode none" : "--texture-iterations 0", is_of_stage_2);
+  }
+  if (!by_adc) {
+    const std::string densification(tg::name(settings.densification));
+    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("adc: "); });
+  }
+  if (settings.densification != tg::Densification::mcmc) {
+    const std::string densification(tg::name(settings.densification));
+    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("mcmc: "); });
+  }
 }
 
 void addRunOptions(CLI::App& app, Options& options) {
@@ -711,6 +758,11 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
   if (argc > 1 && std::string_view(argv[1]) == "photos" && !tg::launchOf().together()) {
     photos->name("tgtrain photos");
     if (const std::optional<int> code = tg::parseCommandLine(*photos, argc - 1, argv + 1)) return *code;
+    std::error_code ignored;
+    if (photos->count("--frames") > 0 && fs::is_directory(photos_options.dataset, ignored)) {
+      throw tg::Error(tg::ErrorKind::usage, "--frames expects a film (" + photos_options.dataset + " is a folder)");
+    }
+    warnIdleSettings(*photos, photos_options);
     return runPhotos(photos_flags, photos_options);
   }
   CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
@@ -755,7 +807,10 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
   together = tg::joinProcesses(argc, argv, commands);
   const std::optional<int> parsed = tg::parseTogether(together.get(), [&] {
     const std::optional<int> code = tg::parseCommandLine(app, argc, argv);
-    if (!code && app.get_subcommands().empty()) refuseIdleFlags(app, options);
+    if (!code && app.get_subcommands().empty()) {
+      refuseIdleFlags(app, options);
+      if (!together || together->isFirst()) warnIdleSettings(app, options);
+    }
     return code;
   });
   if (parsed) return *parsed;
@@ -784,6 +839,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);  // who reads a pipe reads each line when it is said
   std::unique_ptr<tg::Processes> together;  // where mpirun has started several
   const int code = tg::runProgram("tgtrain", [&] {
     try {

@@ -99,8 +99,8 @@ std::string curvesSvg(const std::vector<RunCurves>& runs) {
 }
 
 void addPlotOptions(CLI::App& app, PlotOptions& options) {
-  app.add_option("runs", options.runs, "Run folders, or metrics.jsonl files")->required()->type_name("RUN");
-  app.add_option("-o,--output", options.output, "Picture to write: .svg or .html")->required()->type_name("FILE");
+  app.add_option("runs", options.runs, "Run folders, or metrics.jsonl files")->type_name("RUN");
+  app.add_option("-o,--output", options.output, "Picture to write: .svg or .html")->type_name("FILE");
   app.add_flag("--overwrite", options.overwrite, "Replace an existing file");
   app.add_flag("-q,--quiet", options.quiet, "Errors only");
   addExamples(app, {{"tgtrain plot run -o curves.svg", "the curves of a run"},
@@ -111,6 +111,12 @@ void addPlotOptions(CLI::App& app, PlotOptions& options) {
 }
 
 void plotRuns(const PlotOptions& options) {
+  if (options.runs.empty() || options.output.empty()) {
+    const std::string output = "-o curves.svg (see tgtrain plot --help)";
+    throw Error(ErrorKind::usage, !options.output.empty() ? "plot: expected a run folder (see tgtrain plot --help)"
+                                  : options.runs.empty()  ? "plot: expected a run folder and " + output
+                                                          : "plot: expected " + output);
+  }
   const std::string extension = options.output.extension().string();
   if (extension != ".svg" && extension != ".html") {
     throw Error(ErrorKind::usage, options.output.string(),

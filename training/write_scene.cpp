@@ -13,6 +13,7 @@
 #include "converter/edit/target.h"
 #include "converter/gltf/meshopt.h"
 #include "converter/registry/file_format.h"
+#include "core/file/atomic_files.h"
 #include "core/file/scratch_folder.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -55,13 +56,39 @@ void write(const std::string& path, const Bundle& scene, bool replace, SceneSize
   for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
 }
 
+// Under the first name beside `path` that is free, which it returns.
+std::string writeBeside(const std::string& path, const Bundle& scene) {
+  const bool bundle = std::filesystem::path(path).extension() == ".tgz";
+  const std::string stem = bundle ? path.substr(0, path.size() - 4) : path;
+  const KeepExisting no_other_run;
+  for (int number = bundle ? 2 : 1;; ++number) {
+    const std::string kept = stem + (number == 1 ? "" : "-" + std::to_string(number)) + ".tgz";
+    if (std::filesystem::exists(kept)) continue;
+    try {
+      writeBundle(kept, scene);
+      return kept;
+    } catch (const Error&) {
+      if (!std::filesystem::exists(kept)) throw;
+    }
+  }
+}
+
 }  // namespace
 
+void writeAfterTraining(const std::string& path, bool replace, const std::function<void()>& write,
+                        const std::function<std::string()>& keep) {
+  try {
+    const KeepExisting no_other_run(!replace);
+    write();
+  } catch (const Error&) {
+    if (replace || !std::filesystem::exists(path)) throw;
+    throw Error(ErrorKind::cannotWrite, path,
+                "came while the model was trained, which is kept as " + keep() + " (--overwrite replaces it)");
+  }
+}
+
 void keepModel(const std::string& path, const Bundle& scene) {
-  std::string kept = path + ".tgz";
-  for (int number = 2; std::filesystem::exists(kept); ++number) kept = path + "-" + std::to_string(number) + ".tgz";
-  writeBundle(kept, scene);
-  std::fprintf(stderr, "tgtrain: the model is kept as %s\n", kept.c_str());
+  std::fprintf(stderr, "tgtrain: the model is kept as %s\n", writeBeside(path, scene).c_str());
 }
 
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps) {
@@ -79,19 +106,27 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
   return select(stored, place);
 }
 
-std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, SceneSize size) {
+std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept,
+                       SceneSize size) {
   const Format& format = outputFormat(path);
   const std::vector<Camera> views = qualityViews(scene.model, scene.cameras);
   const std::vector<Camera> cameras = scene.cameras;
   const bool coarse = size.bytes > 0 || size.steps > 0;
   if (!format.holds(kKeepsCameras) || coarse) scene.cameras.clear();
-  try {
-    write(path, scene, replace, size);
-  } catch (const Error&) {
+  const auto whole = [&]() -> const Bundle& {
     scene.cameras = cameras;
-    if (!kept && format.name != "tgz") keepModel(path, scene);
-    throw;
-  }
+    return scene;
+  };
+  const auto writeIt = [&] {
+    try {
+      write(path, scene, replace, size);
+    } catch (const Error&) {
+      const bool came = !replace && std::filesystem::exists(path);
+      if (!came && kept.empty() && format.name != "tgz") keepModel(path, whole());
+      throw;
+    }
+  };
+  writeAfterTraining(path, replace, writeIt, [&] { return kept.empty() ? writeBeside(path, whole()) : kept; });
   std::string facts = "(" + std::to_string(std::filesystem::file_size(path)) + " bytes";
   const bool rounded = !format.holds(kKeepsFloats) || coarse;
   if (rounded && isMeasuredUnasked(scene.model)) {

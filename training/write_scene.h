@@ -2,6 +2,7 @@
 // What tgtrain writes: a scene in the format of its name, of a size where one is asked for.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "core/bundle/bundle.h"
@@ -24,15 +25,21 @@ struct SceneSize {
 // writers throw.
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps);
 
-// Where a model is when it cannot be what was asked for: PATH.tgz, or the first PATH-N.tgz that is free, and a line on
-// stderr that says so.
+// `write`s a file after hours of training. Without `replace` none that came meanwhile is replaced: then `keep` keeps the
+// model elsewhere, and Error(cannotWrite) says where that is, which it returns. Throws what `write` throws.
+void writeAfterTraining(const std::string& path, bool replace, const std::function<void()>& write,
+                        const std::function<std::string()>& keep);
+
+// Where a model is when it cannot be what was asked for: PATH.tgz, or the first PATH-N.tgz that is free (of NAME.tgz
+// NAME-N.tgz), and a line on stderr that says so.
 void keepModel(const std::string& path, const Bundle& scene);
 
-// Writes `scene`; its cameras only where the format has them and neither size nor steps are asked for. replace: files
-// beside it, too. Of steps that exceed the size, and without any, the finest that do not; a file that cannot be as
+// Writes `scene`, as writeAfterTraining(); its cameras only where the format has them and neither size nor steps are
+// asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size, and without any, the finest that do not; a file that cannot be as
 // small is as small as it can be, with a line on stderr, since training took its time. Returns what to say of it beside
 // its name: "(59961 bytes, 41.2 dB to the model)", where numbers are rounded, over up to four views. Throws what the
 // writers throw, after keepModel() where it is not `kept` elsewhere.
-std::string writeScene(const std::string& path, Bundle scene, bool replace, bool kept, SceneSize size = {});
+std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept,
+                       SceneSize size = {});
 
 }  // namespace tg

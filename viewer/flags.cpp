@@ -291,6 +291,9 @@ void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
       {"--session", {window, windowBenchmark}, "a window"},
       {"--no-session", {window, windowBenchmark}, "a window"},
       {"--script", {window}, "a window"},
+      {"--quiet",
+       {picture, numbers, comparison, recording, benchmark, inspection, cameraList, serving},
+       "no window, whose lines are on screen"},
       {"--legend", {picture, comparison, recording}, "a picture; a window shows it by itself"},
   };
   for (const Use& use : uses) {
@@ -307,6 +310,8 @@ void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
       view.legend && task != comparison && (!legible || view.record.extension() == ".exr"),
       "--legend: there are no numbers to explain (expected a picture, and --show with one of texture, alpha, depth, "
       "count, depth-median, overdraw, texel-density)");
+  refuseIf(app.count("--device") > 0 && view.backend == Backend::cpu,
+           "--device: is of Vulkan and OpenGL (expected --backend vulkan, opengl or auto with it)");
   refuseIf(app.count("--frames-in-flight") > 0 && (view.backend == Backend::opengl || view.backend == Backend::cpu),
            "--frames-in-flight: is of Vulkan (expected --backend vulkan or auto with it)");
 }
@@ -359,6 +364,9 @@ void parseValues(Flags& flags) {
     throw Error(ErrorKind::usage,
                 view.more_models.front().string() + ": several models are for the window (expected one model here)");
   }
+  const std::string out = view.out.string();
+  refuseIf(out.starts_with("-") && view.out.extension().empty(),
+           ("--render: expected a file name, found \"" + out + "\"").c_str());
   view.show = parse<Output>(flags.show, "--show");
   parseSettings(flags);
   if (!flags.size.empty()) view.size = parseSize(flags.size, "--size");

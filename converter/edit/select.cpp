@@ -8,11 +8,13 @@
 #include <iterator>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/model/effective_rank.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/nearest_name.h"
 #include "core/system/numbers.h"
 #include "core/system/parallel.h"
 #include "shared/limits.h"
@@ -125,7 +127,12 @@ Term parseTerm(std::string_view text, std::string_view expression) {
   if (found != kProperties.end()) return {&*found, 0.0};
   const std::optional<double> number = parseWhole<double>(text);
   if (!number || !std::isfinite(*number)) {
-    refuse(expression, text.empty() ? std::string("a value is missing") : "unknown value " + std::string(text));
+    std::vector<std::string> names;
+    for (const Property& property : kProperties) names.emplace_back(property.name);
+    const std::string near = nearestName(text, names);
+    refuse(expression, text.empty() ? std::string("a value is missing")
+                                    : "unknown value " + std::string(text) +
+                                          (near.empty() ? "" : ", did you mean " + near + "?"));
   }
   return {nullptr, *number};
 }

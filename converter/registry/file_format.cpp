@@ -362,6 +362,11 @@ Bundle readModel(const Path& path, const ReadOptions& options) {
   return loaded;
 }
 
+std::string lostTextures(const Format& format) {
+  return std::string(format.title) +
+         " holds no textures: their means go into colours and opacities, the rest is lost";
+}
+
 void writeModel(const Format& format, const Path& path, const Bundle& source, const WriteOptions& options,
                 Written& written) {
   const std::string title(format.title);
@@ -372,8 +377,14 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
     written.warnings.push_back(title + " holds no SH: colours are those of degree 0");
   }
   written.texture_mode = name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none);
-  if (format.holds(kKeepsTextures) || !isTextured(source.model)) return format.write(path, source, options, written);
-  written.warnings.push_back(title + " holds no textures: their means go into colours and opacities, the rest is lost");
+  if (format.holds(kKeepsTextures) || !isTextured(source.model)) {
+    format.write(path, source, options, written);
+    if (written.texels == 0) {
+      for (const TextureRect& rect : source.model.atlas.rects) written.texels += rect.texelCount();
+    }
+    return;
+  }
+  written.warnings.push_back(lostTextures(format));
   Bundle base = bundleOf(bakeFallback(source.model));
   base.cameras = source.cameras;
   base.background = source.background;

@@ -15,8 +15,8 @@
 
 namespace tg {
 
-// What a writer says of its file: output_bytes of 0 stand for the file's size, the rest of GltfReport is of glTF and
-// png only.
+// What a writer says of its file: output_bytes of 0 stand for the file's size, texels are those of its textures, the
+// rest of GltfReport is of glTF and png only.
 struct Written : GltfReport {
   std::string texture_mode;  // of what was written
   std::vector<std::string> warnings;
@@ -85,6 +85,9 @@ const Format& outputFormat(const std::filesystem::path& path);
 // A model from any file the toolchain reads. The model has passed checkModel. Throws what detectFormat throws, and
 // Error(cannotRead / badData). ReadCancelled: options.progress said so.
 Bundle readModel(const std::filesystem::path& path, const ReadOptions& options = {});
+
+// The warning where a format holds no textures, and what is written loses those that it had.
+std::string lostTextures(const Format& format);
 
 // `source` as `format` holds it, with warnings for what it does not. Throws what the writers throw.
 void writeModel(const Format& format, const std::filesystem::path& path, const Bundle& source,

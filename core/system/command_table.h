@@ -52,7 +52,4 @@ std::string formatManual(const CommandTable& table);
 // Throws Error(usage) for a shell other than bash, zsh and fish.
 std::string formatCompletion(const CommandTable& table, std::string_view shell);
 
-// The name that `text` was meant to be, or "".
-std::string nearestName(std::string_view text, std::span<const std::string> names);
-
 }  // namespace tg

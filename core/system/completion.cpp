@@ -86,7 +86,9 @@ std::string bash(const CommandTable& table) {
   out += "    *)\n      case $prev in\n" + bashCases(table) + "      esac\n";
   out += "      if [[ $cur == -* ]]; then COMPREPLY=($(compgen -W '" + bashOptions(table) + "' -- \"$cur\"))\n";
   if (!words.empty()) {
-    out += "      elif (( COMP_CWORD == 1 )); then COMPREPLY=($(compgen -f -W '" + spaced(words) + "' -- \"$cur\"))\n";
+    // A command while it may become one, a file else; both where nothing is typed yet.
+    out += "      elif (( COMP_CWORD == 1 )); then COMPREPLY=($(compgen -W '" + spaced(words) + "' -- \"$cur\"))\n";
+    out += "        [[ $cur ]] || COMPREPLY+=($(compgen -f))\n";
   }
   out += "      fi\n      ;;\n  esac\n}\ncomplete -o bashdefault -o default -F " + function + " " + table.word + "\n";
   return out;
@@ -144,7 +146,9 @@ std::string zsh(const CommandTable& table) {
     }
     out += "))\" \"files:file:_files\"}' \\\n";
   }
-  return out + "    '*:file:_files'\n}\n\n" + function + " \"$@\"\n";
+  // Found in $fpath its first call runs it whole, as the function; sourced it only makes it known.
+  return out + "    '*:file:_files'\n}\n\nif [[ $funcstack[1] == " + function + " ]]; then\n  " + function +
+         " \"$@\"\nelse\n  compdef " + function + " " + table.word + "\nfi\n";
 }
 
 // --- fish

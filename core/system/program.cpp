@@ -20,6 +20,7 @@
 
 #include "core/system/command_table.h"
 #include "core/system/error.h"
+#include "core/system/nearest_name.h"
 #include "core/system/numbers.h"
 #include "core/system/shortened.h"
 #include "core/system/temporary_files.h"
@@ -113,6 +114,17 @@ void refuseUnknownCommand(const CLI::App& app, int argc, char** argv) {
   if (!hint.empty()) throw Error(ErrorKind::usage, std::string(argv[1]) + ": no such command or file" + hint);
 }
 
+// No file has the name "", which what takes names would read as none given.
+void refuseEmptyNames(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string type = option->get_type_name();
+    if (type != "FILE" && type != "FOLDER") continue;
+    if (std::ranges::find(option->results(), "") == option->results().end()) continue;
+    throw Error(ErrorKind::usage, option->get_name() + ": an empty file name");
+  }
+  for (const CLI::App* command : app.get_subcommands()) refuseEmptyNames(*command);
+}
+
 void addGeneralOptions(CLI::App& app, const std::string& program) {
   constexpr const char* kGroup = "General";
   app.set_help_flag("-h,--help", "Print this help and exit")->group(kGroup);
@@ -176,7 +188,9 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
   bool manual = false;
   app.failure_message(usageMessage);
   if (name == program) {
-    app.add_option("--completion", shell, "Print what makes a shell complete the options, and exit")
+    app.add_option("--completion", shell,
+                   "Print what makes a shell complete the options, and exit: source <(...) in bash and zsh (after "
+                   "compinit), a file in ~/.config/fish/completions")
         ->check(oneOf({"bash", "zsh", "fish"}))
         ->configurable(false)
         ->group("General");
@@ -201,6 +215,7 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
     if (!shell.empty() || manual) {
       throw Error(ErrorKind::usage, "--completion and --man stand alone (expected nothing else with them)");
     }
+    refuseEmptyNames(app);
     return std::nullopt;
   } catch (const CLI::FileError& error) {
     app.exit(error);

@@ -128,6 +128,51 @@ TEST_CASE("the option --for knows its viewers, and the formats that they read") 
     CHECK(refused.err.find("--for does nothing here: it is only for .ply") != std::string::npos);
     CHECK(!std::filesystem::exists(scratch.folder() / name));
   }
+  writeGlb(scratch.folder() / "textured.glb",
+           {test::makeScene(test::SceneKind::ordinary, 47, 10).model, {}, glm::vec3(0.0f)});
+  const Result lost = tgconvert(scratch, "textured.glb out.splat --for three --no-psnr");
+  CHECK(lost.code == 0);
+  CHECK(lost.err.find(" holds no textures: ") != std::string::npos);
+}
+
+TEST_CASE("the summary counts texels in every format that holds textures, and atlases where there are any") {
+  const Scratch scratch;
+  const GaussianModel model = test::makeScene(test::SceneKind::ordinary, 48, 10).model;
+  std::size_t texels = 0;
+  for (const TextureRect& rect : model.atlas.rects) texels += rect.texelCount();
+  REQUIRE(texels > 0);
+  writeGlb(scratch.folder() / "in.glb", {model, {}, glm::vec3(0.0f)});
+  for (const Format& format : formats()) {
+    if (!format.write || !format.read) continue;
+    CAPTURE(format.name);
+    const std::string out = "out." + std::string(format.name);
+    const Result json = tgconvert(scratch, "in.glb " + out + " --no-psnr --json");
+    REQUIRE(json.code == 0);
+    const auto textures = nlohmann::json::parse(json.out)["textures"];
+    CHECK(textures["texels"] == (format.holds(kKeepsTextures) ? texels : 0));
+    CHECK((textures["atlases"] > 0) == format.is_gltf);
+    const std::string said = tgconvert(scratch, "in.glb " + out + " --no-psnr --overwrite").out;
+    CHECK((said.find(", " + std::to_string(texels) + " texels") != said.npos) == format.holds(kKeepsTextures));
+  }
+}
+
+TEST_CASE("an empty file name is refused as such") {
+  const Scratch scratch;
+  for (const char* arguments : {"''", "'' out.ply", "in.ply ''", "check ''", "in.ply out.glb --views ''"}) {
+    CAPTURE(arguments);
+    const Result refused = tgconvert(scratch, arguments);
+    CHECK(refused.code == 1);
+    CHECK(refused.err.find(": an empty file name\n") != std::string::npos);
+    CHECK(std::count(refused.err.begin(), refused.err.end(), '\n') == 1);
+  }
+}
+
+TEST_CASE("a slip in an expression is told what it may have meant") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 49));
+  const Result refused = tgconvert(scratch, "in.ply out.ply --keep 'opacty > 0.1'");
+  CHECK(refused.code == 1);
+  CHECK(refused.err.find("unknown value opacty, did you mean opacity? (expected NAME") != std::string::npos);
 }
 
 TEST_CASE("tgconvert writes SPZ 4, and 3 where it is asked for") {
@@ -256,6 +301,8 @@ TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit c
   const Result good = tgconvert(scratch, "check good.glb");
   CHECK(good.code == 0);
   CHECK(good.out == "good.glb: valid, 0 errors, 0 warnings\n");
+  scratch.write("text.md", "no model");
+  CHECK(tgconvert(scratch, "check text.md").out.find("text.md: not valid, 1 error, 0 warnings\n") != std::string::npos);
   CHECK(tgconvert(scratch, "check good.glb --quiet").out.empty());
 
   Glb glb = Glb::read(scratch.folder() / "good.glb");

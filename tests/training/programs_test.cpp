@@ -280,6 +280,48 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
   }
 }
 
+TEST_CASE("what is missing is named, and nothing else", "[programs]") {
+  const tg::TemporaryFolder folder;
+  for (const auto& [arguments, message] : std::initializer_list<std::pair<std::string, std::string>>{
+           {"", "expected a data set and -o model.tgz or --run FOLDER (see --help)"},
+           {"scene", "scene: expected -o model.tgz or --run FOLDER (see --help)"},
+           {"-o m.tgz", "expected a data set (see --help)"},
+           {"'' -o m.tgz", "dataset: an empty file name"},
+           {"scene -o ''", "--output: an empty file name"},
+           {"photos photos -o ''", "--output: an empty file name"},
+           {"plot", "plot: expected a run folder and -o curves.svg (see tgtrain plot --help)"},
+           {"plot run", "plot: expected -o curves.svg (see tgtrain plot --help)"},
+           {"plot -o a.svg", "plot: expected a run folder (see tgtrain plot --help)"},
+           {"scene -o m.tgz --resume", "--resume expects a run folder (--run FOLDER)"},
+           {"scene -o m.tgz --watch", "--watch expects a run folder (--run FOLDER)"},
+           {"scene -o m.tgz --watch --resume", "--resume and --watch expect a run folder (--run FOLDER)"},
+           {"photos . -o m.tgz --frames 10", "--frames expects a film (. is a folder)"}}) {
+    const Outcome outcome = tgtrain(folder, arguments);
+    CHECK(outcome.code == 1);
+    CHECK(outcome.output == "tgtrain: " + message + "\n");
+  }
+  CHECK(tgeval(folder, "'' scene").output == "tgeval: models: an empty file name\n");
+}
+
+TEST_CASE("a setting that nothing uses is warned of where a flag names it", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string quick = "scene -o m.tgz --overwrite -q --iterations 2 ";
+  const auto said = [&](const std::string& arguments) { return tgtrain(folder, quick + arguments).output; };
+  CHECK(said("--texture-iterations 0 --texture-size 4 --rate-texels 1e-3") ==
+        "tgtrain: --texture-size, --rate-texels: does nothing with --texture-iterations 0\n");
+  CHECK(said("--texture-mode none --texture-size 4") ==
+        "tgtrain: --texture-size: does nothing with --texture-mode none\n");
+  CHECK(said("--texture-iterations 2 --texture-size 4").empty());
+  CHECK(said("--texture-iterations 0 --densification none --limit-by swap --mcmc-noise 1") ==
+        "tgtrain: --limit-by: does nothing with --densification none\n"
+        "tgtrain: --mcmc-noise: does nothing with --densification none\n");
+  // A file names them all.
+  REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --texture-iterations 0 > all.toml").code == 0);
+  CHECK(said("--config all.toml").empty());
+  CHECK_THAT(said("--config all.toml --texture-size 4"), Contains("--texture-size: does nothing with"));
+}
+
 TEST_CASE("a wrong command line is one line that names the program", "[programs]") {
   const tg::TemporaryFolder folder;
   for (const std::string arguments : {"scene -o m.tgz --gaussians -1", "scene -o m.tgz --seed -1",

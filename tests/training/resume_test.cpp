@@ -247,3 +247,42 @@ TEST_CASE("metrics and previews come as often as asked", "[resume]") {
   }
   CHECK(worst < 1.5 / 255);
 }
+
+TEST_CASE("a model that came while another was trained stays, and the other is kept beside it", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const auto meanwhile = [&](const std::string& arguments, const std::string& name) {
+    fs::remove(folder / name);
+    Child child(folder, kBase + "--iterations 200 " + arguments);
+    child.until([&] { return child.output().find("train and 2 test views") != std::string::npos; });
+    std::ofstream(folder / name) << "somebody's";
+    const int code = child.end();
+    INFO(child.output());
+    CHECK(code == 4);
+    CHECK(contents(folder / name) == "somebody's");
+    return child.output();
+  };
+  const std::string came = ": came while the model was trained, which is kept as ";
+  CHECK_THAT(meanwhile("-o twin.tgz", "twin.tgz"), Contains("tgtrain: twin.tgz" + came + "twin-2.tgz (--overwrite"));
+  CHECK_THAT(meanwhile("-o twin.tgz", "twin.tgz"), Contains(came + "twin-3.tgz"));
+  CHECK_THAT(meanwhile("-o twin.ply", "twin.ply"), Contains(came + "twin.ply.tgz"));
+  CHECK_THAT(meanwhile("-o run.tgz --run run", "run.tgz"), Contains("run.tgz" + came + "run/model.tgz"));
+  CHECK_THAT(meanwhile("-o a.tgz --json a.json", "a.json"), Contains("a.json: exists already"));
+  const Bytes model = bytesOf(folder / "twin-2.tgz");
+  for (const std::string kept : {"twin-3.tgz", "twin.ply.tgz", "run/model.tgz", "a.tgz"}) {
+    CHECK(bytesOf(folder / kept) == model);
+  }
+  // Whoever asks for it replaces, and a run its own.
+  CHECK(tgtrain(folder, kBase + "--iterations 200 -o run.tgz --run run --resume").code == 0);
+  CHECK(bytesOf(folder / "run.tgz") == model);
+}
+
+TEST_CASE("what tgtrain says reaches a file or a pipe while it trains", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Child child(folder, kForever + "--run run --resume");
+  const std::string anew = "run: no checkpoint yet: training starts anew\n";
+  child.until([&] { return child.output().find(anew) != std::string::npos; });
+  child.send(SIGINT);
+  CHECK(child.end() == 128 + SIGINT);
+}

@@ -11,7 +11,7 @@
 namespace tg {
 namespace {
 
-constexpr double kLeft = 58, kRight = 14, kBottom = 46, kTitle = 28;    // [px] around the axes
+constexpr double kLeft = 58, kRight = 28, kBottom = 46, kTitle = 28;    // [px] around the axes
 constexpr double kLegendRow = 20, kLetter = 7.4, kKey = 26, kGap = 16;  // a letter is about so wide
 constexpr std::size_t kLongestLabel = 40;                               // [letters] where several share a row
 

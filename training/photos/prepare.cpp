@@ -84,7 +84,12 @@ Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_si
 
 std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path& folder,
                                     const PhotosListener& listener, const std::atomic<int>& stop) {
-  const PhotographList list = findPhotographs(options.input);
+  PhotographList list = findPhotographs(options.input);
+  std::vector<std::string> copies;  // one that is held out while its twin trains would be scored too well
+  for (const auto& [copy, original] : takeOutCopies(options.input, list.photographs)) {
+    copies.push_back(copy.string() + " (of " + original.string() + ")");
+  }
+  if (!copies.empty()) listener.warn(options.input.string() + ": left out, copies: " + someOf(copies));
   if (!list.ignored.empty()) {
     listener.warn(options.input.string() + ": ignored, no photographs: " + someOf(list.ignored));
   }

@@ -8,9 +8,15 @@
 #include <array>
 #include <cctype>
 #include <fstream>
+#include <functional>
 #include <initializer_list>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <optional>
 #include <set>
 #include <string_view>
+#include <utility>
 
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -50,6 +56,25 @@ bool isPhotographName(const fs::path& path) {
 bool isUnreadName(const fs::path& path) {
   return hasExtension(path, {".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srw", ".raf", ".orf", ".rw2",
                              ".pef", ".x3f", ".iiq", ".3fr", ".tif", ".tiff", ".jxl"});
+}
+
+// Of all its bytes; none for a file that cannot be read.
+std::optional<std::size_t> hashOf(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) return std::nullopt;
+  std::vector<char> bytes(1 << 16);
+  std::size_t hash = 0;
+  while (stream.read(bytes.data(), static_cast<std::streamsize>(bytes.size())) || stream.gcount() > 0) {
+    const std::string_view piece(bytes.data(), static_cast<std::size_t>(stream.gcount()));
+    hash = hash * 31 + std::hash<std::string_view>()(piece);
+  }
+  return hash;
+}
+
+bool holdTheSame(const fs::path& a, const fs::path& b) {
+  std::ifstream first(a, std::ios::binary), second(b, std::ios::binary);
+  using Bytes = std::istreambuf_iterator<char>;
+  return std::equal(Bytes(first), Bytes(), Bytes(second), Bytes());
 }
 
 }  // namespace
@@ -105,6 +130,39 @@ PhotographList findPhotographs(const fs::path& folder) {
   // Empty and broken photographs before what was never meant to be one.
   std::ranges::stable_partition(list.ignored, isPhotographName);
   return list;
+}
+
+std::vector<PhotographCopy> takeOutCopies(const fs::path& folder, std::vector<fs::path>& photographs) {
+  std::map<std::uintmax_t, std::vector<std::size_t>> same_size;
+  for (std::size_t i = 0; i < photographs.size(); ++i) {
+    std::error_code error;
+    const std::uintmax_t size = fs::file_size(folder / photographs[i], error);
+    if (!error) same_size[size].push_back(i);  // else whoever reads it says why
+  }
+  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+  std::vector<std::size_t> original(photographs.size(), kNone);
+  for (const auto& [size, places] : same_size) {
+    if (places.size() < 2) continue;
+    std::map<std::size_t, std::size_t> first;  // by hash, so that each file is read twice at most
+    for (const std::size_t place : places) {
+      const fs::path file = folder / photographs[place];
+      const std::optional<std::size_t> hash = hashOf(file);
+      if (!hash) continue;
+      const auto [known, is_new] = first.emplace(*hash, place);
+      if (!is_new && holdTheSame(file, folder / photographs[known->second])) original[place] = known->second;
+    }
+  }
+  std::vector<PhotographCopy> copies;
+  std::vector<fs::path> kept;
+  for (std::size_t i = 0; i < photographs.size(); ++i) {
+    if (original[i] == kNone) {
+      kept.push_back(photographs[i]);
+    } else {
+      copies.push_back({photographs[i], photographs[original[i]]});
+    }
+  }
+  photographs = std::move(kept);
+  return copies;
 }
 
 bool hasCameras(const fs::path& folder) {

@@ -28,6 +28,14 @@ struct PhotographList {
 // Error(cannotRead) for a folder that cannot be listed.
 PhotographList findPhotographs(const std::filesystem::path& folder);
 
+// A photograph, and the first one that has the same bytes.
+struct PhotographCopy {
+  std::filesystem::path copy, original;  // below the folder
+};
+// Takes those out of a folder's sorted photographs that are another's bytes again.
+std::vector<PhotographCopy> takeOutCopies(const std::filesystem::path& folder,
+                                          std::vector<std::filesystem::path>& photographs);
+
 // Whether training could begin with this folder as it is: it has cameras.
 bool hasCameras(const std::filesystem::path& folder);
 // Whether a folder without cameras holds photographs, or a path names a film: what `tgtrain photos` is for.

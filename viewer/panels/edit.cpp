@@ -155,6 +155,12 @@ void changeSection(ViewerState& state) {
              0);
   toolButton(state, "Turn", EditTool::turn, "Drag a ring (F6); SH turns along", 1);
   toolButton(state, "Scale", EditTool::scale, "Drag the ring (F7)", 2);
+  const bool moves = edit.tool == EditTool::move, turns = edit.tool == EditTool::turn;
+  if (!edit.selection && (moves || turns || edit.tool == EditTool::scale)) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kWarningText);
+    ImGui::TextWrapped("nothing selected: %s the whole model", moves ? "moves" : turns ? "turns" : "scales");
+    ImGui::PopStyleColor();
+  }
   const auto apply = [&](glm::dvec3 move, glm::dvec3 turn, double scale) {
     attempt(state, [&] { transformChosen(state, similarityOf(state, move, turn, scale)); });
   };

@@ -16,11 +16,12 @@ namespace {
 void actions(ViewerState& state, Menu menu) {
   for (const KeyBinding& binding : keyBindings()) {
     if (binding.menu != menu || !*binding.keys) continue;
-    // These two name what they would do, and are grey where there is nothing.
+    if (binding.begins_group) ImGui::Separator();
+    // These two name what they would do.
     const bool steps = binding.run == undo || binding.run == redo;
     const std::string step = !steps ? "" : binding.run == undo ? undoName(state) : redoName(state);
     const std::string label = binding.text + (step.empty() ? "" : ": " + step) + "###" + binding.text;
-    if (ImGui::MenuItem(label.c_str(), binding.keys, false, !steps || !step.empty())) runAction(state, binding);
+    if (ImGui::MenuItem(label.c_str(), binding.keys, false, canRun(state, binding))) runAction(state, binding);
   }
 }
 

@@ -5,6 +5,7 @@
 #include "core/system/error.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
+#include "viewer/view/edits.h"
 #include "viewer/view/web_address.h"
 
 namespace tg {
@@ -29,11 +30,9 @@ void modelSection(ViewerState& state) {
   const char* keys = "Keys ?";
   const float button = ImGui::CalcTextSize(keys).x + 2 * ImGui::GetStyle().FramePadding.x;
   const float right = ImGui::GetContentRegionMax().x - button;
-  const ImVec2 clip = ImGui::GetCursorScreenPos();
-  ImGui::PushClipRect(clip, {clip.x + right - ImGui::GetFontSize(), clip.y + ImGui::GetFrameHeight()}, true);
+  const std::string shown = scene.path.empty() ? "No model" : printable(scene.path.filename().string());
   ImGui::AlignTextToFramePadding();
-  ImGui::TextUnformatted(scene.path.empty() ? "No model" : printable(scene.path.filename().string()).c_str());
-  ImGui::PopClipRect();
+  ImGui::TextUnformatted(cutMiddle(shown, right - ImGui::GetCursorPosX() - ImGui::GetFontSize()).c_str());
   if (!scene.path.empty()) {
     const bool address = isWebAddress(scene.path.string());
     hint(printable((address ? scene.path : std::filesystem::absolute(scene.path)).string()).c_str());
@@ -56,7 +55,7 @@ void modelSection(ViewerState& state) {
   } else {
     ImGui::TextDisabled("no textures");
   }
-  if (!scene.training.empty()) ImGui::TextDisabled("%s", scene.training.c_str());
+  if (!scene.training.empty()) ImGui::TextDisabled("%s", trainingText(state).c_str());
   if (state.follow.active) {
     const FollowState& follow = state.follow;
     const char* text = follow.waits             ? "not followed while Gaussians are chosen"

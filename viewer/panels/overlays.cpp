@@ -34,6 +34,7 @@ void helpRow(const char* keys, const char* text) {
   ImGui::TextUnformatted(text);
 }
 
+constexpr float kLeastLetters = 11;  // [ImGui units] that can be read
 const ImVec2 kHelpPadding(6, 1);  // [ImGui units] beside and above a cell
 
 // Columns of `rows` lines, in letters of full size, with the window around them.
@@ -59,7 +60,7 @@ void help(ViewerState& state) {
   }
   lines.push_back({"Drop a file", "Open a model, cameras or a path"});
   // As many columns as leave the letters largest. Beside the panel where there is room, else over it; in smaller
-  // letters where even the window is too small.
+  // letters where even the window is too small, and where they could not be read it scrolls.
   const ImVec2 window = ImGui::GetIO().DisplaySize;
   std::size_t columns = 0, rows = 0;
   ImVec2 size;
@@ -74,6 +75,17 @@ void help(ViewerState& state) {
     size = needed;
     scale = fits;
   }
+  const float least = std::min(1.0f, kLeastLetters / ImGui::GetFontSize());
+  if (scale < least) {
+    scale = least;
+    const float bar = ImGui::GetStyle().ScrollbarSize;
+    for (columns = 4;; --columns) {
+      rows = (lines.size() + columns - 1) / columns;
+      size = helpSize(lines, rows);
+      if (columns == 1 || size.x * scale + bar <= window.x) break;
+    }
+  }
+  ImGui::SetNextWindowSizeConstraints({0, 0}, window);
   const bool beside = panelWidth(state, window.x) + size.x <= window.x;
   const ImVec2 center = beside ? pictureCenter(state) : ImVec2(window.x / 2, window.y / 2);
   ImGui::SetNextWindowPos(center, ImGuiCond_Always, {0.5f, 0.5f});
@@ -95,10 +107,12 @@ void help(ViewerState& state) {
 }
 
 void errorPanel(ViewerState& state) {
-  ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
+  const ImVec2 center = pictureCenter(state), padding = ImGui::GetStyle().WindowPadding;
+  const float room = 2 * (ImGui::GetIO().DisplaySize.x - center.x - padding.x);
+  ImGui::SetNextWindowPos(center, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::Begin("error", nullptr, kOverlay);
   ImGui::TextColored(kErrorText, "This did not work");
-  ImGui::PushTextWrapPos(ImGui::GetFontSize() * 32);
+  ImGui::PushTextWrapPos(padding.x + std::clamp(room, 1.0f, ImGui::GetFontSize() * 32));
   ImGui::TextUnformatted(state.messages.error.c_str());
   ImGui::PopTextWrapPos();
   if (ImGui::Button("Close")) state.messages.error.clear();
@@ -121,7 +135,7 @@ void progress(const ViewerState& state) {
   const ImVec2 center = pictureCenter(state);
   const float font = ImGui::GetFontSize();
   ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - 3.5f * font}, ImGuiCond_Always, {0.5f, 1.0f});
-  ImGui::SetNextWindowSize({22 * font, 0});
+  ImGui::SetNextWindowSize({std::min(22 * font, 2 * (ImGui::GetIO().DisplaySize.x - center.x)), 0});
   ImGui::SetNextWindowBgAlpha(0.9f);
   ImGui::Begin("loading", nullptr, kPassive);
   ImGui::TextUnformatted(printable(loading.path.filename().string()).c_str());
@@ -185,7 +199,8 @@ void comparison(const ViewerState& state) {
                                 ? state.documents.open[static_cast<std::size_t>(document)].path.filename().string()
                                 : "";
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
-  const auto label = [&](float x, const std::string& text) {
+  const auto label = [&](float x, float room, const std::string& whole) {
+    const std::string text = cutMiddle(whole, room - 2 * font);
     const ImVec2 extent = ImGui::CalcTextSize(text.c_str());
     const ImVec2 corner(x - extent.x / 2, font * 0.6f);
     draw->AddRectFilled({corner.x - font * 0.5f, corner.y - font * 0.2f},
@@ -199,15 +214,15 @@ void comparison(const ViewerState& state) {
     case CompareMode::wipe: {
       const float x = std::round(left + divider * width);
       draw->AddLine({x, 0}, {x, size.y}, IM_COL32(255, 255, 255, 200), 1.0f);
-      if (divider > 0.1f) label(left + divider * width / 2, first);
-      if (divider < 0.9f) label(left + (1 + divider) * width / 2, other);
+      if (divider > 0.1f) label(left + divider * width / 2, divider * width, first);
+      if (divider < 0.9f) label(left + (1 + divider) * width / 2, (1 - divider) * width, other);
       break;
     }
     case CompareMode::flicker:
-      label(left + width / 2, how.shows_other ? other : first);
+      label(left + width / 2, width, how.shows_other ? other : first);
       break;
     default:
-      label(left + width / 2, other + " - " + first);
+      label(left + width / 2, width, other + " - " + first);
       break;
   }
 }

@@ -66,6 +66,25 @@ void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text
   draw->PopClipRect();
 }
 
+std::string cutMiddle(const std::string& text, float room) {
+  if (ImGui::CalcTextSize(text.c_str()).x <= room) return text;
+  const auto begins = [&](std::size_t at) { return (static_cast<unsigned char>(text[at]) & 0xC0) != 0x80; };  // of UTF-8
+  std::string cut = "...";
+  std::size_t left = 0, right = text.size();
+  while (left < right) {
+    // A letter of the longer end less.
+    std::size_t next_left = left + 1, next_right = right - 1;
+    while (next_left < right && !begins(next_left)) ++next_left;
+    while (next_right > left && !begins(next_right)) --next_right;
+    const bool from_left = left <= text.size() - right;
+    (from_left ? left : right) = from_left ? next_left : next_right;
+    const std::string wider = text.substr(0, left) + "..." + text.substr(right);
+    if (ImGui::CalcTextSize(wider.c_str()).x > room) break;
+    cut = wider;
+  }
+  return cut;
+}
+
 bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }
 
 std::string grouped(std::size_t value) {

@@ -94,6 +94,18 @@ void toggleIsolated(ViewerState& state) {
   }
 }
 
+bool hasOther(const ViewerState& state) { return !state.compare.photographs.empty() || otherDocument(state) >= 0; }
+
+template <int kStep>
+void toDocument(ViewerState& state) {
+  stepDocument(state, kStep);
+}
+
+template <int kStep>
+void toHit(ViewerState& state) {
+  stepHit(state, kStep);
+}
+
 void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
 
 void closeDocument(ViewerState& state) { askToClose(state, state.documents.shown); }
@@ -154,7 +166,7 @@ std::string stemOf(const ViewerState& state) {
 using S = ViewerState;
 
 constexpr std::array kBindings = {
-    KeyBinding{kControl | 'O', false, "Ctrl+O", "Open a file", ask<FileUse::open>, {}, Menu::file},
+    KeyBinding{kControl | 'O', false, "Ctrl+O", "Open a file", ask<FileUse::open>, {}, Menu::file, true},
     KeyBinding{kControl | 'S', false, "Ctrl+S", "Save the model as", ask<FileUse::saveModel>, {}, Menu::file},
     KeyBinding{'P',
                false,
@@ -162,7 +174,7 @@ constexpr std::array kBindings = {
                "Save the picture as PNG",
                [](S& s) { s.capture.picture = freeName(stemOf(s), ".png"); },
                {},
-               Menu::file},
+               Menu::file, true},
     KeyBinding{kControl | 'P', false, "Ctrl+P", "Save the picture as", ask<FileUse::savePicture>, {}, Menu::file},
     KeyBinding{'P',
                true,
@@ -171,7 +183,7 @@ constexpr std::array kBindings = {
                [](S& s) { s.capture.window = freeName(stemOf(s) + "-window", ".png"); },
                {},
                Menu::file},
-    KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera, {}, Menu::file},
+    KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera, {}, Menu::file, true},
     KeyBinding{kControl | 'C', false, "Ctrl+C", "Copy the camera", [](S& s) { s.desktop.copy = true; }, {}, Menu::file},
     KeyBinding{kControl | 'V',
                false,
@@ -180,10 +192,10 @@ constexpr std::array kBindings = {
                [](S& s) { s.desktop.paste = true; },
                {},
                Menu::file},
-    KeyBinding{kKeyPageDown, false, "Page Down", "Next open model", [](S& s) { stepDocument(s, 1); }, {}, Menu::file},
-    KeyBinding{kKeyPageUp, false, "Page Up", "Previous open model", [](S& s) { stepDocument(s, -1); }, {}, Menu::file},
+    KeyBinding{kKeyPageDown, false, "Page Down", "Next open model", toDocument<1>, {}, Menu::file, true},
+    KeyBinding{kKeyPageUp, false, "Page Up", "Previous open model", toDocument<-1>, {}, Menu::file},
     KeyBinding{kControl | 'W', false, "Ctrl+W", "Close the model shown", closeDocument, {}, Menu::file},
-    KeyBinding{kControl | 'Q', false, "Ctrl+Q", "Quit", askToQuit, {}, Menu::file},
+    KeyBinding{kControl | 'Q', false, "Ctrl+Q", "Quit", askToQuit, {}, Menu::file, true},
     KeyBinding{kControl | 'Z', false, "Ctrl+Z", "Undo", undo, {}, Menu::edit},
     KeyBinding{kControl | 'Y', false, "Ctrl+Y, Ctrl+Shift+Z", "Redo", redo, {}, Menu::edit},
     KeyBinding{kControl | 'Z', true, "", "", redo},
@@ -214,14 +226,14 @@ constexpr std::array kBindings = {
     KeyBinding{'O', false, "O", "Order: global / per pixel", nullptr, "sort", Menu::view},
     KeyBinding{'Y', false, "Y", "Texture filter: bilinear / footprint", nullptr, "texture-filter", Menu::view},
     KeyBinding{'Y', true, "Shift+Y", "Antialiasing: off / screen", nullptr, "antialiasing", Menu::view},
-    KeyBinding{'J', false, "J", "Crop box on / off", [](S& s) { s.display.crop = !s.display.crop; }, {}, Menu::view},
-    KeyBinding{'V', false, "V", "Compare: side, wipe, flicker, ...", cycleCompare, {}, Menu::view},
+    KeyBinding{'J', false, "J", "Crop box on / off", [](S& s) { s.display.crop = !s.display.crop; }, {}, Menu::view, true},
+    KeyBinding{'V', false, "V", "Compare: side, wipe, flicker, ...", cycleCompare, {}, Menu::view, true},
     KeyBinding{'V', true, "Shift+V", "Flicker: show the other one", showOther, {}, Menu::view},
     KeyBinding{'M', false, "M", "A click inspects its pixel", toggleInspecting, {}, Menu::view},
-    KeyBinding{'[', false, "[", "Splat in front", [](S& s) { stepHit(s, -1); }, {}, Menu::view},
-    KeyBinding{']', false, "]", "Splat behind", [](S& s) { stepHit(s, 1); }, {}, Menu::view},
+    KeyBinding{'[', false, "[", "Splat in front", toHit<-1>, {}, Menu::view},
+    KeyBinding{']', false, "]", "Splat behind", toHit<1>, {}, Menu::view},
     KeyBinding{'N', false, "N", "The picked Gaussian alone", toggleIsolated, {}, Menu::view},
-    KeyBinding{'H', false, "H", "Hide or show the panel", [](S& s) { s.ui.panel = !s.ui.panel; }, {}, Menu::view},
+    KeyBinding{'H', false, "H", "Hide or show the panel", [](S& s) { s.ui.panel = !s.ui.panel; }, {}, Menu::view, true},
     KeyBinding{kKeyF11,
                false,
                "F11",
@@ -290,6 +302,18 @@ constexpr std::array kMouseHelp = {
 
 std::span<const KeyBinding> keyBindings() { return kBindings; }
 std::span<const HelpLine> mouseHelp() { return kMouseHelp; }
+
+bool canRun(const ViewerState& state, const KeyBinding& binding) {
+  const auto is = [&](auto... runs) { return ((binding.run == runs) || ...); };
+  if (is(undo)) return !undoName(state).empty();
+  if (is(redo)) return !redoName(state).empty();
+  if (is(deleteChosen)) return state.edit.selection != nullptr;
+  if (is(toDocument<1>, toDocument<-1>)) return state.documents.open.size() > 1;
+  if (is(cycleCompare, showOther)) return hasOther(state);
+  if (is(toHit<1>, toHit<-1>)) return !state.inspect.hits.empty();
+  if (is(toggleIsolated)) return static_cast<bool>(pickedGaussian(state));
+  return true;
+}
 
 void runAction(ViewerState& state, const KeyBinding& binding) {
   binding.run ? binding.run(state) : stepSetting(state, binding);

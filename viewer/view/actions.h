@@ -21,6 +21,7 @@ struct KeyBinding {
   void (*run)(ViewerState& state) = nullptr;  // null: steps through the choices of
   std::string_view setting{};                 // a RenderSetting, which `text` calls what it has before its colon
   Menu menu = Menu::none;
+  bool begins_group = false;  // of the menu
 };
 constexpr int kControl = 1 << 10;  // above all keys
 constexpr int kKeyEscape = 256;
@@ -37,6 +38,8 @@ constexpr int kKeyPad7 = 327;
 constexpr int kKeyTab = 258;  // held: textures off
 std::span<const KeyBinding> keyBindings();
 void runAction(ViewerState& state, const KeyBinding& binding);
+// False: it would only say that there is nothing to do it with.
+bool canRun(const ViewerState& state, const KeyBinding& binding);
 // False: the key does nothing.
 bool pressKey(ViewerState& state, int key, bool shift);
 std::string keyOf(std::string_view setting);  // " (O)", to follow a text; "" where no key steps through the setting

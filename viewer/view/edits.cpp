@@ -219,6 +219,11 @@ std::vector<std::filesystem::path> unsavedModels(const ViewerState& state) {
   return paths;
 }
 
+std::string trainingText(const ViewerState& state) {
+  const bool edited = state.edit.revision != state.edit.read;
+  return state.scene.training + (edited && !state.scene.training.empty() ? " before edits" : "");
+}
+
 void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision) {
   const int document = documentOf(state, model);
   if (document < 0) return;

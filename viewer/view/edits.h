@@ -48,6 +48,8 @@ bool holdsModel(const std::filesystem::path& file, const Scene& scene);
 // The open models with edits that no file holds.
 std::vector<std::filesystem::path> unsavedModels(const ViewerState& state);
 bool hasUnsavedEdits(const ViewerState& state, int document);  // of documents.open
+// scene.training; of an edited model with the words that it was so before.
+std::string trainingText(const ViewerState& state);
 // Once a file holds a revision of a model. One that was read again meanwhile is another model.
 void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision);
 

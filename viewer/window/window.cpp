@@ -141,6 +141,7 @@ class Viewer {
   LoadTimings timings_{started_};
   FrameTimings frame_timings_;
   bool shown_any_ = false;               // a model
+  std::string title_;                    // of the window
   bool recovered_ = false;               // the device has failed once
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
@@ -189,8 +190,10 @@ void Viewer::setTitle() {
   const std::filesystem::path& path = shown_any_ ? scene.path : options_.model;
   std::string title = "tgview";
   if (!path.empty()) title += " - " + path.filename().string();
-  if (!scene.training.empty()) title += " - " + scene.training;
-  glfwSetWindowTitle(graphics_->window(), title.c_str());
+  if (hasUnsavedEdits(state_, state_.documents.shown)) title += "*";
+  if (const std::string training = trainingText(state_); !training.empty()) title += " - " + training;
+  if (title != title_) glfwSetWindowTitle(graphics_->window(), title.c_str());
+  title_ = title;
 }
 
 int Viewer::run() {
@@ -220,10 +223,8 @@ int Viewer::run() {
     if (state_.loading.part_owed) state_.loading.part_owed = state_.scene.partial && !complete();
     if (!script_ && guardEdits(state_)) frames_since_event_ = 0;
     wishForLevels();
-    if (documents_.update(state_)) {
-      frames_since_event_ = 0;
-      setTitle();
-    }
+    if (documents_.update(state_)) frames_since_event_ = 0;
+    setTitle();
     if (runs_.update(state_, pictureArea().size)) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
     if (desktop_.update(state_, graphics_->window(), pictureSize())) frames_since_event_ = 0;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/system/error.h"
+#include "core/system/nearest_name.h"
 #include "core/system/program.h"
 #include "support/catch.h"
 

@@ -55,7 +55,7 @@ TEST_CASE("a histogram has ticks of its kind") {
 
 TEST_CASE("curves below each other share their axis, have a line, dots and marks a label, and leave out a bad start") {
   CurvePoints line;
-  for (int i = 0; i < 300; ++i) line.emplace_back(10.0 * i, i == 0 ? 1e6 : 1 + i % 2);
+  for (int i = 0; i <= 300; ++i) line.emplace_back(10.0 * i, i == 0 ? 1e6 : 1 + i % 2);
   const CurveSheet sheet{"both",
                          "iterations",
                          {"a & b", "other"},
@@ -68,6 +68,10 @@ TEST_CASE("curves below each other share their axis, have a line, dots and marks
   CHECK(countOf(svg, "<circle") == 1);
   CHECK(countOf(svg, ">2000</text>") == 2);
   CHECK(countOf(svg, ">iterations</text>") == 1);
+  // The last number ends within the drawing: it is centred, in letters of at most 9 px.
+  const std::size_t last = svg.find(">3000</text>"), begin = svg.rfind("<text x=\"", last);
+  REQUIRE(begin != std::string::npos);
+  CHECK(std::stod(svg.substr(begin + 9)) + 4 * 9.0 / 2 < 840);
   CHECK_THAT(svg, Contains(">a &amp; b<") && !Contains("nan") && !Contains(" M</text>"));
   const std::string empty = svgOf(CurveSheet{"none", "x", {"a"}, {{}}, {{"first", {{}}}}});
   CHECK_THAT(empty, Contains("class=\"axis\"") && !Contains("nan") && !Contains("inf"));

@@ -274,6 +274,25 @@ TEST_CASE("files are photographs by their bytes, and the others are named", "[ph
   CHECK_FALSE(tg::isForPhotos(folder / "in"));
 }
 
+TEST_CASE("a photograph of another's bytes is its copy, one of its size alone is not", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const auto put = [&](const std::string& name, const std::string& text) { std::ofstream(folder / name) << text; };
+  put("a.jpg", std::string(200'000, 'x'));
+  put("b.jpg", std::string(199'999, 'x') + "y");
+  put("c.jpg", std::string(200'000, 'x'));
+  put("d.jpg", std::string(199'999, 'x') + "y");
+  put("e.jpg", "");
+  put("f.jpg", "x");
+  put("g.jpg", std::string(200'000, 'x'));
+  std::vector<fs::path> photographs = {"a.jpg", "absent.jpg", "b.jpg", "c.jpg", "d.jpg", "e.jpg", "f.jpg", "g.jpg"};
+  std::string copies;
+  for (const auto& [copy, original] : tg::takeOutCopies(folder.path, photographs)) {
+    copies += copy.string() + " of " + original.string() + "\n";
+  }
+  CHECK(copies == "c.jpg of a.jpg\nd.jpg of b.jpg\ng.jpg of a.jpg\n");
+  CHECK(photographs == std::vector<fs::path>{"a.jpg", "absent.jpg", "b.jpg", "e.jpg", "f.jpg"});
+}
+
 TEST_CASE("copies have plain names, each its own", "[photos]") {
   CHECK(tg::plainNames({"IMG 1.jpg", "IMG_1.JPG", "a/b'\n\".heic", "img_1.png", "\xc3\xa4.jpg"}) ==
         std::vector<std::string>{"IMG_1", "IMG_1_2", "a_b___", "img_1_3", "__"});

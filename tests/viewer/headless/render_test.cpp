@@ -380,6 +380,19 @@ TEST_CASE("numbers of two models have the colours of one range") {
   }
 }
 
+TEST_CASE("an empty file name, and a flag in the place of one, are refused as such") {
+  const Workshop shop;
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{""}, {"", "--render", "a.png"}, {"model.tgz", "--render", ""}}) {
+    const ProcessResult result = shop.tgview(arguments);
+    CHECK(result.exit_code == 1);
+    CHECK(contains(result.err, ": an empty file name\n"));
+  }
+  const ProcessResult flag = shop.tgview({"model.tgz", "--render", "-q"});
+  CHECK(flag.exit_code == 1);
+  CHECK(contains(flag.err, "--render: expected a file name, found \"-q\"\n"));
+}
+
 TEST_CASE("a flag that would do nothing is refused by name") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
@@ -425,7 +438,9 @@ TEST_CASE("a flag that would do nothing is refused by name") {
       {path, {"--elevation", "10"}, "(expected --turntable)"},
       {{"--benchmark", "cameras.json"}, {"--colors", "turbo", "--show", "depth"}, "does nothing with --benchmark"},
       {{"--compare", "model.tgz", "--render", "a.png"}, {"--legend"}, "side and wipe have none"},
+      {render, {"--device", "0"}, "is of Vulkan and OpenGL"},
       {{}, {"--legend"}, "does nothing in a window"},
+      {{}, {"--quiet"}, "does nothing in a window"},
       {{}, {"--radius", "2"}, "does nothing in a window (expected --turntable)"},
   };
   for (const auto& [run, flag, said] : cases) {

@@ -19,6 +19,7 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "viewer/panels/widgets.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/path_editor.h"
@@ -284,4 +285,47 @@ TEST_CASE("a notice that is longer than the window is wide stays inside") {
     CHECK(window->ContentSize.x <= window->Size.x);
     CHECK(window->ContentSize.y <= window->Size.y);
   }
+}
+
+TEST_CASE("the list of keys keeps letters that can be read, scrolls where it has no room, and ends in the window") {
+  ViewerState state = bareState();
+  state.ui.help = true;
+  const Interface interface;
+  for (const ImVec2 size : {ImVec2(640, 480), ImVec2(320, 200), ImVec2(1900, 1400)}) {
+    CAPTURE(size.x);
+    ImGui::GetIO().DisplaySize = size;
+    for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow* window = ImGui::FindWindowByName("help");
+    REQUIRE(window);
+    CHECK(window->FontWindowScale * ImGui::GetFontSize() >= 11);
+    CHECK(window->Size.x <= size.x);
+    CHECK(window->Size.y <= size.y);
+    CHECK(window->ScrollbarY == (size.y < 1000));
+    if (size.x > 600) CHECK(window->ContentSize.x <= window->Size.x);
+  }
+}
+
+TEST_CASE("a text is cut in its middle, between letters, to the room that there is") {
+  const Interface interface;
+  ViewerState state = bareState();
+  (void)interface.hovered(state, {-1, -1});
+  ImGui::NewFrame();
+  ImGui::Begin("text");
+  const std::string name = "trained_\xc3\xa4\xc3\xb6\xc3\xbc_with_a_name_that_is_long.tgz";
+  const auto widthOf = [](const std::string& text) { return ImGui::CalcTextSize(text.c_str()).x; };
+  CHECK(cutMiddle(name, widthOf(name)) == name);
+  for (float room = widthOf("..."); room < widthOf(name); room += 5) {
+    const std::string cut = cutMiddle(name, room);
+    CAPTURE(room, cut);
+    const std::size_t dots = cut.find("...");
+    REQUIRE(dots != std::string::npos);
+    CHECK(widthOf(cut) <= room);
+    CHECK(name.starts_with(cut.substr(0, dots)));
+    CHECK(name.ends_with(cut.substr(dots + 3)));
+    CHECK((static_cast<unsigned char>(name[dots]) & 0xC0) != 0x80);
+    const std::size_t right = name.size() - (cut.size() - dots - 3);
+    if (right < name.size()) CHECK((static_cast<unsigned char>(name[right]) & 0xC0) != 0x80);
+  }
+  ImGui::End();
+  ImGui::EndFrame();
 }

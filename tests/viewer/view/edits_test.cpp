@@ -715,3 +715,45 @@ TEST_CASE("an edited model goes to its own file, or to a bundle beside it where 
   state.scene.path = "scene.gltf-of-another-kind";
   CHECK(saveTarget(state) == "scene.tgz");
 }
+
+TEST_CASE("what training reached is said to be before edits as long as there are any") {
+  ViewerState state = sampleState();
+  CHECK(trainingText(state).empty());
+  state.scene.training = "finished, 31.09 dB held out";
+  CHECK(trainingText(state) == "finished, 31.09 dB held out");
+  chooseAll(state);
+  frame(state);
+  CHECK(trainingText(state) == "finished, 31.09 dB held out");
+  transformChosen(state, someSimilarity());
+  frame(state);
+  CHECK(trainingText(state) == "finished, 31.09 dB held out before edits");
+  noteModelKept(state, state.scene.path, state.edit.revision);
+  CHECK(trainingText(state) == "finished, 31.09 dB held out before edits");
+  press(state, kUndo);
+  CHECK(trainingText(state) == "finished, 31.09 dB held out");
+}
+
+TEST_CASE("actions that have nothing to act on cannot run, and can once they have") {
+  ViewerState state = sampleState();
+  const auto can = [&](const std::string& text) {
+    const auto found =
+        std::ranges::find_if(keyBindings(), [&](const KeyBinding& binding) { return binding.text == text; });
+    REQUIRE(found != keyBindings().end());
+    return canRun(state, *found);
+  };
+  const auto none = [&](std::initializer_list<const char*> texts) {
+    return std::ranges::none_of(texts, [&](const char* text) { return can(text); });
+  };
+  CHECK(none({"Undo", "Redo", "Delete the selection", "Next open model", "Previous open model"}));
+  CHECK(none({"Flicker: show the other one", "Splat in front", "Splat behind", "The picked Gaussian alone"}));
+  CHECK(can("Select all Gaussians"));
+  chooseAll(state);
+  frame(state);
+  CHECK(can("Delete the selection"));
+  CHECK(can("Undo"));
+  state.documents.open.emplace_back().path = "other.tgz";
+  CHECK(can("Next open model"));
+  CHECK(can("Flicker: show the other one"));
+  state.inspect.hits.resize(1);
+  CHECK(can("Splat behind"));
+}
