@@ -100,18 +100,19 @@ void writePageBeside(const std::filesystem::path& input, const std::filesystem::
 }
 
 // Of the source what is written where it is made for a viewer; `base` lives as long as the options.
-Bundle adaptedBundle(const Bundle& source, SplatViewer viewer, const Format& format, GaussianModel& base,
+Bundle adaptedBundle(const Bundle& source, const ConvertOptions& asked, const Format& format, GaussianModel& base,
                      WriteOptions& options, ConvertReport& report) {
   if (isTextured(source.model) && format.holds(kKeepsTextures) && !format.is_gltf) {
     throw Error(ErrorKind::usage, "--for: a ." + std::string(format.name) +
                                       " has one base for textures and viewers (expected .glb, .gltf or --no-textures)");
   }
-  Adapted adapted = adaptTo(viewer, source, format.is_gltf);
+  Adapted adapted = adaptTo(*asked.viewer, source, format.is_gltf, asked.aim);
   report.adapted = adapted.report;
   if (isTextured(source.model) && !format.holds(kKeepsTextures)) report.warnings.push_back(lostTextures(format));
   Bundle written = source;
   written.model = std::move(adapted.model);
   base = std::move(adapted.base);
+  options.parts = std::move(adapted.parts);
   if (base.size() > 0) options.base = &base;
   return written;
 }
@@ -187,7 +188,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   }
   GaussianModel base;
   std::optional<Bundle> adapted;
-  if (options.viewer) adapted = adaptedBundle(source, *options.viewer, format, base, write_options, report);
+  if (options.viewer) adapted = adaptedBundle(source, options, format, base, write_options, report);
   const Bundle& written = adapted ? *adapted : source;
   report.gaussians = written.model.size();
   if (options.target.given()) {

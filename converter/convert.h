@@ -40,6 +40,7 @@ struct ConvertOptions {
   Target target = {};                      // sog, glb, gltf, html: instead of `steps`
   std::vector<Edit> edits = {};            // in this order, before anything is written
   std::optional<SplatViewer> viewer = {};  // not tgz, html, png: the base is made for it, after the edits
+  FitAim aim = FitAim::textures;           // of `viewer`
 };
 
 struct ConvertReport : Written {

@@ -79,9 +79,13 @@ std::string describe(const ConvertReport& report) {
     const AdaptReport& a = *report.adapted;
     text += "for " + std::string(profileOf(a.viewer).program) + ": ";
     text += a.wide > 0 ? format("%zu wide Gaussians in %zu pieces, ", a.wide, a.pieces) : "no Gaussian too wide, ";
+    if (a.skirts > 0) text += format("%zu skirts, ", a.skirts);
+    if (a.parts > 1) text += "what is far a primitive of its own, ";
     text += a.fitted ? format("fitted over %zu views\n", a.fit_views) : "nothing gained by fitting\n";
-    text += format("emulated, %zu other views, against our picture: there ", a.held_views) + decibels(a.after) +
-            ", without --for " + decibels(a.before) + "; here " + decibels(a.ours) + "\n";
+    text += format("emulated, %zu other views, against our picture: there ", a.held_views) +
+            decibels(a.to_model.after) + ", without --for " + decibels(a.to_model.before) +
+            "; against ours of the base " + decibels(a.to_base.after) + ", without " + decibels(a.to_base.before) +
+            "; here " + decibels(a.ours) + "\n";
   }
   text += format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
   const std::string from = axesOf(report.input_format), to = axesOf(report.output_format);
@@ -140,11 +144,15 @@ std::string describeJson(const ConvertReport& report) {
                    {"program", profileOf(a.viewer).program},
                    {"wide", a.wide},
                    {"pieces", a.pieces},
+                   {"skirts", a.skirts},
+                   {"primitives", a.parts},
                    {"fitted", a.fitted},
                    {"fit_views", a.fit_views},
                    {"held_views", a.held_views},
-                   {"psnr_before", decibelsJson(a.before)},
-                   {"psnr", decibelsJson(a.after)},
+                   {"psnr_before", decibelsJson(a.to_model.before)},
+                   {"psnr", decibelsJson(a.to_model.after)},
+                   {"psnr_base_before", decibelsJson(a.to_base.before)},
+                   {"psnr_base", decibelsJson(a.to_base.after)},
                    {"psnr_ours", decibelsJson(a.ours)}};
   }
   json["gaussians"] = report.gaussians;

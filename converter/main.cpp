@@ -223,6 +223,7 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
   const auto refuse = [](const std::string& name, const std::string& formats) {
     throw tg::Error(tg::ErrorKind::usage, name + " does nothing here: it is only for " + formats);
   };
+  if (given("--for-aim") && !given("--for")) refuse("--for-aim", "--for");
   const bool folder = std::filesystem::is_directory(arguments.input);
   if (given("--to") && !folder) {
     throw tg::Error(tg::ErrorKind::usage, "--to is for a folder (OUT's extension names the format of a file)");
@@ -389,6 +390,12 @@ void addConversion(CLI::App& app, Arguments& arguments) {
          "make what viewers without textures show look right in this one: wide Gaussians in pieces, opacities, colours "
          "and shapes fitted to how it draws")
       ->check(tg::oneOf<tg::SplatViewer>());
+  app.add_option_function<std::string>(
+         "--for-aim",
+         [&](const std::string& text) { arguments.options.aim = tg::parse<tg::FitAim>(text, "--for-aim"); },
+         "the picture that --for aims at: ours with textures, or ours of the base")
+      ->default_str(std::string(tg::name(tg::FitAim::textures)))
+      ->check(tg::oneOf<tg::FitAim>());
   app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
   app.add_option(
          "--views", arguments.views,

@@ -3,6 +3,7 @@
 #include "converter/edit/adapt.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <span>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "core/model/verbs.h"
 #include "core/model/wide_splats.h"
 #include "render/affine/affine_picture.h"
+#include "render/contribution.h"
 
 namespace tg {
 namespace {
@@ -23,6 +25,14 @@ constexpr int kFitSide = 256, kHeldSide = 512;  // [px]
 constexpr int kFitSteps = 288;
 constexpr std::size_t kHeldEvery = 6;  // view, where no test views are there
 constexpr double kWideSigma = 0.3;     // of the distance to the nearest camera
+// Skirts: of viewers that cut nearer than this [sigma], so many for a Gaussian, so much wider and fainter at the start.
+constexpr float kSkirtsBelow = 2.5f;
+constexpr double kSkirts = 0.25;
+constexpr float kSkirtWidth = 1.4f;
+constexpr double kSkirtOpacity = 0.1;
+// What is no shell of its own: so much of the Gaussians, those nearest to the cameras' middle, and what is within the
+// cameras' reach, times this.
+constexpr double kInnerPart = 0.9, kBeyondCameras = 1.05;
 constexpr float kInvisible = static_cast<float>(-kLogitLimit);
 
 std::vector<Camera> evenly(const std::vector<Camera>& cameras, std::size_t most) {
@@ -62,64 +72,152 @@ GaussianModel inPieces(const GaussianModel& base, const WidePieces& split, bool 
   return result;
 }
 
+// What there is of the base before it is fitted.
 struct Start {
   GaussianModel base;
-  std::size_t wide = 0, pieces = 0;
+  std::vector<std::uint8_t> fixed = {};  // [N] not 0: shape and place are those of readers with textures, too
+  std::vector<std::size_t> parts = {};   // as keepSplats has them
+  std::size_t wide = 0, pieces = 0, skirts = 0;
+  std::vector<std::uint32_t> order = {};  // Gaussian i here is order[i] of the source's and of what was put behind them
 };
 
+double shownPsnr(const Start& start, SplatViewer viewer, const FitViews& views) {
+  return viewerPsnr(start.base, viewer, views, start.parts);
+}
+
 // With or without pieces: what looks better in the viewer before anything is fitted.
-Start bestStart(SplatViewer viewer, const GaussianModel& base, std::span<const Camera> cameras, const FitViews& views,
+Start bestStart(SplatViewer viewer, const Start& untouched, std::span<const Camera> cameras, const FitViews& views,
                 bool keep) {
   std::vector<glm::dvec3> eyes;
   for (const Camera& camera : cameras) eyes.push_back(camera.position());
-  const WidePieces split = splitWide(base, eyes, {.bound = kWideSigma});
-  if (split.wide.empty()) return {base, 0, 0};
-  Start trial{inPieces(base, split, keep), split.wide.size(), split.pieces.size()};
-  if (viewerPsnr(trial.base, viewer, views) > viewerPsnr(base, viewer, views)) return trial;
-  return {base, 0, 0};
+  const WidePieces split = splitWide(untouched.base, eyes, {.bound = kWideSigma});
+  if (split.wide.empty()) return untouched;
+  Start trial{.base = inPieces(untouched.base, split, keep), .fixed = untouched.fixed};
+  trial.wide = split.wide.size();
+  trial.pieces = split.pieces.size();
+  return shownPsnr(trial, viewer, views) > shownPsnr(untouched, viewer, views) ? trial : untouched;
+}
+
+// A second Gaussian, wider and faint, around those that pictures show most.
+void addSkirts(Start& start, std::size_t count, std::span<const Camera> views) {
+  const std::vector<double> weights = blendWeights(start.base, views);
+  std::vector<std::uint32_t> shown(start.base.size());
+  std::iota(shown.begin(), shown.end(), 0u);
+  std::ranges::stable_sort(shown, [&](std::uint32_t a, std::uint32_t b) { return weights[a] > weights[b]; });
+  shown.resize(std::min(shown.size(), count));
+  std::erase_if(shown, [&](std::uint32_t i) { return !(weights[i] > 0); });
+  GaussianModel skirts = select(start.base, shown);
+  for (std::size_t k = 0; k < skirts.size(); ++k) {
+    skirts.log_scale[k] += std::log(kSkirtWidth);
+    skirts.opacity_logit[k] = logitFromOpacity(kSkirtOpacity * opacityOf(skirts, k));
+  }
+  append(start.base, skirts);
+  start.skirts = skirts.size();
+}
+
+// A viewer that sorts in bins over a sphere around a primitive's splats has finer ones where what is far beyond the
+// cameras is a primitive of its own. It is drawn first: from inside of the sphere that parts them it is behind the
+// rest.
+Start inShells(Start start, std::span<const Camera> cameras) {
+  glm::dvec3 center(0.0);
+  for (const Camera& camera : cameras) center += camera.position() / static_cast<double>(cameras.size());
+  double reach = 0;
+  for (const Camera& camera : cameras) reach = std::max(reach, glm::distance(center, camera.position()));
+  std::vector<double> distances;
+  for (const glm::vec3& mean : start.base.mean) distances.push_back(glm::distance(center, glm::dvec3(mean)));
+  std::vector<double> sorted = distances;
+  const auto inner = sorted.begin() + static_cast<std::ptrdiff_t>(kInnerPart * static_cast<double>(sorted.size() - 1));
+  std::ranges::nth_element(sorted, inner);
+  const double radius = std::max(*inner, kBeyondCameras * reach);
+  std::vector<std::uint32_t> order(start.base.size());
+  std::iota(order.begin(), order.end(), 0u);
+  const auto far_end = std::ranges::stable_partition(order, [&](std::uint32_t i) { return distances[i] > radius; });
+  const auto far = static_cast<std::size_t>(far_end.begin() - order.begin());
+  if (far == 0 || far == order.size()) return start;
+  start.base = select(start.base, order);
+  start.fixed.resize(order.size(), 0);
+  start.fixed = gathered(start.fixed, 1, order, order.size());
+  start.parts = {far};
+  start.order = std::move(order);
+  return start;
+}
+
+// The source with what its base has beside its own Gaussians, invisible. `order`: as a Start's.
+GaussianModel withAdded(const GaussianModel& source, const GaussianModel& base, std::span<const std::uint32_t> order) {
+  std::vector<std::uint32_t> added;
+  for (std::uint32_t i = 0; i < order.size(); ++i) {
+    if (order[i] >= source.size()) added.push_back(i);
+  }
+  GaussianModel extra = select(base, added);
+  std::fill(extra.opacity_logit.begin(), extra.opacity_logit.end(), kInvisible);
+  GaussianModel all = source;
+  append(all, extra);
+  // Of the added ones the k-th that comes is the k-th behind the source's.
+  std::vector<std::uint32_t> from(order.begin(), order.end());
+  auto next = static_cast<std::uint32_t>(source.size());
+  for (const std::uint32_t i : added) from[i] = next++;
+  return select(all, from);
 }
 
 }  // namespace
 
-Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool keep_textures) {
-  const bool keep = keep_textures && isTextured(source.model);
+Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim) {
+  const bool keep = as_gltf && isTextured(source.model);
+  const std::size_t own = source.model.size();
   const GaussianModel base = bakeFallback(source.model);
+  const GaussianModel& aimed = aim == FitAim::base ? base : source.model;
   std::vector<Camera> fit_cameras, held_cameras;
   shareViews(source, fit_cameras, held_cameras);
-  const FitViews held = fitViews(source.model, held_cameras, source.background, kHeldSide);
-  const FitViews choice = fitViews(source.model, evenly(fit_cameras, kChoiceViews), source.background, kFitSide);
+  const FitViews held = fitViews(aimed, held_cameras, source.background, kHeldSide);
+  const FitViews other =
+      fitViews(aim == FitAim::base ? source.model : base, held_cameras, source.background, kHeldSide);
+  const FitViews choice = fitViews(aimed, evenly(fit_cameras, kChoiceViews), source.background, kFitSide);
+  const ViewerProfile& profile = profileOf(viewer);
   Adapted adapted;
   AdaptReport& report = adapted.report;
   report.viewer = viewer;
   report.fit_views = fit_cameras.size();
   report.held_views = held_cameras.size();
-  report.before = viewerPsnr(base, viewer, held);
 
-  Start start = bestStart(viewer, base, source.cameras, choice, keep);
-  double best = viewerPsnr(start.base, viewer, held);
-  if (best < report.before) start = {base, 0, 0}, best = report.before;
-  GaussianModel fitted = start.base;
-  fitToViewer(fitted, viewer, fitViews(source.model, fit_cameras, source.background, kFitSide),
-              {.steps = kFitSteps, .shapes_from = keep ? source.model.size() : 0});
-  const double after = viewerPsnr(fitted, viewer, held);
-  report.fitted = after > best;
-  report.after = std::max(after, best);
+  const Start untouched{.base = base, .fixed = std::vector<std::uint8_t>(keep ? own : 0, 1)};
+  const double before = shownPsnr(untouched, viewer, held);
+  Start start = bestStart(viewer, untouched, source.cameras, choice, keep);
+  Start fitted = start;
+  if (profile.cut < kSkirtsBelow) {
+    const auto count = static_cast<std::size_t>(kSkirts * static_cast<double>(own));
+    addSkirts(fitted, count, contributionViews(base, fit_cameras));
+  }
+  if (as_gltf && profile.order == ViewerOrder::sphereBins && !source.cameras.empty()) {
+    Start parted = inShells(fitted, source.cameras);
+    if (shownPsnr(parted, viewer, choice) > shownPsnr(fitted, viewer, choice)) fitted = std::move(parted);
+  }
+  fitToViewer(fitted.base, viewer, fitViews(aimed, fit_cameras, source.background, kFitSide),
+              {.steps = kFitSteps, .fixed = fitted.fixed, .parts = fitted.parts});
+  double best = shownPsnr(start, viewer, held);
+  if (best < before) start = untouched, best = before;
+  report.fitted = shownPsnr(fitted, viewer, held) > best;
+  if (report.fitted) start = std::move(fitted);
   report.wide = start.wide;
   report.pieces = start.pieces;
+  report.skirts = start.skirts;
+  report.parts = start.parts.size() + 1;
+  const AdaptedPsnr to_aim{before, shownPsnr(start, viewer, held)};
+  const AdaptedPsnr to_other{shownPsnr(untouched, viewer, other), shownPsnr(start, viewer, other)};
+  report.to_model = aim == FitAim::base ? to_other : to_aim;
+  report.to_base = aim == FitAim::base ? to_aim : to_other;
 
-  GaussianModel shown = report.fitted ? std::move(fitted) : std::move(start.base);
+  adapted.parts = start.parts;
   if (keep) {
-    std::vector<std::uint32_t> pieces(shown.size() - source.model.size());
-    std::iota(pieces.begin(), pieces.end(), static_cast<std::uint32_t>(source.model.size()));
-    adapted.model = source.model;
-    append(adapted.model, select(shown, pieces));
-    std::fill(adapted.model.opacity_logit.begin() + static_cast<std::ptrdiff_t>(source.model.size()),
-              adapted.model.opacity_logit.end(), kInvisible);
+    // What was added stands behind the source's Gaussians, or among them in their primitives.
+    std::vector<std::uint32_t> order = start.order;
+    order.resize(start.base.size());
+    if (start.order.empty()) std::iota(order.begin(), order.end(), 0u);
+    adapted.model = withAdded(source.model, start.base, order);
     report.ours = renderedPsnr(source.model, adapted.model, held.cameras, source.background);
-    adapted.base = std::move(shown);
+    adapted.base = std::move(start.base);
   } else {
-    report.ours = renderedPsnr(source.model, shown, held.cameras, source.background);
-    adapted.model = std::move(shown);
+    report.ours = renderedPsnr(source.model, start.base, held.cameras, source.background);
+    adapted.model = std::move(start.base);
   }
   return adapted;
 }

@@ -15,6 +15,7 @@
 #include "render/affine/affine_picture.h"
 #include "render/renderer.h"
 #include "shared/limits.h"
+#include "shared/sh.h"
 
 namespace tg {
 namespace {
@@ -23,6 +24,8 @@ namespace {
 constexpr float kRateOpacity = 0.05f;  // of the logit
 constexpr float kRateColor = 0.01f;    // of the DC coefficient
 constexpr float kRateScale = 0.01f;    // of ln(sigma)
+constexpr float kRateMean = 0.01f;     // of the mean [sigma]
+constexpr float kRateRest = 0.003f;    // of the other coefficients
 constexpr float kMostLogit = 8.0f;
 constexpr float kLeastSlope = 1e-11f;  // of the loss, below which steps get shorter
 constexpr double kShownSide = 640;     // [px] of the longer side: nobody's window is smaller
@@ -38,16 +41,23 @@ struct Moments {
 };
 
 struct GaussianMoments {
-  Moments opacity, color[3], scale[3];
+  Moments opacity, color[3], scale[3], mean[3];
 };
 
 class Fit {
  public:
   Fit(GaussianModel& base, SplatViewer viewer, const FitSettings& settings)
-      : base_(base), viewer_(viewer), settings_(settings), moments_(base.size()) {}
+      : base_(base), viewer_(viewer), settings_(settings), moments_(base.size()), rest_of_(base.size()) {
+    std::size_t rest = 0;
+    for (std::size_t i = 0; i < base.size(); ++i) {
+      rest_of_[i] = rest;
+      if (!isFixed(i)) rest += 3 * (base.shCount() - 1);
+    }
+    rest_.resize(rest);
+  }
 
   void step(int number, const Camera& camera, const Image& picture, float shrink, glm::vec3 background) {
-    const KeptSplats splats = keepSplats(base_, viewer_, false);
+    const KeptSplats splats = keepSplats(base_, viewer_, false, settings_.parts);
     const AffineView view{camera, shrink * shrink};
     const std::vector<AffineSplat> seen = seenSplats(splats, viewer_, view);
     affineLoss(seen, viewer_, view, background, picture, gradients_);
@@ -61,6 +71,8 @@ class Fit {
   }
 
  private:
+  bool isFixed(std::size_t i) const { return i < settings_.fixed.size() && settings_.fixed[i] != 0; }
+
   void move(const AffineSplat& splat, const AffineGradient& gradient, const Pinhole& camera, float rate, float bias1,
             float bias2) {
     const std::size_t i = splat.gaussian;
@@ -74,7 +86,17 @@ class Fit {
     for (int c = 0; c < 3; ++c) {
       dc[c] -= rate * kRateColor * moments.color[c].step(gradient.color[c] * kShC0, bias1, bias2);
     }
-    if (i < settings_.shapes_from) return;
+    if (isFixed(i)) return;
+    glm::vec4 basis[4];
+    const glm::vec3 direction = glm::normalize(base_.mean[i] - glm::vec3(camera.position()));
+    shBasis(direction, basis[0], basis[1], basis[2], basis[3]);
+    Moments* rest = rest_.data() + rest_of_[i];
+    for (std::size_t k = 1; k < base_.shCount(); ++k) {
+      for (int c = 0; c < 3; ++c, ++rest) {
+        const float slope = gradient.color[c] * basis[k / 4][static_cast<int>(k % 4)];
+        (&dc)[k][c] -= rate * kRateRest * rest->step(slope, bias1, bias2);
+      }
+    }
     const ScreenFromWorld screen = screenFromWorld(camera, base_.mean[i]);
     const glm::mat3 axes(matrixFromQuaternion(glm::dvec4(base_.rotation[i])));
     for (int axis = 0; axis < 3; ++axis) {
@@ -83,6 +105,8 @@ class Fit {
       const glm::vec2 a = sigma * glm::vec2(glm::dot(screen[0], axes[axis]), glm::dot(screen[1], axes[axis]));
       const float slope = 2.0f * glm::dot(gradient.covariance, glm::vec3(a.x * a.x, a.x * a.y, a.y * a.y));
       log_scale -= rate * kRateScale * moments.scale[axis].step(slope, bias1, bias2);
+      const float shift = moments.mean[axis].step(glm::dot(gradient.center, a), bias1, bias2);
+      base_.mean[i] -= rate * kRateMean * shift * sigma * axes[axis];
     }
   }
 
@@ -90,6 +114,8 @@ class Fit {
   const SplatViewer viewer_;
   const FitSettings settings_;
   std::vector<GaussianMoments> moments_;
+  std::vector<std::size_t> rest_of_;  // where those of a Gaussian's other coefficients begin
+  std::vector<Moments> rest_;
   std::vector<AffineGradient> gradients_;
 };
 
@@ -114,9 +140,10 @@ FitViews fitViews(const GaussianModel& model, std::span<const Camera> cameras, g
   return views;
 }
 
-double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews& views) {
+double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews& views,
+                  std::span<const std::size_t> parts) {
   TG_ASSERT(!views.cameras.empty(), "a view at least");
-  const ViewerPicture picture(base, viewer);
+  const ViewerPicture picture(base, viewer, parts);
   Image shown, wanted;
   for (std::size_t k = 0; k < views.cameras.size(); ++k) {
     const Image one = picture.render(views.cameras[k], views.background, views.shrink[k]);

@@ -2,6 +2,7 @@
 // A base made for somebody else's viewer: numbers that look there as the model should look.
 #pragma once
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -24,15 +25,18 @@ struct FitViews {
 FitViews fitViews(const GaussianModel& model, std::span<const Camera> cameras, glm::vec3 background, int max_side);
 
 // PSNR [dB] of all pixels together of what the viewer shows of `base`.
-double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews& views);
+double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews& views,
+                  std::span<const std::size_t> parts = {});
 
 struct FitSettings {
   int steps = 0;
-  std::size_t shapes_from = 0;  // of Gaussians from here on scales move, too, not colours and opacities alone
+  std::vector<std::uint8_t> fixed =
+      {};  // [N] not 0: shape and place stay, opacity and DC colour alone move; none where it ends
+  std::vector<std::size_t> parts = {};  // as keepSplats has them
 };
 
-// Moves opacities, DC colours and scales so that the viewer's pictures come close to those of `views`, by Adam. What is
-// invisible stays so.
+// Moves opacities, colours, places and scales so that the viewer's pictures come close to those of `views`, by Adam.
+// What is invisible stays so.
 void fitToViewer(GaussianModel& base, SplatViewer viewer, const FitViews& views, const FitSettings& settings);
 
 }  // namespace tg

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <functional>
 #include <limits>
 
 #include "converter/gltf/container.h"
@@ -66,7 +67,10 @@ struct GltfBuilder::Bounds {
   }
 };
 
-GltfBuilder::GltfBuilder(const GaussianBlocks& gaussians, bool meshopt) : gaussians_(gaussians), meshopt_(meshopt) {
+GltfBuilder::GltfBuilder(const GaussianBlocks& gaussians, bool meshopt, std::span<const std::size_t> parts)
+    : gaussians_(gaussians), meshopt_(meshopt), ends_(parts.begin(), parts.end()) {
+  ends_.push_back(gaussians.size());
+  TG_ASSERT(std::ranges::adjacent_find(ends_, std::greater_equal<>()) == ends_.end(), "primitives have Gaussians");
   if (meshopt && !hasMeshopt()) throw Error(ErrorKind::usage, "--meshopt: " + std::string(missingMeshopt()));
 }
 
@@ -96,11 +100,19 @@ void GltfBuilder::setBounds(std::size_t accessor, const Bounds& bounds) {
   document["accessors"][accessor]["max"] = {high.x, high.y, high.z};
 }
 
+void GltfBuilder::addBounds(std::vector<Bounds>& bounds, std::size_t first, std::span<const std::uint8_t> bytes) const {
+  const std::size_t last = first + bytes.size() / sizeof(glm::vec3);
+  for (std::size_t p = 0; p < ends_.size(); ++p) {
+    const std::size_t from = std::max(first, p == 0 ? 0 : ends_[p - 1]), to = std::min(last, ends_[p]);
+    if (from < to) bounds[p].add(bytes.subspan((from - first) * sizeof(glm::vec3), (to - from) * sizeof(glm::vec3)));
+  }
+}
+
 std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, MeshoptFilter filter, bool bounded) {
   TG_ASSERT(fill != nullptr && element.bytes > 0, "an attribute has elements and who fills them");
   const std::size_t index = document["accessors"].size();
   ElementType stored = element;
-  Bounds bounds;
+  std::vector<Bounds> bounds(ends_.size());
   if (meshopt_) {
     if (filter.kind == MeshoptFilter::Kind::quaternion) stored = {element.type, 5122, true, 8};
     addPacked(element, fill, filter, bounded ? &bounds : nullptr);
@@ -109,22 +121,30 @@ std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, Mes
     const std::uint64_t offset = reserve(bytes);
     addView(offset, bytes);
     Json& view = document["bufferViews"].back();
-    if (element.stride() != element.bytes) view["byteStride"] = element.stride();
+    // Required where several accessors use a view.
+    if (element.stride() != element.bytes || ends_.size() > 1) view["byteStride"] = element.stride();
     view["target"] = kArrayBuffer;
     attributes_.push_back({offset, element.stride(), std::move(fill), bounded, index});
   }
-  Json accessor = {{"bufferView", document["bufferViews"].size() - 1}, {"componentType", stored.component_type}};
-  if (stored.normalized) accessor["normalized"] = true;
-  accessor["count"] = gaussians_.size();
-  accessor["type"] = stored.type;
-  document["accessors"].push_back(std::move(accessor));
-  // Until the numbers are written, the longest text that bounds can have stands in their place.
-  constexpr float longest = std::numeric_limits<float>::lowest();
-  if (bounded) setBounds(index, meshopt_ ? bounds : Bounds{glm::vec3(longest), glm::vec3(longest)});
+  const std::size_t stride = document["bufferViews"].back().value("byteStride", element.stride());
+  for (std::size_t p = 0; p < ends_.size(); ++p) {
+    const std::size_t first = p == 0 ? 0 : ends_[p - 1];
+    Json accessor = {{"bufferView", document["bufferViews"].size() - 1}};
+    if (first > 0) accessor["byteOffset"] = first * stride;
+    accessor["componentType"] = stored.component_type;
+    if (stored.normalized) accessor["normalized"] = true;
+    accessor["count"] = ends_[p] - first;
+    accessor["type"] = stored.type;
+    document["accessors"].push_back(std::move(accessor));
+    // Until the numbers are written, the longest text that bounds can have stands in their place.
+    constexpr float longest = std::numeric_limits<float>::lowest();
+    if (bounded) setBounds(index + p, meshopt_ ? bounds[p] : Bounds{glm::vec3(longest), glm::vec3(longest)});
+  }
   return index;
 }
 
-void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter, Bounds* bounds) {
+void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter,
+                            std::vector<Bounds>* bounds) {
   const std::size_t count = gaussians_.size();
   std::vector<std::uint8_t> bytes(count * element.stride());
   std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
@@ -134,7 +154,7 @@ void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, Meshop
          bytes.data() + first * element.stride());
   });
   if (filter.kind == MeshoptFilter::Kind::fixed) filter.exponent = roundToSteps(bytes, filter.exponent);
-  if (bounds) bounds->add(bytes);
+  if (bounds) addBounds(*bounds, 0, bytes);
   PackedView packed = packMeshopt(bytes, count, element.stride(), filter);
   const char* filters[] = {"NONE", "QUATERNION", "EXPONENTIAL", "EXPONENTIAL"};
   const std::uint64_t size = packed.bytes.size();
@@ -175,12 +195,12 @@ void GltfBuilder::writeBinary(const FileWriter& file, std::uint64_t base, bool w
   struct Worker {
     GaussianBlocks::Scratch gaussians;
     std::vector<std::vector<std::uint8_t>> bytes;  // of every attribute
-    std::vector<Bounds> bounds;                    // likewise
+    std::vector<std::vector<Bounds>> bounds;       // likewise, of every primitive
   };
   std::vector<Worker> workers(static_cast<std::size_t>(threadCount()));
   for (Worker& worker : workers) {
     for (const Attribute& attribute : attributes_) worker.bytes.emplace_back(kWrittenBlock * attribute.stride);
-    worker.bounds.resize(attributes_.size());
+    worker.bounds.assign(attributes_.size(), std::vector<Bounds>(ends_.size()));
   }
   const std::size_t size = gaussians_.size();
   const std::size_t blocks = attributes_.empty() ? 0 : (size + kWrittenBlock - 1) / kWrittenBlock;
@@ -198,14 +218,17 @@ void GltfBuilder::writeBinary(const FileWriter& file, std::uint64_t base, bool w
     for (std::size_t k = 0; k < attributes_.size(); ++k) {
       const Attribute& attribute = attributes_[k];
       const std::span<const std::uint8_t> bytes = std::span(worker.bytes[k]).first(count * attribute.stride);
-      if (attribute.bounded) worker.bounds[k].add(bytes);
+      if (attribute.bounded) addBounds(worker.bounds[k], first, bytes);
       file.write(base + attribute.offset + std::uint64_t{first} * attribute.stride, bytes);
     }
   });
   for (std::size_t k = 0; k < attributes_.size(); ++k) {
     if (!attributes_[k].bounded) continue;
-    for (std::size_t i = 1; i < workers.size(); ++i) workers[0].bounds[k].add(workers[i].bounds[k]);
-    setBounds(attributes_[k].accessor, workers[0].bounds[k]);
+    for (std::size_t p = 0; p < ends_.size(); ++p) {
+      Bounds all;
+      for (const Worker& worker : workers) all.add(worker.bounds[k][p]);
+      setBounds(attributes_[k].accessor + p, all);
+    }
   }
   for (const Blob& blob : blobs_) {
     if (blob.file_name.empty() || with_images) file.write(base + blob.offset, blob.bytes);

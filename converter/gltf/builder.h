@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,10 +41,12 @@ class GltfBuilder {
   using Fill = std::function<void(const GaussianBlocks::Block& block, std::uint8_t* to)>;
 
   // Attributes have an element for each of the `gaussians`, which outlive this. `meshopt`: pack attributes by
-  // EXT_meshopt_compression. Throws Error(usage) where the library was not there to build with.
-  explicit GltfBuilder(const GaussianBlocks& gaussians, bool meshopt = false);
+  // EXT_meshopt_compression. `parts`: where each primitive but the last ends, ascending. Throws Error(usage) where the
+  // library was not there to build with.
+  explicit GltfBuilder(const GaussianBlocks& gaussians, bool meshopt = false, std::span<const std::size_t> parts = {});
 
-  // An accessor over a view of its own; its index. `bounded`: with min and max, of floats that are not packed lossily.
+  // A view with an accessor for each primitive; the first one's index, the others follow. `bounded`: with min and max,
+  // of floats that are not packed lossily.
   std::size_t addAttribute(const ElementType& element, Fill fill, MeshoptFilter filter = {}, bool bounded = false);
   // A file inside the buffer; the index of its image.
   std::size_t addImage(std::vector<std::uint8_t> file, const std::string& mime_type, const std::string& name);
@@ -53,6 +56,7 @@ class GltfBuilder {
   // A .gltf with NAME.bin and the images as files beside it, all of them or none, the .gltf last. `replace`: those that
   // are there already; otherwise they are an error. The sum of their sizes.
   std::uint64_t writeGltf(const std::filesystem::path& path, bool replace);
+  std::size_t primitives() const { return ends_.size(); }
   // What either would write, but for the JSON [bytes].
   std::uint64_t binaryBytes() const { return binary_bytes_; }
 
@@ -64,7 +68,7 @@ class GltfBuilder {
     std::size_t stride = 0;
     Fill fill;
     bool bounded = false;
-    std::size_t accessor = 0;
+    std::size_t accessor = 0;  // of the first primitive
   };
   struct Bounds;
   struct Blob {
@@ -76,9 +80,11 @@ class GltfBuilder {
   };
 
   void setBounds(std::size_t accessor, const Bounds& bounds);
+  // Elements from `first` on into the bounds of their primitives.
+  void addBounds(std::vector<Bounds>& bounds, std::size_t first, std::span<const std::uint8_t> bytes) const;
   std::uint64_t reserve(std::uint64_t bytes);
   std::size_t addView(std::uint64_t offset, std::uint64_t bytes);
-  void addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter, Bounds* bounds);
+  void addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter, std::vector<Bounds>* bounds);
   void addBlob(std::vector<std::uint8_t> bytes, std::uint64_t offset);
   // The binary part at `base` of a file, in one pass over the Gaussians, and then the document's bounds.
   void writeBinary(const FileWriter& file, std::uint64_t base, bool with_images);
@@ -86,6 +92,7 @@ class GltfBuilder {
 
   const GaussianBlocks& gaussians_;
   const bool meshopt_;
+  std::vector<std::size_t> ends_;  // of every primitive
   std::uint64_t binary_bytes_ = 0;
   std::uint64_t unpacked_bytes_ = 0;  // of the buffer that packed views stand for
   std::vector<Attribute> attributes_;

@@ -87,7 +87,7 @@ class Writer {
  public:
   // `limited`: the file ends at 4 GiB.
   Writer(const GltfContent& content, const GaussianBlocks& gaussians, bool limited)
-      : builder(gaussians, content.options.meshopt),
+      : builder(gaussians, content.options.meshopt, content.options.parts),
         content_(content),
         model_(content.model),
         gaussians_(gaussians),
@@ -121,7 +121,7 @@ class Writer {
   void addScene(Json nested);
 
   GltfBuilder builder;
-  Json attributes;
+  Json attributes;  // accessors of the first primitive
 
  private:
   Json addAtlas(Image& page, const std::string& name, const std::optional<TexelSteps>& steps, GltfReport& report);
@@ -393,7 +393,7 @@ Json Writer::addTextures(const GaussianModel& base, GltfReport& report) {
           {"atlases", std::move(atlases)}};
 }
 
-// The root, nodes and the primitive around the attributes.
+// The root, nodes and the primitives around the attributes.
 void Writer::addScene(Json nested) {
   Json splatting = {{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}};
   Json used = Json::array({std::string(kSplatExtension)});
@@ -409,9 +409,14 @@ void Writer::addScene(Json nested) {
     root["extensionsRequired"] = {"EXT_meshopt_compression"};
   }
   root["extensionsUsed"] = std::move(used);
-  Json primitive = {{"mode", 0}, {"attributes", std::move(attributes)}};
-  primitive["extensions"][std::string(kSplatExtension)] = std::move(splatting);
-  root["meshes"] = Json::array({{{"primitives", Json::array({std::move(primitive)})}}});
+  Json primitives = Json::array();
+  for (std::size_t p = 0; p < builder.primitives(); ++p) {
+    Json primitive = {{"mode", 0}, {"attributes", attributes}};
+    for (Json& accessor : primitive["attributes"]) accessor = accessor.get<std::size_t>() + p;
+    primitive["extensions"][std::string(kSplatExtension)] = splatting;
+    primitives.push_back(std::move(primitive));
+  }
+  root["meshes"] = Json::array({{{"primitives", std::move(primitives)}}});
   root["nodes"] = Json::array({{{"name", "gaussians"}, {"mesh", 0}}});
   root["scenes"] = Json::array({{{"nodes", {0}}}});
   root["scene"] = 0;
@@ -474,6 +479,9 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
   options.quantize = options.meshopt = true;
   if (!options.texture_step) options.texture_step = kTextureStep;
   std::vector<std::uint32_t> order = mortonOrder(content.model.mean);
+  std::ranges::stable_sort(order, {}, [&](std::uint32_t i) {
+    return std::ranges::upper_bound(options.parts, std::size_t{i}) - options.parts.begin();
+  });
   const GaussianModel ordered = select(content.model, order);
   const GaussianModel ordered_base = options.base ? select(*options.base, order) : GaussianModel();
   if (options.base) options.base = &ordered_base;

@@ -45,6 +45,8 @@ struct WriteOptions {
   bool replace = true;           // gltf, png: the files beside it where they are there already
   // glb, gltf with textures: what readers without them get, of the same Gaussians; null: their means.
   const GaussianModel* base = nullptr;
+  // glb, gltf: where each primitive but the last ends, ascending; some viewers draw one after the other.
+  std::vector<std::size_t> parts = {};
   // glb, gltf, html: named places to look from, the first one to start with.
   std::vector<Camera> views = {};
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written

@@ -133,21 +133,26 @@ double deriveBand(std::span<const AffineSplat> seen, std::span<const std::uint32
       const glm::vec2 w = 2.0f * falloff.exponent * (u * splat.axis_u + v * splat.axis_v);
       const glm::vec3 square(w.x * w.x, 2.0f * w.x * w.y, w.y * w.y);
       const bool drawn = falloff.reaches(u, v);
-      const float gaussian = falloff.gaussian(u, v);
-      const float alpha = drawn ? alphaOf(splat, falloff, gaussian) : 0.0f;
-      pixel.color = (pixel.color - alpha * splat.color) / (1.0f - alpha);
-      const float v_alpha = pixel.transmittance * glm::dot(splat.color - pixel.color, pixel.slope);
       // What the cut takes in as it moves: a ramp of two pixels in place of its step.
       const float slope = glm::length(w);
       const float apart = std::abs(falloff.exponent * (u * u + v * v - 1.0f)) / std::max(slope, kLeastSlope);
-      if (end_alpha > 0 && apart < 1.0f) {
-        gradient.covariance += 0.5f * v_alpha * end_alpha * (1.0f - apart) / std::max(slope, kLeastSlope) * square;
+      const bool at_cut = end_alpha > 0 && apart < 1.0f;
+      if (!drawn && !at_cut) return;
+      const float gaussian = drawn ? falloff.gaussian(u, v) : 0.0f;
+      const float alpha = drawn ? alphaOf(splat, falloff, gaussian) : 0.0f;
+      pixel.color = (pixel.color - alpha * splat.color) / (1.0f - alpha);
+      const float v_alpha = pixel.transmittance * glm::dot(splat.color - pixel.color, pixel.slope);
+      if (at_cut) {
+        const float edge = v_alpha * end_alpha * (1.0f - apart) / std::max(slope, kLeastSlope);
+        gradient.covariance += 0.5f * edge * square;
+        gradient.center += edge * w;
       }
       if (!drawn) return;
       gradient.color += pixel.transmittance * alpha * pixel.slope;
       pixel.transmittance *= 1.0f - alpha;
       if (alpha >= kMostAlpha) return;
       gradient.opacity += v_alpha * falloff.value(gaussian);
+      gradient.center += v_alpha * splat.opacity * gaussian * falloff.scale * w;
       gradient.covariance += 0.5f * v_alpha * splat.opacity * gaussian * falloff.scale * square;
     });
   }
@@ -175,12 +180,13 @@ void finishGradient(const AffineSplat& splat, const ViewerProfile& profile, floa
 AffineGradient& AffineGradient::operator+=(const AffineGradient& other) {
   opacity += other.opacity;
   color += other.color;
+  center += other.center;
   covariance += other.covariance;
   return *this;
 }
 
-ViewerPicture::ViewerPicture(const GaussianModel& base, SplatViewer viewer)
-    : viewer_(viewer), splats_(keepSplats(base, viewer, true)) {}
+ViewerPicture::ViewerPicture(const GaussianModel& base, SplatViewer viewer, std::span<const std::size_t> parts)
+    : viewer_(viewer), splats_(keepSplats(base, viewer, true, parts)) {}
 
 Image ViewerPicture::render(const Pinhole& camera, glm::vec3 background, float shrink) const {
   const std::vector<AffineSplat> seen = seenSplats(splats_, viewer_, {camera, shrink * shrink});

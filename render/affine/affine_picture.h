@@ -15,7 +15,8 @@ namespace tg {
 // Bakes no textures: give it what the viewer reads (core/model/fallback.h).
 class ViewerPicture {
  public:
-  ViewerPicture(const GaussianModel& base, SplatViewer viewer);
+  // `parts`: as keepSplats has them.
+  ViewerPicture(const GaussianModel& base, SplatViewer viewer, std::span<const std::size_t> parts = {});
   // 3 channels, blended in 8 bits as on the viewer's canvas. `shrink`: of the picture against the one it stands for.
   Image render(const Pinhole& camera, glm::vec3 background, float shrink = 1.0f) const;
 
@@ -28,6 +29,7 @@ class ViewerPicture {
 struct AffineGradient {
   float opacity = 0;           // before compensation
   glm::vec3 color{0.0f};       // before clamps: 0 where they act
+  glm::vec2 center{0.0f};      // [1/px]
   glm::vec3 covariance{0.0f};  // [1/px^2] xx, xy, yy, before the blur
   AffineGradient& operator+=(const AffineGradient& other);
 };

@@ -131,30 +131,36 @@ void roundSh(SplatViewer viewer, glm::vec3* sh, std::size_t count) {
   }
 }
 
-// The sphere around three.js' box of all splats at the cut.
-void addSphere(KeptSplats& splats, float cut) {
+// The sphere around three.js' box of a part's splats at the cut.
+void addSphere(KeptSplats& splats, std::size_t begin, SplatPart& part, float cut) {
   glm::vec3 low(std::numeric_limits<float>::max()), high(-low);
   const auto reach = [&](std::size_t i) {
     const Covariance& c = splats.covariance[i];
     return cut * std::sqrt(std::max({c[0], c[3], c[5]}));
   };
-  for (std::size_t i = 0; i < splats.size(); ++i) {
+  for (std::size_t i = begin; i < part.end; ++i) {
     low = glm::min(low, splats.mean[i] - reach(i));
     high = glm::max(high, splats.mean[i] + reach(i));
   }
-  splats.sphere_center = 0.5f * (low + high);
-  for (std::size_t i = 0; i < splats.size(); ++i) {
-    splats.sphere_radius =
-        std::max(splats.sphere_radius, glm::distance(splats.sphere_center, splats.mean[i]) + reach(i));
+  part.sphere_center = 0.5f * (low + high);
+  for (std::size_t i = begin; i < part.end; ++i) {
+    part.sphere_radius = std::max(part.sphere_radius, glm::distance(part.sphere_center, splats.mean[i]) + reach(i));
   }
 }
 
 // Bins instead of depths, as whole numbers.
 void binDepths(std::vector<AffineSplat>& seen, const KeptSplats& splats, float near, const Pinhole& camera) {
-  const auto middle = static_cast<float>(cameraFromWorld(camera, splats.sphere_center).z);
-  const float low = std::max(near, middle - splats.sphere_radius);
-  const float scale = kSphereBins / std::max(middle + splats.sphere_radius - low, 1e-4f);
+  struct Bins {
+    float low, scale;
+  };
+  std::vector<Bins> bins;
+  for (const SplatPart& part : splats.parts) {
+    const auto middle = static_cast<float>(cameraFromWorld(camera, part.sphere_center).z);
+    const float low = std::max(near, middle - part.sphere_radius);
+    bins.push_back({low, kSphereBins / std::max(middle + part.sphere_radius - low, 1e-4f)});
+  }
   for (AffineSplat& splat : seen) {
+    const auto [low, scale] = bins[splat.part];
     splat.depth = std::floor(std::clamp((splat.depth - low) * scale, 0.0f, kSphereBins));
   }
 }
@@ -254,7 +260,8 @@ class Projection {
 
 }  // namespace
 
-KeptSplats keepSplats(const GaussianModel& model, SplatViewer viewer, bool rounded) {
+KeptSplats keepSplats(const GaussianModel& model, SplatViewer viewer, bool rounded,
+                      std::span<const std::size_t> parts) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   KeptSplats splats;
   const std::size_t n = model.size(), count = model.shCount();
@@ -275,7 +282,14 @@ KeptSplats keepSplats(const GaussianModel& model, SplatViewer viewer, bool round
     splats.covariance[i] = covarianceOf(splat.rotation, splat.sigma);
     if (rounded) roundCovariance(viewer, splats.covariance[i]);
   });
-  if (profileOf(viewer).order == ViewerOrder::sphereBins) addSphere(splats, profileOf(viewer).cut);
+  std::size_t begin = 0;
+  for (std::size_t k = 0; k <= parts.size(); ++k) {
+    SplatPart part{.end = k < parts.size() ? parts[k] : n};
+    TG_ASSERT(part.end >= begin && part.end <= n, "parts ascend inside the model");
+    if (profileOf(viewer).order == ViewerOrder::sphereBins) addSphere(splats, begin, part, profileOf(viewer).cut);
+    begin = part.end;
+    splats.parts.push_back(part);
+  }
   return splats;
 }
 
@@ -294,10 +308,17 @@ std::vector<AffineSplat> seenSplats(const KeptSplats& splats, SplatViewer viewer
     const auto i = static_cast<std::size_t>(item);
     if (!projection.project(i, all[i])) all[i].box = {};
   });
+  std::uint32_t part = 0;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    while (i >= splats.parts[part].end) ++part;
+    all[i].part = part;
+  }
   std::erase_if(all, [](const AffineSplat& splat) { return splat.box.x >= splat.box.z; });
   const ViewerProfile& profile = profileOf(viewer);
   if (profile.order == ViewerOrder::sphereBins) binDepths(all, splats, profile.near, view.camera);
-  std::ranges::stable_sort(all, [](const AffineSplat& a, const AffineSplat& b) { return a.depth > b.depth; });
+  std::ranges::stable_sort(all, [](const AffineSplat& a, const AffineSplat& b) {
+    return a.part != b.part ? a.part < b.part : a.depth > b.depth;
+  });
   return all;
 }
 

@@ -140,6 +140,9 @@ TEST_CASE("the affine picture's derivative is the quotient of differences") {
       const auto near = [](double expected) { return Approx(expected).epsilon(0.2).margin(1.5e-4); };
       CHECK(static_cast<double>(gradients[k].covariance.z) * screen ==
             near(quotient([i](KeptSplats& s, float d) { s.covariance[i][3] += d; }, 0.01)));
+      // A step of a pixel: the cut takes in whole ones.
+      CHECK(static_cast<double>(gradients[k].center.y) * std::sqrt(screen) ==
+            near(quotient([i](KeptSplats& s, float d) { s.mean[i].y += d; }, 0.1)));
     }
   }
 }

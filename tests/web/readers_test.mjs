@@ -37,6 +37,39 @@ for (let i = 0; i < 400; ++i) {
 }
 expect('some are read and some refused', read > 0 && refused > 50, `${read} and ${refused}`);
 
+// The same splats as two primitives that share their views.
+{
+  const gltf = JSON.parse(new TextDecoder().decode(original.subarray(20, 20 + jsonBytes)));
+  const [first] = gltf.meshes[0].primitives;
+  const second = structuredClone(first);
+  const cut = Math.floor(model.count / 3);
+  for (const [name, index] of Object.entries(first.attributes)) {
+    const accessor = gltf.accessors[index], {byteStride} = gltf.bufferViews[accessor.bufferView];
+    const bytes = {5121: 1, 5123: 2, 5126: 4}[accessor.componentType] * {SCALAR: 1, VEC3: 3, VEC4: 4}[accessor.type];
+    second.attributes[name] = gltf.accessors.push({...accessor, count: model.count - cut,
+                                                   byteOffset: cut * (byteStride || bytes)}) - 1;
+    accessor.count = cut;
+  }
+  const fileOf = (primitives) => {
+    gltf.meshes[0].primitives = primitives;
+    const text = JSON.stringify(gltf), json = new TextEncoder().encode(text.padEnd(Math.ceil(text.length / 4) * 4));
+    const rest = original.subarray(20 + jsonBytes), file = new Uint8Array(20 + json.length + rest.length);
+    new Uint32Array(file.buffer, 0, 5).set([0x46546C67, 2, file.length, json.length, 0x4E4F534A]);
+    file.set(json, 20);
+    file.set(rest, 20 + json.length);
+    return file;
+  };
+  const two = await readModel(fileOf([first, second]));
+  expect('two primitives are one model', two.count === model.count && two.notes.length === 0, two.notes);
+  const equal = (a, b) => a.length === b.length && a.every((x, k) => x === b[k]);
+  for (const key of ['mean', 'rotation', 'scale', 'opacity']) expect(key, equal(two[key], model[key]));
+  expect('sh', two.sh.length === model.sh.length && two.sh.every((band, k) => equal(band, model.sh[k])));
+  for (const key of ['rects', 'opacity', 'dc']) expect(`${key} of the textures`, equal(two.layer[key], model.layer[key]));
+  delete second.extensions.KHR_gaussian_splatting.extensions;
+  const odd = await readModel(fileOf([first, second]));
+  expect('textures of one primitive alone are told', odd.layer === null && odd.notes.length === 1, odd.notes);
+}
+
 // Cameras to matrices and back, with a model that is moved, turned and scaled.
 const camera = {name: '', test: false, width: 640, height: 480, fx: 500, fy: 510, cx: 300, cy: 260,
                 axes: [[0.8, 0, -0.6], [0, 1, 0], [0.6, 0, 0.8]], eye: [1, 2, 3]};

@@ -88,7 +88,7 @@ class GlbFile {
   }
 }
 
-// The one node of the scene whose mesh has splats, and that primitive.
+// The one node of the scene whose mesh has splats, and those primitives.
 function findSplats(file) {
   const found = [];
   for (const node of file.list('nodes')) {
@@ -97,8 +97,23 @@ function findSplats(file) {
       if (primitive.extensions && primitive.extensions[SPLATS]) found.push({node, primitive});
     }
   }
-  if (found.length !== 1) throw new Error(`expected one primitive with ${SPLATS}, found ${found.length}`);
-  return found[0];
+  if (found.length === 0) throw new Error(`expected a primitive with ${SPLATS}, found none`);
+  const [{node}] = found;
+  if (found.some((other) => other.node !== node)) throw new Error('the splats stand under several nodes');
+  return {node, primitives: found.map(({primitive}) => primitive)};
+}
+
+function attributeOf(primitive, name) {
+  const index = primitive.attributes[name];
+  if (index === undefined) throw new Error(`the splats have no ${name}`);
+  return index;
+}
+
+function countOf(file, primitive) {
+  const position = file.list('accessors')[attributeOf(primitive, 'POSITION')];
+  const count = position ? position.count : 0;
+  if (!(Number.isInteger(count) && count > 0)) throw new Error('the file has no splats');
+  return count;
 }
 
 // A node may move and scale uniformly (as quantised positions need); turning would have to turn the SH too.
@@ -142,8 +157,10 @@ async function readAtlas(file, entry, mode) {
   return {width, height, deep, texels, scale: entry.scale || [1, 1, 1, 1], offset: entry.offset || [0, 0, 0, 0]};
 }
 
-async function readLayer(file, primitive, splats, count) {
-  const extension = splats.extensions && splats.extensions[TEXTURES];
+// `atlases`: as the primitive before has read them, or none yet.
+async function readLayer(file, primitive, atlases) {
+  const {extensions} = primitive.extensions[SPLATS];
+  const extension = extensions && extensions[TEXTURES];
   if (!extension) return null;
   const mode = MODES[extension.mode];
   const intersection = INTERSECTIONS[extension.intersection || 'plane'];
@@ -152,9 +169,12 @@ async function readLayer(file, primitive, splats, count) {
   if ((extension.extent || 3) !== 3) throw new Error(`extent ${extension.extent} is not supported`);
   if ((extension.filter || 'bilinear') !== 'bilinear') throw new Error(`filter "${extension.filter}" is not supported`);
   const attribute = (name) => primitive.attributes[`${TEXTURES}:${name}`];
-  const atlases = [];
-  for (const entry of extension.atlases || []) atlases.push(await readAtlas(file, entry, mode));
-  if (atlases.length === 0) throw new Error('no atlases');
+  const count = countOf(file, primitive);
+  if (!atlases) {
+    atlases = [];
+    for (const entry of extension.atlases || []) atlases.push(await readAtlas(file, entry, mode));
+    if (atlases.length === 0) throw new Error('no atlases');
+  }
   const rects = await file.accessor(attribute('RECT'), 4, count, true);
   const pages = attribute('ATLAS') === undefined ? null : await file.accessor(attribute('ATLAS'), 1, count);
   for (let i = 0; i < count; ++i) {
@@ -170,6 +190,35 @@ async function readLayer(file, primitive, splats, count) {
     attribute(name) === undefined ? null : file.accessor(attribute(name), width, count);
   return {mode, intersection, atlases, rects, pages, opacity: await optional('OPACITY', 1),
           dc: await optional('SH_DEGREE_0_COEF_0', 3)};
+}
+
+const join = async (parts) => {
+  if (parts.length === 1) return parts[0];
+  if (parts.every((part) => part === null)) return null;
+  if (parts.some((part) => part === null)) throw new Error('primitives differ in what they have');
+  const all = new parts[0].constructor(parts.reduce((sum, part) => sum + part.length, 0));
+  let at = 0;
+  for (const part of parts) {
+    all.set(part, at);
+    at += part.length;
+    await breathe();
+  }
+  return all;
+};
+
+// Of all primitives, which differ in their splats alone.
+async function readLayers(file, primitives) {
+  const texts = primitives.map(({extensions}) => {
+    const own = extensions[SPLATS].extensions;
+    return JSON.stringify((own && own[TEXTURES]) || null);
+  });
+  if (texts.some((text) => text !== texts[0])) throw new Error('primitives have textures of several kinds');
+  const layers = [];
+  for (const primitive of primitives) layers.push(await readLayer(file, primitive, layers.length > 0 && layers[0].atlases));
+  if (layers[0] === null) return null;
+  const joined = {...layers[0]};
+  for (const key of ['rects', 'pages', 'opacity', 'dc']) joined[key] = await join(layers.map((layer) => layer[key]));
+  return joined;
 }
 
 // A pinhole camera of a node, or of what stands for one: `own` is what this toolchain's files add.
@@ -209,23 +258,26 @@ const isColor = (value) => Array.isArray(value) && value.length === 3 && value.e
 // y up, z forward.
 export async function readGlb(bytes) {
   const file = new GlbFile(bytes);
-  const {node, primitive} = findSplats(file);
-  const splats = primitive.extensions[SPLATS];
-  if (splats.kernel !== 'ellipse') throw new Error(`unknown kernel "${splats.kernel}" (expected "ellipse")`);
+  const {node, primitives} = findSplats(file);
+  for (const {extensions} of primitives) {
+    const {kernel} = extensions[SPLATS];
+    if (kernel !== 'ellipse') throw new Error(`unknown kernel "${kernel}" (expected "ellipse")`);
+  }
   const place = placeOf(node);
-  const attribute = (name) => {
-    const index = primitive.attributes[name];
-    if (index === undefined) throw new Error(`the splats have no ${name}`);
-    return index;
+  const counts = primitives.map((primitive) => countOf(file, primitive));
+  const count = counts.reduce((sum, more) => sum + more, 0);
+  const all = async (name, width) => {
+    const parts = [];
+    for (const [k, primitive] of primitives.entries()) {
+      parts.push(await file.accessor(attributeOf(primitive, name), width, counts[k]));
+    }
+    return join(parts);
   };
-  const position = file.list('accessors')[attribute('POSITION')];
-  const count = position ? position.count : 0;
-  if (!(Number.isInteger(count) && count > 0)) throw new Error('the file has no splats');
-  const own = (name, width) => file.accessor(attribute(`${SPLATS}:${name}`), width, count);
+  const own = (name, width) => all(`${SPLATS}:${name}`, width);
   const extras = (file.json.asset && file.json.asset.extras && file.json.asset.extras[OURS]) || {};
   const views = Array.isArray(extras.views) ? extras.views : [];
   const model = {
-    count, mean: await file.accessor(attribute('POSITION'), 3, count),
+    count, mean: await all('POSITION', 3),
     rotation: await own('ROTATION', 4), scale: await own('SCALE', 3), opacity: await own('OPACITY', 1),
     sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file),
     views: views.map((view) => readCamera(Object(view), {}, Object(view))).filter(Boolean),
@@ -233,7 +285,7 @@ export async function readGlb(bytes) {
     intersection: INTERSECTIONS[extras.intersection] ?? 1, outside: OUTSIDES[extras.outside] ?? 0, notes: [],
   };
   for (let l = 1; l <= 3; ++l) {
-    if (primitive.attributes[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined) break;
+    if (primitives.every(({attributes}) => attributes[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined)) break;
     for (let k = 0; k <= 2 * l; ++k) model.sh.push(await own(`SH_DEGREE_${l}_COEF_${k}`, 3));
   }
   if (place.scale !== 1 || place.translation.some((t) => t !== 0)) {
@@ -241,7 +293,7 @@ export async function readGlb(bytes) {
     model.scale = model.scale.map((s) => s * place.scale);
   }
   try {
-    model.layer = await readLayer(file, primitive, splats, count);
+    model.layer = await readLayers(file, primitives);
   } catch (error) {
     model.notes.push(`The textures cannot be used (${error.message}): the picture is the fallback without them.`);
   }

@@ -9,6 +9,7 @@
 #include "converter/edit/upright.h"
 #include "converter/edit/viewer_fit.h"
 #include "converter/edits.h"
+#include "converter/glb.h"
 #include "converter/gltf/axes.h"
 #include "converter/scratch.h"
 #include "core/model/fallback.h"
@@ -48,9 +49,10 @@ TEST_CASE("a textured file for a viewer shows our readers what it did, and that 
   CHECK(report.adapted->wide >= 1);
   CHECK(report.adapted->pieces >= 3);
   CHECK(report.adapted->fitted);
-  CHECK(report.adapted->after > report.adapted->before);
+  CHECK(report.adapted->skirts == before.size() / 4);
+  CHECK(report.adapted->to_model.after > report.adapted->to_model.before);
   CHECK(std::isinf(report.adapted->ours));
-  CHECK(report.gaussians == before.size() + report.adapted->pieces);
+  CHECK(report.gaussians == before.size() + report.adapted->pieces + report.adapted->skirts);
   // The file itself: 8-bit texels are all that textures lose, as without --for.
   const std::vector<Camera> views = {source.cameras.begin(), source.cameras.begin() + 3};
   const GaussianModel textured = readModel(out).model;
@@ -65,6 +67,40 @@ TEST_CASE("a textured file for a viewer shows our readers what it did, and that 
         viewerPsnr(readModel(plain, {.base_only = true}).model, SplatViewer::three, held));
 }
 
+TEST_CASE(
+    "what is so far that a viewer's bins of depth get coarse becomes a primitive of its own, in front in the file") {
+  const Scratch scratch;
+  Bundle source = room();
+  const glm::vec3 far(0.0f, 0.0f, 1e5f);  // bins of 24 world units
+  source.model.mean[70] = far;
+  writeBundle(scratch.folder() / "in.tgz", source);
+  const auto out = scratch.folder() / "out.glb";
+  const ConvertReport report = convert(scratch.folder() / "in.tgz", out, {.viewer = SplatViewer::three});
+  REQUIRE(report.adapted);
+  CHECK(report.adapted->parts == 2);
+  CHECK(std::isinf(report.adapted->ours));
+  const Glb glb = Glb::read(out);
+  const auto& primitives = glb.json["meshes"][0]["primitives"];
+  REQUIRE(primitives.size() == 2);
+  const auto first = glb.json["accessors"][primitives[0]["attributes"]["POSITION"].get<std::size_t>()];
+  const GaussianModel textured = readModel(out).model;
+  CHECK(textured.mean[0] == far);
+  CHECK(first["count"].get<std::size_t>() < textured.size() / 4);
+  const std::vector<Camera> views = {source.cameras.begin(), source.cameras.begin() + 3};
+  CHECK(renderedPsnr(readModel(scratch.folder() / "in.tgz").model, textured, views, source.background) > 45.0);
+}
+
+TEST_CASE("a fit comes nearer to the picture that it aims at, with textures or without, and says both") {
+  const Bundle source = room();
+  const AdaptReport textures = adaptTo(SplatViewer::three, source, true).report;
+  const AdaptReport base = adaptTo(SplatViewer::three, source, true, FitAim::base).report;
+  CHECK(textures.to_model.before == base.to_model.before);
+  CHECK(textures.to_base.before == base.to_base.before);
+  CHECK(textures.to_model.after > base.to_model.after);
+  CHECK(base.to_base.after > textures.to_base.after);
+  CHECK(base.to_base.after > base.to_base.before);
+}
+
 TEST_CASE("formats without textures get the pieces in place of what is wide") {
   const Scratch scratch;
   writeBundle(scratch.folder() / "in.tgz", room());
@@ -73,6 +109,7 @@ TEST_CASE("formats without textures get the pieces in place of what is wide") {
     const ConvertReport report = convert(scratch.folder() / "in.tgz", scratch.folder() / name,
                                          {.measure = Measure::never, .viewer = SplatViewer::babylon});
     REQUIRE(report.adapted);
+    CHECK(report.adapted->skirts == 0);  // that viewer's cut is far out
     CHECK(report.gaussians == 150 - report.adapted->wide + report.adapted->pieces);
     CHECK(readModel(scratch.folder() / name).model.size() == report.gaussians);
   }
@@ -88,7 +125,7 @@ TEST_CASE("a model without cameras is made for a viewer from a ring around it") 
   bundle.cameras.clear();
   const Adapted adapted = adaptTo(SplatViewer::playcanvas, bundle, false);
   CHECK(adapted.report.wide == 0);  // wide for a distance that nobody knows
-  CHECK(adapted.report.after >= adapted.report.before);
+  CHECK(adapted.report.to_model.after >= adapted.report.to_model.before);
   CHECK(adapted.report.held_views > 0);
   CHECK_NOTHROW(checkModel(adapted.model, "adapted"));
 }

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is written follows KHR_gaussian_splatting and docs/gltf.md to the letter.
 #include <cmath>
+#include <limits>
 
+#include "converter/check.h"
 #include "converter/glb.h"
 #include "converter/gltf/axes.h"
+#include "converter/gltf/meshopt.h"
 #include "converter/gltf/quantize.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
@@ -53,6 +56,40 @@ TEST_CASE("the base is plain KHR_gaussian_splatting that asks nothing of a reade
     }
     CHECK(coefficients == model.shCount());
     for (const auto& view : glb.json["bufferViews"]) CHECK(view.value("byteOffset", 0) % 4 == 0);
+  }
+}
+
+TEST_CASE("several primitives share their views, have bounds of their own, and are read as the model that they were") {
+  const Scratch scratch;
+  const GaussianModel model = test::makeScene(SceneKind::ordinary, 21, 40).model;
+  const GaussianModel whole = [&] {
+    writeGlb(scratch.folder() / "whole.glb", {model, {}, glm::vec3(0.0f)});
+    return readModel(scratch.folder() / "whole.glb").model;
+  }();
+  for (const bool packed : {false, true}) {
+    if (packed && !hasMeshopt()) continue;
+    CAPTURE(packed);
+    const auto path = scratch.folder() / "parts.glb";
+    writeGlb(path, {model, {}, glm::vec3(0.0f), {.meshopt = packed, .parts = {13, 20}}});
+    const Glb glb = Glb::read(path);
+    const auto& primitives = glb.json["meshes"][0]["primitives"];
+    REQUIRE(primitives.size() == 3);
+    const std::size_t ends[] = {0, 13, 20, model.size()};
+    for (std::size_t p = 0; p < 3; ++p) {
+      const auto& position = glb.json["accessors"][primitives[p]["attributes"]["POSITION"].get<std::size_t>()];
+      CHECK(position["count"] == ends[p + 1] - ends[p]);
+      float low = std::numeric_limits<float>::max();
+      for (std::size_t i = ends[p]; i < ends[p + 1]; ++i) low = std::min(low, model.mean[i].z);
+      CHECK(position["min"][2].get<float>() == low);  // z is the same in both axes
+    }
+    CHECK(checkFile(path).errors.empty());
+    const GaussianModel back = readModel(path).model;
+    CHECK(back.mean == whole.mean);
+    CHECK(back.sh == whole.sh);
+    CHECK(back.opacity_logit == whole.opacity_logit);
+    CHECK(back.rotation == whole.rotation);
+    CHECK(back.log_scale == whole.log_scale);
+    CHECK(back.atlas.texels == whole.atlas.texels);
   }
 }
 
