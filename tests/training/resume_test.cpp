@@ -142,7 +142,7 @@ TEST_CASE("what does not fit a run folder is refused by name", "[resume]") {
           "run/checkpoint: is of a run with other settings: --seed (expected 1, found 2)");
   refused(kRun + "--run run --resume --downscale 2", 1, "other data: image-size (expected 32x32, found 16x16)");
   refused(kRun + "--run run --resume --background black", 1, "other data: background (expected 1,1,1, found 0,0,0)");
-  refused(kBase + "-o x.tgz --resume", 1, "--resume and --watch expect a run folder");
+  refused(kBase + "-o x.tgz --resume", 1, "--resume expects a run folder");
   refused(kRun + "--run new --watch", 5, "--watch: no");
   refused(kRun + "--run scene", 4, "scene: exists already");
   refused(kRun + "--run scene --resume", 4, "scene: holds files but no checkpoint to resume");

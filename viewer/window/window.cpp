@@ -190,7 +190,7 @@ void Viewer::setTitle() {
   const std::filesystem::path& path = shown_any_ ? scene.path : options_.model;
   std::string title = "tgview";
   if (!path.empty()) title += " - " + path.filename().string();
-  if (hasUnsavedEdits(state_, state_.documents.shown)) title += "*";
+  if (!state_.documents.open.empty() && hasUnsavedEdits(state_, state_.documents.shown)) title += "*";
   if (const std::string training = trainingText(state_); !training.empty()) title += " - " + training;
   if (title != title_) glfwSetWindowTitle(graphics_->window(), title.c_str());
   title_ = title;

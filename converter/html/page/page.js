@@ -61,7 +61,7 @@ function streamedAddress() {
   if (!node) return null;
   if (location.protocol === 'file:') {
     throw new Error('This page streams its scene, which browsers do from a server only: "python3 -m http.server" in ' +
-                    'its folder, then http://localhost:8000/.');
+                    'its folder, then localhost:8000 in the browser.');
   }
   return JSON.parse(node.textContent);
 }

@@ -102,7 +102,7 @@ TEST_CASE("tgconvert says which file of a scene in levels of detail is broken, w
   const Result check = tgconvert(scratch, "check s/lod-meta.json");
   CHECK(check.code == 3);
   CHECK(check.out.find("quats.webp") != std::string::npos);
-  CHECK(check.out.ends_with("s/lod-meta.json: not valid, 1 errors, 0 warnings\n"));
+  CHECK(check.out.ends_with("s/lod-meta.json: not valid, 1 error, 0 warnings\n"));
   fs::remove(image);
   CHECK(tgconvert(scratch, "s/lod-meta.json back.ply").code == 2);
   CHECK(tgconvert(scratch, "check s/lod-meta.json").code == 2);

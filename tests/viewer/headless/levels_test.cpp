@@ -72,7 +72,7 @@ TEST_CASE("a budget is obeyed by pictures, comparisons and every frame of a reco
   CHECK_THAT(compared.out, Contains("inf"));
 }
 
-TEST_CASE("a truncated file ends a picture with exit code 3, one line and nothing written; a cut without it is drawn") {
+TEST_CASE("a truncated file ends a picture with exit code 3, one line and nothing written, and a cut without it is drawn") {
   const Workshop shop;
   const LodScene scene = test::writeLevels(shop / "scene/lod-meta.json");
   const std::string broken = scene.files[scene.leaves[0].levels[0].file];
