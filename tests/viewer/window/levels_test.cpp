@@ -46,7 +46,7 @@ TEST_CASE("a window shows coarser levels where finer ones are late, then what --
   const Image held = shop.read("held.png"), whole = shop.read("whole.png");
   CHECK(meanOf(whole) > 0.1);
   CHECK(meanOf(held) > 0.7 * meanOf(whole));
-  CHECK(meanOf(held) < 0.99 * meanOf(whole));
+  CHECK(psnr(held, whole) < 40);  // it is coarser
   std::size_t opaque = 0, bare = 0;
   for (std::size_t i = 0; i < whole.data.size(); ++i) {
     opaque += whole.data[i] > 0.95f;
