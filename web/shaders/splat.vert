@@ -1,6 +1,6 @@
 #version 300 es
 // SPDX-License-Identifier: Apache-2.0
-// One instance a Gaussian: its splat record and a quad over all it can draw. Formulas: shared/splat.h.
+// Four vertices a Gaussian: its splat record and a quad over all it can draw. Formulas: shared/splat.h.
 precision highp float;
 precision highp int;
 precision highp sampler2D;
@@ -8,8 +8,8 @@ precision highp usampler2D;
 #include "shared/splat.h"
 #include "shared/sh.h"
 
-layout(location = 0) in uint a_gaussian;
-
+uniform usampler2D u_order;     // Gaussians, farthest first, those of an instance in a row
+uniform int u_visible;          // how many there are in it
 uniform sampler2D u_gaussians;  // 5 texels each: see uploadSteps()
 uniform sampler2D u_sh;         // coefficients from 1 on, a texel each
 uniform usampler2D u_rects;     // x, y, w, h in atlas texels
@@ -76,8 +76,11 @@ bool turnedBox(vec3 mean_c, mat3 axes, vec3 r, vec4 box, out mat2 half_axes) {
 
 void main() {
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside: nothing is drawn
-  int row = int(a_gaussian) / u_per_row;
-  int column = int(a_gaussian) - row * u_per_row;
+  int place = gl_VertexID >> 2;
+  if (gl_InstanceID * textureSize(u_order, 0).x + place >= u_visible) return;
+  int gaussian = int(texelFetch(u_order, ivec2(place, gl_InstanceID), 0).x);
+  int row = gaussian / u_per_row;
+  int column = gaussian - row * u_per_row;
   vec4 mean_opacity = gaussianTexel(column, row, 0);
   vec4 xyzw = gaussianTexel(column, row, 1);
   vec4 scale_layer = gaussianTexel(column, row, 2);
@@ -102,7 +105,7 @@ void main() {
   if (!bounded) box = vec4(0.0, 0.0, u_size);
   vec4 seen = vec4(max(box.xy, vec2(0.0)), min(box.zw, u_size));
   if (seen.z <= seen.x || seen.w <= seen.y) return;
-  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1 & 1);
   mat2 half_axes;
   vec2 at = bounded && turnedBox(mean_c, axes, radius * vec3(scale.xy, flat_c ? 0.0 : scale.z), box, half_axes)
                 ? 0.5 * (box.xy + box.zw) + half_axes * (2.0 * corner - 1.0)

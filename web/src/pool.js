@@ -115,7 +115,7 @@ export class SplatPool extends GpuModel {
       this.most = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
       this.openAtlases(renderer.deep ? 1 : this.layersFor(USUAL_TEXELS));
     }
-    this.openOrder();
+    this.openOrder(renderer);
   }
 
   layersFor(density) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws models with WebGL 2: Gaussians in textures, one instanced quad each, blended back to front into half floats;
-// then the sum as a picture, or over what another engine has drawn.
+// Draws models with WebGL 2: Gaussians in textures, a quad each, blended back to front into half floats; then the sum as
+// a picture, or over what another engine has drawn.
 import {breathe} from './breathe.js';
 import {dot} from './camera.js';
 import {keepingState} from './gl_state.js';
@@ -10,7 +10,10 @@ import {SHADERS} from './shaders.js';
 export const SHOW = {final: 0, base: 1, texture: 2, alpha: 3, depth: 4, normal: 5, overdraw: 8};  // kOutput* of limits.h
 export const TEXELS_PER_GAUSSIAN = GAUSSIAN_NUMBERS / 4;
 export const BLOCK_BYTES = 1 << 20;  // uploaded at a time
-const UNITS = {u_gaussians: 0, u_sh: 1, u_rects: 2, u_ranges: 3, u_atlas: 4, u_sum: 5};
+const UNITS = {u_gaussians: 0, u_sh: 1, u_rects: 2, u_ranges: 3, u_atlas: 4, u_sum: 5, u_order: 6};
+// Quads in one instance. Of four vertices alone an instance is a draw of its own to software drivers, and on GPUs leaves
+// most of a wave empty.
+const BATCH = 2048;
 const PATIENCE = 5;  // [ms]
 
 // A model in the device's memory, and how it is drawn unless told otherwise.
@@ -19,36 +22,27 @@ export class GpuModel {
   constructor(gl, {count, shCoefficients, mode}, perRow, rows) {
     Object.assign(this, {gl, perRow, rows, count, shCoefficients, mode});
     this.textures = {};
-    this.order = gl.createBuffer();
+    this.corners = gl.createBuffer();
     this.array = gl.createVertexArray();
     this.visible = 0;
   }
 
-  // Room for the order of all.
-  openOrder() {
+  // Room for the order of all, a row a batch.
+  openOrder(renderer) {
     const {gl} = this;
+    renderer.newTexture(this.textures, 'u_order', gl.TEXTURE_2D, gl.NEAREST);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32UI, BATCH, Math.ceil(this.count / BATCH));
+    const corners = new Uint16Array(6 * BATCH);
+    for (let i = 0; i < BATCH; ++i) for (let k = 0; k < 6; ++k) corners[6 * i + k] = 4 * i + (k < 3 ? k : 6 - k);
     gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
-    gl.bufferData(gl.ARRAY_BUFFER, 4 * this.count, gl.DYNAMIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
-    gl.vertexAttribDivisor(0, 1);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
-  }
-
-  // Gaussian indices, farthest first.
-  setOrder(order, visible) {
-    const {gl} = this;
-    const before = gl.getParameter(gl.ARRAY_BUFFER_BINDING);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, order, 0, visible);
-    gl.bindBuffer(gl.ARRAY_BUFFER, before);
-    this.visible = visible;
   }
 
   dispose() {
     for (const texture of Object.values(this.textures)) this.gl.deleteTexture(texture);
-    this.gl.deleteBuffer(this.order);
+    this.gl.deleteBuffer(this.corners);
     this.gl.deleteVertexArray(this.array);
     this.textures = {};
     this.visible = 0;
@@ -160,6 +154,20 @@ export class SplatRenderer {
     gl.bindTexture(target, textures[name] || null);
   }
 
+  // What gpu shows from now on: Gaussian indices, farthest first.
+  setOrder(gpu, order, visible) {
+    const {gl} = this;
+    this.guarded(() => {
+      this.bind(gpu.textures, 'u_order', gl.TEXTURE_2D);
+      const rows = Math.floor(visible / BATCH), rest = visible % BATCH;
+      const put = (row, width, height) => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, width, height, gl.RED_INTEGER,
+                                                           gl.UNSIGNED_INT, order, BATCH * row);
+      if (rows > 0) put(0, BATCH, rows);
+      if (rest > 0) put(rows, rest, 1);
+    });
+    gpu.visible = visible;
+  }
+
   // After each step others may have the context.
   *uploadSteps(gpu, model, side) {
     const {gl} = this;
@@ -178,7 +186,7 @@ export class SplatRenderer {
       });
       yield* this.uploadAtlases(gpu, layer.atlases, side);
     }
-    gpu.openOrder();
+    gpu.openOrder(this);
   }
 
   // `width` texels of `channels` numbers a Gaussian; fill(i, out, at) writes those of Gaussian i.
@@ -307,9 +315,10 @@ export class SplatRenderer {
     } else {
       gl.disable(gl.DEPTH_TEST);
     }
-    for (const name of ['u_gaussians', 'u_sh', 'u_rects', 'u_ranges']) this.bind(gpu.textures, name, gl.TEXTURE_2D);
+    for (const name of ['u_gaussians', 'u_sh', 'u_rects', 'u_ranges', 'u_order']) this.bind(gpu.textures, name, gl.TEXTURE_2D);
     this.bind(gpu.textures, 'u_atlas', gl.TEXTURE_2D_ARRAY);
     this.use(this.splat, {
+      u_visible: ['uniform1i', gpu.visible],
       u_per_row: ['uniform1i', gpu.perRow],
       u_sh_coefficients: ['uniform1i', gpu.shCoefficients],
       u_camera_from_world: ['uniformMatrix3fv', false, [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]]],
@@ -326,7 +335,8 @@ export class SplatRenderer {
       u_fallback: ['uniform1i', settings.fallback ? 1 : 0],
     });
     gl.bindVertexArray(gpu.array);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, gpu.visible);
+    gl.drawElementsInstanced(gl.TRIANGLES, 6 * Math.min(gpu.visible, BATCH), gl.UNSIGNED_SHORT, 0,
+                             Math.ceil(gpu.visible / BATCH));
     gl.disable(gl.DEPTH_TEST);
   }
 

@@ -50,7 +50,9 @@ export class Splats {
   }
 
   // The newest order to the device: at once before drawing, when the device has nothing else to do.
-  takeOrder() { this.sorter.take((order, visible) => this.gpu.setOrder(order, visible)); }
+  takeOrder() {
+    this.sorter.take((order, visible) => this.renderer.setOrder(this.gpu, order, visible));
+  }
 
   // Whether the order is that of the last camera sorted for.
   get sorted() { return !this.sorter.busy; }

@@ -272,7 +272,7 @@ export class StreamedSplats extends Splats {
 
   takeOrder() {
     this.sorter.take((order, visible, showing) => {
-      this.gpu.setOrder(order, visible);
+      this.renderer.setOrder(this.gpu, order, visible);
       this.drawn = showing;
       this.tellWaiting();
     });
