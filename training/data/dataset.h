@@ -75,9 +75,14 @@ struct DatasetOptions {
 // points3d.ply. Throws Error(cannotRead / badData / usage).
 Dataset loadDataset(const std::filesystem::path& folder, const DatasetOptions& options = {});
 
-// 1.1 * the largest distance of a training camera from their mean: the unit of position learning rates and of the
-// densification thresholds. [world units]
+// 1.1 * the largest distance of a training camera from their mean, as 3DGS has it. [world units]
 double cameraExtent(const Dataset& dataset);
+
+// The unit of position learning rates, of MCMC's noise and of the densification thresholds: cameraExtent(), but at most
+// `distances` (0: any number) times what the median point is away from the nearest training camera that sees it. For
+// what is walked or flown through, cameras span many times that, and steps that belong to the span are pixels wide in
+// every photograph. Points: every k-th of the data set's, some 4,096; without them cameraExtent(). [world units]
+double sceneExtent(const Dataset& dataset, double distances);
 
 // Pixels of all training views together.
 std::uint64_t trainingPixels(const Dataset& dataset);

@@ -107,7 +107,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     : dataset_(dataset),
       settings_((checkSettings(settings), settings)),
       schedule_(makeSchedule(settings)),
-      extent_(cameraExtent(dataset)),
+      extent_(sceneExtent(dataset, settings.extent_distances)),
       filter_cameras_(filterCameras(dataset)),
       engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
       state_(std::move(state)),

@@ -123,6 +123,8 @@ std::vector<SettingEntry> makeEntries() {
       onOff("texture-gradient-suffix", &S::texture_gradient_suffix,
             "Colour behind a splat includes its texture (off: ablation)"),
       number("ssim-weight", &S::ssim_weight, 0, 1, "", "Share of 1 - SSIM in the loss, beside L1"),
+      number("extent-distances", &S::extent_distances, 0, 1e6, "distances",
+             "Most that the extent is, of the median point to the nearest camera that sees it (0: the cameras' span alone)"),
       number("rate-position", &S::rate_position, 0, kLargestRate, "extent per step", "At the start of a stage"),
       number("rate-position-end", &S::rate_position_end, 0, kLargestRate, "extent per step", "At the end of a stage"),
       number("rate-position-texture", &S::rate_position_texture, -1, kLargestRate, "extent per step",
@@ -165,6 +167,7 @@ TrainSettings presetSettings(std::string_view preset) {
   settings.texture_iterations = 30'000;
   settings.densify_score = DensifyScore::magnitudesOnly;
   settings.wide_sigma = 0;
+  settings.extent_distances = 0;
   settings.rate_position = 1.6e-4f;
   settings.rate_position_end = 1.6e-6f;
   settings.rate_scale = 5e-3f;

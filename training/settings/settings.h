@@ -38,7 +38,7 @@ constexpr auto namesOf(TextureIntersection) { return enumNames("same", "plane", 
 enum class TextureInit { neutral, paper };
 constexpr auto namesOf(TextureInit) { return enumNames("neutral", "paper"); }
 
-// Rates are Adam step sizes; "extent" is cameraExtent(). -1 in a schedule entry: chosen from the iterations
+// Rates are Adam step sizes; "extent" is sceneExtent(). -1 in a schedule entry: chosen from the iterations
 // (schedule.h).
 struct TrainSettings {
   int iterations = 7000;          // stage 1
@@ -86,6 +86,7 @@ struct TrainSettings {
   bool texture_gradient_suffix = true;    // likewise
 
   float ssim_weight = 0.2f;
+  float extent_distances = 2;        // that the extent may be at most, as sceneExtent() has them; 0: any
   float rate_position = 4e-4f;       // of the extent, at the start of a stage
   float rate_position_end = 4e-6f;   // of the extent, at its end
   float rate_position_texture = -1;  // of the extent, at the start of stage 2; -1: rate_position

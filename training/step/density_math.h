@@ -17,7 +17,7 @@ namespace tg {
 
 // ---- Adaptive density control (densify.h)
 struct DensifySettings {
-  double extent = 1;              // [world units] cameraExtent()
+  double extent = 1;              // [world units] sceneExtent()
   float score_threshold = 2e-4f;  // NDC gradient, mean over the views
   DensifyScore score = DensifyScore::sum;
   float clone_max_scale = 0.01f;  // of the extent: smaller Gaussians are cloned, larger ones split

@@ -533,6 +533,26 @@ TEST_CASE("the extent is 1.1 times the largest distance from the training camera
   CHECK(tg::cameraExtent(dataset) == Approx(3.3));
 }
 
+TEST_CASE("the extent of a scene is bounded by how near its points are seen", "[dataset]") {
+  tg::Dataset dataset;
+  for (double x : {-30.0, 0.0, 30.0}) {
+    tg::Camera camera;
+    camera.size = {100, 100};
+    camera.focal = {50, 50};
+    camera.center = {50, 50};
+    camera.translation = {-x, 0, 0};
+    dataset.views.push_back(camera);
+  }
+  CHECK(tg::sceneExtent(dataset, 2) == Approx(33));  // without points
+  // Seen by all three cameras from farther away, too, and one that none sees.
+  dataset.points.position = {{-30, 0, 2}, {0, 1, 4}, {30, 0, 5}, {0, 0, -1}};
+  CHECK(tg::sceneExtent(dataset, 2) == Approx(8));
+  CHECK(tg::sceneExtent(dataset, 9) == Approx(33));
+  CHECK(tg::sceneExtent(dataset, 0) == Approx(33));
+  dataset.points.position = {{0, 0, -1}};
+  CHECK(tg::sceneExtent(dataset, 2) == Approx(33));
+}
+
 TEST_CASE("reads the shared scenes, COLMAP and JSON poses of one scene agree", "[dataset][shared]") {
   TG_SKIP_IF(tg::test::missingShared({"data/fox"}));
   const tg::DatasetIndex colmap = tg::readColmap(tg::test::sharedFile("data/fox"));
