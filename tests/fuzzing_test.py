@@ -43,28 +43,31 @@ class Nights(unittest.TestCase):
         self.assertLess(sum(sizes.values()), MOST_BYTES)
         self.assertLessEqual(max(sizes.values()), fuzz_night.MOST_BYTES)
 
-    def test_a_merge_keeps_the_smallest_files_within_the_bound(self):
-        def merged(command, **_):
-            if "-merge=1" in command:
-                kept, given = pathlib.Path(command[-4]), command[-3:]
-                for folder in given:
-                    for file in pathlib.Path(folder).iterdir():
-                        (kept / file.name).write_bytes(file.read_bytes())
-            return unittest.mock.Mock(returncode=0, stderr="")
-
+    def test_what_reaches_the_most_for_its_bytes_is_kept_within_the_bound(self):
         with tempfile.TemporaryDirectory() as name:
-            root = pathlib.Path(name)
-            corpus, working, found = (root / kind / "read_x" for kind in ("corpus", "working", "found"))
-            for folder in (corpus, working, found):
+            def file(title, size):
+                path = pathlib.Path(name, title)
+                path.write_bytes(bytes(size))
+                return path
+
+            reached = [(file("large", 90), set(range(50))), (file("good", 30), set(range(40))),
+                       (file("other", 10), {98, 99}), (file("known", 1), {98}), (file("too large", 500), {200, 201}),
+                       (file("nothing", 1), set())]
+            with unittest.mock.patch.object(fuzz_night, "MOST_BYTES", 60):
+                chosen = fuzz_night.within_bound(reached)
+        self.assertEqual([path.name for path in chosen], ["good", "known", "other"])
+
+    def test_a_corpus_is_replaced_by_files_named_after_their_content(self):
+        with tempfile.TemporaryDirectory() as name:
+            corpus, found = pathlib.Path(name, "corpus/read_x"), pathlib.Path(name, "found")
+            for folder in (corpus, found):
                 folder.mkdir(parents=True)
             (corpus / "old").write_bytes(b"old")
-            (found / "large").write_bytes(bytes(90))
-            (found / "small").write_bytes(b"small")
-            with unittest.mock.patch.multiple(fuzz_night, run=merged, MOST_BYTES=20, WORKING=root / "working",
-                                              CORPUS=root / "corpus", ENGINES={"libfuzzer": root}):
-                fuzz_night.merge("read_x", found)
-            self.assertEqual({file.read_bytes() for file in corpus.iterdir()}, {b"old", b"small"})
-            self.assertEqual({file.stat().st_size for file in working.iterdir()}, {3, 5, 90})
+            (found / "new").write_bytes(b"new")
+            fuzz_night.replace(corpus, [found / "new"])
+            self.assertEqual([(path.name, path.read_bytes()) for path in corpus.iterdir()],
+                             [("c2a6b03f190dfb2b4aa91f8af8d477a9bc3401dc", b"new")])
+            self.assertEqual([path.name for path in corpus.parent.iterdir()], ["read_x"])
 
 
 unittest.main()

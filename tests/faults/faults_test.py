@@ -42,7 +42,8 @@ def scenarios(model, scene, script):
     found = [Scenario(f"write {kind}", [*convert, "model.tgz", f"out.{kind}"], f"out.{kind}", [model])
              for kind in ("tgz", "glb", "gltf", "sog", "ply", "compressed.ply", "spz", "splat", "html")]
     return found + [
-        Scenario("write anew", ["tgconvert", "--quiet", "model.tgz", "out.ply"], "out.ply", [model], older=False),
+        Scenario("write anew", ["tgconvert", "--quiet", "model.tgz", "out.ply"], "out.ply", [model], older=False,
+                 again=["--overwrite"]),
         Scenario("check", ["tgconvert", "check", "model.tgz"], None, [model]),
         Scenario("edit", [*convert, "model.tgz", "out.glb", "--merge-pairs", "10%", "--sh-degree", "1"], "out.glb", [model]),
         Scenario("train", ["tgtrain", "scene", "-o", "out.tgz", "--iterations", "3", "--texture-iterations", "2",
