@@ -24,7 +24,7 @@ if(TG_SANITIZE)
     "$<${tg_cxx}:-fsanitize=${TG_SANITIZE};-fno-omit-frame-pointer;-fno-sanitize-recover=all>")
   target_link_options(tg_options INTERFACE -fsanitize=${TG_SANITIZE})
 endif()
-if(TG_FUZZ)
+if(TG_FUZZ AND NOT TG_FUZZ STREQUAL AFL)  # AFL++'s compiler instruments by itself
   target_compile_options(tg_options INTERFACE $<${tg_cxx}:-fsanitize=fuzzer-no-link>)
   target_link_options(tg_options INTERFACE -fsanitize=fuzzer-no-link)
 endif()

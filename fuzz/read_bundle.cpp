@@ -22,7 +22,8 @@ using Bytes = std::vector<std::uint8_t>;
 
 Bytes gzip(const Bytes& bytes) {
   z_stream stream{};
-  if (deflateInit2(&stream, 1, Z_DEFLATED, 31, 8, Z_DEFAULT_STRATEGY) != Z_OK) std::abort();
+  // Stored: what is packed is not looked at.
+  if (deflateInit2(&stream, Z_NO_COMPRESSION, Z_DEFLATED, 31, 8, Z_DEFAULT_STRATEGY) != Z_OK) std::abort();
   Bytes packed(deflateBound(&stream, bytes.size()) + 64);
   stream.next_in = const_cast<std::uint8_t*>(bytes.data());
   stream.avail_in = static_cast<uInt>(bytes.size());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any bytes are a glTF file with splats or an Error, in memory as in a file, which is read in blocks; what was read is
-// a sound model.
+// a sound model. Files of an odd size are read without their texture layer.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -30,13 +30,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const int file = ::memfd_create("fuzz.glb", 0);
   static const std::string path = "/proc/self/fd/" + std::to_string(file);
   if (::ftruncate(file, 0) != 0 || ::pwrite(file, data, size, 0) != static_cast<ssize_t>(size)) std::abort();
-  for (const bool base_only : {false, true}) {
-    tg::ReadOptions options;
-    options.base_only = base_only;
-    const auto from_memory = gaussians([&] { return tg::parseGltf({data, size}, "fuzz.glb", options); });
-    const auto from_file = gaussians([&] { return tg::readGltf(path, options); });
-    // A file may name others, which bytes alone may not.
-    if (from_memory && from_memory != from_file) std::abort();
-  }
+  tg::ReadOptions options;
+  options.base_only = size % 2 != 0;
+  const auto from_memory = gaussians([&] { return tg::parseGltf({data, size}, "fuzz.glb", options); });
+  const auto from_file = gaussians([&] { return tg::readGltf(path, options); });
+  // A file may name others, which bytes alone may not.
+  if (from_memory && from_memory != from_file) std::abort();
   return 0;
 }

@@ -16,7 +16,7 @@ namespace {
 
 std::string pageOf(const std::uint8_t* data, std::size_t size) {
   z_stream stream{};
-  if (deflateInit2(&stream, 1, Z_DEFLATED, 31, 8, Z_DEFAULT_STRATEGY) != Z_OK) std::abort();
+  if (deflateInit2(&stream, Z_NO_COMPRESSION, Z_DEFLATED, 31, 8, Z_DEFAULT_STRATEGY) != Z_OK) std::abort();
   std::vector<std::uint8_t> packed(deflateBound(&stream, size) + 64);
   stream.next_in = const_cast<std::uint8_t*>(data);
   stream.avail_in = static_cast<uInt>(size);

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The configurations that look for faults, a line each: `scripts/check.sh [--only NAME]... [--seconds N]`. debug: asserts,
-# asan: memory and undefined behaviour, tsan: threads, fuzz: every target for N seconds (60); tidy runs when it is named.
+# asan: memory and undefined behaviour, tsan: threads, fuzz: every target for N seconds (60) from fuzz/corpus
+# (scripts/fuzz_night.py is for more); tidy runs when it is named.
 # Each builds in build-NAME and keeps what it built, its log (check.log) and its fuzz corpus: go on with --only.
 # All but debug need clang-19, clang-tidy-19 and libclang-rt-19-dev.
 set -uo pipefail
@@ -22,25 +23,14 @@ done
 [ ${#names[@]} -gt 0 ] || names=(debug asan tsan fuzz)
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
 
-# Files of every kind, for the targets to begin with: small ones, since libFuzzer cuts what is above 1 MiB.
-make_seeds() {
-  local name
-  mkdir -p "$1"
-  cp docs/images/*.png "$1" && python3 scripts/make_conformance.py "$1/conformance" || return
-  for name in tgz ply compressed.ply spz sog splat glb html; do
-    build-fuzz/bin/tgconvert docs/sample.tgz "$1/sample.$name" --decimate 100 --no-psnr --overwrite || return
-  done
-  build-fuzz/bin/tgconvert docs/sample.tgz "$1/steps.glb" --decimate 100 --no-psnr --overwrite --steps 2 --atlas webp
-}
-
 fuzz() {
-  local status=0 target corpus seeds=build-fuzz/seeds
-  make_seeds "$seeds" || return
+  local status=0 target name corpus
   for target in build-fuzz/bin/fuzz_*; do
-    corpus=build-fuzz/corpus/${target##*/}
+    name=${target##*/fuzz_}
+    corpus=build-fuzz/check/$name
     mkdir -p "$corpus"
-    "$target" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=2560 -artifact_prefix="$corpus-" \
-      "$corpus" "$seeds" docs/gltf-extension || status=1
+    "$target" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=2560 -max_len=16384 -artifact_prefix="$corpus-" \
+      "$corpus" "fuzz/corpus/$name" || status=1
   done
   return $status
 }

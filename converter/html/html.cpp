@@ -16,6 +16,7 @@
 #include "converter/formats/little_endian.h"
 #include "converter/gltf/container.h"
 #include "core/file/file.h"
+#include "core/file/scratch_folder.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -171,21 +172,20 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
   const PageParts page = pageParts();
   GltfReport report;
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
-    // The GLB has no name any more once it is open: whatever happens, nothing is left behind.
-    const std::filesystem::path glb_path = temporary.string() + ".glb";
+    const ScratchFile glb_file(temporary.string() + ".glb");
     GltfContent lean = content;
     lean.options.lean = true;
     // What the page's script does not read.
     const bool in_steps = lean.options.steps || lean.options.texture_step;  // which EXR is refused with
     if (lean.options.atlas == AtlasFormat::exr && !in_steps) lean.options.atlas = AtlasFormat::png16;
     try {
-      report = writeGlb(glb_path, lean);
+      report = writeGlb(glb_file.path(), lean);
     } catch (const Error& error) {
       if (error.kind != ErrorKind::cannotWrite) throw;
       throw Error(error.kind, path.string(), "cannot write the GLB that it holds: the disk may be full");
     }
-    std::ifstream glb(glb_path, std::ios::binary);
-    std::filesystem::remove(glb_path);
+    std::ifstream glb(glb_file.path(), std::ios::binary);
+    std::filesystem::remove(glb_file.path());  // once it is open: who is killed from here on leaves nothing behind, either
 
     std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
     out << page.before_title << escaped(path.stem().string()) << page.before_bytes;

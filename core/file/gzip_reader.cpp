@@ -4,6 +4,7 @@
 
 #include <zlib.h>
 
+#include <algorithm>
 #include <fstream>
 #include <limits>
 #include <new>
@@ -25,7 +26,7 @@ namespace {
 constexpr std::uint64_t kMaxRatio = 1000;
 constexpr std::uint64_t kRatioFreeBytes = 1 << 20;
 constexpr std::size_t kInputBytes = 1 << 16;
-constexpr std::size_t kOutputBytes = 1 << 20;
+constexpr std::size_t kLeastOutputBytes = 1 << 16, kMostOutputBytes = 1 << 20;
 constexpr std::size_t kPiecesAhead = 4;
 
 }  // namespace
@@ -115,7 +116,7 @@ GzipReader::~GzipReader() = default;
 std::uint64_t GzipReader::inflatedBound() const {
   const std::uint64_t size = state_->file_size;
   const bool wraps = size > std::numeric_limits<std::uint64_t>::max() / 2 / kMaxRatio;
-  return wraps ? size : size * kMaxRatio + kRatioFreeBytes + kOutputBytes;
+  return wraps ? size : size * kMaxRatio + kRatioFreeBytes + kMostOutputBytes;
 }
 
 bool GzipReader::hasTrailingBytes() const {
@@ -126,8 +127,10 @@ bool GzipReader::hasTrailingBytes() const {
 std::span<const std::uint8_t> GzipReader::next() { return ahead_->next(); }
 
 void GzipReader::State::inflateNext(std::vector<std::uint8_t>& output) {
-  output.resize(finished ? 0 : kOutputBytes);
+  output.clear();
   if (finished) return;
+  // As much again as there was: a small file costs a small piece.
+  output.resize(std::clamp<std::size_t>(bytes_out, kLeastOutputBytes, kMostOutputBytes));
   stream.next_out = output.data();
   stream.avail_out = static_cast<uInt>(output.size());
   while (stream.avail_out > 0 && !finished) {

@@ -1,14 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-// A place for files that nobody is to see.
+// Places for files that nobody is to see.
 #pragma once
 #include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include "core/system/error.h"
+#include "core/system/temporary_files.h"
 
 namespace tg {
+
+// A file of this name, if there is one by then, is gone when this ends, or when a signal ends the program before.
+class ScratchFile {
+ public:
+  explicit ScratchFile(std::filesystem::path path) : path_(std::move(path)), named_(path_) {}
+  ~ScratchFile() {
+    std::error_code ignored;
+    std::filesystem::remove(path_, ignored);
+  }
+  ScratchFile& operator=(ScratchFile&&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+  RemovedBySignal named_;
+};
 
 // A folder, gone with what is in it when this ends.
 class ScratchFolder {

@@ -272,6 +272,10 @@ int runProgram(const char* name, const std::function<int()>& body) {
     std::fprintf(stderr, "%s: out of memory\n", name);
     return static_cast<int>(ErrorKind::device);
   } catch (const std::system_error& error) {
+    if (error.code() == std::errc::not_enough_memory) {  // of std::filesystem, too
+      std::fprintf(stderr, "%s: out of memory\n", name);
+      return static_cast<int>(ErrorKind::device);
+    }
     // A thread that cannot start. What is wrong with a file says so itself.
     const bool again = error.code() == std::errc::resource_unavailable_try_again;
     std::fprintf(stderr, "%s: %s%s\n", name, again ? "no thread can be started: " : "", error.what());

@@ -42,6 +42,8 @@ def scenarios(model, scene, script):
     found = [Scenario(f"write {kind}", [*convert, "model.tgz", f"out.{kind}"], f"out.{kind}", [model])
              for kind in ("tgz", "glb", "gltf", "sog", "ply", "compressed.ply", "spz", "splat", "html")]
     return found + [
+        Scenario("write anew", ["tgconvert", "--quiet", "model.tgz", "out.ply"], "out.ply", [model], older=False,
+                 again=["--overwrite"]),
         Scenario("check", ["tgconvert", "check", "model.tgz"], None, [model]),
         Scenario("edit", [*convert, "model.tgz", "out.glb", "--merge-pairs", "10%", "--sh-degree", "1"], "out.glb", [model]),
         Scenario("train", ["tgtrain", "scene", "-o", "out.tgz", "--iterations", "3", "--texture-iterations", "2",
@@ -88,7 +90,7 @@ def contents(folder, temporary):
 def spread(calls, most):
     if calls <= most:
         return range(1, calls + 1)
-    return sorted({1 + (calls - 1) * i // (most - 1) for i in range(most)})
+    return sorted({1 + (calls - 1) * i // max(1, most - 1) for i in range(most)})
 
 
 class Runner:
@@ -135,7 +137,8 @@ class Runner:
         if done.returncode == 0:
             differing = sorted(name for name in wanted.keys() | files.keys() if wanted.get(name) != files.get(name))
             return f"success, but other bytes: {differing}" if differing else None
-        if any((kind, done.returncode) == known[:2] and known[2] in said for known in KNOWN):
+        told = said + done.stdout.decode(errors="replace")  # a check tells on standard output what is wrong
+        if any((kind, done.returncode) == known[:2] and known[2] in told for known in KNOWN):
             return None
         if kind == "kill":
             return self.judge_killed(scenario, done, files, before, wanted)

@@ -176,6 +176,14 @@ ssize_t write(int file, const void* from, std::size_t size) {
 ssize_t writev(int file, const iovec* parts, int count) {
   return fails("write", ENOSPC) ? -1 : syscall(SYS_writev, file, parts, count);
 }
+ssize_t pwrite64(int file, const void* from, std::size_t size, off64_t at) {
+  return fails("write", ENOSPC) ? -1 : syscall(SYS_pwrite64, file, from, size, at);
+}
+ssize_t pwrite(int file, const void* from, std::size_t size, off_t at) { return pwrite64(file, from, size, at); }
+int ftruncate64(int file, off64_t size) {
+  return fails("write", ENOSPC) ? -1 : static_cast<int>(syscall(SYS_ftruncate, file, size));
+}
+int ftruncate(int file, off_t size) { return ftruncate64(file, size); }
 std::size_t fwrite(const void* from, std::size_t size, std::size_t n, FILE* file) {
   TG_NEXT(fwrite);
   return file != stderr && fails("write", ENOSPC) ? 0 : real(from, size, n, file);
@@ -192,6 +200,9 @@ int fsync(int file) { return fails("sync", EIO) ? -1 : static_cast<int>(syscall(
 int fdatasync(int file) { return fails("sync", EIO) ? -1 : static_cast<int>(syscall(SYS_fdatasync, file)); }
 int rename(const char* from, const char* to) {
   return fails("rename", EIO) ? -1 : static_cast<int>(syscall(SYS_rename, from, to));
+}
+int renameat2(int from_folder, const char* from, int to_folder, const char* to, unsigned flags) {
+  return fails("rename", EIO) ? -1 : static_cast<int>(syscall(SYS_renameat2, from_folder, from, to_folder, to, flags));
 }
 int link(const char* from, const char* to) {
   return fails("rename", EIO) ? -1 : static_cast<int>(syscall(SYS_link, from, to));

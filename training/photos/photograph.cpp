@@ -20,6 +20,7 @@
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "training/photos/hdr.h"
+#include "training/photos/heif_references.h"
 
 namespace tg {
 namespace {
@@ -187,6 +188,7 @@ TakenPhotograph readHeif(Bytes bytes, const std::string& path) {
       throw Error(ErrorKind::badData, path, std::string("broken HEIC: ") + (error.message ? error.message : "?"));
     }
   };
+  checkHeifReferences(bytes, path);
   const std::unique_ptr<heif_context, void (*)(heif_context*)> context(heif_context_alloc(), heif_context_free);
   if (!context) throw std::bad_alloc();
   check(heif_context_read_from_memory_without_copy(context.get(), bytes.data(), bytes.size(), nullptr));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole files: bounds in, all or nothing out.
 #include <cstdlib>
+#include <fstream>
+#include <new>
 #include <stdexcept>
 
 #include "core/file/atomic_files.h"
@@ -181,4 +183,16 @@ TEST_CASE("without a place for temporary files there is one line that names it")
   }
   ::setenv("TMPDIR", temporary.c_str(), 1);
   CHECK(said == "/nonexistent: no folder for temporary files: No such file or directory");
+}
+
+TEST_CASE("a scratch file is gone with its owner, whatever is thrown meanwhile") {
+  const tg::TemporaryFolder folder;
+  try {
+    const tg::ScratchFile file(folder / "scratch");
+    std::ofstream(file.path()) << "half";
+    throw std::bad_alloc();
+  } catch (const std::bad_alloc&) {
+  }
+  CHECK_FALSE(std::filesystem::exists(folder / "scratch"));
+  CHECK_NOTHROW(tg::ScratchFile(folder / "never there"));
 }

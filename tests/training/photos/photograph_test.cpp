@@ -15,8 +15,10 @@
 #include "core/image/webp.h"
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "training/photos/child.h"
+#include "training/photos/heif_references.h"
 
 namespace fs = std::filesystem;
 
@@ -170,6 +172,61 @@ TEST_CASE("hostile photographs end in an error or in a picture, wherever they ar
     changed[i] ^= 0x41;
     decode(changed);
   }
+}
+
+TEST_CASE("a HEIC whose pictures are made of each other is refused before libheif follows them", "[photos]") {
+  // Each reference is a picture and one that it is made of; "auxl": an alpha and the picture that has it.
+  struct Reference {
+    const char* type;
+    int from, to;
+  };
+  const auto heic = [](const std::vector<Reference>& references, bool wide = false) {
+    const auto number = [](Bytes& bytes, std::size_t value, int count) {
+      for (int k = count - 1; k >= 0; --k) bytes.push_back(static_cast<std::uint8_t>(value >> 8 * k));
+    };
+    const auto box = [&](const char* type, const Bytes& content) {
+      Bytes bytes;
+      number(bytes, 8 + content.size(), 4);
+      bytes.insert(bytes.end(), type, type + 4);
+      bytes.insert(bytes.end(), content.begin(), content.end());
+      return bytes;
+    };
+    Bytes iref = {wide, 0, 0, 0};
+    for (const Reference& reference : references) {
+      Bytes ends;
+      number(ends, static_cast<std::size_t>(reference.from), wide ? 4 : 2);
+      number(ends, 1, 2);
+      number(ends, static_cast<std::size_t>(reference.to), wide ? 4 : 2);
+      const Bytes entry = box(reference.type, ends);
+      iref.insert(iref.end(), entry.begin(), entry.end());
+    }
+    Bytes meta = {0, 0, 0, 0};
+    const Bytes inner = box("iref", iref);
+    meta.insert(meta.end(), inner.begin(), inner.end());
+    Bytes file = box("ftyp", {'h', 'e', 'i', 'c', 0, 0, 0, 0, 'm', 'i', 'f', '1'});
+    const Bytes outer = box("meta", meta);
+    file.insert(file.end(), outer.begin(), outer.end());
+    return file;
+  };
+  const auto said = [](const Bytes& file) {
+    return tg::test::messageOf([&] { tg::checkHeifReferences(file, "a.heic"); });
+  };
+  const std::string circle = "a.heic: broken HEIC: pictures are made of each other (expected at most 4, found 5)";
+  CHECK(said(heic({{"dimg", 2, 2}})) == circle);
+  CHECK(said(heic({{"dimg", 2, 2}}, true)) == circle);
+  CHECK(said(heic({{"dimg", 1, 2}, {"dimg", 2, 3}, {"dimg", 3, 1}})) == circle);
+  CHECK(said(heic({{"dimg", 1, 2}, {"auxl", 1, 2}})) == circle);
+  CHECK(said(heic({{"dimg", 1, 2}, {"dimg", 2, 3}, {"dimg", 3, 4}, {"dimg", 4, 5}, {"dimg", 5, 6}})) == circle);
+  CHECK(said(heic(std::vector<Reference>(65536, {"dimg", 1, 2}))) ==
+        "a.heic: broken HEIC: too many references (expected at most 65536, found 65537)");
+  // A grid of tiles, its alpha, a thumbnail and EXIF, as telephones write them.
+  CHECK(said(heic({{"dimg", 1, 2}, {"dimg", 1, 3}, {"auxl", 4, 1}, {"dimg", 4, 5}, {"thmb", 6, 1}, {"cdsc", 7, 1}})) ==
+        "accepted");
+  CHECK(said(heic({{"thmb", 1, 1}})) == "accepted");
+  // Cut anywhere it is no worse.
+  Bytes cut = heic({{"dimg", 1, 2}, {"dimg", 1, 3}});
+  for (; !cut.empty(); cut.pop_back()) CHECK(said(cut) == "accepted");
+  CHECK_THROWS_WITH(tg::decodePhotograph(heic({{"dimg", 2, 2}}), "a.heic"), Catch::Contains("made of each other"));
 }
 
 TEST_CASE("PNG, WebP and HEIC are photographs, too, and a transparent one keeps its alpha", "[photos]") {
