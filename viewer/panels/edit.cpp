@@ -116,17 +116,16 @@ void selectSection(ViewerState& state) {
   hint("Ctrl+I");
   ImGui::Checkbox("Visible only", &edit.visible_only);
   hint("Rectangle and brush leave alone what lies hidden behind others");
-  const auto slider = [](const char* id, double& value, double low, double high, const char* format) {
+  const auto radius = [](const char* id, double& value, double low, double high, const char* format) {
     auto shown = static_cast<float>(value);
     ImGui::SameLine();
     ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-    if (ImGui::SliderFloat(id, &shown, static_cast<float>(low), static_cast<float>(high), format,
-                           ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp)) {
+    if (slider(id, shown, static_cast<float>(low), static_cast<float>(high), format, ImGuiSliderFlags_Logarithmic)) {
       value = shown;
     }
   };
-  if (edit.tool == EditTool::brush) slider("##brush", edit.brush, kMinBrush, kMaxBrush, "Radius %.0f px");
-  if (edit.tool == EditTool::sphere) slider("##sphere", edit.sphere, 1e-3, 10, "Radius %.3f");
+  if (edit.tool == EditTool::brush) radius("##brush", edit.brush, kMinBrush, kMaxBrush, "Radius %.0f px");
+  if (edit.tool == EditTool::sphere) radius("##sphere", edit.sphere, 1e-3, 10, "Radius %.3f");
   if (edit.selection) {
     ImGui::TextColored(kHighlightText, "%s of %s selected", grouped(edit.selection->count).c_str(),
                        grouped(state.scene.gaussians).c_str());

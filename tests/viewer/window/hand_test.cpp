@@ -214,6 +214,41 @@ TEST_CASE("Undo and Redo are buttons, and a drag over the histogram selects", "[
   for (std::size_t i = 0; i < left.size(); ++i) CHECK(opacityOf(left, i) > lowest + 0.3 * (highest - lowest));
 }
 
+TEST_CASE("a slider is dragged, and its mark lies below its digits", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "wait 3\ntab time\nwindow whole.png\nresolution 0.5\nwait 2\nwindow half.png\n");
+  REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
+                      test::kXServer)
+              .exit_code == 0);
+  // What differs above: times. The knob is the lowest that does.
+  const Image whole = shop.read("whole.png"), half = shop.read("half.png");
+  int bottom = 0;
+  for (int y = 0; y < whole.height; ++y) {
+    for (int x = 0; x < kPanelWidth; ++x) {
+      if (std::abs(whole.at(x, y, 2) - half.at(x, y, 2)) > 0.2) bottom = y;
+    }
+  }
+  const std::string row = std::to_string(bottom - kHalfButton);
+  test::playByHand(shop,
+                   "panel on\nsize " + kHigh + "\ntab time\nwindow begin.png\n" + seen("held") + seen("dragged") +
+                       "picture smaller.png\nresolution 1\npicture whole.png\n",
+                   "reached begin.png\nto 150 " + row + "\npress 1\nseen held\nto 120 " + row + "\nto 80 " + row +
+                       "\nseen dragged\nrelease 1\n");
+  CHECK(shop.read("smaller.png").width < shop.read("whole.png").width);
+  // No blue among the digits, which are grey: but below them.
+  const auto blue = [&](int from, int to) {
+    int count = 0;
+    for (int y = from; y < to; ++y) {
+      for (int x = 20; x < 260; ++x) count += half.at(x, y, 2) - half.at(x, y, 0) > 0.2f;
+    }
+    return count;
+  };
+  CHECK(blue(bottom - 18, bottom - 3) == 0);
+  CHECK(blue(bottom - 3, bottom + 1) > 20);
+}
+
 TEST_CASE("a window that was minimised and hidden comes back with its picture", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
