@@ -14,7 +14,9 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
+#include <string_view>
 
 #include "core/tiny_model.h"
 #include "support/catch.h"
@@ -284,6 +286,49 @@ TEST_CASE("a notice that is longer than the window is wide stays inside") {
     CHECK(window->Pos.x + window->Size.x <= Interface::kWidth);
     CHECK(window->ContentSize.x <= window->Size.x);
     CHECK(window->ContentSize.y <= window->Size.y);
+  }
+}
+
+TEST_CASE("words over the picture leave the panel's buttons free where it covers the picture, too") {
+  ViewerState state;
+  state.ui.panel = true;
+  state.messages.error = "no room";
+  notify(state, "Saved /a/folder/with/a/long/name/model-001.png");
+  const Interface interface;
+  ImGui::GetIO().DisplaySize = {500, 400};
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  REQUIRE(panelWidth(state, 500) == 0);
+  const auto width = static_cast<float>(kUsualPanel) * ImGui::GetFontSize();
+  for (const char* name : {"notice", "error", "welcome"}) {
+    INFO(name);
+    const ImGuiWindow* window = ImGui::FindWindowByName(name);
+    REQUIRE(window);
+    CHECK(window->Pos.x >= width - 1);
+    CHECK(window->Pos.x + window->Size.x <= 500);
+  }
+}
+
+TEST_CASE("outputs are buttons to click once there is a model") {
+  for (const bool there : {false, true}) {
+    INFO(there);
+    ViewerState state = there ? bareState() : ViewerState();
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const auto& windows = ImGui::GetCurrentContext()->Windows;
+    const auto found = std::ranges::find_if(windows, [](const ImGuiWindow* window) {
+      return std::string_view(window->Name).find("/page") != std::string_view::npos;
+    });
+    REQUIRE(found != windows.end());
+    const ImGuiWindow* page = *found;
+    const ImVec2 corner = page->Pos;
+    std::set<Output> shown;
+    for (float y = corner.y; y < corner.y + 100; y += 8) {
+      for (float x = corner.x; x < corner.x + page->Size.x; x += 16) {
+        for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {x, y}, pressed);
+        shown.insert(state.display.output);
+      }
+    }
+    CHECK(shown.size() == (there ? static_cast<std::size_t>(kCount<Output>) : 1));
   }
 }
 
