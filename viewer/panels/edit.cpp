@@ -69,7 +69,7 @@ void histogramBars(ViewerState& state, const Histogram& histogram) {
     draw->AddRectFilled({left, corner.y + size.y - high}, {left + width - 1, corner.y + size.y},
                         ImGui::GetColorU32(ImGuiCol_PlotHistogram));
   }
-  if (edit.low <= edit.high) {
+  if (rangeHolds(edit)) {
     const auto x = [&](double v) { return corner.x + static_cast<float>((v - histogram.low) / per_pixel); };
     draw->AddRectFilled({x(edit.low), corner.y}, {x(edit.high) + 1, corner.y + size.y}, IM_COL32(255, 190, 60, 70));
     ImGui::Text("%s to %s", valueText(value, edit.low).c_str(), valueText(value, edit.high).c_str());

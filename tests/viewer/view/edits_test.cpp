@@ -229,6 +229,29 @@ TEST_CASE("a histogram counts every Gaussian, and its range chooses them") {
   }
 }
 
+TEST_CASE("a range of the histogram is marked while it says what is selected") {
+  ViewerState state = sampleState();
+  frame(state);
+  const Histogram* histogram = histogramShown(state);
+  REQUIRE(histogram);
+  CHECK_FALSE(rangeHolds(state.edit));
+  state.edit.range_before = nullptr;
+  chooseRange(state, histogram->low, (histogram->low + histogram->high) / 2);
+  REQUIRE(state.edit.selection);
+  state.edit.range_before.reset();
+  frame(state);
+  CHECK(rangeHolds(state.edit));
+  press(state, kKeyDelete);
+  frame(state);
+  CHECK_FALSE(rangeHolds(state.edit));
+  press(state, kUndo);
+  CHECK(rangeHolds(state.edit));
+  chooseAll(state);
+  CHECK_FALSE(rangeHolds(state.edit));
+  chooseNone(state);
+  CHECK_FALSE(rangeHolds(state.edit));
+}
+
 TEST_CASE("a histogram has a place for sigmas that doubles cannot hold") {
   GaussianModel model = tinyModel(20, 0);
   model.log_scale[3] = glm::vec3(800.0f);

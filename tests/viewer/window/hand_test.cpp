@@ -194,12 +194,21 @@ TEST_CASE("Undo and Redo are buttons, and a drag over the histogram selects", "[
                        "picture undone-picture.png\n" + seen("redone") +
                        "picture redone-picture.png\noutput final\npicture final.png\noutput depth\n"
                        "picture depth-picture.png\ntab edit\nwindow edit.png\n" +
-                       seen("pressed") + seen("far") + seen("dragged") + "delete-selection\nsave-model left.tgz\n",
+                       seen("pressed") + seen("far") + seen("dragged") + seen("deleted") + "save-model left.tgz\n",
                    "reached depth.png\nclick 70 " + row + "\nseen undone\nclick 220 " + row +
                        "\nseen redone\nreached edit.png\n"
                        "to 14 " +
                        bars + "\npress 1\nseen pressed\nto 60 " + bars + "\nto 150 " + bars +
-                       "\nseen far\nrelease 1\nseen dragged\n");
+                       "\nseen far\nrelease 1\nto 500 600\nseen dragged\nkey Delete\nseen deleted\n");
+  // The range is marked while it says what is selected.
+  const auto marked = [&](const char* window) {
+    const Image image = shop.read(window);
+    int orange = 0;
+    for (int x = 20; x < 140; ++x) orange += image.at(x, count_row + 70, 0) > image.at(x, count_row + 70, 2) + 0.1f;
+    return orange > 60;
+  };
+  CHECK(marked("dragged.png"));
+  CHECK_FALSE(marked("deleted.png"));
   CHECK(psnr(shop.read("undone-picture.png"), shop.read("final.png")) > 60);
   CHECK(psnr(shop.read("redone-picture.png"), shop.read("depth-picture.png")) > 60);
   CHECK(psnr(shop.read("final.png"), shop.read("depth-picture.png")) < 45);
