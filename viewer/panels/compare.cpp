@@ -20,7 +20,8 @@ void chooseOther(ViewerState& state) {
   const int other = otherDocument(state);
   const std::string preview = compare.with_photographs ? "photographs" : other >= 0 ? label(other) : "nothing";
   ImGui::SetNextItemWidth(-1);
-  if (!ImGui::BeginCombo("##other", preview.c_str())) return;
+  const float room = ImGui::CalcItemWidth() - ImGui::GetFrameHeight() - 2 * ImGui::GetStyle().FramePadding.x;
+  if (!ImGui::BeginCombo("##other", cutMiddle(preview, room).c_str())) return;
   if (photographs && ImGui::Selectable("photographs", compare.with_photographs)) compare.with_photographs = true;
   for (int i = 0; i < static_cast<int>(open.size()); ++i) {
     if (i == state.documents.shown) continue;

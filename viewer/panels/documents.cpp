@@ -44,8 +44,8 @@ void documentsSection(ViewerState& state) {
     ImGui::PushID(i);
     const float width = ImGui::GetContentRegionAvail().x - button - spacing;
     ImGui::AlignTextToFramePadding();
-    if (ImGui::Selectable(printable(open[i].path.filename().string()).c_str(), i == state.documents.shown, 0,
-                          {width, 0})) {
+    const std::string name = cutMiddle(printable(open[i].path.filename().string()), width);
+    if (ImGui::Selectable(name.c_str(), i == state.documents.shown, 0, {width, 0})) {
       state.documents.show_request = i;
     }
     hint((printable(open[i].path.string()) + "\nPage Up / Page Down step through the open models").c_str());

@@ -34,7 +34,7 @@ void helpRow(const char* keys, const char* text) {
   ImGui::TextUnformatted(text);
 }
 
-constexpr float kLeastLetters = 11;  // [ImGui units] that can be read
+constexpr float kLeastLetters = 0.85f;  // [font heights] that can be read: 11 of 13 px, more on finer screens
 const ImVec2 kHelpPadding(6, 1);  // [ImGui units] beside and above a cell
 
 // Columns of `rows` lines, in letters of full size, with the window around them.
@@ -75,9 +75,8 @@ void help(ViewerState& state) {
     size = needed;
     scale = fits;
   }
-  const float least = std::min(1.0f, kLeastLetters / ImGui::GetFontSize());
-  if (scale < least) {
-    scale = least;
+  if (scale < kLeastLetters) {
+    scale = kLeastLetters;
     const float bar = ImGui::GetStyle().ScrollbarSize;
     for (columns = 4;; --columns) {
       rows = (lines.size() + columns - 1) / columns;

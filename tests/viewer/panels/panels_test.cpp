@@ -336,13 +336,15 @@ TEST_CASE("the list of keys keeps letters that can be read, scrolls where it has
   ViewerState state = bareState();
   state.ui.help = true;
   const Interface interface;
-  for (const ImVec2 size : {ImVec2(640, 480), ImVec2(320, 200), ImVec2(1900, 1400)}) {
+  for (const auto& [size, fine] :
+       {std::pair(ImVec2(640, 480), 1), {ImVec2(320, 200), 1}, {ImVec2(1900, 1400), 1}, {ImVec2(1280, 800), 2}}) {
     CAPTURE(size.x);
     ImGui::GetIO().DisplaySize = size;
+    ImGui::GetIO().FontGlobalScale = static_cast<float>(fine);
     for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
     const ImGuiWindow* window = ImGui::FindWindowByName("help");
     REQUIRE(window);
-    CHECK(window->FontWindowScale * ImGui::GetFontSize() >= 11);
+    CHECK(window->FontWindowScale * ImGui::GetFontSize() >= 11 * static_cast<float>(fine));
     CHECK(window->Size.x <= size.x);
     CHECK(window->Size.y <= size.y);
     CHECK(window->ScrollbarY == (size.y < 1000));
