@@ -177,9 +177,9 @@ void welcome(ViewerState& state) {
     // The name, and as much of its folder as there is room for.
     ImGui::PopID();
     const std::string name = printable(path.filename().string()), folder = printable(path.parent_path().string());
-    const float begin = ImGui::CalcTextSize(name.c_str()).x + font;
-    clippedText(corner, width, ImGui::GetColorU32(ImGuiCol_Text), name);
-    clippedText({corner.x + begin, corner.y}, width - begin, ImGui::GetColorU32(ImGuiCol_TextDisabled), folder);
+    const float begin = ImGui::CalcTextSize(name.c_str()).x + font, rest = width - begin;
+    clippedText(corner, width, ImGui::GetColorU32(ImGuiCol_Text), cutMiddle(name, width));
+    clippedText({corner.x + begin, corner.y}, rest, ImGui::GetColorU32(ImGuiCol_TextDisabled), cutMiddle(folder, rest));
   }
   ImGui::End();
 }

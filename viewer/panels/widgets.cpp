@@ -4,9 +4,15 @@
 
 #include <imgui_internal.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace tg {
+namespace {
+
+constexpr float kHintFonts = 40;  // [font heights] of a line, at most
+
+}  // namespace
 
 void heading(const char* text) {
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
@@ -14,7 +20,13 @@ void heading(const char* text) {
 }
 
 void hint(const char* text) {
-  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) ImGui::SetTooltip("%s", text);
+  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) return;
+  ImGui::BeginTooltip();
+  const float room = ImGui::GetIO().DisplaySize.x - 2 * ImGui::GetStyle().WindowPadding.x;
+  ImGui::PushTextWrapPos(std::min(kHintFonts * ImGui::GetFontSize(), room));
+  ImGui::TextUnformatted(text);
+  ImGui::PopTextWrapPos();
+  ImGui::EndTooltip();
 }
 
 namespace {

@@ -308,6 +308,23 @@ TEST_CASE("words over the picture leave the panel's buttons free where it covers
   }
 }
 
+TEST_CASE("a hint that is longer than the window is wide stays inside, as does a long name") {
+  ViewerState state;
+  state.recent = {"/" + std::string(300, 'x') + "/" + std::string(200, 'y') + ".tgz"};
+  const Interface interface;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  const ImGuiWindow* welcome = ImGui::FindWindowByName("welcome");
+  REQUIRE(welcome);
+  const ImVec2 row(welcome->Pos.x + welcome->Size.x / 2, welcome->Pos.y + welcome->Size.y - 14);
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, row);
+  const ImGuiWindow* hint = ImGui::FindWindowByName("##Tooltip_00");
+  REQUIRE(hint);
+  CHECK(hint->Pos.x >= 0);
+  CHECK(hint->Pos.x + hint->Size.x <= Interface::kWidth);
+  CHECK(hint->ContentSize.y > 2 * ImGui::GetFontSize());  // lines
+  CHECK(welcome->Pos.x + welcome->Size.x <= Interface::kWidth);
+}
+
 TEST_CASE("outputs are buttons to click once there is a model") {
   for (const bool there : {false, true}) {
     INFO(there);
