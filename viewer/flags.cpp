@@ -163,7 +163,7 @@ void declare(CLI::App& app, Flags& flags) {
                {"tgview a.tgz --compare b.tgz", "two models"},
                {"tgview --follow run", "a training run"},
                {"tgview model.tgz --serve 8080", "in a browser"},
-               {"tgview model.tgz --inspect 640,360", "what is blended at a pixel"}},
+               {"tgview model.tgz --inspect 640,360 --size 1280x720", "what is blended at a pixel"}},
               kFooter);
 }
 

@@ -316,6 +316,8 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   says(trial.photos("'photos/IMG 0.jpg' -o x.tgz"), 3, "too few photographs");
   says(trial.photos("scene -o x.tgz"), 1, "scene: is a data set with cameras already: `tgtrain scene -o model.tgz`");
   CHECK_FALSE(fs::exists(trial / "x.photos"));
+  std::ofstream(trial / "empty/notes.jpg") << "a text";
+  says(trial.photos("empty -o x.tgz"), 3, "found 0); no photographs by their bytes: notes.jpg");
   std::ofstream(trial / "empty/IMG_1.DNG") << "II*";
   std::ofstream(trial / "empty/IMG_2.MOV") << "a film";
   says(trial.photos("empty -o x.tgz"), 3, "it holds pictures in formats that are not read: IMG_1.DNG (export");

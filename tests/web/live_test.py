@@ -59,6 +59,18 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             shown = browser.evaluate("window.__shown")
             until("a model after that", lambda: browser.evaluate("window.__shown") > shown)
             check(browser.evaluate("tgViewer.orbit.camera.eye.join()") == eye, "the view moved")
+            # A button, and what has the keyboard, outlive a newer model.
+            browser.evaluate("document.getElementById('camera').firstElementChild.kept = true; 0")
+            browser.click(*browser.middle("#toggle"))
+            x, y = browser.middle("#show button:nth-child(5)")
+            press = lambda kind: browser.page("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+            press("mousePressed")
+            shown = browser.evaluate("window.__shown")
+            until("a model below a press", lambda: browser.evaluate("window.__shown") > shown)
+            press("mouseReleased")
+            check(browser.evaluate("tgViewer.settings.show") == "depth", "the press was lost")
+            check(browser.evaluate("document.activeElement.textContent") == "depth", "the keyboard's place was lost")
+            check(browser.evaluate("document.getElementById('camera').firstElementChild.kept"), "the list was made anew")
             for width, height in ((1280, 800), (390, 780)):
                 browser.page("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1,
                              mobile=width < 600)

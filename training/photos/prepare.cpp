@@ -51,6 +51,7 @@ std::string filmWords(const fs::path& folder, const PhotographList& list) {
                   expectedFound("at least " + std::to_string(kFewestPhotographs) +
                                     " JPEG, PNG, WebP or HEIC files, better 30 to 200",
                                 std::to_string(found)) +
+                  (list.ignored.empty() ? "" : "; no photographs by their bytes: " + someOf(list.ignored)) +
                   (list.unread.empty() ? "" : "; it holds " + unreadWords(list)) +
                   (list.films.empty() ? "" : "; it holds " + filmWords(input, list)));
 }

@@ -58,7 +58,7 @@ void cameraSection(ViewerState& state) {
   const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
   ImGui::SetNextItemWidth(half);
   auto degrees = static_cast<float>(state.camera.lens.fov_y / kDegrees);
-  if (ImGui::SliderFloat("##lens", &degrees, 5.0f, 140.0f, "Lens %.1f\xc2\xb0", ImGuiSliderFlags_AlwaysClamp)) {
+  if (slider("##lens", degrees, 5.0f, 140.0f, "Lens %.1f\xc2\xb0")) {
     state.camera.lens.fov_y = degrees * kDegrees;
     state.camera.index = -1;
   }
@@ -66,8 +66,7 @@ void cameraSection(ViewerState& state) {
   ImGui::SameLine(0, spacing);
   ImGui::SetNextItemWidth(half);
   auto speed = static_cast<float>(state.camera.speed);
-  if (ImGui::SliderFloat("##speed", &speed, 0.02f, 20.0f, "Speed %.2f",
-                         ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp)) {
+  if (slider("##speed", speed, 0.02f, 20.0f, "Speed %.2f", ImGuiSliderFlags_Logarithmic)) {
     state.camera.speed = speed;
   }
   hint("Of flying, in scene radii per second; Shift 4 x, Alt 1/4");
@@ -101,7 +100,7 @@ void motionSection(ViewerState& state) {
   ImGui::SameLine(0, spacing);
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   auto speed = static_cast<float>(camera.turntable_speed / kDegrees);
-  if (ImGui::SliderFloat("##turn", &speed, -180.0f, 180.0f, "%.0f\xc2\xb0 / s", ImGuiSliderFlags_AlwaysClamp)) {
+  if (slider("##turn", speed, -180.0f, 180.0f, "%.0f\xc2\xb0 / s")) {
     camera.turntable_speed = speed * kDegrees;
   }
 }

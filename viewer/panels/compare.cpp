@@ -20,7 +20,8 @@ void chooseOther(ViewerState& state) {
   const int other = otherDocument(state);
   const std::string preview = compare.with_photographs ? "photographs" : other >= 0 ? label(other) : "nothing";
   ImGui::SetNextItemWidth(-1);
-  if (!ImGui::BeginCombo("##other", preview.c_str())) return;
+  const float room = ImGui::CalcItemWidth() - ImGui::GetFrameHeight() - 2 * ImGui::GetStyle().FramePadding.x;
+  if (!ImGui::BeginCombo("##other", cutMiddle(preview, room).c_str())) return;
   if (photographs && ImGui::Selectable("photographs", compare.with_photographs)) compare.with_photographs = true;
   for (int i = 0; i < static_cast<int>(open.size()); ++i) {
     if (i == state.documents.shown) continue;
@@ -39,7 +40,7 @@ void modeControls(CompareState& compare) {
   switch (how.mode) {
     case CompareMode::wipe:
       ImGui::SetNextItemWidth(-1);
-      ImGui::SliderFloat("##divider", &how.divider, 0.0f, 1.0f, "Divider %.2f", ImGuiSliderFlags_AlwaysClamp);
+      slider("##divider", how.divider, 0.0f, 1.0f, "Divider %.2f");
       hint("Or drag the line in the picture");
       break;
     case CompareMode::flicker: {
@@ -47,8 +48,8 @@ void modeControls(CompareState& compare) {
       ImGui::Checkbox("Timed", &compare.timed);
       ImGui::SameLine();
       ImGui::SetNextItemWidth(-1);
-      if (ImGui::SliderFloat("##seconds", &seconds, static_cast<float>(kFastestFlicker),
-                             static_cast<float>(kSlowestFlicker), "%.1f s each", ImGuiSliderFlags_AlwaysClamp)) {
+      if (slider("##seconds", seconds, static_cast<float>(kFastestFlicker), static_cast<float>(kSlowestFlicker),
+                 "%.1f s each")) {
         compare.flicker_seconds = seconds;
       }
       hint("Shift+V shows the other one at any time");
@@ -59,8 +60,7 @@ void modeControls(CompareState& compare) {
       hint("Grey is equal; brighter where the other one is brighter");
       ImGui::SameLine();
       ImGui::SetNextItemWidth(-1);
-      ImGui::SliderFloat("##gain", &how.gain, 1.0f, kMaxGain, "Gain %.1f",
-                         ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp);
+      slider("##gain", how.gain, 1.0f, kMaxGain, "Gain %.1f", ImGuiSliderFlags_Logarithmic);
       break;
     default:
       break;

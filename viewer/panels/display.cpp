@@ -82,19 +82,18 @@ std::size_t settingWidgets(ViewerState& state, std::string_view heading) {
   }
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x, room = ImGui::GetContentRegionAvail().x;
   for (std::size_t i = 0; i < sliders.size(); ++i) {
-    const RenderSetting::Slider& slider = sliders[i]->slider;
+    const RenderSetting::Slider& range = sliders[i]->slider;
     const std::string id = "##" + std::string(sliders[i]->name);
-    const ImGuiSliderFlags flags =
-        ImGuiSliderFlags_AlwaysClamp | (slider.logarithmic ? ImGuiSliderFlags_Logarithmic : ImGuiSliderFlags_None);
+    const ImGuiSliderFlags flags = range.logarithmic ? ImGuiSliderFlags_Logarithmic : ImGuiSliderFlags_None;
     if (i % 2 == 1) ImGui::SameLine(0, spacing);
     ImGui::SetNextItemWidth(sliders.size() > 1 ? (room - spacing) / 2 : room);
     if (sliders[i]->number) {
-      ImGui::SliderFloat(id.c_str(), &(settings.*sliders[i]->number), slider.low, slider.high, slider.format, flags);
+      slider(id.c_str(), settings.*sliders[i]->number, range.low, range.high, range.format, flags);
     } else {
-      ImGui::SliderInt(id.c_str(), &(settings.*sliders[i]->whole), static_cast<int>(slider.low),
-                       static_cast<int>(slider.high), slider.format, flags);
+      const int low = static_cast<int>(range.low), high = static_cast<int>(range.high);
+      slider(id.c_str(), ImGuiDataType_S32, &(settings.*sliders[i]->whole), &low, &high, range.format, flags);
     }
-    hint(slider.help);
+    hint(range.help);
   }
   return sliders.size();
 }
@@ -159,8 +158,8 @@ void levelSection(ViewerState& state) {
   const std::uint64_t most = std::clamp(state.scene.streamed_from, kLeastOfSlider, kMostSplatBudget);
   const std::uint64_t least = kLeastOfSlider;
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  if (ImGui::SliderScalar("##budget", ImGuiDataType_U64, &budget, &least, &most, "At most %llu Gaussians",
-                          ImGuiSliderFlags_AlwaysClamp | ImGuiSliderFlags_Logarithmic)) {
+  if (slider("##budget", ImGuiDataType_U64, &budget, &least, &most, "At most %llu Gaussians",
+             ImGuiSliderFlags_Logarithmic)) {
     state.stream.budget = static_cast<std::size_t>(budget);
   }
   hint("How many are drawn: those that the picture needs most");

@@ -2,6 +2,7 @@
 // The models opened before, and the open ones when there are several.
 #include <imgui.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 
@@ -11,10 +12,13 @@
 
 namespace tg {
 
+constexpr float kNameFonts = 30;  // [font heights] of a name in a list of its own, at most
+
 void recentModels(ViewerState& state, bool (*item)(const char* label)) {
   for (const std::string& path : state.recent) {
     ImGui::PushID(path.c_str());
-    if (item(printable(std::filesystem::path(path).filename().string()).c_str())) {
+    const float most = std::min(kNameFonts * ImGui::GetFontSize(), 0.8f * ImGui::GetIO().DisplaySize.x);
+    if (item(cutMiddle(printable(std::filesystem::path(path).filename().string()), most).c_str())) {
       state.documents.open_requests.emplace_back(path);
     }
     hint(printable(path).c_str());
@@ -44,8 +48,8 @@ void documentsSection(ViewerState& state) {
     ImGui::PushID(i);
     const float width = ImGui::GetContentRegionAvail().x - button - spacing;
     ImGui::AlignTextToFramePadding();
-    if (ImGui::Selectable(printable(open[i].path.filename().string()).c_str(), i == state.documents.shown, 0,
-                          {width, 0})) {
+    const std::string name = cutMiddle(printable(open[i].path.filename().string()), width);
+    if (ImGui::Selectable(name.c_str(), i == state.documents.shown, 0, {width, 0})) {
       state.documents.show_request = i;
     }
     hint((printable(open[i].path.string()) + "\nPage Up / Page Down step through the open models").c_str());

@@ -69,7 +69,7 @@ void histogramBars(ViewerState& state, const Histogram& histogram) {
     draw->AddRectFilled({left, corner.y + size.y - high}, {left + width - 1, corner.y + size.y},
                         ImGui::GetColorU32(ImGuiCol_PlotHistogram));
   }
-  if (edit.low <= edit.high) {
+  if (rangeHolds(edit)) {
     const auto x = [&](double v) { return corner.x + static_cast<float>((v - histogram.low) / per_pixel); };
     draw->AddRectFilled({x(edit.low), corner.y}, {x(edit.high) + 1, corner.y + size.y}, IM_COL32(255, 190, 60, 70));
     ImGui::Text("%s to %s", valueText(value, edit.low).c_str(), valueText(value, edit.high).c_str());
@@ -116,17 +116,16 @@ void selectSection(ViewerState& state) {
   hint("Ctrl+I");
   ImGui::Checkbox("Visible only", &edit.visible_only);
   hint("Rectangle and brush leave alone what lies hidden behind others");
-  const auto slider = [](const char* id, double& value, double low, double high, const char* format) {
+  const auto radius = [](const char* id, double& value, double low, double high, const char* format) {
     auto shown = static_cast<float>(value);
     ImGui::SameLine();
     ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-    if (ImGui::SliderFloat(id, &shown, static_cast<float>(low), static_cast<float>(high), format,
-                           ImGuiSliderFlags_Logarithmic | ImGuiSliderFlags_AlwaysClamp)) {
+    if (slider(id, shown, static_cast<float>(low), static_cast<float>(high), format, ImGuiSliderFlags_Logarithmic)) {
       value = shown;
     }
   };
-  if (edit.tool == EditTool::brush) slider("##brush", edit.brush, kMinBrush, kMaxBrush, "Radius %.0f px");
-  if (edit.tool == EditTool::sphere) slider("##sphere", edit.sphere, 1e-3, 10, "Radius %.3f");
+  if (edit.tool == EditTool::brush) radius("##brush", edit.brush, kMinBrush, kMaxBrush, "Radius %.0f px");
+  if (edit.tool == EditTool::sphere) radius("##sphere", edit.sphere, 1e-3, 10, "Radius %.3f");
   if (edit.selection) {
     ImGui::TextColored(kHighlightText, "%s of %s selected", grouped(edit.selection->count).c_str(),
                        grouped(state.scene.gaussians).c_str());

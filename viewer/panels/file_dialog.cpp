@@ -113,7 +113,8 @@ bool fileRow(FileBrowser& browser, int row) {
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   const bool clicked = ImGui::Selectable("##file", row == browser.picked, ImGuiSelectableFlags_AllowDoubleClick);
   if (ImGui::CalcTextSize(label.c_str()).x > room) hint(label.c_str());
-  clippedText(corner, room, folder ? ImGui::GetColorU32(kHighlightText) : ImGui::GetColorU32(ImGuiCol_Text), label);
+  clippedText(corner, room, folder ? ImGui::GetColorU32(kHighlightText) : ImGui::GetColorU32(ImGuiCol_Text),
+              cutMiddle(label, room));
   clippedText({corner.x + width - size_width, corner.y}, size_width, ImGui::GetColorU32(ImGuiCol_TextDisabled), size);
   if (!clicked) return false;
   browser.picked = -1;

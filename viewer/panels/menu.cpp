@@ -60,13 +60,17 @@ void items(ViewerState& state) {
   if (beginMenu("Camera")) {
     actions(state, Menu::camera);
     ImGui::Separator();
-    if (ImGui::MenuItem("Save the bookmarks as")) state.desktop.wanted = FileUse::saveBookmarks;
+    if (ImGui::MenuItem("Save the bookmarks as", nullptr, false, !state.camera.bookmarks.empty())) {
+      state.desktop.wanted = FileUse::saveBookmarks;
+    }
     ImGui::EndMenu();
   }
   if (beginMenu("Path")) {
     actions(state, Menu::path);
     ImGui::Separator();
-    if (ImGui::MenuItem("Save the path as")) state.desktop.wanted = FileUse::savePath;
+    if (ImGui::MenuItem("Save the path as", nullptr, false, !state.path.path.keys.empty())) {
+      state.desktop.wanted = FileUse::savePath;
+    }
     ImGui::EndMenu();
   }
   if (beginMenu("Help")) {

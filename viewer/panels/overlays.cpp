@@ -20,10 +20,10 @@ namespace {
 constexpr ImGuiWindowFlags kPassive = (kOverlay & ~ImGuiWindowFlags_AlwaysAutoResize) | ImGuiWindowFlags_NoInputs |
                                       ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoFocusOnAppearing;
 
-// The middle of the picture, which lies right of the panel.
+// The middle of what the panel leaves of the picture.
 ImVec2 pictureCenter(const ViewerState& state) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  const float left = panelWidth(state, size.x);
+  const float left = besidePanel(state);
   return {left + (size.x - left) / 2, size.y / 2};
 }
 
@@ -34,7 +34,7 @@ void helpRow(const char* keys, const char* text) {
   ImGui::TextUnformatted(text);
 }
 
-constexpr float kLeastLetters = 11;  // [ImGui units] that can be read
+constexpr float kLeastLetters = 0.85f;  // [font heights] that can be read: 11 of 13 px, more on finer screens
 const ImVec2 kHelpPadding(6, 1);  // [ImGui units] beside and above a cell
 
 // Columns of `rows` lines, in letters of full size, with the window around them.
@@ -75,9 +75,8 @@ void help(ViewerState& state) {
     size = needed;
     scale = fits;
   }
-  const float least = std::min(1.0f, kLeastLetters / ImGui::GetFontSize());
-  if (scale < least) {
-    scale = least;
+  if (scale < kLeastLetters) {
+    scale = kLeastLetters;
     const float bar = ImGui::GetStyle().ScrollbarSize;
     for (columns = 4;; --columns) {
       rows = (lines.size() + columns - 1) / columns;
@@ -86,7 +85,7 @@ void help(ViewerState& state) {
     }
   }
   ImGui::SetNextWindowSizeConstraints({0, 0}, window);
-  const bool beside = panelWidth(state, window.x) + size.x <= window.x;
+  const bool beside = besidePanel(state) + size.x <= window.x;
   const ImVec2 center = beside ? pictureCenter(state) : ImVec2(window.x / 2, window.y / 2);
   ImGui::SetNextWindowPos(center, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowBgAlpha(0.94f);
@@ -155,8 +154,7 @@ void progress(const ViewerState& state) {
 
 // Where a model would be: the ways to open one.
 void welcome(ViewerState& state) {
-  const float font = ImGui::GetFontSize(),
-              room = ImGui::GetIO().DisplaySize.x - panelWidth(state, ImGui::GetIO().DisplaySize.x);
+  const float font = ImGui::GetFontSize(), room = ImGui::GetIO().DisplaySize.x - besidePanel(state);
   const float width = std::min(30 * font, room - 2 * font);
   constexpr std::size_t kMostRecent = 10;
   ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
@@ -179,9 +177,9 @@ void welcome(ViewerState& state) {
     // The name, and as much of its folder as there is room for.
     ImGui::PopID();
     const std::string name = printable(path.filename().string()), folder = printable(path.parent_path().string());
-    const float begin = ImGui::CalcTextSize(name.c_str()).x + font;
-    clippedText(corner, width, ImGui::GetColorU32(ImGuiCol_Text), name);
-    clippedText({corner.x + begin, corner.y}, width - begin, ImGui::GetColorU32(ImGuiCol_TextDisabled), folder);
+    const float begin = ImGui::CalcTextSize(name.c_str()).x + font, rest = width - begin;
+    clippedText(corner, width, ImGui::GetColorU32(ImGuiCol_Text), cutMiddle(name, width));
+    clippedText({corner.x + begin, corner.y}, rest, ImGui::GetColorU32(ImGuiCol_TextDisabled), cutMiddle(folder, rest));
   }
   ImGui::End();
 }
@@ -199,7 +197,11 @@ void comparison(const ViewerState& state) {
                                 ? state.documents.open[static_cast<std::size_t>(document)].path.filename().string()
                                 : "";
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
-  const auto label = [&](float x, float room, const std::string& whole) {
+  // In the middle of what is seen between two shares of the picture's width.
+  const auto label = [&](float from, float to, const std::string& whole) {
+    const float begin = std::max(left + from * width, besidePanel(state)), room = left + to * width - begin;
+    if (room <= 3 * font) return;
+    const float x = begin + room / 2;
     const std::string text = cutMiddle(whole, room - 2 * font);
     const ImVec2 extent = ImGui::CalcTextSize(text.c_str());
     const ImVec2 corner(x - extent.x / 2, font * 0.6f);
@@ -214,15 +216,15 @@ void comparison(const ViewerState& state) {
     case CompareMode::wipe: {
       const float x = std::round(left + divider * width);
       draw->AddLine({x, 0}, {x, size.y}, IM_COL32(255, 255, 255, 200), 1.0f);
-      if (divider > 0.1f) label(left + divider * width / 2, divider * width, first);
-      if (divider < 0.9f) label(left + (1 + divider) * width / 2, (1 - divider) * width, other);
+      if (divider > 0.1f) label(0, divider, first);
+      if (divider < 0.9f) label(divider, 1, other);
       break;
     }
     case CompareMode::flicker:
-      label(left + width / 2, width, how.shows_other ? other : first);
+      label(0, 1, how.shows_other ? other : first);
       break;
     default:
-      label(left + width / 2, width, other + " - " + first);
+      label(0, 1, other + " - " + first);
       break;
   }
 }
@@ -241,7 +243,7 @@ void legend(const ViewerState& state) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float font = ImGui::GetFontSize(), pad = font * 0.5f;
   const float width = std::max(11 * font, ImGui::CalcTextSize(legend->title.c_str()).x);
-  const ImVec2 corner(panelWidth(state, size.x) + font, size.y - 4.8f * font);
+  const ImVec2 corner(besidePanel(state) + font, size.y - 4.8f * font);
   if (corner.x + width + 2 * pad > size.x) return;
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
   draw->AddRectFilled(corner, {corner.x + width + 2 * pad, size.y - font}, IM_COL32(27, 30, 35, 215), font * 0.3f);

@@ -15,6 +15,7 @@ namespace tg {
 namespace {
 
 constexpr float kPictureFonts = 25;  // [font heights] where the panel leaves less it lies over the picture
+constexpr float kOverlayFonts = 12;  // [font heights] where the panel leaves less, words lie over it, too
 constexpr float kEdgeFonts = 0.5f;   // [font heights] of the panel's edge, which the pointer takes
 
 // Of the panel [ImGui units], whatever it covers.
@@ -72,6 +73,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   historySection(state);
   tabs(state);
   ImGui::BeginChild("page");
+  ImGui::BeginDisabled(!state.scene.model);
   switch (state.ui.tab) {
     case Tab::view:
       levelSection(state);
@@ -106,6 +108,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
       timeSection(state, statistics);
       break;
   }
+  ImGui::EndDisabled();
   ImGui::EndChild();
   edge(state);
   ImGui::End();
@@ -116,6 +119,11 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
 float panelWidth(const ViewerState& state, float window_width) {
   const float width = fullWidth(state);
   return state.ui.panel && window_width - width >= kPictureFonts * ImGui::GetFontSize() ? width : 0.0f;
+}
+
+float besidePanel(const ViewerState& state) {
+  const float window = ImGui::GetIO().DisplaySize.x, covered = state.ui.panel ? fullWidth(state) : 0.0f;
+  return window - covered >= kOverlayFonts * ImGui::GetFontSize() ? covered : 0.0f;
 }
 
 bool popupIsOpen() { return ImGui::IsPopupOpen(nullptr, ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel); }

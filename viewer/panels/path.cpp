@@ -91,9 +91,7 @@ void keySection(ViewerState& state) {
   auto seconds = static_cast<float>(editor.at);
   const auto whole = static_cast<float>(duration(editor.path));
   const std::string format = "%.2f / " + formatted("%.2f", whole) + " s";
-  if (ImGui::SliderFloat("##at", &seconds, 0.0f, whole, format.c_str(), ImGuiSliderFlags_AlwaysClamp)) {
-    seekPath(state, seconds);
-  }
+  if (slider("##at", seconds, 0.0f, whole, format.c_str())) seekPath(state, seconds);
   ImGui::Checkbox("Lines in the scene", &editor.drawn);
   ImGui::SameLine();
   bool loop = editor.path.closing > 0;

@@ -57,6 +57,8 @@ bool closeListByEscape();  // the innermost list, if Esc was pressed and there i
 void dialogs(ViewerState& state, bool escape);
 // scene_overlay.cpp
 void sceneOverlay(const ViewerState& state);
+// panels.cpp: where what lies over the picture begins, right of the panel [ImGui units]; 0 where that leaves no room
+float besidePanel(const ViewerState& state);
 // overlays.cpp
 void overlays(ViewerState& state);
 

@@ -63,8 +63,7 @@ void timeSection(ViewerState& state, const FrameStatistics& statistics) {
   if (!statistics.passes.empty()) passTimes(statistics);
   auto percent = static_cast<float>(100 * state.display.resolution);
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  if (ImGui::SliderFloat("##resolution", &percent, 100 * kMinResolution, 100 * kMaxResolution, "Resolution %.0f %%",
-                         ImGuiSliderFlags_AlwaysClamp)) {
+  if (slider("##resolution", percent, 100 * kMinResolution, 100 * kMaxResolution, "Resolution %.0f %%")) {
     state.display.resolution = percent / 100;
   }
   hint("Of the picture, against the window's pixels");

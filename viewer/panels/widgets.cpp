@@ -2,9 +2,17 @@
 // Headings, hints, rows of buttons.
 #include "viewer/panels/widgets.h"
 
+#include <imgui_internal.h>
+
+#include <algorithm>
 #include <cmath>
 
 namespace tg {
+namespace {
+
+constexpr float kHintFonts = 40;  // [font heights] of a line, at most
+
+}  // namespace
 
 void heading(const char* text) {
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.25f});
@@ -12,7 +20,13 @@ void heading(const char* text) {
 }
 
 void hint(const char* text) {
-  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) ImGui::SetTooltip("%s", text);
+  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) return;
+  ImGui::BeginTooltip();
+  const float room = ImGui::GetIO().DisplaySize.x - 2 * ImGui::GetStyle().WindowPadding.x;
+  ImGui::PushTextWrapPos(std::min(kHintFonts * ImGui::GetFontSize(), room));
+  ImGui::TextUnformatted(text);
+  ImGui::PopTextWrapPos();
+  ImGui::EndTooltip();
 }
 
 namespace {
@@ -43,6 +57,30 @@ bool segment(const char* label, bool active, int index, int count) {
   ImGui::PopStyleVar();
   if (active) ImGui::PopStyleColor(3);
   return clicked;
+}
+
+bool slider(const char* id, ImGuiDataType type, void* value, const void* low, const void* high, const char* format,
+            ImGuiSliderFlags flags) {
+  flags |= ImGuiSliderFlags_AlwaysClamp;
+  // Dear ImGui's own knob lies over the words.
+  ImGui::PushStyleColor(ImGuiCol_SliderGrab, ImU32{0});
+  ImGui::PushStyleColor(ImGuiCol_SliderGrabActive, ImU32{0});
+  const bool changed = ImGui::SliderScalar(id, type, value, low, high, format, flags);
+  ImGui::PopStyleColor(2);
+  const ImRect frame(ImGui::GetItemRectMin(), ImGui::GetItemRectMax());
+  ImRect knob(frame.Min, frame.Min);
+  ImGui::SliderBehavior(frame, ImGui::GetID("knob"), type, value, low, high, format, flags, &knob);  // held by nobody
+  const ImU32 color = ImGui::GetColorU32(ImGui::IsItemActive() ? ImGuiCol_SliderGrabActive : ImGuiCol_SliderGrab);
+  const float thick = ImGui::GetStyle().FramePadding.y, inset = ImGui::GetStyle().FrameRounding / 2;
+  ImDrawList* draw = ImGui::GetWindowDrawList();
+  draw->AddRectFilled({frame.Min.x + inset, frame.Max.y - thick}, {knob.GetCenter().x, frame.Max.y}, color, thick / 2);
+  draw->AddRectFilled({knob.Min.x, frame.Max.y - thick}, {knob.Max.x, frame.Max.y},
+                      ImGui::GetColorU32(ImGuiCol_CheckMark), thick / 2);
+  return changed;
+}
+
+bool slider(const char* id, float& value, float low, float high, const char* format, ImGuiSliderFlags flags) {
+  return slider(id, ImGuiDataType_Float, &value, &low, &high, format, flags);
 }
 
 bool textField(const char* id, std::string& text, const char* placeholder) {

@@ -23,6 +23,10 @@ void heading(const char* text);
 void hint(const char* text);
 // One of `count` buttons that share a row, the active one coloured. True when clicked.
 bool segment(const char* label, bool active, int index, int count);
+// A slider as wide as the next item, whose mark lies below its words. `value`, `low` and `high` are of `type`.
+bool slider(const char* id, ImGuiDataType type, void* value, const void* low, const void* high, const char* format,
+            ImGuiSliderFlags flags = 0);
+bool slider(const char* id, float& value, float low, float high, const char* format, ImGuiSliderFlags flags = 0);
 // A line of text; `placeholder` where it is empty. True when it was changed.
 bool textField(const char* id, std::string& text, const char* placeholder);
 // Text at a place of the screen, cut where its room [ImGui units] ends.

@@ -71,6 +71,24 @@ void showOther(ViewerState& state) {
   state.compare.how.shows_other = !state.compare.how.shows_other;
 }
 
+bool hasOther(const ViewerState& state) { return !state.compare.photographs.empty() || otherDocument(state) >= 0; }
+
+template <int kStep>
+void toModelCamera(ViewerState& state) {
+  stepCamera(state, kStep);
+}
+
+template <int kStep, bool kTest>
+void toSplitCamera(ViewerState& state) {
+  stepSplit(state, kStep, kTest);
+}
+
+bool hasSplit(const ViewerState& state, bool test) {
+  return std::ranges::any_of(state.scene.cameras, [test](const Camera& camera) { return camera.test == test; });
+}
+
+void nextBookmark(ViewerState& state) { stepBookmark(state, 1); }
+
 void toggleFly(ViewerState& state) {
   state.camera.fly = !state.camera.fly;
   notify(state, state.camera.fly ? "Fly: left drag looks around" : "Orbit: left drag goes round");
@@ -94,8 +112,6 @@ void toggleIsolated(ViewerState& state) {
   }
 }
 
-bool hasOther(const ViewerState& state) { return !state.compare.photographs.empty() || otherDocument(state) >= 0; }
-
 template <int kStep>
 void toDocument(ViewerState& state) {
   stepDocument(state, kStep);
@@ -105,6 +121,10 @@ template <int kStep>
 void toHit(ViewerState& state) {
   stepHit(state, kStep);
 }
+
+void togglePanel(ViewerState& state) { state.ui.panel = !state.ui.panel; }
+
+void toggleFullscreen(ViewerState& state) { state.desktop.fullscreen = !state.desktop.fullscreen; }
 
 void toggleHelp(ViewerState& state) { state.ui.help = !state.ui.help; }
 
@@ -163,6 +183,8 @@ std::string stemOf(const ViewerState& state) {
   return stem.empty() ? "tgview" : stem;
 }
 
+void saveWindow(ViewerState& state) { state.capture.window = freeName(stemOf(state) + "-window", ".png"); }
+
 using S = ViewerState;
 
 constexpr std::array kBindings = {
@@ -176,13 +198,7 @@ constexpr std::array kBindings = {
                {},
                Menu::file, true},
     KeyBinding{kControl | 'P', false, "Ctrl+P", "Save the picture as", ask<FileUse::savePicture>, {}, Menu::file},
-    KeyBinding{'P',
-               true,
-               "Shift+P",
-               "Save the whole window as PNG",
-               [](S& s) { s.capture.window = freeName(stemOf(s) + "-window", ".png"); },
-               {},
-               Menu::file},
+    KeyBinding{'P', true, "Shift+P", "Save the whole window as PNG", saveWindow, {}, Menu::file},
     KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera, {}, Menu::file, true},
     KeyBinding{kControl | 'C', false, "Ctrl+C", "Copy the camera", [](S& s) { s.desktop.copy = true; }, {}, Menu::file},
     KeyBinding{kControl | 'V',
@@ -199,13 +215,13 @@ constexpr std::array kBindings = {
     KeyBinding{kControl | 'Z', false, "Ctrl+Z", "Undo", undo, {}, Menu::edit},
     KeyBinding{kControl | 'Y', false, "Ctrl+Y, Ctrl+Shift+Z", "Redo", redo, {}, Menu::edit},
     KeyBinding{kControl | 'Z', true, "", "", redo},
-    KeyBinding{kControl | 'A', false, "Ctrl+A", "Select all Gaussians", chooseAll, {}, Menu::edit},
+    KeyBinding{kControl | 'A', false, "Ctrl+A", "Select all Gaussians", chooseAll, {}, Menu::edit, true},
     KeyBinding{kControl | 'A', true, "Ctrl+Shift+A", "Select none", chooseNone, {}, Menu::edit},
     KeyBinding{kControl | 'I', false, "Ctrl+I", "Select the others", invertChoice, {}, Menu::edit},
-    KeyBinding{kKeyF2, false, "F2", "Select by a rectangle", tool<EditTool::rectangle>, {}, Menu::edit},
+    KeyBinding{kKeyF2, false, "F2", "Select by a rectangle", tool<EditTool::rectangle>, {}, Menu::edit, true},
     KeyBinding{kKeyF3, false, "F3", "Select by a brush", tool<EditTool::brush>, {}, Menu::edit},
     KeyBinding{kKeyF4, false, "F4", "Select by a sphere", tool<EditTool::sphere>, {}, Menu::edit},
-    KeyBinding{kKeyF5, false, "F5", "Move the selection", tool<EditTool::move>, {}, Menu::edit},
+    KeyBinding{kKeyF5, false, "F5", "Move the selection", tool<EditTool::move>, {}, Menu::edit, true},
     KeyBinding{kKeyF6, false, "F6", "Turn the selection", tool<EditTool::turn>, {}, Menu::edit},
     KeyBinding{kKeyF7, false, "F7", "Scale the selection", tool<EditTool::scale>, {}, Menu::edit},
     KeyBinding{kKeyDelete, false, "Delete", "Delete the selection", deleteChosen, {}, Menu::edit},
@@ -233,34 +249,27 @@ constexpr std::array kBindings = {
     KeyBinding{'[', false, "[", "Splat in front", toHit<-1>, {}, Menu::view},
     KeyBinding{']', false, "]", "Splat behind", toHit<1>, {}, Menu::view},
     KeyBinding{'N', false, "N", "The picked Gaussian alone", toggleIsolated, {}, Menu::view},
-    KeyBinding{'H', false, "H", "Hide or show the panel", [](S& s) { s.ui.panel = !s.ui.panel; }, {}, Menu::view, true},
-    KeyBinding{kKeyF11,
-               false,
-               "F11",
-               "Full screen",
-               [](S& s) { s.desktop.fullscreen = !s.desktop.fullscreen; },
-               {},
-               Menu::view},
+    KeyBinding{'H', false, "H", "Hide or show the panel", togglePanel, {}, Menu::view, true},
+    KeyBinding{kKeyF11, false, "F11", "Full screen", toggleFullscreen, {}, Menu::view},
     KeyBinding{'F', false, "F, Home", "Frame the model", frameScene, {}, Menu::camera},
     KeyBinding{kKeyHome, false, "", "", frameScene},
     KeyBinding{'F', true, "Shift+F", "Back to the first view", resetView, {}, Menu::camera},
-    KeyBinding{kKeyPad7, false, "Num 7", "From the top", lookFrom<Side::top>, {}, Menu::camera},
+    KeyBinding{kKeyPad7, false, "Num 7", "From the top", lookFrom<Side::top>, {}, Menu::camera, true},
     KeyBinding{kKeyPad1, false, "Num 1", "From the front", lookFrom<Side::front>, {}, Menu::camera},
     KeyBinding{kKeyPad3, false, "Num 3", "From the right", lookFrom<Side::right>, {}, Menu::camera},
     KeyBinding{kControl | kKeyPad7, false, "Ctrl+Num 7", "From below", lookFrom<Side::bottom>, {}, Menu::camera},
     KeyBinding{kControl | kKeyPad1, false, "Ctrl+Num 1", "From behind", lookFrom<Side::back>, {}, Menu::camera},
     KeyBinding{kControl | kKeyPad3, false, "Ctrl+Num 3", "From the left", lookFrom<Side::left>, {}, Menu::camera},
-    KeyBinding{' ', false, "Space", "Next camera of the model", [](S& s) { stepCamera(s, 1); }, {}, Menu::camera},
-    KeyBinding{' ', true, "Shift+Space", "Previous camera", [](S& s) { stepCamera(s, -1); }, {}, Menu::camera},
-    KeyBinding{'.', false, ".", "Next test camera", [](S& s) { stepSplit(s, 1, true); }, {}, Menu::camera},
-    KeyBinding{',', false, ",", "Previous test camera", [](S& s) { stepSplit(s, -1, true); }, {}, Menu::camera},
-    KeyBinding{'.', true, "Shift+.", "Next training camera", [](S& s) { stepSplit(s, 1, false); }, {}, Menu::camera},
-    KeyBinding{
-        ',', true, "Shift+,", "Previous training camera", [](S& s) { stepSplit(s, -1, false); }, {}, Menu::camera},
-    KeyBinding{'G', false, "G", "Left drag: orbit / look around", toggleFly, {}, Menu::camera},
+    KeyBinding{' ', false, "Space", "Next camera of the model", toModelCamera<1>, {}, Menu::camera, true},
+    KeyBinding{' ', true, "Shift+Space", "Previous camera", toModelCamera<-1>, {}, Menu::camera},
+    KeyBinding{'.', false, ".", "Next test camera", toSplitCamera<1, true>, {}, Menu::camera},
+    KeyBinding{',', false, ",", "Previous test camera", toSplitCamera<-1, true>, {}, Menu::camera},
+    KeyBinding{'.', true, "Shift+.", "Next training camera", toSplitCamera<1, false>, {}, Menu::camera},
+    KeyBinding{',', true, "Shift+,", "Previous training camera", toSplitCamera<-1, false>, {}, Menu::camera},
+    KeyBinding{'G', false, "G", "Left drag: orbit / look around", toggleFly, {}, Menu::camera, true},
     KeyBinding{'U', false, "U", "Another up axis", nextUp, {}, Menu::camera},
     KeyBinding{'R', false, "R", "Turntable", toggleTurntable, {}, Menu::camera},
-    KeyBinding{'B', false, "B", "Next bookmark", [](S& s) { stepBookmark(s, 1); }, {}, Menu::camera},
+    KeyBinding{'B', false, "B", "Next bookmark", nextBookmark, {}, Menu::camera, true},
     KeyBinding{'B',
                true,
                "Shift+B",
@@ -307,11 +316,19 @@ bool canRun(const ViewerState& state, const KeyBinding& binding) {
   const auto is = [&](auto... runs) { return ((binding.run == runs) || ...); };
   if (is(undo)) return !undoName(state).empty();
   if (is(redo)) return !redoName(state).empty();
-  if (is(deleteChosen)) return state.edit.selection != nullptr;
   if (is(toDocument<1>, toDocument<-1>)) return state.documents.open.size() > 1;
+  if (is(closeDocument)) return !state.documents.open.empty();
+  if (is(ask<FileUse::open>, askToQuit, saveWindow, togglePanel, toggleFullscreen, toggleHelp, escape)) return true;
+  if (!state.scene.model) return false;
+  if (is(deleteChosen, chooseNone)) return state.edit.selection != nullptr;
   if (is(cycleCompare, showOther)) return hasOther(state);
   if (is(toHit<1>, toHit<-1>)) return !state.inspect.hits.empty();
   if (is(toggleIsolated)) return static_cast<bool>(pickedGaussian(state));
+  if (is(toModelCamera<1>, toModelCamera<-1>)) return !state.scene.cameras.empty();
+  if (is(toSplitCamera<1, true>, toSplitCamera<-1, true>)) return hasSplit(state, true);
+  if (is(toSplitCamera<1, false>, toSplitCamera<-1, false>)) return hasSplit(state, false);
+  if (is(nextBookmark)) return !state.camera.bookmarks.empty();
+  if (is(togglePlaying)) return state.path.path.keys.size() > 1;
   return true;
 }
 

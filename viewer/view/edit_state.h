@@ -54,6 +54,7 @@ struct EditState {
   std::optional<Histogram> histogram;
   double low = 0, high = -1;                 // range of the histogram that was dragged; none while low > high
   std::optional<SelectionPtr> range_before;  // the selection before that drag, while it is under way
+  SelectionPtr range_found;                  // the selection that the drag made
   glm::dvec3 move{0.0};                      // fields of the page [world units]
   glm::dvec3 turn{0.0};                      // [degrees] about x, then y, then z
   double scale = 1;

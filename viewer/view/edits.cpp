@@ -120,6 +120,12 @@ void chooseRange(ViewerState& state, double low, double high) {
   state.edit.high = std::max(low, high);
   choose(state, insideRange(*histogram, state.edit.low, state.edit.high), state.edit.mode,
          state.edit.range_before.value_or(nullptr));
+  state.edit.range_found = state.edit.selection;
+}
+
+bool rangeHolds(const EditState& edit) {
+  if (edit.low > edit.high) return false;
+  return edit.range_before || (edit.selection && edit.selection == edit.range_found);
 }
 
 void deleteChosen(ViewerState& state) {

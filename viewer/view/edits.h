@@ -24,6 +24,8 @@ void chooseNone(ViewerState& state);
 void invertChoice(ViewerState& state);
 // The range of the histogram, combined with what was chosen before it was dragged, else with nothing.
 void chooseRange(ViewerState& state, double low, double high);
+// Whether that range is the last word on what is selected.
+bool rangeHolds(const EditState& edit);
 // The histogram of state.edit.value; null without a model. Made anew when model or value have changed.
 const Histogram* histogramShown(ViewerState& state);
 

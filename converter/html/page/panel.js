@@ -16,15 +16,19 @@ function showMessage(text, isNote = false) {
   box.hidden = text === '';
 }
 
-// Buttons of which one is pressed. choices: [[value, title]].
+// Buttons of which one is pressed. choices: [[value, title]]. A button that stays is the same one: a finger or the
+// keyboard may be on it while a newer model comes.
 function fillChoices(id, choices, choose) {
-  element(id).replaceChildren(...choices.map(([value, title]) => {
-    const button = document.createElement('button');
+  const box = element(id), there = [...box.children];
+  const buttons = choices.map(([value, title]) => {
+    const button = there.find(({textContent}) => textContent === value) || document.createElement('button');
     button.textContent = value;
     button.title = title || '';
     button.onclick = () => choose(value);
     return button;
-  }));
+  });
+  if (buttons.length === there.length && buttons.every((button, i) => button === there[i])) return;
+  box.replaceChildren(...buttons);
 }
 
 function press(id, value) {
@@ -167,10 +171,14 @@ class Panel {
       box.append(...options);
       return [box];
     };
-    element('camera').replaceChildren(
+    const cameras = [
       ...group('views', model.views.map(({name}, index) => new Option(name || `view ${index}`, `v${index}`))),
       ...group('cameras', model.cameras.map(({name, test}, index) =>
-        new Option(`${index} ${name}${test ? ' (test)' : ''}`, String(index)))));
+        new Option(`${index} ${name}${test ? ' (test)' : ''}`, String(index))))];
+    const list = element('camera');  // stays open while models come
+    if (cameras.length !== list.children.length || !cameras.every((box, i) => box.isEqualNode(list.children[i]))) {
+      list.replaceChildren(...cameras);
+    }
     const set = (key) => (value) => {
       this.viewer.settings[key] = value;
       this.viewer.changed();

@@ -14,7 +14,9 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
+#include <string_view>
 
 #include "core/tiny_model.h"
 #include "support/catch.h"
@@ -287,17 +289,79 @@ TEST_CASE("a notice that is longer than the window is wide stays inside") {
   }
 }
 
+TEST_CASE("words over the picture leave the panel's buttons free where it covers the picture, too") {
+  ViewerState state;
+  state.ui.panel = true;
+  state.messages.error = "no room";
+  notify(state, "Saved /a/folder/with/a/long/name/model-001.png");
+  const Interface interface;
+  ImGui::GetIO().DisplaySize = {500, 400};
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  REQUIRE(panelWidth(state, 500) == 0);
+  const auto width = static_cast<float>(kUsualPanel) * ImGui::GetFontSize();
+  for (const char* name : {"notice", "error", "welcome"}) {
+    INFO(name);
+    const ImGuiWindow* window = ImGui::FindWindowByName(name);
+    REQUIRE(window);
+    CHECK(window->Pos.x >= width - 1);
+    CHECK(window->Pos.x + window->Size.x <= 500);
+  }
+}
+
+TEST_CASE("a hint that is longer than the window is wide stays inside, as does a long name") {
+  ViewerState state;
+  state.recent = {"/" + std::string(300, 'x') + "/" + std::string(200, 'y') + ".tgz"};
+  const Interface interface;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  const ImGuiWindow* welcome = ImGui::FindWindowByName("welcome");
+  REQUIRE(welcome);
+  const ImVec2 row(welcome->Pos.x + welcome->Size.x / 2, welcome->Pos.y + welcome->Size.y - 14);
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, row);
+  const ImGuiWindow* hint = ImGui::FindWindowByName("##Tooltip_00");
+  REQUIRE(hint);
+  CHECK(hint->Pos.x >= 0);
+  CHECK(hint->Pos.x + hint->Size.x <= Interface::kWidth);
+  CHECK(hint->ContentSize.y > 2 * ImGui::GetFontSize());  // lines
+  CHECK(welcome->Pos.x + welcome->Size.x <= Interface::kWidth);
+}
+
+TEST_CASE("outputs are buttons to click once there is a model") {
+  for (const bool there : {false, true}) {
+    INFO(there);
+    ViewerState state = there ? bareState() : ViewerState();
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const auto& windows = ImGui::GetCurrentContext()->Windows;
+    const auto found = std::ranges::find_if(windows, [](const ImGuiWindow* window) {
+      return std::string_view(window->Name).find("/page") != std::string_view::npos;
+    });
+    REQUIRE(found != windows.end());
+    const ImGuiWindow* page = *found;
+    const ImVec2 corner = page->Pos;
+    std::set<Output> shown;
+    for (float y = corner.y; y < corner.y + 100; y += 8) {
+      for (float x = corner.x; x < corner.x + page->Size.x; x += 16) {
+        for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {x, y}, pressed);
+        shown.insert(state.display.output);
+      }
+    }
+    CHECK(shown.size() == (there ? static_cast<std::size_t>(kCount<Output>) : 1));
+  }
+}
+
 TEST_CASE("the list of keys keeps letters that can be read, scrolls where it has no room, and ends in the window") {
   ViewerState state = bareState();
   state.ui.help = true;
   const Interface interface;
-  for (const ImVec2 size : {ImVec2(640, 480), ImVec2(320, 200), ImVec2(1900, 1400)}) {
+  for (const auto& [size, fine] :
+       {std::pair(ImVec2(640, 480), 1), {ImVec2(320, 200), 1}, {ImVec2(1900, 1400), 1}, {ImVec2(1280, 800), 2}}) {
     CAPTURE(size.x);
     ImGui::GetIO().DisplaySize = size;
+    ImGui::GetIO().FontGlobalScale = static_cast<float>(fine);
     for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
     const ImGuiWindow* window = ImGui::FindWindowByName("help");
     REQUIRE(window);
-    CHECK(window->FontWindowScale * ImGui::GetFontSize() >= 11);
+    CHECK(window->FontWindowScale * ImGui::GetFontSize() >= 11 * static_cast<float>(fine));
     CHECK(window->Size.x <= size.x);
     CHECK(window->Size.y <= size.y);
     CHECK(window->ScrollbarY == (size.y < 1000));

@@ -229,6 +229,29 @@ TEST_CASE("a histogram counts every Gaussian, and its range chooses them") {
   }
 }
 
+TEST_CASE("a range of the histogram is marked while it says what is selected") {
+  ViewerState state = sampleState();
+  frame(state);
+  const Histogram* histogram = histogramShown(state);
+  REQUIRE(histogram);
+  CHECK_FALSE(rangeHolds(state.edit));
+  state.edit.range_before = nullptr;
+  chooseRange(state, histogram->low, (histogram->low + histogram->high) / 2);
+  REQUIRE(state.edit.selection);
+  state.edit.range_before.reset();
+  frame(state);
+  CHECK(rangeHolds(state.edit));
+  press(state, kKeyDelete);
+  frame(state);
+  CHECK_FALSE(rangeHolds(state.edit));
+  press(state, kUndo);
+  CHECK(rangeHolds(state.edit));
+  chooseAll(state);
+  CHECK_FALSE(rangeHolds(state.edit));
+  chooseNone(state);
+  CHECK_FALSE(rangeHolds(state.edit));
+}
+
 TEST_CASE("a histogram has a place for sigmas that doubles cannot hold") {
   GaussianModel model = tinyModel(20, 0);
   model.log_scale[3] = glm::vec3(800.0f);
@@ -746,6 +769,7 @@ TEST_CASE("actions that have nothing to act on cannot run, and can once they hav
   };
   CHECK(none({"Undo", "Redo", "Delete the selection", "Next open model", "Previous open model"}));
   CHECK(none({"Flicker: show the other one", "Splat in front", "Splat behind", "The picked Gaussian alone"}));
+  CHECK(none({"Select none", "Next bookmark", "Play or pause the path", "Next test camera"}));
   CHECK(can("Select all Gaussians"));
   chooseAll(state);
   frame(state);
@@ -756,4 +780,26 @@ TEST_CASE("actions that have nothing to act on cannot run, and can once they hav
   CHECK(can("Flicker: show the other one"));
   state.inspect.hits.resize(1);
   CHECK(can("Splat behind"));
+  addBookmark(state);
+  CHECK(can("Next bookmark"));
+  addKey(state);
+  CHECK(none({"Play or pause the path"}));
+  addKey(state);
+  CHECK(can("Play or pause the path"));
+  state.scene.cameras.assign(1, currentCamera(state));
+  CHECK(can("Next training camera"));
+  CHECK(none({"Next test camera"}));
+  state.scene.cameras.front().test = true;
+  CHECK(can("Next test camera"));
+  CHECK(none({"Next training camera"}));
+}
+
+TEST_CASE("without a model the menus offer what opens one, what shows the window, and the keys") {
+  const ViewerState state;
+  std::vector<std::string> offered;
+  for (const KeyBinding& binding : keyBindings()) {
+    if (binding.menu != Menu::none && canRun(state, binding)) offered.emplace_back(binding.text);
+  }
+  CHECK(offered == std::vector<std::string>{"Open a file", "Save the whole window as PNG", "Quit",
+                                            "Hide or show the panel", "Full screen", "Keys and mouse"});
 }

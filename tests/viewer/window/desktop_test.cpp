@@ -231,3 +231,31 @@ TEST_CASE("names are written in letters that the interface itself does not need"
   }
   CHECK(share(windows[0], windows[1]) > 0);  // no question marks, which are alike
 }
+
+TEST_CASE("open models whose long names differ at their ends can be told apart", "[window]") {
+  TG_SKIP_IF(test::noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "shown.tgz");
+  std::vector<Image> windows;
+  for (const char* end : {"one", "two"}) {
+    const std::string name = "a_name_that_is_much_too_long_for_the_list_and_for_what_is_compared_" + std::string(end);
+    test::writeSample(shop / (name + ".tgz"));
+    shop.write("script.txt", "open shown.tgz\nwait 6\nwindow window.png\n");
+    const test::ProcessResult result =
+        shop.tgview({name + ".tgz", "--script", "script.txt", "--size", "700x300", "--backend", test::backendOr("cpu")},
+                    test::kXServer);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    windows.push_back(shop.read("window.png"));
+  }
+  // Lines of text in which they differ: in the list, and as what is compared with.
+  int lines = 0, last = -100;
+  for (int y = 0; y < windows[0].height; ++y) {
+    bool differs = false;
+    for (int x = 0; x < 270; ++x) differs = differs || std::abs(windows[0].at(x, y, 0) - windows[1].at(x, y, 0)) > 0.1;
+    if (!differs) continue;
+    lines += y > last + 10;
+    last = y;
+  }
+  CHECK(lines == 2);
+}

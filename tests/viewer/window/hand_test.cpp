@@ -194,12 +194,21 @@ TEST_CASE("Undo and Redo are buttons, and a drag over the histogram selects", "[
                        "picture undone-picture.png\n" + seen("redone") +
                        "picture redone-picture.png\noutput final\npicture final.png\noutput depth\n"
                        "picture depth-picture.png\ntab edit\nwindow edit.png\n" +
-                       seen("pressed") + seen("far") + seen("dragged") + "delete-selection\nsave-model left.tgz\n",
+                       seen("pressed") + seen("far") + seen("dragged") + seen("deleted") + "save-model left.tgz\n",
                    "reached depth.png\nclick 70 " + row + "\nseen undone\nclick 220 " + row +
                        "\nseen redone\nreached edit.png\n"
                        "to 14 " +
                        bars + "\npress 1\nseen pressed\nto 60 " + bars + "\nto 150 " + bars +
-                       "\nseen far\nrelease 1\nseen dragged\n");
+                       "\nseen far\nrelease 1\nto 500 600\nseen dragged\nkey Delete\nseen deleted\n");
+  // The range is marked while it says what is selected.
+  const auto marked = [&](const char* window) {
+    const Image image = shop.read(window);
+    int orange = 0;
+    for (int x = 20; x < 140; ++x) orange += image.at(x, count_row + 70, 0) > image.at(x, count_row + 70, 2) + 0.1f;
+    return orange > 60;
+  };
+  CHECK(marked("dragged.png"));
+  CHECK_FALSE(marked("deleted.png"));
   CHECK(psnr(shop.read("undone-picture.png"), shop.read("final.png")) > 60);
   CHECK(psnr(shop.read("redone-picture.png"), shop.read("depth-picture.png")) > 60);
   CHECK(psnr(shop.read("final.png"), shop.read("depth-picture.png")) < 45);
@@ -212,6 +221,41 @@ TEST_CASE("Undo and Redo are buttons, and a drag over the histogram selects", "[
     highest = std::max(highest, opacityOf(whole, i));
   }
   for (std::size_t i = 0; i < left.size(); ++i) CHECK(opacityOf(left, i) > lowest + 0.3 * (highest - lowest));
+}
+
+TEST_CASE("a slider is dragged, and its mark lies below its digits", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "wait 3\ntab time\nwindow whole.png\nresolution 0.5\nwait 2\nwindow half.png\n");
+  REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
+                      test::kXServer)
+              .exit_code == 0);
+  // What differs above: times. The knob is the lowest that does.
+  const Image whole = shop.read("whole.png"), half = shop.read("half.png");
+  int bottom = 0;
+  for (int y = 0; y < whole.height; ++y) {
+    for (int x = 0; x < kPanelWidth; ++x) {
+      if (std::abs(whole.at(x, y, 2) - half.at(x, y, 2)) > 0.2) bottom = y;
+    }
+  }
+  const std::string row = std::to_string(bottom - kHalfButton);
+  test::playByHand(shop,
+                   "panel on\nsize " + kHigh + "\ntab time\nwindow begin.png\n" + seen("held") + seen("dragged") +
+                       "picture smaller.png\nresolution 1\npicture whole.png\n",
+                   "reached begin.png\nto 150 " + row + "\npress 1\nseen held\nto 120 " + row + "\nto 80 " + row +
+                       "\nseen dragged\nrelease 1\n");
+  CHECK(shop.read("smaller.png").width < shop.read("whole.png").width);
+  // No blue among the digits, which are grey: but below them.
+  const auto blue = [&](int from, int to) {
+    int count = 0;
+    for (int y = from; y < to; ++y) {
+      for (int x = 20; x < 260; ++x) count += half.at(x, y, 2) - half.at(x, y, 0) > 0.2f;
+    }
+    return count;
+  };
+  CHECK(blue(bottom - 18, bottom - 3) == 0);
+  CHECK(blue(bottom - 3, bottom + 1) > 20);
 }
 
 TEST_CASE("a window that was minimised and hidden comes back with its picture", "[window]") {
