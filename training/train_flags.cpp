@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// Flags in groups, one an entry of the recipe, and files of settings below them.
+#include "training/train_flags.h"
+
+#include <cstdio>
+#include <string_view>
+
+#include "converter/registry/file_format.h"
+#include "core/system/error.h"
+#include "core/system/program.h"
+
+namespace tg {
+
+namespace {
+
+// Every entry of the settings as a flag; what is given stands in `chosen`, over the preset. Switches are flags that
+// also take =on and =off.
+void addSettingFlags(CLI::App& app, TrainFlags& options) {
+  const TrainSettings defaults;
+  for (const SettingEntry& entry : settingEntries()) {
+    const std::string flag = "--" + entry.name;
+    const std::string value = entry.get(defaults);
+    const bool is_switch = value == "on" || value == "off";
+    const std::string help = entry.help + (entry.unit.empty() ? "" : " [" + entry.unit + "]");
+    CLI::Option* option = is_switch ? app.add_flag(flag, options.chosen[&entry], help)
+                                    : app.add_option(flag, options.chosen[&entry], help)->default_str(value);
+    if (!entry.choices.empty()) {
+      option->check(oneOf(entry.choices))->type_name("NAME");
+    } else if (!is_switch) {
+      option->type_name("N");
+    }
+    option->group("Recipe: numbers and names of --print-config");
+  }
+}
+
+// Reads a file of settings as ever, and notes which flags stand beside it: it is read after them.
+class SettingsFile : public CLI::ConfigTOML {
+ public:
+  SettingsFile(const CLI::App& app, TrainFlags& options) : app_(app), options_(options) {}
+  std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
+    options_.from_file = true;
+    for (const SettingEntry& entry : settingEntries()) {
+      if (app_.count("--" + entry.name) > 0) options_.by_flag.insert(&entry);
+    }
+    return CLI::ConfigTOML::from_config(input);
+  }
+
+ private:
+  const CLI::App& app_;
+  TrainFlags& options_;
+};
+
+}  // namespace
+
+TrainSettings settingsOf(const TrainFlags& options) {
+  TrainSettings settings = presetSettings(options.preset);
+  for (const auto& [entry, value] : options.chosen) {
+    if (!value.empty()) entry->set(settings, value == "true" ? "on" : value == "false" ? "off" : value);
+  }
+  settings.compare_untextured |= !options.untextured_output.empty();
+  if (options.target_bytes == 0) checkSettings(settings);  // else what is planned completes them
+  return settings;
+}
+
+void addTrainingOptions(CLI::App& app, TrainFlags& options) {
+  app.add_option("dataset", options.dataset, "Folder: transforms_train.json, transforms.json or COLMAP sparse/0")
+      ->type_name("FOLDER");
+  app.option_defaults()->group("Model and report");
+  app.add_option("-o,--output", options.output,
+                 "Model to write, by its extension: " + listed(outputNames(true)) + "; optional with --run")
+      ->type_name("FILE");
+  addBytes(app, "--target-size", options.target_bytes,
+           "Of a .sog or .glb: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
+      ->configurable(false);
+  app.add_option("--steps", options.steps,
+                 "Of a .sog or .glb: so many times as wide are the steps of its numbers (tgconvert --steps)")
+      ->check(CLI::Range(kLeastSteps, kMostSteps))
+      ->excludes("--target-size")
+      ->configurable(false);
+  app.add_option("--untextured-output", options.untextured_output,
+                 "Write the untextured model too (implies --compare-untextured)")
+      ->type_name("FILE");
+  app.add_option("--json", options.json, "Also write training.json here")->type_name("FILE");
+  app.add_flag("--reproducible", options.reproducible,
+               "No times and no memory in training.json: same seed, same bytes");
+  app.add_flag("--overwrite", options.overwrite, "Replace existing files");
+  app.add_flag("-q,--quiet", options.quiet, "Errors only");
+  addDatasetFlags(app, options.data);
+  app.option_defaults()->group("Settings");
+  app.add_option("--preset", options.preset, "Where settings start from; flags and --config go over it")
+      ->check(oneOf(presetNames()))
+      ->capture_default_str();
+  app.set_config("--config", "", "Settings from a file, as --print-config writes it; flags go over it")
+      ->type_name("FILE")
+      ->configurable(false);
+  app.config_formatter(std::make_shared<SettingsFile>(app, options));
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  app.add_flag("--print-config", options.print_config, "Print all settings with their units and end")
+      ->configurable(false);
+  app.add_option(
+         "--start-model", options.start_model,
+         "Go on from this model (of any format); with --iterations 0, only add textures to it; one with textures goes "
+         "on in stage 2")
+      ->type_name("FILE");
+  app.add_option("--context", options.context,
+                 "Draw this model, too, and leave it as it is: a coarse one of the whole scene, around a block of it")
+      ->type_name("FILE");
+  addDeviceFlag(app, options.device, "Where to train; auto: a CUDA device if there is one");
+  app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
+      ->check(CLI::Range(0, 4096));
+  addSettingFlags(app, options);
+}
+
+void addRunOptions(CLI::App& app, TrainFlags& options) {
+  const auto add = [&](auto* option) { option->group("Run folder")->configurable(false); };
+  const CLI::Range iterations(0, 10'000'000);
+  add(app.add_option("--run", options.run.folder,
+                     "Folder for checkpoint, model.tgz, metrics.jsonl and previews/ of this run")
+          ->type_name("FOLDER"));
+  add(app.add_flag("--resume", options.run.resume, "Go on from the run folder's checkpoint, to the same model"));
+  add(app.add_option("--checkpoint-every", options.run.checkpoint_seconds,
+                     "Time between checkpoints (0: after every step) [s]")
+          ->check(CLI::Range(0.0, 1e6))
+          ->capture_default_str());
+  add(app.add_option("--metrics-every", options.run.metrics_every,
+                     "A line of metrics.jsonl and of --serve (0: none) [iterations]")
+          ->check(iterations)
+          ->capture_default_str());
+  add(app.add_option("--eval-every", options.run.eval_every,
+                     "Test scores among them (0: at the end of each stage) [iterations]")
+          ->check(iterations)
+          ->capture_default_str());
+  add(app.add_option("--preview-every", options.run.preview_every,
+                     "A picture in previews/, truth beside rendering (0: none) [iterations]")
+          ->check(iterations)
+          ->capture_default_str());
+  add(app.add_flag("--watch", options.watch, "Show the run in tgview while it trains"));
+  add(app.add_option("--serve", options.serve,
+                     "Show the run in browsers, on this machine alone where no address is named")
+          ->type_name("[ADDRESS:]PORT"));
+  add(app.add_option("--serve-token", options.serve_token,
+                     "What the page's address must bring; without one a random one, where others reach it")
+          ->type_name("TEXT"));
+}
+
+void refuseIdleFlags(const CLI::App& app, const TrainFlags& options) {
+  const auto refuse = [&](const char* flag, const char* expected) {
+    if (app.count(flag) > 0) throw Error(ErrorKind::usage, std::string(flag) + " expects " + expected);
+  };
+  if (!options.run.folder.empty()) return;
+  for (const char* flag : {"--checkpoint-every", "--preview-every"}) refuse(flag, "a run folder (--run FOLDER)");
+  if (!options.serve.empty()) return;
+  for (const char* flag : {"--metrics-every", "--eval-every"}) refuse(flag, "--run FOLDER or --serve");
+}
+
+void warnIdleSettings(const CLI::App& app, const TrainFlags& options) {
+  if (options.print_config || options.dataset.empty()) return;
+  const TrainSettings settings = settingsOf(options);
+  const bool by_adc = settings.densification == Densification::adc;
+  const bool textured = settings.texture_mode != TextureMode::none && settings.texture_iterations > 0;
+  const auto warn = [&](const std::string& why, const auto& idle) {
+    std::string flags;
+    for (const SettingEntry& entry : settingEntries()) {
+      if (app.count("--" + entry.name) == 0 || !idle(entry)) continue;
+      if (options.from_file && !options.by_flag.contains(&entry)) continue;
+      flags += (flags.empty() ? "--" : ", --") + entry.name;
+    }
+    if (!flags.empty()) std::fprintf(stderr, "tgtrain: %s: does nothing with %s\n", flags.c_str(), why.c_str());
+  };
+  const auto is_of_stage_2 = [](const SettingEntry& entry) {
+    const std::string_view name = entry.name;
+    const bool is_of_stage = name == "texture-mode" || name == "texture-iterations";
+    return !is_of_stage && (name.starts_with("texture-") || name.find("texel") != name.npos);
+  };
+  const bool planned = options.target_bytes > 0 || !options.start_model.empty();  // what they have of textures
+  if (!textured && !planned) {
+    const bool none = settings.texture_mode == TextureMode::none;
+    warn(none ? "--texture-mode none" : "--texture-iterations 0", is_of_stage_2);
+  }
+  if (!by_adc) {
+    const std::string densification(name(settings.densification));
+    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("adc: "); });
+  }
+  if (settings.densification != Densification::mcmc) {
+    const std::string densification(name(settings.densification));
+    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("mcmc: "); });
+  }
+}
+
+}  // namespace tg
