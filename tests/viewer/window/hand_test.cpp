@@ -242,9 +242,9 @@ TEST_CASE("a slider is dragged, and its mark lies below its digits", "[window]")
   const std::string row = std::to_string(bottom - kHalfButton);
   test::playByHand(shop,
                    "panel on\nsize " + kHigh + "\ntab time\nwindow begin.png\n" + seen("held") + seen("dragged") +
-                       "picture smaller.png\nresolution 1\npicture whole.png\n",
+                       seen("released") + "picture smaller.png\nresolution 1\npicture whole.png\n",
                    "reached begin.png\nto 150 " + row + "\npress 1\nseen held\nto 120 " + row + "\nto 80 " + row +
-                       "\nseen dragged\nrelease 1\n");
+                       "\nseen dragged\nrelease 1\nseen released\n");
   CHECK(shop.read("smaller.png").width < shop.read("whole.png").width);
   // No blue among the digits, which are grey: but below them.
   const auto blue = [&](int from, int to) {
