@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A night of fuzzing: fuzz_night.py [HOURS] [--only WORD]... [--engine NAME]
 
-Every target runs from its corpus under libFuzzer (build-fuzz, preset fuzz) and AFL++ (build-afl, preset afl), those with
-the fewest executions first, for equal shares of HOURS (8). After each share what it found new is merged into build-fuzz/corpus
-and, within a bound, into fuzz/corpus; docs/lab/fuzzing.json adds up, and gives docs/lab/fuzzing.md its table (--table: that
-alone). An engine that is not built is left out. A night that is cut short loses the share it was in and nothing else.
+Every target runs from its corpus under libFuzzer (build-fuzz, preset fuzz) and AFL++ (build-afl, preset afl), those
+with the fewest executions first, for equal shares of HOURS (8). After each share what it found new is merged into
+build-fuzz/corpus and, within a bound, into fuzz/corpus; docs/lab/fuzzing.json adds up, and gives docs/lab/fuzzing.md its
+table (--table: that alone). An engine that is not built is left out. A night that is cut short loses the share it was in
+and nothing else.
 
-Files that fail stand in build-fuzz/findings/TARGET until the target reads them. Where build-cover (preset cover) has the
-target, llvm-cov says which lines of its reader the corpus reaches. Exit code 1: something is open."""
+Files that fail stand in build-fuzz/findings/TARGET until the target reads them. Where build-cover (preset cover) has
+the target, llvm-cov says which lines of its reader the corpus reaches. Exit code 1: something is open."""
 import argparse
 import hashlib
 import json
@@ -45,8 +46,8 @@ MOST_BYTES = 160 << 10  # of a target's committed corpus: all twelve stay under 
 LONGEST_INPUT = 16 << 10
 LONGEST_RUN_S = 25
 LEAST_SHARE_S = 10
-# Twice as fast as the defaults where exceptions are common: short stacks of allocations, no frames on the heap (the tests
-# of preset asan have both). Files that a target writes are in memory.
+# Twice as fast as the defaults where exceptions are common: short stacks of allocations, no frames on the heap (the
+# tests of preset asan have both). Files that a target writes are in memory.
 ENVIRONMENT = {"ASAN_OPTIONS": "detect_stack_use_after_return=0:malloc_context_size=4",
                "UBSAN_OPTIONS": "print_stacktrace=1"} | ({"TMPDIR": "/dev/shm"} if os.path.isdir("/dev/shm") else {})
 
@@ -87,7 +88,8 @@ def afl(target, seconds, folder):
                    AFL_NO_AFFINITY="1", AFL_I_DONT_CARE_ABOUT_MISSING_CRASHES="1", AFL_FAST_CAL="1",
                    AFL_NO_STARTUP_CALIBRATION="1", ASAN_OPTIONS="abort_on_error=1:symbolize=0", UBSAN_OPTIONS="")
         found = pathlib.Path(out, "default")
-        ran = number(r"execs_done +: (\d+)", (found / "fuzzer_stats").read_text()) if (found / "fuzzer_stats").exists() else 0
+        stats = found / "fuzzer_stats"
+        ran = number(r"execs_done +: (\d+)", stats.read_text()) if stats.exists() else 0
         if ran == 0:
             sys.exit(f"afl-fuzz did not run fuzz_{target}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
         for kind in ("queue", "crashes", "hangs"):
@@ -112,8 +114,8 @@ def replace(folder, chosen):
 
 
 def merge(target, found):
-    """Keeps the smallest of what reaches something new: all of it for the next night, in the tree what reaches edges and
-    has room."""
+    """Keeps the smallest of what reaches something new: all of it for the next night, in the tree what reaches edges
+    and has room."""
     with tempfile.TemporaryDirectory(dir=ENGINES["libfuzzer"]) as name:
         kept = pathlib.Path(name, "kept")
         kept.mkdir()
@@ -131,8 +133,8 @@ def edges_by_file(target):
     with tempfile.TemporaryDirectory(dir=ENGINES["libfuzzer"]) as name:
         kept, control = pathlib.Path(name, "kept"), pathlib.Path(name, "control")
         kept.mkdir()
-        run([program("libfuzzer", target), "-set_cover_merge=1", "-use_counters=0", "-use_cmp=0", f"-max_len={LONGEST_INPUT}",
-             f"-merge_control_file={control}", kept, WORKING / target])
+        run([program("libfuzzer", target), "-set_cover_merge=1", "-use_counters=0", "-use_cmp=0",
+             f"-max_len={LONGEST_INPUT}", f"-merge_control_file={control}", kept, WORKING / target])
         # How many files, how many of them are the first folder's, their names, and "FT NUMBER FEATURE..." of each.
         told = control.read_text().splitlines()
         names = told[2:2 + int(told[0])]
