@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a corpus begins from, where there is none yet: make_seeds.py BIN FOLDER
 
-BIN holds tgtrain and tgconvert. FOLDER gets a folder a target (read_ply, ...) of small files, all made by these programs,
-by scripts/make_conformance.py or here, with the bytes in front by which a target chooses its reader. Photographs come from
-ffmpeg and heif-enc where these are."""
+BIN holds tgtrain and tgconvert. FOLDER gets a folder a target (read_ply, ...) of small files, all made by these
+programs, by scripts/make_conformance.py or here, with the bytes in front by which a target chooses its reader.
+Photographs come from ffmpeg and heif-enc where these are."""
 import gzip
 import json
 import pathlib

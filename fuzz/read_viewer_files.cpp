@@ -57,7 +57,11 @@ void runScript(const std::string& text) {
   scene.cameras.assign(2, tg::lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
   tg::ViewerState state;
   tg::setScene(state, scene);
-  state.documents.open = {{"a.tgz", scene, {}, {}, -1}, {"b.tgz", scene, {}, {}, -1}};
+  for (const char* path : {"a.tgz", "b.tgz"}) {
+    tg::Document& document = state.documents.open.emplace_back();
+    document.path = path;
+    document.scene = scene;
+  }
   state.documents.shown = 0;
   for (int frame = 0; frame < 100 && !state.quit; ++frame) {
     state.time += 1;

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A night of fuzzing: fuzz_night.py [HOURS] [--only WORD]... [--engine NAME]
 
-Every target runs from its corpus under libFuzzer (build-fuzz, preset fuzz) and AFL++ (build-afl, preset afl), those with
-the fewest executions first, for equal shares of HOURS (8). After each share what it found new is merged into build-fuzz/corpus
-and, within a bound, into fuzz/corpus; docs/lab/fuzzing.json adds up, and gives docs/lab/fuzzing.md its table (--table: that
-alone). An engine that is not built is left out. A night that is cut short loses the share it was in and nothing else.
+Every target runs from its corpus under libFuzzer (build-fuzz, preset fuzz) and AFL++ (build-afl, preset afl), those
+with the fewest executions first, for equal shares of HOURS (8). After each share what it found new is merged into
+build-fuzz/corpus and, within a bound, into fuzz/corpus; docs/lab/fuzzing.json adds up, and gives docs/lab/fuzzing.md its
+table (--table: that alone). An engine that is not built is left out. A night that is cut short loses the share it was in
+and nothing else.
 
-Files that fail stand in build-fuzz/findings/TARGET until the target reads them. Where build-cover (preset cover) has the
-target, llvm-cov says which lines of its reader the corpus reaches. Exit code 1: something is open."""
+Files that fail stand in build-fuzz/findings/TARGET until the target reads them. Where build-cover (preset cover) has
+the target, llvm-cov says which lines of its reader the corpus reaches. Exit code 1: something is open."""
 import argparse
 import hashlib
 import json
@@ -45,8 +46,8 @@ MOST_BYTES = 160 << 10  # of a target's committed corpus: all twelve stay under 
 LONGEST_INPUT = 16 << 10
 LONGEST_RUN_S = 25
 LEAST_SHARE_S = 10
-# Twice as fast as the defaults where exceptions are common: short stacks of allocations, no frames on the heap (the tests
-# of preset asan have both). Files that a target writes are in memory.
+# Twice as fast as the defaults where exceptions are common: short stacks of allocations, no frames on the heap (the
+# tests of preset asan have both). Files that a target writes are in memory.
 ENVIRONMENT = {"ASAN_OPTIONS": "detect_stack_use_after_return=0:malloc_context_size=4",
                "UBSAN_OPTIONS": "print_stacktrace=1"} | ({"TMPDIR": "/dev/shm"} if os.path.isdir("/dev/shm") else {})
 
@@ -82,18 +83,22 @@ def libfuzzer(target, seconds, folder):
 
 def afl(target, seconds, folder):
     with tempfile.TemporaryDirectory(prefix="tg-afl-") as out:
-        run(["afl-fuzz", "-i", WORKING / target, "-o", out, "-V", seconds, "-t", 1000 * LONGEST_RUN_S, "-m", "none", "-g",
-             1, "-G", LONGEST_INPUT, "--", program("afl", target)], AFL_NO_UI="1", AFL_SKIP_CPUFREQ="1",
-            AFL_NO_AFFINITY="1", AFL_I_DONT_CARE_ABOUT_MISSING_CRASHES="1", AFL_FAST_CAL="1", AFL_NO_STARTUP_CALIBRATION="1")
+        done = run(["afl-fuzz", "-i", WORKING / target, "-o", out, "-V", seconds, "-t", 1000 * LONGEST_RUN_S, "-m", "none",
+                    "-g", 1, "-G", LONGEST_INPUT, "--", program("afl", target)], AFL_NO_UI="1", AFL_SKIP_CPUFREQ="1",
+                   AFL_NO_AFFINITY="1", AFL_I_DONT_CARE_ABOUT_MISSING_CRASHES="1", AFL_FAST_CAL="1",
+                   AFL_NO_STARTUP_CALIBRATION="1", ASAN_OPTIONS="abort_on_error=1:symbolize=0", UBSAN_OPTIONS="")
         found = pathlib.Path(out, "default")
+        stats = found / "fuzzer_stats"
+        ran = number(r"execs_done +: (\d+)", stats.read_text()) if stats.exists() else 0
+        if ran == 0:
+            sys.exit(f"afl-fuzz did not run fuzz_{target}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
         for kind in ("queue", "crashes", "hangs"):
             into = folder if kind == "queue" else FINDINGS / target
             into.mkdir(parents=True, exist_ok=True)
             for file in files(found / kind):
                 if file.name != "README.txt":
                     shutil.copyfile(file, into / hashlib.sha1(file.read_bytes()).hexdigest())
-        stats = found / "fuzzer_stats"
-        return number(r"execs_done +: (\d+)", stats.read_text()) if stats.exists() else 0
+        return ran
 
 
 def replace(folder, chosen):
@@ -109,8 +114,8 @@ def replace(folder, chosen):
 
 
 def merge(target, found):
-    """Keeps the smallest of what reaches something new: all of it for the next night, as much as the bound lets in the
-    tree."""
+    """Keeps the smallest of what reaches something new: all of it for the next night, in the tree what reaches edges
+    and has room."""
     with tempfile.TemporaryDirectory(dir=ENGINES["libfuzzer"]) as name:
         kept = pathlib.Path(name, "kept")
         kept.mkdir()
@@ -120,13 +125,36 @@ def merge(target, found):
         if done.returncode != 0 or not files(kept):
             sys.exit(f"fuzz_{target} -merge=1 failed:\n{done.stderr[-2000:]}")
         replace(WORKING / target, files(kept))
-    within, total = [], 0
-    for file in sorted(files(WORKING / target), key=lambda file: (file.stat().st_size, file.name)):
-        total += file.stat().st_size
-        if total > MOST_BYTES:
+    replace(CORPUS / target, within_bound(edges_by_file(target)))
+
+
+def edges_by_file(target):
+    """What each input of the working corpus reaches: (file, edges)."""
+    with tempfile.TemporaryDirectory(dir=ENGINES["libfuzzer"]) as name:
+        kept, control = pathlib.Path(name, "kept"), pathlib.Path(name, "control")
+        kept.mkdir()
+        run([program("libfuzzer", target), "-set_cover_merge=1", "-use_counters=0", "-use_cmp=0",
+             f"-max_len={LONGEST_INPUT}", f"-merge_control_file={control}", kept, WORKING / target])
+        # How many files, how many of them are the first folder's, their names, and "FT NUMBER FEATURE..." of each.
+        told = control.read_text().splitlines()
+        names = told[2:2 + int(told[0])]
+        return [(pathlib.Path(names[int(words[1])]), {int(word) for word in words[2:]})
+                for words in (line.split() for line in told) if words[:1] == ["FT"]]
+
+
+def within_bound(reached):
+    """Of (file, edges) those files that reach the most for their bytes, as long as there is room."""
+    left, chosen, seen, room = sorted(reached, key=lambda entry: entry[0].name), [], set(), MOST_BYTES
+    while left:
+        file, found = max(left, key=lambda entry: len(entry[1] - seen) / max(1, entry[0].stat().st_size))
+        if not found - seen:
             break
-        within.append(file)
-    replace(CORPUS / target, within)
+        if file.stat().st_size <= room:
+            chosen.append(file)
+            seen |= found
+            room -= file.stat().st_size
+        left.remove((file, found))
+    return chosen
 
 
 def still_open(target):
@@ -214,12 +242,8 @@ def night(options, record):
         sys.exit("nothing to run (expected build-fuzz/bin/fuzz_*: cmake --preset fuzz && cmake --build --preset fuzz)")
     seconds = max(LEAST_SHARE_S, int(options.hours * 3600 / len(shares)))
     for target, engine in shares:
-        if not files(WORKING / target):
-            shutil.copytree(CORPUS / target, WORKING / target, dirs_exist_ok=True)
         entry = record.setdefault(target, {})
-        with tempfile.TemporaryDirectory(dir=ENGINES["libfuzzer"]) as found:
-            ran = engines[engine](target, seconds, pathlib.Path(found))
-            merge(target, found)
+        ran = share(target, engines[engine], seconds)
         counted = entry.setdefault(engine, {"executions": 0, "seconds": 0})
         counted["executions"] += ran
         counted["seconds"] += seconds
@@ -229,16 +253,32 @@ def night(options, record):
               f"edges, {entry['open']} open", flush=True)
 
 
+def share(target, fuzz, seconds):
+    """Fuzzes one target for its share of the night and merges; how many executions."""
+    if not files(WORKING / target):
+        shutil.copytree(CORPUS / target, WORKING / target, dirs_exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=ENGINES["libfuzzer"]) as found:
+        ran = fuzz(target, seconds, pathlib.Path(found))
+        merge(target, found)
+    return ran
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("hours", type=float, nargs="?", default=8.0)
     parser.add_argument("--only", action="append", help="targets whose name holds this")
     parser.add_argument("--engine", default="", choices=["", *ENGINES], help="this one alone")
+    parser.add_argument("--merge", action="store_true", help="merge and measure again without fuzzing")
     parser.add_argument("--table", action="store_true", help="write the table of docs/lab/fuzzing.md and end")
     options = parser.parse_args()
     record = json.loads(RECORD.read_text()) if RECORD.exists() else {}
     if options.table:
         save(record)
+    elif options.merge:
+        for target in record:
+            share(target, lambda *_: 0, 0)
+            measure(target, record[target])
+            save(record)
     else:
         night(options, record)
     sys.exit(1 if any(entry["open"] for entry in record.values()) else 0)
