@@ -2,37 +2,16 @@
 // What `tgconvert check` and Khronos' validator say of a hundred spoilt copies of a sound GLB, side by side.
 // In a folder with `npm install gltf-validator`: node .../bench/gltf_rules.mjs TGCONVERT docs/gltf-extension/sample.glb [FOLDER]
 // FOLDER keeps the copies. Exit code 1 when `check` passes a copy that the validator refuses.
-import { execFileSync } from 'node:child_process';
 import fs from 'node:fs';
-import { createRequire } from 'node:module';
 import os from 'node:os';
 import path from 'node:path';
 
-const validator = createRequire(process.cwd() + '/')('gltf-validator');
+import { beside, glb, partsOf } from './gltf_beside.mjs';
+
 const [program, source, kept] = process.argv.slice(2);
 const folder = kept ?? fs.mkdtempSync(path.join(os.tmpdir(), 'gltf-rules-'));
 fs.mkdirSync(folder, { recursive: true });
-
-const bytes = fs.readFileSync(source);
-const jsonBytes = bytes.readUInt32LE(12);
-const text = bytes.subarray(20, 20 + jsonBytes).toString();
-const bin = Buffer.from(bytes.subarray(20 + jsonBytes + 8));
-
-function glb(json, data) {
-  let head = Buffer.from(JSON.stringify(json));
-  head = Buffer.concat([head, Buffer.alloc((4 - (head.length % 4)) % 4, 0x20)]);
-  const out = Buffer.alloc(20 + head.length + 8);
-  out.write('glTF');
-  out.writeUInt32LE(2, 4);
-  out.writeUInt32LE(out.length + data.length, 8);
-  out.writeUInt32LE(head.length, 12);
-  out.write('JSON', 16);
-  head.copy(out, 20);
-  out.writeUInt32LE(data.length, 20 + head.length);
-  out.write('BIN\0', 24 + head.length);
-  return Buffer.concat([out, data]);
-}
-
+const { text, bin } = partsOf(source);
 const sound = JSON.parse(text);
 const primitive = (g) => g.meshes[0].primitives[0];
 const attribute = (g, name) => g.accessors[primitive(g).attributes[name]];
@@ -240,12 +219,6 @@ const spoilt = {
     (g.animations = [{ samplers: [{ input: 999, output: 999 }], channels: [{ sampler: 9, target: { path: 'scale' } }] }]),
 };
 
-// What the validator cannot know: it has heard of neither extension.
-const foreign = (message) =>
-  /^\/extensions(Used|Required)/.test(message.pointer) === false &&
-  ['MESH_PRIMITIVE_INVALID_ATTRIBUTE', 'UNSUPPORTED_EXTENSION'].includes(message.code) &&
-  /:/.test(message.pointer.split('/').pop());
-
 let missed = 0;
 const count = { validator: 0, both: 0, ours: 0 };
 for (const [name, spoil] of Object.entries(spoilt)) {
@@ -259,15 +232,7 @@ for (const [name, spoil] of Object.entries(spoilt)) {
   }
   const file = path.join(folder, name.replaceAll(/[^a-zA-Z0-9_]+/g, '_') + '.glb');
   fs.writeFileSync(file, glb(g, data));
-  const report = await validator.validateBytes(new Uint8Array(fs.readFileSync(file)), { maxIssues: 0 }).catch(
-    (error) => ({ issues: { messages: [{ severity: 0, code: String(error), pointer: '' }] } }));
-  const theirs = report.issues.messages.filter((m) => m.severity === 0 && !foreign(m));
-  let ours;
-  try {
-    ours = JSON.parse(execFileSync(program, ['check', file, '--json'], { stdio: ['ignore', 'pipe', 'ignore'] })).errors;
-  } catch (error) {
-    ours = JSON.parse(error.stdout).errors;
-  }
+  const { theirs, ours } = await beside(program, file);
   count.validator += theirs.length > 0;
   count.both += theirs.length > 0 && ours.length > 0;
   count.ours += ours.length > 0;

@@ -103,8 +103,10 @@ CheckReport checkFile(const std::filesystem::path& path) {
   };
   const Format* format = nullptr;
   attempt([&] { format = &detectFormat(path); });
-  if (format) {
-    report.format = format->name;
+  if (format) report.format = format->name;
+  if (format && format->check) {
+    attempt([&] { report.gaussians = format->check(path, lines.errors, lines.warnings); });
+  } else if (format) {
     tryRead(*format, path, true, report, lines);
   }
   if (format && format->overlooked) {

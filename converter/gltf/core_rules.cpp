@@ -32,6 +32,8 @@ constexpr double kOrthogonalTolerance = 0.00769;  // of a matrix's columns
 constexpr std::uint64_t kScanRatio = 8;           // accessors' bytes to the buffers', before scanning ends
 constexpr std::size_t kScanBlock = 1 << 20;       // [bytes]
 constexpr std::uint64_t kFloatType = 5126, kUintType = 5125;
+constexpr std::array kLists = {"accessors", "animations", "bufferViews", "buffers", "cameras", "images",  "materials",
+                               "meshes",    "nodes",      "samplers",    "scenes",  "skins",   "textures"};
 constexpr std::size_t kNobody = std::numeric_limits<std::size_t>::max();
 
 std::optional<double> number(const json& object, const char* key) {
@@ -51,6 +53,16 @@ bool isSemantic(std::string_view name) {
   }
   return false;
 }
+
+// "" for what is neither PNG, JPEG nor WebP.
+std::string_view imageType(std::span<const unsigned char> bytes) {
+  const std::string_view start(reinterpret_cast<const char*>(bytes.data()), std::min<std::size_t>(bytes.size(), 12));
+  if (start.starts_with("\x89PNG\r\n\x1a\n")) return "image/png";
+  if (start.starts_with("\xff\xd8\xff")) return "image/jpeg";
+  return start.starts_with("RIFF") && start.ends_with("WEBP") ? "image/webp" : "";
+}
+
+std::string shown(const json& value) { return value.dump(-1, ' ', true, json::error_handler_t::replace); }
 
 using Version = std::pair<std::uint32_t, std::uint32_t>;
 
@@ -74,8 +86,10 @@ class CoreRules {
 
   void run() {
     asset();
+    lists();
     extensions();
     accessors();
+    views();
     images();
     meshes();
     nodes();
@@ -121,10 +135,16 @@ class CoreRules {
     error(pointer + "/" + key, value.is_null() ? "is missing" : "out of range (found " + value.dump() + ")");
   }
 
-  // A warning, since later versions may know more.
+  // A warning, since later versions may know more, where the type is right.
   void choice(const json& object, const char* key, const std::string& pointer, std::initializer_list<json> choices) {
-    const json& value = member(object, key);
-    if (value.is_null() || std::ranges::find(choices, value) != choices.end()) return;
+    const auto given = object.is_object() ? object.find(key) : object.end();
+    if (!object.is_object() || given == object.end()) return;
+    const json& value = *given;
+    if (std::ranges::find(choices, value) != choices.end()) return;
+    const bool words = choices.begin()->is_string();
+    if (words ? !value.is_string() : !value.is_number_integer()) {
+      return error(pointer + "/" + key, "wrong type" + expectedFound(words ? "a string" : "an integer", shown(value)));
+    }
     warnings_.push_back(printable(shortened(pointer) + "/" + key + ": is none of the format's (found " +
                                   shortened(value.dump()) + ")"));
   }
@@ -166,9 +186,18 @@ class CoreRules {
       if (!value.is_null() && !value.is_object()) error(pointer + "/extensions", "wrong type (expected an object)");
     };
     object(root_, "");
-    for (const char* key : {"accessors", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes",
-                            "samplers", "scenes", "skins", "textures"}) {
-      eachOf(key, object);
+    for (const char* key : kLists) eachOf(key, object);
+  }
+
+  void lists() {
+    for (const char* key : kLists) {
+      const auto found = root_.find(key);
+      if (found == root_.end()) continue;
+      const std::string pointer = std::string("/").append(key);
+      if (!found->is_array()) error(pointer, "wrong type (expected an array)");
+      eachOf(key, [&](const json& value, const std::string& place) {
+        if (!value.is_object()) error(place, "wrong type" + expectedFound("an object", shown(value)));
+      });
     }
   }
 
@@ -298,9 +327,21 @@ class CoreRules {
     uses_[view] = use;
   }
 
+  void views() {
+    eachOf("bufferViews", [&](const json& view, const std::string& pointer) {
+      choice(view, "target", pointer, {34962, 34963});
+    });
+  }
+
   void images() {
+    std::size_t index = 0;
     eachOf("images", [&](const json& image_object, const std::string& pointer) {
       text(image_object, "mimeType", pointer);
+      const std::string_view type = imageType(document_.model.images[index++].image);
+      const json& stated = member(image_object, "mimeType");
+      if (!type.empty() && stated.is_string() && stated != type) {
+        error(pointer + "/mimeType", "is not the image's own" + expectedFound(std::string(type), shown(stated)));
+      }
       if (!image_object.contains("bufferView")) return;
       const auto view = image_object["bufferView"].get<std::size_t>();
       if (!image_object.contains("mimeType")) error(pointer, "has a bufferView and no mimeType");

@@ -10,6 +10,8 @@
 
 #include "converter/formats/little_endian.h"
 #include "converter/gltf/document_check.h"
+#include "converter/gltf/gltf_json.h"
+#include "converter/gltf/json_members.h"
 #include "converter/gltf/resolve.h"
 #include "core/system/assert.h"
 
@@ -17,6 +19,9 @@ namespace tg {
 namespace {
 
 using nlohmann::json;
+
+// The library would want the bytes of buffers and images; what follows says nothing of splats.
+constexpr std::array<std::string_view, 5> kLeftOut = {"buffers", "images", "materials", "animations", "skins"};
 
 // tinygltf hands over an image's encoded bytes; they are kept as they are.
 bool keepEncoded(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes,
@@ -53,6 +58,20 @@ void parse(tinygltf::Model& model, const std::string& path, bool binary, std::sp
     error = exception.what();
   }
   if (!ok) throw Error(ErrorKind::badData, path, "no valid glTF: " + error);
+}
+
+// The same for a document's JSON, less `keys` at its top.
+void parseWithout(tinygltf::Model& model, const std::string& path, json& root, std::span<const std::string_view> keys) {
+  std::vector<std::pair<std::string, json>> kept;
+  for (const std::string_view key : keys) {
+    const auto found = root.find(std::string(key));
+    if (found == root.end()) continue;
+    kept.emplace_back(key, std::move(*found));
+    root.erase(found);
+  }
+  const std::string text = root.dump(-1, ' ', false, json::error_handler_t::replace);
+  for (auto& [key, value] : kept) root[key] = std::move(value);
+  parse(model, path, false, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
 }
 
 // The start of a GLB up to the content of its BIN chunk, where that is its last chunk; else nothing.
@@ -117,13 +136,15 @@ std::vector<std::string> hollowLayers(const json& root) {
   return found;
 }
 
-GltfDocument load(json root, std::span<const std::uint8_t> bytes, const std::string& path,
+// Of parsed.root, which has been parsed and nothing else.
+GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const std::string& path,
                   const std::optional<std::filesystem::path>& folder) {
   GltfDocument document;
   document.path = path;
   std::vector<std::uint8_t> resolved;
-  check(root, bytes, resolved, path, folder);
-  document.hollow_layers = hollowLayers(root);
+  if (needsResolving(parsed.root)) parsed.stored = parsed.root;
+  check(parsed.root, bytes, resolved, path, folder);
+  document.hollow_layers = hollowLayers(parsed.root);
   parse(document.model, path, isGlb(bytes), bytes);
   return document;
 }
@@ -153,7 +174,16 @@ void GltfDocument::read(int view, std::uint64_t offset, std::span<std::uint8_t> 
 }
 
 GltfDocument openGltf(const std::filesystem::path& path) {
-  const auto whole = [&] { return loadGltf(readFile(path, kMaxGltfBytes), path.string(), folderOf(path)); };
+  GltfJson unused;
+  return openGltf(path, unused);
+}
+
+GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed) {
+  const auto whole = [&] {
+    const std::vector<std::uint8_t> bytes = readFile(path, kMaxGltfBytes);
+    parsed.root = parseJsonOf(bytes, path.string());
+    return load(parsed, bytes, path.string(), folderOf(path));
+  };
   if (!isFile(path)) return whole();  // a pipe, or nothing
   GltfDocument document;
   document.path = path.string();
@@ -161,24 +191,19 @@ GltfDocument openGltf(const std::filesystem::path& path) {
   std::vector<std::uint8_t> bytes = headOf(*document.file);
   if (bytes.empty()) return whole();
   const GltfParts parts = splitGlb(bytes, document.file->size(), document.path);
-  json root = parseGltfJson(parts.json, document.path);
+  parsed.root = parseGltfJson(parts.json, document.path);
+  json& root = parsed.root;
   if (needsResolving(root) || holdsUris(root)) {
     const std::size_t head = bytes.size();
     bytes.resize(static_cast<std::size_t>(document.file->size()));
     document.file->read(head, std::span(bytes).subspan(head));
-    return load(std::move(root), bytes, document.path, folderOf(path));
+    return load(parsed, bytes, document.path, folderOf(path));
   }
   checkGltfJson(root, parts, document.path);
   document.hollow_layers = hollowLayers(root);
-  // The library would want the bytes of buffers and images: it gets the rest, which is new text.
-  const json images = root.value("images", json::array());
-  root.erase("buffers");
-  root.erase("images");
-  const std::string text = root.dump(-1, ' ', false, json::error_handler_t::replace);
-  parse(document.model, document.path, false,
-        std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  parseWithout(document.model, document.path, root, kLeftOut);
   document.bin_offset = parts.bin_offset;
-  for (const json& entry : images) {
+  for (const json& entry : list(root, "images")) {
     tinygltf::Image& image = document.model.images.emplace_back();
     image.bufferView = entry.at("bufferView").get<int>();
     if (const auto type = entry.find("mimeType"); type != entry.end() && type->is_string()) image.mimeType = *type;
@@ -190,17 +215,8 @@ GltfDocument openGltf(const std::filesystem::path& path) {
 
 GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path,
                       const std::optional<std::filesystem::path>& folder) {
-  return load(parseJsonOf(bytes, path), bytes, path, folder);
-}
-
-json readGltfJson(const std::filesystem::path& path, json* stored) {
-  const std::vector<std::uint8_t> file = readFile(path, kMaxGltfBytes);
-  std::span<const std::uint8_t> bytes = file;
-  std::vector<std::uint8_t> resolved;
-  json root = parseJsonOf(bytes, path.string());
-  *stored = root;
-  check(root, bytes, resolved, path.string(), folderOf(path));
-  return root;
+  GltfJson parsed{parseJsonOf(bytes, path), {}};
+  return load(parsed, bytes, path, folder);
 }
 
 }  // namespace tg

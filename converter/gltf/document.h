@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -26,6 +25,8 @@ inline constexpr std::string_view kTextureExtension = "TG_gaussian_splatting_tex
 inline constexpr std::string_view kWebpExtension = "EXT_texture_webp";
 
 inline constexpr std::uint64_t kMaxGltfBytes = 0xFFFFFFFF;  // what a GLB header can say
+
+struct GltfJson;
 
 struct GltfDocument {
   std::string path;       // starts every error message
@@ -77,9 +78,7 @@ GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& pa
 // The same for a file. The buffer of a GLB stays there, where nothing has to be unpacked, and is read when it is
 // needed. Throws Error(cannotRead), too.
 GltfDocument openGltf(const std::filesystem::path& path);
-
-// The checked JSON of a file, its parts resolved; `stored` gets it as it stands in the file. Throws what openGltf
-// throws.
-nlohmann::json readGltfJson(const std::filesystem::path& path, nlohmann::json* stored);
+// Hands over the JSON, too.
+GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed);
 
 }  // namespace tg

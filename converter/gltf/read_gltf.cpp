@@ -18,6 +18,8 @@
 #include "converter/gltf/document.h"
 #include "converter/gltf/document_check.h"
 #include "converter/gltf/extension_lists.h"
+#include "converter/gltf/gltf_json.h"
+#include "converter/gltf/json_members.h"
 #include "converter/gltf/linear_colors.h"
 #include "converter/gltf/nodes.h"
 #include "converter/gltf/numbers.h"
@@ -437,8 +439,9 @@ void readAssetExtras(const GltfDocument& document, Bundle& loaded) {
   }
 }
 
-// The model of a document that has been checked.
-Bundle assemble(GltfDocument document, const ReadOptions& options) {
+// The model of a document that has been checked. Takes its warnings.
+Bundle assemble(GltfDocument& document, const ReadOptions& options) {
+  document.warnings.clear();
   if (!options.base_only) checkExtensionPlaces(document);
   const std::vector<PlacedNode> nodes = placeNodes(document);
   const std::vector<SplatInstance> instances = findSplats(document, nodes);
@@ -521,27 +524,46 @@ void checkAlignment(const json& root, std::size_t index, std::vector<std::string
 Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options) {
   GltfDocument document = openGltf(path);
   document.errors = options.errors;
-  return assemble(std::move(document), options);
+  return assemble(document, options);
 }
 
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {
-  return assemble(loadGltf(bytes, path), options);
+  GltfDocument document = loadGltf(bytes, path);
+  return assemble(document, options);
 }
 
-void findOverlooked(const std::filesystem::path& path, std::vector<std::string>& errors,
-                    std::vector<std::string>& warnings) {
-  json stored;
-  const json root = readGltfJson(path, &stored);
-  for (const json& mesh : root.value("meshes", json::array())) {
+std::size_t checkGltf(const std::filesystem::path& path, std::vector<std::string>& errors,
+                      std::vector<std::string>& warnings) {
+  GltfJson parsed;
+  GltfDocument document = openGltf(path, parsed);
+  std::size_t gaussians = 0;
+  for (const bool base_only : {true, false}) {
+    std::vector<std::string> found;
+    document.errors = &found;
+    try {
+      const Bundle loaded = assemble(document, {.base_only = base_only});
+      checkModel(loaded.model, document.path);
+      gaussians = loaded.model.size();
+      warnings.insert(warnings.end(), loaded.warnings.begin(), loaded.warnings.end());
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::badData) throw;
+      if (found.empty()) found.push_back(error.what());
+      errors.insert(errors.end(), found.begin(), found.end());
+    }
+  }
+  document.errors = nullptr;
+  const json& root = parsed.root;
+  for (const json& mesh : list(root, "meshes")) {
     for (const json& primitive : mesh["primitives"]) {
-      if (!primitive.value("extensions", json::object()).contains(kSplatExtension)) continue;
+      if (!member(primitive, "extensions").contains(kSplatExtension)) continue;
       for (const auto& [semantic, accessor] : primitive["attributes"].items()) {
         checkAlignment(root, accessor.get<std::size_t>(), errors);
       }
     }
   }
-  checkExtensionLists(stored, errors, warnings);
-  checkCoreRules(root, openGltf(path), errors, warnings);
+  checkExtensionLists(parsed.stored ? *parsed.stored : root, errors, warnings);
+  checkCoreRules(root, document, errors, warnings);
+  return gaussians;
 }
 
 }  // namespace tg

@@ -18,9 +18,10 @@ Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = 
 // The same from memory, without options.errors; `path` starts the messages.
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
 
-// What is wrong with a file although reading it gets by: alignment, extensionsUsed, extensionsRequired, glTF's own rules. Adds "JSON
-// pointer: what". Throws Error where the structure (container, JSON, references, sizes) is broken.
-void findOverlooked(const std::filesystem::path& path, std::vector<std::string>& errors,
-                    std::vector<std::string>& warnings);
+// What is wrong with a file as its base and with its textures, and what reading it gets by: alignment, extensionsUsed,
+// extensionsRequired, glTF's own rules. Adds "JSON pointer: what"; the number of Gaussians, 0 where none can be read.
+// Throws Error where the structure (container, JSON, references, sizes) is broken.
+std::size_t checkGltf(const std::filesystem::path& path, std::vector<std::string>& errors,
+                      std::vector<std::string>& warnings);
 
 }  // namespace tg

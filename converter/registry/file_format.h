@@ -53,7 +53,11 @@ struct Format {
   // Null: it is not written. Atomic; gets a model without textures where the format holds none.
   void (*write)(const std::filesystem::path& path, const Bundle& source, const WriteOptions& options,
                 Written& written) = nullptr;
-  // What reading gets by without; adds "JSON pointer: message". Null: nothing. Throws Error for a broken structure.
+  // What is wrong with a file; adds "JSON pointer: message", and returns the number of Gaussians. Null: what reading it
+  // says. Throws Error for a broken structure.
+  std::size_t (*check)(const std::filesystem::path& path, std::vector<std::string>& errors,
+                       std::vector<std::string>& warnings) = nullptr;
+  // What reading gets by without, as `check` says it. Null: nothing. Throws Error for a broken structure.
   void (*overlooked)(const std::filesystem::path& path, std::vector<std::string>& errors,
                      std::vector<std::string>& warnings) = nullptr;
   bool is_gltf = false;    // or around it: its axes
