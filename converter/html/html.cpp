@@ -185,7 +185,8 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
       throw Error(error.kind, path.string(), "cannot write the GLB that it holds: the disk may be full");
     }
     std::ifstream glb(glb_file.path(), std::ios::binary);
-    std::filesystem::remove(glb_file.path());  // once it is open: who is killed from here on leaves nothing behind, either
+    // Once it is open: who is killed from here on leaves nothing behind, either.
+    std::filesystem::remove(glb_file.path());
 
     std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
     out << page.before_title << escaped(path.stem().string()) << page.before_bytes;
