@@ -55,29 +55,47 @@ void checkExtensions(const JsonNode& root) {
   }
 }
 
-// tinygltf cuts integers to 32 bits without a word. Sizes are exempt: it keeps them whole.
-void checkIntegers(const JsonNode& node) {
-  const json& value = node.value;
+// tinygltf cuts integers to 32 bits without a word: the first that it would cut, and its place below `value`; null:
+// none. Sizes are exempt: it keeps them whole.
+const json* cutInteger(const json& value, std::string& place) {
+  const auto below = [&](const json& child, const auto& key) {
+    const json* found = cutInteger(child, place);
+    if (found != nullptr) place.insert(0, "/" + key());
+    return found;
+  };
   if (value.is_number_integer()) {
     const bool fits = value.is_number_unsigned()
                           ? value.get<std::uint64_t>() <= std::uint64_t{std::numeric_limits<std::int32_t>::max()}
                           : value.get<std::int64_t>() >= std::numeric_limits<std::int32_t>::min();
-    if (!fits) node.fail("integer out of range" + expectedFound("at most 32 bits", node.shown()));
-  } else if (value.is_array()) {
-    for (std::size_t i = 0; i < node.size(); ++i) checkIntegers(node.element(i));
+    return fits ? nullptr : &value;
+  }
+  if (value.is_array()) {
+    for (std::size_t i = 0; i < value.size(); ++i) {
+      if (const json* found = below(value[i], [&] { return std::to_string(i); })) return found;
+    }
   } else if (value.is_object()) {
-    for (const auto& [key, child] : value.items()) {
-      const bool extension_list = key == "extensions" && child.is_object();
+    for (auto member = value.begin(); member != value.end(); ++member) {
+      const std::string& key = member.key();
       if (key == "extras" || key == "byteLength" || key == "byteOffset" || key == "count") continue;
-      if (extension_list) {
+      if (key == "extensions" && member->is_object()) {
         for (const std::string_view ours : {kSplatExtension, kTextureExtension}) {
-          const std::string name(ours);
-          if (child.contains(name)) checkIntegers(node.at(key).at(name));
+          const auto extension = member->find(std::string(ours));
+          if (extension == member->end()) continue;
+          if (const json* found = below(*extension, [&] { return key + "/" + std::string(ours); })) return found;
         }
-      } else {
-        checkIntegers(node.at(key));
+      } else if (const json* found = below(*member, [&] { return key; })) {
+        return found;
       }
     }
+  }
+  return nullptr;
+}
+
+void checkIntegers(const JsonNode& root) {
+  std::string place;
+  if (const json* found = cutInteger(root.value, place)) {
+    const JsonNode node{*found, root.path, place};
+    node.fail("integer out of range" + expectedFound("at most 32 bits", node.shown()));
   }
 }
 

@@ -13,31 +13,22 @@ is then held against our CPU render of that base, on black and, in three.js, wit
 emulated viewer draws. Fails below BASE_DB and EMULATED_DB. A file that is made for the viewer must come nearer to our
 CPU render with textures, and one that is made to look like our base lie at AIMED_DB from it.
 """
-import functools
-import http.server
 import json
-import math
 import os
 import pathlib
 import struct
 import subprocess
 import sys
 import tempfile
-import threading
-import time
-import urllib.parse
 
-from chromium import Chromium, Difference, skip
+from chromium import Chromium, Difference
+from viewer_pages import HERE, VIEWERS, Pages, View, find_packages
 
-HERE = pathlib.Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
-VIEWERS = ["three", "playcanvas", "babylon"]
 BASE_DB = {"three": 34.0, "playcanvas": 35.0, "babylon": 35.0}  # three.js cuts splats at 2 sigma
 EMULATED_DB = {"three": 48.0, "playcanvas": 36.0, "babylon": 40.0}  # PlayCanvas sorts so few splats very coarsely
-WIDTH, HEIGHT, FOV = 640, 480, 50.0
+SIZE, FOV = (640, 480), 50.0
 AIMED_DB = 35.0
-REST_SECONDS = 2.0  # without a change, after which a picture counts as finished
-LIMIT_SECONDS = 150
 KHR, TG = "KHR_gaussian_splatting", "TG_gaussian_splatting_texture"
 failures = []
 
@@ -46,14 +37,6 @@ def expect(what, ok, found=""):
     print(f"{'ok' if ok else 'FAILED'}: {what}{f': {found}' if str(found) else ''}", flush=True)
     if not ok:
         failures.append(what)
-
-
-def find_packages(programs):
-    for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
-        modules = pathlib.Path(folder) / "node_modules"
-        if folder and (modules / "three").is_dir():
-            return modules
-    skip("no packages of the viewers here (scripts/test_browsers.sh installs them)")
 
 
 def without_textures(data):
@@ -72,48 +55,14 @@ def without_textures(data):
     return struct.pack("<IIIII", 0x46546C67, 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
 
 
-def pose(data, index):
-    """Eye, right, up and forward of a camera node of a GLB, in the file's axes. glTF's cameras look along -z."""
+def view_of(data, index):
+    """A camera node of a GLB. glTF's cameras look along -z."""
     size, = struct.unpack("<I", data[12:16])
     node = [n for n in json.loads(data[20:20 + size])["nodes"] if "camera" in n][index]
     x, y, z, w = node["rotation"]
-    return (node["translation"], [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-            [-2 * (x * z + w * y), -2 * (y * z - w * x), -1 + 2 * (x * x + y * y)])
-
-
-def camera_json(eye, right, up, forward):
-    """The pages' camera for tgview: INRIA's layout, in the model's axes (a half turn about z from the file's)."""
-    turn = lambda v: [-v[0], -v[1], v[2]]
-    axes = [turn(v) for v in (right, [-x for x in up], forward)]
-    focal = 0.5 * HEIGHT / math.tan(math.radians(FOV) / 2)
-    return json.dumps([{"id": 0, "img_name": "", "width": WIDTH, "height": HEIGHT, "fx": focal, "fy": focal,
-                        "position": turn(eye), "rotation": [[axes[c][r] for c in range(3)] for r in range(3)]}])
-
-
-def settled_screenshot(browser):
-    """The window once it has not changed for REST_SECONDS."""
-    last, since, end = browser.screenshot(), time.monotonic(), time.monotonic() + LIMIT_SECONDS
-    while time.monotonic() < end:
-        time.sleep(0.5)
-        now = browser.screenshot()
-        if now != last:
-            last, since = now, time.monotonic()
-        elif time.monotonic() - since > REST_SECONDS and Difference(browser, now, browser.black).count > 0:
-            return now
-    raise RuntimeError(f"the picture does not come to rest in {LIMIT_SECONDS} s")
-
-
-class Server:
-    """Serves a folder on 127.0.0.1."""
-
-    def __init__(self, folder):
-        class Quiet(http.server.SimpleHTTPRequestHandler):
-            def log_message(self, *_):
-                pass
-        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=folder))
-        threading.Thread(target=self.server.serve_forever, daemon=True).start()
-        self.address = f"http://127.0.0.1:{self.server.server_port}"
+    return View(node["translation"], [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+                [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+                [-2 * (x * z + w * y), -2 * (y * z - w * x), -1 + 2 * (x * x + y * y)], FOV, SIZE)
 
 
 def validate(modules, files):
@@ -146,8 +95,9 @@ def main():
         run(programs / "tgconvert", model, folder / "textured.glb", "--quiet")
         (folder / "base.glb").write_bytes(without_textures((folder / "textured.glb").read_bytes()))
         index = int(sys.argv[3]) if len(sys.argv) > 3 else -1
-        eye, right, up, forward = pose((folder / "textured.glb").read_bytes(), index)
-        (folder / "camera.json").write_text(camera_json(eye, right, up, forward))
+        view = view_of((folder / "textured.glb").read_bytes(), index)
+        (folder / "camera.json").write_text(view.as_camera())
+
         def rendered(name):
             run(programs / "tgview", folder / f"{name}.glb", "--render", folder / "ours.png", "--backend", "cpu",
                 "--camera", folder / "camera.json", "--background", "black")
@@ -155,35 +105,15 @@ def main():
 
         ours, with_textures = rendered("base"), rendered("textured")
         check_validator(modules, folder, folder / "textured.glb")
-        for viewer in VIEWERS:
-            subprocess.run([str(modules / ".bin/esbuild"), str(HERE / f"viewers/{viewer}.js"), "--bundle",
-                            "--format=iife", "--log-level=error", f"--outfile={folder / viewer}.js"],
-                           check=True, env={**os.environ, "NODE_PATH": str(modules)})
-            (folder / f"{viewer}.html").write_text("<!doctype html><meta charset=utf-8><body style='margin:0;"
-                                                   f"background:#000'><script src={viewer}.js></script>")
-        (folder / "black.html").write_text("<!doctype html><body style='background:#000'><script>__done = {}</script>")
-        server = Server(folder)
-        text = lambda v: ",".join(map(str, v))
-        camera = {"eye": text(eye), "target": text([e + f for e, f in zip(eye, forward)]), "up": text(up), "fov": FOV}
-        browser.open(f"{server.address}/black.html", WIDTH, HEIGHT)
-        browser.black = browser.screenshot()
-
-        def show(viewer, file, **more):
-            query = urllib.parse.urlencode({"file": file, **camera, **more})
-            done = browser.open(f"{server.address}/{viewer}.html?{query}", WIDTH, HEIGHT, LIMIT_SECONDS)
-            if "error" in done:
-                raise RuntimeError(f"{viewer}, {file}: {done['error']}")
-            return done
-
-        done = show("three", "textured.glb", plain=1)
+        pages = Pages(browser, modules, folder)
+        done = pages.show("three", "textured.glb", view, plain=1)
         attributes = [a for object_ in done["found"] if object_["type"] == "Points" for a in object_["attributes"]]
         expect("a plain GLTFLoader shows points and hands our attributes on",
                any(a.startswith(TG.lower()) for a in attributes), attributes)
         for viewer in VIEWERS:
             pictures = []
             for file in ("base.glb", "textured.glb"):
-                show(viewer, file)
-                pictures.append(settled_screenshot(browser))
+                pictures.append(pages.picture(viewer, file, view))
                 if "TG_WEB_PICTURES" in os.environ:
                     pathlib.Path(os.environ["TG_WEB_PICTURES"], f"{viewer}_{file}.png").write_bytes(pictures[-1])
             same = Difference(browser, *pictures)
@@ -196,15 +126,13 @@ def main():
             expect(f"{viewer} emulated, at least {EMULATED_DB[viewer]:.0f} dB", emulated.psnr >= EMULATED_DB[viewer],
                    emulated)
             run(programs / "tgconvert", model, folder / "made.glb", "--for", viewer, "--quiet", "--overwrite")
-            show(viewer, "made.glb")
-            made = Difference(browser, settled_screenshot(browser), with_textures)
+            made = Difference(browser, pages.picture(viewer, "made.glb", view), with_textures)
             untouched = Difference(browser, pictures[0], with_textures)
             expect(f"{viewer} shows a file that is made for it nearer to our render of the textures",
                    made.psnr > untouched.psnr, f"{untouched} without, {made} with --for")
             run(programs / "tgconvert", model, folder / "made.glb", "--for", viewer, "--for-aim", "base", "--quiet",
                 "--overwrite")
-            show(viewer, "made.glb")
-            made = Difference(browser, settled_screenshot(browser), ours)
+            made = Difference(browser, pages.picture(viewer, "made.glb", view), ours)
             expect(f"{viewer} shows one that is made for it to look like our base so, at least {AIMED_DB:.0f} dB",
                    made.psnr >= AIMED_DB, made)
         if "TG_WEB_PICTURES" in os.environ:

@@ -16,7 +16,7 @@ start(async () => {
   const engine = new Engine(canvas(), false);
   const scene = new Scene(engine);
   scene.useRightHandedSystem = true;  // otherwise the picture is mirrored
-  scene.clearColor = new Color4(0, 0, 0, 1);
+  scene.clearColor = new Color4(...view.background, 1);
   await AppendSceneAsync(view.file, scene);
   const camera = new FreeCamera('camera', new Vector3(...view.eye), scene);
   camera.upVector = new Vector3(...view.up);

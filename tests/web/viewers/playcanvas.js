@@ -8,7 +8,7 @@ start(async () => {
   app.setCanvasResolution(pc.RESOLUTION_FIXED, view.width, view.height);
   app.start();
   const camera = new pc.Entity('camera');
-  camera.addComponent('camera', {clearColor: new pc.Color(0, 0, 0), fov: view.fovDegrees, nearClip: 0.01});
+  camera.addComponent('camera', {clearColor: new pc.Color(...view.background), fov: view.fovDegrees, nearClip: 0.01});
   app.root.addChild(camera);
   camera.setPosition(...view.eye);
   camera.lookAt(new pc.Vec3(view.target), new pc.Vec3(view.up));

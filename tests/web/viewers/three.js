@@ -11,7 +11,7 @@ start(async () => {
   renderer.setSize(view.width, view.height, false);
   // It blends in linear space and ignores colorSpace: numbers as they are come out with a linear output only.
   renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
-  renderer.setClearColor(0);
+  renderer.setClearColor(new THREE.Color(...view.background));
   const camera = new THREE.PerspectiveCamera(view.fovDegrees, view.width / view.height, 0.01, 1000);
   camera.position.set(...view.eye);
   camera.up.set(...view.up);

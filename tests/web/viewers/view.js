@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every page shows: a file and a camera from the address, on black.
+// What every page shows: a file and a camera from the address, on a background.
 const query = new URLSearchParams(location.search);
 const vector = (name) => query.get(name).split(',').map(Number);
 
 // World space is the file's (y up); fov is vertical.
 export const view = {
   file: query.get('file'), plain: query.has('plain'), width: innerWidth, height: innerHeight, eye: vector('eye'),
-  target: vector('target'), up: vector('up'), fovDegrees: Number(query.get('fov')),
+  target: vector('target'), up: vector('up'), fovDegrees: Number(query.get('fov')), background: vector('background'),
 };
 
 export function canvas() {
