@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "converter/edit/select.h"
-#include "converter/formats/morton.h"
+#include "converter/lod/curves.h"
 #include "converter/lod/merge_pair.h"
 #include "converter/lod/moments.h"
 #include "core/model/verbs.h"
@@ -101,30 +101,18 @@ class PairMerger {
     return found;
   }
 
-  // Pairs of neighbours. The second curve is shifted, so that no place lies on a corner of both.
+  // Pairs of neighbours.
   std::vector<Pair> candidates() const {
-    glm::dvec3 low(moments_.front().mean), high(low);
-    for (const Moments& m : moments_) {
-      low = glm::min(low, m.mean);
-      high = glm::max(high, m.mean);
-    }
-    const glm::dvec3 size = high - low;
-    const double extent = std::max({size.x, size.y, size.z, 1e-30});
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> order;
+    std::vector<glm::dvec3> places;
+    for (const Moments& m : moments_) places.push_back(m.mean);
     std::vector<Pair> pairs;
-    for (const double shift : {0.0, 0.37}) {
-      order.clear();
-      for (std::size_t i = 0; i < moments_.size(); ++i) {
-        const glm::dvec3 place = shift + 0.6 * (moments_[i].mean - low) / extent;
-        order.emplace_back(mortonCode(place), static_cast<std::uint32_t>(i));
-      }
-      std::sort(order.begin(), order.end());
+    for (const std::vector<std::uint32_t>& order : curveOrders(places)) {
       const std::size_t first = pairs.size();
       pairs.resize(first + order.size() * kNeighbours, Pair{0.0, 0, 0});
       parallelFor(static_cast<std::int64_t>(order.size()), 256, [&](std::int64_t item) {
         const std::size_t k = static_cast<std::size_t>(item);
         for (std::size_t j = k + 1; j < std::min(order.size(), k + 1 + kNeighbours); ++j) {
-          const auto [a, b] = std::minmax(order[k].second, order[j].second);
+          const auto [a, b] = std::minmax(order[k], order[j]);
           if ((weights_[a] > 0.0) != (weights_[b] > 0.0)) continue;  // what is seen stays as it is
           pairs[first + k * kNeighbours + j - k - 1] = {cost(a, b), a, b};
         }

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "converter/formats/morton.h"
+#include "converter/lod/curves.h"
 #include "converter/lod/merge_pair.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_fit.h"
@@ -112,26 +112,14 @@ class Merger {
   }
 
  private:
-  // The second curve is shifted, so that no place lies on a corner of both.
   std::vector<Pair> candidates() const {
-    glm::dvec3 low(moments_[alive_.front()].mean), high(low);
-    for (const std::uint32_t i : alive_) {
-      low = glm::min(low, moments_[i].mean);
-      high = glm::max(high, moments_[i].mean);
-    }
-    const glm::dvec3 size = high - low;
-    const double extent = std::max({size.x, size.y, size.z, 1e-30});
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> order;
+    std::vector<glm::dvec3> places;
+    for (const std::uint32_t i : alive_) places.push_back(moments_[i].mean);
     std::vector<Pair> pairs;
-    for (const double shift : {0.0, 0.37}) {
-      order.clear();
-      for (const std::uint32_t i : alive_) {
-        order.emplace_back(mortonCode(shift + 0.6 * (moments_[i].mean - low) / extent), i);
-      }
-      std::sort(order.begin(), order.end());
+    for (const std::vector<std::uint32_t>& order : curveOrders(places)) {
       for (std::size_t k = 0; k < order.size(); ++k) {
         for (std::size_t j = k + 1; j < std::min(order.size(), k + 1 + kNeighbours); ++j) {
-          const auto [a, b] = std::minmax(order[k].second, order[j].second);
+          const auto [a, b] = std::minmax(alive_[order[k]], alive_[order[j]]);
           pairs.push_back({static_cast<float>(cost(a, b)), a, b});
         }
       }
