@@ -1,74 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// cpp-httplib with sockets of our own: it bounds neither a request's headers nor how long one may take.
+// cpp-httplib on bounded streams.
 #include "converter/serve/http.h"
 
 #include <httplib.h>
-#include <poll.h>
 
 #include <atomic>
 #include <chrono>
 #include <thread>
 #include <utility>
 
+#include "converter/serve/bounded_stream.h"
 #include "core/system/error.h"
 #include "core/system/worker.h"
 
 namespace tg {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-// One connection, which carries one request.
-class BoundedStream : public httplib::Stream {
- public:
-  BoundedStream(int socket, const std::atomic<bool>& stopping) : socket_(socket), stopping_(stopping) {}
-
-  bool is_readable() const override { return true; }
-  bool is_writable() const override { return true; }
-  socket_t socket() const override { return socket_; }
-  void get_remote_ip_and_port(std::string&, int&) const override {}
-  void get_local_ip_and_port(std::string&, int&) const override {}
-
-  // The library asks for single bytes.
-  ssize_t read(char* out, std::size_t size) override {
-    if (at_ == filled_) {
-      if (read_ >= kMaxRequestBytes || !ready(POLLIN, start_ + std::chrono::seconds(kRequestSeconds))) return -1;
-      const ssize_t got = ::recv(socket_, buffer_, std::min(sizeof buffer_, kMaxRequestBytes - read_), 0);
-      if (got <= 0) return got;
-      read_ += static_cast<std::size_t>(got);
-      at_ = 0;
-      filled_ = static_cast<std::size_t>(got);
-    }
-    const std::size_t some = std::min(size, filled_ - at_);
-    std::copy_n(buffer_ + at_, some, out);
-    at_ += some;
-    return static_cast<ssize_t>(some);
-  }
-
-  ssize_t write(const char* bytes, std::size_t size) override {
-    const auto stalled = Clock::now() + std::chrono::seconds(kStallSeconds);
-    if (!ready(POLLOUT, std::min(start_ + std::chrono::seconds(kAnswerSeconds), stalled))) return -1;
-    return ::send(socket_, bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
-  }
-
- private:
-  // In pieces, so that the end of the program is not held up.
-  bool ready(short events, Clock::time_point until) const {
-    while (!stopping_ && Clock::now() < until) {
-      pollfd asked{socket_, events, 0};
-      const int result = ::poll(&asked, 1, 100);
-      if (result > 0) return true;
-      if (result < 0 && errno != EINTR) return false;
-    }
-    return false;
-  }
-
-  const int socket_;
-  const std::atomic<bool>& stopping_;
-  const Clock::time_point start_ = Clock::now();
-  char buffer_[4096];
-  std::size_t read_ = 0, at_ = 0, filled_ = 0;
-};
+// One request a connection.
+constexpr StreamLimits kLimits{.most_read = kMaxRequestBytes,
+                               .read_seconds = kRequestSeconds,
+                               .write_seconds = kAnswerSeconds,
+                               .read_stall_seconds = kRequestSeconds,
+                               .write_stall_seconds = kStallSeconds};
 
 // A bounded queue before a fixed number of threads; while it is full, the system keeps new connections waiting.
 class BoundedPool : public httplib::TaskQueue {
@@ -150,7 +103,7 @@ class HttpServer::Server : public httplib::Server {
 
  private:
   bool process_and_close_socket(socket_t socket) override {
-    BoundedStream stream(socket, stopping_);
+    BoundedStream stream(socket, kLimits, [this] { return stopping_.load(); });
     bool closed = false;
     const bool done = process_request(stream, true, closed, nullptr);
     ::shutdown(socket, SHUT_RDWR);

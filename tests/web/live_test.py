@@ -82,6 +82,13 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             check(all(request.startswith(url.split("?")[0]) or request.startswith(("blob:", "data:"))
                       for request in browser.requests), f"other places: {set(browser.requests)}")
             check(not browser.log, browser.log)
+            # Words come while a model that takes long is on its way, the last ones, too.
+            browser.evaluate("window.fetched = window.fetch; window.asked = 0; window.fetch = async (address, options) => {"
+                             "if (!String(address).includes('model.glb')) return fetched(address, options);"
+                             "++asked; await new Promise((done) => setTimeout(done, 8000));"
+                             "return fetched(address, options); }; 0")
+            until("a model that takes long", lambda: browser.evaluate("asked"))
+            time.sleep(6)  # longer than a page may be silent
             (pathlib.Path(folder) / "run/control").write_text("stop\n")
             until("the end", lambda: browser.evaluate("document.getElementById('phase').textContent") == "interrupted", 30)
         check(run.wait(30) == 130, "tgtrain's exit code")

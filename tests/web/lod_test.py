@@ -22,6 +22,7 @@ import time
 
 import lod_scene
 from chromium import LAG, STALL, Chromium, Difference, find_chromium, from_data_url
+from viewer_pages import find_packages
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 LEAST_DB = 38.0  # what the package promises
@@ -346,14 +347,6 @@ def measure(folder, budget):
             stalls = [round(x) for x in browser.evaluate("stalls") if x > STALL]
             print(f"{found}; held up for more than {STALL} ms once there was a context: {stalls or 'never'} "
                   f"(an empty page lags by {lag:.0f} ms)", flush=True)
-
-
-def find_packages(programs):
-    for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
-        modules = pathlib.Path(folder) / "node_modules"
-        if folder and (modules / "three").is_dir():
-            return modules
-    return None
 
 
 def show_engine(browser, server, name, pages, reference):

@@ -21,6 +21,7 @@ import threading
 import time
 
 from chromium import Chromium, Difference, find_chromium, from_data_url
+from viewer_pages import find_packages
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 LEAST_DB = 38.0  # what the package promises
@@ -35,14 +36,6 @@ def expect(what, ok, found=""):
     print(f"{'ok' if ok else 'FAILED'}: {what}{f': {found}' if str(found) else ''}", flush=True)
     if not ok:
         failures.append(what)
-
-
-def find_packages(programs):
-    for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
-        modules = pathlib.Path(folder) / "node_modules"
-        if folder and (modules / "three").is_dir():
-            return modules
-    return None
 
 
 class Server:

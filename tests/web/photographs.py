@@ -27,7 +27,7 @@ import sys
 import tempfile
 
 from chromium import Chromium, Difference, from_data_url
-from viewer_pages import VIEWERS, Pages, View, css_color, find_packages
+from viewer_pages import VIEWERS, Pages, View, css_color, needed_packages
 
 FLATTEN = """(async (url, color) => {
   const image = new Image();
@@ -104,7 +104,7 @@ def main():
     parser.add_argument("--keep", type=pathlib.Path)
     options = parser.parse_args()
     programs = options.bin.resolve()
-    modules = find_packages(programs)
+    modules = needed_packages(programs)
 
     with Chromium() as browser, tempfile.TemporaryDirectory() as temporary:
         folder = pathlib.Path(temporary)

@@ -20,11 +20,16 @@ LIMIT_SECONDS = 150
 
 
 def find_packages(programs):
+    """Where the viewers are installed; None: nowhere."""
     for folder in (os.environ.get("TG_WEB_PACKAGES", ""), programs.parent / "web_packages"):
         modules = pathlib.Path(folder) / "node_modules"
         if folder and (modules / "three").is_dir():
             return modules
-    skip("no packages of the viewers here (scripts/test_browsers.sh installs them)")
+    return None
+
+
+def needed_packages(programs):
+    return find_packages(programs) or skip("no packages of the viewers here (scripts/test_browsers.sh installs them)")
 
 
 class Server:

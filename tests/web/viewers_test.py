@@ -22,7 +22,7 @@ import sys
 import tempfile
 
 from chromium import Chromium, Difference
-from viewer_pages import HERE, VIEWERS, Pages, View, find_packages
+from viewer_pages import HERE, VIEWERS, Pages, View, needed_packages
 
 REPOSITORY = HERE.parents[1]
 BASE_DB = {"three": 34.0, "playcanvas": 35.0, "babylon": 35.0}  # three.js cuts splats at 2 sigma
@@ -88,7 +88,7 @@ def check_validator(modules, folder, glb):
 def main():
     programs = pathlib.Path(sys.argv[1]).resolve()
     model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
-    modules = find_packages(programs)
+    modules = needed_packages(programs)
     with Chromium() as browser, tempfile.TemporaryDirectory() as temporary:
         folder = pathlib.Path(temporary)
         run = lambda *arguments: subprocess.run([str(a) for a in arguments], check=True, stdout=subprocess.DEVNULL)

@@ -1,82 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// cpp-httplib with a stream of our own: it bounds neither an answer's headers nor how long one may take.
+// cpp-httplib on bounded streams.
 #include "viewer/model/http_reader.h"
 
 #include <httplib.h>
-#include <poll.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
 #include <utility>
 
+#include "converter/serve/bounded_stream.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
 
 namespace tg {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::uint64_t kHeaderBytes = 64 << 10;  // of an answer, at most
 constexpr std::string_view kScheme = "http://";
-
-// A request and its answer on a connection that stays.
-class BoundedStream : public httplib::Stream {
- public:
-  // `most`: bytes of the whole answer.
-  BoundedStream(int socket, std::uint64_t most, const std::stop_token& stop)
-      : socket_(socket), most_(most), stop_(stop) {}
-
-  bool is_readable() const override { return true; }
-  bool is_writable() const override { return true; }
-  socket_t socket() const override { return socket_; }
-  void get_remote_ip_and_port(std::string&, int&) const override {}
-  void get_local_ip_and_port(std::string&, int&) const override {}
-
-  // The library asks for single bytes.
-  ssize_t read(char* out, std::size_t size) override {
-    if (at_ == filled_) {
-      if (read_ >= most_ || !ready(POLLIN)) return -1;
-      const ssize_t got = ::recv(socket_, buffer_, std::min<std::uint64_t>(sizeof buffer_, most_ - read_), 0);
-      if (got <= 0) return got;
-      read_ += static_cast<std::uint64_t>(got);
-      at_ = 0;
-      filled_ = static_cast<std::size_t>(got);
-    }
-    const std::size_t some = std::min(size, filled_ - at_);
-    std::copy_n(buffer_ + at_, some, out);
-    at_ += some;
-    return static_cast<ssize_t>(some);
-  }
-
-  ssize_t write(const char* bytes, std::size_t size) override {
-    if (!ready(POLLOUT)) return -1;
-    return ::send(socket_, bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
-  }
-
- private:
-  // In pieces, so that the end of the program is not held up.
-  bool ready(short events) const {
-    const auto until =
-        std::min(start_ + std::chrono::seconds(kFetchSeconds), Clock::now() + std::chrono::seconds(kFetchStallSeconds));
-    while (!stop_.stop_requested() && Clock::now() < until) {
-      pollfd asked{socket_, events, 0};
-      const int result = ::poll(&asked, 1, 100);
-      if (result > 0) return true;
-      if (result < 0 && errno != EINTR) return false;
-    }
-    return false;
-  }
-
-  const int socket_;
-  const std::uint64_t most_;
-  const std::stop_token& stop_;
-  const Clock::time_point start_ = Clock::now();
-  char buffer_[1 << 14];
-  std::uint64_t read_ = 0;
-  std::size_t at_ = 0, filled_ = 0;
-};
 
 [[noreturn]] void refuse(const std::string& address, const std::string& found) {
   throw tg::Error(ErrorKind::usage, address,
@@ -100,7 +40,12 @@ class HttpReader::Client : public httplib::ClientImpl {
  private:
   bool process_socket(const Socket& socket, std::function<bool(httplib::Stream&)> callback) override {
     // A body in chunks has a line a chunk beside it.
-    BoundedStream stream(socket.sock, most + most / 8 + kHeaderBytes, stop);
+    const StreamLimits limits{.most_read = most + most / 8 + kHeaderBytes,
+                              .read_seconds = kFetchSeconds,
+                              .write_seconds = kFetchSeconds,
+                              .read_stall_seconds = kFetchStallSeconds,
+                              .write_stall_seconds = kFetchStallSeconds};
+    BoundedStream stream(socket.sock, limits, [this] { return stop.stop_requested(); });
     return callback(stream);
   }
 };

@@ -22,6 +22,24 @@ constexpr std::chrono::milliseconds kModelPause(300);            // between two 
 constexpr std::chrono::milliseconds kLook(10);                   // between looks at the clock
 constexpr std::uint64_t kMostWaiting = std::uint64_t{64} << 20;  // [bytes] read ahead of the next model
 
+// Runs body(); what goes wrong goes into the news. False where there is nothing to tell: all went well, or was cancelled.
+template <typename News, typename Body>
+bool findProblem(News& news, const std::string& no_memory, const Body& body) {
+  try {
+    body();
+    return false;
+  } catch (const ReadCancelled&) {
+    return false;
+  } catch (const Error& error) {
+    news.problem = error.what();
+    news.error_kind = static_cast<int>(error.kind);
+  } catch (const std::bad_alloc&) {
+    news.problem = no_memory;
+    news.error_kind = static_cast<int>(ErrorKind::device);
+  }
+  return true;
+}
+
 }  // namespace
 
 class SceneStreamer::Run {
@@ -97,19 +115,12 @@ class SceneStreamer::Run {
     news.loading = opened_.scene.files[file];
     tell(news);
     news.loading.clear();
-    try {
+    const std::string no_memory = streamer_.path_.string() + ": not enough memory for " + opened_.scene.files[file];
+    const bool told = findProblem(news, no_memory, [&] {
       resident_.read(file, wanted_);
       missing_.erase(missing_.begin());
-      return;
-    } catch (const ReadCancelled&) {
-      return;
-    } catch (const Error& error) {
-      news.problem = error.what();
-      news.error_kind = static_cast<int>(error.kind);
-    } catch (const std::bad_alloc&) {
-      news.problem = streamer_.path_.string() + ": not enough memory for " + opened_.scene.files[file];
-      news.error_kind = static_cast<int>(ErrorKind::device);
-    }
+    });
+    if (!told) return;
     lost_.insert(file);
     plan();
     tell(std::move(news));
@@ -154,19 +165,9 @@ SceneStreamer::SceneStreamer(std::filesystem::path path, std::function<void()> w
       thread_(startWorker(news_, [this, wrap](const std::stop_token& stop) {
         News news;
         news.failed = true;
-        try {
-          Run(*this, stop, wrap).run();
-          return;
-        } catch (const ReadCancelled&) {
-          return;
-        } catch (const Error& error) {
-          news.problem = error.what();
-          news.error_kind = static_cast<int>(error.kind);
-        } catch (const std::bad_alloc&) {
-          news.problem = path_.string() + ": not enough memory";
-          news.error_kind = static_cast<int>(ErrorKind::device);
-        }
-        give(std::move(news));
+        const bool told =
+            findProblem(news, path_.string() + ": not enough memory", [&] { Run(*this, stop, wrap).run(); });
+        if (told) give(std::move(news));
       })) {}
 
 void SceneStreamer::give(News news) {

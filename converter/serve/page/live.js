@@ -148,20 +148,28 @@ async function startLive() {
     element('waiting').hidden = true;
   }
   let answered = performance.now();
+  let following = false, trouble = null;  // a model is read and drawn; what went wrong with the last one
+  const follow = async (state) => {  // meanwhile the state is asked for: a slow picture holds up no word
+    if (following) return;
+    following = true;
+    trouble = null;
+    await model.update(state.model, state.run ? state.run.name : state.title).catch((error) => { trouble = error; });
+    following = false;
+    window.__shown = model.number;
+  };
   const once = async () => {
     const state = await (await ask(run.question)).json();
     answered = performance.now();
     if (!state.run) document.title = state.title;
     run.update(state);
     await run.pictures(state.held_out);
-    if (!model) return;
-    await model.update(state.model, state.run ? state.run.name : state.title);
-    window.__shown = model.number;
+    if (model) follow(state);
   };
   for (;;) {
     if (!document.hidden) {
       let failed = null;
       await once().catch((error) => failed = error);
+      failed = failed || trouble;
       const ended = ['finished', 'interrupted'].includes(element('phase').className);
       if (failed && !ended && performance.now() - answered > LOST_AFTER) {
         element('phase').textContent = 'no answer';

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// A socket for cpp-httplib, which bounds neither headers nor how long a request or an answer may take.
+#pragma once
+#include <httplib.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <utility>
+
+namespace tg {
+
+struct StreamLimits {
+  std::uint64_t most_read = 0;                         // [bytes]
+  int read_seconds = 0, write_seconds = 0;             // from the beginning of the stream
+  int read_stall_seconds = 0, write_stall_seconds = 0;  // without a byte
+};
+
+// A request and its answer on a connection that stays open. `stopped` is asked ten times a second.
+class BoundedStream : public httplib::Stream {
+ public:
+  BoundedStream(int socket, const StreamLimits& limits, std::function<bool()> stopped)
+      : socket_(socket), limits_(limits), stopped_(std::move(stopped)) {}
+
+  bool is_readable() const override { return true; }
+  bool is_writable() const override { return true; }
+  socket_t socket() const override { return socket_; }
+  void get_remote_ip_and_port(std::string&, int&) const override {}
+  void get_local_ip_and_port(std::string&, int&) const override {}
+
+  // The library asks for single bytes.
+  ssize_t read(char* out, std::size_t size) override {
+    if (at_ == filled_) {
+      if (read_ >= limits_.most_read) return -1;
+      if (!ready(POLLIN, limits_.read_seconds, limits_.read_stall_seconds)) return -1;
+      const auto most = std::min<std::uint64_t>(sizeof buffer_, limits_.most_read - read_);
+      const ssize_t got = ::recv(socket_, buffer_, most, 0);
+      if (got <= 0) return got;
+      read_ += static_cast<std::uint64_t>(got);
+      at_ = 0;
+      filled_ = static_cast<std::size_t>(got);
+    }
+    const std::size_t some = std::min(size, filled_ - at_);
+    std::copy_n(buffer_ + at_, some, out);
+    at_ += some;
+    return static_cast<ssize_t>(some);
+  }
+
+  ssize_t write(const char* bytes, std::size_t size) override {
+    if (!ready(POLLOUT, limits_.write_seconds, limits_.write_stall_seconds)) return -1;
+    return ::send(socket_, bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  // In pieces, so that the end of the program is not held up.
+  bool ready(short events, int seconds, int stall_seconds) const {
+    const auto until = std::min(start_ + std::chrono::seconds(seconds), Clock::now() + std::chrono::seconds(stall_seconds));
+    while (!stopped_() && Clock::now() < until) {
+      pollfd asked{socket_, events, 0};
+      const int result = ::poll(&asked, 1, 100);
+      if (result > 0) return true;
+      if (result < 0 && errno != EINTR) return false;
+    }
+    return false;
+  }
+
+  const int socket_;
+  const StreamLimits limits_;
+  const std::function<bool()> stopped_;
+  const Clock::time_point start_ = Clock::now();
+  char buffer_[1 << 14];
+  std::uint64_t read_ = 0;
+  std::size_t at_ = 0, filled_ = 0;
+};
+
+}  // namespace tg
