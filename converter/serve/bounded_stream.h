@@ -14,8 +14,8 @@
 namespace tg {
 
 struct StreamLimits {
-  std::uint64_t most_read = 0;                         // [bytes]
-  int read_seconds = 0, write_seconds = 0;             // from the beginning of the stream
+  std::uint64_t most_read = 0;                          // [bytes]
+  int read_seconds = 0, write_seconds = 0;              // from the beginning of the stream
   int read_stall_seconds = 0, write_stall_seconds = 0;  // without a byte
 };
 
@@ -59,7 +59,8 @@ class BoundedStream : public httplib::Stream {
 
   // In pieces, so that the end of the program is not held up.
   bool ready(short events, int seconds, int stall_seconds) const {
-    const auto until = std::min(start_ + std::chrono::seconds(seconds), Clock::now() + std::chrono::seconds(stall_seconds));
+    const auto until =
+        std::min(start_ + std::chrono::seconds(seconds), Clock::now() + std::chrono::seconds(stall_seconds));
     while (!stopped_() && Clock::now() < until) {
       pollfd asked{socket_, events, 0};
       const int result = ::poll(&asked, 1, 100);

@@ -22,7 +22,8 @@ constexpr std::chrono::milliseconds kModelPause(300);            // between two 
 constexpr std::chrono::milliseconds kLook(10);                   // between looks at the clock
 constexpr std::uint64_t kMostWaiting = std::uint64_t{64} << 20;  // [bytes] read ahead of the next model
 
-// Runs body(); what goes wrong goes into the news. False where there is nothing to tell: all went well, or was cancelled.
+// Runs body(); what goes wrong goes into the news. False where there is nothing to tell: all went well, or was
+// cancelled.
 template <typename News, typename Body>
 bool findProblem(News& news, const std::string& no_memory, const Body& body) {
   try {

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which actions can run.
+#include "viewer/view/actions.h"
+
+#include <algorithm>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+#include "support/catch.h"
+#include "viewer/view/bookmarks.h"
+#include "viewer/view/edited_state.h"
+#include "viewer/view/path_editor.h"
+
+using namespace tg;
+using test::frame;
+using test::sampleState;
+
+TEST_CASE("actions that have nothing to act on cannot run, and can once they have") {
+  ViewerState state = sampleState();
+  const auto can = [&](const std::string& text) {
+    const auto found =
+        std::ranges::find_if(keyBindings(), [&](const KeyBinding& binding) { return binding.text == text; });
+    REQUIRE(found != keyBindings().end());
+    return canRun(state, *found);
+  };
+  const auto none = [&](std::initializer_list<const char*> texts) {
+    return std::ranges::none_of(texts, [&](const char* text) { return can(text); });
+  };
+  CHECK(none({"Undo", "Redo", "Delete the selection", "Next open model", "Previous open model"}));
+  CHECK(none({"Flicker: show the other one", "Splat in front", "Splat behind", "The picked Gaussian alone"}));
+  CHECK(none({"Select none", "Next bookmark", "Play or pause the path", "Next test camera"}));
+  CHECK(can("Select all Gaussians"));
+  chooseAll(state);
+  frame(state);
+  CHECK(can("Delete the selection"));
+  CHECK(can("Undo"));
+  state.documents.open.emplace_back().path = "other.tgz";
+  CHECK(can("Next open model"));
+  CHECK(can("Flicker: show the other one"));
+  state.inspect.hits.resize(1);
+  CHECK(can("Splat behind"));
+  addBookmark(state);
+  CHECK(can("Next bookmark"));
+  addKey(state);
+  CHECK(none({"Play or pause the path"}));
+  addKey(state);
+  CHECK(can("Play or pause the path"));
+  state.scene.cameras.assign(1, currentCamera(state));
+  CHECK(can("Next training camera"));
+  CHECK(none({"Next test camera"}));
+  state.scene.cameras.front().test = true;
+  CHECK(can("Next test camera"));
+  CHECK(none({"Next training camera"}));
+}
+
+TEST_CASE("without a model the menus offer what opens one, what shows the window, and the keys") {
+  const ViewerState state;
+  std::vector<std::string> offered;
+  for (const KeyBinding& binding : keyBindings()) {
+    if (binding.menu != Menu::none && canRun(state, binding)) offered.emplace_back(binding.text);
+  }
+  CHECK(offered == std::vector<std::string>{"Open a file", "Save the whole window as PNG", "Quit",
+                                            "Hide or show the panel", "Full screen", "Keys and mouse"});
+}
