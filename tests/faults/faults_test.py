@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""What the programs do when a call fails: faults_test.py INJECTOR BIN [--most N] [--only WORD] [--kind KIND]
+"""What the programs do when a call fails: faults_test.py INJECTOR BIN [option...]
 
 For each command below and each kind of call, the command runs with its K-th such call failing, for every K or for --most
 of them spread over all. It must end by itself with the right code and one line, leave what stood there whole and nothing
@@ -179,7 +179,8 @@ class Runner:
                 self.complain(scenario, kind, 0, f"(nothing): fails by itself: {said}")
                 return
             calls = int(told)
-            print(f"{scenario.name}, {kind}: {calls} calls", flush=True)
+            if self.options.counts:
+                print(f"{scenario.name}, {kind}: {calls} calls", flush=True)
             before = {name: OLDER if name == scenario.output else data for name, data in wanted.items()
                       if scenario.older and name == scenario.output or any(name.startswith(file.name) for file in scenario.inputs)}
             for k in spread(calls, self.options.most):
@@ -228,6 +229,7 @@ def main():
     parser.add_argument("--most", type=int, default=10**9, help="calls of a kind that fail, spread over all")
     parser.add_argument("--only", default="", help="scenarios whose name holds this")
     parser.add_argument("--kind", default="", help="this one alone")
+    parser.add_argument("--counts", action="store_true", help="tell how many calls of each kind there are")
     options = parser.parse_args()
     options.injector, options.bin = options.injector.resolve(), options.bin.resolve()
     with tempfile.TemporaryDirectory() as name:
