@@ -16,6 +16,8 @@
 namespace tg {
 namespace {
 
+constexpr std::size_t kViewsAtATime = 16;  // each has weights of its own until they are added up
+
 struct Projected {
   std::uint32_t gaussian = 0;
   Splat splat;
@@ -105,13 +107,16 @@ void addView(const GaussianModel& model, const Camera& camera, float near, std::
 
 std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views, float near) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
-  std::vector<std::vector<double>> by_view(views.size(), std::vector<double>(model.size(), 0.0));
-  parallelFor(static_cast<std::int64_t>(views.size()), 1, [&](std::int64_t v) {
-    addView(model, views[static_cast<std::size_t>(v)], near, by_view[static_cast<std::size_t>(v)]);
-  });
   std::vector<double> weights(model.size(), 0.0);
-  for (const std::vector<double>& view : by_view) {
-    for (std::size_t i = 0; i < weights.size(); ++i) weights[i] += view[i];
+  for (std::size_t first = 0; first < views.size(); first += kViewsAtATime) {
+    const std::span<const Camera> some = views.subspan(first, std::min(kViewsAtATime, views.size() - first));
+    std::vector<std::vector<double>> by_view(some.size(), std::vector<double>(model.size(), 0.0));
+    parallelFor(static_cast<std::int64_t>(some.size()), 1, [&](std::int64_t v) {
+      addView(model, some[static_cast<std::size_t>(v)], near, by_view[static_cast<std::size_t>(v)]);
+    });
+    for (const std::vector<double>& view : by_view) {
+      for (std::size_t i = 0; i < weights.size(); ++i) weights[i] += view[i];
+    }
   }
   return weights;
 }

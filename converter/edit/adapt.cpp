@@ -13,6 +13,7 @@
 #include "converter/edit/viewer_fit.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
+#include "core/model/views.h"
 #include "core/model/wide_splats.h"
 #include "render/affine/affine_picture.h"
 #include "render/contribution.h"
@@ -34,13 +35,6 @@ constexpr double kSkirtOpacity = 0.1;
 // cameras' reach, times this.
 constexpr double kInnerPart = 0.9, kBeyondCameras = 1.05;
 constexpr float kInvisible = static_cast<float>(-kLogitLimit);
-
-std::vector<Camera> evenly(const std::vector<Camera>& cameras, std::size_t most) {
-  std::vector<Camera> some;
-  const std::size_t count = std::min(cameras.size(), most);
-  for (std::size_t k = 0; k < count; ++k) some.push_back(cameras[k * cameras.size() / count]);
-  return some;
-}
 
 // Some to fit, others to judge by.
 void shareViews(const Bundle& source, std::vector<Camera>& fit, std::vector<Camera>& held) {

@@ -10,6 +10,7 @@
 #include "core/image/image.h"
 #include "core/image/metrics.h"
 #include "core/model/verbs.h"
+#include "core/model/views.h"
 #include "core/system/assert.h"
 #include "render/renderer.h"
 #include "shared/limits.h"
@@ -54,8 +55,7 @@ void trimmedBounds(const GaussianModel& model, glm::dvec3& low, glm::dvec3& high
 std::vector<Camera> evenViews(const GaussianModel& model, std::span<const Camera> cameras, std::size_t max_views,
                               int max_side) {
   std::vector<Camera> views;
-  const std::size_t count = std::min(cameras.size(), max_views);
-  for (std::size_t i = 0; i < count; ++i) views.push_back(shrunk(cameras[i * cameras.size() / count], max_side));
+  for (const Camera& camera : evenly(cameras, max_views)) views.push_back(shrunk(camera, max_side));
   if (!views.empty()) return views;
 
   glm::dvec3 low(0.0), high(0.0), sigma(0.0);
@@ -83,7 +83,7 @@ std::vector<Camera> qualityViews(const GaussianModel& model, std::span<const Cam
 }
 
 std::vector<Camera> contributionViews(const GaussianModel& model, std::span<const Camera> cameras) {
-  return evenViews(model, cameras, kContributionViews, kContributionSide);
+  return evenViews(model, cameras, viewsForAll(model.mean, cameras, kContributionViews), kContributionSide);
 }
 
 double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<const Camera> views,

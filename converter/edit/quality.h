@@ -13,7 +13,8 @@ namespace tg {
 // At most four views at a small size: evenly spaced ones of the model's own cameras, or a ring around it.
 std::vector<Camera> qualityViews(const GaussianModel& model, std::span<const Camera> cameras);
 
-// More and smaller ones, at most 24, that between them see what a decision about every Gaussian must know.
+// More and smaller ones, 24 or, of a wide scene, viewsForAll(): between them they see what a decision about every
+// Gaussian must know.
 std::vector<Camera> contributionViews(const GaussianModel& model, std::span<const Camera> cameras);
 
 // PSNR [dB] of all views' pixels together, clamped to [0, 1]; infinity when equal. Rendered on the CPU.

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "core/file/file.h"
+#include "core/model/views.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -21,7 +22,6 @@ namespace {
 
 constexpr int kValidationEvery = 8;  // of the training views
 constexpr int kMaxDownscale = 64;
-constexpr std::size_t kPointsLookedAt = 4096;
 constexpr double kFarthest = 1e9;  // positions [world units] and principal points [px]: squares stay far inside float
 constexpr double kShortestFocal = 1e-3;  // [px]
 constexpr double kLongestFocal = 1e9;    // [px]
@@ -435,26 +435,21 @@ double cameraExtent(const Dataset& dataset) {
 
 double sceneExtent(const Dataset& dataset, double distances) {
   const double extent = cameraExtent(dataset);
-  const std::vector<glm::vec3>& points = dataset.points.position;
-  if (distances == 0 || points.empty()) return extent;
-  const std::vector<std::size_t> train = dataset.indices(false);
-  const std::size_t step = std::max<std::size_t>(points.size() / kPointsLookedAt, 1);
-  std::vector<double> nearest((points.size() - 1) / step + 1);
-  parallelFor(static_cast<std::int64_t>(nearest.size()), 64, [&](std::int64_t i) {
-    for (const std::size_t view : train) {
-      const Camera& camera = dataset.views[view];
-      const glm::dvec3 at = cameraFromWorld(camera, points[static_cast<std::size_t>(i) * step]);
-      if (at.z <= 0 || (nearest[i] > 0 && at.z >= nearest[i])) continue;
-      const glm::dvec2 pixel = project(camera, at);
-      const bool inside = pixel.x >= 0 && pixel.x < camera.size.x && pixel.y >= 0 && pixel.y < camera.size.y;
-      if (inside) nearest[i] = at.z;
-    }
-  });
-  std::erase(nearest, 0.0);
+  if (distances == 0) return extent;
+  std::vector<double> nearest;
+  for (const Sighting& sighting : sightings(dataset.points.position, trainingViews(dataset))) {
+    if (sighting.views > 0) nearest.push_back(sighting.nearest);
+  }
   if (nearest.empty()) return extent;
   const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
   std::nth_element(nearest.begin(), middle, nearest.end());
   return std::min(extent, distances * *middle);
+}
+
+std::vector<Camera> trainingViews(const Dataset& dataset) {
+  std::vector<Camera> views;
+  for (const std::size_t i : dataset.indices(false)) views.push_back(dataset.views[i]);
+  return views;
 }
 
 std::uint64_t trainingPixels(const Dataset& dataset) {

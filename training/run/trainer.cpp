@@ -11,6 +11,7 @@
 
 #include "core/model/texture_budget.h"
 #include "core/model/verbs.h"
+#include "core/model/views.h"
 #include "core/model/wide_splats.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -26,7 +27,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kRandomPoints = 100'000;  // the Blender recipe of 3DGS
 constexpr int kFilterEvery = 100;               // steps between two updates of the 3D filter
-constexpr std::size_t kSeenViews = 16;          // that say what a Gaussian is worth
+constexpr std::size_t kSeenViews = 16;          // that say what a Gaussian is worth, at least
 constexpr double kSwapped = 0.05;               // of the limit, a round
 constexpr int kSettlingSteps = 500;             // after an opacity reset
 // The position rate of 3DGS, which MCMC's noise is a multiple of, whatever the rate here.
@@ -108,6 +109,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       settings_((checkSettings(settings), settings)),
       schedule_(makeSchedule(settings)),
       extent_(sceneExtent(dataset, settings.extent_distances)),
+      seen_views_(viewsForAll(dataset.points.position, trainingViews(dataset), kSeenViews)),
       filter_cameras_(filterCameras(dataset)),
       engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
       state_(std::move(state)),
@@ -251,11 +253,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
 
 // Of the state's model, from an even choice of the training views.
 std::vector<double> Trainer::seenWeights() const {
-  const std::vector<std::size_t> train = dataset_.indices(false);
-  const std::size_t views = std::min(train.size(), kSeenViews);
-  std::vector<Camera> cameras;
-  for (std::size_t i = 0; i < views; ++i) cameras.push_back(dataset_.views[train[i * train.size() / views]]);
-  return blendWeights(state_.training.model, cameras);
+  return blendWeights(state_.training.model, evenly(trainingViews(dataset_), seen_views_));
 }
 
 // The new texels' moments start at zero, and all others with them: their first steps are larger, to settle into.
@@ -321,6 +319,12 @@ bool Trainer::resetsOpacity(int iteration) const {
 }
 
 // Where opacities were just reset they do not say yet what a Gaussian is worth.
+// More views are looked at in fewer rounds: together they cost as much.
+bool Trainer::swapsAfter(int iteration) const {
+  const auto rounds = static_cast<int>((seen_views_ + kSeenViews - 1) / kSeenViews);
+  return swaps() && iteration / schedule_.densify_every % rounds == 0 && opacitiesSettled(iteration);
+}
+
 bool Trainer::opacitiesSettled(int iteration) const {
   for (int past = std::max(1, iteration - kSettlingSteps); past < iteration; ++past) {
     if (resetsOpacity(past)) return false;
@@ -490,7 +494,7 @@ void Trainer::densifyAndSchedule(int iteration) {
       densify_settings.prune_radius = settings_.prune_radius;
       densify_settings.prune_large = schedule_.prunesLarge(iteration);
       densify_settings.max_gaussians = limit();
-      if (swaps() && opacitiesSettled(iteration)) {
+      if (swapsAfter(iteration)) {
         keepMostSeen(limit() - static_cast<std::size_t>(kSwapped * static_cast<double>(limit())));
       }
       if (settings_.wide_sigma > 0) splitWideOnes();

@@ -104,6 +104,7 @@ class Trainer {
   bool picks() const;
   bool resetsOpacity(int iteration) const;
   bool opacitiesSettled(int iteration) const;
+  bool swapsAfter(int iteration) const;
   int iterationsOf(Stage stage) const { return tg::iterationsOf(settings_, stage); }
   // In stage quantized: the parameters whose turn has come are from now on as the file holds them.
   void quantizeNext();
@@ -121,6 +122,7 @@ class Trainer {
   const TrainSettings settings_;
   const Schedule schedule_;
   const double extent_;
+  const std::size_t seen_views_;  // that say what a Gaussian is worth
   const std::vector<Pinhole> filter_cameras_;
   const std::unique_ptr<TrainingEngine> engine_;
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.

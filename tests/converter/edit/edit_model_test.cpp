@@ -293,6 +293,30 @@ TEST_CASE("decimation by what pictures show beats decimation by chance") {
   CHECK(whole.size() == model.size());
 }
 
+TEST_CASE("decimation leaves each place of a wide scene something that only one camera of many sees") {
+  constexpr int kPlaces = 120;
+  GaussianModel model;
+  std::vector<Camera> cameras;
+  for (int place = 0; place < kPlaces; ++place) {
+    Camera& camera = cameras.emplace_back();
+    camera.size = {32, 32};
+    camera.focal = {32, 32};
+    camera.center = {16, 16};
+    camera.translation = {-6.0 * place, 0, 0};
+    for (const float side : {-0.5f, 0.5f}) {
+      model.mean.emplace_back(6.0f * static_cast<float>(place) + side, 0.0f, 4.0f);
+      model.rotation.emplace_back(1.0f, 0.0f, 0.0f, 0.0f);
+      model.log_scale.emplace_back(side < 0 ? -2.0f : -3.0f);
+      model.opacity_logit.push_back(1.0f);
+      model.sh.emplace_back(0.0f);
+    }
+  }
+  checkModel(model, "model");
+  decimate(model, kPlaces, contributionViews(model, cameras));
+  REQUIRE(model.size() == kPlaces);
+  for (int place = 0; place < kPlaces; ++place) CHECK(model.mean[place].x == 6.0f * static_cast<float>(place) - 0.5f);
+}
+
 TEST_CASE("merged pairs are worth more than what removal leaves, with textures, too") {
   const Bundle sample = readBundle("docs/sample.tgz");
   GaussianModel plain = sample.model;

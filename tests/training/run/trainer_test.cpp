@@ -436,6 +436,44 @@ TEST_CASE("under a limit, what no view shows makes room", "[trainer]") {
   CHECK(unseen(model) == (settings.limit_by == tg::LimitBy::room ? 25 : 0));
 }
 
+TEST_CASE("under a limit no place goes that few views show", "[trainer]") {
+  constexpr int kPlaces = 64, kEach = 5;  // a camera over each, which sees no other
+  tg::Dataset dataset;
+  std::vector<tg::Photograph> photographs;
+  for (int place = 0; place < kPlaces; ++place) {
+    tg::Camera camera;
+    camera.size = {16, 16};
+    camera.focal = {16, 16};
+    camera.center = {8, 8};
+    camera.translation = {-4.0 * place, 0, 0};
+    dataset.views.push_back(camera);
+    tg::Photograph& photograph = photographs.emplace_back();
+    photograph.pixels.width = photograph.pixels.height = 16;
+    photograph.pixels.rgb.assign(3 * 16 * 16, 128);
+    for (int k = 0; k < kEach; ++k) {
+      dataset.points.position.emplace_back(4.0f * static_cast<float>(place) + 0.3f * static_cast<float>(k - 2),
+                                           0.2f * static_cast<float>(k * k % 4 - 1), 2.0f + 0.1f * static_cast<float>(k));
+      dataset.points.color.emplace_back(0.5f);
+    }
+  }
+  dataset.photographs = tg::storeInMemory(std::move(photographs));
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 480;
+  settings.texture_iterations = 0;
+  settings.densify_every = 10;
+  settings.densify_from = 10;
+  settings.densify_until = 460;
+  settings.reset_every = 10'000;
+  settings.gaussians = dataset.points.position.size();
+  const tg::GaussianModel model = tg::train(dataset, settings, *tg::makeCpuDifferentiableRenderer()).model;
+  std::vector<int> left(kPlaces, 0);
+  for (const glm::vec3 mean : model.mean) {
+    const auto place = static_cast<int>(std::lround(mean.x / 4));
+    if (place >= 0 && place < kPlaces) ++left[static_cast<std::size_t>(place)];
+  }
+  CHECK(std::ranges::min(left) > 0);
+}
+
 TEST_CASE("what is wide for its distance is split at densification, within the limit", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
