@@ -11,7 +11,7 @@ namespace tg {
 namespace {
 
 constexpr std::size_t kPointsLookedAt = 4096;
-constexpr double kSightings = 4;  // docs/lab/quality.md "Wide scenes"
+constexpr double kSightings = 6;  // docs/lab/quality.md "Wide scenes"
 
 }  // namespace
 
@@ -50,7 +50,7 @@ std::size_t viewsForAll(std::span<const glm::vec3> points, std::span<const Camer
   const auto tenth = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 10);
   std::nth_element(seen.begin(), tenth, seen.end());
   const double share = static_cast<double>(*tenth) / static_cast<double>(views.size());
-  const auto enough = static_cast<std::size_t>(std::ceil(kSightings / share));
+  const auto enough = static_cast<std::size_t>(kSightings / share);
   return std::clamp(enough, least, views.size());
 }
 

@@ -319,9 +319,10 @@ bool Trainer::resetsOpacity(int iteration) const {
 }
 
 // Where opacities were just reset they do not say yet what a Gaussian is worth.
-// More views are looked at in fewer rounds: together they cost as much.
+// More views are looked at in fewer rounds: together they cost as much, and newcomers are seen as often before they
+// are judged as in a scene that every view shows.
 bool Trainer::swapsAfter(int iteration) const {
-  const auto rounds = static_cast<int>((seen_views_ + kSeenViews - 1) / kSeenViews);
+  const auto rounds = static_cast<int>((seen_views_ + kSeenViews / 2) / kSeenViews);
   return swaps() && iteration / schedule_.densify_every % rounds == 0 && opacitiesSettled(iteration);
 }
 

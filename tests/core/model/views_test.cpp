@@ -43,7 +43,7 @@ TEST_CASE("where each view sees a place of its own, all are needed, and where al
   CHECK(viewsForAll(points, std::span(views).first(10), 16) == 16);
   CHECK(viewsForAll({}, views, 16) == 16);
   for (glm::vec3& point : points) point.z = 40;  // in ten pictures, at the row's ends in fewer
-  CHECK(viewsForAll(points, views, 16) == 40);
+  CHECK(viewsForAll(points, views, 16) == 60);
   points = {{200, 0, 1000}, {0, 0, -1}};
   CHECK(viewsForAll(points, views, 16) == 16);
 }
