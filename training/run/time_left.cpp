@@ -26,7 +26,7 @@ constexpr double kViewSteps = 0.6;  // what scoring a view costs, in steps
 // docs/lab/training-speed.md: textures' optimiser goes through all texels as it goes through the Gaussians' own
 // parameters, and they are looked up and learn at every pixel of a splat.
 constexpr double kTexel = 0.016;                  // a channel of a texel, in Gaussians of constant colour
-constexpr double kLookedUp = 2.8, kAllLook = 16;  // of what pixels cost, from so many texels a Gaussian on
+constexpr double kLookedUp = 2.5, kAllLook = 16;  // of what pixels cost, from so many texels a Gaussian on
 constexpr double kFewerLook = 0.2;                // exponent: with less, not every Gaussian has a texture
 constexpr double kLongestStep = 4;                // in mean ones: what takes longer is no step alone
 

@@ -71,7 +71,7 @@ TEST_CASE("stage 2 begins with what is known of textures and goes on with what i
   plan.texels = 16;
   left.beginStage(plan);
   const double known = left.seconds(plan);
-  CHECK(known == Approx(10 * ((5000 * (1 + 0.016 * 64) + 3.8 * 0.5 * 10'000) / (5000 + 0.5 * 10'000))).epsilon(0.01));
+  CHECK(known == Approx(10 * ((5000 * (1 + 0.016 * 64) + 3.5 * 0.5 * 10'000) / (5000 + 0.5 * 10'000))).epsilon(0.01));
   // Twice as slow as expected: a hundred steps are enough to see it.
   for (int i = 0; i < 200; ++i) left.add(0.05, 5000);
   plan.left = 800;
