@@ -565,6 +565,25 @@ def _(g):
     g.set(f"{KHR}:SCALE", "VEC3", FLOAT, [(0.1, 0.001, 0.15)] + [(0.15, 0.1, 0.001)] * (COUNT - 1))
 
 
+@valid("T22", "own")
+def _(g):
+    "scales to use with the texture, beside ones whose normal is a longer axis"
+    g.set(f"{KHR}:SCALE", "VEC3", FLOAT, [(0.1, 0.001, 0.15)] * COUNT)
+    g.set(f"{TG}:SCALE", "VEC3", FLOAT, [(0.15, 0.1, 0.001)] * COUNT)
+
+
+@case("T22", "type", "error", attribute(f"{TG}:SCALE"), "wrong type")
+def _(g):
+    "scales of 16 bit"
+    g.set(f"{TG}:SCALE", "VEC3", USHORT, [(1, 1, 1)] * COUNT, normalized=True)
+
+
+@case("T22", "axes", "warning", PRIMITIVE, "whose SCALE.z is not the smallest")
+def _(g):
+    "a normal along a longer axis of the scales to use with the texture"
+    g.set(f"{TG}:SCALE", "VEC3", FLOAT, [(0.1, 0.001, 0.15)] + [(0.15, 0.1, 0.001)] * (COUNT - 1))
+
+
 # KHR_gaussian_splatting and glTF itself, as far as the Khronos validator does not look or a loader must not crash.
 @case("K01", "mode", "error", f"{PRIMITIVE}/mode", "wrong mode for splats")
 def _(g):

@@ -69,7 +69,7 @@ GaussianModel inPieces(const GaussianModel& base, const WidePieces& split, bool 
 // What there is of the base before it is fitted.
 struct Start {
   GaussianModel base;
-  std::vector<std::uint8_t> fixed = {};  // [N] not 0: shape and place are those of readers with textures, too
+  std::vector<std::uint8_t> fixed = {};  // [N] not 0: rotation and place are those of readers with textures, too
   std::vector<std::size_t> parts = {};   // as keepSplats has them
   std::size_t wide = 0, pieces = 0, skirts = 0;
   std::vector<std::uint32_t> order = {};  // Gaussian i here is order[i] of the source's and of what was put behind them

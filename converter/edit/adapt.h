@@ -25,7 +25,7 @@ struct AdaptReport {
   std::size_t pieces = 0;      // which these are
   std::size_t skirts = 0;      // Gaussians that were added for what the viewer cuts off
   std::size_t parts = 1;       // primitives, drawn one after the other
-  bool fitted = false;         // opacities, colours and, where they are the base's alone, scales
+  bool fitted = false;         // opacities, colours and scales; places where they are the base's alone
   std::size_t fit_views = 0;   // views that were fitted
   std::size_t held_views = 0;  // others, of which the figures below are
   AdaptedPsnr to_model;        // against our pictures of the source, with its textures
@@ -41,9 +41,8 @@ struct Adapted {
   AdaptReport report;
 };
 
-// `as_gltf`: the file has primitives, and colours and opacities for readers with textures beside those for others.
-// Theirs stay as they are, pieces and skirts are invisible to them, and no others change their shape; the order may
-// change. Otherwise the result has no textures. The views are the model's cameras, or a ring.
+// `as_gltf`: the file has primitives, and colours, opacities and scales for readers with textures beside those for
+// others. Theirs stay as they are, pieces and skirts are invisible to them; the order may change. Otherwise the result has no textures. The views are the model's cameras, or a ring.
 Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim = FitAim::textures);
 
 }  // namespace tg

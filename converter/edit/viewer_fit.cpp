@@ -86,15 +86,17 @@ class Fit {
     for (int c = 0; c < 3; ++c) {
       dc[c] -= rate * kRateColor * moments.color[c].step(gradient.color[c] * kShC0, bias1, bias2);
     }
-    if (isFixed(i)) return;
-    glm::vec4 basis[4];
-    const glm::vec3 direction = glm::normalize(base_.mean[i] - glm::vec3(camera.position()));
-    shBasis(direction, basis[0], basis[1], basis[2], basis[3]);
-    Moments* rest = rest_.data() + rest_of_[i];
-    for (std::size_t k = 1; k < base_.shCount(); ++k) {
-      for (int c = 0; c < 3; ++c, ++rest) {
-        const float slope = gradient.color[c] * basis[k / 4][static_cast<int>(k % 4)];
-        (&dc)[k][c] -= rate * kRateRest * rest->step(slope, bias1, bias2);
+    const bool fixed = isFixed(i);
+    if (!fixed) {
+      glm::vec4 basis[4];
+      const glm::vec3 direction = glm::normalize(base_.mean[i] - glm::vec3(camera.position()));
+      shBasis(direction, basis[0], basis[1], basis[2], basis[3]);
+      Moments* rest = rest_.data() + rest_of_[i];
+      for (std::size_t k = 1; k < base_.shCount(); ++k) {
+        for (int c = 0; c < 3; ++c, ++rest) {
+          const float slope = gradient.color[c] * basis[k / 4][static_cast<int>(k % 4)];
+          (&dc)[k][c] -= rate * kRateRest * rest->step(slope, bias1, bias2);
+        }
       }
     }
     const ScreenFromWorld screen = screenFromWorld(camera, base_.mean[i]);
@@ -105,6 +107,7 @@ class Fit {
       const glm::vec2 a = sigma * glm::vec2(glm::dot(screen[0], axes[axis]), glm::dot(screen[1], axes[axis]));
       const float slope = 2.0f * glm::dot(gradient.covariance, glm::vec3(a.x * a.x, a.x * a.y, a.y * a.y));
       log_scale -= rate * kRateScale * moments.scale[axis].step(slope, bias1, bias2);
+      if (fixed) continue;
       const float shift = moments.mean[axis].step(glm::dot(gradient.center, a), bias1, bias2);
       base_.mean[i] -= rate * kRateMean * shift * sigma * axes[axis];
     }

@@ -31,7 +31,7 @@ double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews&
 struct FitSettings {
   int steps = 0;
   std::vector<std::uint8_t> fixed =
-      {};  // [N] not 0: shape and place stay, opacity and DC colour alone move; none where it ends
+      {};  // [N] not 0: place, rotation and other coefficients stay; opacity, DC colour and scale move; none where it ends
   std::vector<std::size_t> parts = {};  // as keepSplats has them
 };
 

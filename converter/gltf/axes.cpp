@@ -140,10 +140,14 @@ void ShRotation::apply(std::span<glm::vec3> sh) const {
   }
 }
 
-void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation) {
+glm::ivec3 gltfAxisOrder(glm::vec3 log_scale) {
   const int c = shortestAxis(glm::exp(log_scale));
-  if (c == 2) return;
-  const glm::ivec3 order(axisU(c), axisV(c), c);
+  return {axisU(c), axisV(c), c};
+}
+
+void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation) {
+  const glm::ivec3 order = gltfAxisOrder(log_scale);
+  if (order.z == 2) return;
   const glm::vec3 before = log_scale;
   log_scale = {before[order.x], before[order.y], before[order.z]};
   rotation = permuted(rotation, order, 2);

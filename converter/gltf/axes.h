@@ -35,6 +35,9 @@ class ShRotation {
 
 // ---- Which local axes carry a texture: the model finds them by sorting scales (docs/math.md), glTF by their place.
 
+// The local axes that become x, y and z there: u, v and the normal.
+glm::ivec3 gltfAxisOrder(glm::vec3 log_scale);
+
 // Permutes local axes so that x = u, y = v and z = normal, for one Gaussian; the handedness is kept by
 // turning the normal, whose sign means nothing. Textures stay as they are.
 void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation);

@@ -293,6 +293,7 @@ bool isFinite(const BaseArrays& base, const TextureLayer* layer, std::size_t i) 
   const std::size_t splat = base.range.first + i;
   if (layer && layer->opacity) ok = ok && std::isfinite((*layer->opacity)[splat]);
   for (int k = 0; k < 3 && layer && layer->dc; ++k) ok = ok && std::isfinite((*layer->dc)[splat * 3 + k]);
+  for (int k = 0; k < 3 && layer && layer->scale; ++k) ok = ok && std::isfinite((*layer->scale)[splat * 3 + k]);
   for (int k = 0; k < 4; ++k) ok = ok && std::isfinite(base.rotation[i * 4 + k]);
   for (int k = 0; k < 3; ++k) {
     ok = ok && std::isfinite(base.position[i * 3 + k]) && std::isfinite(base.scale[i * 3 + k]);
@@ -306,8 +307,8 @@ bool isFinite(const BaseArrays& base, const TextureLayer* layer, std::size_t i) 
 // Puts the numbers that the file was made from in place of those read back from glTF's, where the splat's glTF numbers
 // are still what they give: a splat that another program moved or shaped keeps what that program wrote. `ordered`: the
 // writer put local axes in the order of the texture extension.
-void restoreSource(const BaseArrays& base, std::size_t i, bool ordered, float opacity, glm::vec3& log_scale,
-                   glm::vec4& rotation, float& logit) {
+void restoreSource(const BaseArrays& base, std::size_t i, bool ordered, glm::vec3 stored_scale, float opacity,
+                   glm::vec3& log_scale, glm::vec4& rotation, float& logit) {
   if (!base.source_logit.empty() && std::isfinite(base.source_logit[i]) &&
       gltfOpacity(base.source_logit[i]) == opacity) {
     logit = base.source_logit[i];
@@ -332,10 +333,8 @@ void restoreSource(const BaseArrays& base, std::size_t i, bool ordered, float op
   if (ordered) orderAxesForGltf(scale, q);
   scale = gltfScale(scale);
   q = gltfRotation(q);
-  const float* stored_scale = &base.scale[i * 3];
   const float* stored_q = &base.rotation[i * 4];
-  if (scale != glm::vec3(stored_scale[0], stored_scale[1], stored_scale[2]) ||
-      q != glm::vec4(stored_q[3], stored_q[0], stored_q[1], stored_q[2])) {
+  if (scale != stored_scale || q != glm::vec4(stored_q[3], stored_q[0], stored_q[1], stored_q[2])) {
     return;
   }
   log_scale = source_scale;
@@ -367,7 +366,9 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
       ++repairs.opacity;
       opacity = opacity > 1.0f ? 1.0f : 0.0f;
     }
-    glm::vec3 scale(base.scale[i * 3], base.scale[i * 3 + 1], base.scale[i * 3 + 2]);
+    const float* stored = layer && layer->scale ? &(*layer->scale)[splat * 3] : &base.scale[i * 3];
+    const glm::vec3 stored_scale(stored[0], stored[1], stored[2]);
+    glm::vec3 scale = stored_scale;
     if (scale.x < 0.0f || scale.y < 0.0f || scale.z < 0.0f) ++repairs.scale;
     scale = glm::abs(scale);
     glm::vec3 mean(base.position[i * 3], base.position[i * 3 + 1], base.position[i * 3 + 2]);
@@ -390,7 +391,7 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
     const TextureRect rect = layer ? layer->atlas.rects[splat] : TextureRect{};
     if (rect.texelCount() != 0 && !orderAxesForModel(log_scale, q)) ++repairs.plane;
     float logit = logitFromOpacity(opacity);
-    if (instance.place.identity) restoreSource(base, i, ordered, opacity, log_scale, q, logit);
+    if (instance.place.identity) restoreSource(base, i, ordered, stored_scale, opacity, log_scale, q, logit);
     model.mean.push_back(turnAxes(mean));
     model.rotation.push_back(q);
     model.log_scale.push_back(log_scale);

@@ -18,6 +18,7 @@ namespace {
 
 constexpr const char* kRect = "TG_gaussian_splatting_texture:RECT";
 constexpr const char* kAtlas = "TG_gaussian_splatting_texture:ATLAS";
+constexpr const char* kScale = "TG_gaussian_splatting_texture:SCALE";
 constexpr const char* kOpacity = "TG_gaussian_splatting_texture:OPACITY";
 constexpr const char* kDc = "TG_gaussian_splatting_texture:SH_DEGREE_0_COEF_0";
 constexpr std::uint64_t kMaxPageTexels = std::uint64_t{1} << 26;     // 8192 x 8192
@@ -328,6 +329,9 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
   // The attributes first: an image can cost much more to decode.
   std::vector<AtlasPlacement> placements;
   const bool has_placements = attempt([&] { placements = readPlacements(document, splats); });
+  attempt([&] {
+    if (splats.has(kScale)) layer.scale = readAttribute(document, splats, {kScale, 3, kFloat});
+  });
   attempt([&] {
     if (!splats.has(kOpacity)) return;
     layer.opacity =

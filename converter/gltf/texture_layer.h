@@ -15,7 +15,8 @@ struct TextureLayer {
   TextureMode mode = TextureMode::none;
   IntersectionModel intersection = IntersectionModel::plane;
   TextureAtlas atlas;                         // rects: [count]; terms that the mode lacks hold neutral values
-  std::optional<std::vector<float>> opacity;  // [count] to use with the texture, absent: the base's
+  std::optional<std::vector<float>> scale;    // [count * 3] to use with the texture, absent: the base's
+  std::optional<std::vector<float>> opacity;  // [count] likewise
   std::optional<std::vector<float>> dc;       // [count * 3] likewise
 };
 

@@ -112,7 +112,7 @@ class Writer {
   }
 
   void addPositions();
-  void addShape(bool textured);
+  void addShape(bool textured, Baked baked);
   void addOpacity(Baked baked, std::string_view extension);
   void addColors(Baked baked);
   void addDc();
@@ -140,8 +140,9 @@ void Writer::addPositions() {
       filters_.position, nullptr, true);
 }
 
-// Rotation and scale; local axes in the order of the texture extension when it is there.
-void Writer::addShape(bool textured) {
+// Rotation and scale; local axes in the order of the texture extension when it is there. Where `baked` has other scales,
+// those to use with the texture stand beside them.
+void Writer::addShape(bool textured, Baked baked) {
   const auto xyzw = [textured](const GaussianModel& model, std::size_t i) {
     glm::vec3 log_scale = model.log_scale[i];
     glm::vec4 rotation = model.rotation[i];
@@ -162,15 +163,24 @@ void Writer::addShape(bool textured) {
   } else {
     add<glm::vec4>(rotation_name, kFloat4, xyzw, filters_.rotation);
   }
-  add<glm::vec3>(
-      attributeName(kSplatExtension, "SCALE"), kFloat3,
-      [textured](const GaussianModel& model, std::size_t i) {
-        glm::vec3 log_scale = model.log_scale[i];
-        glm::vec4 rotation = model.rotation[i];
-        if (textured) orderAxesForGltf(log_scale, rotation);
-        return gltfScale(log_scale);
-      },
-      filters_.scale);
+  const auto own_scale = [textured](const GaussianModel& model, std::size_t i) {
+    glm::vec3 log_scale = model.log_scale[i];
+    glm::vec4 rotation = model.rotation[i];
+    if (textured) orderAxesForGltf(log_scale, rotation);
+    return gltfScale(log_scale);
+  };
+  const std::string scale_name = attributeName(kSplatExtension, "SCALE");
+  if (!baked || baked->log_scale == model_.log_scale) {
+    add<glm::vec3>(scale_name, kFloat3, own_scale, filters_.scale);
+    return;
+  }
+  const auto other_scale = [whole = &model_](const GaussianModel& base, std::size_t i) {
+    const glm::ivec3 order = gltfAxisOrder(whole->log_scale[i]);
+    const glm::vec3 log_scale = base.log_scale[i];
+    return gltfScale(glm::vec3(log_scale[order.x], log_scale[order.y], log_scale[order.z]));
+  };
+  add<glm::vec3>(scale_name, kFloat3, other_scale, filters_.scale, baked);
+  add<glm::vec3>(attributeName(kTextureExtension, "SCALE"), kFloat3, own_scale, filters_.scale);
 }
 
 void Writer::addOpacity(Baked baked, std::string_view extension) {
@@ -440,13 +450,13 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   GltfReport report;
   Writer writer(content, gaussians, binary);
   writer.addPositions();
-  writer.addShape(textured);
   const GaussianModel* given = content.options.base;
   TG_ASSERT(!given || given->size() == model.size(), "the base is of the model's Gaussians");
   const GaussianModel base = !textured ? GaussianModel()
                              : given   ? *given
                                        : bakeFallback(model);  // outlives the writing
   const Baked baked = textured ? &base : nullptr;
+  writer.addShape(textured, baked);
   writer.addOpacity(baked, kSplatExtension);
   writer.addColors(baked);
   Json nested;

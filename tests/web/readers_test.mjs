@@ -3,6 +3,7 @@
 // read is refused with a sentence, never by a slip of the reader's own. WebP needs a browser: tests/web/package_test.py.
 import {readFileSync} from 'node:fs';
 import {cameraOf, matricesOf, readModel} from '../../web/src/index.js';
+import {GAUSSIAN_NUMBERS, packGaussian} from '../../web/src/pack.js';
 import {readZip} from '../../web/src/zip.js';
 import {formatView, parseView} from '../../web/src/view_text.js';
 
@@ -65,6 +66,17 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
   for (const key of ['mean', 'rotation', 'scale', 'opacity']) expect(key, equal(two[key], model[key]));
   expect('sh', two.sh.length === model.sh.length && two.sh.every((band, k) => equal(band, model.sh[k])));
   for (const key of ['rects', 'opacity', 'dc']) expect(`${key} of the textures`, equal(two.layer[key], model.layer[key]));
+  // A scale to use with the textures: any accessor of its type.
+  const other = 'KHR_gaussian_splatting:SH_DEGREE_0_COEF_0', own = 'TG_gaussian_splatting_texture:SCALE';
+  for (const {attributes} of [first, second]) attributes[own] = attributes[other];
+  gltf.nodes[gltf.nodes.findIndex((node) => node.mesh === 0)].scale = [2, 2, 2];
+  const scaled = await readModel(fileOf([first, second])), packed = new Float32Array(GAUSSIAN_NUMBERS);
+  for (let k = 0; k < 3 * model.count; k += 1000) {
+    packGaussian(scaled, Math.floor(k / 3), packed, 0);
+    const value = 2 * model.sh[0][k];
+    expect('scale to use with the texture', packed[8 + k % 3] === value && scaled.layer.scale[k] === value, packed);
+    expect('scale without', scaled.scale[k] === 2 * model.scale[k], scaled.scale[k]);
+  }
   delete second.extensions.KHR_gaussian_splatting.extensions;
   const odd = await readModel(fileOf([first, second]));
   expect('textures of one primitive alone are told', odd.layer === null && odd.notes.length === 1, odd.notes);

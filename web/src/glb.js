@@ -188,8 +188,8 @@ async function readLayer(file, primitive, atlases) {
   }
   const optional = (name, width) =>
     attribute(name) === undefined ? null : file.accessor(attribute(name), width, count);
-  return {mode, intersection, atlases, rects, pages, opacity: await optional('OPACITY', 1),
-          dc: await optional('SH_DEGREE_0_COEF_0', 3)};
+  return {mode, intersection, atlases, rects, pages, scale: await optional('SCALE', 3),
+          opacity: await optional('OPACITY', 1), dc: await optional('SH_DEGREE_0_COEF_0', 3)};
 }
 
 const join = async (parts) => {
@@ -217,7 +217,7 @@ async function readLayers(file, primitives) {
   for (const primitive of primitives) layers.push(await readLayer(file, primitive, layers.length > 0 && layers[0].atlases));
   if (layers[0] === null) return null;
   const joined = {...layers[0]};
-  for (const key of ['rects', 'pages', 'opacity', 'dc']) joined[key] = await join(layers.map((layer) => layer[key]));
+  for (const key of ['rects', 'pages', 'scale', 'opacity', 'dc']) joined[key] = await join(layers.map((layer) => layer[key]));
   return joined;
 }
 
@@ -297,6 +297,9 @@ export async function readGlb(bytes) {
   } catch (error) {
     model.notes.push(`The textures cannot be used (${error.message}): the picture is the fallback without them.`);
   }
-  if (model.layer) model.intersection = model.layer.intersection;
+  if (model.layer) {
+    model.intersection = model.layer.intersection;
+    if (model.layer.scale) model.layer.scale = model.layer.scale.map((s) => s * place.scale);
+  }
   return model;
 }

@@ -6,9 +6,10 @@ export const GAUSSIAN_NUMBERS = 20;
 // Gaussian i of a model as readGlb and readSog give it, from out[at] on.
 export function packGaussian({mean, rotation, scale, opacity, sh, layer}, i, out, at) {
   const dc = (layer && layer.dc) || sh[0];
+  const shape = (layer && layer.scale) || scale;
   for (let k = 0; k < 3; ++k) {
     out[at + k] = mean[3 * i + k];
-    out[at + 8 + k] = scale[3 * i + k];
+    out[at + 8 + k] = shape[3 * i + k];
     out[at + 12 + k] = dc[3 * i + k];
     out[at + 16 + k] = sh[0][3 * i + k];
   }

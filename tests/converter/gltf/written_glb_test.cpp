@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "converter/check.h"
+#include "converter/edit/quality.h"
 #include "converter/glb.h"
 #include "converter/gltf/axes.h"
 #include "converter/gltf/meshopt.h"
@@ -13,6 +14,7 @@
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "core/image/image.h"
+#include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "support/catch.h"
 
@@ -217,6 +219,32 @@ TEST_CASE("modes write the terms they have") {
     CHECK(glb.textures()["atlases"][0].contains("color") == (mode != TextureMode::alpha));
     CHECK(glb.textures()["atlases"][0].contains("alpha") == (mode != TextureMode::rgb));
     CHECK(readModel(scratch.folder() / "written.glb").model.texture_mode == mode);
+  }
+}
+
+TEST_CASE("where others are to see other scales, those to use with the texture have an attribute of their own") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "written.glb";
+  const GaussianModel model = test::makeScene(SceneKind::ordinary, 26, 40).model;
+  const std::string own = "TG_gaussian_splatting_texture:SCALE";
+  CHECK(!written(model, scratch).primitive()["attributes"].contains(own));
+  const GaussianModel whole = readModel(path).model;
+  GaussianModel base = bakeFallback(model);
+  test::Random random(28);
+  for (glm::vec3& log_scale : base.log_scale) log_scale += glm::vec3(random.uniformVec3(-1.0, 1.0));
+  for (const bool quantized : {false, true}) {
+    if (quantized && !hasMeshopt()) continue;
+    CAPTURE(quantized);
+    WriteOptions options{.base = &base};
+    options.quantize = options.meshopt = quantized;
+    writeGlb(path, {model, {}, glm::vec3(0.0f), options});
+    const GaussianModel read = readModel(path).model, others = readModel(path, {.base_only = true}).model;
+    const std::optional<Deviation> own_shape = deviationOf(whole, read), other_shape = deviationOf(base, others);
+    REQUIRE((own_shape && other_shape));
+    CHECK(own_shape->shape <= (quantized ? 0.02 : 0.0));
+    CHECK(other_shape->shape <= (quantized ? 0.02 : 1e-5));
+    CHECK(deviationOf(model, base)->shape > 0.5);
+    if (!quantized) CHECK(read == whole);
   }
 }
 
