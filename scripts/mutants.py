@@ -4,8 +4,8 @@
 
 Draws mutants of ROOM's sources, as universalmutator (pip) makes them, until docs/lab/mutants/ROOM.jsonl has COUNT that
 compile to other code than the source does. Each is compiled by the flags of FOLDER, a tree of this source that is built
-with tests (Ninja, GNU ld), and linked before its libraries with the other sources of its folder, each compiled alone, so
-that nothing of that folder's library is linked: the linker would refuse two definitions. Then the room's test program
+with tests (Ninja, GNU ld), and linked before its libraries with the other sources of its folder, each compiled alone:
+nothing of that folder's library is linked then, since the linker would refuse two definitions. The room's test program
 runs, first the cases of the folder, until one fails. The sources and FOLDER stay as they are.
 
 A line of JSON a mutant: killed (a case fails, or runs ten times as long), survived, same (the compiler makes the same
@@ -13,8 +13,8 @@ code of it) or stillborn (it does not compile or link). A later call goes on whe
 once more that survived and have no "why" yet, which is written into their lines by hand: a case may have been made for
 them. --table writes the tables of docs/lab/mutants.md and ends.
 
-Headers are not mutated: they are compiled into other folders, too. Nor are comments, the text of messages, includes, and
-asserts, which check us and not what we are given."""
+Headers are not mutated: they are compiled into other folders, too. Nor are comments, the text of messages, includes,
+and asserts, which check us and not what we are given."""
 import argparse
 import collections
 import functools
@@ -36,9 +36,9 @@ RECORDS, PAGE = ROOT / "docs/lab/mutants", ROOT / "docs/lab/mutants.md"
 # Sources, the program whose cases are to notice, and, where the others have nothing to do with them, the folders of
 # cases that run beside those of the sources' own folder.
 ROOMS = {
-    "core": (["core/bundle/blocks.cpp", "core/bundle/camera_file.cpp", "core/bundle/manifest.cpp", "core/bundle/ply.cpp",
-              "core/bundle/ply_vertices.cpp", "core/bundle/read_bundle.cpp", "core/bundle/splat_rows.cpp",
-              "core/bundle/training_json.cpp", "core/file/file.cpp", "core/file/gzip_reader.cpp", "core/file/json.cpp",
+    "core": (["core/bundle/blocks.cpp", "core/bundle/camera_file.cpp", "core/bundle/manifest.cpp",
+              "core/bundle/ply.cpp", "core/bundle/ply_vertices.cpp", "core/bundle/read_bundle.cpp",
+              "core/bundle/splat_rows.cpp", "core/bundle/training_json.cpp", "core/file/file.cpp", "core/file/gzip_reader.cpp", "core/file/json.cpp",
               "core/file/safetensors.cpp", "core/image/exr.cpp", "core/image/jpeg.cpp", "core/image/png.cpp",
               "core/image/webp.cpp"], "core_test", []),
     "step": (["training/step/*.cpp"], "training_test", ["training/run"]),
@@ -249,8 +249,8 @@ def judge_again(room, build):
 
 def rooms_table(records):
     """What became of the mutants, of a dictionary of rooms to rows."""
-    lines = ["| room | drawn | do not compile | same code | judged | killed at first | killed with cases made for survivors "
-             "| survive | equivalent | killed of the others |", "|---|---|---|---|---|---|---|---|---|---|"]
+    lines = ["| room | drawn | do not compile | same code | judged | killed at first | killed with cases made for "
+             "survivors | survive | equivalent | killed of the others |", "|---|---|---|---|---|---|---|---|---|---|"]
     for room, rows in records.items():
         counts, number = collections.Counter(row["result"] for row in rows), judged(rows)
         if number == 0:
