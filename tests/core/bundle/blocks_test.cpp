@@ -76,8 +76,11 @@ TEST_CASE("what is no scene in blocks is named", "[blocks]") {
   CHECK_THAT(changed("tgtrain-blocks", "tgtrain-farm"), Catch::Matchers::Contains("is not of a scene in blocks"));
   CHECK_THAT(changed("\"right\"", "\"left\""),
              Catch::Matchers::Contains("block 1: \"name\" is another block's already"));
-  CHECK_THAT(changed("\"left\"", "\"../left\""),
-             Catch::Matchers::Contains("block 0: \"name\": is no name of a folder"));
+  for (const char* name : {"../left", "", "a/", "a.", "a:", "a@", "a[", "a^", "a`", "a{"}) {  // next to what may be
+    CHECK_THAT(changed("\"left\"", std::string("\"") + name + "\""),
+               Catch::Matchers::Contains("block 0: \"name\": is no name of a folder"));
+  }
+  CHECK(changed("\"left\"", "\"azAZ09_-\"") == "accepted");
   CHECK_THAT(changed("0.1", "0.2"), Catch::Matchers::Contains("block 1: its cell overlaps that of block 0"));
   CHECK_THAT(changed("0.1", "1e999"), Catch::Matchers::Contains("blocks.json: "));
   CHECK_THAT(changed("1.0", "2.0"), Catch::Matchers::Contains("two unit vectors at right angles"));

@@ -399,6 +399,8 @@ TEST_CASE("the file table is held against the entries") {
   REQUIRE_THROWS_WITH(readWithManifest([&](nlohmann::json& m) { m["files"].erase(0); }),
                       Contains("lacks gaussians.ply"));
   REQUIRE_THROWS_WITH(readWithManifest([&](nlohmann::json& m) { m["files"].erase(1); }), Contains("belong together"));
+  REQUIRE_THROWS_WITH(readWithManifest([&](nlohmann::json& m) { m["files"].erase(1), m["files"].erase(1); }),
+                      Contains("lacks rects.npy"));
   REQUIRE_THROWS_WITH(readWithManifest([&](nlohmann::json& m) { m["files"].erase(3); }),
                       Contains("lacks atlas_000.exr"));
   for (const char* name : {"gaussians.ply", "rects.npy", "atlas_id.npy", "atlas_000.exr", "cameras.json"}) {
@@ -503,6 +505,9 @@ TEST_CASE("a preview that is large, has no colour or is no PNG is refused") {
   REQUIRE_THROWS_WITH(withPreview(tg::encodePng(tg::Image(4, 4, 1))),
                       Contains("preview.png: wrong number of channels"));
   REQUIRE_THROWS_WITH(withPreview(toBytes("\xff\xd8\xff")), Contains("preview.png: not a PNG file"));
+  Bytes cut = tg::encodePng(tg::Image(2, 2, 3, 0.2f));
+  cut.resize(23);  // a byte less than width and height end with
+  REQUIRE_THROWS_WITH(withPreview(cut), Contains("preview.png: not a PNG file"));
 }
 
 TEST_CASE("broken PLY, cameras and training entries are refused under the entry's name") {

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "core/bundle/ply.h"
+#include "core/bundle/ply_vertices.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -124,9 +125,9 @@ TEST_CASE("big and little endian with doubles and an element before the vertices
 
 TEST_CASE("a 2DGS file without scale_2 becomes flat: 1e-4 of the smaller scale") {
   std::string text = with(kAscii, "property float scale_2\n", "");
-  text = with(with(text, "-1 -2 -3 1", "-1 -2 1"), "-1.5 -2.5 -3.5", "-1.5 -2.5");
+  text = with(with(text, "-1 -2 -3 1", "-2.25 -1 1"), "-1.5 -2.5 -3.5", "-1.5 -2.5");
   const tg::GaussianModel model = parse(text);
-  REQUIRE(model.log_scale[0].z == Approx(-2.0 + std::log(1e-4)));
+  REQUIRE(model.log_scale[0].z == Approx(-2.25 + std::log(1e-4)));
   REQUIRE(model.log_scale[1].z == Approx(-2.5 + std::log(1e-4)));
 }
 
@@ -226,11 +227,32 @@ TEST_CASE("a missing property and a wrong number of coefficients are named") {
   REQUIRE_THROWS_WITH(parse(with(kAscii, " label", " f_rest_0")), Catch::Contains("expected 0, 9, 24 or 45, found 1"));
 }
 
+TEST_CASE("elements are known by name, and words of 32 bits are read as they are") {
+  for (bool big : {false, true}) {
+    Bytes bytes = toBytes(std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
+                          " 1.0\nelement vertex 2\nproperty float x\nproperty uint bits\nelement sh 0\n"
+                          "property uchar c\nend_header\n");
+    for (std::uint32_t i : {1u, 2u}) {
+      append(bytes, static_cast<float>(i), big);
+      append(bytes, 0xfffffff0u + i, big);
+    }
+    const tg::PlyVertices ply(bytes, "a.ply", "point");
+    CHECK((ply.hasElement("vertex") && ply.hasElement("sh")));
+    CHECK_FALSE(ply.hasElement("chunk"));
+    const int bits = ply.requireWord("bits");
+    CHECK(ply.word(0, bits) == 0xfffffff1u);
+    CHECK(ply.word(1, bits) == 0xfffffff2u);
+    CHECK_THROWS_WITH(ply.requireWord("x"), Catch::Contains("expected uint in a binary file"));
+  }
+}
+
 TEST_CASE("a point cloud and a compressed PLY are refused as splats with a clear message") {
   const std::string cloud =
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
       "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n1 2 3 255 0 51\n";
   REQUIRE_THROWS_WITH(parse(cloud), Catch::Contains("is a point cloud, not splats"));
+  REQUIRE_THROWS_WITH(parse(with(cloud, "red", "diffuse_red")), Catch::Contains("is a point cloud, not splats"));
+  REQUIRE_THROWS_WITH(parse(with(cloud, "red", "r")), Catch::Contains("holds no splats (missing property f_dc_0)"));
   REQUIRE_THROWS_WITH(parse(with(cloud, "float x", "uint packed_position")), Catch::Contains("compressed splat PLY"));
 
   const tg::TemporaryFolder folder;
@@ -251,6 +273,22 @@ TEST_CASE("a point cloud without colours is grey, one with float colours keeps t
                           toBytes(head + "property float red\nproperty float green\nproperty float blue\n"
                                          "end_header\n1 2 3 0.25 0.5 2\n"));
   REQUIRE(tg::readPointCloudPly(folder / "b.ply").color[0] == glm::vec3(0.25f, 0.5f, 1.0f));
+}
+
+TEST_CASE("a point cloud whose colours come first has them, and one with two of the three is grey") {
+  const tg::TemporaryFolder folder;
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty ushort red\nproperty ushort green\nproperty ushort blue\n"
+      "property float x\nproperty float y\nproperty float z\nend_header\n65535 0 13107 1 2 3\n";
+  tg::writeFileAtomically(folder / "a.ply", toBytes(head));
+  const tg::PointCloud points = tg::readPointCloudPly(folder / "a.ply");
+  REQUIRE(points.position == std::vector<glm::vec3>{{1, 2, 3}});
+  REQUIRE(points.color[0].x == 1.0f);
+  REQUIRE(points.color[0].z == Approx(0.2f));
+  for (const char* name : {"red", "green", "blue"}) {
+    tg::writeFileAtomically(folder / "a.ply", toBytes(with(head, name, "other")));
+    REQUIRE(tg::readPointCloudPly(folder / "a.ply").color[0] == glm::vec3(0.5f));
+  }
 }
 
 TEST_CASE("splat PLYs of other programs are read") {

@@ -147,6 +147,24 @@ TEST_CASE("folders, devices and paths into nowhere cannot be written") {
   REQUIRE(fileCount(folder.path) == 0);
 }
 
+TEST_CASE("a disk that is full ends a write") {
+  const tg::FileWriter full("/dev/full", "out.ply");
+  REQUIRE_THROWS_WITH(full.write(0, Bytes{1}), Contains("out.ply: cannot write: No space left"));
+}
+
+TEST_CASE("a hundred temporary names that others have are enough to give up") {
+  const tg::TemporaryFolder folder;
+  std::string used;
+  tg::writeFileAtomically(folder / "a", [&](const std::filesystem::path& temporary) { used = temporary.string(); });
+  const std::size_t number = used.rfind('-') + 1;
+  const int last = std::stoi(used.substr(number));
+  for (int i = 1; i <= 100; ++i) std::ofstream(used.substr(0, number) + std::to_string(last + i)) << "another's";
+  REQUIRE_THROWS_WITH(tg::writeFileAtomically(folder / "b", Bytes{1}), Contains("no free temporary name"));
+  REQUIRE(fileCount(folder.path) == 101);
+  tg::writeFileAtomically(folder / "b", Bytes{1});
+  REQUIRE(fileCount(folder.path) == 102);
+}
+
 TEST_CASE("a place that cannot be written is known beforehand, and asking leaves nothing") {
   const tg::TemporaryFolder folder;
   tg::requireWritable(folder / "a");

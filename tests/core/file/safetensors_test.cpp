@@ -2,13 +2,16 @@
 // The safetensors reader: values, every truncation, every lie a header can tell.
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "core/file/file.h"
 #include "core/file/safetensors.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 using Catch::Matchers::Contains;
 using tg::Safetensors;
@@ -61,6 +64,21 @@ TEST_CASE("reads F32 and F16 tensors by name", "[safetensors]") {
   CHECK_THROWS_WITH(tensors.tensor("b"), Contains("w.safetensors: tensor 'b' is missing"));
 }
 
+TEST_CASE("passes over tensors of types that are not read", "[safetensors]") {
+  const std::pair<int, std::vector<const char*>> sized[] = {{8, {"F64", "I64", "U64"}},
+                                                            {4, {"F32", "I32", "U32"}},
+                                                            {2, {"F16", "BF16", "I16", "U16"}},
+                                                            {1, {"I8", "U8", "BOOL", "F8_E4M3", "F8_E5M2"}}};
+  for (const auto& [bytes, types] : sized) {
+    for (const char* type : types) {
+      const std::string header = std::string(R"({"a":{"dtype":")") + type + R"(","shape":[3],"data_offsets":[0,)" +
+                                 std::to_string(3 * bytes) + "]}}";
+      const Safetensors tensors = Safetensors::parse(file(header, floats({1, 2, 3, 4, 5, 6})), type);
+      CHECK(tensors.names() == std::vector<std::string>{"a"});
+    }
+  }
+}
+
 TEST_CASE("refuses headers that lie, before any allocation", "[safetensors]") {
   CHECK(refusal(R"({"a":{"dtype":"F32","shape":[6],"data_offsets":[0,24]}})") == "accepted");
   CHECK_THAT(refusal(R"({"a":{"dtype":"F32","shape":[6],"data_offsets":[4,28]}})"), Contains("inside the file's 24"));
@@ -84,8 +102,25 @@ TEST_CASE("refuses headers that lie, before any allocation", "[safetensors]") {
   CHECK_THAT(refusal(R"({"a":7})"), Contains("unknown dtype"));
   CHECK_THAT(refusal("[]"), Contains("not a JSON object"));
   CHECK_THAT(refusal("{"), Contains("not a JSON object"));
+  CHECK_THAT(refusal("", {}), Contains("not a JSON object"));  // eight bytes, the least there may be
   CHECK_THAT(refusal(R"({"a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})", floats({NAN})),
              Contains("not finite"));
+}
+
+TEST_CASE("names a tensor that it refuses by 80 letters at most", "[safetensors]") {
+  const auto refusalOf = [](const std::string& name) {
+    return refusal(R"({")" + name + R"(":{"dtype":"F31","shape":[6],"data_offsets":[0,24]}})");
+  };
+  CHECK(refusalOf("conv1.weight") == "w.safetensors: tensor 'conv1.weight': unknown dtype");
+  CHECK(refusalOf(std::string(81, 'n')) == "w.safetensors: tensor '" + std::string(80, 'n') + "': unknown dtype");
+}
+
+TEST_CASE("refuses a file of more than 2 GiB unread", "[safetensors]") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "w.safetensors", std::vector<std::uint8_t>(1));
+  std::filesystem::resize_file(folder / "w.safetensors", (std::uintmax_t{2} << 30) + 1);  // no blocks behind the first
+  CHECK_THROWS_WITH(Safetensors::read(folder / "w.safetensors"),
+                    Contains("too long (expected at most 2147483648 bytes, found 2147483649)"));
 }
 
 TEST_CASE("refuses a file that ends anywhere", "[safetensors]") {

@@ -10,6 +10,7 @@
 #include "core/image/image.h"
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 using tg::Image;
@@ -218,6 +219,37 @@ TEST_CASE("an EXR whose data window is huge is refused before anything is alloca
     for (std::size_t axis : {std::size_t{0}, std::size_t{4}}) std::memcpy(&bytes[max_x + axis], &value, 4);
     REQUIRE_THROWS_AS(tg::decodeImage(bytes, "x.exr"), tg::Error);
   }
+}
+
+TEST_CASE("an EXR attribute counts by its name and its type") {
+  const std::vector<std::string> rgb = {"R", "G", "B"};
+  const std::vector<std::uint8_t> good = tg::encodeExr(Image(2, 2, 3, 0.5f), rgb);
+  for (const auto& [name, type] : {std::pair<std::string, std::string>{"dataWindow", "box2i"},
+                                   {"channels", "chlist"},
+                                   {"compression", "compression"}}) {
+    const std::string both = name + '\0' + type + '\0';
+    const auto at = std::search(good.begin(), good.end(), both.begin(), both.end()) - good.begin();
+    for (std::size_t letter : {std::size_t{0}, name.size() + 1}) {
+      std::vector<std::uint8_t> bad = good;
+      bad.at(static_cast<std::size_t>(at) + letter) = 'x';
+      REQUIRE_THROWS_WITH(tg::decodeImage(bad, "x.exr"), Catch::Contains("lacks dataWindow, channels or compression"));
+    }
+  }
+}
+
+TEST_CASE("lists of texts in an EXR header must fit their attribute") {
+  const std::vector<std::string> rgb = {"R", "G", "B"};
+  const std::vector<std::uint8_t> good = tg::encodeExr(Image(2, 2, 3, 0.5f), rgb);
+  const auto refusal = [&](std::uint8_t length) {
+    const std::string attribute =
+        std::string("who\0stringvector\0\x06\0\0\0", 21) + static_cast<char>(length) + std::string("\0\0\0ab", 5);
+    std::vector<std::uint8_t> bytes = good;
+    bytes.insert(bytes.begin() + 8, attribute.begin(), attribute.end());  // behind the version
+    return tg::test::messageOf([&] { tg::decodeImage(bytes, "x.exr"); });
+  };
+  REQUIRE_THAT(refusal(2), !Catch::Contains("attribute who"));
+  REQUIRE(refusal(3) == "x.exr: attribute who is broken");
+  REQUIRE(refusal(255) == "x.exr: attribute who is broken");
 }
 
 TEST_CASE("unknown files and extensions are named") {

@@ -2,6 +2,7 @@
 // The loss against a float64 version written from the definition, and its gradient against finite differences of that.
 #include "training/step/loss.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -118,6 +119,34 @@ TEST_CASE("the loss gradient has the same bytes at any thread count, and agrees 
   for (float& v : a.data) v = std::min(v, 1.0f);
   for (glm::vec3& color : test.picture) color = glm::min(color, 1.0f);
   CHECK(loss.evaluate(50, 100, test.picture, test.target, two).ssim == Approx(tg::ssim(a, b)).epsilon(1e-5));
+}
+
+TEST_CASE("rows with their surroundings have the sums and the gradient of the whole picture", "[loss]") {
+  const int width = 21, height = 90;
+  const Case test(width, height, 17);
+  std::vector<glm::vec3> whole(test.picture.size());
+  tg::PhotometricLoss loss;
+  const tg::LossValue value = loss.evaluate(width, height, test.picture, test.target, whole);
+  std::vector<tg::LossRowSums> all(3 * height);
+  for (const tg::LossRows rows : {tg::LossRows{0, 15}, {15, 48}, {48, 48}, {48, 90}}) {
+    const tg::LossRows given = tg::lossSurroundings(rows, height);
+    const auto part = [&](const auto& values, tg::LossRows of, int a_pixel) {
+      return std::vector(values.begin() + of.first * width * a_pixel, values.begin() + of.end * width * a_pixel);
+    };
+    std::vector<glm::vec3> gradient(static_cast<std::size_t>(rows.end - rows.first) * width);
+    std::vector<tg::LossRowSums> sums(3 * static_cast<std::size_t>(rows.end - rows.first));
+    loss.evaluateRows(width, height, rows, 0, part(test.picture, given, 1), part(test.target, given, 3), gradient, {},
+                      sums);
+    CHECK(gradient == part(whole, rows, 1));
+    for (int c = 0; c < 3; ++c) {
+      const auto from = sums.begin() + c * (rows.end - rows.first);
+      std::copy(from, from + (rows.end - rows.first), all.begin() + c * height + rows.first);
+    }
+  }
+  CHECK(loss.total(width, height, 0, all).total == value.total);
+  const tg::LossRows inside = tg::lossSurroundings({40, 50}, height);
+  CHECK(inside.first == 30);
+  CHECK(inside.end == 60);
 }
 
 TEST_CASE("masked pixels change neither the loss nor its gradient, which equals finite differences", "[loss]") {

@@ -141,6 +141,17 @@ TEST_CASE("position rates fall log-linearly from 1.6e-4 to 1.6e-6 of the extent"
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 1000, 1000) == Approx(3.2e-6));
 }
 
+TEST_CASE("moments agree with a model where both of every field have its length", "[optimizer]") {
+  const tg::TrainingState whole = randomState(3, 1, 1);
+  CHECK(tg::momentsAgree(whole));
+  tg::TrainingState state = whole;
+  state.moments.mean.first.pop_back();
+  CHECK_FALSE(tg::momentsAgree(state));
+  state = whole;
+  state.moments.mean.second.pop_back();
+  CHECK_FALSE(tg::momentsAgree(state));
+}
+
 TEST_CASE("a higher SH degree adds zeros behind each Gaussian's coefficients", "[optimizer]") {
   tg::TrainingState state = randomState(5, 1, 7);
   tg::adamStep(state, randomGradient(state.model, 8), {});
