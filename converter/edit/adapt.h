@@ -42,7 +42,8 @@ struct Adapted {
 };
 
 // `as_gltf`: the file has primitives, and colours, opacities and scales for readers with textures beside those for
-// others. Theirs stay as they are, pieces and skirts are invisible to them; the order may change. Otherwise the result has no textures. The views are the model's cameras, or a ring.
+// others. Theirs stay as they are, pieces and skirts are invisible to them; the order may change. Otherwise the result
+// has no textures. The views are the model's cameras, or a ring.
 Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim = FitAim::textures);
 
 }  // namespace tg

@@ -30,8 +30,8 @@ double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews&
 
 struct FitSettings {
   int steps = 0;
-  std::vector<std::uint8_t> fixed =
-      {};  // [N] not 0: place, rotation and other coefficients stay; opacity, DC colour and scale move; none where it ends
+  // [N] not 0: opacity, DC colour and scale alone move; 0 where it ends.
+  std::vector<std::uint8_t> fixed = {};
   std::vector<std::size_t> parts = {};  // as keepSplats has them
 };
 

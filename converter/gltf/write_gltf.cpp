@@ -140,8 +140,8 @@ void Writer::addPositions() {
       filters_.position, nullptr, true);
 }
 
-// Rotation and scale; local axes in the order of the texture extension when it is there. Where `baked` has other scales,
-// those to use with the texture stand beside them.
+// Rotation and scale; local axes in the order of the texture extension when it is there. Where `baked` has other
+// scales, those to use with the texture stand beside them.
 void Writer::addShape(bool textured, Baked baked) {
   const auto xyzw = [textured](const GaussianModel& model, std::size_t i) {
     glm::vec3 log_scale = model.log_scale[i];

@@ -21,8 +21,8 @@ std::vector<Sighting> sightings(std::span<const glm::vec3> points, std::span<con
 std::vector<Camera> evenly(std::span<const Camera> views, std::size_t most);
 
 // So many of the views, taken evenly, that nine in ten of the points (those in none apart) are in six of their pictures
-// in the mean; at least `least`. What is judged by fewer is not to lose anything for it: of wide scenes a few views show
-// a small part. Without points `least`.
+// in the mean, at least `least`, for judging what a scene needs: of wide scenes a few views show a small part. Without
+// points `least`.
 std::size_t viewsForAll(std::span<const glm::vec3> points, std::span<const Camera> views, std::size_t least);
 
 }  // namespace tg

@@ -452,7 +452,8 @@ TEST_CASE("under a limit no place goes that few views show", "[trainer]") {
     photograph.pixels.rgb.assign(3 * 16 * 16, 128);
     for (int k = 0; k < kEach; ++k) {
       dataset.points.position.emplace_back(4.0f * static_cast<float>(place) + 0.3f * static_cast<float>(k - 2),
-                                           0.2f * static_cast<float>(k * k % 4 - 1), 2.0f + 0.1f * static_cast<float>(k));
+                                           0.2f * static_cast<float>(k * k % 4 - 1),
+                                           2.0f + 0.1f * static_cast<float>(k));
       dataset.points.color.emplace_back(0.5f);
     }
   }
