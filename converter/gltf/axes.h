@@ -19,9 +19,9 @@ void turnShAxes(std::span<glm::vec3> sh);
 
 // q as a matrix (columns: rotated axes) and back. q = w, x, y, z of any length > 0; the result is of unit length.
 glm::dmat3 matrixFromQuaternion(glm::dvec4 q);
-glm::dvec4 quaternionFromMatrix(const glm::dmat3& rotation);
-// The rotation that applies `second` after `first`.
-glm::dvec4 multiply(glm::dvec4 second, glm::dvec4 first);
+glm::dvec4 quaternionFromMatrix(const glm::dmat3& m);
+// The rotation that applies `a` after `b`.
+glm::dvec4 multiply(glm::dvec4 a, glm::dvec4 b);
 
 // Turns functions on the sphere: after apply(), the function's value at R d is what it was at d.
 class ShRotation {

@@ -48,7 +48,7 @@ inline constexpr const char* kBlockName = "block.json";
 
 // Both throw Error(cannotWrite).
 void writeBlocks(const std::filesystem::path& folder, const std::vector<SceneBlock>& blocks);
-void writeBlock(const std::filesystem::path& folder, const BlockFile& block);
+void writeBlock(const std::filesystem::path& folder, const BlockFile& file);
 
 // Throws Error(cannotRead / badData): also where a name is no folder's, axes are none and cells overlap.
 std::vector<SceneBlock> readBlocks(const std::filesystem::path& folder);

@@ -3,6 +3,7 @@
 #include "render/cpu/pages.h"
 
 #include <cstdint>
+#include <new>
 
 #ifdef __linux__
 #include <linux/mman.h>

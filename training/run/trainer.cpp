@@ -42,7 +42,7 @@ Random stream(std::uint64_t seed, Stream which) {
 // In which order stage quantized takes parameters from the optimizer, each for an equal part of its iterations: first
 // those whose rounding the others make up for best. Opacities are stored times what texels let through, so both
 // together; DC is last, and rounded by the file alone.
-enum class Quantized { mean, rotation, log_scale, texels_and_opacity, sh_rest };
+enum class Quantized { mean, rotation, logScale, texelsAndOpacity, shRest };
 constexpr int kQuantizedPhases = 5;
 
 // After `done` of `iterations`.
@@ -447,11 +447,11 @@ void Trainer::iterate() {
     const Quantized phase = phaseOf(iteration - 1, settings_.quantize_iterations);
     rates.mean = 0;
     if (phase >= Quantized::rotation) rates.rotation = 0;
-    if (phase >= Quantized::log_scale) rates.log_scale = 0;
-    if (phase >= Quantized::texels_and_opacity) rates.opacity_logit = 0;
-    rates.texels = phase >= Quantized::texels_and_opacity ? 0 : texels_end;
+    if (phase >= Quantized::logScale) rates.log_scale = 0;
+    if (phase >= Quantized::texelsAndOpacity) rates.opacity_logit = 0;
+    rates.texels = phase >= Quantized::texelsAndOpacity ? 0 : texels_end;
     rates.texel_decay = 0;
-    if (phase >= Quantized::sh_rest) rates.sh.rest = 0;
+    if (phase >= Quantized::shRest) rates.sh.rest = 0;
   }
   StepInput input{
       .camera = dataset_.views[view],
@@ -537,14 +537,14 @@ void Trainer::quantizeNext() {
       case Quantized::rotation:
         model.rotation = std::move(stored.rotation);
         break;
-      case Quantized::log_scale:
+      case Quantized::logScale:
         model.log_scale = std::move(stored.log_scale);
         break;
-      case Quantized::texels_and_opacity:
+      case Quantized::texelsAndOpacity:
         model.opacity_logit = std::move(stored.opacity_logit);
         copyTexels(stored.atlas, model.atlas);
         break;
-      case Quantized::sh_rest:
+      case Quantized::shRest:
         for (std::size_t i = 0; i < model.sh.size(); ++i) {
           if (i % model.shCount() > 0) model.sh[i] = stored.sh[i];
         }

@@ -240,16 +240,31 @@ TEST_CASE("an EXR attribute counts by its name and its type") {
 TEST_CASE("lists of texts in an EXR header must fit their attribute") {
   const std::vector<std::string> rgb = {"R", "G", "B"};
   const std::vector<std::uint8_t> good = tg::encodeExr(Image(2, 2, 3, 0.5f), rgb);
-  const auto refusal = [&](std::uint8_t length) {
-    const std::string attribute =
-        std::string("who\0stringvector\0\x06\0\0\0", 21) + static_cast<char>(length) + std::string("\0\0\0ab", 5);
+  const auto refusal = [&](std::uint8_t length, const std::string& text = "ab") {
+    const std::string attribute = std::string("who\0stringvector\0", 17) + static_cast<char>(4 + text.size()) +
+                                  std::string(3, '\0') + static_cast<char>(length) + std::string(3, '\0') + text;
     std::vector<std::uint8_t> bytes = good;
     bytes.insert(bytes.begin() + 8, attribute.begin(), attribute.end());  // behind the version
     return tg::test::messageOf([&] { tg::decodeImage(bytes, "x.exr"); });
   };
   REQUIRE_THAT(refusal(2), !Catch::Contains("attribute who"));
+  REQUIRE_THAT(refusal(0, ""), !Catch::Contains("attribute who"));
   REQUIRE(refusal(3) == "x.exr: attribute who is broken");
   REQUIRE(refusal(255) == "x.exr: attribute who is broken");
+}
+
+TEST_CASE("a PNG of 16 bits holds its numbers to half a step") {
+  for (const int channels : {1, 3, 4}) {
+    Image image(5, 3, channels);
+    for (std::size_t i = 0; i < image.data.size(); ++i) {
+      image.data[i] = static_cast<float>(i * 977 % 4096) / 4096.0f;
+    }
+    const Image read = tg::decodeImage(tg::encodePng16(image), "x.png");
+    REQUIRE(read.data.size() == image.data.size());
+    for (std::size_t i = 0; i < image.data.size(); ++i) {
+      REQUIRE(std::abs(read.data[i] - image.data[i]) <= 0.5001f / 65535.0f);
+    }
+  }
 }
 
 TEST_CASE("unknown files and extensions are named") {
