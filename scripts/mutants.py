@@ -38,9 +38,9 @@ RECORDS, PAGE = ROOT / "docs/lab/mutants", ROOT / "docs/lab/mutants.md"
 ROOMS = {
     "core": (["core/bundle/blocks.cpp", "core/bundle/camera_file.cpp", "core/bundle/manifest.cpp",
               "core/bundle/ply.cpp", "core/bundle/ply_vertices.cpp", "core/bundle/read_bundle.cpp",
-              "core/bundle/splat_rows.cpp", "core/bundle/training_json.cpp", "core/file/file.cpp", "core/file/gzip_reader.cpp", "core/file/json.cpp",
-              "core/file/safetensors.cpp", "core/image/exr.cpp", "core/image/jpeg.cpp", "core/image/png.cpp",
-              "core/image/webp.cpp"], "core_test", []),
+              "core/bundle/splat_rows.cpp", "core/bundle/training_json.cpp", "core/file/file.cpp",
+              "core/file/gzip_reader.cpp", "core/file/json.cpp", "core/file/safetensors.cpp", "core/image/exr.cpp",
+              "core/image/jpeg.cpp", "core/image/png.cpp", "core/image/webp.cpp"], "core_test", []),
     "step": (["training/step/*.cpp"], "training_test", ["training/run"]),
 }
 SEED = 1

@@ -12,9 +12,8 @@
 namespace tg {
 
 std::vector<Pinhole> filterCameras(const Dataset& dataset) {
-  std::vector<Pinhole> cameras;
-  for (const std::size_t view : dataset.indices(false)) cameras.push_back(dataset.views[view]);
-  return cameras;
+  const std::vector<Camera> views = trainingViews(dataset);
+  return {views.begin(), views.end()};
 }
 
 std::vector<float> seenPixelSizes(std::span<const Pinhole> cameras, const GaussianModel& model) {

@@ -217,7 +217,9 @@ async function readLayers(file, primitives) {
   for (const primitive of primitives) layers.push(await readLayer(file, primitive, layers.length > 0 && layers[0].atlases));
   if (layers[0] === null) return null;
   const joined = {...layers[0]};
-  for (const key of ['rects', 'pages', 'scale', 'opacity', 'dc']) joined[key] = await join(layers.map((layer) => layer[key]));
+  for (const key of ['rects', 'pages', 'scale', 'opacity', 'dc']) {
+    joined[key] = await join(layers.map((layer) => layer[key]));
+  }
   return joined;
 }
 
@@ -299,7 +301,7 @@ export async function readGlb(bytes) {
   }
   if (model.layer) {
     model.intersection = model.layer.intersection;
-    if (model.layer.scale) model.layer.scale = model.layer.scale.map((s) => s * place.scale);
+    if (model.layer.scale && place.scale !== 1) model.layer.scale = model.layer.scale.map((s) => s * place.scale);
   }
   return model;
 }
