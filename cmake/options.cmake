@@ -5,6 +5,10 @@ if(TG_UNITY AND CMAKE_CXX_COMPILER_ID STREQUAL GNU)
   # A class of a .cpp file may hold members of its anonymous namespace; in a batch GCC takes that file for a header.
   add_compile_options($<${tg_cxx}:-Wno-subobject-linkage>)
 endif()
+if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13)
+  # It takes the entry of a table that a temporary key found for a part of the key.
+  add_compile_options($<${tg_cxx}:-Wno-dangling-reference>)
+endif()
 if(TG_WERROR)
   add_compile_options($<${tg_cxx}:-Werror>)
 endif()

@@ -25,6 +25,8 @@ constexpr StreamLimits kLimits{.most_read = kMaxRequestBytes,
 
 // A bounded queue before a fixed number of threads; while it is full, the system keeps new connections waiting.
 class BoundedPool : public httplib::TaskQueue {
+  using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));  // void in Debian 12's version
+
  public:
   BoundedPool() : tasks_(kServedAtOnce) {
     for (int i = 0; i < kServedAtOnce; ++i) {
@@ -33,7 +35,10 @@ class BoundedPool : public httplib::TaskQueue {
       });
     }
   }
-  void enqueue(std::function<void()> task) override { tasks_.give(std::move(task)); }
+  Enqueued enqueue(std::function<void()> task) override {
+    tasks_.give(std::move(task));
+    return static_cast<Enqueued>(true);
+  }
   void shutdown() override {
     tasks_.close();
     threads_.clear();
@@ -104,11 +109,20 @@ class HttpServer::Server : public httplib::Server {
  private:
   bool process_and_close_socket(socket_t socket) override {
     BoundedStream stream(socket, kLimits, [this] { return stopping_.load(); });
-    bool closed = false;
-    const bool done = process_request(stream, true, closed, nullptr);
+    const bool done = process(*this, stream);
     ::shutdown(socket, SHUT_RDWR);
     ::close(socket);
     return done;
+  }
+
+  // Newer versions of cpp-httplib, as Debian 13's, ask for the addresses of both ends, which no answer depends on.
+  static bool process(auto& server, httplib::Stream& stream) {
+    bool closed = false;
+    if constexpr (requires { server.process_request(stream, true, closed, nullptr); }) {
+      return server.process_request(stream, true, closed, nullptr);
+    } else {
+      return server.process_request(stream, "", 0, "", 0, true, closed, nullptr);
+    }
   }
 
   void give(HttpAnswer answer, httplib::Response& response) const {

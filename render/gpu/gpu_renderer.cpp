@@ -221,7 +221,6 @@ void GpuRenderer::fitImage(const Camera& camera) {
   const auto height = static_cast<std::uint32_t>(camera.size.y);
   if (!image_ || image_->width != width || image_->height != height) {
     program_.reset();
-    image_.reset();
     image_.emplace(*device_, width, height);
   }
 }

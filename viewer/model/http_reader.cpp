@@ -11,6 +11,7 @@
 #include "converter/serve/bounded_stream.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
@@ -91,7 +92,7 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   std::uint64_t promised = 0;
   const auto begin = [&](const httplib::Response& response) {
     status = response.status;
-    promised = response.get_header_value<std::uint64_t>("Content-Length");
+    promised = parseWhole<std::uint64_t>(response.get_header_value("Content-Length")).value_or(0);
     too_long = promised > max_bytes;
     return status == 200 && !too_long;
   };

@@ -7,6 +7,7 @@
 #include <backends/imgui_impl_opengl3.h>
 #include <imgui.h>
 
+#include <algorithm>
 #include <deque>
 #include <string>
 #include <vector>
@@ -62,7 +63,7 @@ class GlPictureDevice final : public PictureDevice {
     const bool complete = renderer.draw(request);
     glCopyImageSubData(static_cast<GlRenderer&>(renderer).texture(), GL_TEXTURE_2D, 0, 0, 0, 0, textureOf(target),
                        GL_TEXTURE_2D, 0, 0, top, 0, target.size.x, request.camera.size.y, 1);
-    finish("a picture");
+    waitFor("a picture");
     return complete;
   }
 
@@ -71,14 +72,14 @@ class GlPictureDevice final : public PictureDevice {
     toRgba8(picture, staging_);
     glTextureSubImage2D(textureOf(target), 0, 0, 0, target.size.x, target.size.y, GL_RGBA, GL_UNSIGNED_BYTE,
                         staging_.data());
-    finish("a picture's upload");
+    waitFor("a picture's upload");
   }
 
   Image download(const PictureImage& source) override { return readTexture(device_, textureOf(source), source.size); }
 
  private:
   // The window's context sees what has ended in this one.
-  void finish(const char* what) {
+  void waitFor(const char* what) {
     glFinish();
     checkGl(device_, what);
   }
