@@ -19,17 +19,17 @@ SOURCE = "int half(int a) {\n  // a + b\n  TG_ASSERT(a > 0, \"positive\");\n  re
 
 class Mutants(unittest.TestCase):
     def test_the_page_says_what_became_of_the_mutants(self):
-        records = {room: mutants.load(room) for room in mutants.ROOMS}
+        records = {room: mutants.load(room) for room in mutants.EVERY_ROOM}
         self.assertEqual(mutants.PAGE.read_text(), mutants.page(records))
 
     def test_every_survivor_says_why(self):
-        for room in mutants.ROOMS:
+        for room in mutants.EVERY_ROOM:
             for row in mutants.load(room):
                 if row["result"] == "survived":
                     self.assertTrue(row.get("why"), mutants.told(row))
 
     def test_no_mutant_is_judged_twice(self):
-        for room in mutants.ROOMS:
+        for room in mutants.EVERY_ROOM:
             names = [(row["source"], row["name"]) for row in mutants.load(room)]
             self.assertEqual(len(names), len(set(names)))
 
@@ -37,6 +37,13 @@ class Mutants(unittest.TestCase):
         for patterns, _, others in mutants.ROOMS.values():
             for pattern in [*patterns, *(f"tests/{folder}/*_test.cpp" for folder in others)]:
                 self.assertTrue(list(ROOT.glob(pattern)), pattern)
+        for headers, _ in mutants.HEADER_ROOMS.values():
+            for header in headers:
+                self.assertTrue((ROOT / header).is_file(), header)
+
+    def test_a_compiler_is_what_is_left_of_a_line(self):
+        line = "/usr/bin/ccache /usr/bin/c++ -Dx -O2 -Werror -MD -MT a.o -MF a.o.d -o a.o -c /tree/a.cpp"
+        self.assertEqual(mutants.compiler_of(line), ["/usr/bin/c++", "-Dx", "-O2"])
 
     def test_a_change_is_the_lines_that_differ(self):
         self.assertEqual(mutants.change(SOURCE, SOURCE.replace("/ 2", "/ 1")),

@@ -132,13 +132,13 @@ TEST_CASE("a PLY with a broken value is refused by name while it is converted, a
   CHECK_THROWS_WITH(convert(ply, scratch.folder() / "out.glb"),
                     ply.string() + ": Gaussian 33000: f_rest_7 is not finite");
   std::filesystem::resize_file(ply, std::filesystem::file_size(ply) - 1);
-  CHECK_THROWS_WITH(convert(ply, scratch.folder() / "out.glb"), Catch::Contains("too short for its counts"));
+  CHECK_THROWS_WITH(convert(ply, scratch.folder() / "out.glb"), Contains("too short for its counts"));
   CHECK(filesIn(scratch.folder()) == 1);
 }
 
 TEST_CASE("what is no file is refused as such") {
   const Scratch scratch;
-  CHECK_THROWS_WITH(convert(scratch.folder() / "none.ply", scratch.folder() / "a.glb"), Catch::Contains("none.ply: "));
+  CHECK_THROWS_WITH(convert(scratch.folder() / "none.ply", scratch.folder() / "a.glb"), Contains("none.ply: "));
   CHECK_THROWS_AS(convert(scratch.folder(), scratch.folder() / "a.glb"), Error);
 }
 

@@ -4,6 +4,7 @@
 // thread, kill (the process, by SIGKILL, before a call of open, write, sync or rename), and those of inject_device.cpp.
 #include "inject.h"
 
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdarg>
@@ -11,6 +12,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <initializer_list>
 
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -18,7 +20,6 @@
 #include <sys/syscall.h>
 #include <sys/uio.h>
 #include <unistd.h>
-#include <atomic>
 
 extern "C" {
 void* __libc_malloc(std::size_t);

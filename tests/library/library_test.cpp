@@ -85,28 +85,25 @@ TEST_CASE("numbers that make no model are refused by name") {
   };
   CHECK(refused([](ModelData& data) { data.means.pop_back(); }) ==
         "model: means: no whole number of values (expected a multiple of 3 floats, found 14999)");
-  CHECK_THAT(refused([](ModelData& data) { data.opacity_logits.pop_back(); }), Catch::Contains("opacity_logit"));
-  CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 4; }), Catch::Contains("expected 0 to 3, found 4"));
-  CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 0; }), Catch::Contains("sh"));
+  CHECK_THAT(refused([](ModelData& data) { data.opacity_logits.pop_back(); }), Contains("opacity_logit"));
+  CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 4; }), Contains("expected 0 to 3, found 4"));
+  CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 0; }), Contains("sh"));
   CHECK_THAT(refused([](ModelData& data) { data.means[7] = std::numeric_limits<float>::quiet_NaN(); }),
-             Catch::Contains("mean"));
-  CHECK_THAT(refused([](ModelData& data) { std::fill_n(data.rotations.begin() + 8, 4, 0.0f); }),
-             Catch::Contains("rotation"));
-  CHECK_THAT(refused([](ModelData& data) { data.texture_rects[3].offset = 0xffffffff; }),
-             Catch::Contains("Gaussian 3"));
-  CHECK_THAT(refused([](ModelData& data) { data.background[1] = INFINITY; }), Catch::Contains("background"));
+             Contains("mean"));
+  CHECK_THAT(refused([](ModelData& data) { std::fill_n(data.rotations.begin() + 8, 4, 0.0f); }), Contains("rotation"));
+  CHECK_THAT(refused([](ModelData& data) { data.texture_rects[3].offset = 0xffffffff; }), Contains("Gaussian 3"));
+  CHECK_THAT(refused([](ModelData& data) { data.background[1] = INFINITY; }), Contains("background"));
   CHECK(refused([](ModelData&) {}) == "accepted");
 }
 
 TEST_CASE("a file that is not there, none or of no known format is refused with its kind") {
   const TemporaryFolder folder;
-  CHECK_THAT(messageOf([&] { Model::load(folder / "none.tgz"); }, ErrorKind::cannotRead), Catch::Contains("none.tgz"));
+  CHECK_THAT(messageOf([&] { Model::load(folder / "none.tgz"); }, ErrorKind::cannotRead), Contains("none.tgz"));
   std::ofstream(folder / "bad.ply") << "ply, but not quite";
-  CHECK_THAT(messageOf([&] { Model::load(folder / "bad.ply"); }, ErrorKind::badData), Catch::Contains("bad.ply"));
+  CHECK_THAT(messageOf([&] { Model::load(folder / "bad.ply"); }, ErrorKind::badData), Contains("bad.ply"));
   const Model model = Model::load(kSample);
-  CHECK_THAT(messageOf([&] { model.save(folder / "model.xyz"); }, ErrorKind::usage), Catch::Contains("model.xyz"));
-  CHECK_THAT(messageOf([&] { model.save(folder / "none/model.tgz"); }, ErrorKind::cannotWrite),
-             Catch::Contains("none"));
+  CHECK_THAT(messageOf([&] { model.save(folder / "model.xyz"); }, ErrorKind::usage), Contains("model.xyz"));
+  CHECK_THAT(messageOf([&] { model.save(folder / "none/model.tgz"); }, ErrorKind::cannotWrite), Contains("none"));
   const std::vector<std::string> left = model.save(folder / "model.ply");
   CHECK(std::ranges::any_of(left, [](const std::string& line) { return line.find("texture") != line.npos; }));
 }
@@ -120,20 +117,20 @@ TEST_CASE("a camera that is none is refused") {
     spoil(camera);
     return messageOf([&] { renderer.render(camera); }, ErrorKind::usage);
   };
-  CHECK_THAT(refused([](Camera& camera) { camera.width = 0; }), Catch::Contains("found 0 x 30"));
-  CHECK_THAT(refused([](Camera& camera) { camera.width = camera.height = 60000; }), Catch::Contains("60000 x 60000"));
+  CHECK_THAT(refused([](Camera& camera) { camera.width = 0; }), Contains("found 0 x 30"));
+  CHECK_THAT(refused([](Camera& camera) { camera.width = camera.height = 60000; }), Contains("60000 x 60000"));
   CHECK(refused([](Camera& camera) { camera.focal[1] = 0; }) == "camera a.png: expected focal lengths above 0");
-  CHECK_THAT(refused([](Camera& camera) { camera.center[0] = NAN; }), Catch::Contains("not finite"));
-  CHECK_THAT(refused([](Camera& camera) { camera.rotation[0] *= 1.1; }), Catch::Contains("orthonormal"));
+  CHECK_THAT(refused([](Camera& camera) { camera.center[0] = NAN; }), Contains("not finite"));
+  CHECK_THAT(refused([](Camera& camera) { camera.rotation[0] *= 1.1; }), Contains("orthonormal"));
   CHECK_THAT(refused([](Camera& camera) {
                for (int i = 0; i < 3; ++i) camera.rotation[static_cast<std::size_t>(i)] *= -1;
              }),
-             Catch::Contains("reflection"));
+             Contains("reflection"));
   CHECK(refused([](Camera&) {}) == "accepted");
   CHECK_THAT(messageOf([] { lookAt({1, 2, 3}, {1, 2, 3}, {0, 1, 0}, 0.8, 8, 8); }, ErrorKind::usage),
-             Catch::Contains("target"));
+             Contains("target"));
   CHECK_THAT(messageOf([] { lookAt({1, 2, 3}, {0, 0, 0}, {0, 1, 0}, 4, 8, 8); }, ErrorKind::usage),
-             Catch::Contains("field of view"));
+             Contains("field of view"));
 }
 
 TEST_CASE("a point of the world appears where the camera's documentation says") {
@@ -182,7 +179,7 @@ TEST_CASE(
   REQUIRE(empty != alpha.data.end());
   CHECK(red.data[3 * static_cast<std::size_t>(empty - alpha.data.begin())] == 1);
   CHECK_THAT(messageOf([&] { renderer.render(camera, Output::final, {.splat_scale = -1}); }, ErrorKind::usage),
-             Catch::Contains("splat"));
+             Contains("splat"));
 }
 
 TEST_CASE("training by steps ends, learns, and gives the same bytes with one thread as with two") {
@@ -191,7 +188,7 @@ TEST_CASE("training by steps ends, learns, and gives the same bytes with one thr
   const Dataset dataset = Dataset::load(folder / "scene");
   REQUIRE(dataset.size() == 8);
   CHECK(dataset.photograph(7).data.size() == 32 * 32 * 3);
-  CHECK_THAT(messageOf([&] { dataset.photograph(8); }, ErrorKind::usage), Catch::Contains("expected 0 to 7, found 8"));
+  CHECK_THAT(messageOf([&] { dataset.photograph(8); }, ErrorKind::usage), Contains("expected 0 to 7, found 8"));
   const TrainOptions options = {
       .settings = {{"iterations", "150"}, {"texture-iterations", "20"}, {"texture-size", "2"}, {"sh-degree", "1"}}};
   std::string files[2];
@@ -224,12 +221,12 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
     return messageOf([&] { Trainer trainer(dataset, options); }, ErrorKind::usage);
   };
   CHECK(refused({.settings = {{"iteration", "30"}}}) == "iteration: no such setting (docs/training.md has them)");
-  CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Catch::Contains("iterations"));
-  CHECK_THAT(refused({.preset = "best"}), Catch::Contains("best"));
-  CHECK_THAT(messageOf([&] { setThreads(-1); }, ErrorKind::usage), Catch::Contains("found -1"));
-  CHECK_THAT(messageOf([&] { Dataset::load(folder / "none"); }, ErrorKind::cannotRead), Catch::Contains("none"));
+  CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Contains("iterations"));
+  CHECK_THAT(refused({.preset = "best"}), Contains("best"));
+  CHECK_THAT(messageOf([&] { setThreads(-1); }, ErrorKind::usage), Contains("found -1"));
+  CHECK_THAT(messageOf([&] { Dataset::load(folder / "none"); }, ErrorKind::cannotRead), Contains("none"));
   CHECK_THAT(messageOf([&] { Dataset::load(folder / "scene", {.downscale = 0}); }, ErrorKind::usage),
-             Catch::Contains("downscale"));
+             Contains("downscale"));
   TrainOptions options = {.settings = {{"iterations", "2"}, {"texture-mode", "none"}, {"sh-degree", "0"}}};
   Trainer first(dataset, options);
   while (first.step()) {
@@ -275,23 +272,20 @@ TEST_CASE("every example runs on what the one before it made") {
   const TemporaryFolder folder;
   tg::writeSample(folder / "scene", kScene, false);
   const std::string path = folder.path.string();
-  CHECK_THAT(example("train", path + "/scene " + path + "/model.tgz 5", folder),
-             Catch::Contains("textured: 5 iterations"));
-  CHECK_THAT(example("evaluate", path + "/model.tgz " + path + "/scene", folder), Catch::Contains("mean: "));
-  CHECK_THAT(example("convert", path + "/model.tgz " + path + "/model.glb", folder), Catch::Contains("tgz -> glb"));
-  CHECK_THAT(example("render", path + "/model.glb " + path + "/picture.png", folder),
-             Catch::Contains("32 x 32 pixels"));
+  CHECK_THAT(example("train", path + "/scene " + path + "/model.tgz 5", folder), Contains("textured: 5 iterations"));
+  CHECK_THAT(example("evaluate", path + "/model.tgz " + path + "/scene", folder), Contains("mean: "));
+  CHECK_THAT(example("convert", path + "/model.tgz " + path + "/model.glb", folder), Contains("tgz -> glb"));
+  CHECK_THAT(example("render", path + "/model.glb " + path + "/picture.png", folder), Contains("32 x 32 pixels"));
   CHECK(readImage(folder / "picture.png").data.size() == 32 * 32 * 3);
   CHECK(example("make", path + "/disc.tgz", folder).empty());
-  CHECK_THAT(example("render", path + "/disc.tgz " + path + "/disc.png", folder),
-             Catch::Contains("1 Gaussians, 256 x 256"));
+  CHECK_THAT(example("render", path + "/disc.tgz " + path + "/disc.png", folder), Contains("1 Gaussians, 256 x 256"));
 }
 
 TEST_CASE("a picture that is none is not written") {
   const TemporaryFolder folder;
   Image image{2, 2, 3, std::vector<float>(11)};
   CHECK_THAT(messageOf([&] { writeImage(folder / "a.png", image); }, ErrorKind::usage),
-             Catch::Contains("found 11 for 2 x 2 x 3"));
+             Contains("found 11 for 2 x 2 x 3"));
   CHECK_FALSE(std::filesystem::exists(folder / "a.png"));
   image.data.push_back(1);
   writeImage(folder / "a.png", image);

@@ -36,7 +36,7 @@ TEST_CASE("a number picks that device, and nothing but a number is one") {
     }
   }
   CHECK_THROWS_WITH(pickDevice(std::to_string(devices.size())),
-                    Catch::Contains("--device: expected a name or 0 to " + std::to_string(devices.size() - 1)));
+                    Contains("--device: expected a name or 0 to " + std::to_string(devices.size() - 1)));
   CHECK(pickDevice("").any());
   CHECK(pickDevice("9 lives").name == "9 lives");
   CHECK_FALSE(pickDevice("llvm").any());

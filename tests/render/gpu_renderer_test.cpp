@@ -253,16 +253,15 @@ TEST_CASE("a model without Gaussians shows the background") {
 TEST_CASE("a frame without a model or with an empty camera is refused") {
   const auto renderer = makeGpuRenderer({});
   TestScene scene = facingScene(1);
-  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("setModel() comes first"));
+  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Contains("setModel() comes first"));
   renderer->setModel(scene.model);
   scene.camera.size.y = 0;
-  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("the image is empty (16 x 0)"));
+  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Contains("the image is empty (16 x 0)"));
   scene.camera.size.x = scene.camera.size.y = 1 << 17;
-  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Catch::Contains("131072 x 131072 pixels is too large"));
+  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Contains("131072 x 131072 pixels is too large"));
   const BindingLimit limit(~0u);
   scene.camera.size.x = scene.camera.size.y = 4097;
-  CHECK_THROWS_WITH(renderer->draw({scene.camera, {}, Output::final}),
-                    Catch::Contains("at most 65536 tiles, found 66049"));
+  CHECK_THROWS_WITH(renderer->draw({scene.camera, {}, Output::final}), Contains("at most 65536 tiles, found 66049"));
 }
 
 TEST_CASE("parameters at the ends of what float holds leave no pixel without a number") {
@@ -350,11 +349,11 @@ TEST_CASE("what exceeds every binding is an error that names numbers", "[limits]
   const BindingLimit limit(16 << 10, 12000);
   GpuRenderer& renderer = gpuRenderer();
   CHECK_THROWS_WITH(renderer.setModel(facingScene(1501).model),
-                    Catch::Contains("has 1501 Gaussians, the device binds at most 1500"));
+                    Contains("has 1501 Gaussians, the device binds at most 1500"));
   TestScene textured = facingScene(600);
   textured.model.atlas = makeUniformAtlas(600, 4, 6);
   CHECK_THROWS_WITH(renderer.setModel(textured.model),
-                    Catch::Contains("have 9001 cells between texels, the device binds at most 6000"));
+                    Contains("have 9001 cells between texels, the device binds at most 6000"));
   TestScene wide = facingScene(1000);  // around the camera: each covers every tile, 4 and then 17
   for (glm::vec3& log_scale : wide.model.log_scale) log_scale = glm::vec3(3.0f);
   wide.camera.size.x = wide.camera.size.y = 32;
@@ -362,7 +361,7 @@ TEST_CASE("what exceeds every binding is an error that names numbers", "[limits]
   CHECK_NOTHROW(renderer.render(wide.camera, {}));
   wide.camera.size = {17 * 16, 1};
   CHECK_THROWS_WITH(renderer.render(wide.camera, {}),
-                    Catch::Contains("needs 17000 pairs of tile and splat (expected at most 4096)"));
+                    Contains("needs 17000 pairs of tile and splat (expected at most 4096)"));
   CHECK(validationMessages() == "");
 }
 
@@ -472,7 +471,7 @@ TEST_CASE("the times name the passes in order") {
 TEST_CASE("a device that is not there is an error that lists those that are") {
   const std::string present = gpuRenderer().deviceName() + "\" has another name";
   CHECK_THROWS_WITH(openDevice(testedApi(), {{{}, "no such device", {}}, false}),
-                    Catch::Contains("no usable device named \"no such device\"") && Catch::Contains(present));
+                    Contains("no usable device named \"no such device\"") && Contains(present));
   CHECK(renderScene(facingScene(1)).width == 16);  // the device under test is as it was
 }
 

@@ -90,5 +90,5 @@ TEST_CASE("the sample model, of 90,002 elements of texels, is drawn as the CPU d
 
 TEST_CASE("an error of Vulkan names the function and the result, and no place in a source file") {
   CHECK_THROWS_WITH(checkVulkan(VK_ERROR_OUT_OF_DEVICE_MEMORY, "vkQueueSubmit(queue, 1, &submit, fence)"),
-                    Catch::Equals("Vulkan: out of device memory (-2) in vkQueueSubmit"));
+                    Catch::Matchers::Equals("Vulkan: out of device memory (-2) in vkQueueSubmit"));
 }

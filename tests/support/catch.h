@@ -7,8 +7,11 @@
 #if __has_include(<catch2/catch_all.hpp>)
 #include <catch2/catch_all.hpp>
 using Catch::Approx;
+// As version 2 names it; version 3 has another matcher of this name.
+inline auto Contains(const std::string& text) { return Catch::Matchers::ContainsSubstring(text); }
 #else
 #include <catch2/catch.hpp>
+using Catch::Contains;
 #endif
 
 // Ends the case where `why`, a text, is not empty: ctest shows it as skipped, because tests/CMakeLists.txt looks for

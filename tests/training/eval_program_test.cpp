@@ -17,7 +17,6 @@
 #include "training/run/init.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 using tg::test::Outcome;
 using tg::test::run;
 

@@ -13,7 +13,6 @@
 #include "training/child.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 using namespace tg::test;
 using std::chrono::milliseconds;
 

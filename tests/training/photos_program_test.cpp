@@ -21,7 +21,6 @@
 #include "training/data/dataset.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 using tg::test::Outcome;
 using tg::test::run;
 

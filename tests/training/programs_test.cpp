@@ -13,7 +13,6 @@
 #include "support/temporary_folder.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 using tg::test::Outcome;
 using tg::test::run;
 
@@ -54,7 +53,7 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   CHECK(json["stages"]["untextured"]["iterations"] == 4);
   CHECK(json["machine"]["seconds"].get<double>() > 0);
   CHECK_THAT(json["machine"]["device"].get<std::string>(),
-             Contains("CPU, ") && Contains(" threads") || Contains("CUDA, "));
+             (Contains("CPU, ") && Contains(" threads")) || Contains("CUDA, "));
   CHECK(bundle.training_json.find(folder.path.filename().string()) == std::string::npos);
   const tg::Bundle plain = tg::readBundle(folder / "plain.tgz");
   CHECK(plain.model.texture_mode == tg::TextureMode::none);

@@ -19,7 +19,6 @@
 #include "training/run/checkpoint.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 using namespace tg::test;
 using std::chrono::milliseconds;
 

@@ -10,7 +10,6 @@
 #include "training/child.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 using namespace tg::test;
 
 namespace {

@@ -10,7 +10,6 @@
 #include "support/temporary_folder.h"
 #include "training/child.h"
 
-using Catch::Matchers::Contains;
 using namespace tg::test;
 
 namespace {

@@ -53,7 +53,7 @@ TEST_CASE("the MIME types are valid, and those that the desktop entry names and 
     for (std::string type; std::getline(named, type, ';');) {
       if (!type.starts_with("application/x-")) continue;
       ++own;
-      CHECK_THAT(known, Catch::Contains(type + ";"));
+      CHECK_THAT(known, Contains(type + ";"));
     }
   }
   CHECK(own == 5);
@@ -63,7 +63,7 @@ TEST_CASE("every format that has a MIME type of ours is read") {
   const std::string text = contents("textured-gaussians.xml");
   for (const char* name : {"tgz", "sog", "spz", "splat", "ksplat"}) {
     INFO(name);
-    CHECK_THAT(text, Catch::Contains("." + std::string(name) + "\""));
+    CHECK_THAT(text, Contains("." + std::string(name) + "\""));
     REQUIRE(findFormat(name));
     CHECK(findFormat(name)->read != nullptr);
   }
@@ -75,5 +75,5 @@ TEST_CASE("the icon is there in the sizes that are installed") {
     CHECK(icon.width == side);
     CHECK(icon.height == side);
   }
-  CHECK_THAT(contents("tgview.svg"), Catch::Contains("<svg"));
+  CHECK_THAT(contents("tgview.svg"), Contains("<svg"));
 }

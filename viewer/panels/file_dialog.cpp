@@ -249,9 +249,7 @@ void closingQuestion(ViewerState& state, bool escape) {
   ImGui::TextUnformatted(lossOf(*state.desktop.question).c_str());
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.3f});
   const ImVec2 size(ImGui::GetFontSize() * 6, 0);
-  const bool enter = ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) ||
-                     ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_KeyPadEnter));
-  const bool save = ImGui::Button("Save", size) || enter;
+  const bool save = ImGui::Button("Save", size) || enterPressed();
   hint("Enter");
   ImGui::SameLine();
   const bool discard = ImGui::Button("Discard", size);

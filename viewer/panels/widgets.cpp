@@ -125,6 +125,16 @@ std::string cutMiddle(const std::string& text, float room) {
 
 bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }
 
+bool enterPressed() {
+#if IMGUI_VERSION_NUM < 18700
+  constexpr ImGuiKey kOnKeypad = ImGuiKey_KeyPadEnter;
+#else
+  constexpr ImGuiKey kOnKeypad = ImGuiKey_KeypadEnter;
+#endif
+  return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) ||
+         ImGui::IsKeyPressed(ImGui::GetKeyIndex(kOnKeypad));
+}
+
 std::string grouped(std::size_t value) {
   std::string digits = std::to_string(value);
   for (std::ptrdiff_t i = static_cast<std::ptrdiff_t>(digits.size()) - 3; i > 0; i -= 3) {

@@ -35,6 +35,7 @@ void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text
 std::string cutMiddle(const std::string& text, float room);
 // Whether Esc was pressed: lists close by it.
 bool escapePressed();
+bool enterPressed();
 std::string grouped(std::size_t value);  // 1 234 567
 
 }  // namespace tg

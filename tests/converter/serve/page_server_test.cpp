@@ -22,7 +22,6 @@
 #include "support/temporary_folder.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 
 namespace {
 

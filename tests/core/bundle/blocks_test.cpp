@@ -56,13 +56,13 @@ TEST_CASE("what is no scene in blocks is named", "[blocks]") {
   const tg::TemporaryFolder folder;
   const auto message = [&] { return tg::test::messageOf([&] { tg::readBlocks(folder.path); }); };
   CHECK_THAT(tg::test::messageOf([&] { tg::readBlocks(folder.path); }, tg::ErrorKind::cannotRead),
-             Catch::Matchers::Contains("blocks.json: cannot open"));
+             Contains("blocks.json: cannot open"));
   tg::writeBlocks(folder.path, twoBlocks());
   std::ifstream stream(folder / "blocks.json");
   const std::string good{std::istreambuf_iterator<char>(stream), {}};
   for (std::size_t size = 0; size + 2 < good.size(); size += 7) {
     write(folder / "blocks.json", good.substr(0, size));
-    CHECK_THAT(message(), Catch::Matchers::Contains("blocks.json: "));
+    CHECK_THAT(message(), Contains("blocks.json: "));
   }
   const auto changed = [&](const std::string& from, const std::string& to) {
     std::string text = good;
@@ -71,22 +71,20 @@ TEST_CASE("what is no scene in blocks is named", "[blocks]") {
     write(folder / "blocks.json", text.replace(at, from.size(), to));
     return message();
   };
-  CHECK_THAT(changed("\"version\": 1", "\"version\": 2"),
-             Catch::Matchers::Contains("unknown version (expected 1, found 2)"));
-  CHECK_THAT(changed("tgtrain-blocks", "tgtrain-farm"), Catch::Matchers::Contains("is not of a scene in blocks"));
-  CHECK_THAT(changed("\"right\"", "\"left\""),
-             Catch::Matchers::Contains("block 1: \"name\" is another block's already"));
+  CHECK_THAT(changed("\"version\": 1", "\"version\": 2"), Contains("unknown version (expected 1, found 2)"));
+  CHECK_THAT(changed("tgtrain-blocks", "tgtrain-farm"), Contains("is not of a scene in blocks"));
+  CHECK_THAT(changed("\"right\"", "\"left\""), Contains("block 1: \"name\" is another block's already"));
   for (const char* name : {"../left", "", "a/", "a.", "a:", "a@", "a[", "a^", "a`", "a{"}) {  // next to what may be
     CHECK_THAT(changed("\"left\"", std::string("\"") + name + "\""),
-               Catch::Matchers::Contains("block 0: \"name\": is no name of a folder"));
+               Contains("block 0: \"name\": is no name of a folder"));
   }
   CHECK(changed("\"left\"", "\"azAZ09_-\"") == "accepted");
-  CHECK_THAT(changed("0.1", "0.2"), Catch::Matchers::Contains("block 1: its cell overlaps that of block 0"));
-  CHECK_THAT(changed("0.1", "1e999"), Catch::Matchers::Contains("blocks.json: "));
-  CHECK_THAT(changed("1.0", "2.0"), Catch::Matchers::Contains("two unit vectors at right angles"));
+  CHECK_THAT(changed("0.1", "0.2"), Contains("block 1: its cell overlaps that of block 0"));
+  CHECK_THAT(changed("0.1", "1e999"), Contains("blocks.json: "));
+  CHECK_THAT(changed("1.0", "2.0"), Contains("two unit vectors at right angles"));
   write(folder / "blocks.json", "{\"format\": \"tgtrain-blocks\", \"version\": 1, \"blocks\": []}");
-  CHECK_THAT(message(), Catch::Matchers::Contains("lists no block"));
+  CHECK_THAT(message(), Contains("lists no block"));
   tg::writeBlock(folder.path, {twoBlocks()[0], "../scene", "colmap", {}});
   CHECK_THAT(tg::test::messageOf([&] { tg::readBlock(folder.path); }),
-             Catch::Matchers::Contains("block.json: has no photographs (expected one at least)"));
+             Contains("block.json: has no photographs (expected one at least)"));
 }

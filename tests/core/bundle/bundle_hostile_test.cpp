@@ -17,7 +17,6 @@
 #include "support/temporary_folder.h"
 
 using Bytes = std::vector<std::uint8_t>;
-using Catch::Contains;
 using tg::TarEntry;
 
 namespace {

@@ -150,11 +150,10 @@ TEST_CASE("a failed write leaves the older file as it was and nothing beside it"
   const Bytes before = read(folder / "a.tgz");
   tg::Bundle broken = tinyBundle();
   broken.model.atlas.texels[0].r = 1e6f;  // beyond half floats
-  REQUIRE_THROWS_WITH(tg::writeBundle(folder / "a.tgz", broken),
-                      Catch::Contains("a.tgz: ") && Catch::Contains("half float"));
+  REQUIRE_THROWS_WITH(tg::writeBundle(folder / "a.tgz", broken), Contains("a.tgz: ") && Contains("half float"));
   broken = tinyBundle();
   broken.model.mean[2].x = NAN;
-  REQUIRE_THROWS_WITH(tg::writeBundle(folder / "a.tgz", broken), Catch::Contains("Gaussian 2: mean is not finite"));
+  REQUIRE_THROWS_WITH(tg::writeBundle(folder / "a.tgz", broken), Contains("Gaussian 2: mean is not finite"));
   broken = tinyBundle();
   broken.training_json = "[1]";
   REQUIRE_THROWS_AS(tg::writeBundle(folder / "a.tgz", broken), tg::Error);

@@ -7,8 +7,6 @@
 #include "core/system/error.h"
 #include "support/catch.h"
 
-using Catch::Contains;
-
 namespace {
 
 const std::string kInria =

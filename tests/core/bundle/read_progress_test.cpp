@@ -157,5 +157,5 @@ TEST_CASE("a broken PLY that arrives in pieces is refused") {
         hostile.add({reinterpret_cast<const std::uint8_t*>(head.data()), head.size()});
         hostile.finish();
       }(),
-      Catch::Contains("too short for its counts"));
+      Contains("too short for its counts"));
 }

@@ -13,7 +13,6 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-using Catch::Matchers::Contains;
 using tg::Safetensors;
 
 namespace {

@@ -133,8 +133,8 @@ TEST_CASE("grey with alpha becomes RGBA") {
 }
 
 TEST_CASE("a PNG whose header promises more than the limit, or more than its bytes can hold, is refused at once") {
-  REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf100000Squared, "x.png"), Catch::Contains("image size out of range"));
-  REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf16000Squared, "x.png"), Catch::Contains("file is too short"));
+  REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf100000Squared, "x.png"), Contains("image size out of range"));
+  REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf16000Squared, "x.png"), Contains("file is too short"));
 }
 
 TEST_CASE("JPEG keeps a smooth picture within its quality, in colour and grey") {
@@ -185,7 +185,7 @@ TEST_CASE("EXR names a missing channel and refuses values beyond half floats") {
   const Image image(2, 2, 3, 0.5f);
   const std::vector<std::string> rgb = {"R", "G", "B"}, depth = {"Z"};
   REQUIRE_THROWS_WITH(tg::decodeExr(tg::encodeExr(image, rgb), depth, "x.exr"),
-                      Catch::Contains("x.exr: missing channel (expected Z, found B, G, R)"));
+                      Contains("x.exr: missing channel (expected Z, found B, G, R)"));
   REQUIRE_THROWS_AS(tg::encodeExr(Image(1, 1, 3, 1e6f), rgb), tg::Error);
   REQUIRE_THROWS_AS(tg::encodeExr(image, depth), tg::Error);
 }
@@ -232,7 +232,7 @@ TEST_CASE("an EXR attribute counts by its name and its type") {
     for (std::size_t letter : {std::size_t{0}, name.size() + 1}) {
       std::vector<std::uint8_t> bad = good;
       bad.at(static_cast<std::size_t>(at) + letter) = 'x';
-      REQUIRE_THROWS_WITH(tg::decodeImage(bad, "x.exr"), Catch::Contains("lacks dataWindow, channels or compression"));
+      REQUIRE_THROWS_WITH(tg::decodeImage(bad, "x.exr"), Contains("lacks dataWindow, channels or compression"));
     }
   }
 }
@@ -247,8 +247,8 @@ TEST_CASE("lists of texts in an EXR header must fit their attribute") {
     bytes.insert(bytes.begin() + 8, attribute.begin(), attribute.end());  // behind the version
     return tg::test::messageOf([&] { tg::decodeImage(bytes, "x.exr"); });
   };
-  REQUIRE_THAT(refusal(2), !Catch::Contains("attribute who"));
-  REQUIRE_THAT(refusal(0, ""), !Catch::Contains("attribute who"));
+  REQUIRE_THAT(refusal(2), !Contains("attribute who"));
+  REQUIRE_THAT(refusal(0, ""), !Contains("attribute who"));
   REQUIRE(refusal(3) == "x.exr: attribute who is broken");
   REQUIRE(refusal(255) == "x.exr: attribute who is broken");
 }
@@ -270,7 +270,7 @@ TEST_CASE("a PNG of 16 bits holds its numbers to half a step") {
 TEST_CASE("unknown files and extensions are named") {
   const tg::TemporaryFolder folder;
   REQUIRE_THROWS_WITH(tg::decodeImage(std::vector<std::uint8_t>{'G', 'I', 'F', '8'}, "a.gif"),
-                      Catch::Contains("a.gif: unknown image format"));
+                      Contains("a.gif: unknown image format"));
   try {
     tg::writeImage(folder / "a.bmp", Image(1, 1, 3));
     FAIL("expected an error");

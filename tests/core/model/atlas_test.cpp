@@ -8,8 +8,6 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 
-using Catch::Contains;
-
 TEST_CASE("packing and unpacking give every Gaussian its texels back, with consecutive offsets") {
   for (int max_page : {8, 16, 64, 4096}) {
     const tg::GaussianModel model = tg::tinyTexturedModel(200);

@@ -9,8 +9,6 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 
-using Catch::Contains;
-
 TEST_CASE("every parameter of a Gaussian is visited with its name and its number of floats") {
   std::string names;
   tg::GaussianModel model = tg::tinyModel(3, 2);

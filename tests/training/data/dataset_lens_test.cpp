@@ -9,7 +9,6 @@
 #include "training/dataset_files.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 using Json = nlohmann::json;
 using tg::DatasetOptions;
 using tg::loadDataset;

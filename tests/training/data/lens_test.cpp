@@ -8,7 +8,6 @@
 #include "core/system/error.h"
 #include "support/catch.h"
 
-using Catch::Matchers::Contains;
 using tg::Camera;
 using tg::Image;
 using tg::Lens;

@@ -15,8 +15,6 @@
 #include "training/run/trainer.h"
 #include "core/system/random.h"
 
-using Catch::Matchers::Contains;
-
 namespace {
 
 tg::Photograph gray(std::size_t bytes, std::uint8_t value) {

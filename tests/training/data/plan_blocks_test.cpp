@@ -14,7 +14,6 @@
 #include "training/data/sample.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 
 namespace {
 

@@ -70,7 +70,7 @@ TEST_CASE("make-sample refuses sizes out of range and an existing data set", "[s
   tg::TemporaryFolder folder;
   tg::SampleOptions options = kSmall;
   options.size = 0;
-  CHECK_THROWS_WITH(tg::writeSample(folder.path, options, false), Catch::Matchers::Contains("image size out of range"));
+  CHECK_THROWS_WITH(tg::writeSample(folder.path, options, false), Contains("image size out of range"));
   tg::writeSample(folder.path, kSmall, false);
-  CHECK_THROWS_WITH(tg::writeSample(folder.path, kSmall, false), Catch::Matchers::Contains("--overwrite"));
+  CHECK_THROWS_WITH(tg::writeSample(folder.path, kSmall, false), Contains("--overwrite"));
 }

@@ -9,7 +9,6 @@
 #include "support/temporary_folder.h"
 
 namespace fs = std::filesystem;
-using Catch::Matchers::Contains;
 
 namespace {
 

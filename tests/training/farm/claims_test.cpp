@@ -153,13 +153,13 @@ TEST_CASE("a folder of other jobs, of another version, of other files or without
   std::vector<FarmJob> other = kJobs;
   other[1].dataset = "e";
   CHECK_THAT(join(other, "1", false, tg::ErrorKind::usage),
-             Catch::Matchers::Contains("farm: is the folder of other jobs: job 2 differs (expected {\"name\":\"b\""));
+             Contains("farm: is the folder of other jobs: job 2 differs (expected {\"name\":\"b\""));
   other.resize(1);
-  CHECK_THAT(join({kJobs[0]}, "1", false, tg::ErrorKind::usage), Catch::Matchers::Contains("found none)"));
+  CHECK_THAT(join({kJobs[0]}, "1", false, tg::ErrorKind::usage), Contains("found none)"));
   for (const char* text : {"", "{", "[]", "{\"format\": \"tgtrain-farm\", \"version\": 9, \"jobs\": []}",
                            "{\"format\": \"tgtrain-farm\", \"version\": 1, \"tgtrain\": \"1\", \"jobs\": [7]}"}) {
     write(folder / "farm/farm.json", text);
-    CHECK_THAT(join(kJobs, "1", false, tg::ErrorKind::badData), Catch::Matchers::Contains("farm.json"));
+    CHECK_THAT(join(kJobs, "1", false, tg::ErrorKind::badData), Contains("farm.json"));
   }
   write(folder / "thesis/text.txt", "years of work");
   CHECK(tg::test::messageOf([&] { const FarmFolder farm(folder / "thesis", kJobs, "1", false); },

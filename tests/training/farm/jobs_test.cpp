@@ -29,9 +29,9 @@ TEST_CASE("what is no job is named with its line", "[farm]") {
   CHECK_THAT(message(good + "{"), Catch::Matchers::StartsWith("jobs: line 2: not valid JSON"));
   CHECK_THAT(message("[]"), Catch::Matchers::StartsWith("jobs: line 1: expected an object"));
   CHECK(message(good + "\n" + good) == "jobs: line 3: name \"a\" is another job's already");
-  CHECK_THAT(message("{\"name\": \"a\"}"), Catch::Matchers::Contains("dataset"));
+  CHECK_THAT(message("{\"name\": \"a\"}"), Contains("dataset"));
   CHECK_THAT(message("{\"name\": \"a\", \"dataset\": \"d\", \"flag\": []}"),
-             Catch::Matchers::Contains("unknown member \"flag\" (expected name, dataset, output and flags)"));
+             Contains("unknown member \"flag\" (expected name, dataset, output and flags)"));
   for (const char* name : {"", ".", "..", ".hidden", "-o", "a/b", "a b", "\\u0000", "\\u00e9"}) {
     INFO(name);
     CHECK(message("{\"name\": \"" + std::string(name) + "\", \"dataset\": \"d\"}") != "accepted");
@@ -43,7 +43,7 @@ TEST_CASE("what is no job is named with its line", "[farm]") {
   for (const char* flag : {"--run", "--run=x", "-o", "-omodel.tgz", "--output=x", "--resume", "--threads=2"}) {
     INFO(flag);
     CHECK_THAT(message("{\"name\": \"a\", \"dataset\": \"d\", \"flags\": [\"" + std::string(flag) + "\"]}"),
-               Catch::Matchers::Contains("is the farm's own"));
+               Contains("is the farm's own"));
   }
   CHECK(message("{\"name\": \"a\", \"dataset\": \"--help\"}") == "jobs: line 1: dataset \"--help\" is a flag");
 }

@@ -89,7 +89,7 @@ TEST_CASE("a crop is four numbers, and a view if wanted") {
   CHECK(parseCropWish("1,2,30,40@r_3", "--crop").view == "r_3");
   for (const char* bad :
        {"", "1,2,3", "1,2,0,4", "-1,2,3,4", "1,2,3,4@", "1,2,3,4,5", "a,b,c,d", "1,2,3,99999999999"}) {
-    CHECK_THROWS_WITH(parseCropWish(bad, "--crop"), Catch::Contains("--crop: expected x,y,w,h or x,y,w,h@VIEW"));
+    CHECK_THROWS_WITH(parseCropWish(bad, "--crop"), Contains("--crop: expected x,y,w,h or x,y,w,h@VIEW"));
   }
   // Corners so far out that a sum would overflow.
   CropChooser far({{{{2147483647, 0}, {8, 8}}, ""}}, 0);

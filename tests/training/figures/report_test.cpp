@@ -15,7 +15,6 @@
 #include "support/temporary_folder.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 namespace fs = std::filesystem;
 
 namespace {

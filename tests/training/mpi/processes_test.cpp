@@ -14,7 +14,6 @@
 #include "training/mpi/launch.h"
 #include "training/mpi/thread_channel.h"
 
-using Catch::Matchers::Contains;
 using tg::test::atRanks;
 using tg::test::ThreadChannel;
 using tg::test::ThreadRanks;

@@ -18,7 +18,6 @@
 #include "training/run/trainer.h"
 #include "training/sample_dataset.h"
 
-using Catch::Matchers::Contains;
 using tg::test::atRanks;
 using tg::test::ThreadRanks;
 

@@ -16,7 +16,6 @@
 #include "training/photos/pairs.h"
 #include "training/photos/solver.h"
 
-using Catch::Matchers::Contains;
 using Strings = std::vector<std::string>;
 
 TEST_CASE("blur takes sharpness, and the sharpest of each stretch is taken", "[photos]") {

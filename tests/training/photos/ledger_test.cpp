@@ -44,7 +44,7 @@ TEST_CASE("a folder with other people's files is refused, a broken list is none"
   const tg::TemporaryFolder folder;
   std::ofstream(folder / "thesis.txt") << "years of work";
   CHECK_THAT(tg::test::messageOf([&] { Ledger ledger(folder.path); }, tg::ErrorKind::cannotWrite),
-             Catch::Matchers::Contains("holds other files"));
+             Contains("holds other files"));
   std::filesystem::create_directory(folder / "work");
   for (const char* text : {"", "{", "[]", "{\"format\": 1}", "{\"format\": \"tgtrain-photos\", \"version\": 1}",
                            "{\"format\": \"tgtrain-photos\", \"version\": 1, \"stages\": {\"photographs\": 7}}"}) {

@@ -21,7 +21,6 @@
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-using Catch::Matchers::Contains;
 
 constexpr tg::SampleOptions kScene{.size = 24, .train_views = 5, .test_views = 1, .points = 60, .supersampling = 1};
 constexpr std::uint64_t kMaxBytes = 64 << 20;

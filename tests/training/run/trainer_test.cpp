@@ -166,10 +166,10 @@ TEST_CASE("stage 2 goes on with the textures of a start model, whatever their si
   const char* refusal = "the start model has textures already";
   tg::TrainSettings other = settings;
   other.compare_untextured = true;
-  CHECK_THROWS_WITH(tg::train(dataset, other, *renderer, {}, first.model), Catch::Matchers::Contains(refusal));
+  CHECK_THROWS_WITH(tg::train(dataset, other, *renderer, {}, first.model), Contains(refusal));
   other = settings;
   other.texture_init = tg::TextureInit::paper;
-  CHECK_THROWS_WITH(tg::train(dataset, other, *renderer, {}, first.model), Catch::Matchers::Contains(refusal));
+  CHECK_THROWS_WITH(tg::train(dataset, other, *renderer, {}, first.model), Contains(refusal));
   const auto identity = [&](const tg::GaussianModel& start) {
     return tg::runIdentity(dataset, settings, "", &start).data;
   };
@@ -315,7 +315,7 @@ TEST_CASE("what a coarse file takes, training for it gives back in part", "[trai
   while (resumed.step()) continue;
   tg::test::checkSame(resumed.model(), last);
   settings.compare_untextured = true;
-  CHECK_THROWS_WITH(tg::checkSettings(settings), Catch::Matchers::Contains("no twin without textures"));
+  CHECK_THROWS_WITH(tg::checkSettings(settings), Contains("no twin without textures"));
 }
 
 TEST_CASE("a model of lower SH degree than the settings' is trained for a file, too", "[trainer]") {
@@ -597,9 +597,9 @@ TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {
   tg::TrainSettings settings = shortRun();
   settings.texture_size = -1;
   CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
-                    Catch::Matchers::Contains("--texture-size: expected an integer from 0 to 256, found '-1'"));
+                    Contains("--texture-size: expected an integer from 0 to 256, found '-1'"));
   settings = shortRun();
   settings.iterations = -1;
   CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
-                    Catch::Matchers::Contains("--iterations: expected an integer from 0 to 10000000, found '-1'"));
+                    Contains("--iterations: expected an integer from 0 to 10000000, found '-1'"));
 }

@@ -11,8 +11,6 @@
 #include "training/score/eval_report.h"
 #include "core/system/random.h"
 
-using Catch::Matchers::Contains;
-
 namespace {
 
 tg::ViewPixels photograph(int width, int height, std::uint64_t seed) {

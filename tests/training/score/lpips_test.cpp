@@ -16,7 +16,6 @@
 #include "support/scenes.h"
 #include "core/system/random.h"
 
-using Catch::Matchers::Contains;
 using tg::Image;
 using tg::LpipsRange;
 using tg::test::noise;

@@ -7,8 +7,6 @@
 #include "core/system/error.h"
 #include "support/catch.h"
 
-using Catch::Matchers::Contains;
-
 TEST_CASE("every setting has its own name and survives its text", "[settings]") {
   std::set<std::string> names;
   for (const char* preset : {"default", "quick", "paper"}) {

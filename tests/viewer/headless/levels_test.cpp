@@ -11,7 +11,6 @@
 #include "viewer/process.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 using test::ProcessResult;
 using test::Workshop;
 

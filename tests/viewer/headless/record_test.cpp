@@ -44,7 +44,7 @@ TEST_CASE("a turntable's frames are what --render makes of its cameras") {
   const ProcessResult result = tgview(shop, {"--turntable", "4", "-o", "turn", "--show", "depth", "--size", "80x60"});
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
-  CHECK_THAT(result.out, Catch::Contains("turn/####.png: 4 frames of 80x60, depth"));
+  CHECK_THAT(result.out, Contains("turn/####.png: 4 frames of 80x60, depth"));
   CHECK(filesIn(shop / "turn") == 4);
   REQUIRE(tgview(shop, {"--render", "first.png", "--show", "depth", "--size", "80x60"}).exit_code == 0);
   CHECK(psnr8Bit(shop.read("turn/0000.png"), shop.read("first.png")) > 60);
@@ -109,7 +109,7 @@ TEST_CASE("videos by ffmpeg show the frames, at even sizes") {
     const ProcessResult result = tgview(shop, flags);
     INFO(result.err);
     REQUIRE(result.exit_code == 0);
-    CHECK_THAT(result.out, Catch::Contains("6 frames of 162x120"));
+    CHECK_THAT(result.out, Contains("6 frames of 162x120"));
     unpack(shop, video);
     CHECK_FALSE(std::filesystem::exists(shop / "frame0007.png"));
     REQUIRE(tgview(shop, {"--turntable", "6", "--size", "162x120", "-o", "png"}).exit_code == 0);
@@ -130,7 +130,7 @@ TEST_CASE("a video whose end does not fit on the disk is no video") {
                                            {"sh", "-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\""});
   INFO(result.err);
   CHECK(result.exit_code == 4);
-  CHECK_THAT(result.err, Catch::Contains("a.mp4: ffmpeg failed"));
+  CHECK_THAT(result.err, Contains("a.mp4: ffmpeg failed"));
   CHECK_FALSE(std::filesystem::exists(shop / "a.mp4"));
 }
 
@@ -140,7 +140,7 @@ TEST_CASE("without ffmpeg a video ends with exit code 4 before any rendering") {
   const ProcessResult result =
       shop.tgview({"model.tgz", "--backend", "cpu", "--turntable", "4", "-o", "a.mp4"}, {"env", "PATH=/nonexistent"});
   CHECK(result.exit_code == 4);
-  CHECK_THAT(result.err, Catch::Contains("a.mp4: a video needs the ffmpeg program"));
+  CHECK_THAT(result.err, Contains("a.mp4: a video needs the ffmpeg program"));
   CHECK_FALSE(std::filesystem::exists(shop / "a.mp4"));
 }
 

@@ -17,7 +17,6 @@
 #include "viewer/view/state.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 
 namespace {
 

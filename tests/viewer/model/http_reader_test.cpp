@@ -16,7 +16,6 @@
 #include "support/message_of.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 using test::messageOf;
 
 namespace {

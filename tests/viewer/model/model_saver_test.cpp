@@ -14,7 +14,6 @@
 #include "viewer/model/scene_of.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 
 namespace {
 

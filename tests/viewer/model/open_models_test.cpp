@@ -25,7 +25,6 @@
 #include "viewer/view/state.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 using test::press;
 
 namespace {

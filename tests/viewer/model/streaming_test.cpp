@@ -22,7 +22,6 @@
 #include "viewer/view/state.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 using test::messageOf;
 
 namespace {

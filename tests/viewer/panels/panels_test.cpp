@@ -154,7 +154,7 @@ TEST_CASE("two widgets of one name in a window are refused, the same name elsewh
   std::ifstream said(folder / "said");
   std::string line;
   std::getline(said, line);
-  CHECK_THAT(line, Catch::Contains("broken promise: a widget's name is its own in its window: planted, at"));
+  CHECK_THAT(line, Contains("broken promise: a widget's name is its own in its window: planted, at"));
 }
 #endif
 

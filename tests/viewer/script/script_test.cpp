@@ -120,7 +120,7 @@ TEST_CASE("scripts choose, change and take back Gaussians") {
         "move-selection 1,2,nan", "scale-selection 0", "tool hammer", "save-model a.docx", "key F0"}) {
     Script script = parseScript(bad, "s.txt");
     CAPTURE(bad);
-    CHECK_THROWS_WITH(step(script, state), Catch::Matchers::Contains("s.txt: line 1: "));
+    CHECK_THROWS_WITH(step(script, state), Contains("s.txt: line 1: "));
   }
   ViewerState empty;
   Script script = parseScript("select all", "s.txt");

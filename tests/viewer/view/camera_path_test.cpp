@@ -12,7 +12,6 @@
 #include "support/temporary_folder.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 
 namespace {
 

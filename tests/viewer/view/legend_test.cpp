@@ -70,5 +70,5 @@ TEST_CASE("a legend is drawn in the lower left corner and leaves the rest alone"
   int large_bright = 0;
   for (std::size_t i = 2; i < large.data.size(); i += 3) large_bright += large.data[i] == 1.0f;
   CHECK(large_bright > 12 * bright);
-  CHECK_THROWS_WITH(withLegend(Image(100, 300, 3), legend), Catch::Contains("--legend: the picture is too small"));
+  CHECK_THROWS_WITH(withLegend(Image(100, 300, 3), legend), Contains("--legend: the picture is too small"));
 }

@@ -11,7 +11,6 @@
 #include "viewer/view/actions.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 
 namespace {
 

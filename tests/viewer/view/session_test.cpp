@@ -11,7 +11,6 @@
 #include "support/temporary_folder.h"
 
 using namespace tg;
-using Catch::Matchers::Contains;
 
 namespace {
 

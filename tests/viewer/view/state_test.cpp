@@ -280,7 +280,7 @@ TEST_CASE("V goes through the ways to compare, Shift+V shows the other one") {
   for (const bool shift : {false, true}) {  // nothing is there to compare with
     press(state, 'V', shift);
     CHECK(state.compare.how.mode == CompareMode::off);
-    CHECK_THAT(state.messages.notice, Catch::Contains("Nothing to compare with"));
+    CHECK_THAT(state.messages.notice, Contains("Nothing to compare with"));
   }
   state.compare.photographs = "images";
   std::vector<CompareMode> seen;

@@ -214,5 +214,5 @@ TEST_CASE("timings say how fast the file and the first pictures came", "[window]
   const ProcessResult result =
       shop.tgview({"a.tgz", "--timings", "--script", "script.txt", "--size", "200x150", "--backend", "cpu"}, kXServer);
   REQUIRE(result.exit_code == 0);
-  CHECK_THAT(result.out, Catch::Contains("MB read in") && Catch::Contains("first picture after"));
+  CHECK_THAT(result.out, Contains("MB read in") && Contains("first picture after"));
 }

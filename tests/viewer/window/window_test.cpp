@@ -129,7 +129,7 @@ TEST_CASE("without Vulkan a window opens on OpenGL, on the device that draws win
   CHECK(window({"--backend", "vulkan"}).exit_code == 5);
   const ProcessResult refused = window({"--backend", "opengl", "--device", "no such device"});
   CHECK(refused.exit_code == 5);
-  CHECK_THAT(refused.err, Catch::Contains("lets OpenGL draw on") && Catch::Contains("expected \"no such device\""));
+  CHECK_THAT(refused.err, Contains("lets OpenGL draw on") && Contains("expected \"no such device\""));
 }
 
 TEST_CASE("a broken file shows an error and leaves the old model, a good one replaces it", "[window]") {
@@ -202,8 +202,8 @@ TEST_CASE("without a display, a followed model is rendered whenever it changes, 
   trainer.join();
   INFO(result.err);
   CHECK(result.exit_code == 0);
-  CHECK_THAT(result.out, Catch::Contains("400 Gaussians") && Catch::Contains("plain 5"));
-  CHECK_THAT(result.out, Catch::Contains("90 Gaussians") && Catch::Contains("plain 9"));
+  CHECK_THAT(result.out, Contains("400 Gaussians") && Contains("plain 5"));
+  CHECK_THAT(result.out, Contains("90 Gaussians") && Contains("plain 9"));
 }
 
 TEST_CASE("every way of drawing is the same in the window and by its flags", "[window]") {
