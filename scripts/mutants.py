@@ -13,8 +13,10 @@ code of it) or stillborn (it does not compile or link). A later call goes on whe
 once more that survived and have no "why" yet, which is written into their lines by hand: a case may have been made for
 them. --table writes the tables of docs/lab/mutants.md and ends.
 
-Headers are not mutated: they are compiled into other folders, too. Nor are comments, the text of messages, includes,
-and asserts, which check us and not what we are given."""
+A room of headers has several programs. The mutant lies before the header in the compiler's path; every object of a
+program that includes it is compiled anew, and one program after the other is linked with these and runs.
+
+Comments, the text of messages, includes, and asserts, which check us and not what we are given, are not mutated."""
 import argparse
 import collections
 import functools
@@ -25,6 +27,7 @@ import random
 import re
 import resource
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -43,6 +46,12 @@ ROOMS = {
               "core/image/jpeg.cpp", "core/image/png.cpp", "core/image/webp.cpp"], "core_test", []),
     "step": (["training/step/*.cpp"], "training_test", ["training/run"]),
 }
+# Headers, and the programs whose cases are to notice. That of the CUDA kernels as C++ comes last: it is the slowest.
+HEADER_ROOMS = {
+    "shared": (["shaders/shared/record.h", "shaders/shared/sh.h", "shaders/shared/splat.h", "shaders/shared/texture.h"],
+               ["reference_test", "cpu_renderer_test", "training_cuda_test"]),
+}
+EVERY_ROOM = [*ROOMS, *HEADER_ROOMS]
 SEED = 1
 LEAST_LIMIT_S = 10
 MOST_MEMORY, MOST_FILE = 6 << 30, 4 << 30  # a reader without its bounds takes what there is
@@ -110,25 +119,35 @@ def run(command, limit):
     return passed, (time.monotonic() - began, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 
+def commands_of(folder, program):
+    """What compiles the sources of a program, and what links it."""
+    listed = subprocess.run(["ninja", "-C", folder, "-t", "commands", program], check=True, text=True,
+                            capture_output=True).stdout.splitlines()
+    link = next(line for line in reversed(listed) if f" -o bin/{program} " in line)
+    return [line for line in listed if " -c " in line], re.sub(r"^: && | && (cd |:$).*", "", link)  # no registering
+
+
+def compiler_of(command):
+    """The words of a line that compiles, without ccache, what becomes an error, and the files."""
+    words = [""] + shlex.split(command)
+    start = next(i for i, word in enumerate(words) if re.search(r"(\+\+|cc)(-\d+)?$", word))  # after ccache
+    return [word for before, word in zip(words[start - 1:], words[start:]) if word not in ("-Werror", "-MD")
+            and not {word, before} & {"-MT", "-MF", "-o", "-c"}]
+
+
 class Build:
     """Compiles, links and tests beside a built tree. `work` is a folder for what it makes."""
 
     def __init__(self, folder, room, work):
         _, self.program, self.others = ROOMS[room]
         self.folder, self.work = folder, work
-        listed = subprocess.run(["ninja", "-C", folder, "-t", "commands", self.program], check=True, text=True,
-                                capture_output=True).stdout.splitlines()
-        self.commands = [line for line in listed if " -c " in line]
-        self.link = re.sub(r"^: && | && (cd |:$).*", "", listed[-1])  # and not what registers the cases
+        self.commands, self.link = commands_of(folder, self.program)
         self.limits = {}
 
     def compile(self, source, text):
         """The object of a text in the place of a source, by the command of its folder; None if it is not C++."""
         place = f" {pathlib.Path(source).parent}/CMakeFiles/"
-        words = [""] + shlex.split(next(line for line in self.commands if place in line and ".o " in line))
-        start = next(i for i, word in enumerate(words) if re.search(r"(\+\+|cc)(-\d+)?$", word))  # after ccache
-        command = [word for before, word in zip(words[start - 1:], words[start:]) if word not in ("-Werror", "-MD")
-                   and not {word, before} & {"-MT", "-MF", "-o", "-c"}]
+        command = compiler_of(next(line for line in self.commands if place in line and ".o " in line))
         file, out = self.work / pathlib.Path(source).name, self.work / "out.o"
         file.write_text(text)
         done = subprocess.run([*command, "-w", "-c", file, "-o", out], cwd=self.folder, capture_output=True)
@@ -179,6 +198,75 @@ class Build:
         return self.test(source, changed)
 
 
+class HeaderBuild:
+    """The same for headers."""
+
+    def __init__(self, folder, room, work):
+        _, programs = HEADER_ROOMS[room]
+        self.folder, self.work, self.before = folder, work, work / "before"
+        self.programs = {program: commands_of(folder, program) for program in programs}
+        self.limits, self.unchanged = {}, {}
+        told = subprocess.run(["ninja", "-C", folder, "-t", "deps"], check=True, text=True, capture_output=True).stdout
+        self.includes = {}  # object to what it includes
+        for block in told.split("\n\n"):
+            head, *rest = block.splitlines() or [""]
+            self.includes[head.split(":")[0]] = {line.strip() for line in rest}
+
+    def objects(self, program, header):
+        """The lines that compile what of a program includes a header, by object."""
+        made = ((re.search(r" -o (\S+\.o) ", line).group(1), line) for line in self.programs[program][0])
+        return {name: line for name, line in made if str(ROOT / header) in self.includes.get(name, ())}
+
+    def compile(self, lines, header, text):
+        """Objects of a program with a text in the place of a header; None if it is not C++."""
+        shutil.rmtree(self.before, ignore_errors=True)
+        place = self.before / pathlib.Path(*pathlib.Path(header).parts[1:])  # shaders/ is in the path
+        place.parent.mkdir(parents=True)
+        place.write_text(text)
+        compiled = {}
+        for i, (name, line) in enumerate(lines.items()):
+            source, out = re.search(r" -c (\S+)", line).group(1), self.work / f"{i}.o"
+            compiler, *flags = [word for word in compiler_of(line) if word != source]
+            done = subprocess.run([compiler, f"-I{self.before}", *flags, "-w", "-c", source, "-o", out],
+                                  cwd=self.folder, capture_output=True)
+            if done.returncode != 0:
+                return None
+            compiled[name] = out
+        return compiled
+
+    def passes(self, program, compiled):
+        link, more, out = self.programs[program][1], [], self.work / program
+        for name, file in compiled.items():
+            if f" {name} " in link:
+                link = link.replace(f" {name} ", f" {file} ")
+            else:
+                more.append(file)  # before the library that has it
+        link = link.replace(f" -o bin/{program} ", f" {shlex.join(map(str, more))} -o {out} ")
+        subprocess.run(["bash", "-c", link], cwd=self.folder, check=True, capture_output=True)
+        passed, took = run([out, "-#", "-a"], self.limits.get(program, (3600, 3600)))
+        self.limits.setdefault(program, [max(LEAST_LIMIT_S, 10 * seconds) for seconds in took])
+        return passed
+
+    def judge(self, header, mutant):
+        differs = False
+        for program in self.programs:
+            lines = self.objects(program, header)
+            if (program, header) not in self.unchanged:
+                compiled = self.compile(lines, header, (ROOT / header).read_text())
+                self.unchanged[program, header] = {name: file.read_bytes() for name, file in compiled.items()}
+                if not self.passes(program, compiled):
+                    sys.exit(f"{program} fails by itself")
+            compiled = self.compile(lines, header, mutant)
+            if compiled is None:
+                return "stillborn"
+            if all(file.read_bytes() == self.unchanged[program, header][name] for name, file in compiled.items()):
+                continue
+            differs = True
+            if not self.passes(program, compiled):
+                return "killed"
+        return "survived" if differs else "same"
+
+
 def judged(rows):
     return sum(row["result"] in ("killed", "survived") for row in rows)
 
@@ -218,7 +306,7 @@ def text_of(row):
 
 
 def find_more(room, count, build):
-    patterns = ROOMS[room][0]
+    patterns = (ROOMS | HEADER_ROOMS)[room][0]
     rows = load(room)
     known = {(row["source"], row["name"]) for row in rows}
     sources = sorted({str(file.relative_to(ROOT)) for pattern in patterns for file in ROOT.glob(pattern)})
@@ -289,19 +377,20 @@ def page(records):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("room", choices=ROOMS, nargs="?")
+    parser.add_argument("room", choices=EVERY_ROOM, nargs="?")
     parser.add_argument("count", type=int, nargs="?", default=100)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build")
     parser.add_argument("--again", action="store_true", help="judge the unexplained survivors once more")
     parser.add_argument("--table", action="store_true", help="write the tables of docs/lab/mutants.md and end")
     options = parser.parse_args()
     if options.table:
-        write(PAGE, page({room: load(room) for room in ROOMS}))
+        write(PAGE, page({room: load(room) for room in EVERY_ROOM}))
         return
     if not options.room:
         parser.error("expected a room")
     with tempfile.TemporaryDirectory(prefix="tg-mutants-") as work:
-        build = Build(options.build.resolve(), options.room, pathlib.Path(work))
+        made = Build if options.room in ROOMS else HeaderBuild
+        build = made(options.build.resolve(), options.room, pathlib.Path(work))
         judge_again(options.room, build) if options.again else find_more(options.room, options.count, build)
 
 
