@@ -20,6 +20,7 @@
 #include "core/bundle/bundle.h"
 #include "core/image/metrics.h"
 #include "core/system/error.h"
+#include "core/system/program.h"
 #include "measure.h"
 #include "render/renderer.h"
 #include "training/data/dataset.h"
@@ -240,9 +241,9 @@ int main(int argc, char** argv) {
   CLI::App app("What moves in a picture that should not?");
   app.add_option("model", options.model, "bundle with cameras")->required();
   app.add_option("dataset", options.dataset, "its photographs");
-  app.add_option("--frames", options.frames, "of each motion")->check(CLI::Range(2, 1000));
+  app.add_option("--frames", options.frames, "of each motion")->check(within(2, 1000));
   app.add_option("--camera", options.camera, "of the bundle, where the motions start");
-  app.add_option("--farthest", options.farthest, "growth of the mean depth")->check(CLI::Range(1.0, 1e3));
+  app.add_option("--farthest", options.farthest, "growth of the mean depth")->check(within(1.0, 1e3));
   app.add_option("--turn", options.turn, "[degrees]");
   CLI11_PARSE(app, argc, argv);
   try {

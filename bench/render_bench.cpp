@@ -22,6 +22,7 @@
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
+#include "core/system/program.h"
 #include "measure.h"
 #include "picture_rate.h"
 #include "render/devices/devices.h"
@@ -302,7 +303,7 @@ int main(int argc, char** argv) {
   app.add_option("--cameras", options.cameras, "cameras.json (default: the model's, or MODEL.cameras.json beside it)");
   app.add_option("--camera", options.camera, "number of the camera");
   app.add_option("--size", options.size, "WIDTHxHEIGHT [px] (default: the camera's)");
-  app.add_option("--frames", options.frames, "frames to time, after two that warm up")->check(CLI::Range(1, 10000));
+  app.add_option("--frames", options.frames, "frames to time, after two that warm up")->check(within(1, 10000));
   app.add_option("--output", options.output, "the output to show, as tgview --show");
   app.add_option("--textures", options.textures, "give every Gaussian random RGBA textures of WIDTHxHEIGHT texels");
   app.add_flag("--exact", options.exact, "on a GPU, the model in full precision instead of the window's");
@@ -310,9 +311,9 @@ int main(int argc, char** argv) {
   app.add_option("--mode", options.mode, "texture terms to apply: none, alpha, rgb, rgba");
   app.add_option("--intersection", options.intersection, "plane or maxResponse (default: the model's)");
   app.add_option("--reference-pixels", options.reference_pixels, "pixels to compare with the reference, 0 = none")
-      ->check(CLI::Range(0, 10000000));
+      ->check(within(0, 10000000));
   app.add_flag("--frames-only", options.frames_only, "neither the reference nor the rate of the CPU renderer's loop");
-  app.add_option("--threads", options.threads, "of the CPU renderer, 0 = all")->check(CLI::Range(0, 1024));
+  app.add_option("--threads", options.threads, "of the CPU renderer, 0 = all")->check(within(0, 1024));
   app.add_option("--json", options.json, "write the numbers to this file");
   app.add_option("--picture", options.picture, "write the picture to this file");
   CLI11_PARSE(app, argc, argv);

@@ -18,12 +18,12 @@ int main(int argc, char** argv) {
     int ranks = 2, iterations = 20, downscale = 1;
     int texels = 0;
     app.add_option("--data", data, "Data set")->required();
-    app.add_option("--ranks", ranks, "Processes")->check(CLI::Range(1, 64))->capture_default_str();
+    app.add_option("--ranks", ranks, "Processes")->check(tg::within(1, 64))->capture_default_str();
     app.add_option("--iterations", iterations, "Steps that are counted")
-        ->check(CLI::Range(1, 1000000))
+        ->check(tg::within(1, 1000000))
         ->capture_default_str();
     app.add_option("--texels", texels, "Side of the textures (0: none)")
-        ->check(CLI::Range(0, 64))
+        ->check(tg::within(0, 64))
         ->capture_default_str();
     app.add_option("--downscale", downscale, "Shrink the photographs")->capture_default_str();
     tg::addExamples(app, {{"build/bin/sharded_bench --data scene --ranks 4 --texels 4", "with textures"}});

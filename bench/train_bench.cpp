@@ -15,6 +15,7 @@
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
+#include "core/system/program.h"
 #include "fma_peak.h"
 #include "measure.h"
 #include "render/renderer.h"
@@ -279,14 +280,14 @@ int main(int argc, char** argv) {
   Options options;
   app.add_option("--data", options.data, "data set with a point cloud (default: a seeded scene)");
   app.add_option("--device", options.device)->check(CLI::IsMember({"cpu", "cuda"}))->capture_default_str();
-  app.add_option("--width", options.width, "[px]")->check(CLI::Range(1, 8192));
-  app.add_option("--height", options.height, "[px]")->check(CLI::Range(1, 8192));
-  app.add_option("--gaussians", options.gaussians)->check(CLI::Range(1, 10000000));
-  app.add_option("--splats", options.splats, "blended splats per pixel to aim at")->check(CLI::Range(0.1, 1000.0));
-  app.add_option("--texels", options.texels, "texture side, 0 = none")->check(CLI::Range(0, 64));
-  app.add_option("--sh-degree", options.sh_degree)->check(CLI::Range(0, 3));
-  app.add_option("--iterations", options.iterations)->check(CLI::Range(1, 100000));
-  app.add_option("--threads", options.threads, "0 = all")->check(CLI::Range(0, 1024));
+  app.add_option("--width", options.width, "[px]")->check(within(1, 8192));
+  app.add_option("--height", options.height, "[px]")->check(within(1, 8192));
+  app.add_option("--gaussians", options.gaussians)->check(within(1, 10000000));
+  app.add_option("--splats", options.splats, "blended splats per pixel to aim at")->check(within(0.1, 1000.0));
+  app.add_option("--texels", options.texels, "texture side, 0 = none")->check(within(0, 64));
+  app.add_option("--sh-degree", options.sh_degree)->check(within(0, 3));
+  app.add_option("--iterations", options.iterations)->check(within(1, 100000));
+  app.add_option("--threads", options.threads, "0 = all")->check(within(0, 1024));
   app.add_flag("!--no-statistics", options.statistics, "as after densification");
   app.add_flag("!--no-peak", options.peak, "cuda: times without shares of the measured peak");
   CLI11_PARSE(app, argc, argv);

@@ -335,20 +335,20 @@ void addSizes(CLI::App& app, Arguments& arguments) {
              "--steps", arguments.options.steps,
              "sog, glb, gltf, html: steps of all numbers so many times as wide, 1 without it for sog, and packed for "
              "glb: smaller and coarser")
-          ->check(CLI::Range(tg::kLeastSteps, tg::kMostSteps));
+          ->check(tg::within(tg::kLeastSteps, tg::kMostSteps));
   CLI::Option* target_size =
       tg::addBytes(app, "--target-size", arguments.options.target.bytes,
                    "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB, 1.5MB")
           ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target.psnr,
                  "sog, glb, gltf, html: the coarsest steps with which pictures are so near to the source's [dB]")
-      ->check(CLI::Range(1.0, 100.0))
+      ->check(tg::within(1.0, 100.0))
       ->excludes(target_size)
       ->excludes(steps);
   app.add_option("--texture-step", arguments.options.texture_step,
                  "sog, glb, gltf, html: between a texture's colours, coarser where they weigh less; 1/32 without it "
                  "for sog and --steps")
-      ->check(CLI::Range(1.0f / 1024, 0.5f));
+      ->check(tg::within(1.0f / 1024, 0.5f));
   app.add_flag(
       "--quantize", arguments.options.quantize,
       "glb, gltf, html: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
@@ -362,7 +362,7 @@ void addSizes(CLI::App& app, Arguments& arguments) {
       ->check(tg::oneOf<tg::AtlasFormat>());
   app.add_option("--spz-version", arguments.options.spz_version,
                  "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet")
-      ->check(CLI::Range(tg::kOldestSpz, tg::kNewestSpz))
+      ->check(tg::within(tg::kOldestSpz, tg::kNewestSpz))
       ->capture_default_str();
   app.add_option_function<std::string>(
          "--spz-axes",

@@ -43,7 +43,7 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
       ->capture_default_str();
   app.add_option("--image-memory", flags.image_memory,
                  "MiB for decoded photographs; more are decoded when needed (0: a quarter of the machine's memory)")
-      ->check(CLI::Range(0, 1 << 30))
+      ->check(within(0, 1 << 30))
       ->capture_default_str();
   app.add_option("--points", flags.points, "Initial points (.ply) instead of the data set's own")->type_name("FILE");
   app.option_defaults()->group(before);

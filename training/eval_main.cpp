@@ -203,7 +203,7 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_option("--outside", outside, tg::renderSetting("outside").help)->check(tg::oneOf<tg::TextureOutside>());
     app.add_option("--flip-ppd", options.pixels_per_degree, "FLIP: pixels per degree of vision")
-        ->check(CLI::Range(1.0, 10000.0))
+        ->check(tg::within(1.0, 10000.0))
         ->capture_default_str();
     app.add_option("--lpips", options.lpips, "LPIPS with these weights (.safetensors, see docs/training.md)")
         ->type_name("FILE");
@@ -236,14 +236,14 @@ int main(int argc, char** argv) {
         ->type_name("CROP")
         ->allow_extra_args(false);
     app.add_option("--crops", options.found_crops, "Crops of each data set that the report chooses")
-        ->check(CLI::Range(0, 100))
+        ->check(tg::within(0, 100))
         ->capture_default_str();
     app.option_defaults()->group("Device");
     tg::addDatasetFlags(app, options.data);
     app.remove_option(app.get_option("--points"));  // training alone starts from points
     tg::addDeviceFlag(app, options.device,
                       "Where to draw; auto: a CUDA device if there is one; metrics are the CPU's work");
-    app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(CLI::Range(0, 4096));
+    app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(tg::within(0, 4096));
     tg::addExamples(app,
                     {{"tgeval model.tgz scene", "PSNR, SSIM and FLIP of every test view"},
                      {"tgeval model.tgz scene --json scores.json --quiet", "for programs"},

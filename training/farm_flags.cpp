@@ -48,18 +48,18 @@ void addFarmFlags(CLI::App& app, FarmFlags& flags) {
   app.add_flag("--prepare", farm.prepare, "Only begin the farm: once, before workers that --join it");
   app.add_flag("--join", farm.join, "Refuse a folder that holds no farm yet, as a share that is not mounted");
   app.add_flag("--no-wait", farm.no_wait, "End when no job is open, though others may die at theirs");
-  app.add_option("--threads", farm.threads, "Threads of each training (0: all cores)")->check(CLI::Range(0, 4096));
+  app.add_option("--threads", farm.threads, "Threads of each training (0: all cores)")->check(within(0, 4096));
   app.add_option("--retries", farm.retries, "Further attempts at a job whose training failed")
-      ->check(CLI::Range(0, 1000))
+      ->check(within(0, 1000))
       ->capture_default_str();
   app.add_option("--takeovers", farm.takeovers, "Deaths of workers at a job before it is given up")
-      ->check(CLI::Range(0, 100'000))
+      ->check(within(0, 100'000))
       ->capture_default_str();
   app.add_option("--heartbeat", farm.heartbeat, "Time between two signs of life [s]")
-      ->check(CLI::Range(0.01, 3600.0))
+      ->check(within(0.01, 3600.0))
       ->capture_default_str();
   app.add_option("--stale", farm.stale, "A worker without one for so long is dead [s]")
-      ->check(CLI::Range(0.03, 86400.0))
+      ->check(within(0.03, 86400.0))
       ->capture_default_str();
   app.add_option("--status", flags.status, "Print how the farm in this folder stands, and end")->type_name("FOLDER");
   app.add_option("--html", flags.html, "Also write it as a page")->type_name("FILE");

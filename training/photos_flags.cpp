@@ -41,11 +41,11 @@ void addPhotosFlags(CLI::App& app, PhotosFlags& flags) {
       "Folder for photographs, cameras and run (beside the model: model.photos); the same command goes on "
       "in it"));
   add(app.add_option("--frames", flags.frames, "Frames of a film to keep: the sharpest of as many stretches")
-          ->check(CLI::Range(3, 5000))
+          ->check(within(3, 5000))
           ->capture_default_str());
   add(app.add_option("--longest-side", flags.longest_side,
                      "Photographs larger than this are reduced to it (0: none is) [px]")
-          ->check(CLI::Range(0, 65536))
+          ->check(within(0, 65536))
           ->capture_default_str());
   add(one_of(
       app.add_option("--cameras-by", flags.solver, "Which COLMAP finds the cameras: the program or Python's module"),
@@ -59,7 +59,7 @@ void addPhotosFlags(CLI::App& app, PhotosFlags& flags) {
   add(one_of(app.add_option("--lens", flags.lens, "The lens model that COLMAP fits"), everyName<LensModel>()));
   add(app.add_option("--least-registered", flags.least_registered,
                      "Share of the photographs that must get a camera [%]")
-          ->check(CLI::Range(0.0, 100.0))
+          ->check(within(0.0, 100.0))
           ->capture_default_str());
   add(app.add_flag("--no-open", flags.no_open, "Do not open the model in tgview at the end"));
 }

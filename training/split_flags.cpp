@@ -16,6 +16,7 @@
 #include "core/file/json.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
+#include "core/system/program.h"
 #include "training/data/plan_blocks.h"
 #include "training/farm/jobs.h"
 
@@ -50,15 +51,15 @@ void addSplitFlags(CLI::App& app, SplitFlags& flags) {
       app.add_option("--blocks", flags.grid, "Columns x rows of blocks on the ground")->type_name("NxM");
   addBytes(app, "--memory", flags.memory, "As few blocks as this memory of each training allows: 16GB")->excludes(grid);
   app.add_option("--gaussians", flags.gaussians, "Of the whole scene (0: as many as points); blocks get their shares")
-      ->check(CLI::Range(std::size_t{0}, std::size_t{1} << 40));
+      ->check(within(std::size_t{0}, std::size_t{1} << 40));
   app.add_option("--padding", flags.padding, "Around each cell, trained and cropped then [% of its longer side]")
-      ->check(CLI::Range(0.0, 100.0))
+      ->check(within(0.0, 100.0))
       ->capture_default_str();
   app.add_option("--least-cameras", flags.least, "Training views of a block, where so many see it")
-      ->check(CLI::Range(1, 1'000'000))
+      ->check(within(1, 1'000'000))
       ->capture_default_str();
   app.add_option("--most-cameras", flags.most, "Training views of a block at most")
-      ->check(CLI::Range(1, 1'000'000))
+      ->check(within(1, 1'000'000))
       ->capture_default_str();
   app.add_option("--context", flags.context, "A coarse model of the whole, which every training draws around its block")
       ->type_name("FILE");

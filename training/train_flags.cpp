@@ -74,7 +74,7 @@ void addTrainingOptions(CLI::App& app, TrainFlags& options) {
       ->configurable(false);
   app.add_option("--steps", options.steps,
                  "Of a .sog or .glb: so many times as wide are the steps of its numbers (tgconvert --steps)")
-      ->check(CLI::Range(kLeastSteps, kMostSteps))
+      ->check(within(kLeastSteps, kMostSteps))
       ->excludes("--target-size")
       ->configurable(false);
   app.add_option("--untextured-output", options.untextured_output,
@@ -107,20 +107,20 @@ void addTrainingOptions(CLI::App& app, TrainFlags& options) {
       ->type_name("FILE");
   addDeviceFlag(app, options.device, "Where to train; auto: a CUDA device if there is one");
   app.add_option("--threads", options.threads, "Threads (0: all cores); the model does not depend on it")
-      ->check(CLI::Range(0, 4096));
+      ->check(within(0, 4096));
   addSettingFlags(app, options);
 }
 
 void addRunOptions(CLI::App& app, TrainFlags& options) {
   const auto add = [&](auto* option) { option->group("Run folder")->configurable(false); };
-  const CLI::Range iterations(0, 10'000'000);
+  const CLI::Validator iterations = within(0, 10'000'000);
   add(app.add_option("--run", options.run.folder,
                      "Folder for checkpoint, model.tgz, metrics.jsonl and previews/ of this run")
           ->type_name("FOLDER"));
   add(app.add_flag("--resume", options.run.resume, "Go on from the run folder's checkpoint, to the same model"));
   add(app.add_option("--checkpoint-every", options.run.checkpoint_seconds,
                      "Time between checkpoints (0: after every step) [s]")
-          ->check(CLI::Range(0.0, 1e6))
+          ->check(within(0.0, 1e6))
           ->capture_default_str());
   add(app.add_option("--metrics-every", options.run.metrics_every,
                      "A line of metrics.jsonl and of --serve (0: none) [iterations]")

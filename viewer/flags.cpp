@@ -96,7 +96,7 @@ void declareDevice(CLI::App& app, Flags& flags) {
   app.add_flag("--validation", flags.view.validation,
                "run under Vulkan's validation layer or OpenGL's debug output; messages are errors");
   app.add_option("--frames-in-flight", flags.view.frames_in_flight, "frames that a Vulkan window has under way: 1 or 2")
-      ->check(CLI::Range(1, 2));
+      ->check(within(1, 2));
 }
 
 void declareRecording(CLI::App& app, Flags& flags) {

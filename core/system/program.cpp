@@ -52,20 +52,12 @@ std::string unexpected(const CLI::App& app) {
   return "no such option: " + name + meant(name, longNames(commands.empty() ? app : *commands.front(), true));
 }
 
-// CLI11's words for a value that is missing, is none or is out of range, as other checks say it.
+// CLI11's words for a value that is missing or is none, as other checks say it.
 std::string likeOurs(const std::string& message) {
   static const std::regex missing(R"((.*): \d+ required .* missing)");
-  static const std::regex range(R"((.*): Value ([^]*) not in range (\S+) to (\S+))");
   static const std::regex none(R"(Could not convert: (\S+) = ([^]*))");
   std::smatch found;
   if (std::regex_match(message, found, missing)) return found.str(1) + ": expected a value, found none";
-  if (std::regex_match(message, found, range)) {
-    const std::string low = found.str(3), high = found.str(4);
-    const bool whole = low.find('.') == low.npos;  // std::to_string() of a float has one
-    const auto bound = [&](const std::string& text) { return whole ? text : numberText(std::stod(text)); };
-    return found.str(1) + ": expected " + (whole ? "an integer" : "a number") + " from " + bound(low) + " to " +
-           bound(high) + ", found \"" + found.str(2) + "\"";
-  }
   if (std::regex_match(message, found, none))
     return found.str(1) + ": expected a number, found \"" + found.str(2) + "\"";
   return message;

@@ -7,9 +7,11 @@
 #include <initializer_list>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "core/system/names.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 
@@ -32,6 +34,21 @@ template <Named E>
 CLI::Validator oneOf() {
   constexpr auto names = namesOf(E{});
   return oneOf({names.begin(), names.end()});
+}
+
+// Refuses what is no number from `low` to `high`, or, where these are integers, no integer: `--steps: expected a number
+// from 0.125 to 64, found "abc"`. In CLI11's own words, CLI::Range, each of its versions differs.
+template <typename T>
+CLI::Validator within(T low, T high) {
+  constexpr bool kWhole = std::is_integral_v<T>;
+  const std::string from = numberText(low), to = numberText(high);
+  const auto check = [low, high, from, to](const std::string& text) {
+    T value{};
+    if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high) return std::string();
+    return std::string(kWhole ? "expected an integer" : "expected a number") + " from " + from + " to " + to +
+           ", found \"" + text + "\"";
+  };
+  return {check, std::string(kWhole ? "INT" : "FLOAT") + " in [" + from + " - " + to + "]"};
 }
 
 // An option that takes a number of bytes, 1 at least: 900KB, 1.5MB, units of 1,000.

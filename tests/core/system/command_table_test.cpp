@@ -30,7 +30,7 @@ TEST_CASE("an option's row knows its value, its choices, its range and its defau
   std::vector<std::string> files;
   app.add_option("files", files, "what to read")->required()->type_name("FILE");
   app.add_option("--mode", name, "how")->check(oneOf({"fast", "exact"}))->capture_default_str();
-  app.add_option("-n,--count", count, "how often")->check(CLI::Range(1, 9))->capture_default_str();
+  app.add_option("-n,--count", count, "how often")->check(within(1, 9))->capture_default_str();
   app.add_flag("--dry-run", flag, "write nothing");
   app.add_option("--serve", name, "where")->type_name("[ADDRESS:]PORT");
   std::uint64_t bytes = 0;
