@@ -4,6 +4,7 @@
 
 #include <GLFW/glfw3.h>
 #include <imgui.h>
+#include <imgui_internal.h>
 
 #include <algorithm>
 #include <cmath>
@@ -117,6 +118,14 @@ void Gui::beginFrame([[maybe_unused]] const Events& events) {
   }
 #endif
   ImGui::NewFrame();
+}
+
+bool Gui::inputQueued() const {
+#if IMGUI_VERSION_NUM < 18700
+  return false;
+#else
+  return !ImGui::GetCurrentContext()->InputEventsQueue.empty();
+#endif
 }
 
 void Gui::endFrame() { ImGui::Render(); }

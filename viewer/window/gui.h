@@ -22,6 +22,9 @@ class Gui {
 
   // A key of `events` that is up again by now is down in this frame.
   void beginFrame(const Events& events);
+  // Keys and clicks are left for the frames to come: later versions of Dear ImGui take what would be lost within one
+  // frame, the letters of a word that is typed fast, one after the other.
+  bool inputQueued() const;
   // Asks for the letters of a text, which are there a frame later.
   void want(std::string_view text) { fonts_.want(text); }
   bool stale() const { return fonts_.stale(); }

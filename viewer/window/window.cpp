@@ -216,7 +216,7 @@ int Viewer::run() {
     }
     state_.time = glfwGetTime();
     graphics_->gui.beginFrame(events_);
-    if (heardInput(events_)) frames_since_event_ = 0;
+    if (heardInput(events_) || graphics_->gui.inputQueued()) frames_since_event_ = 0;
     followAspect();
     openCameraFiles();
     takePicture();
@@ -297,7 +297,8 @@ bool Viewer::scriptMayGoOn() const {
   const bool asked = !documents.open_requests.empty() || documents.show_request || documents.close_request;
   const bool loading = state_.loading.active && !state_.loading.script_goes_on;
   const bool saving = state_.desktop.saving || state_.desktop.save_request;
-  return complete() && !measuring() && !capturing() && !asked && !loading && !saving;
+  const bool typed = graphics_->gui.inputQueued();
+  return complete() && !measuring() && !capturing() && !asked && !loading && !saving && !typed;
 }
 
 // Sleeps while nothing changes: a still picture costs nothing. A finished picture is an event, and so is a model.
