@@ -6,6 +6,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <chrono>
 #include <exception>
 #include <string_view>
 #include <thread>
@@ -18,6 +19,8 @@
 
 namespace tg {
 namespace {
+
+constexpr std::chrono::seconds kFirstSaysIt(2);
 
 // What the photographs are called, in their order.
 std::string listOf(const Dataset& dataset) {
@@ -43,9 +46,10 @@ std::unique_ptr<Processes> joinProcesses(int argc, char** argv, const std::vecto
     std::string arguments;
     for (int i = 1; i < argc; ++i) arguments += (i > 1 ? " " : "") + std::string(argv[i]);
     return std::make_unique<Processes>(openMpiChannel(), arguments);
-  } catch (const Error& error) {
-    // All find the same, and one says it.
-    if (launch.rank > 0) throw EndedByFirst(exitCode(error));
+  } catch (const Error&) {
+    // Mostly all find the same: the first says it, and with its end mpirun ends the others, which wait for that. Were
+    // one of them over sooner, the first would be ended before what it says is through.
+    if (launch.rank > 0) std::this_thread::sleep_for(kFirstSaysIt);
     throw;
   }
 }
@@ -87,8 +91,7 @@ void beginTogether(Processes& processes, const std::function<void()>& load, cons
 
 int followFirst(Processes& processes, const std::string& folder, const std::function<DatasetOptions()>& options) {
   Dataset dataset;
-  beginTogether(
-      processes, [&] { dataset = loadDataset(folder, options()); }, dataset);
+  beginTogether(processes, [&] { dataset = loadDataset(folder, options()); }, dataset);
   handleStopSignals([](int) {});  // the first process says when it is over
   const int code = serveRank(processes.channel(), dataset);
   processes.endTogether();
