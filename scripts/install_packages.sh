@@ -28,10 +28,21 @@ if ! command -v apt-get >/dev/null; then
   echo "No apt-get here. These Debian packages, or their equivalents, are needed: ${packages[*]}" >&2
   exit 0
 fi
+# Since 1.17 libheif reads and writes HEIC by packages of their own, which older releases do not have.
+plugins=(libheif-plugin-libde265)
+[ "${1:-build}" = test ] && plugins+=(libheif-plugin-x265)
+
+add_missing() {
+  dpkg-query -W -f='${Status}' "$1" 2>/dev/null | grep -q 'ok installed' || missing+=("$1")
+}
+add_plugins() {
+  for plugin in "${plugins[@]}"; do
+    if apt-cache show "$plugin" >/dev/null 2>&1; then add_missing "$plugin"; fi
+  done
+}
 missing=()
-for package in "${packages[@]}"; do
-  dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
-done
+for package in "${packages[@]}"; do add_missing "$package"; done
+add_plugins
 if [ ${#missing[@]} -gt 0 ]; then
   sudo=()
   if [ "$(id -u)" -ne 0 ]; then
@@ -43,6 +54,7 @@ if [ ${#missing[@]} -gt 0 ]; then
   fi
   echo "Installing by apt, with what they need, which takes minutes: ${missing[*]}"
   "${sudo[@]}" apt-get update -qq
+  add_plugins
   DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
 

