@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <deque>
+#include <mutex>
 
 #include "core/system/error.h"
 #include "render/vulkan/buffer.h"
@@ -222,6 +223,7 @@ class VulkanScreen final : public Screen {
     presenter_.beginPanels();
     if (panels) {
       panels_broken_ = true;
+      const auto lock = lockForUpload();
       ImGui_ImplVulkan_RenderDrawData(ImGui::GetDrawData(), commands);
       panels_broken_ = false;
     }
@@ -234,7 +236,10 @@ class VulkanScreen final : public Screen {
 
   void startPanels() override;
   void beginPanels() override {
-    ImGui_ImplVulkan_NewFrame();
+    {
+      const auto lock = lockForUpload();
+      ImGui_ImplVulkan_NewFrame();
+    }
     ImGui_ImplGlfw_NewFrame();
   }
   void stopPanels() override {
@@ -251,6 +256,16 @@ class VulkanScreen final : public Screen {
   }
 
  private:
+  // For as long as ImGui's back end may send something to the window's queue: since 1.90 it uploads the letters when they
+  // are first needed, at the start of a frame or, since 1.92, while it draws.
+  std::unique_lock<std::mutex> lockForUpload() const {
+#if IMGUI_VERSION_NUM < 19000
+    return {};
+#else
+    return std::unique_lock(device_->mutexOf(device_->window_queue));
+#endif
+  }
+
   GLFWwindow* window_;
   DevicePtr device_;
   const int frames_in_flight_;
@@ -287,7 +302,7 @@ void VulkanScreen::startPanels() {
   info.MSAASamples = VK_SAMPLE_COUNT_1_BIT;
   ImGui_ImplVulkan_Init(&info);
 #endif
-#if IMGUI_VERSION_NUM < 19000  // later back ends upload the font by themselves
+#if IMGUI_VERSION_NUM < 19000
   presenter_.runOnce([](VkCommandBuffer commands) { ImGui_ImplVulkan_CreateFontsTexture(commands); });
   ImGui_ImplVulkan_DestroyFontUploadObjects();
 #endif
