@@ -2,8 +2,6 @@
 // The handlers.
 #include "core/system/signals.h"
 
-#include <csignal>
-
 #include "core/system/assert.h"
 #include "core/system/temporary_files.h"
 
@@ -11,7 +9,7 @@ namespace tg {
 
 void handleStopSignals(void (*handler)(int signal)) {
   TG_ASSERT(handler != nullptr, "a signal has a handler");
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : kStopSignals) {
     if (std::signal(signal, handler) == SIG_IGN) std::signal(signal, SIG_IGN);
   }
 }

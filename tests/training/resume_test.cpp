@@ -71,16 +71,17 @@ TEST_CASE("a run that is killed again and again ends in the bytes of one that is
   }
 }
 
-TEST_CASE("Ctrl-C leaves a checkpoint and a model, says how to go on, and going on gives the same bytes", "[resume]") {
+TEST_CASE("Ctrl-C or SIGUSR1 leaves a checkpoint and a model, says how to go on, and going on gives the same bytes", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const std::string settings = kBase + "--iterations 400 ";
+  const int signal = GENERATE(SIGINT, SIGUSR1);
   REQUIRE(tgtrain(folder, settings + "-o whole.tgz").code == 0);
   {
     Child child(folder, settings + "-o model.tgz --run run");
     child.until([&] { return fs::exists(folder / "run/model.tgz"); });
-    child.send(SIGINT);
-    CHECK(child.end() == 128 + SIGINT);
+    child.send(signal);
+    CHECK(child.end() == 128 + signal);
     CHECK_THAT(child.output(), Contains("interrupted; wrote model.tgz") && Contains("--resume goes on from"));
   }
   const tg::Checkpoint checkpoint = tg::readCheckpoint(folder / "run/checkpoint");

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <climits>
 #include <csignal>
@@ -25,6 +24,7 @@
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "core/system/shortened.h"
+#include "core/system/signals.h"
 #include "training/farm/claims.h"
 #include "training/photos/child.h"
 
@@ -47,7 +47,7 @@ std::string workerName() {
 }
 
 bool isStopCode(int code) {
-  return std::ranges::any_of(std::array{SIGINT, SIGTERM, SIGHUP}, [&](int s) { return code == kSignalled + s; });
+  return std::ranges::any_of(kStopSignals, [&](int signal) { return code == kSignalled + signal; });
 }
 
 // The same end whenever it is tried: a wrong command line, wrong data.

@@ -21,6 +21,7 @@
 #include "core/system/assert.h"
 #include "core/system/descriptor.h"
 #include "core/system/error.h"
+#include "core/system/signals.h"
 
 namespace tg {
 namespace {
@@ -74,7 +75,8 @@ std::vector<std::string> childEnvironment() {
   ::setpgid(0, 0);  // the terminal's Ctrl-C is this program's alone
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   const int nothing = ::open("/dev/null", O_RDONLY);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) ::signal(signal, SIG_DFL);
+  for (const int signal : kStopSignals) ::signal(signal, SIG_DFL);
+  ::signal(SIGPIPE, SIG_DFL);
   if (::getppid() == parent && nothing >= 0 && ::dup2(nothing, STDIN_FILENO) >= 0 &&
       ::dup2(output, STDOUT_FILENO) >= 0 && ::dup2(log, STDERR_FILENO) >= 0 &&
       (*folder == '\0' || ::chdir(folder) == 0)) {
