@@ -49,7 +49,7 @@ set(CPACK_DEBIAN_DEV_PACKAGE_NAME libtextured-gaussians-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 # What its CMake configuration looks for.
 string(JOIN ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS libopenexr-dev libarchive-dev libssl-dev libpng-dev libjpeg-dev
-  libwebp-dev zlib1g-dev libzstd-dev libhwy-dev libtinygltf-dev libmeshoptimizer-dev pkg-config)
+  libwebp-dev zlib1g-dev libzstd-dev libhwy-dev libtinygltf-dev libmeshoptimizer-dev pkgconf)
 set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS textured-gaussians-doc)
 set(CPACK_DEBIAN_DEV_DESCRIPTION "library for 3D Gaussian splats with textures
 Headers and a static library to load, save, draw, train, score and convert
