@@ -71,7 +71,7 @@ TEST_CASE("a run that is killed again and again ends in the bytes of one that is
   }
 }
 
-TEST_CASE("Ctrl-C or SIGUSR1 leaves a checkpoint and a model, says how to go on, and going on gives the same bytes", "[resume]") {
+TEST_CASE("Ctrl-C or SIGUSR1 leaves a checkpoint and a model, says how to go on, to the same bytes", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const std::string settings = kBase + "--iterations 400 ";
