@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a program does when it is asked to stop: by Ctrl-C, by kill, because its terminal closes, or by SIGUSR1, which
-// batch systems send before the time is over, and mpirun passes on without killing soon after.
+// mpirun passes on without killing soon after.
 #pragma once
 
 #include <array>
@@ -8,10 +8,11 @@
 
 namespace tg {
 
+// What asks to stop.
 inline constexpr std::array kStopSignals{SIGINT, SIGTERM, SIGHUP, SIGUSR1};
 
-// Those call `handler` from now on, except those that were ignored when the program started, as
-// nohup asks. `handler` may only do what is async-signal-safe.
+// These call `handler` from now on, except those that were ignored when the program started, as nohup asks. `handler`
+// may only do what is async-signal-safe.
 void handleStopSignals(void (*handler)(int signal));
 
 // A handler: removes the temporary files of writes that are under way, then ends the program by the signal itself.

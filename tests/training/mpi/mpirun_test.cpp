@@ -78,7 +78,7 @@ TEST_CASE("a run of two processes that is stopped goes on with three, and with o
   const std::string settings = kTrain + "--iterations 300 ";
   REQUIRE(tgtrain(folder, settings + "-o alone.tgz").code == 0);
   const std::string command = settings + "-o model.tgz --run run --resume --checkpoint-every 0.1";
-  // All get the signal, as mpirun and Slurm send it, and end in their own time, after their last common step.
+  // All get the signal, which mpirun passes on, and end in their own time, after their last common step.
   const std::string stopped = kUntilCheckpoint + "kill -USR1 $p; wait $p";
   const Outcome first = run(folder, mpirun(2) + command + " & p=$!; " + stopped);
   INFO(first.output);
