@@ -183,6 +183,21 @@ def kinds(trials):
                f"stage 1 in dB that alpha or RGB alone reach. Alpha is ahead of RGB in {counts[0]} cells with default "
                f"texels, in {counts[1]} with the paper's.")
     yield Table(["", "texels", "stage 1", *(LABELS[kind] for kind in KINDS), "part: alpha / RGB"], rows)
+    yield from alpha_less_rgb(trials)
+
+
+def alpha_less_rgb(trials):
+    share, rows = KIND_SHARES[0], []
+    for label, texels in (("", "default"), ("-paper", "paper's")):
+        for scene in COMPARED:
+            alpha, rgb = ([score(trials.trained(scene, share, kind + label, seed)) for seed in SEEDS]
+                          for kind in KINDS[:-1])
+            less = [g["psnr"] for g in map(gain, alpha, rgb) if g]
+            rows.append([f"{scene} {share} %", texels, str(len(less)), over_seeds(alpha), over_seeds(rgb),
+                         *judged([less] if len(less) > 1 else [])])
+    yield Text(f"Over seeds at {share} %, PSNR [dB]: alpha and RGB that begin with the same stage 1, mean and standard "
+               f"deviation; their difference with twice its standard error. A tie is within that or within {TIE} dB.")
+    yield Table(["", "texels", "seeds", "alpha", "RGB", "alpha less RGB", "alpha is"], rows)
 
 
 def sizes(trials):
@@ -209,13 +224,14 @@ def small(trials):
     yield Table(["", "stage 1", "twin", "4 x 4", "fixed number of texels", "its texels a side"], rows)
 
 
-def spread(trials):
-    def cell(scores, write=number):
-        values = [s["psnr"] for s in scores if s]
-        if len(values) < 2:
-            return "-"
-        return f"{write(statistics.fmean(values), 2)} +- {statistics.stdev(values):.2f}"
+def over_seeds(scores, write=number):
+    values = [s["psnr"] for s in scores if s]
+    if len(values) < 2:
+        return "-"
+    return f"{write(statistics.fmean(values), 2)} +- {statistics.stdev(values):.2f}"
 
+
+def spread(trials):
     rows = []
     for scene in COMPARED:
         for share in KEY_SHARES:
@@ -223,8 +239,8 @@ def spread(trials):
                      for seed in SEEDS]
             plain, more, rgba = zip(*((score(first), twin(second), score(second)) for first, second in pairs))
             gains = [[gain(*both) for both in zip(rgba, worse)] for worse in (plain, more)]
-            rows.append([f"{scene} {share} %", str(sum(map(bool, gains[0]))), *map(cell, (plain, more, rgba)),
-                         *(cell(values, signed) for values in gains)])
+            rows.append([f"{scene} {share} %", str(sum(map(bool, gains[0]))), *map(over_seeds, (plain, more, rgba)),
+                         *(over_seeds(values, signed) for values in gains)])
     yield Text("PSNR [dB], mean and standard deviation over seeds.")
     yield Table(["", "seeds", "stage 1", "twin", "RGBA", "gain over stage 1", "gain over the twin"], rows)
 

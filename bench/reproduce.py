@@ -152,6 +152,9 @@ def cells(length):
         for scene in COMPARED:
             for share in KEY_SHARES:
                 textured(scene, share, "rgba", seed)
+            for kind in KINDS[:-1]:  # which of the two is ahead
+                textured(scene, KIND_SHARES[0], kind, seed)
+                textured(scene, KIND_SHARES[0], kind, seed, extra=PAPER_TEXELS, label="-paper")
     for share in KEY_SHARES:  # R8, a scene without bounds
         textured("fern", share, "rgba", 1)
     for seed in SEEDS:

@@ -149,6 +149,19 @@ class ReportTest(unittest.TestCase):
         self.assertEqual(row(text, "Spread", "fox 20 %"), ["3", "28.00 +- 0.00", "30.00 +- 0.00", "31.00 +- 0.10",
                                                            "+3.00 +- 0.10", "+1.00 +- 0.10"])
 
+    def test_kinds_over_seeds(self):
+        for seed, noise in ((1, 0.0), (2, 0.1), (3, 0.2)):
+            self.add(f"fox/001/alpha/{seed}", 30.0 + noise, side=40)
+            self.add(f"fox/001/rgb/{seed}", 29.0 + 2 * noise, side=40)
+            self.add(f"fox/001/rgb-paper/{seed}", 29.0, side=40)
+        self.add("lego/001/alpha/1", 30.0, side=40)
+        self.add("lego/001/rgb/1", 29.0, side=40)
+        text = self.results()
+        self.assertEqual(row(text, "Kinds", "fox 1 %", "default", "3"),
+                         ["30.10 +- 0.10", "29.20 +- 0.20", "+0.90 +- 0.12", "better"])
+        self.assertEqual(row(text, "Kinds", "fox 1 %", "paper's", "0"), ["-", "29.00 +- 0.00", "-", "-"])
+        self.assertEqual(row(text, "Kinds", "lego 1 %", "default", "1"), ["-", "-", "-", "-"])
+
     def test_choices(self):
         better, noisy, missing = list(reproduce.STAGE_1_CHOICES)[:3]
         worse = [choice for choice in reproduce.STAGE_2_CHOICES if choice != "default"][0]
