@@ -9,8 +9,8 @@
 A cell is SCENE/GAUSSIANS/shDEGREE/ARM/SEED: stage 1 to so many Gaussians, then as many iterations again of the arm:
 plain: without textures; rgba-8: with RGBA textures of 8 texels a Gaussian in the mean (tgtrain --adaptive-texels). Its
 model is written with several widths of steps, and with some of them trained for the file as well; bytes are those of the
-.sog file, scores those of the file over the test views. One that is done leaves docs/lab/frontier/CELL.json. A call runs what is missing, in order, and may be stopped at
-any moment: WORK keeps the run folders, and the same call goes on.
+.sog file, scores those of the file over the test views. One that is done leaves docs/lab/frontier/CELL.json. A call runs
+what is missing, in order, and may be stopped at any moment: WORK keeps the run folders, and the same call goes on.
 """
 import argparse
 import fnmatch
@@ -30,8 +30,9 @@ CELLS = ROOT / "docs/lab/frontier"
 PAGE, PICTURE = ROOT / "docs/frontier.md", ROOT / "docs/images/frontier.svg"
 # sample: the scene that tgtrain make-sample writes.
 SCENES = {**TRIALS, "sample": Scene("sample", 1)}
-COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 6800, 13600],
-          "lego": [620, 1250, 2500, 5000, 10000], "printshop": [950, 1900, 3800, 7600, 15200]}
+COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 6800, 13600, 27200],
+          "lego": [620, 1250, 2500, 5000, 10000, 20000, 40000],
+          "printshop": [950, 1900, 3800, 7600, 15200, 30400]}
 DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
 SEEDS = [1]
