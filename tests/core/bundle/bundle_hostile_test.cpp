@@ -101,8 +101,9 @@ TEST_CASE("the archive these tests break is valid before") {
 }
 
 TEST_CASE("names that could leave a folder are refused") {
-  for (const char* name : {"/etc/passwd", "../a", "a/../b", "..", "./manifest.json", ".", "a//b", "a/.", "a\\b",
-                           "C:evil", "c:\\evil", "\xff\xfe", "\xc0\xaf"}) {
+  for (const char* name :
+       {"/etc/passwd", "../a", "a/../b", "..", "./manifest.json", ".", "a//b", "a/.", "a\\b", "C:evil", "c:\\evil",
+        "\xff\xfe", "\xc0\xaf", "\xe6\x97", "\xe6-\xa5", "\xf0\x9f\x8e", "\xf0-\x8e\xa8"}) {
     INFO(name);
     Archive archive;
     archive.add(name);
@@ -418,8 +419,9 @@ TEST_CASE("entries of unknown names are skipped with a warning") {
   archive.entries.back().bytes = toBytes("hello");
   archive.add("atlas_255.exr");
   archive.add("evil\n\x1b[31m.txt");
+  for (const char* name : {"ä", "日本", "🎨"}) archive.add(name);  // of two, three and four bytes a letter
   const tg::Bundle bundle = archive.read();
-  REQUIRE(bundle.warnings.size() == 3);
+  REQUIRE(bundle.warnings.size() == 6);
   REQUIRE_THAT(bundle.warnings[0], Contains("skipped unknown entry \"notes/readme.txt\""));
   REQUIRE_THAT(bundle.warnings[2], Contains("\"evil??[31m.txt\""));
 }

@@ -70,11 +70,12 @@ TEST_CASE("the written layout is INRIA's: 62 float properties at degree 3, chann
   REQUIRE(bytes.size() == body + 62 * 4);
   float row[62];
   std::memcpy(row, bytes.data() + body, sizeof(row));
-  REQUIRE(row[6] == 100.0f);                // f_dc_0
-  REQUIRE(row[9] == 101.0f);                // f_rest_0: red of coefficient 1
-  REQUIRE(row[9 + 15] == 201.0f);           // f_rest_15: green of coefficient 1
-  REQUIRE(row[9 + 44] == 315.0f);           // f_rest_44: blue of coefficient 15
-  REQUIRE(row[58] == model.rotation[0].x);  // rot_0 = w
+  for (int k = 3; k < 6; ++k) REQUIRE(row[k] == 0.0f);  // nx ny nz
+  REQUIRE(row[6] == 100.0f);                            // f_dc_0
+  REQUIRE(row[9] == 101.0f);                            // f_rest_0: red of coefficient 1
+  REQUIRE(row[9 + 15] == 201.0f);                       // f_rest_15: green of coefficient 1
+  REQUIRE(row[9 + 44] == 315.0f);                       // f_rest_44: blue of coefficient 15
+  REQUIRE(row[58] == model.rotation[0].x);              // rot_0 = w
 }
 
 TEST_CASE("an empty model is a valid PLY") { REQUIRE(tg::parseSplatPly(tg::formatSplatPly({}), "a.ply").size() == 0); }
@@ -285,6 +286,11 @@ TEST_CASE("a point cloud whose colours come first has them, and one with two of 
   for (const char* name : {"red", "green", "blue"}) {
     tg::writeFileAtomically(folder / "a.ply", toBytes(with(head, name, "other")));
     REQUIRE(tg::readPointCloudPly(folder / "a.ply").color[0] == glm::vec3(0.5f));
+  }
+  for (const char* first : {"green", "blue"}) {  // columns 0 to 2 in another order: the first is no less a column
+    tg::writeFileAtomically(folder / "a.ply",
+                            toBytes(with(with(with(head, "red", "other"), first, "red"), "other", first)));
+    REQUIRE(tg::readPointCloudPly(folder / "a.ply").color[0][first[0] == 'g' ? 1 : 2] == 1.0f);
   }
 }
 

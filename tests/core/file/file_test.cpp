@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole files: bounds in, all or nothing out.
+#include <sys/stat.h>
+
 #include <cstdlib>
 #include <fstream>
 #include <new>
 #include <stdexcept>
+#include <thread>
 
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
@@ -44,6 +47,29 @@ TEST_CASE("bytes survive a file, and a second write replaces the first") {
   tg::writeFileAtomically(folder / "a", Bytes{});
   REQUIRE(tg::readFile(folder / "a", 0).empty());
   REQUIRE(fileCount(folder.path) == 1);
+}
+
+TEST_CASE("what is written may be read by whom the process' mask allows") {
+  const tg::TemporaryFolder folder;
+  const mode_t before = ::umask(027);
+  tg::writeFileAtomically(folder / "a", Bytes{1});
+  ::umask(before);
+  REQUIRE(std::filesystem::status(folder / "a").permissions() == std::filesystem::perms{0640});
+}
+
+TEST_CASE("a pipe, which does not say how long it is, is read to its end") {
+  const tg::TemporaryFolder folder;
+  const std::string pipe = folder / "pipe";
+  REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+  const Bytes bytes(100000, 7);
+  std::thread writer([&] {
+    std::ofstream out(pipe, std::ios::binary);
+    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  });
+  Bytes read;
+  CHECK_NOTHROW(read = tg::readFile(pipe, bytes.size()));
+  writer.join();
+  REQUIRE(read == bytes);
 }
 
 TEST_CASE("missing files, folders and files beyond the bound cannot be read") {
@@ -134,6 +160,19 @@ TEST_CASE("of files that belong together all are new or all are old") {
   }
   REQUIRE(tg::readFile(folder / "first", 100) == Bytes{'o', 'l', 'd'});
   REQUIRE(fileCount(folder / "") == 2);  // first and third
+}
+
+TEST_CASE("two files that belong together are no less one") {
+  const tg::TemporaryFolder folder;
+  tg::writeTextAtomically(folder / "first", "old");
+  {
+    tg::AtomicFiles files;
+    files.add(folder / "first", Bytes{1});
+    files.add(folder / "second", Bytes{2});
+    std::filesystem::create_directory(folder / "second");
+    REQUIRE(kindOf([&] { files.commit(); }) == tg::ErrorKind::cannotWrite);
+  }
+  REQUIRE(tg::readFile(folder / "first", 100) == Bytes{'o', 'l', 'd'});
 }
 
 TEST_CASE("folders, devices and paths into nowhere cannot be written") {

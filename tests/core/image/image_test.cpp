@@ -173,8 +173,8 @@ TEST_CASE("values that a half float holds survive EXR exactly, whatever the chan
 
 TEST_CASE("EXR pictures store alpha premultiplied and come back straight") {
   const tg::TemporaryFolder folder;
-  Image image(2, 1, 4);
-  image.data = {1.0f, 0.5f, 0.25f, 0.5f, 1.0f, 1.0f, 1.0f, 1.0f};
+  Image image(4, 1, 4);
+  image.data = {1.0f, 0.5f, 0.25f, 0.5f, 1.0f, 1.0f, 1.0f, 1.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.5f, 0.0f, 1.0f, 0.25f};
   tg::writeImage(folder / "a.exr", image);
   REQUIRE(tg::readImage(folder / "a.exr").data == image.data);
   const std::vector<std::string> premultiplied = {"R"};
@@ -188,6 +188,44 @@ TEST_CASE("EXR names a missing channel and refuses values beyond half floats") {
                       Contains("x.exr: missing channel (expected Z, found B, G, R)"));
   REQUIRE_THROWS_AS(tg::encodeExr(Image(1, 1, 3, 1e6f), rgb), tg::Error);
   REQUIRE_THROWS_AS(tg::encodeExr(image, depth), tg::Error);
+  REQUIRE_THROWS_AS(tg::encodeExr(Image(0, 2, 3), rgb), tg::Error);
+  REQUIRE_THROWS_AS(tg::encodeExr(Image(2, 0, 3), rgb), tg::Error);
+}
+
+TEST_CASE("EXR lines that are not compressed are read, with each type of value") {
+  std::vector<std::uint8_t> bytes;
+  const auto text = [&](const std::string& word) {
+    bytes.insert(bytes.end(), word.c_str(), word.c_str() + word.size() + 1);
+  };
+  const auto number = [&](auto value) {
+    const auto* first = reinterpret_cast<const std::uint8_t*>(&value);
+    bytes.insert(bytes.end(), first, first + sizeof(value));
+  };
+  const auto attribute = [&](const char* name, const char* type, std::int32_t size) {
+    text(name), text(type), number(size);
+  };
+  number(std::int32_t{20000630}), number(std::int32_t{2});
+  attribute("channels", "chlist", 3 * 18 + 1);
+  for (const std::int32_t type : {0, 1, 2}) {  // unsigned, half, float
+    text(std::string(1, static_cast<char>('A' + type)));
+    for (const std::int32_t value : {type, 0, 1, 1}) number(value);
+  }
+  text("");
+  attribute("compression", "compression", 1), text("");
+  for (const char* name : {"dataWindow", "displayWindow"}) {
+    attribute(name, "box2i", 16);
+    for (int i = 0; i < 4; ++i) number(std::int32_t{0});
+  }
+  attribute("lineOrder", "lineOrder", 1), text("");
+  attribute("pixelAspectRatio", "float", 4), number(1.0f);
+  attribute("screenWindowCenter", "v2f", 8), number(0.0f), number(0.0f);
+  attribute("screenWindowWidth", "float", 4), number(1.0f);
+  text("");
+  number(static_cast<std::uint64_t>(bytes.size() + 8));
+  number(std::int32_t{0}), number(std::int32_t{10});
+  number(std::uint32_t{7}), number(std::uint16_t{0x3800}), number(0.1f);
+  const std::vector<std::string> names = {"A", "B", "C"};
+  REQUIRE(tg::decodeExr(bytes, names, "x.exr").data == std::vector<float>{7.0f, 0.5f, 0.1f});
 }
 
 TEST_CASE("an EXR cut anywhere is refused") {

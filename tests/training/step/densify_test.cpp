@@ -171,6 +171,14 @@ TEST_CASE("by magnitudes, as many again grow whose pixels pull hard in opposite 
   tg::densify(alone, copy, settings, random);
   CHECK(positions(alone) == std::vector<float>{0, 1, 2, 3, 4, 2, 3});
 
+  SECTION("one that passes is enough") {
+    tg::TrainingState one = rowOf(3);
+    statistics = scores({3e-4f, 1e-4f, 1e-4f});
+    statistics.magnitude_sum = {2, 8, 30};
+    tg::densify(one, statistics, settings, random);
+    CHECK(positions(one) == std::vector<float>{0, 1, 2, 2});
+  }
+
   SECTION("nothing grows by magnitude alone") {
     tg::TrainingState quiet = rowOf(3);
     statistics = scores({1e-4f, 1e-4f, 1e-4f});
