@@ -10,10 +10,16 @@ PassTuning tuningFor(const GlDevice& device) { return {device.software, device.s
 
 unsigned GlRenderer::texture() const { return image() ? static_cast<const GlImage*>(image())->name() : 0; }
 
-std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device) { return makeGlRenderer(device, tuningFor(device)); }
+std::shared_ptr<GlPrograms> makeGlPrograms(const GlDevice& device) { return std::make_shared<GlPrograms>(device); }
+
+std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device) { return makeGlRenderer(device, makeGlPrograms(device)); }
 
 std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device, const PassTuning& tuning) {
-  return std::make_unique<GlRenderer>(std::make_unique<GlPassDevice>(device), tuning);
+  return std::make_unique<GlRenderer>(std::make_unique<GlPassDevice>(device, makeGlPrograms(device)), tuning);
+}
+
+std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device, std::shared_ptr<GlPrograms> programs) {
+  return std::make_unique<GlRenderer>(std::make_unique<GlPassDevice>(device, std::move(programs)), tuningFor(device));
 }
 
 }  // namespace tg

@@ -17,8 +17,15 @@ class GlRenderer : public GpuRenderer {
   unsigned texture() const;
 };
 
+// What the passes' shaders are compiled to, kept for renderers of one context, which must be current where the last of
+// them ends.
+class GlPrograms;
+std::shared_ptr<GlPrograms> makeGlPrograms(const GlDevice& device);
+
 // `device` must outlive the renderer, and its context be current whenever the renderer is used or destroyed.
 std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device);
 std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device, const PassTuning& tuning);
+// Compiles only what `programs` does not have yet.
+std::unique_ptr<GlRenderer> makeGlRenderer(GlDevice& device, std::shared_ptr<GlPrograms> programs);
 
 }  // namespace tg

@@ -298,7 +298,7 @@ Image GlPassDevice::download(const ImagePtr& source, std::uint32_t width, std::u
 
 std::unique_ptr<PassProgram> GlPassDevice::prepare(const PassList& list) {
   TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
-  return std::make_unique<GlProgram>(device_, programs_, list);
+  return std::make_unique<GlProgram>(device_, *programs_, list);
 }
 
 void GlPassDevice::run(PassProgram& program, const ViewUniforms& view) {

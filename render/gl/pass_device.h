@@ -119,7 +119,8 @@ class GlProgram final : public PassProgram {
 class GlPassDevice final : public GpuDevice {
  public:
   // `device` must outlive this.
-  explicit GlPassDevice(GlDevice& device) : device_(device), programs_(device) {}
+  GlPassDevice(GlDevice& device, std::shared_ptr<GlPrograms> programs)
+      : device_(device), programs_(std::move(programs)) {}
 
   GpuLimits limits() const override { return device_.limits; }
   BufferPtr makeBuffer(const char* name, std::uint64_t bytes) override;
@@ -134,7 +135,7 @@ class GlPassDevice final : public GpuDevice {
  private:
   const std::thread::id thread_ = std::this_thread::get_id();
   GlDevice& device_;
-  GlPrograms programs_;
+  std::shared_ptr<GlPrograms> programs_;
 };
 
 }  // namespace tg

@@ -177,7 +177,7 @@ Image VulkanPassDevice::download(const ImagePtr& source, std::uint32_t width, st
 }
 
 std::unique_ptr<PassProgram> VulkanPassDevice::prepare(const PassList& list) {
-  return std::make_unique<VulkanProgram>(device_, pipelines_, list);
+  return std::make_unique<VulkanProgram>(device_, *pipelines_, list);
 }
 
 void VulkanPassDevice::run(PassProgram& program, const ViewUniforms& view) {

@@ -82,7 +82,8 @@ class VulkanProgram final : public PassProgram {
 class VulkanPassDevice final : public GpuDevice {
  public:
   // `device` must outlive this.
-  explicit VulkanPassDevice(VulkanDevice& device) : device_(device), commands_(device), pipelines_(device) {}
+  VulkanPassDevice(VulkanDevice& device, std::shared_ptr<Pipelines> pipelines)
+      : device_(device), commands_(device), pipelines_(std::move(pipelines)) {}
 
   GpuLimits limits() const override;
   BufferPtr makeBuffer(const char* name, std::uint64_t bytes) override;
@@ -97,7 +98,7 @@ class VulkanPassDevice final : public GpuDevice {
  private:
   VulkanDevice& device_;
   Commands commands_;
-  Pipelines pipelines_;
+  std::shared_ptr<Pipelines> pipelines_;
 };
 
 }  // namespace tg

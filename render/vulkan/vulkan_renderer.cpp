@@ -21,12 +21,19 @@ PassTuning tuningFor(const VulkanDevice& device) {
   return {cpu, cpu, 4};
 }
 
+std::shared_ptr<Pipelines> makePipelines(const VulkanDevice& device) { return std::make_shared<Pipelines>(device); }
+
 std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device) {
-  return makeVulkanRenderer(device, tuningFor(device));
+  return makeVulkanRenderer(device, makePipelines(device));
 }
 
 std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device, const PassTuning& tuning) {
-  return std::make_unique<VulkanRenderer>(std::make_unique<VulkanPassDevice>(device), tuning);
+  return std::make_unique<VulkanRenderer>(std::make_unique<VulkanPassDevice>(device, makePipelines(device)), tuning);
+}
+
+std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device, std::shared_ptr<Pipelines> pipelines) {
+  return std::make_unique<VulkanRenderer>(std::make_unique<VulkanPassDevice>(device, std::move(pipelines)),
+                                          tuningFor(device));
 }
 
 }  // namespace tg

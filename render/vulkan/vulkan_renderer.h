@@ -25,8 +25,14 @@ class VulkanRenderer : public GpuRenderer {
   using GpuRenderer::sharesProgram;
 };
 
+// What the passes' shaders are compiled to, kept for renderers of one device that one thread uses.
+class Pipelines;
+std::shared_ptr<Pipelines> makePipelines(const VulkanDevice& device);
+
 // `device` must outlive the renderer.
 std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device);
 std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device, const PassTuning& tuning);
+// Compiles only what `pipelines` does not have yet.
+std::unique_ptr<VulkanRenderer> makeVulkanRenderer(VulkanDevice& device, std::shared_ptr<Pipelines> pipelines);
 
 }  // namespace tg

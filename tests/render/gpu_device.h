@@ -2,6 +2,7 @@
 // The API under test: each program that runs these tests has one, in vulkan_device.cpp or opengl_device.cpp. One
 // validated device for the whole program: drivers that compile shaders on the CPU take seconds to warm up.
 #pragma once
+#include <array>
 #include <functional>
 #include <vector>
 
@@ -13,6 +14,8 @@ Api testedApi();
 // One renderer on the device, with its pipelines.
 GpuRenderer& gpuRenderer();
 std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning);
+// Two renderers that share what the shaders are compiled to, and nothing else has it.
+std::array<std::unique_ptr<GpuRenderer>, 2> makeSharingRenderers();
 std::unique_ptr<GpuDevice> makePassDevice();
 // What lives on the device from case to case registers here how it ends: with the run, and not with the program, when a
 // layer's or a driver's own statics may be gone; the last to register ends first.

@@ -236,6 +236,21 @@ TEST_CASE("pictures are the same but for rounding however the passes are cut", "
   CHECK(validationMessages() == "");
 }
 
+TEST_CASE("renderers that share compiled shaders draw as one that does not, and one outlives the other") {
+  auto [first, second] = makeSharingRenderers();
+  const TestScene plain = makeScene(SceneKind::stacked, 4, 40, 48, 40),
+                  textured = makeScene(SceneKind::mixed, 5, 60, 56, 32);
+  first->setModel(plain.model);
+  second->setModel(textured.model);
+  for (int round = 0; round < 2; ++round) {
+    CHECK(same(first->render(plain.camera, {}), renderScene(plain)));
+    CHECK(same(second->render(textured.camera, {}), renderScene(textured)));
+  }
+  first.reset();
+  CHECK(same(second->render(textured.camera, {}), renderScene(textured)));
+  CHECK(validationMessages() == "");
+}
+
 TEST_CASE("a model without Gaussians shows the background") {
   TestScene scene = facingScene(0);
   RenderSettings settings;

@@ -38,7 +38,14 @@ GpuRenderer& gpuRenderer() {
 
 std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning) { return makeGlRenderer(glDevice(), tuning); }
 
-std::unique_ptr<GpuDevice> makePassDevice() { return std::make_unique<GlPassDevice>(glDevice()); }
+std::array<std::unique_ptr<GpuRenderer>, 2> makeSharingRenderers() {
+  const auto programs = makeGlPrograms(glDevice());
+  return {makeGlRenderer(glDevice(), programs), makeGlRenderer(glDevice(), programs)};
+}
+
+std::unique_ptr<GpuDevice> makePassDevice() {
+  return std::make_unique<GlPassDevice>(glDevice(), makeGlPrograms(glDevice()));
+}
 
 std::string validationMessages() {
   std::string text;

@@ -46,7 +46,14 @@ std::unique_ptr<GpuRenderer> makeGpuRenderer(const PassTuning& tuning) {
   return makeVulkanRenderer(vulkanDevice(), tuning);
 }
 
-std::unique_ptr<GpuDevice> makePassDevice() { return std::make_unique<VulkanPassDevice>(vulkanDevice()); }
+std::array<std::unique_ptr<GpuRenderer>, 2> makeSharingRenderers() {
+  const auto pipelines = makePipelines(vulkanDevice());
+  return {makeVulkanRenderer(vulkanDevice(), pipelines), makeVulkanRenderer(vulkanDevice(), pipelines)};
+}
+
+std::unique_ptr<GpuDevice> makePassDevice() {
+  return std::make_unique<VulkanPassDevice>(vulkanDevice(), makePipelines(vulkanDevice()));
+}
 
 std::string validationMessages() {
   std::string text;

@@ -48,16 +48,21 @@ Image readTexture(const GlDevice& device, GLuint texture, glm::ivec2 size) {
 
 class GlPictureDevice final : public PictureDevice {
  public:
-  GlPictureDevice(GLFWwindow* context, GlDevice& device) : device_(device) { glfwMakeContextCurrent(context); }
+  GlPictureDevice(GLFWwindow* context, GlDevice& device) : device_(device), programs_(makeGlPrograms(device)) {
+    glfwMakeContextCurrent(context);
+  }
   GlPictureDevice& operator=(GlPictureDevice&&) = delete;
-  ~GlPictureDevice() override { glfwMakeContextCurrent(nullptr); }
+  ~GlPictureDevice() override {
+    programs_.reset();
+    glfwMakeContextCurrent(nullptr);
+  }
 
   std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
     auto image = std::make_shared<GlPictureImage>(size);
     checkGl(device_, "making room for a picture");
     return image;
   }
-  std::unique_ptr<GpuRenderer> makeRenderer() override { return makeGlRenderer(device_); }
+  std::unique_ptr<GpuRenderer> makeRenderer() override { return makeGlRenderer(device_, programs_); }
 
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     const bool complete = renderer.draw(request);
@@ -85,6 +90,7 @@ class GlPictureDevice final : public PictureDevice {
   }
 
   GlDevice& device_;
+  std::shared_ptr<GlPrograms> programs_;  // of all models: an edit makes a renderer anew
   std::vector<std::byte> staging_;
 };
 

@@ -76,7 +76,7 @@ VkBufferImageCopy wholeCopy(glm::ivec2 size) {
 
 class VulkanPictureDevice final : public PictureDevice {
  public:
-  VulkanPictureDevice(VulkanDevice& device, int frames_in_flight) : device_(device) {
+  VulkanPictureDevice(VulkanDevice& device, int frames_in_flight) : device_(device), pipelines_(makePipelines(device)) {
     for (int i = 0; i < frames_in_flight; ++i) frames_.push_back(std::make_unique<Commands>(device));
   }
   VulkanPictureDevice& operator=(VulkanPictureDevice&&) = delete;
@@ -85,7 +85,7 @@ class VulkanPictureDevice final : public PictureDevice {
   std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
     return std::make_shared<VulkanPictureImage>(device_, size);
   }
-  std::unique_ptr<GpuRenderer> makeRenderer() override { return makeVulkanRenderer(device_); }
+  std::unique_ptr<GpuRenderer> makeRenderer() override { return makeVulkanRenderer(device_, pipelines_); }
 
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     auto& vulkan = static_cast<VulkanRenderer&>(renderer);
@@ -189,6 +189,7 @@ class VulkanPictureDevice final : public PictureDevice {
   }
 
   VulkanDevice& device_;
+  std::shared_ptr<Pipelines> pipelines_;           // of all models: an edit makes a renderer anew
   std::vector<std::unique_ptr<Commands>> frames_;  // as many as may be under way
   std::size_t begun_ = 0;
   std::deque<UnderWay> under_way_;
@@ -256,8 +257,8 @@ class VulkanScreen final : public Screen {
   }
 
  private:
-  // For as long as ImGui's back end may send something to the window's queue: since 1.90 it uploads the letters when they
-  // are first needed, at the start of a frame or, since 1.92, while it draws.
+  // For as long as ImGui's back end may send something to the window's queue: since 1.90 it uploads the letters when
+  // they are first needed, at the start of a frame or, since 1.92, while it draws.
   std::unique_lock<std::mutex> lockForUpload() const {
 #if IMGUI_VERSION_NUM < 19000
     return {};
