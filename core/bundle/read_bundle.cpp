@@ -43,9 +43,11 @@ bool isUtf8(const std::string& text) {
       i += 1;
     } else if (byte(0) >= 0xc2 && byte(0) < 0xe0 && follows(1)) {
       i += 2;
-    } else if (byte(0) >= 0xe0 && byte(0) < 0xf0 && follows(1) && follows(2)) {
+    } else if (byte(0) >= 0xe0 && byte(0) < 0xf0 && follows(1) && follows(2) && !(byte(0) == 0xe0 && byte(1) < 0xa0) &&
+               !(byte(0) == 0xed && byte(1) >= 0xa0)) {  // neither longer than need be nor half a pair of UTF-16
       i += 3;
-    } else if (byte(0) >= 0xf0 && byte(0) < 0xf5 && follows(1) && follows(2) && follows(3)) {
+    } else if (byte(0) >= 0xf0 && byte(0) < 0xf5 && follows(1) && follows(2) && follows(3) &&
+               !(byte(0) == 0xf0 && byte(1) < 0x90) && !(byte(0) == 0xf4 && byte(1) >= 0x90)) {  // up to U+10FFFF
       i += 4;
     } else {
       return false;
