@@ -46,7 +46,7 @@ struct ImageBuffers {
 };
 
 // SplatOrder::perPixel: hits that a pixel keeps back to sort them (docs/frame.md).
-constexpr std::uint32_t kKeptPerPixel = 8;
+constexpr std::uint32_t kKeptPerPixel = 16;
 
 // What is compiled into the passes of a frame.
 struct FrameVariant {
