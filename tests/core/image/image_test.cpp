@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image files: round trips, conversions, and refusal of everything broken.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -135,6 +136,9 @@ TEST_CASE("grey with alpha becomes RGBA") {
 TEST_CASE("a PNG whose header promises more than the limit, or more than its bytes can hold, is refused at once") {
   REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf100000Squared, "x.png"), Contains("image size out of range"));
   REQUIRE_THROWS_WITH(tg::decodeImage(kHeaderOf16000Squared, "x.png"), Contains("file is too short"));
+  std::vector<std::uint8_t> packed = kHeaderOf16000Squared;  // grey of one bit a pixel
+  std::ranges::copy(std::array<std::uint8_t, 9>{1, 0, 0, 0, 0, 0x69, 0x05, 0xe2, 0x73}, packed.begin() + 24);
+  REQUIRE_THROWS_WITH(tg::decodeImage(packed, "x.png"), Contains("file is too short"));
 }
 
 TEST_CASE("JPEG keeps a smooth picture within its quality, in colour and grey") {
