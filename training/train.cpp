@@ -85,8 +85,9 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
 }
 
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md): SH degree
-// 1, and no textures where neither a flag nor the start model speaks of them. Returns what to say of it.
-std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, bool textured_start,
+// 1, and no textures where neither a flag nor the start model speaks of them. A start model keeps its SH degree, one
+// with textures its Gaussians and their texels. Returns what to say of it.
+std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start,
                      TrainSettings& settings) {
   const auto given = [&](const auto& named) { return tg::given(options, settings, named); };
   const auto is = [](std::initializer_list<std::string_view> names) {
@@ -98,8 +99,10 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, b
   const bool counted = given(is({"gaussians", "percent"})), sized = given(is({"texture-size"}));
   const bool shared_out = given(is({"adaptive-texels", "texel-budget"}));
   const bool timed = given(is({"iterations", "densify-until"}));
-  if (!given(is({"sh-degree"}))) settings.sh_degree = kPlannedShDegree;
-  if (!speaks_of_textures && !textured_start && settings.iterations > 0) {
+  const bool textured_start = start && isTextured(*start);
+  if (!given(is({"sh-degree"}))) settings.sh_degree = start ? start->sh_degree : kPlannedShDegree;
+  const bool plain = !speaks_of_textures || settings.texture_mode == TextureMode::none;
+  if (plain && !textured_start && settings.iterations > 0) {
     settings.texture_mode = TextureMode::none;
     if (!timed) {
       settings.densify_until = makeSchedule(settings).densify_until;  // what is longer is for what stands
@@ -109,22 +112,23 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, b
   const bool textured = settings.texture_mode != TextureMode::none;
   const SizePlan plan = planForSize(options.target_bytes, partOfSog(options.output), training_pixels,
                                     settings.sh_degree, settings.texture_mode);
-  if (!counted) settings.gaussians = plan.gaussians;
-  if (textured && !shared_out) {
+  const bool planned = !textured_start && !counted, cut = textured && !textured_start && !shared_out;
+  if (planned) settings.gaussians = plan.gaussians;
+  if (cut) {
     settings.adaptive_texels = static_cast<float>(plan.texels);
     if (!sized) settings.texture_size = kPlannedTextureSize;
   }
   checkSettings(settings);
   std::string said =
       formatted("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
-  if (!counted) said += formatted(", %zu Gaussians", settings.gaussians);
-  if (textured && !shared_out) said += formatted(", %.1f texels each", plan.texels);
+  if (planned) said += formatted(", %zu Gaussians", settings.gaussians);
+  if (cut) said += formatted(", %.1f texels each", plan.texels);
   return said;
 }
 
 // For a file of coarser numbers, where nobody said how long: as long as it pays (docs/lab/quality.md).
 constexpr int kQuantizedShare = 10;  // of the iterations of the other stages
-void planQuantizing(const TrainFlags& options, TrainSettings& settings) {
+void planQuantizing(const TrainFlags& options, const GaussianModel* start, TrainSettings& settings) {
   const bool coarse = options.target_bytes > 0 || options.steps > 0;
   if (settings.quantize_iterations > 0 && !coarse) {
     throw Error(ErrorKind::usage,
@@ -133,7 +137,8 @@ void planQuantizing(const TrainFlags& options, TrainSettings& settings) {
   const auto says = [](std::string_view name) { return name == "quantize-iterations"; };
   if (!coarse || settings.compare_untextured || given(options, settings, says)) return;
   const bool textured = settings.texture_mode != TextureMode::none;
-  settings.quantize_iterations = (settings.iterations + (textured ? settings.texture_iterations : 0)) / kQuantizedShare;
+  const int plain = start && isTextured(*start) ? 0 : settings.iterations;
+  settings.quantize_iterations = (plain + (textured ? settings.texture_iterations : 0)) / kQuantizedShare;
 }
 
 std::unique_ptr<RunFolder> openRunFolder(const TrainFlags& options) {
@@ -217,8 +222,9 @@ std::optional<Bundle> checkTraining(const TrainFlags& options) {
   if (options.watch) requireViewer();
   datasetOptions(options.data);
   std::optional<Bundle> start = startModel(options);
-  if (options.target_bytes > 0) planSize(options, 0, start && isTextured(start->model), settings);
-  planQuantizing(options, settings);
+  const GaussianModel* model = start ? &start->model : nullptr;
+  if (options.target_bytes > 0) planSize(options, 0, model, settings);
+  planQuantizing(options, model, settings);
   return start;
 }
 
@@ -316,10 +322,10 @@ int train(const TrainFlags& options, Processes* together) {
   TrainSettings settings = settingsOf(options);
   if (options.target_bytes > 0) {
     const std::string said =
-        planSize(options, trainingPixels(dataset), start_model && isTextured(*start_model), settings);
+        planSize(options, trainingPixels(dataset), start_model ? &*start_model : nullptr, settings);
     if (!options.quiet) std::printf("%s\n", said.c_str());
   }
-  planQuantizing(options, settings);
+  planQuantizing(options, start_model ? &*start_model : nullptr, settings);
   std::optional<RunState> state;
   if (run) {
     json_options.fingerprint = datasetFingerprint(dataset);

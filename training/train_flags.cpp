@@ -2,6 +2,7 @@
 // Flags in groups, one an entry of the recipe, and files of settings below them.
 #include "training/train_flags.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <string_view>
 
@@ -57,6 +58,15 @@ TrainSettings settingsOf(const TrainFlags& options) {
   for (const auto& [entry, value] : options.chosen) {
     if (!value.empty()) entry->set(settings, value == "true" ? "on" : value == "false" ? "off" : value);
   }
+  // What says how many Gaussians goes over what said it before: a flag over the file, both over the preset.
+  const auto from = [&](std::string_view name) {
+    const auto chosen = std::ranges::find_if(
+        options.chosen, [&](const auto& setting) { return setting.first->name == name && !setting.second.empty(); });
+    if (chosen == options.chosen.end()) return 0;
+    return options.from_file && !options.by_flag.contains(chosen->first) ? 1 : 2;
+  };
+  if (from("percent") > from("gaussians") && settings.percent > 0) settings.gaussians = 0;
+  if (from("gaussians") > from("percent") && settings.gaussians > 0) settings.percent = 0;
   settings.compare_untextured |= !options.untextured_output.empty();
   if (options.target_bytes == 0) checkSettings(settings);  // else what is planned completes them
   return settings;

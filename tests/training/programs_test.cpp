@@ -167,7 +167,14 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   const Outcome twin = tgtrain(folder, train + "a.sog --untextured-output plain.tgz");
   CHECK_THAT(twin.output, Contains(" texels each\n"));
   CHECK(fs::exists(folder / "plain.tgz"));
-  CHECK_THAT(tgtrain(folder, quick + "b.sog --start-model a.sog").output, Contains(" texels each\n"));
+  // A start model with textures keeps them and its Gaussians, one without its SH degree.
+  CHECK_THAT(tgtrain(folder, quick + "b.sog --start-model a.sog").output,
+             Contains("planned for 6000 bytes: SH degree 1\n") && Contains("quantized       40 iterations"));
+  CHECK_THAT(tgtrain(folder, "scene --preset quick --target-size 20KB -o c.sog --start-model plain.tgz").output,
+             Contains("planned for 20000 bytes: SH degree 1, "));
+  REQUIRE(tgtrain(folder, "scene --iterations 9 --sh-degree 2 --texture-mode none -o two.tgz").code == 0);
+  CHECK_THAT(tgtrain(folder, "scene --preset quick --target-size 20KB -o d.sog --start-model two.tgz").output,
+             Contains("planned for 20000 bytes: SH degree 2, "));
   CHECK_THAT(tgtrain(folder, train + "b.glb --sh-degree 3").output, Contains("at least 7770 bytes, found 6000"));
 }
 

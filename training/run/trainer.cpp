@@ -84,6 +84,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     throw Error(ErrorKind::usage, "the start model has \"outside\": \"" + std::string(name(start->outside)) +
                                       "\", which has no gradient (expected \"base\")");
   }
+  setShDegree(*start, std::min(start->sh_degree, settings.sh_degree));
   if (start->texture_mode == TextureMode::none) {
     if (count_first) {
       throw Error(ErrorKind::usage,
@@ -91,6 +92,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     }
     start->intersection = settings.intersection;
     begin(Stage::plain, std::move(*start));
+    if (limit() > 0 && !swaps()) keepMostSeen(limit());
     return;
   }
   if (settings.texture_mode == TextureMode::none || settings.compare_untextured ||
@@ -165,7 +167,7 @@ bool Trainer::picks() const {
 }
 
 int Trainer::automaticTextureSize(std::size_t gaussians) const {
-  const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
+  const int size = settings_.percent > 0 ? std::min(textureSizeForPercent(settings_.percent), kMostTextureSize) : 4;
   if (settings_.pixels_per_texel == 0 || gaussians == 0) return size;
   return std::min(size, textureSizeForPixels(trainingPixels(dataset_), gaussians, settings_.pixels_per_texel));
 }
@@ -201,6 +203,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   if (stage == Stage::count || stage == Stage::plain) {
     state_.training = {};
     state_.training.model = first.mean.empty() ? firstGaussians() : std::move(first);
+    state_.min_sigma.clear();  // of the Gaussians that were
     resetMoments(state_.training);
     if (stage == Stage::plain) state_.report.initial_gaussians = state_.training.model.size();
   } else if (stage == Stage::textured) {
@@ -281,6 +284,7 @@ void Trainer::keepMostSeen(std::size_t count) {
   std::sort(kept.begin(), kept.end());
   selectGaussians(state_.training, kept, count);
   state_.statistics.select(kept);
+  state_.min_sigma.clear();  // of the Gaussians that were
   updateFilter();
 }
 
@@ -308,6 +312,8 @@ void Trainer::splitWideOnes() {
   std::ranges::copy(split.pieces.opacity_logit,
                     training.model.opacity_logit.begin() + static_cast<std::ptrdiff_t>(kept));
   state_.statistics.grow(training.model.size());
+  state_.min_sigma.clear();  // of the Gaussians that were
+  updateFilter();
 }
 
 bool Trainer::resetsOpacity(int iteration) const {

@@ -107,7 +107,7 @@ std::vector<SettingEntry> makeEntries() {
       number("mcmc-opacity-weight", &S::mcmc_opacity_weight, 0, 100, "", "mcmc: weight of mean opacity in the loss"),
       number("mcmc-scale-weight", &S::mcmc_scale_weight, 0, 100, "", "mcmc: weight of mean sigma in the loss"),
       choice("texture-mode", &S::texture_mode, "What a texture changes"),
-      number("texture-size", &S::texture_size, 0, 256, "texels",
+      number("texture-size", &S::texture_size, 0, kMostTextureSize, "texels",
              "Texels along each side (0: 4, with percent round(4 sqrt(100 / percent)), as far as there are pixels)"),
       number("pixels-per-texel", &S::pixels_per_texel, 0, 1e6, "pixels",
              "Of the training views for each texel at least, where texture-size is 0 (0: no limit)"),
@@ -124,7 +124,8 @@ std::vector<SettingEntry> makeEntries() {
             "Colour behind a splat includes its texture (off: ablation)"),
       number("ssim-weight", &S::ssim_weight, 0, 1, "", "Share of 1 - SSIM in the loss, beside L1"),
       number("extent-distances", &S::extent_distances, 0, 1e6, "distances",
-             "Most that the extent is, of the median point to the nearest camera that sees it (0: the cameras' span alone)"),
+             "Most that the extent is, of the median point to the nearest camera that sees it (0: the cameras' span "
+             "alone)"),
       number("rate-position", &S::rate_position, 0, kLargestRate, "extent per step", "At the start of a stage"),
       number("rate-position-end", &S::rate_position_end, 0, kLargestRate, "extent per step", "At the end of a stage"),
       number("rate-position-texture", &S::rate_position_texture, -1, kLargestRate, "extent per step",
@@ -207,6 +208,16 @@ void checkSettings(const TrainSettings& settings) {
   }
   if (settings.percent > 0 && settings.gaussians > 0) {
     throw Error(ErrorKind::usage, "--percent and --gaussians both limit the count (expected one of them)");
+  }
+  if (settings.percent > 0 && settings.default_gaussians == 0 && settings.densification != Densification::adc) {
+    throw Error(ErrorKind::usage, "--densification " + std::string(name(settings.densification)) +
+                                      " finds no count that --percent would be a share of (expected --gaussians, or "
+                                      "--default-gaussians with --percent)");
+  }
+  if (settings.compare_untextured && (settings.texture_mode == TextureMode::none || settings.texture_iterations == 0)) {
+    throw Error(ErrorKind::usage,
+                "--compare-untextured and --untextured-output are of stage 2 (expected a texture mode and "
+                "--texture-iterations)");
   }
   if (settings.texel_decay > 0 && settings.texture_init == TextureInit::paper) {
     throw Error(ErrorKind::usage,

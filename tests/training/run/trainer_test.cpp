@@ -148,6 +148,24 @@ TEST_CASE("stage 2 on a saved stage-1 model is stage 2 of one run", "[trainer]")
   tg::test::checkSame(tg::train(dataset, settings, *renderer, {}, plain).model, whole.model);
 }
 
+TEST_CASE("a start model keeps as many Gaussians and coefficients as the settings allow", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_mode = tg::TextureMode::none;
+  tg::GaussianModel start = tg::train(dataset, settings, *renderer).model;
+  tg::setShDegree(start, 2);
+  settings.iterations = 0;
+  settings.sh_degree = 2;
+  tg::test::checkSame(tg::train(dataset, settings, *renderer, {}, start).model, start);
+  settings.sh_degree = 1;
+  settings.gaussians = start.size() / 2;
+  settings.limit_by = tg::LimitBy::room;
+  const tg::GaussianModel less = tg::train(dataset, settings, *renderer, {}, start).model;
+  CHECK(less.sh_degree == 1);
+  CHECK(less.size() == start.size() / 2);
+}
+
 TEST_CASE("stage 2 goes on with the textures of a start model, whatever their sizes and mode", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
@@ -165,6 +183,7 @@ TEST_CASE("stage 2 goes on with the textures of a start model, whatever their si
   tg::test::checkSame(tg::train(dataset, settings, *renderer, {}, first.model).model, first.model);
   const char* refusal = "the start model has textures already";
   tg::TrainSettings other = settings;
+  other.texture_iterations = 1;
   other.compare_untextured = true;
   CHECK_THROWS_WITH(tg::train(dataset, other, *renderer, {}, first.model), Contains(refusal));
   other = settings;
