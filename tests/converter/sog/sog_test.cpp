@@ -7,6 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "converter/check.h"
 #include "converter/edit/quality.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
@@ -203,6 +204,32 @@ TEST_CASE("SOG: textures come back, and other readers see the fallback") {
     writeSog(path, model, {.texture_step = 1.0f / 8});
     CHECK(std::filesystem::file_size(path) < fine);
   }
+}
+
+TEST_CASE("SOG: a check finds what is wrong with the textures alone") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.sog";
+  const GaussianModel model = test::makeScene(test::SceneKind::ordinary, 18, 30).model;
+  const auto errorsOf = [&](const std::function<void(ZipEntry&)>& change) {
+    std::vector<ZipEntry> entries = sogFiles(model, "a.sog");
+    for (ZipEntry& entry : entries) change(entry);
+    writeZip(path, entries, path);
+    return checkFile(path).errors.size();
+  };
+  CHECK(errorsOf([](ZipEntry&) {}) == 0);
+  CHECK(errorsOf([](ZipEntry& entry) {
+          if (entry.name == "texture_texels.webp") entry.name = "elsewhere.webp";
+        }) == 1);
+  CHECK(errorsOf([](ZipEntry& entry) {
+          if (entry.name == "texture_texels.webp") entry.bytes.assign(100, 7);
+        }) == 1);
+  CHECK(errorsOf([](ZipEntry& entry) {
+          if (entry.name != "meta.json") return;
+          nlohmann::json meta = nlohmann::json::parse(entry.bytes.begin(), entry.bytes.end());
+          meta["TG_gaussian_splatting_texture"]["mode"] = "rgbx";
+          const std::string text = meta.dump();
+          entry.bytes.assign(text.begin(), text.end());
+        }) == 1);
 }
 
 TEST_CASE("SOG: wider steps make smaller files, finer ones nearer models") {
