@@ -254,6 +254,33 @@ TEST_CASE("SOG: wider steps make smaller files, finer ones nearer models") {
   }
 }
 
+TEST_CASE("SOG: steps too fine for a byte widen until nearly all texels fit") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(test::SceneKind::ordinary, 24, 100).model;
+  setShDegree(model, 0);
+  for (float& logit : model.opacity_logit) logit = 20;  // texels that may not be coarser than the step
+  model.texture_mode = TextureMode::rgba;
+  const auto path = scratch.folder() / "a.sog";
+  const auto errorOf = [&](float step) {  // mean, of colours and of alpha
+    const GaussianModel sorted = select(model, writeSog(path, model, {.texture_step = step}));
+    const GaussianModel out = readSog(path).model;
+    glm::dvec4 sum(0.0);
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const TextureRect from = sorted.atlas.rects[i], to = out.atlas.rects[i];
+      for (std::uint32_t t = 0; t < from.texelCount(); ++t, ++count) {
+        sum += glm::abs(glm::dvec4(sorted.atlas.texels[from.offset + t] - out.atlas.texels[to.offset + t]));
+      }
+    }
+    REQUIRE(count > 0);
+    return std::pair((sum.x + sum.y + sum.z) / 3 / static_cast<double>(count), sum.a / static_cast<double>(count));
+  };
+  const auto [color, alpha] = errorOf(1.0f / 64);
+  const auto [finest_color, finest_alpha] = errorOf(1.0f / 65536);
+  CHECK(finest_color < color);
+  CHECK(finest_alpha < alpha);
+}
+
 TEST_CASE("SOG: codebooks have all 256 values, which some readers take for granted") {
   const Scratch scratch;
   const auto path = scratch.folder() / "a.sog";
