@@ -61,9 +61,10 @@ std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
   const double range = static_cast<double>(*high) - static_cast<double>(*low);
   const double used = std::max(step, range / (sog::kCodebook - 2));
   std::vector<float> codebook;
-  for (double k = std::round(*low / used); k <= std::round(*high / used); ++k) {
-    codebook.push_back(static_cast<float>(k * used));
-  }
+  const double first = std::round(*low / used);
+  // Numbers far out, where adding 1 to `first` may change nothing, still make no more than fit.
+  const double steps = std::min(std::round(*high / used) - first, sog::kCodebook - 1.0);
+  for (int k = 0; k <= steps; ++k) codebook.push_back(static_cast<float>((first + k) * used));
   return codebook;
 }
 

@@ -291,6 +291,15 @@ TEST_CASE("SOG: codebooks have all 256 values, which some readers take for grant
   for (const char* key : {"scales", "sh0", "shN"}) CHECK(meta[key]["codebook"].size() == 256);
 }
 
+TEST_CASE("SOG: colours as far out as 1e16 are written") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.sog";
+  GaussianModel model = randomSplats(0, 1, 1.0, 92);
+  model.sh[0] = glm::vec3(1e16f);
+  writeSog(path, model);
+  CHECK(readSog(path).model.sh[0] == model.sh[0]);
+}
+
 TEST_CASE("SOG: the same model gives the same bytes") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 19, 300);
