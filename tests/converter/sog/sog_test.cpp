@@ -123,6 +123,21 @@ TEST_CASE("SOG: what a file says wrongly is refused in words") {
         std::string::npos);
 }
 
+TEST_CASE("SOG: a codebook of 256 values that lacks its first has one step before the others") {
+  const Scratch scratch;
+  SogParts parts;
+  nlohmann::json values = {nullptr};
+  for (int i = 1; i < 256; ++i) values.push_back(i);
+  parts.meta["sh0"]["codebook"] = values;
+  const Bundle loaded = parseSog(parts.bytes(scratch), "a.sog");
+  CHECK(loaded.model.sh[0] == glm::vec3(1.0f - 254.0f / 255, 1, 2));
+  values[1] = nullptr;
+  parts.meta["sh0"]["codebook"] = values;
+  CHECK_THROWS_AS(parseSog(parts.bytes(scratch), "a.sog"), Error);
+  parts.meta["sh0"]["codebook"] = {nullptr, 1, 2};
+  CHECK_THROWS_AS(parseSog(parts.bytes(scratch), "a.sog"), Error);
+}
+
 TEST_CASE("SOG: a rotation that says nothing is counted, and turns nothing") {
   const Scratch scratch;
   SogParts parts;
