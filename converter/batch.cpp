@@ -65,8 +65,10 @@ std::vector<BatchItem> itemsOf(const std::vector<std::filesystem::path>& models,
 std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> models;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    if (entry.is_regular_file() && isModel(entry.path())) models.push_back(entry.path());
+  for (std::filesystem::directory_iterator entry(folder, error); !error && entry != end(entry);
+       entry.increment(error)) {
+    std::error_code unknown;  // of a link that leads round in a circle
+    if (entry->is_regular_file(unknown) && isModel(entry->path())) models.push_back(entry->path());
   }
   if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot be read: " + error.message());
   if (models.empty()) throw Error(ErrorKind::cannotRead, folder.string(), "holds no model");

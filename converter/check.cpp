@@ -108,9 +108,9 @@ CheckReport checkFile(const std::filesystem::path& path) {
     attempt([&] { report.gaussians = format->check(path, lines.errors, lines.warnings); });
   } else if (format) {
     tryRead(*format, path, true, report, lines);
+    if (format->has_base) tryRead(*format, path, false, report, lines);
   }
   if (format && format->overlooked) {
-    tryRead(*format, path, false, report, lines);
     attempt([&] { format->overlooked(path, lines.errors, lines.warnings); });
   }
   report.errors = findingsOf(lines.errors, report.file);

@@ -256,11 +256,11 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
     const bool compares = measure && command->reduces;
     const GaussianModel before = compares ? loaded.model : GaussianModel();
     // Among the cameras while something may move them, but not where those say what is worth keeping, or which way is
-    // up.
+    // up, or where others come to them that may be the same.
     std::vector<Camera>& cameras = loaded.cameras;
     const auto own = static_cast<std::ptrdiff_t>(cameras.size());
     const bool turns = views != nullptr && command->apply == upright;
-    const bool along = views != nullptr && !command->reduces && !turns;
+    const bool along = views != nullptr && !command->reduces && !turns && command->apply != merge;
     if (along) cameras.insert(cameras.end(), views->begin(), views->end());
     try {
       if (turns) transformCameras(*views, uprightTurn(loaded));

@@ -3,6 +3,7 @@
 #include "converter/edit/target.h"
 
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <string>
 
@@ -54,8 +55,13 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
   constexpr int kTrials = 8;  // halvings of nine octaves: steps of 2.5 %, files of less than 1 %
   double fine = std::log2(kLeastSteps), coarse = std::log2(kMostSteps);
   if (by_size ? isFineEnough(coarse) : !isFineEnough(fine)) {
-    const std::string wanted = std::to_string(by_size ? target.bytes : std::lround(target.psnr));
-    const std::string limit = std::to_string(std::lround(reached));
+    const auto number = [&](double value) {
+      char text[64];
+      std::snprintf(text, sizeof(text), by_size ? "%.0f" : "%.1f", value);
+      return std::string(text);
+    };
+    const std::string limit = number(reached);
+    const std::string wanted = number(by_size ? static_cast<double>(target.bytes) : target.psnr);
     throw Error(ErrorKind::usage,
                 by_size ? "--target-size is out of reach" + expectedFound("at least " + limit + " bytes", wanted) +
                               ": fewer Gaussians or a lower SH degree take less"

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "core/model/atlas.h"
 #include "core/system/assert.h"
@@ -16,6 +17,8 @@ constexpr double kShareExponent = 0.7;
 constexpr double kOpacityExponent = 0.35;
 constexpr double kMostSpread = 16;
 constexpr double kDeadZone = 0.1;  // [steps] that texels are nearer to no change than they are
+constexpr double kPercentile = 0.999;
+constexpr double kByteSteps = 127;  // from the neutral number of a byte
 
 }  // namespace
 
@@ -38,6 +41,20 @@ double opacitySpread(double opacity) {
 
 double wholeSteps(double steps) {
   return std::copysign(std::floor(std::max(std::abs(steps) + 0.5 - kDeadZone, 0.0)), steps);
+}
+
+float mostOf(std::vector<float>& magnitudes) {
+  TG_ASSERT(!magnitudes.empty(), "there are magnitudes");
+  const auto at =
+      magnitudes.begin() + static_cast<std::ptrdiff_t>(kPercentile * static_cast<double>(magnitudes.size() - 1));
+  std::nth_element(magnitudes.begin(), at, magnitudes.end());
+  return *at;
+}
+
+double reachingStep(double step, double most) {
+  TG_ASSERT(step > 0, "steps have a width");
+  while (step * kByteSteps < most) step *= 2;
+  return step;
 }
 
 }  // namespace tg

@@ -14,4 +14,9 @@ double opacitySpread(double opacity);
 // A distance from the neutral value [steps] as a whole number of steps: the nearest, or the next one nearer to none.
 double wholeSteps(double steps);
 
+// The number below which 99.9 % of these lie. Reorders them; at least one.
+float mostOf(std::vector<float>& magnitudes);
+// `step` (above 0), or the least power of 2 of it of which 127 reach `most`.
+double reachingStep(double step, double most);
+
 }  // namespace tg

@@ -16,8 +16,6 @@
 namespace tg {
 namespace {
 
-constexpr double kPercentile = 0.999;
-
 struct Levels {
   double largest;
   double zero;  // of a signed channel
@@ -58,14 +56,6 @@ double squaredError(const Image& page, int channel, const Range& range, const Le
   return sum;
 }
 
-// The number below which the magnitudes of 99.9 % lie. Reorders them; at least one.
-float percentileOf(std::vector<float>& magnitudes) {
-  const auto at =
-      magnitudes.begin() + static_cast<std::ptrdiff_t>(kPercentile * static_cast<double>(magnitudes.size() - 1));
-  std::nth_element(magnitudes.begin(), at, magnitudes.end());
-  return *at;
-}
-
 Range chooseRange(const Image& page, int channel, const Levels& levels) {
   std::vector<float> magnitudes;
   bool is_signed = false;
@@ -76,7 +66,7 @@ Range chooseRange(const Image& page, int channel, const Levels& levels) {
   }
   if (magnitudes.empty()) return {};
   const Range widest = rangeFor(*std::max_element(magnitudes.begin(), magnitudes.end()), is_signed, levels);
-  const Range narrow = rangeFor(percentileOf(magnitudes), is_signed, levels);
+  const Range narrow = rangeFor(mostOf(magnitudes), is_signed, levels);
   return squaredError(page, channel, narrow, levels) < squaredError(page, channel, widest, levels) ? narrow : widest;
 }
 
@@ -116,14 +106,12 @@ QuantizedPage quantizePage(const Image& page, int bits) {
 
 TexelSteps texelStepsOf(const TextureAtlas& atlas, double step) {
   TG_ASSERT(step > 0, "steps have a width");
-  const Levels levels = levelsOf(8);
   TexelSteps steps{step, {step, step, step}};
   for (int c = 0; c < 3; ++c) {
     std::vector<float> magnitudes;
     for (const glm::vec4& texel : atlas.texels) magnitudes.push_back(std::abs(texel[c]));
     if (magnitudes.empty()) continue;
-    const double most = static_cast<double>(percentileOf(magnitudes));
-    while (steps.units[c] * (levels.largest - levels.zero) < most) steps.units[c] *= 2;
+    steps.units[c] = reachingStep(step, static_cast<double>(mostOf(magnitudes)));
   }
   return steps;
 }

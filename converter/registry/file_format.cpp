@@ -40,7 +40,10 @@ bool isPacked(const FileStart& start) { return start.holds("packed_position"); }
 
 bool isJson(const FileStart& start) {
   const std::size_t first = start.bytes.find_first_not_of(" \t\r\n", start.begins("\xef\xbb\xbf") ? 3 : 0);
-  return first != std::string::npos && start.bytes[first] == '{';
+  if (first == std::string::npos || start.bytes[first] != '{') return false;
+  // Numbers may begin with this byte, too.
+  const std::size_t second = start.bytes.find_first_not_of(" \t\r\n", first + 1);
+  return second != std::string::npos && (start.bytes[second] == '"' || start.bytes[second] == '}');
 }
 
 Bundle bundleOf(GaussianModel model) {
@@ -50,9 +53,7 @@ Bundle bundleOf(GaussianModel model) {
 }
 
 // How a file's name ends.
-std::string extensionOf(const Format& format) {
-  return std::string(format.whole_name ? "" : ".").append(format.name);
-}
+std::string extensionOf(const Format& format) { return std::string(format.whole_name ? "" : ".").append(format.name); }
 
 Bundle checked(Bundle loaded, const Path& path) {
   checkModel(loaded.model, path.string());
@@ -138,8 +139,8 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
     if (options.progress && options.progress->cancel) throw ReadCancelled();
     files.emplace(file, readLodFile(scene, file, reader));
   }
-  Bundle loaded = bundleOf(
-      assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
+  Bundle loaded =
+      bundleOf(assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
   if (options.base_only) loaded.model = bakeFallback(loaded.model);
   loaded.cameras = readLodCameras(scene, reader);
   loaded.background = scene.background;
@@ -363,8 +364,7 @@ Bundle readModel(const Path& path, const ReadOptions& options) {
 }
 
 std::string lostTextures(const Format& format) {
-  return std::string(format.title) +
-         " holds no textures: their means go into colours and opacities, the rest is lost";
+  return std::string(format.title) + " holds no textures: their means go into colours and opacities, the rest is lost";
 }
 
 void writeModel(const Format& format, const Path& path, const Bundle& source, const WriteOptions& options,

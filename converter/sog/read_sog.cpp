@@ -76,16 +76,20 @@ class SogReader {
     return pixels;
   }
 
-  // An index beyond the list has its last value.
+  // An index beyond the list has its last value. A first value of null is one that a writer's bug left out: as in
+  // PlayCanvas' engine it lies a 255th of the others' range before them.
   std::vector<float> codebook(const JsonNode& node) const {
     const JsonNode list = node.at("codebook").array();
     const std::size_t size = list.size();
     if (size < 1 || size > sog::kCodebook)
       list.fail("wrong number of values (expected 1 to 256, found " + std::to_string(size) + ")");
     std::vector<float> values;
-    for (std::size_t i = 0; i < size; ++i) {
+    const bool repaired = size == sog::kCodebook && list.value[0].is_null();
+    if (repaired) values.push_back(0);
+    for (std::size_t i = values.size(); i < size; ++i) {
       values.push_back(static_cast<float>(list.finite(list.value[i], std::to_string(i))));
     }
+    if (repaired) values[0] = values[1] + (values[1] - values.back()) / (sog::kCodebook - 1);
     values.resize(sog::kCodebook, values.back());
     return values;
   }

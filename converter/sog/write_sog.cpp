@@ -61,9 +61,10 @@ std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
   const double range = static_cast<double>(*high) - static_cast<double>(*low);
   const double used = std::max(step, range / (sog::kCodebook - 2));
   std::vector<float> codebook;
-  for (double k = std::round(*low / used); k <= std::round(*high / used); ++k) {
-    codebook.push_back(static_cast<float>(k * used));
-  }
+  const double first = std::round(*low / used);
+  // Numbers far out, where adding 1 to `first` may change nothing, still make no more than fit.
+  const double steps = std::min(std::round(*high / used) - first, sog::kCodebook - 1.0);
+  for (int k = 0; k <= steps; ++k) codebook.push_back(static_cast<float>((first + k) * used));
   return codebook;
 }
 
@@ -233,6 +234,30 @@ class SogWriter {
         {"count", held}, {"bands", model_.sh_degree}, {"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
   }
 
+  // Of colours and of alpha: as fine as asked for, or as coarse as it takes for bytes to reach nearly all texels.
+  std::array<double, 2> texelSteps(const GaussianModel& base) const {
+    std::array<std::vector<float>, 4> magnitudes;  // of each channel, in units of a texel's spread
+    for (const sog::SizeClass& group : sog::sizeClasses(model_.atlas.rects)) {
+      const std::vector<double> spreads = texelSpreads(group.width, group.height);
+      for (const std::uint32_t i : group.gaussians) {
+        const double weight = opacitySpread(opacityByte(base, i) / 255.0);
+        for (std::size_t t = 0; t < spreads.size(); ++t) {
+          const glm::vec4 change = model_.atlas.texels[model_.atlas.rects[i].offset + t] - glm::vec4(0, 0, 0, 1);
+          for (int k = 0; k < 4; ++k) {
+            magnitudes[k].push_back(static_cast<float>(std::abs(change[k]) / (spreads[t] * weight)));
+          }
+        }
+      }
+    }
+    const double step = static_cast<double>(options_.texture_step) * options_.steps;
+    std::array<double, 2> steps = {step, 2 * step};
+    for (int k = 0; k < 4 && !magnitudes[k].empty(); ++k) {
+      steps[k == 3] = reachingStep(steps[k == 3], static_cast<double>(mostOf(magnitudes[k])));
+    }
+    for (double& own : steps) own = shortDouble(static_cast<float>(std::min(own, 1.0)));
+    return steps;
+  }
+
   // Leaves in the model the texels as they are stored, and then bakes them.
   void addTextures() {
     const std::size_t n = model_.size();
@@ -251,13 +276,11 @@ class SogWriter {
       texels += rect.texelCount();
     }
     neutralize(model_.atlas.texels, model_.texture_mode);
-    const double step = static_cast<double>(options_.texture_step) * options_.steps;
-    const std::array<double, 2> steps = {shortDouble(static_cast<float>(std::min(step, 1.0))),
-                                         shortDouble(static_cast<float>(std::min(2 * step, 1.0)))};
     BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
     // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
     std::size_t at = 0;
     GaussianModel base = bakeFallback(model_);
+    const std::array<double, 2> steps = texelSteps(base);
     for (const sog::SizeClass& group : sog::sizeClasses(model_.atlas.rects)) {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {

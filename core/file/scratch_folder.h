@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -29,7 +30,7 @@ class ScratchFile {
   RemovedBySignal named_;
 };
 
-// A folder, gone with what is in it when this ends.
+// A folder, gone with what is in it when this ends, or when a signal ends the program before.
 class ScratchFolder {
  public:
   // Throws Error(cannotWrite).
@@ -48,6 +49,7 @@ class ScratchFolder {
       throw Error(ErrorKind::cannotWrite, place.string(), "cannot make a temporary folder here: " + systemReason());
     }
     path_ = name;
+    named_.emplace(path_);
   }
   ~ScratchFolder() {
     std::error_code ignored;
@@ -59,6 +61,7 @@ class ScratchFolder {
 
  private:
   std::filesystem::path path_;
+  std::optional<RemovedBySignal> named_;
 };
 
 }  // namespace tg

@@ -62,6 +62,7 @@ TEST_CASE("targets that nothing reaches, or that a format has no steps for, are 
   };
   CHECK(refusal(to, {.target = {.bytes = 1000}}).starts_with("--target-size is out of reach (expected at least "));
   CHECK(refusal(to, {.target = {.psnr = 100}}).starts_with("--target-psnr is out of reach (expected at most "));
+  CHECK(refusal(to, {.target = {.psnr = 100.04}}).ends_with(" dB, found 100.0)"));
   CHECK(refusal(scratch.folder() / "a.spz", {.target = {.bytes = 100000}})
             .ends_with("a target is only for .sog, .glb, .gltf and .html"));
   CHECK(!std::filesystem::exists(to));

@@ -94,6 +94,20 @@ TEST_CASE("views do not say which way is up, and turn with the model") {
   CHECK(views[1].rotation != on_its_side.rotation);
 }
 
+TEST_CASE("views that are cameras of a merged model, too, take none of its cameras away") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 65, 20);
+  Bundle source, other;
+  source.model = other.model = scene.model;
+  other.cameras = {scene.camera};
+  writeBundle(scratch.folder() / "other.tgz", other);
+  std::vector<Camera> views = readModel(scratch.folder() / "other.tgz").cameras;
+  const std::vector<Edit> edits = {{"--merge", (scratch.folder() / "other.tgz").string()}};
+  applyEdits(source, edits, false, &views);
+  CHECK(source.cameras.size() == 1);
+  CHECK(views.size() == 1);
+}
+
 TEST_CASE("a page names nothing outside itself") {
   const Scratch scratch;
   writeHtml(scratch.folder() / "a.html",

@@ -27,6 +27,9 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
   REQUIRE(detectFormat(scratch.write("b.ply", "ply\nelement vertex 1\nproperty uint packed_position\n")).name ==
           "compressed.ply");
   REQUIRE(detectFormat(scratch.write("b.splat", std::string(32, '\1'))).name == "splat");
+  REQUIRE(detectFormat(scratch.write("c.splat", "{" + std::string(31, '\1'))).name == "splat");
+  REQUIRE(detectFormat(scratch.write("c.ksplat", "{" + std::string(31, '\1'))).name == "ksplat");
+  REQUIRE(detectFormat(scratch.write("c.glb", "\xef\xbb\xbf{\n\t}")).name == "gltf");
   REQUIRE(detectFormat(scratch.write("b.ksplat", std::string(32, '\1'))).name == "ksplat");
   REQUIRE(detectFormat(scratch.write("b.glb", "PK\3\4")).name == "sog");
   REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))).name == "tgz");
@@ -69,9 +72,10 @@ TEST_CASE("what is no model is refused with exit code 3 and what it could be") {
     return test::messageOf([&] { detectFormat(path); }).substr(path.string().size());
   };
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
-  CHECK(refusal(scratch.write("a.bin", "hello")) ==
-        ": is no splat model (expected a tgz, ply, compressed ply, splat, ksplat, spz, sog, lod-meta.json, glb, gltf or "
-        "our html file)");
+  CHECK(
+      refusal(scratch.write("a.bin", "hello")) ==
+      ": is no splat model (expected a tgz, ply, compressed ply, splat, ksplat, spz, sog, lod-meta.json, glb, gltf or "
+      "our html file)");
 }
 
 TEST_CASE("the rows of the table of formats agree with themselves") {

@@ -7,6 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "converter/check.h"
 #include "converter/edit/quality.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
@@ -122,6 +123,21 @@ TEST_CASE("SOG: what a file says wrongly is refused in words") {
         std::string::npos);
 }
 
+TEST_CASE("SOG: a codebook of 256 values that lacks its first has one step before the others") {
+  const Scratch scratch;
+  SogParts parts;
+  nlohmann::json values = {nullptr};
+  for (int i = 1; i < 256; ++i) values.push_back(i);
+  parts.meta["sh0"]["codebook"] = values;
+  const Bundle loaded = parseSog(parts.bytes(scratch), "a.sog");
+  CHECK(loaded.model.sh[0] == glm::vec3(1.0f - 254.0f / 255, 1, 2));
+  values[1] = nullptr;
+  parts.meta["sh0"]["codebook"] = values;
+  CHECK_THROWS_AS(parseSog(parts.bytes(scratch), "a.sog"), Error);
+  parts.meta["sh0"]["codebook"] = {nullptr, 1, 2};
+  CHECK_THROWS_AS(parseSog(parts.bytes(scratch), "a.sog"), Error);
+}
+
 TEST_CASE("SOG: a rotation that says nothing is counted, and turns nothing") {
   const Scratch scratch;
   SogParts parts;
@@ -205,6 +221,32 @@ TEST_CASE("SOG: textures come back, and other readers see the fallback") {
   }
 }
 
+TEST_CASE("SOG: a check finds what is wrong with the textures alone") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.sog";
+  const GaussianModel model = test::makeScene(test::SceneKind::ordinary, 18, 30).model;
+  const auto errorsOf = [&](const std::function<void(ZipEntry&)>& change) {
+    std::vector<ZipEntry> entries = sogFiles(model, "a.sog");
+    for (ZipEntry& entry : entries) change(entry);
+    writeZip(path, entries, path);
+    return checkFile(path).errors.size();
+  };
+  CHECK(errorsOf([](ZipEntry&) {}) == 0);
+  CHECK(errorsOf([](ZipEntry& entry) {
+          if (entry.name == "texture_texels.webp") entry.name = "elsewhere.webp";
+        }) == 1);
+  CHECK(errorsOf([](ZipEntry& entry) {
+          if (entry.name == "texture_texels.webp") entry.bytes.assign(100, 7);
+        }) == 1);
+  CHECK(errorsOf([](ZipEntry& entry) {
+          if (entry.name != "meta.json") return;
+          nlohmann::json meta = nlohmann::json::parse(entry.bytes.begin(), entry.bytes.end());
+          meta["TG_gaussian_splatting_texture"]["mode"] = "rgbx";
+          const std::string text = meta.dump();
+          entry.bytes.assign(text.begin(), text.end());
+        }) == 1);
+}
+
 TEST_CASE("SOG: wider steps make smaller files, finer ones nearer models") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 23, 400);
@@ -227,6 +269,33 @@ TEST_CASE("SOG: wider steps make smaller files, finer ones nearer models") {
   }
 }
 
+TEST_CASE("SOG: steps too fine for a byte widen until nearly all texels fit") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(test::SceneKind::ordinary, 24, 100).model;
+  setShDegree(model, 0);
+  for (float& logit : model.opacity_logit) logit = 20;  // texels that may not be coarser than the step
+  model.texture_mode = TextureMode::rgba;
+  const auto path = scratch.folder() / "a.sog";
+  const auto errorOf = [&](float step) {  // mean, of colours and of alpha
+    const GaussianModel sorted = select(model, writeSog(path, model, {.texture_step = step}));
+    const GaussianModel out = readSog(path).model;
+    glm::dvec4 sum(0.0);
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const TextureRect from = sorted.atlas.rects[i], to = out.atlas.rects[i];
+      for (std::uint32_t t = 0; t < from.texelCount(); ++t, ++count) {
+        sum += glm::abs(glm::dvec4(sorted.atlas.texels[from.offset + t] - out.atlas.texels[to.offset + t]));
+      }
+    }
+    REQUIRE(count > 0);
+    return std::pair((sum.x + sum.y + sum.z) / 3 / static_cast<double>(count), sum.a / static_cast<double>(count));
+  };
+  const auto [color, alpha] = errorOf(1.0f / 64);
+  const auto [finest_color, finest_alpha] = errorOf(1.0f / 65536);
+  CHECK(finest_color < color);
+  CHECK(finest_alpha < alpha);
+}
+
 TEST_CASE("SOG: codebooks have all 256 values, which some readers take for granted") {
   const Scratch scratch;
   const auto path = scratch.folder() / "a.sog";
@@ -235,6 +304,15 @@ TEST_CASE("SOG: codebooks have all 256 values, which some readers take for grant
   const std::vector<std::uint8_t> text = ZipReader(bytes, "a.sog").read("meta.json", 1 << 20);
   const nlohmann::json meta = nlohmann::json::parse(text.begin(), text.end());
   for (const char* key : {"scales", "sh0", "shN"}) CHECK(meta[key]["codebook"].size() == 256);
+}
+
+TEST_CASE("SOG: colours as far out as 1e16 are written") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.sog";
+  GaussianModel model = randomSplats(0, 1, 1.0, 92);
+  model.sh[0] = glm::vec3(1e16f);
+  writeSog(path, model);
+  CHECK(readSog(path).model.sh[0] == model.sh[0]);
 }
 
 TEST_CASE("SOG: the same model gives the same bytes") {

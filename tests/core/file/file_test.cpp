@@ -241,6 +241,13 @@ TEST_CASE("without a place for temporary files there is one line that names it")
   CHECK(said == "/nonexistent: no folder for temporary files: No such file or directory");
 }
 
+TEST_CASE("a signal handler removes a scratch folder with what is in it") {
+  const tg::ScratchFolder folder;
+  std::ofstream(folder.path() / "trial.sog") << "half";
+  tg::removeTemporaryFiles();
+  CHECK_FALSE(std::filesystem::exists(folder.path()));
+}
+
 TEST_CASE("a scratch file is gone with its owner, whatever is thrown meanwhile") {
   const tg::TemporaryFolder folder;
   try {
