@@ -59,6 +59,11 @@ PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
   return {area.origin + (area.size - fitted) / 2, fitted};
 }
 
+bool ofSameModels(const Picture& a, const Picture& b) {
+  const auto other = [](const Picture& p) { return p.request.other ? p.request.other->model : nullptr; };
+  return a.request.model == b.request.model && other(a) == other(b);
+}
+
 // Pointer or keyboard did something since the frame before.
 bool heardInput(const Events& events) {
   const ImGuiIO& io = ImGui::GetIO();
@@ -525,8 +530,10 @@ void Viewer::ask(const PictureRequest& request) {
 
 void Viewer::askForPicture(bool moving) {
   if (!state_.scene.model) {
+    if (!picture_ && !asked_) return;
     picture_.reset();
     asked_.reset();
+    graphics_->pictures.tidy();
     return;
   }
   if (runs_.active()) {
@@ -562,7 +569,9 @@ void Viewer::takePicture() {
     runEnded();
   }
   if (!news.picture) return;
+  const bool of_others = picture_ && !ofSameModels(*picture_, *news.picture);
   picture_ = std::move(news.picture);
+  if (of_others) graphics_->pictures.tidy();  // one of them may be closed
   state_.display.scale = picture_->scale;
   state_.display.scaled = picture_->request.output;
   frame_timings_.pictureArrived();
