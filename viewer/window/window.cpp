@@ -120,7 +120,8 @@ class Viewer {
   bool streaming() const {
     return script_ && state_.scene.streamed_from > 0 && !state_.stream.settled && !state_.loading.script_goes_on;
   }
-  // The picture on screen is that of the present state at full size, or will never come.
+  // The picture on screen is that of the present state at full size, or will never come. While the camera moves by
+  // itself, any picture; to be saved, one at full size.
   bool complete() const;
   void capture();
   bool held(int key) const { return glfwGetKey(graphics_->window(), key) == GLFW_PRESS; }
@@ -512,7 +513,8 @@ PictureRequest Viewer::request(glm::ivec2 size) const {
 bool Viewer::complete() const {
   if (inspecting() || streaming()) return false;
   if (!state_.scene.model || given_up_) return true;
-  if (runs_.active() || animating()) return picture_ != nullptr;  // no picture is the last one
+  if (runs_.active()) return picture_ != nullptr;  // no picture is the last one
+  if (animating()) return picture_ && (!capturing() || picture_->image->size == wantedSize());
   return picture_ && same(picture_->request, request(wantedSize()));
 }
 
