@@ -9,18 +9,12 @@
 
 #include "core/system/error.h"
 #include "core/system/numbers.h"
+#include "render/settings_members.h"
 
 namespace tg {
 namespace {
 
 using S = RenderSettings;
-
-// A new member breaks this line: it needs a row in makeSettings(). `outputs` has none, it is what a frame holds.
-[[maybe_unused]] void eachMemberHasARow(const S& settings) {
-  [[maybe_unused]] const auto& [textures, intersection, outside, background, outputs, order, texture_filter,
-                                antialiasing, opacity_scale, splat_scale, max_sh_degree, near, crop, exposure, gain,
-                                colors, range] = settings;
-}
 
 [[noreturn]] void refuse(std::string_view what, const std::string& problem) {
   throw Error(ErrorKind::usage, std::string(what), problem);

@@ -135,7 +135,10 @@ bool OpenModels::takeLoaded(ViewerState& state) {
         const bool untouched = shown && partial && state.camera.pose.position == adopted_pose_.position &&
                                state.camera.pose.yaw == adopted_pose_.yaw;
         replace(state, document, std::move(*news->scene));
-        if (untouched) firstView(state);
+        if (untouched) {
+          firstView(state);
+          sharedView(state);
+        }
         if (!shown && !partial) show(state, document);
       }
       if (news->path == options_.compare && !std::exchange(compare_opened_, true)) {
@@ -316,14 +319,21 @@ void OpenModels::unfollow(ViewerState& state) {
   state.follow.status.reset();
 }
 
+void OpenModels::adopt(ViewerState& state, Scene scene) {
+  adopt_(state, std::move(scene));
+  state.display.settings.background = backgroundOf(state.scene);
+}
+
 void OpenModels::open(ViewerState& state, Scene scene) {
+  left_ = state.scene.path;
   leaveDocument(state);
   state.documents.open.emplace_back().path = scene.path;
   state.documents.shown = static_cast<int>(state.documents.open.size()) - 1;
   std::string error = std::move(state.messages.error);  // of another file: stays until it is dismissed
-  adopt_(state, std::move(scene));
+  adopt(state, std::move(scene));
   state.messages.error = std::move(error);
   if (state.documents.open.size() == 1) firstView(state);
+  sharedView(state);
   adopted_pose_ = state.camera.pose;
 }
 
@@ -331,10 +341,20 @@ void OpenModels::open(ViewerState& state, Scene scene) {
 void OpenModels::firstView(ViewerState& state) {
   state.history.last.reset();  // no step of the user's
   resetView(state);
+  state.display.settings.background = backgroundOf(state.scene);  // a part may not have known it
   if (opened_any_) return;
-  state.display.settings.background = options_.background.value_or(state.scene.background);
   if (options_.camera.empty() || (state.scene.partial && state.scene.cameras.empty())) return;
   setCamera(state, cameraOf(options_.camera, state.scene.cameras, "--camera"));
+}
+
+// A model of the data set of the one that was left for it is looked at from where that was.
+void OpenModels::sharedView(ViewerState& state) const {
+  const int left = documentOf(state, left_);
+  if (left < 0 || left == state.documents.shown || !sameCameras(sceneAt(state, left), state.scene)) return;
+  const Document& document = state.documents.open[static_cast<std::size_t>(left)];
+  state.camera.pose = document.pose;
+  state.camera.lens = document.lens;
+  state.camera.index = document.camera;
 }
 
 void OpenModels::replace(ViewerState& state, int document, Scene scene) {
@@ -350,7 +370,7 @@ void OpenModels::show(ViewerState& state, int document) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   if (document == state.documents.shown) return;
   const CameraState view = state.camera;
-  const bool own_background = state.display.settings.background == state.scene.background;
+  const bool own_background = state.display.settings.background == backgroundOf(state.scene);
   const glm::vec3 background = state.display.settings.background;
   const Scene before = state.scene;
   leaveDocument(state);
@@ -359,7 +379,9 @@ void OpenModels::show(ViewerState& state, int document) {
   Document kept = std::move(next);
   next.path = kept.path;
   const EditTool tool = state.edit.tool;
-  adopt_(state, std::move(kept.scene));
+  adopt(state, std::move(kept.scene));
+  state.display.crop = kept.crop;
+  state.display.box = kept.box;
   state.camera.bookmarks = std::move(kept.bookmarks);
   state.desktop.kept_bookmarks = std::move(kept.kept_bookmarks);
   state.edit = std::move(kept.edit);
@@ -386,7 +408,7 @@ void OpenModels::close(ViewerState& state, int document) {
       show(state, document + 1 < static_cast<int>(open.size()) ? document + 1 : document - 1);
     } else {
       state.documents.shown = -1;
-      adopt_(state, {});
+      adopt(state, {});
     }
   }
   open.erase(open.begin() + document);

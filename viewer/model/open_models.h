@@ -18,8 +18,8 @@ namespace tg {
 class OpenModels {
  public:
   // Begins to read the models of `options` (with --follow, to watch the first). `wake` is called in other threads when
-  // update() has something to do; `adopt` makes a scene (an empty one: none) the one shown, with its own view and
-  // background; `read` is the loader's, `wrap` lies around the files of streamed scenes.
+  // update() has something to do; `adopt` makes a scene (an empty one: none) the one shown, with its own view; `read`
+  // is the loader's, `wrap` lies around the files of streamed scenes.
   OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt,
              ModelReader read = {}, LodReaderWrap wrap = {});
 
@@ -51,17 +51,21 @@ class OpenModels {
   bool takeRun(ViewerState& state);
   bool isFollowed(const ViewerState& state, int document) const;
   void unfollow(ViewerState& state);
+  void adopt(ViewerState& state, Scene scene);
   void open(ViewerState& state, Scene scene);
   void replace(ViewerState& state, int document, Scene scene);
   void show(ViewerState& state, int document);
   void close(ViewerState& state, int document);
   void firstView(ViewerState& state);
+  void sharedView(ViewerState& state) const;
+  glm::vec3 backgroundOf(const Scene& scene) const { return options_.background.value_or(scene.background); }
 
   const ViewOptions options_;
   const std::function<void(ViewerState&, Scene)> adopt_;
   bool opened_any_ = false;
   bool compare_opened_ = false;  // --compare's model, which is not the one shown
   ViewPose adopted_pose_;        // of a part's view, to tell whether it has been moved
+  std::filesystem::path left_;   // the model that was shown when the one opened last came
   double read_seconds_ = 0;
   std::uint64_t read_bytes_ = 0;
   const std::function<void()> wake_;

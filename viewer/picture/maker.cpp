@@ -36,6 +36,9 @@ struct PictureMaker::Loaded {
   std::shared_ptr<const GaussianModel> model;
   std::unique_ptr<Renderer> renderer;
   GpuRenderer* gpu = nullptr;  // the same, where it is one
+
+  // The CPU renderer draws from the model itself, a device has a copy.
+  bool isOnlyHere() const { return model.use_count() == (gpu ? 1 : 2); }
 };
 
 PictureMaker::PictureMaker(PictureDevice& device, std::string backend)
@@ -48,8 +51,6 @@ PictureMaker::Loaded& PictureMaker::loaded(const std::shared_ptr<const GaussianM
     loaded_.splice(loaded_.begin(), loaded_, found);
     return loaded_.front();
   }
-  // Models that are no longer open, then the one unused for longest, make room first.
-  std::erase_if(loaded_, [](const Loaded& l) { return l.model.use_count() == 1; });
   while (loaded_.size() >= kModelsAtOnce) loaded_.pop_back();
   Loaded fresh;
   fresh.model = model;
@@ -75,8 +76,14 @@ std::shared_ptr<PictureImage> PictureMaker::freeImage(glm::ivec2 size) {
   return found != images_.end() ? *found : images_.emplace_back(device_.makeImage(size));
 }
 
+void PictureMaker::tidy() {
+  std::erase_if(loaded_, [](const Loaded& l) { return l.isOnlyHere(); });
+  if (loaded_.empty()) std::erase_if(images_, [](const auto& image) { return image.use_count() == 1; });
+}
+
 bool PictureMaker::begin(const PictureRequest& request) {
   TG_ASSERT(request.model != nullptr, "a picture is of a model");
+  tidy();  // models that are no longer open make room first
   Begun begun{{}, nullptr, nullptr, Clock::now()};
   begun.picture.request = request;
   const bool beside = !request.other && backend_ != "cpu" && !mapsOnHost(request.output, request.settings);

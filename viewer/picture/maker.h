@@ -23,6 +23,8 @@ class PictureMaker {
   // finished first.
   bool begin(const PictureRequest& request);
   std::size_t underWay() const { return begun_.size(); }
+  // Lets go of models that nobody else holds; with the last one, of images, too.
+  void tidy();
   // [ms] until the device is expected to be done with all that is under way; infinite where nothing tells.
   double expectedRest() const;
   // The oldest; waits at most so long [ms] for the device.

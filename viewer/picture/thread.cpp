@@ -33,6 +33,11 @@ void PictureThread::ask(PictureRequest request) {
   asked_.give({std::move(request), ++asked_number_});
 }
 
+// Whatever is asked for beside it tidies, too.
+void PictureThread::tidy() {
+  asked_.give({}, [](Asked&, Asked&) {});
+}
+
 PictureThread::News PictureThread::take() {
   Result result = results_.poll().value_or(Result());
   const bool given_up = result.given_up == asked_number_ && asked_number_ > 0;
@@ -42,16 +47,23 @@ PictureThread::News PictureThread::take() {
 void PictureThread::run(const std::stop_token& stop) {
   std::unique_ptr<PictureDevice> device;
   std::unique_ptr<PictureMaker> maker;
-  std::optional<Asked> newest;  // of those begun
+  std::optional<Asked> newest;  // of those begun; none: none is under way
   const std::size_t most = frames_in_flight_;
   while (!stop.stop_requested()) {
     const std::size_t under_way = maker ? maker->underWay() : 0;
     std::optional<Asked> asked;
     if (under_way == 0) {
+      newest.reset();  // it holds its model
       asked = asked_.take(stop);
       if (!asked) return;
     } else if (under_way < most && maker->expectedRest() < kRecordAhead) {
       asked = asked_.poll();
+    }
+
+    if (asked && !asked->request) {
+      if (maker) maker->tidy();
+      if (under_way == 0) continue;
+      asked.reset();
     }
 
     Result result;
@@ -62,7 +74,7 @@ void PictureThread::run(const std::stop_token& stop) {
       try {
         if (!device) device = make_device_();
         if (!maker) maker = std::make_unique<PictureMaker>(*device, backend_);
-        if (asked && !maker->begin(asked->request)) refused = std::exchange(asked, std::nullopt);
+        if (asked && !maker->begin(*asked->request)) refused = std::exchange(asked, std::nullopt);
         if (asked) newest = asked;
         // With room for another one, it looks up now and then for a request.
         const bool alone = most == 1 || maker->underWay() == most || refused;

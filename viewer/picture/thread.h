@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -25,6 +26,8 @@ class PictureThread {
                 std::function<void()> wake);
 
   void ask(PictureRequest request);
+  // Lets go of the memory of models that nobody else holds any more, on host and device; what was asked for stays.
+  void tidy();
   // Whether what was asked for last has not begun.
   bool waiting() const { return !asked_.empty(); }
 
@@ -37,8 +40,8 @@ class PictureThread {
 
  private:
   struct Asked {
-    PictureRequest request;
-    std::uint64_t number;
+    std::optional<PictureRequest> request;  // none: tidy()
+    std::uint64_t number = 0;
   };
   struct Result {
     std::shared_ptr<const Picture> picture;

@@ -55,6 +55,8 @@ void leaveDocument(ViewerState& state) {
   document.pose = state.camera.pose;
   document.lens = state.camera.lens;
   document.camera = state.camera.index;
+  document.crop = state.display.crop;
+  document.box = state.display.box;
   document.bookmarks = state.camera.bookmarks;
   document.kept_bookmarks = state.desktop.kept_bookmarks;
   document.edit = std::exchange(state.edit, afresh(state.edit));

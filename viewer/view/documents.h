@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "render/settings.h"
 #include "viewer/view/camera_controller.h"
 #include "viewer/view/edit_state.h"
 #include "viewer/view/history.h"
@@ -21,6 +22,8 @@ struct Document {
   ViewPose pose;  // as it was left
   Lens lens;
   int camera = -1;
+  bool crop = false;
+  CropBox box;
   EditState edit;
   History history;
   std::vector<Camera> bookmarks;

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <string_view>
+#include <tuple>
 #include <type_traits>
 #include <utility>
 
 #include "core/system/assert.h"
+#include "render/settings_members.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/state.h"
@@ -22,78 +24,109 @@ std::shared_ptr<const T> sharedWith(const std::shared_ptr<const T>& before, T no
   return before && *before == now ? before : std::make_shared<const T>(std::move(now));
 }
 
-// What of the state each part keeps, in one list: `copy(of the state, of the part)` goes either way.
-template <typename State, typename Part, typename Copy>
-void eachMember(State& s, Part& part, const Copy& copy) {
+// What of the state each part keeps, in one list: `act(of the state, of the part...)` for one part or several of a
+// kind.
+template <typename State, typename Act, typename Part, typename... More>
+void eachMember(State& s, const Act& act, Part& part, More&... more) {
   using Kind = std::remove_const_t<Part>;
   if constexpr (std::is_same_v<Kind, ViewSnapshot::Display>) {
-    copy(s.display.output, part.output);
-    copy(s.display.settings, part.settings);
-    copy(s.display.crop, part.crop);
-    copy(s.display.box, part.box);
-    copy(s.display.resolution, part.resolution);
+    act(s.display.output, part.output, more.output...);
+    act(s.display.settings, part.settings, more.settings...);
+    act(s.display.crop, part.crop, more.crop...);
+    act(s.display.box, part.box, more.box...);
+    act(s.display.resolution, part.resolution, more.resolution...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::View>) {
-    copy(s.camera.pose, part.pose);
-    copy(s.camera.lens, part.lens);
-    copy(s.camera.index, part.index);
+    act(s.camera.pose, part.pose, more.pose...);
+    act(s.camera.lens, part.lens, more.lens...);
+    act(s.camera.index, part.index, more.index...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Motion>) {
-    copy(s.camera.speed, part.speed);
-    copy(s.camera.fly, part.fly);
-    copy(s.camera.up, part.up);
-    copy(s.camera.turntable, part.turntable);
-    copy(s.camera.turntable_speed, part.turntable_speed);
+    act(s.camera.speed, part.speed, more.speed...);
+    act(s.camera.fly, part.fly, more.fly...);
+    act(s.camera.up, part.up, more.up...);
+    act(s.camera.turntable, part.turntable, more.turntable...);
+    act(s.camera.turntable_speed, part.turntable_speed, more.turntable_speed...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Bookmarks>) {
-    copy(s.camera.bookmarks, part.cameras);
-    copy(s.camera.bookmark, part.at);
+    act(s.camera.bookmarks, part.cameras, more.cameras...);
+    act(s.camera.bookmark, part.at, more.at...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Path>) {
-    copy(s.path.path, part.path);
-    copy(s.path.key, part.key);
-    copy(s.path.key_seconds, part.key_seconds);
-    copy(s.path.drawn, part.drawn);
+    act(s.path.path, part.path, more.path...);
+    act(s.path.key, part.key, more.key...);
+    act(s.path.key_seconds, part.key_seconds, more.key_seconds...);
+    act(s.path.drawn, part.drawn, more.drawn...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Recording>) {
-    copy(s.record.size, part.size);
-    copy(s.record.fps, part.fps);
-    copy(s.record.turntable_frames, part.turntable_frames);
+    act(s.record.size, part.size, more.size...);
+    act(s.record.fps, part.fps, more.fps...);
+    act(s.record.turntable_frames, part.turntable_frames, more.turntable_frames...);
   } else {
     static_assert(std::is_same_v<Kind, ViewSnapshot::Compare>);
-    copy(s.compare.how, part.how);
-    copy(s.compare.other, part.other);
-    copy(s.compare.with_photographs, part.with_photographs);
-    copy(s.compare.timed, part.timed);
-    copy(s.compare.flicker_seconds, part.flicker_seconds);
+    act(s.compare.how.mode, part.how.mode, more.how.mode...);
+    act(s.compare.how.divider, part.how.divider, more.how.divider...);
+    act(s.compare.how.gain, part.how.gain, more.how.gain...);
+    act(s.compare.how.with_sign, part.how.with_sign, more.how.with_sign...);
+    act(s.compare.other, part.other, more.other...);
+    act(s.compare.with_photographs, part.with_photographs, more.with_photographs...);
+    act(s.compare.timed, part.timed, more.timed...);
+    act(s.compare.flicker_seconds, part.flicker_seconds, more.flicker_seconds...);
   }
 }
 
 template <typename Part>
 Part captured(const ViewerState& s) {
   Part part;
-  eachMember(s, part, [](const auto& of_state, auto& of_part) { of_part = of_state; });
+  eachMember(s, [](const auto& of_state, auto& of_part) { of_part = of_state; }, part);
   return part;
 }
 
-// True where there was something to put back: only what differs, the rest may have been changed elsewhere, while
-// another model was shown.
+template <typename T>
+void putBackValue(T& of_state, const T& from, const T& to) {
+  if (from != to) of_state = to;
+}
+void putBackValue(RenderSettings& of_state, const RenderSettings& from, const RenderSettings& to) {
+  const auto each = [&]<std::size_t... i>(std::index_sequence<i...>) {
+    const auto now = membersOf(of_state);
+    const auto left = membersOf(from), wanted = membersOf(to);
+    (putBackValue(std::get<i>(now), std::get<i>(left), std::get<i>(wanted)), ...);
+  };
+  each(std::make_index_sequence<std::tuple_size_v<decltype(membersOf(to))>>());
+}
+
+// Only what differs: the rest may have been changed elsewhere, while another model was shown.
 template <typename Part>
-bool putBack(ViewerState& s, const Part& from, const Part& to) {
+void putBack(ViewerState& s, const Part& from, const Part& to) {
+  eachMember(
+      s, [](auto& of_state, const auto& left, const auto& wanted) { putBackValue(of_state, left, wanted); }, from, to);
+}
+
+// True where there was something to put back: all of it, since one member says nothing without the others.
+template <typename Part>
+bool putBackWhole(ViewerState& s, const Part& from, const Part& to) {
   if (from == to) return false;
-  eachMember(s, to, [](auto& of_state, const auto& of_part) { of_state = of_part; });
+  eachMember(s, [](auto& of_state, const auto& of_part) { of_state = of_part; }, to);
   return true;
 }
-template <typename Part>
-bool putBack(ViewerState& s, const std::shared_ptr<const Part>& from, const std::shared_ptr<const Part>& to) {
-  return from != to && putBack(s, *from, *to);
+
+// Keys that another model's steps have made or changed since stay.
+void putBackPath(ViewerState& s, const ViewSnapshot::Path& from, const ViewSnapshot::Path& to) {
+  if (s.path.path == from.path) {
+    s.path.path = to.path;
+    s.path.key = to.key;
+    s.path.playing = false;
+    s.path.at = std::min(s.path.at, duration(s.path.path));
+  }
+  putBackValue(s.path.key_seconds, from.key_seconds, to.key_seconds);
+  putBackValue(s.path.drawn, from.drawn, to.drawn);
 }
 
 ViewSnapshot snapshot(const ViewerState& s, const std::optional<ViewSnapshot>& last) {
   ViewSnapshot now;
   now.display = captured<ViewSnapshot::Display>(s);
   now.view = captured<ViewSnapshot::View>(s);
+  now.view.camera_lists = s.scene.camera_lists;
   now.motion = captured<ViewSnapshot::Motion>(s);
   now.bookmarks = sharedWith(last ? last->bookmarks : nullptr, captured<ViewSnapshot::Bookmarks>(s));
   now.path = sharedWith(last ? last->path : nullptr, captured<ViewSnapshot::Path>(s));
   now.recording = captured<ViewSnapshot::Recording>(s);
   now.compare = captured<ViewSnapshot::Compare>(s);
-  now.compare.how.shows_other = false;  // flickers by itself
   now.selection = s.edit.selection;
   return now;
 }
@@ -101,23 +134,18 @@ ViewSnapshot snapshot(const ViewerState& s, const std::optional<ViewSnapshot>& l
 void restore(ViewerState& s, const ViewSnapshot& from, const ViewSnapshot& to) {
   putBack(s, from.display, to.display);
   putBack(s, from.motion, to.motion);
-  if (putBack(s, from.view, to.view)) {
+  if (putBackWhole(s, from.view, to.view)) {
     s.path.playing = false;
-    if (s.camera.index >= static_cast<int>(s.scene.cameras.size())) s.camera.index = -1;
+    if (to.view.camera_lists != s.scene.camera_lists) s.camera.index = -1;  // its number means another camera now
     // The window may have had another shape.
     if (s.camera.index >= 0) {
       s.camera.lens = lensOf(s.scene.cameras[static_cast<std::size_t>(s.camera.index)], s.camera.aspect);
     }
   }
-  putBack(s, from.bookmarks, to.bookmarks);
-  if (putBack(s, from.path, to.path)) {
-    s.path.playing = false;
-    s.path.at = std::min(s.path.at, duration(s.path.path));
-  }
+  if (from.bookmarks != to.bookmarks) putBackWhole(s, *from.bookmarks, *to.bookmarks);
+  if (from.path != to.path) putBackPath(s, *from.path, *to.path);
   putBack(s, from.recording, to.recording);
-  const bool shows_other = s.compare.how.shows_other;
   putBack(s, from.compare, to.compare);
-  s.compare.how.shows_other = shows_other;
   if (from.selection != to.selection) s.edit.selection = to.selection;
 }
 
@@ -217,7 +245,11 @@ void recordChanges(ViewerState& state, bool busy, bool flowing) {
   History& history = state.history;
   const ViewSnapshot now = snapshot(state, history.last);
   if (!history.last) history.last = now;
-  if (busy || now == *history.last) return;
+  if (busy) return;
+  if (now == *history.last) {
+    history.last->view.camera_lists = now.view.camera_lists;
+    return;
+  }
   HistoryStep step{stepName(*history.last, now), *history.last,       now,     nullptr,
                    state.edit.revision,          state.edit.revision, flowing, state.time};
   HistoryStep* before = history.done > 0 ? &history.steps[history.done - 1] : nullptr;

@@ -16,7 +16,8 @@
 
 namespace tg {
 
-// The parts of the state that a step may change, each restored as a whole.
+// The parts of the state that a step may change. View, bookmarks and the path's keys are restored as a whole, all else
+// member by member.
 struct ViewSnapshot {
   struct Display {
     Output output = Output::final;
@@ -30,7 +31,11 @@ struct ViewSnapshot {
     ViewPose pose;
     Lens lens;
     int index = -1;
-    bool operator==(const View&) const = default;
+    int camera_lists = 0;  // Scene::camera_lists: of which list `index` is
+    // The place alone: the same one from another list is no step.
+    bool operator==(const View& other) const {
+      return pose == other.pose && lens == other.lens && index == other.index;
+    }
   };
   struct Motion {
     double speed = 1;
@@ -59,7 +64,7 @@ struct ViewSnapshot {
     bool operator==(const Recording&) const = default;
   };
   struct Compare {
-    Comparison how;
+    Comparison how;  // all but shows_other, which flickers by itself
     std::filesystem::path other;
     bool with_photographs = false, timed = false;
     double flicker_seconds = 0;

@@ -21,7 +21,7 @@ struct Scene {
   // Gaussians of all finest levels of a scene that is streamed: `model` is what is drawn of it now. 0: not streamed.
   std::size_t streamed_from = 0;
   std::vector<Camera> cameras;
-  int camera_lists = 0;  // that `cameras` were replaced by
+  int camera_lists = 0;  // how often `cameras` have been replaced by others
   std::size_t gaussians = 0;
   std::size_t textured = 0;  // Gaussians with a texture rectangle
   std::size_t texels = 0;

@@ -83,6 +83,7 @@ void setScene(ViewerState& state, Scene scene) {
 void replaceScene(ViewerState& state, Scene scene) {
   clearInspection(state);  // the numbers are of another model
   forgetModel(state);
+  scene.camera_lists = state.scene.camera_lists + (scene.cameras == state.scene.cameras ? 0 : 1);
   state.scene = std::move(scene);
   if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) state.camera.index = -1;
 }

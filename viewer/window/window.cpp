@@ -59,6 +59,11 @@ PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
   return {area.origin + (area.size - fitted) / 2, fitted};
 }
 
+bool ofSameModels(const Picture& a, const Picture& b) {
+  const auto other = [](const Picture& p) { return p.request.other ? p.request.other->model : nullptr; };
+  return a.request.model == b.request.model && other(a) == other(b);
+}
+
 // Pointer or keyboard did something since the frame before.
 bool heardInput(const Events& events) {
   const ImGuiIO& io = ImGui::GetIO();
@@ -115,7 +120,8 @@ class Viewer {
   bool streaming() const {
     return script_ && state_.scene.streamed_from > 0 && !state_.stream.settled && !state_.loading.script_goes_on;
   }
-  // The picture on screen is that of the present state at full size, or will never come.
+  // The picture on screen is that of the present state at full size, or will never come. While the camera moves by
+  // itself, any picture; to be saved, one at full size.
   bool complete() const;
   void capture();
   bool held(int key) const { return glfwGetKey(graphics_->window(), key) == GLFW_PRESS; }
@@ -507,7 +513,8 @@ PictureRequest Viewer::request(glm::ivec2 size) const {
 bool Viewer::complete() const {
   if (inspecting() || streaming()) return false;
   if (!state_.scene.model || given_up_) return true;
-  if (runs_.active() || animating()) return picture_ != nullptr;  // no picture is the last one
+  if (runs_.active()) return picture_ != nullptr;  // no picture is the last one
+  if (animating()) return picture_ && (!capturing() || picture_->image->size == wantedSize());
   return picture_ && same(picture_->request, request(wantedSize()));
 }
 
@@ -525,8 +532,10 @@ void Viewer::ask(const PictureRequest& request) {
 
 void Viewer::askForPicture(bool moving) {
   if (!state_.scene.model) {
+    if (!picture_ && !asked_) return;
     picture_.reset();
     asked_.reset();
+    graphics_->pictures.tidy();
     return;
   }
   if (runs_.active()) {
@@ -562,7 +571,9 @@ void Viewer::takePicture() {
     runEnded();
   }
   if (!news.picture) return;
+  const bool of_others = picture_ && !ofSameModels(*picture_, *news.picture);
   picture_ = std::move(news.picture);
+  if (of_others) graphics_->pictures.tidy();  // one of them may be closed
   state_.display.scale = picture_->scale;
   state_.display.scaled = picture_->request.output;
   frame_timings_.pictureArrived();

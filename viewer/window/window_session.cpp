@@ -39,7 +39,7 @@ void WindowSession::adopt(ViewerState& state, Scene scene) {
   session.recent = state.recent;  // which the user may have cleared
   noteRecent(session, state.scene.path);
   if (!options_.session.empty()) state.recent = session.recent;
-  if (std::exchange(adopted_any_, true) || !options_.settings.crop) return;
+  if (!options_.settings.crop) return;
   state.display.box = *options_.settings.crop;
   state.display.crop = true;
 }

@@ -17,8 +17,8 @@ class WindowSession {
   glm::ivec2 windowSize() const { return options_.size.value_or(loaded_.session.window); }
   // A fresh state, as options and session want it.
   void start(ViewerState& state) const;
-  // Makes `scene` the one shown, with its bookmarks; the first one with the crop box of the options. An empty one:
-  // nothing is shown any more.
+  // Makes `scene` the one shown, with its bookmarks and the crop box of the options. An empty one: nothing is shown any
+  // more.
   void adopt(ViewerState& state, Scene scene);
   // Writes the session; says on stderr when it cannot.
   void keep(const ViewerState& state, glm::ivec2 window);
@@ -26,7 +26,6 @@ class WindowSession {
  private:
   const ViewOptions options_;
   LoadedSession loaded_;
-  bool adopted_any_ = false;
 };
 
 }  // namespace tg

@@ -49,6 +49,7 @@ struct Window {
             options, [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }, std::move(read)) {}
   void settle() {
     for (int i = 0; i < 3000; ++i) {
+      state.loading.part_owed = false;  // a part is on screen at once
       open_models.update(state);
       const DocumentState& documents = state.documents;
       if (!state.loading.active && documents.open_requests.empty() && !documents.show_request &&
@@ -294,6 +295,80 @@ TEST_CASE("each model keeps its own view, models of one data set share theirs") 
   CHECK(state.camera.pose.position == seen);
 }
 
+TEST_CASE("a second model of the command line changes neither its camera nor its background") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png", "y.png", "z.png"}, glm::vec3(1.0f));
+  writeModel(folder / "c.tgz", 4, {"x.png", "y.png", "z.png"}, glm::vec3(0.25f));
+  for (const bool compared : {true, false}) {
+    for (const bool in_parts : {true, false}) {
+      CAPTURE(compared, in_parts);
+      ViewOptions options = optionsFor(folder / "a.tgz");
+      if (compared) options.compare = folder / "c.tgz";
+      if (!compared) options.more_models = {folder / "c.tgz"};
+      options.camera = std::to_string(2);
+      options.background = glm::vec3(0.5f);
+      Window window(options, [&](const std::filesystem::path& path, const ReadOptions& read) {
+        if (in_parts) read.progress->preview(tinyTexturedModel(2));
+        return readModel(path, read);
+      });
+      window.settle();
+      REQUIRE(window.state.documents.open.size() == 2);
+      CHECK(window.state.documents.shown == (compared ? 0 : 1));
+      CHECK(window.state.camera.pose.position.x == Approx(2));
+      CHECK(window.state.display.settings.background == glm::vec3(0.5f));
+      press(window.state, kKeyPageDown);
+      window.settle();
+      CHECK(window.state.camera.pose.position.x == Approx(2));
+      CHECK(window.state.display.settings.background == glm::vec3(0.5f));
+    }
+  }
+}
+
+TEST_CASE("a model that opens beside one of its data set is seen from the view that is there, and leaves it alone") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png", "y.png"});
+  writeModel(folder / "b.tgz", 4, {"x.png", "y.png"});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  goToCamera(state, 1);
+  orbit(state.camera.pose, 0.5, 0.1);
+  state.camera.index = -1;
+  state.camera.lens.fov_y *= 0.5;
+  const CameraState view = state.camera;
+  for (const int document : {1, 0}) {
+    document == 1 ? window.open(folder / "b.tgz") : press(state, kKeyPageUp);
+    window.settle();
+    CHECK(state.documents.shown == document);
+    CHECK(state.camera.pose == view.pose);
+    CHECK(state.camera.lens == view.lens);
+    CHECK(state.camera.index == -1);
+  }
+}
+
+TEST_CASE("each model keeps its own crop box, on or off") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png"});
+  writeModel(folder / "b.tgz", 4, {"x.png"});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  const CropBox box{{-1, -2, -3}, {1, 2, 3}};
+  state.display.box = box;
+  state.display.crop = true;
+  window.open(folder / "b.tgz");
+  CHECK_FALSE(state.display.crop);
+  CHECK(state.display.box != box);
+  press(state, kKeyPageUp);
+  window.settle();
+  CHECK(state.display.crop);
+  CHECK(state.display.box == box);
+  press(state, kKeyPageDown);
+  window.settle();
+  CHECK_FALSE(state.display.crop);
+  CHECK(state.display.box != box);
+}
+
 TEST_CASE("closing shows a neighbour, closing the last one leaves nothing to draw") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {});
@@ -398,7 +473,7 @@ TEST_CASE("what cannot be read is an error at the start, and a message later") {
   CHECK(window.state.scene.gaussians == 3);
 }
 
-TEST_CASE("the command line's camera and background are those of the first model only") {
+TEST_CASE("the command line's camera is the first model's alone, its background every model's") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {"x.png", "y.png"}, glm::vec3(1.0f));
   writeModel(folder / "b.tgz", 4, {"z.png", "w.png"}, glm::vec3(0.25f));
@@ -411,7 +486,7 @@ TEST_CASE("the command line's camera and background are those of the first model
   CHECK(window.state.display.settings.background == glm::vec3(0.5f));
   window.open(folder / "b.tgz");
   CHECK(window.state.camera.index == 0);
-  CHECK(window.state.display.settings.background == glm::vec3(0.25f));
+  CHECK(window.state.display.settings.background == glm::vec3(0.5f));
   options.camera = std::to_string(7);
   Window wrong(options);
   CHECK_THROWS_AS(wrong.settle(), Error);

@@ -16,7 +16,7 @@ using namespace tg;
 namespace {
 
 struct Gate {
-  std::atomic<int> uploads{0};
+  std::atomic<int> uploads{0}, images{0};
   std::atomic<bool> shut{false}, fails{false};
   void open() {
     shut = false;
@@ -29,7 +29,9 @@ class MemoryDevice final : public PictureDevice {
  public:
   explicit MemoryDevice(Gate& gate) : gate_(gate) {}
 
-  std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override { return std::make_shared<MemoryImage>(size); }
+  std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
+    return std::make_shared<MemoryImage>(gate_, size);
+  }
   std::unique_ptr<GpuRenderer> makeRenderer() override { throw Error(ErrorKind::device, "lost"); }
   bool draw(GpuRenderer&, const FrameRequest&, PictureImage&, int) override { return false; }
   void upload(const Image&, PictureImage&) override {
@@ -42,7 +44,10 @@ class MemoryDevice final : public PictureDevice {
 
  private:
   struct MemoryImage : PictureImage {
-    explicit MemoryImage(glm::ivec2 s) : PictureImage(s) {}
+    MemoryImage(Gate& g, glm::ivec2 s) : PictureImage(s), gate(g) { ++gate.images; }
+    ~MemoryImage() override { --gate.images; }
+    MemoryImage& operator=(MemoryImage&&) = delete;
+    Gate& gate;
   };
   Gate& gate_;
 };
@@ -134,4 +139,32 @@ TEST_CASE("the thread ends while it draws, and what waits is dropped") {
     if (round % 2 == 0) bench.awaitUploads(1);
     bench.ask(33);
   }
+}
+
+TEST_CASE("a model that nobody holds is let go of with the next picture, or when told to, what was asked for stays") {
+  Bench bench("cpu");
+  bench.ask(32);
+  bench.until(32);
+  const std::weak_ptr<const GaussianModel> first = bench.model;
+  bench.model = std::make_shared<GaussianModel>(test::trainedLikeModel(2, 20));
+  bench.ask(33);
+  bench.until(33);
+  CHECK(first.expired());
+
+  bench.gate.shut = true;
+  bench.ask(34);
+  bench.awaitUploads(3);
+  bench.ask(35);
+  bench.thread.tidy();
+  bench.gate.open();
+  CHECK(bench.until(35).problem.empty());
+
+  const std::weak_ptr<const GaussianModel> last = bench.model;
+  bench.model.reset();
+  bench.thread.tidy();
+  for (int i = 0; i < 5000 && !(last.expired() && bench.gate.images == 0); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  CHECK(last.expired());
+  CHECK(bench.gate.images == 0);
 }

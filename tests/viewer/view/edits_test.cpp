@@ -401,3 +401,84 @@ TEST_CASE("cameras that replaced those of a moved model stay where they are when
   press(state, kUndo);
   CHECK(glm::distance(state.scene.cameras.front().position(), other.position()) < 1e-12);
 }
+
+TEST_CASE("undo and redo leave alone what was changed while another model was shown") {
+  ViewerState state = sampleState();
+  DisplayState& display = state.display;
+  display.settings.exposure = 1;
+  frame(state);
+  state.compare.how.mode = CompareMode::side;
+  frame(state);
+  const History first = std::exchange(state.history, {});
+  display.settings.opacity_scale = 0.3f;
+  display.settings.background = {0, 1, 0};
+  display.settings.intersection = IntersectionModel::plane;
+  display.output = Output::depth;
+  state.compare.how.gain = 4;
+  frame(state);
+  state.history = first;
+  state.history.last.reset();
+  for (int i = 0; i < 2; ++i) {
+    const auto go = i == 0 ? undo : redo;
+    go(state);
+    go(state);
+    frame(state);
+    CHECK(display.settings.exposure == (i == 0 ? 0.0f : 1.0f));
+    CHECK(state.compare.how.mode == (i == 0 ? CompareMode::off : CompareMode::side));
+    CHECK(display.settings.opacity_scale == 0.3f);
+    CHECK(display.settings.background == glm::vec3(0, 1, 0));
+    CHECK(display.settings.intersection == IntersectionModel::plane);
+    CHECK(display.output == Output::depth);
+    CHECK(state.compare.how.gain == 4);
+  }
+}
+
+TEST_CASE("keys added while another model was shown outlive undo and redo") {
+  ViewerState state = sampleState();
+  press(state, 'K');
+  frame(state);
+  const History first = std::exchange(state.history, {});
+  for (int i = 0; i < 2; ++i) {
+    orbit(state.camera.pose, 0.5, 0);
+    press(state, 'K');
+    frame(state);
+  }
+  REQUIRE(state.path.path.keys.size() == 3);
+  state.history = first;
+  state.history.last.reset();
+  press(state, kUndo);
+  CHECK(state.path.path.keys.size() == 3);
+  press(state, kRedo);
+  CHECK(state.path.path.keys.size() == 3);
+  CHECK(state.path.key == 2);
+}
+
+TEST_CASE("undo takes the view back with its own lens when the cameras were replaced since") {
+  ViewerState state = sampleState();
+  const ViewPose pose = state.camera.pose;
+  const Lens lens = state.camera.lens;
+  REQUIRE(state.camera.index == 0);
+  Camera other = lookAt({3, 1, -6}, {0, 0, 0}, {0, -1, 0}, 0.3, 96, 72);
+  replaceCameras(state, {other, other});
+  frame(state);
+  const Lens others = state.camera.lens;
+  REQUIRE(others != lens);
+  press(state, kUndo);
+  CHECK(state.camera.pose == pose);
+  CHECK(state.camera.lens == lens);
+  CHECK(state.camera.index == -1);
+  frame(state);
+  press(state, kRedo);
+  CHECK(state.camera.lens == others);
+  CHECK(state.camera.index == 0);
+
+  // Likewise where the file was read again.
+  Scene again = state.scene;
+  again.camera_lists = 0;
+  again.cameras = {test::trainedLikeCamera(96, 72), test::trainedLikeCamera(96, 72)};
+  replaceScene(state, again);
+  frame(state);
+  press(state, kUndo);
+  CHECK(state.camera.lens == lens);
+  CHECK(state.camera.index == -1);
+}

@@ -69,6 +69,30 @@ TEST_CASE("several models are open at once: the one shown is what --render write
   CHECK(psnr(shop.read("again.png"), shop.read("a.png")) > 60);
 }
 
+TEST_CASE("the command line's camera, background and crop box hold beside a second model, as --render draws them",
+          "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "a.tgz");
+  test::writeSample(shop / "c.tgz", 90);
+  const std::vector<std::string> flags = {"--camera", "2", "--background", "0,0.5,0", "--crop", "-9,-9,-9,0,9,9"};
+  const auto with = [&](std::vector<std::string> words) {
+    words.insert(words.end(), flags.begin(), flags.end());
+    return words;
+  };
+  const auto render = [&](const std::string& model) {
+    run(shop, with({model, "--render", "render.png", "--size", "240x180", "--backend", backendOr("vulkan")}));
+    return shop.read("render.png");
+  };
+  play(shop, with({"a.tgz", "--compare", "c.tgz", "--compare-mode", "flicker"}),
+       "panel off\nwait 3\ncompare off\npicture first.png\nkey PageDown\npicture second.png\n", "240x180",
+       backendOr("vulkan"));
+  play(shop, with({"a.tgz", "c.tgz"}), "panel off\nwait 3\npicture last.png\n", "240x180", backendOr("vulkan"));
+  CHECK(psnr(shop.read("first.png"), render("a.tgz")) > 45);
+  CHECK(psnr(shop.read("second.png"), render("c.tgz")) > 45);
+  CHECK(psnr(shop.read("last.png"), shop.read("second.png")) > 60);
+}
+
 TEST_CASE("the window answers while a file is read, says so, and Esc stops it", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;

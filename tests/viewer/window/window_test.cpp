@@ -318,6 +318,21 @@ TEST_CASE("the turntable turns and the path plays while the window lives", "[win
   CHECK(psnr(shop.read("played.png"), shop.read("end.png")) > 60);
 }
 
+TEST_CASE("a picture that is saved while the camera moves by itself has its full size", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz", 20000);
+  play(shop,
+       "panel off\nwait 2\nturntable on\nwait 5\npicture turning.png\nturntable off\nadd-key\norbit 40 0\nadd-key\n"
+       "play on\nwait 5\npicture playing.png\n",
+       "900x700", "cpu");
+  for (const char* name : {"turning.png", "playing.png"}) {
+    const Image picture = shop.read(name);
+    CHECK(picture.width == 900);
+    CHECK(picture.height == 700);
+  }
+}
+
 TEST_CASE("a recording in the window is the recording without one, and can be cancelled", "[window]") {
   TG_SKIP_IF(noWindow());
   for (const std::string& backend : {backendOr("vulkan"), std::string("cpu")}) {
