@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "converter/gltf/write_gltf.h"
 #include "library/access.h"
 
 namespace textured_gaussians {
@@ -17,6 +18,9 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     own.overwrite = options.overwrite;
     own.quantize = options.quantize;
     own.meshopt = options.meshopt;
+    if (options.steps && !(*options.steps >= tg::kLeastSteps && *options.steps <= tg::kMostSteps)) {  // nor a NaN
+      throw tg::Error(tg::ErrorKind::usage, "steps", "out of range (expected 0.125 to 64)");
+    }
     own.steps = options.steps;
     own.measure = options.measure ? tg::Measure::always : tg::Measure::never;
     for (const auto& [name, value] : options.edits) {

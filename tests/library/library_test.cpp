@@ -266,6 +266,10 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
   CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"shrink", "2"}}}); }, ErrorKind::usage) ==
         "shrink: no such edit (docs/converter.md has them)");
   CHECK(convert(kSample, folder / "a.ply", {.edits = {{"decimate", "100"}}}).gaussians == 100);
+  for (const float steps : {0.0f, -1.0f, 65.0f, std::numeric_limits<float>::infinity(), std::nanf("")}) {
+    CHECK(messageOf([&] { convert(kSample, folder / "b.sog", {.steps = steps}); }, ErrorKind::usage) ==
+          "steps: out of range (expected 0.125 to 64)");
+  }
 }
 
 TEST_CASE("every example runs on what the one before it made") {
