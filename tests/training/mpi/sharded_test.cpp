@@ -113,6 +113,23 @@ TEST_CASE("training has the same bytes by any number of ranks: no limit, 3D filt
   checkSame(settings, tg::test::sampleDataset(kScene));
 }
 
+TEST_CASE("training has the same bytes by any number of ranks: 3D filter, wide Gaussians that are split") {
+  tg::TrainSettings settings = shortRun();
+  settings.filter_3d = true;
+  settings.wide_sigma = 0.01f;
+  settings.gaussians = 0;
+  checkSame(settings, tg::test::sampleDataset(kScene));
+}
+
+// A known gap: it trains, but to other bytes than one process does; where they part has not been found.
+TEST_CASE("training has the same bytes by any number of ranks: 3D filter, a count first", "[!shouldfail]") {
+  tg::TrainSettings settings = shortRun();
+  settings.filter_3d = true;
+  settings.gaussians = 0;
+  settings.percent = 60;
+  checkSame(settings, tg::test::sampleDataset(kScene));
+}
+
 TEST_CASE("training has the same bytes by any number of ranks: MCMC from random points, cut textures") {
   tg::TrainSettings settings = shortRun();
   settings.densification = tg::Densification::mcmc;
