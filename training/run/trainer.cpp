@@ -203,7 +203,6 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   if (stage == Stage::count || stage == Stage::plain) {
     state_.training = {};
     state_.training.model = first.mean.empty() ? firstGaussians() : std::move(first);
-    state_.min_sigma.clear();  // of the Gaussians that were
     resetMoments(state_.training);
     if (stage == Stage::plain) state_.report.initial_gaussians = state_.training.model.size();
   } else if (stage == Stage::textured) {
@@ -284,7 +283,6 @@ void Trainer::keepMostSeen(std::size_t count) {
   std::sort(kept.begin(), kept.end());
   selectGaussians(state_.training, kept, count);
   state_.statistics.select(kept);
-  state_.min_sigma.clear();  // of the Gaussians that were
   updateFilter();
 }
 
@@ -312,7 +310,6 @@ void Trainer::splitWideOnes() {
   std::ranges::copy(split.pieces.opacity_logit,
                     training.model.opacity_logit.begin() + static_cast<std::ptrdiff_t>(kept));
   state_.statistics.grow(training.model.size());
-  state_.min_sigma.clear();  // of the Gaussians that were
   updateFilter();
 }
 
@@ -340,7 +337,9 @@ bool Trainer::opacitiesSettled(int iteration) const {
 }
 
 void Trainer::updateFilter() {
-  if (settings_.filter_3d && state_.stage != Stage::quantized) engine_->updateFilter(state_, filter_cameras_);
+  if (!settings_.filter_3d || state_.stage == Stage::quantized) return;
+  state_.min_sigma.clear();  // of as many Gaussians as there were
+  engine_->updateFilter(state_, filter_cameras_);
 }
 
 bool Trainer::step(const std::atomic<bool>* stop) {
