@@ -35,11 +35,18 @@ void onKey(GLFWwindow* window, int key, int scancode, int action, int mods) {
   eventsOf(window).keys.emplace_back(control ? key | kControl : key, (mods & GLFW_MOD_SHIFT) != 0);
 }
 
+void onMove(GLFWwindow* window, double x, double y) { eventsOf(window).pointer = {x, y}; }
+
+void onEnter(GLFWwindow* window, int entered) {
+  if (entered == GLFW_FALSE) eventsOf(window).pointer.reset();
+}
+
 void onButton(GLFWwindow* window, int button, int action, int mods) {
   if ((mods & GLFW_MOD_ALT) == 0) eventsOf(window).alt_up = true;
   if (button != GLFW_MOUSE_BUTTON_LEFT || action != GLFW_PRESS) return;
   Press press{glfwGetTime(), {}};
   glfwGetCursorPos(window, &press.at.x, &press.at.y);
+  press.at = eventsOf(window).pointer.value_or(press.at);
   eventsOf(window).presses.push_back(press);
 }
 
@@ -80,6 +87,8 @@ WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug) {
   if (!window) refuseWindow(lastError());
   glfwSetWindowUserPointer(window.get(), &events);
   glfwSetKeyCallback(window.get(), onKey);
+  glfwSetCursorPosCallback(window.get(), onMove);
+  glfwSetCursorEnterCallback(window.get(), onEnter);
   glfwSetMouseButtonCallback(window.get(), onButton);
   glfwSetDropCallback(window.get(), onDrop);
   return window;

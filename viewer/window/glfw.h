@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <glm/glm.hpp>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,9 @@ struct Events {
   int chord = 0;                           // what was pressed last with Ctrl, by its place on the keyboard; 0: nothing
   bool alt_up = false;                     // when a button went down: the window manager may keep the key going up
   std::vector<std::filesystem::path> dropped;
+  // Of the window, in its units, where the last event had it, kept from frame to frame; none: no event since it left.
+  // GLFW itself tells where the pointer is by now.
+  std::optional<glm::dvec2> pointer;
 };
 
 struct WindowCloser {

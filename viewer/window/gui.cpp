@@ -102,8 +102,12 @@ void Gui::beginFrame([[maybe_unused]] const Events& events) {
     screen_.startPanels();
   }
   screen_.beginPanels();
-#if IMGUI_VERSION_NUM < 18700  // later ones queue keys themselves
+#if IMGUI_VERSION_NUM < 18700  // later ones queue events themselves
   ImGuiIO& io = ImGui::GetIO();
+  // The back end asks where the pointer is by now: a button going up before that would drag on to there.
+  if (const glm::vec2 at = events.pointer.value_or(glm::dvec2(0.0)); events.pointer && ImGui::IsMousePosValid()) {
+    io.MousePos = {at.x, at.y};
+  }
   for (const int key : std::exchange(held_down_, {})) io.KeysDown[key] = glfwGetKey(window_, key) == GLFW_PRESS;
   io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
   if (events.alt_up) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = io.KeyAlt = false;

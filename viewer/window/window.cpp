@@ -385,6 +385,7 @@ void Viewer::followAspect() {
 
 void Viewer::handleEvents() {
   const Events events = std::exchange(events_, {});
+  events_.pointer = events.pointer;
   if (events.chord != 0) chord_key_ = events.chord;
   // Dear ImGui sees one press a frame, however long that took.
   double_clicked_ = false;

@@ -194,13 +194,17 @@ TEST_CASE("Undo and Redo are buttons, and a drag over the histogram selects", "[
                        "picture undone-picture.png\n" + seen("redone") +
                        "picture redone-picture.png\noutput final\npicture final.png\noutput depth\n"
                        "picture depth-picture.png\ntab edit\nwindow edit.png\n" +
-                       seen("pressed") + seen("far") + seen("dragged") + seen("deleted") + "save-model left.tgz\n",
+                       seen("pressed") + seen("far") + "hold-frame go\n" + seen("dragged") + seen("deleted") +
+                       "save-model left.tgz\n",
                    "reached depth.png\nclick 70 " + row + "\nseen undone\nclick 220 " + row +
                        "\nseen redone\nreached edit.png\n"
                        "to 14 " +
                        bars + "\npress 1\nseen pressed\nto 60 " + bars + "\nto 150 " + bars +
-                       "\nseen far\nrelease 1\nto 500 600\nseen dragged\nkey Delete\nseen deleted\n");
-  // The range is marked while it says what is selected.
+                       "\nseen far\nreached go.held\nrelease 1\nto 500 600\ntouch go\nseen dragged\nkey Delete\n"
+                       "seen deleted\n",
+                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  // The range ends where the button went up, though the pointer was elsewhere when the frame began, and is marked
+  // while it says what is selected.
   const auto marked = [&](const char* window) {
     const Image image = shop.read(window);
     int orange = 0;

@@ -3,6 +3,7 @@
 //   lose-device           the next picture on a device fails as on a lost one
 //   lose-window-device    the window's next frame does
 //   hold-picture FILE     the next picture waits until there is such a file, at most 60 s
+//   hold-frame FILE       the next frame of the window waits likewise, after its events; it makes FILE.held before
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
 //   hold-finest on/off    files of the finest level of a scene wait while it is on, at most 60 s
 //   await-scene           until a scene with levels of detail is shown
@@ -10,6 +11,7 @@
 #include <atomic>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <thread>
 #include <utility>
@@ -31,6 +33,7 @@ using Clock = std::chrono::steady_clock;
 std::atomic<bool> lose_device{false}, lose_window{false};
 std::atomic<bool> hold_picture{false};
 std::filesystem::path held_until;  // written before hold_picture
+std::filesystem::path hold_frame;  // of the window's thread; empty: none
 std::atomic<double> slow_file{0};  // [s]
 std::atomic<bool> hold_finest{false};
 
@@ -42,6 +45,7 @@ constexpr std::array kVerbs = {
            held_until = c[0];
            hold_picture = true;
          }},
+    Verb{"hold-frame", 1, 1, [](const Call& c) { hold_frame = c[0]; }},
     Verb{"slow-file", 1, 0, [](const Call& c) { slow_file = c.number(0, 0, 60); }},
     Verb{"hold-finest", 1, 0, [](const Call& c) { hold_finest = c.on(); }},
     Verb{"await-scene", 0, 1, [](const Call&) {},
@@ -52,12 +56,15 @@ void loseIf(std::atomic<bool>& fault) {
   if (fault.exchange(false)) throw Error(ErrorKind::device, "device lost, as a script wants it");
 }
 
-void dawdle() {
-  if (!hold_picture.exchange(false)) return;
+void awaitFile(const std::filesystem::path& file) {
   const auto end = Clock::now() + std::chrono::seconds(60);
-  while (!std::filesystem::exists(held_until) && Clock::now() < end) {
+  while (!std::filesystem::exists(file) && Clock::now() < end) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
+}
+
+void dawdle() {
+  if (hold_picture.exchange(false)) awaitFile(held_until);
 }
 
 Bundle readSlowly(const std::filesystem::path& path, const ReadOptions& options) {
@@ -116,7 +123,13 @@ class FaultyScreen final : public Screen {
     return std::make_unique<FaultyDevice>(screen_->makePictureDevice());
   }
   glm::ivec2 size() const override { return screen_->size(); }
-  bool acquire(glm::ivec2 framebuffer_size) override { return screen_->acquire(framebuffer_size); }
+  bool acquire(glm::ivec2 framebuffer_size) override {
+    if (!hold_frame.empty()) {
+      std::ofstream(hold_frame.string() + ".held");
+      awaitFile(std::exchange(hold_frame, {}));
+    }
+    return screen_->acquire(framebuffer_size);
+  }
   void draw(std::span<const PictureBlit> pictures, glm::vec3 clear, bool panels) override {
     loseIf(lose_window);
     screen_->draw(pictures, clear, panels);
