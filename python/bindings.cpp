@@ -135,8 +135,10 @@ Model makeModel(const Floats& means, const Floats& rotations, const Floats& log_
   if (texture_rects) {
     const auto rects = py::array_t < std::int64_t, py::array::c_style | py::array::forcecast > ::ensure(*texture_rects);
     if (!rects) throw py::error_already_set();
-    requireShape(rects, {n, 3}, "texture_rects", "[N, 3]");
-    for (py::ssize_t i = 0; i < n; ++i) {
+    // None, as a model without textures has them.
+    const bool none = rects.ndim() == 2 && rects.shape(0) == 0 && rects.shape(1) == 3;
+    if (!none) requireShape(rects, {n, 3}, "texture_rects", "[N, 3]");
+    for (py::ssize_t i = 0; i < rects.shape(0); ++i) {
       const std::int64_t offset = rects.at(i, 0), width = rects.at(i, 1), height = rects.at(i, 2);
       if (offset < 0 || offset > 0xffffffff || width < 0 || width > 0xffff || height < 0 || height > 0xffff) {
         refuse("texture_rects: row " + std::to_string(i) +
@@ -171,7 +173,8 @@ void bindError(py::module_& module) {
     try {
       if (thrown) std::rethrow_exception(thrown);
     } catch (const Error& refused) {
-      const py::object raised = error(refused.what());
+      // Paths need not be UTF-8: as os.fsdecode reads them.
+      const py::object raised = error(py::reinterpret_steal<py::str>(PyUnicode_DecodeFSDefault(refused.what())));
       raised.attr("kind") = kKinds[static_cast<int>(refused.kind())];
       PyErr_SetObject(error.ptr(), raised.ptr());
     }
@@ -341,8 +344,14 @@ width]. textures: terms that count. background: RGB; None: the model's.)");
   module.def("set_threads", &setThreads, "count"_a,
              "Threads from now on; 0, as at the start: as many as the machine has. Results do not depend on it.");
   module.def(
-      "read_image", [](const std::filesystem::path& path) { return arrayOf(readImage(path)); }, "path"_a,
-      "PNG, JPEG or EXR as float32 [height, width, 3 or 4], grey as [height, width]; black 0, white 1.");
+      "read_image",
+      [](const std::filesystem::path& path) {
+        return arrayOf([&] {
+          const py::gil_scoped_release release;
+          return readImage(path);
+        }());
+      },
+      "path"_a, "PNG, JPEG or EXR as float32 [height, width, 3 or 4], grey as [height, width]; black 0, white 1.");
   module.def(
       "write_image",
       [](const std::filesystem::path& path, const Floats& image) {
@@ -354,7 +363,9 @@ width]. textures: terms that count. background: RGB; None: the model's.)");
           return static_cast<int>(std::min<py::ssize_t>(image.shape(axis), 1 << 30));
         };
         const int channels = image.ndim() == 3 ? side(2) : 1;
-        writeImage(path, {side(1), side(0), channels, {image.data(), image.data() + image.size()}});
+        const Image made{side(1), side(0), channels, {image.data(), image.data() + image.size()}};
+        const py::gil_scoped_release release;
+        writeImage(path, made);
       },
       "path"_a, "image"_a, "By the extension: .png and .jpg (clamped to [0, 1], 8 bits) or .exr (half floats).");
 }

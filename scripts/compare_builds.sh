@@ -3,9 +3,9 @@
 # small scale, every output format, edits, every kind of picture on every backend that works here, and the conformance
 # files through both; names each file that differs and exits with 1. FOLDER keeps the outputs, default a temporary one.
 set -euo pipefail
-cd "$(dirname "$0")/.."
 old=$(realpath "$1") new=$(realpath "$2")
-folder="${3:-$(mktemp -d)}"
+folder=$(realpath -m "${3:-$(mktemp -d)}")
+cd "$(dirname "$0")/.."
 python3 scripts/make_conformance.py "$folder/conformance" >/dev/null
 
 outputs() {  # PROGRAMS: everything into the working folder, by relative names, since some outputs hold the names

@@ -59,5 +59,6 @@ if [ ${#missing[@]} -gt 0 ]; then
 fi
 
 if [ "${1:-build}" = test ] && ! command -v nvcc >/dev/null; then
-  scripts/install_cuda.sh || echo "CUDA is not compiled in this build: its compiler could not be installed." >&2
+  "$(dirname "$0")/install_cuda.sh" ||
+    echo "CUDA is not compiled in this build: its compiler could not be installed." >&2
 fi

@@ -16,6 +16,6 @@ tgtrain farm "$jobs" --out "$farm" --prepare
 # A worker that ends with an error (a full disk, a job given up) must not take the others with it: mpirun would kill
 # them all, which loses nothing but time. The last command therefore says how it went.
 mpirun -np "$workers" --bind-to none "$@" \
-  sh -c 'tgtrain farm "$1" --out "$2" --join --threads "${THREADS:-2}" || echo "a worker ended with exit code $?" >&2' \
-  worker "$jobs" "$farm"
+  sh -c 'tgtrain farm "$1" --out "$2" --join --threads "$3" || echo "a worker ended with exit code $?" >&2' \
+  worker "$jobs" "$farm" "${THREADS:-2}"
 exec tgtrain farm "$jobs" --out "$farm" --join --no-wait

@@ -4,6 +4,7 @@
 that writes a data set. Exit code 77: NumPy is missing."""
 import ast
 import inspect
+import os
 import pathlib
 import subprocess
 import sys
@@ -91,9 +92,13 @@ class Models(Folder):
                 self.refused(kind, words, tg.Model, **(good | {name: value}))
         with self.assertRaises(TypeError):
             tg.Model(**(good | {"means": "far"}))
+        plain = tg.Model(**good)
+        self.assertEqual(plain.texture_rects.shape, (0, 3))
+        self.assertEqual(len(tg.Model(**good, texture_rects=plain.texture_rects, texels=plain.texels)), 2)
 
     def test_files_that_are_none_are_refused_with_their_kind(self):
         self.refused("cannot_read", "none.tgz", tg.Model.load, self.folder / "none.tgz")
+        self.refused("cannot_read", os.fsdecode(b"n\xf6ne.tgz"), tg.Model.load, os.fsdecode(b"n\xf6ne.tgz"))
         (self.folder / "bad.tgz").write_bytes(b"\x1f\x8b, but not quite")
         self.refused("bad_data", "bad.tgz", tg.Model.load, self.folder / "bad.tgz")
         model = tg.Model.load(SAMPLE)

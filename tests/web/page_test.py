@@ -118,6 +118,17 @@ def at_a_desk(browser, page):
     same = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture()")), shown)
     expect("and that address shows it again, at least 38 dB", same.psnr >= 38, same)
 
+    browser.page("Page.navigate", url="about:blank")
+    browser.open(f"{page}?show=alpha", 640, 480)
+    asked = browser.evaluate("tgViewer.settings.show")
+    browser.press("1")
+    browser.press("c")
+    expect("it names what the page's query asks for", until(browser, "location.hash.includes('show=final')"), asked)
+    link = browser.evaluate("location.href")
+    browser.page("Page.navigate", url="about:blank")
+    browser.open(link, 640, 480)
+    expect("and goes before it", asked == "alpha" and browser.evaluate("tgViewer.settings.show") == "final")
+
     browser.click(*browser.middle("#play"))
     before = browser.evaluate(eye)
     expect("the camera flies", until(browser, f"{eye} !== '{before}'") and browser.evaluate("tgViewer.playing"))

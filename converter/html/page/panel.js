@@ -131,15 +131,17 @@ class Panel {
     }
   }
 
-  // The address of this page with the view and the settings that are not the model's own, in the clipboard, too.
+  // The address of this page with the view and the settings that are not the model's own or that its query names, which
+  // holds as well, in the clipboard, too.
   async link() {
     const {viewer} = this;
     const own = Splats.settingsOf(viewer.model), now = viewer.settings;
+    const asked = new URLSearchParams(location.search);
     const words = [`view=${viewer.viewText}`];
     for (const key of ['show', 'textures', 'intersection', 'outside']) {
-      if (now[key] !== own[key]) words.push(`${key}=${now[key]}`);
+      if (now[key] !== own[key] || asked.has(key)) words.push(`${key}=${now[key]}`);
     }
-    if (String(now.background) !== String(own.background)) {
+    if (String(now.background) !== String(own.background) || asked.has('background')) {
       words.push(`background=${now.background.map((c) => Number(c.toFixed(4))).join(',')}`);
     }
     history.replaceState(null, '', `#${words.join('&')}`);
