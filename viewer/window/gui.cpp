@@ -105,7 +105,8 @@ void Gui::beginFrame([[maybe_unused]] const Events& events) {
 #if IMGUI_VERSION_NUM < 18700  // later ones queue events themselves
   ImGuiIO& io = ImGui::GetIO();
   // The back end asks where the pointer is by now: a button going up before that would drag on to there.
-  if (const glm::vec2 at = events.pointer.value_or(glm::dvec2(0.0)); events.pointer && ImGui::IsMousePosValid()) {
+  if (events.pointer && ImGui::IsMousePosValid()) {
+    const glm::vec2 at(*events.pointer);
     io.MousePos = {at.x, at.y};
   }
   for (const int key : std::exchange(held_down_, {})) io.KeysDown[key] = glfwGetKey(window_, key) == GLFW_PRESS;
