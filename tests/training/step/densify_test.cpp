@@ -205,6 +205,15 @@ TEST_CASE("scores are means over the views that saw the Gaussian", "[densify]") 
   CHECK(statistics.max_radius == std::vector<float>{9, 2});
 }
 
+TEST_CASE("statistics begin with nothing seen", "[densify]") {
+  tg::DensityStatistics statistics = scores({1, 2, 3});
+  statistics.reset(2);
+  CHECK(statistics.score_sum == std::vector<float>{0, 0});
+  CHECK(statistics.magnitude_sum == std::vector<float>{0, 0});
+  CHECK(statistics.view_count == std::vector<std::uint32_t>{0, 0});
+  CHECK(statistics.max_radius == std::vector<float>{0, 0});
+}
+
 TEST_CASE("an opacity reset lowers and never raises", "[densify]") {
   tg::TrainingState state = rowOf(2);
   state.model.opacity_logit[1] = logit(0.006f);

@@ -8,6 +8,7 @@
 #include "support/catch.h"
 #include "core/system/random.h"
 #include "training/step/textures.h"
+#include "training/step/update.h"
 
 namespace {
 
@@ -135,10 +136,59 @@ TEST_CASE("texels decay towards no change, by a share of their rate", "[optimize
   }
 }
 
+TEST_CASE("texels that move out of [0, 1] come back to it, colours where that is asked for", "[optimizer]") {
+  tg::TrainingState state = randomState(2, 0, 11);
+  tg::addTextures(state, tg::uniformRects(2, 2, 0), tg::TextureMode::rgba, tg::TextureInit::paper);
+  tg::TrainingState free = state;
+  tg::ModelGradient gradient = randomGradient(state.model, 12);
+  for (std::size_t i = 0; i < gradient.texels.size(); ++i) gradient.texels[i] = glm::vec4(i % 2 == 0 ? -1.0f : 1.0f);
+  tg::ModelGradient again = gradient;
+  tg::DensityStatistics statistics;
+  const tg::Camera camera;
+  tg::StepInput input{.camera = camera,
+                      .view = 0,
+                      .photograph = nullptr,
+                      .background = glm::vec3(0.0f),
+                      .background_varies = false,
+                      .iteration = 1,
+                      .gradient = {},
+                      .gather_statistics = false,
+                      .rates = {.texels = 5},
+                      .mcmc = false,
+                      .opacity_weight = 0,
+                      .scale_weight = 0,
+                      .noise = 0,
+                      .noise_seed = 0,
+                      .clamp_colors = true};
+  tg::updateParameters(state, {}, statistics, input, {0, 2}, gradient);
+  input.clamp_colors = false;
+  tg::updateParameters(free, {}, statistics, input, {0, 2}, again);
+  for (std::size_t i = 0; i < state.model.atlas.texels.size(); ++i) {
+    CHECK(state.model.atlas.texels[i] == glm::vec4(i % 2 == 0 ? 1.0f : 0.0f));
+    CHECK((free.model.atlas.texels[i].r > 1) == (i % 2 == 0));
+    CHECK((free.model.atlas.texels[i].r < 0) == (i % 2 != 0));
+    CHECK(free.model.atlas.texels[i].a == (i % 2 == 0 ? 1.0f : 0.0f));
+  }
+}
+
 TEST_CASE("position rates fall log-linearly from 1.6e-4 to 1.6e-6 of the extent", "[optimizer]") {
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 0, 1000) == Approx(3.2e-4));
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 500, 1000) == Approx(3.2e-5));
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 1000, 1000) == Approx(3.2e-6));
+  CHECK(tg::decayedRate(1.6e-4, 1.6e-6, 1500, 1000) == Approx(1.6e-6));
+}
+
+TEST_CASE("a Gaussian's moments are forgotten, both of them and no others", "[optimizer]") {
+  tg::TrainingState state = randomState(3, 1, 9);
+  tg::adamStep(state, randomGradient(state.model, 10), {});
+  tg::TrainingState expected = state;
+  for (auto* sh : {&expected.moments.sh.first, &expected.moments.sh.second}) std::fill_n(&(*sh)[12], 12, 0.0f);
+  for (auto* mean : {&expected.moments.mean.first, &expected.moments.mean.second}) std::fill_n(&(*mean)[3], 3, 0.0f);
+  tg::clearMoments(state, 1);
+  CHECK(state.moments.sh.first == expected.moments.sh.first);
+  CHECK(state.moments.sh.second == expected.moments.sh.second);
+  CHECK(state.moments.mean.first == expected.moments.mean.first);
+  CHECK(state.moments.mean.second == expected.moments.mean.second);
 }
 
 TEST_CASE("moments agree with a model where both of every field have its length", "[optimizer]") {

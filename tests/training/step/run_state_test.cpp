@@ -28,3 +28,20 @@ TEST_CASE("every view comes once before any comes again, each time in another or
     CHECK(orders.size() >= (count < 7 ? 1 : 5));
   }
 }
+
+TEST_CASE("the report of a stage is the one that was set for it, and that of the plain stage is always there") {
+  constexpr tg::Stage kStages[] = {tg::Stage::count, tg::Stage::plain, tg::Stage::textured, tg::Stage::untextured,
+                                   tg::Stage::quantized};
+  tg::TrainReport report;
+  for (const tg::Stage stage : kStages) {
+    CHECK((tg::reportOf(report, stage) != nullptr) == (stage == tg::Stage::plain));
+    tg::StageReport to_set;
+    to_set.iterations = 10 + static_cast<int>(stage);
+    tg::setReport(report, stage, to_set);
+  }
+  for (const tg::Stage stage : kStages) {
+    const tg::StageReport* set = tg::reportOf(report, stage);
+    REQUIRE(set != nullptr);
+    CHECK(set->iterations == 10 + static_cast<int>(stage));
+  }
+}
