@@ -59,7 +59,7 @@ bool isInSteps(const Format& format, const ConvertOptions& options) {
 // Whether what is written may look otherwise than the model: not by the last bits of its numbers.
 bool changesPictures(const GaussianModel& model, const Format& format, const ConvertOptions& options) {
   return isTextured(model) || !format.holds(kKeepsFloats) || options.quantize || options.viewer ||
-         isInSteps(format, options);
+         isInSteps(format, options) || losesIntersection(format, model);
 }
 
 // The input, where it can be converted without being a model in between.

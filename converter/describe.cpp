@@ -192,8 +192,10 @@ std::string describe(const Bundle& loaded, bool statistics) {
   }
   text += "\nintersection: " + std::string(name(model.intersection)) + "\n";
   if (model.outside != TextureOutside::base) text += "outside: " + std::string(name(model.outside)) + "\n";
-  text += format("bounds: (%g, %g, %g) to (%g, %g, %g)\n", facts.low.x, facts.low.y, facts.low.z, facts.high.x,
-                 facts.high.y, facts.high.z);
+  if (model.size() > 0) {
+    text += format("bounds: (%g, %g, %g) to (%g, %g, %g)\n", facts.low.x, facts.low.y, facts.low.z, facts.high.x,
+                   facts.high.y, facts.high.z);
+  }
   text += format("cameras: %zu\nbackground: (%g, %g, %g)\n", loaded.cameras.size(), loaded.background.x,
                  loaded.background.y, loaded.background.z);
   text += "axes: " + axesOf(loaded.format) + " in the file; bounds in " + kAxes + "\n";
@@ -220,7 +222,7 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
                       {"largest_side", facts.largest}};
   json["intersection"] = name(model.intersection);
   json["outside"] = name(model.outside);
-  json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
+  if (model.size() > 0) json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
   json["cameras"] = loaded.cameras.size();
   json["background"] = triple(loaded.background);
   json["axes"] = axesOf(loaded.format);

@@ -231,6 +231,9 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
   const bool looks = arguments.info || arguments.stats || arguments.output == "null";
   if (looks) refuseBesideInfo(app, arguments);
   const bool writes = !looks && !arguments.output.empty();
+  if (given("--dry-run") && given("--psnr")) {
+    throw tg::Error(tg::ErrorKind::usage, "--psnr does nothing beside --dry-run, which writes nothing");
+  }
   const tg::Format* output = nullptr;
   if (writes && !folder) output = &tg::outputFormat(arguments.output);
   if (writes && folder && given("--to")) output = tg::findFormat(arguments.to);

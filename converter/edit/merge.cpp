@@ -19,7 +19,7 @@ void mergeModel(GaussianModel& model, const GaussianModel& added, const std::str
     throw Error(ErrorKind::badData, path, "too many Gaussians in all" + atMost(kMaxGaussians, before + added.size()));
   }
   const bool textured = isTextured(model), adds_textures = isTextured(added);
-  if (textured && adds_textures && model.intersection != added.intersection) {
+  if (model.intersection != added.intersection) {
     throw Error(ErrorKind::badData, path,
                 "another intersection model" +
                     expectedFound(std::string(name(model.intersection)), std::string(name(added.intersection))));
@@ -29,10 +29,7 @@ void mergeModel(GaussianModel& model, const GaussianModel& added, const std::str
                 "its textures end in another way" +
                     expectedFound(std::string(name(model.outside)), std::string(name(added.outside))));
   }
-  if (!textured && adds_textures) {
-    model.intersection = added.intersection;
-    model.outside = added.outside;
-  }
+  if (!textured && adds_textures) model.outside = added.outside;
 
   GaussianModel other = added;
   const int degree = std::max(model.sh_degree, other.sh_degree);

@@ -181,8 +181,13 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
     try {
       report = writeGlb(glb_file.path(), lean);
     } catch (const Error& error) {
-      if (error.kind != ErrorKind::cannotWrite) throw;
-      throw Error(error.kind, path.string(), "cannot write the GLB that it holds: the disk may be full");
+      if (error.kind == ErrorKind::cannotWrite) {
+        throw Error(error.kind, path.string(), "cannot write the GLB that it holds: the disk may be full");
+      }
+      std::string said = error.what();
+      const std::string hidden = glb_file.path().string();
+      if (said.starts_with(hidden)) said.replace(0, hidden.size(), path.string());
+      throw Error(error.kind, said);
     }
     std::ifstream glb(glb_file.path(), std::ios::binary);
     // Once it is open: who is killed from here on leaves nothing behind, either.

@@ -367,6 +367,12 @@ std::string lostTextures(const Format& format) {
   return std::string(format.title) + " holds no textures: their means go into colours and opacities, the rest is lost";
 }
 
+bool losesIntersection(const Format& format, const GaussianModel& model) {
+  // It stands beside the cameras, or else with the textures.
+  const bool names_it = format.holds(kKeepsCameras) || (format.holds(kKeepsTextures) && isTextured(model));
+  return !names_it && model.intersection != GaussianModel().intersection;
+}
+
 void writeModel(const Format& format, const Path& path, const Bundle& source, const WriteOptions& options,
                 Written& written) {
   const std::string title(format.title);
@@ -375,6 +381,11 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
   }
   if (format.read && !format.holds(kKeepsSh) && source.model.sh_degree > 0) {
     written.warnings.push_back(title + " holds no SH: colours are those of degree 0");
+  }
+  if (format.read && losesIntersection(format, source.model)) {
+    written.warnings.push_back(title + " has no word for the intersection model " +
+                               std::string(name(source.model.intersection)) + ": it becomes " +
+                               std::string(name(GaussianModel().intersection)));
   }
   written.texture_mode = name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none);
   if (format.holds(kKeepsTextures) || !isTextured(source.model)) {

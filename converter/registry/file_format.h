@@ -93,6 +93,9 @@ Bundle readModel(const std::filesystem::path& path, const ReadOptions& options =
 // The warning where a format holds no textures, and what is written loses those that it had.
 std::string lostTextures(const Format& format);
 
+// Whether what is written has the intersection model of every file that names none instead of the model's own.
+bool losesIntersection(const Format& format, const GaussianModel& model);
+
 // `source` as `format` holds it, with warnings for what it does not. Throws what the writers throw.
 void writeModel(const Format& format, const std::filesystem::path& path, const Bundle& source,
                 const WriteOptions& options, Written& written);

@@ -168,6 +168,15 @@ TEST_CASE("an empty file name is refused as such") {
   }
 }
 
+TEST_CASE("a model without Gaussians has no bounds") {
+  const Scratch scratch;
+  writeBundle(scratch.folder() / "empty.tgz", Bundle());
+  const Result info = tgconvert(scratch, "empty.tgz --info");
+  CHECK(info.code == 0);
+  CHECK(info.out.find("bounds: ") == std::string::npos);
+  CHECK_FALSE(nlohmann::json::parse(tgconvert(scratch, "empty.tgz --info --json").out).contains("bounds"));
+}
+
 TEST_CASE("a slip in an expression is told what it may have meant") {
   const Scratch scratch;
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 49));
@@ -465,7 +474,8 @@ TEST_CASE("options that do nothing in a folder, beside --info and before check a
        {"in.ply a.spz --no-cameras", "in.ply a.html --lean", "folder a --to glb --base-only",
         "folder a --to glb --spz-axes rdf", "folder a --to spz --no-cameras", "in.ply --info --decimate 10",
         "in.ply in.ply null", "in.ply --info --quantize --steps 2", "in.ply --stats --target-size 1KB",
-        "in.ply null --overwrite", "--overwrite --quantize check in.ply", "--json check in.ply"}) {
+        "in.ply null --overwrite", "in.ply a.glb --dry-run --psnr", "--overwrite --quantize check in.ply",
+        "--json check in.ply"}) {
     CAPTURE(arguments);
     CHECK(tgconvert(scratch, arguments).code == 1);
   }

@@ -108,6 +108,13 @@ TEST_CASE("views that are cameras of a merged model, too, take none of its camer
   CHECK(views.size() == 1);
 }
 
+TEST_CASE("what cannot be a page is refused by the page's name") {
+  const Scratch scratch;
+  const std::filesystem::path path = scratch.folder() / "a.html";
+  CHECK(test::messageOf([&] { writeHtml(path, {GaussianModel(), {}, glm::vec3(0.0f)}); }) ==
+        path.string() + ": the model has no Gaussians");
+}
+
 TEST_CASE("a page names nothing outside itself") {
   const Scratch scratch;
   writeHtml(scratch.folder() / "a.html",

@@ -10,6 +10,7 @@
 #include "converter/scratch.h"
 #include "converter/splat_files.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/message_of.h"
@@ -123,6 +124,28 @@ TEST_CASE("every format that is written is read again with what its row says tha
     const bool baked = std::ranges::any_of(
         written.warnings, [](const std::string& w) { return w.find(" holds no textures: ") != std::string::npos; });
     CHECK(baked != format.holds(kKeepsTextures));
+  }
+}
+
+TEST_CASE("an intersection model that a file does not name is a warning, and no other is") {
+  const Scratch scratch;
+  Bundle source;
+  source.model = test::makeScene(test::SceneKind::ordinary, 12, 20).model;
+  source.model.intersection = IntersectionModel::plane;
+  for (const bool textured : {true, false}) {
+    if (!textured) source.model = withoutTextures(source.model);
+    for (const Format& format : formats()) {
+      if (!format.write || !format.read) continue;
+      CAPTURE(format.name, textured);
+      const std::filesystem::path path =
+          scratch.folder() / ((textured ? "a." : "b.") + std::string(format.name));
+      Written written;
+      writeModel(format, path, source, {}, written);
+      const bool warned = std::ranges::any_of(written.warnings, [](const std::string& warning) {
+        return warning.ends_with(" has no word for the intersection model plane: it becomes maxResponse");
+      });
+      CHECK(warned == (readModel(path).model.intersection != IntersectionModel::plane));
+    }
   }
 }
 
