@@ -21,6 +21,13 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     if (options.steps && !(*options.steps >= tg::kLeastSteps && *options.steps <= tg::kMostSteps)) {  // nor a NaN
       throw tg::Error(tg::ErrorKind::usage, "steps", "out of range (expected 0.125 to 64)");
     }
+    const tg::Format& format = tg::outputFormat(output);
+    const auto refuseIdle = [&](bool given, bool does, const char* what) {
+      if (given && !does) throw tg::Error(tg::ErrorKind::usage, what, "does nothing for ." + std::string(format.name));
+    };
+    refuseIdle(options.quantize, format.is_gltf, "quantize");
+    refuseIdle(options.meshopt, format.is_gltf, "meshopt");
+    refuseIdle(options.steps.has_value(), format.has_steps, "steps");
     own.steps = options.steps;
     own.measure = options.measure ? tg::Measure::always : tg::Measure::never;
     for (const auto& [name, value] : options.edits) {

@@ -37,6 +37,7 @@ Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOp
     Evaluation evaluation;
     for (const tg::ViewScore& score : scores) evaluation.views.push_back(scoreOf(score));
     evaluation.mean = scoreOf(tg::meanView(scores));
+    evaluation.mean.name.clear();
     return evaluation;
   });
 }

@@ -133,6 +133,9 @@ Model makeModel(const Floats& means, const Floats& rotations, const Floats& log_
   data.cameras = cameras;
   if (texels) data.texels = floatsOf(*texels, {-1, 4}, "texels", "[T, 4]");
   if (texture_rects) {
+    if (const char kind = texture_rects->dtype().kind(); texture_rects->size() > 0 && kind != 'i' && kind != 'u') {
+      refuse("texture_rects: expected integers, found " + py::str(texture_rects->dtype()).cast<std::string>());
+    }
     const auto rects = py::array_t < std::int64_t, py::array::c_style | py::array::forcecast > ::ensure(*texture_rects);
     if (!rects) throw py::error_already_set();
     // None, as a model without textures has them.

@@ -180,6 +180,13 @@ TEST_CASE(
   CHECK(red.data[3 * static_cast<std::size_t>(empty - alpha.data.begin())] == 1);
   CHECK_THAT(messageOf([&] { renderer.render(camera, Output::final, {.splat_scale = -1}); }, ErrorKind::usage),
              Contains("splat"));
+  for (const float channel : {INFINITY, std::nanf("")}) {
+    const std::array<float, 3> background = {0, channel, 0};
+    CHECK_THAT(messageOf([&] { renderer.render(camera, Output::final, {.background = background}); }, ErrorKind::usage),
+               Contains("background"));
+    CHECK(messageOf([&] { Dataset::load("nowhere", {.background = background}); }, ErrorKind::usage) ==
+          "background: is not finite");
+  }
 }
 
 TEST_CASE("training by steps ends, learns, and gives the same bytes with one thread as with two") {
@@ -244,6 +251,7 @@ TEST_CASE("an evaluation has every photograph of the split, and its means are th
   const Evaluation test = evaluate(model, dataset, {.flip = true});
   REQUIRE(test.views.size() == 2);
   CHECK(test.mean.psnr == Approx((test.views[0].psnr + test.views[1].psnr) / 2));
+  CHECK(test.mean.name.empty());
   CHECK(test.mean.psnr > 18);  // the sample was trained on this scene, at 128 px
   CHECK(test.mean.ssim > 0.5);
   REQUIRE(test.mean.flip);
@@ -269,6 +277,12 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
   for (const float steps : {0.0f, -1.0f, 65.0f, std::numeric_limits<float>::infinity(), std::nanf("")}) {
     CHECK(messageOf([&] { convert(kSample, folder / "b.sog", {.steps = steps}); }, ErrorKind::usage) ==
           "steps: out of range (expected 0.125 to 64)");
+  }
+  for (const auto& [name, options] : {std::pair<std::string, ConvertOptions>{"quantize", {.quantize = true}},
+                                      {"meshopt", {.meshopt = true}},
+                                      {"steps", {.steps = 2.0f}}}) {
+    CHECK(messageOf([&] { convert(kSample, folder / "b.ply", options); }, ErrorKind::usage) ==
+          name + ": does nothing for .ply");
   }
 }
 

@@ -87,6 +87,7 @@ class Models(Folder):
                 ("sh", np.zeros((2, 5, 3)), "usage", "sh: expected K of 1, 4, 9 or 16, found 5"),
                 ("texture_mode", "rgbx", "usage", 'texture mode: expected one of none, alpha, rgb, rgba, found "rgbx"'),
                 ("texture_rects", np.array([[0, 2, 2], [-1, 1, 1]]), "usage", "texture_rects: row 1"),
+                ("texture_rects", np.full((2, 3), 2.9), "usage", "texture_rects: expected integers, found float64"),
                 ("texture_rects", np.array([[0, 2, 2], [0, 0, 0]]), "bad_data", "Gaussian 0")):
             with self.subTest(name=name):
                 self.refused(kind, words, tg.Model, **(good | {name: value}))

@@ -102,7 +102,16 @@ expect('a mirrored model is not drawn', cameraOf(viewFromModel.map((x, k) => (k 
 const back = parseView(formatView(camera, 4));
 expect('a view comes back from its word', back && back.distance === 4 &&
   back.axes.flat().every((x, k) => Math.abs(x - camera.axes.flat()[k]) < 1e-4), JSON.stringify(back));
-for (const text of ['', '1,2', '1,2,3,0,0,0,1,50,1,x', '1,2,3,0,0,0,2,50,1,4', 'NaN,0,0,0,0,0,1,50,1,4']) {
+for (const key of ['fx', 'fy', 'cx', 'cy']) {
+  const scale = 480 / back.height;
+  expect(`${key} of a view comes back`, Math.abs(back[key] * scale - camera[key]) < 0.02, back[key] * scale);
+}
+const square = {...camera, fx: 510, cx: 320, cy: 240};
+expect('a plain lens is ten numbers', formatView(square, 4).split(',').length === 10, formatView(square, 4));
+expect('and comes back', ['fx', 'fy', 'cx', 'cy'].every(
+  (key) => Math.abs(parseView(formatView(square, 4))[key] * 480 / 720 - square[key]) < 0.02), '');
+for (const text of ['', '1,2', '1,2,3,0,0,0,1,50,1,4,0,0.5,0.5', '1,2,3,0,0,0,1,50,1,4,1,0.5',
+                    '1,2,3,0,0,0,1,50,1,x', '1,2,3,0,0,0,2,50,1,4', 'NaN,0,0,0,0,0,1,50,1,4']) {
   expect('a word that is no view', parseView(text) === null, text);
 }
 for (const bytes of [new Uint8Array(0), new Uint8Array(100), new Uint8Array([0x50, 0x4B, 3, 4])]) {

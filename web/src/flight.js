@@ -8,11 +8,12 @@ const LEG = 2500;  // [ms] from one to the next
 const curve = (a, b, c, d, t) =>
   0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t * t + (3 * b - a - 3 * c + d) * t * t * t);
 
-// Eye, rotation and the logarithm of the focal length over the height, as a list.
+// Eye, rotation, the logarithms of the focal lengths over the height, and the centre over width and height, as a list.
 function numbersOf(camera, before) {
   let turn = quaternionOf(camera.axes);
   if (before && before.slice(3, 7).reduce((sum, x, k) => sum + x * turn[k], 0) < 0) turn = turn.map((x) => -x);
-  return [...camera.eye, ...turn, Math.log(camera.fy / camera.height)];
+  return [...camera.eye, ...turn, Math.log(camera.fx / camera.height), Math.log(camera.fy / camera.height),
+          camera.cx / camera.width, camera.cy / camera.height];
 }
 
 export class Flight {
@@ -37,8 +38,8 @@ export class Flight {
     const numbers = around[0].map((_, k) => curve(...around.map((list) => list[k]), t));
     const turn = numbers.slice(3, 7), length = Math.hypot(...turn);
     const {width, height} = stops[this.first];
-    const fy = Math.exp(numbers[7]) * height;
-    return {name: '', test: false, width, height, fx: fy, fy, cx: 0.5 * width, cy: 0.5 * height,
+    const [fx, fy] = numbers.slice(7, 9).map((x) => Math.exp(x) * height);
+    return {name: '', test: false, width, height, fx, fy, cx: numbers[9] * width, cy: numbers[10] * height,
             axes: axesOf(turn.map((x) => x / length)), eye: numbers.slice(0, 3)};
   }
 }

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A view as a word of an address: eye, rotation x y z w from the camera's axes to the world's, vertical field of view
-// [degrees], width over height of what is then in view, distance to what it turns about.
+// [degrees], width over height of what is then in view, distance to what it turns about; behind it, where pixels are
+// not square or the centre is not in the middle: fx over fy, cx over width, cy over height.
 
 const DIGITS = 5;
 const HEIGHT = 720;
+const PLAIN_LENS = [1, 0.5, 0.5];
+const LEAST_SHIFT = 1e-5;
 
 // Columns of the rotation are the camera's axes.
 export function quaternionOf([a, b, c]) {
@@ -26,17 +29,22 @@ export function axesOf([x, y, z, w]) {
 export function formatView(camera, distance) {
   const fov = 2 * Math.atan(0.5 * camera.height / camera.fy) * 180 / Math.PI;
   const numbers = [...camera.eye, ...quaternionOf(camera.axes), fov, camera.width / camera.height, distance];
+  const lens = [camera.fx / camera.fy, camera.cx / camera.width, camera.cy / camera.height];
+  if (lens.some((x, k) => Math.abs(x - PLAIN_LENS[k]) > LEAST_SHIFT)) numbers.push(...lens);
   return numbers.map((x) => String(Number(x.toPrecision(DIGITS)))).join(',');
 }
 
 // A camera with its distance, or null.
 export function parseView(text) {
   const numbers = text.split(',').map((word) => (word.trim() === '' ? NaN : Number(word)));
-  if (numbers.length !== 10 || !numbers.every((x) => Number.isFinite(x) && Math.abs(x) < 1e9)) return null;
+  if (numbers.length !== 10 && numbers.length !== 13) return null;
+  if (!numbers.every((x) => Number.isFinite(x) && Math.abs(x) < 1e9)) return null;
   const turn = numbers.slice(3, 7), length = Math.hypot(...turn);
   const [fov, aspect, distance] = numbers.slice(7);
+  const [stretch, cx, cy] = numbers.length === 13 ? numbers.slice(10) : PLAIN_LENS;
   if (!(Math.abs(length - 1) < 0.01 && fov >= 1 && fov <= 170 && aspect >= 0.01 && aspect <= 100 && distance > 0)) return null;
+  if (!(stretch >= 0.01 && stretch <= 100 && Math.abs(cx) <= 100 && Math.abs(cy) <= 100)) return null;
   const fy = 0.5 * HEIGHT / Math.tan(fov * Math.PI / 360), width = HEIGHT * aspect;
-  return {name: '', test: false, width, height: HEIGHT, fx: fy, fy, cx: 0.5 * width, cy: 0.5 * HEIGHT,
+  return {name: '', test: false, width, height: HEIGHT, fx: stretch * fy, fy, cx: cx * width, cy: cy * HEIGHT,
           axes: axesOf(turn.map((x) => x / length)), eye: numbers.slice(0, 3), distance};
 }

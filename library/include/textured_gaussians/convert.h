@@ -13,8 +13,8 @@ namespace textured_gaussians {
 
 struct ConvertOptions {
   bool overwrite = false;  // a file that is there
-  bool quantize = false;   // glb, gltf: integers for rotations, opacities and colours
-  bool meshopt = false;    // glb, gltf: compressed by EXT_meshopt_compression
+  bool quantize = false;   // glb, gltf, html: integers for rotations, opacities and colours
+  bool meshopt = false;    // glb, gltf, html: compressed by EXT_meshopt_compression
   bool measure = false;    // render both models and compare
   // sog, glb, gltf, html: how many times as wide as usual the steps of all numbers are, 1/8 to 64.
   std::optional<float> steps = {};
@@ -32,8 +32,9 @@ struct ConvertReport {
   std::vector<std::string> warnings;  // what the format does not hold, a line each
 };
 
-// The output's format is its extension; what is written takes its name once it is complete. Throws Error: usage,
-// cannotRead, badData, cannotWrite (also for a file that is there, without `overwrite`).
+// The output's format is its extension; what is written takes its name once it is complete. Throws Error: usage
+// (also for options that the output's format does nothing with), cannotRead, badData, cannotWrite (also for a file that
+// is there, without `overwrite`).
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 

@@ -51,7 +51,7 @@ struct ModelData {
 class Model {
  public:
   // Throws Error(badData) naming the first Gaussian and member that is wrong: lengths, numbers that are not finite,
-  // quaternions without a length, rectangles beyond the texels, cameras that are none.
+  // quaternions without a length, rectangles beyond the texels; Error(usage) for cameras that are none.
   explicit Model(const ModelData& data);
   // From any file that tgconvert reads, told by its content: .tgz, .glb, .gltf, .ply, .sog, .spz, .html, ... ; .splat
   // and .ksplat by their extension. Throws Error: cannotRead, badData.
