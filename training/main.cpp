@@ -42,7 +42,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   std::string ignored;
   if (options.device == "cuda") tg::openCuda(options.device, ignored);
   const std::string made_of = tg::trainingMadeOf(options);
-  tg::checkOutputs(options, options.overwrite || tg::isFile(options.run.folder / "checkpoint"));
+  tg::checkOutputs(options, tg::isFile(options.run.folder / "checkpoint"));
   if (options.threads > 0) tg::setThreadCount(options.threads);
   tg::checkInput(photos);
   tg::Ledger ledger(photos.work);
@@ -52,7 +52,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   options.dataset = photos.work.string();
   options.run.resume = !own_run || ledger.isBegun(tg::PhotoStage::training, made_of);
   if (!options.run.resume) {
-    tg::checkOutputs(options, options.overwrite);
+    tg::checkOutputs(options, false);
     std::error_code error;
     fs::remove_all(options.run.folder, error);
     if (error) throw tg::Error(tg::ErrorKind::cannotWrite, options.run.folder.string(), error.message());

@@ -188,7 +188,7 @@ void refuseTogether(const TrainFlags& options) {
 
 }  // namespace
 
-void checkOutputs(const TrainFlags& options, bool overwrite) {
+void checkOutputs(const TrainFlags& options, bool resumes) {
   const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
@@ -202,7 +202,11 @@ void checkOutputs(const TrainFlags& options, bool overwrite) {
         throw Error(ErrorKind::usage, path, "is named for two outputs (expected different files)");
       }
     }
-    refuseExisting(path, overwrite);
+    const fs::path& run = options.run.folder;
+    if (!run.empty() && fs::absolute(path).lexically_normal() == fs::absolute(run / "model.tgz").lexically_normal()) {
+      throw Error(ErrorKind::usage, path, "is written in any case, as the run folder's model (expected another name)");
+    }
+    refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
     requireWritable(path);
   }
 }
@@ -267,7 +271,6 @@ int train(const TrainFlags& options, Processes* together) {
   std::optional<Bundle> start_bundle;
   std::unique_ptr<PageServer> page;
   std::unique_ptr<RunFolder> run;
-  bool replace = false;
   std::string why_cpu;
   std::unique_ptr<DifferentiableRenderer> renderer;
   Dataset dataset;
@@ -291,9 +294,7 @@ int train(const TrainFlags& options, Processes* together) {
       page = servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset));
     }
     run = openRunFolder(options);
-    // What a run wrote when it was stopped, it replaces when it goes on.
-    replace = options.overwrite || (run && run->hasCheckpoint());
-    checkOutputs(options, replace);
+    checkOutputs(options, run && run->hasCheckpoint());
     if (!together) renderer = openCuda(options.device, why_cpu);
     dataset = loadData(options, data_options());
   };
@@ -379,12 +380,18 @@ int train(const TrainFlags& options, Processes* together) {
   TrainResult result = trainer.result();
   json_options.total_seconds = seconds();
 
+  // What a run wrote when it was stopped, it replaces when it goes on.
+  const auto replaces = [&](const std::string& path) {
+    const bool own = run && run->owns(path);
+    if (run && (options.overwrite || own || !fs::exists(path))) run->own(path);
+    return options.overwrite || own;
+  };
   std::string written;  // what there is to say of the output
   const auto save = [&](const std::string& path, GaussianModel model, const TrainReport& report, SceneSize size = {}) {
     Bundle bundle = makeTrainedBundle(dataset, settings, report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
     const std::string kept = run && path == options.output ? run->model().string() : "";
-    const std::string facts = writeScene(path, std::move(bundle), replace, kept, size);
+    const std::string facts = writeScene(path, std::move(bundle), replaces(path), kept, size);
     if (path == options.output) written = facts;
     return training_json;
   };
@@ -395,7 +402,7 @@ int train(const TrainFlags& options, Processes* together) {
     json_options.total_seconds = run->seconds();
     if (fs::path(options.output).extension() == ".tgz") {
       writeAfterTraining(
-          options.output, replace, [&] { copyFileAtomically(run->model(), options.output); },
+          options.output, replaces(options.output), [&] { copyFileAtomically(run->model(), options.output); },
           [&] { return run->model().string(); });
     } else if (!options.output.empty()) {
       save(options.output, std::move(result.model), result.report, size);
@@ -412,7 +419,7 @@ int train(const TrainFlags& options, Processes* together) {
     save(options.untextured_output, std::move(*result.untextured), report);
   }
   if (!options.json.empty()) {
-    const KeepExisting no_other_run(!replace);
+    const KeepExisting no_other_run(!replaces(options.json));
     writeTextAtomically(options.json, json);
   }
   if (!options.quiet) {

@@ -11,8 +11,9 @@
 
 namespace tg {
 
-// Before hours of training: what could not be written at their end. Throws Error(usage / cannotWrite).
-void checkOutputs(const TrainFlags& options, bool overwrite);
+// Before hours of training: what could not be written at their end. resumes: what its run wrote, it may replace. Throws
+// Error(usage / cannotWrite), and what isOutputOf() throws.
+void checkOutputs(const TrainFlags& options, bool resumes);
 
 // Before hours of work, those of COLMAP among them: all that is wrong whatever the photographs are. Returns the start
 // model, if there is one. Throws Error.

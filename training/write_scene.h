@@ -35,10 +35,11 @@ void writeAfterTraining(const std::string& path, bool replace, const std::functi
 void keepModel(const std::string& path, const Bundle& scene);
 
 // Writes `scene`, as writeAfterTraining(); its cameras only where the format has them and neither size nor steps are
-// asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size, and without any, the finest that do not; a file that cannot be as
-// small is as small as it can be, with a line on stderr, since training took its time. Returns what to say of it beside
-// its name: "(59961 bytes, 41.2 dB to the model)", where numbers are rounded, over up to four views. Throws what the
-// writers throw, after keepModel() where it is not `kept` elsewhere.
+// asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size,
+// and without any, the finest that do not; a file that cannot be as small is as small as it can be, with a line on
+// stderr, since training took its time. Returns what to say of it beside its name: "(59961 bytes, 41.2 dB to the
+// model)", where numbers are rounded, over up to four views. Throws what the writers throw, after keepModel() where it
+// is not `kept` elsewhere.
 std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept,
                        SceneSize size = {});
 

@@ -67,7 +67,7 @@ TEST_CASE("a run that is killed again and again ends in the bytes of one that is
   CHECK(scores == 3);
   for (const auto& entry : fs::directory_iterator(folder / "run")) {
     const std::string name = entry.path().filename().string();
-    CHECK((name == "checkpoint" || name == "model.tgz" || name == "metrics.jsonl"));
+    CHECK((name == "checkpoint" || name == "model.tgz" || name == "metrics.jsonl" || name == "outputs.json"));
   }
 }
 
@@ -273,8 +273,26 @@ TEST_CASE("a model that came while another was trained stays, and the other is k
     CHECK(bytesOf(folder / kept) == model);
   }
   // Whoever asks for it replaces, and a run its own.
-  CHECK(tgtrain(folder, kBase + "--iterations 200 -o run.tgz --run run --resume").code == 0);
+  const std::string again = kBase + "--iterations 200 --run run --resume -o ";
+  const Outcome refused = tgtrain(folder, again + "run.tgz");
+  CHECK(refused.code == 4);
+  CHECK_THAT(refused.output, Contains("run.tgz: exists already (add --overwrite to replace it)"));
+  CHECK(contents(folder / "run.tgz") == "somebody's");
+  CHECK(tgtrain(folder, again + "run.tgz --overwrite").code == 0);
   CHECK(bytesOf(folder / "run.tgz") == model);
+  for (int time = 0; time < 2; ++time) {
+    CHECK(tgtrain(folder, again + "own.tgz --json own.json").code == 0);
+    CHECK(bytesOf(folder / "own.tgz") == model);
+    fs::resize_file(folder / "own.tgz", 1);
+  }
+  CHECK_THAT(tgtrain(folder, again + "run/../run/model.tgz").output, Contains("is written in any case"));
+  CHECK(tgtrain(folder, kBase + "--iterations 200 --run other -o other/model.tgz").code == 1);
+  // Both may be moved together.
+  fs::create_directory(folder / "elsewhere");
+  fs::rename(folder / "run", folder / "elsewhere/run");
+  fs::rename(folder / "own.tgz", folder / "elsewhere/own.tgz");
+  CHECK(tgtrain(folder, kBase + "--iterations 200 --run elsewhere/run --resume -o elsewhere/own.tgz").code == 0);
+  CHECK(bytesOf(folder / "elsewhere/own.tgz") == model);
 }
 
 TEST_CASE("what tgtrain says reaches a file or a pipe while it trains", "[resume]") {

@@ -10,10 +10,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 
 #include "core/file/file.h"
+#include "core/file/json.h"
 #include "core/run/live.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -24,6 +26,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kOutputsName = "outputs.json";
+constexpr std::uint64_t kMostOutputsBytes = 1 << 20;
+constexpr std::size_t kMostOutputs = 4096;
 constexpr double kLargestShare = 0.05;  // of the time for checkpoints
 
 // Left by a process that was killed while it wrote.
@@ -47,6 +52,24 @@ void removeTemporaries(const fs::path& folder) {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
     if (isTemporary(entry.path()) && entry.is_regular_file(ignored)) fs::remove(entry.path(), ignored);
   }
+}
+
+std::string pathFrom(const fs::path& folder, const fs::path& file) {
+  return fs::absolute(file).lexically_normal().lexically_relative(fs::absolute(folder).lexically_normal()).string();
+}
+
+std::vector<std::string> outputsOf(const fs::path& folder) {
+  const fs::path path = folder / kOutputsName;
+  if (!fs::exists(path)) return {};
+  const std::string name = path.string();
+  const nlohmann::json listed = parseJson(readFile(path, kMostOutputsBytes), name);
+  const JsonNode node{listed, name, ""};
+  std::vector<std::string> outputs;
+  for (const nlohmann::json& output : node.list("outputs", kMostOutputs)) {
+    if (!output.is_string()) node.fail("outputs: expected paths");
+    outputs.push_back(output.get<std::string>());
+  }
+  return outputs;
 }
 
 std::string previewName(Stage stage, int iteration) {
@@ -76,6 +99,10 @@ void removePreviews(const fs::path& folder) {
 }
 
 }  // namespace
+
+bool isOutputOf(const fs::path& folder, const fs::path& file) {
+  return std::ranges::count(outputsOf(folder), pathFrom(folder, file)) > 0;
+}
 
 RunFolder::RunFolder(RunFolderOptions options)
     : options_(std::move(options)), log_(options_.metrics_every, options_.eval_every) {
@@ -111,6 +138,17 @@ RunFolder::~RunFolder() {
   ::close(lock_);
 }
 
+bool RunFolder::owns(const fs::path& file) const { return has_checkpoint_ && isOutputOf(options_.folder, file); }
+
+void RunFolder::own(const fs::path& file) const {
+  std::vector<std::string> all = outputsOf(options_.folder);
+  const std::string name = pathFrom(options_.folder, file);
+  if (std::ranges::count(all, name) > 0) return;
+  all.push_back(name);
+  if (all.size() > kMostOutputs) all.erase(all.begin());
+  writeTextAtomically(options_.folder / kOutputsName, dumpJson({{"outputs", all}}) + "\n");
+}
+
 double RunFolder::seconds() const {
   return earlier_seconds_ + std::chrono::duration<double>(Clock::now() - start_).count();
 }
@@ -129,6 +167,7 @@ std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
     std::error_code ignored;
     removePreviews(options_.folder / "previews");
     fs::remove(model(), ignored);
+    fs::remove(options_.folder / kOutputsName, ignored);
     fs::remove(checkpoint(), ignored);
     openMetrics(0);
     return std::nullopt;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The folder of a run that can be watched, killed and resumed: checkpoint, model.tgz, metrics.jsonl, previews/.
+// The folder of a run that can be watched, killed and resumed: checkpoint, model.tgz, metrics.jsonl, previews/, and
+// outputs.json where it has written files elsewhere.
 #pragma once
 #include <atomic>
 #include <chrono>
@@ -37,6 +38,10 @@ struct RunInputs {
   const GaussianModel* context = nullptr;   // likewise; drawn by `renderer`
 };
 
+// Whether the run in `folder` wrote `file`, which is not of the folder, by its outputs.json: that has paths from the
+// folder on, so both may be moved together. Throws Error(cannotRead / badData).
+bool isOutputOf(const std::filesystem::path& folder, const std::filesystem::path& file);
+
 // One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.
 class RunFolder {
  public:
@@ -59,6 +64,11 @@ class RunFolder {
   void afterStep(const Trainer& trainer);
   // The last checkpoint and model, finished or not. Returns the model's training.json. Throws Error(cannotWrite).
   std::string finish(const Trainer& trainer);
+
+  // Whether isOutputOf() says so of a run that goes on.
+  bool owns(const std::filesystem::path& file) const;
+  // Makes it so: before it is written, since who is killed meanwhile is to find it again.
+  void own(const std::filesystem::path& file) const;
 
   // Wall time of the run, all its sessions together.
   double seconds() const;

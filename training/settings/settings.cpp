@@ -112,7 +112,7 @@ std::vector<SettingEntry> makeEntries() {
       number("pixels-per-texel", &S::pixels_per_texel, 0, 1e6, "pixels",
              "Of the training views for each texel at least, where texture-size is 0 (0: no limit)"),
       number("texel-budget", &S::texel_budget, 0, 4e9, "texels",
-             "Texels of the whole model instead of texture-size (0: off)"),
+             "Texels of the whole model instead of texture-size, one a Gaussian at least (0: off)"),
       choice("texture-sizes", &S::texture_sizes, "One size for all, or in proportion to the pixels a Gaussian covers"),
       number("adaptive-texels", &S::adaptive_texels, 0, 65536, "texels a Gaussian",
              "After half of stage 2 textures are cut to as many in the mean, where they show most (0: off)"),
