@@ -116,6 +116,22 @@ def show_element(browser, address, references):
         }})({loaded})""")
         browser.evaluate(f"window.cameras = window.cameras || {loaded}.model.cameras; 0")
         compare(browser, f"element, {file}, camera {camera}", from_data_url(picture), references[file, camera])
+    given_back = browser.evaluate(f"""(async (element) => {{
+        const own = JSON.stringify(element.viewer.settings);
+        for (const [name, value] of [['show', 'alpha'], ['textures', 'off'], ['intersection', 'plane'],
+                                     ['outside', 'clip'], ['background', '0.2,0.4,0.6']]) {{
+          element.setAttribute(name, value);
+          await element.picture();
+          if (JSON.stringify(element.viewer.settings) === own) return `${{name}} does nothing`;
+          element.removeAttribute(name);
+          await element.picture();
+          const now = JSON.stringify({{...element.viewer.settings, background: JSON.parse(own).background}});
+          if (now !== own) return `${{name}}: ${{now}}, not ${{own}}`;
+        }}
+        return String(element.viewer.settings.background) === String(element.model.background) ||
+          `background ${{element.viewer.settings.background}}`;
+    }})({loaded})""")
+    expect("an attribute that is taken away gives the model's own back", given_back is True, given_back)
     expect("the element takes arrow keys", browser.evaluate(f"""(({{viewer}}) => {{
         const before = viewer.viewText;
         viewer.canvas.dispatchEvent(new KeyboardEvent('keydown', {{key: 'ArrowLeft', bubbles: true}}));

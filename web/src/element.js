@@ -75,11 +75,14 @@ export class TexturedGaussiansElement extends HTMLElement {
     });
   }
 
-  attributeChangedCallback(name) {
+  attributeChangedCallback(name, before, value) {
     if (name === 'src') {
       if (this.isConnected) this.open();
     } else if (this.model) {
-      this.wake().then(() => this.apply([name])).catch((error) => this.fail(error));
+      this.wake().then(() => {
+        if (value === null) this.viewer.reset(name);
+        this.apply([name]);
+      }).catch((error) => this.fail(error));
     }
   }
 

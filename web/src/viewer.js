@@ -240,6 +240,14 @@ export class Viewer {
     this.changed();
   }
 
+  // The model's own value of a setting; camera and view stay, where a hand may have taken them.
+  reset(key) {
+    const own = Splats.settingsOf(this.model);
+    if (key in own) this.settings[key] = own[key];
+    if (key === 'splat-budget' && this.model.lod) this.setBudget(this.model.lod.usualBudget);
+    this.changed();
+  }
+
   // What apply() does, one by one: the reasons why some cannot be done.
   applyWhatCan(wanted) {
     const reasons = [];
