@@ -181,6 +181,9 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (!options.cameras) source.cameras.clear();
   report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
+  if (options.texture_step && !isTextured(source.model)) {
+    report.warnings.emplace_back("--texture-step does nothing: the model has no textures");
+  }
   const bool changes = changesPictures(source.model, format, options);
   if (changes && !measured && !options.dry_run && options.measure == Measure::automatic) {
     report.warnings.push_back(

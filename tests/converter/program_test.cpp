@@ -168,6 +168,14 @@ TEST_CASE("an empty file name is refused as such") {
   }
 }
 
+TEST_CASE("a texel step for a model without textures is said to do nothing") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 49));
+  const Result done = tgconvert(scratch, "in.ply a.sog --texture-step 0.1");
+  CHECK(done.code == 0);
+  CHECK_THAT(done.err, Contains("--texture-step does nothing: the model has no textures"));
+}
+
 TEST_CASE("a model without Gaussians has no bounds") {
   const Scratch scratch;
   writeBundle(scratch.folder() / "empty.tgz", Bundle());
