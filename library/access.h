@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What stands behind the public classes, for the library's own sources.
 #pragma once
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <utility>
@@ -48,6 +49,13 @@ tg::Camera cameraOf(const Camera& camera);
 Camera cameraOf(const tg::Camera& camera);
 
 inline glm::vec3 colorOf(const std::array<float, 3>& color) { return {color[0], color[1], color[2]}; }
+// Of a background that is asked for. Throws Error(usage).
+inline glm::vec3 finiteColorOf(const std::array<float, 3>& color) {
+  for (const float channel : color) {
+    if (!std::isfinite(channel)) throw tg::Error(tg::ErrorKind::usage, "background", "is not finite");
+  }
+  return colorOf(color);
+}
 inline std::array<float, 3> colorOf(const glm::vec3& color) { return {color.x, color.y, color.z}; }
 
 // The enumerations have the same values.

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "textured_gaussians/dataset.h"
 
-#include <cmath>
-
 #include "library/access.h"
 
 namespace textured_gaussians {
@@ -12,12 +10,7 @@ Dataset Dataset::load(const std::filesystem::path& folder, const DatasetOptions&
     tg::DatasetOptions own;
     own.downscale = options.downscale;
     own.test_every = options.test_every;
-    if (options.background) {
-      for (const float channel : *options.background) {
-        if (!std::isfinite(channel)) throw tg::Error(tg::ErrorKind::usage, "background", "is not finite");
-      }
-      own.background = colorOf(*options.background);
-    }
+    if (options.background) own.background = finiteColorOf(*options.background);
     return Dataset(std::make_shared<const Parts>(Parts{tg::loadDataset(folder, own)}));
   });
 }

@@ -31,7 +31,7 @@ Image Renderer::render(const Camera& camera, Output output, const RenderOptions&
   return guarded([&] {
     tg::RenderSettings settings;
     settings.textures = modeOf(options.textures);
-    settings.background = options.background ? colorOf(*options.background) : parts_->bundle->background;
+    settings.background = options.background ? finiteColorOf(*options.background) : parts_->bundle->background;
     settings.splat_scale = options.splat_scale;
     settings.opacity_scale = options.opacity_scale;
     settings.max_sh_degree = options.max_sh_degree;

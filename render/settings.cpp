@@ -164,11 +164,6 @@ RenderSetting background() {
     if (!color) refuseValue(what, text, "r,g,b in [0,1], white or black");
     s.background = {(*color)[0], (*color)[1], (*color)[2]};
   };
-  row.check = [](const S& s) {
-    for (int c = 0; c < 3; ++c) {
-      require(std::isfinite(s.background[c]), "background", "finite numbers", s.background[c]);
-    }
-  };
   return row;
 }
 

@@ -148,6 +148,14 @@ std::unique_ptr<RunFolder> openRunFolder(const TrainFlags& options) {
   return std::make_unique<RunFolder>(folder);
 }
 
+// After it was not written: what is there is another's. The error that says why is what matters.
+void disown(const RunFolder& run, const fs::path& file) {
+  try {
+    run.setOwn(file, false);
+  } catch (const Error&) {
+  }
+}
+
 Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
   ProgressLine line;
   if (!options.quiet) {
@@ -380,19 +388,26 @@ int train(const TrainFlags& options, Processes* together) {
   TrainResult result = trainer.result();
   json_options.total_seconds = seconds();
 
-  // What a run wrote when it was stopped, it replaces when it goes on.
-  const auto replaces = [&](const std::string& path) {
-    const bool own = run && run->owns(path);
-    if (run && (options.overwrite || own || !fs::exists(path))) run->own(path);
-    return options.overwrite || own;
+  // Calls write(replace) for an output. What a run wrote when it was stopped, it replaces when it goes on.
+  const auto writeOutput = [&](const std::string& path, const auto& write) {
+    const bool replace = options.overwrite || (run && run->owns(path));
+    if (run && (replace || !fs::exists(path))) run->setOwn(path, true);
+    try {
+      write(replace);
+    } catch (const Error&) {
+      if (run && !replace) disown(*run, path);
+      throw;
+    }
   };
   std::string written;  // what there is to say of the output
   const auto save = [&](const std::string& path, GaussianModel model, const TrainReport& report, SceneSize size = {}) {
     Bundle bundle = makeTrainedBundle(dataset, settings, report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
     const std::string kept = run && path == options.output ? run->model().string() : "";
-    const std::string facts = writeScene(path, std::move(bundle), replaces(path), kept, size);
-    if (path == options.output) written = facts;
+    writeOutput(path, [&](bool replace) {
+      const std::string facts = writeScene(path, std::move(bundle), replace, kept, size);
+      if (path == options.output) written = facts;
+    });
     return training_json;
   };
   const SceneSize size{options.target_bytes, options.steps > 0 ? options.steps : trainer.fileSteps()};
@@ -401,9 +416,11 @@ int train(const TrainFlags& options, Processes* together) {
     json = run->finish(trainer);
     json_options.total_seconds = run->seconds();
     if (fs::path(options.output).extension() == ".tgz") {
-      writeAfterTraining(
-          options.output, replaces(options.output), [&] { copyFileAtomically(run->model(), options.output); },
-          [&] { return run->model().string(); });
+      writeOutput(options.output, [&](bool replace) {
+        writeAfterTraining(
+            options.output, replace, [&] { copyFileAtomically(run->model(), options.output); },
+            [&] { return run->model().string(); });
+      });
     } else if (!options.output.empty()) {
       save(options.output, std::move(result.model), result.report, size);
     }
@@ -419,8 +436,10 @@ int train(const TrainFlags& options, Processes* together) {
     save(options.untextured_output, std::move(*result.untextured), report);
   }
   if (!options.json.empty()) {
-    const KeepExisting no_other_run(!replaces(options.json));
-    writeTextAtomically(options.json, json);
+    writeOutput(options.json, [&](bool replace) {
+      const KeepExisting no_other_run(!replace);
+      writeTextAtomically(options.json, json);
+    });
   }
   if (!options.quiet) {
     const std::string name = options.output.empty() ? run->model().string() : options.output;

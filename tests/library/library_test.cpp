@@ -182,8 +182,8 @@ TEST_CASE(
              Contains("splat"));
   for (const float channel : {INFINITY, std::nanf("")}) {
     const std::array<float, 3> background = {0, channel, 0};
-    CHECK_THAT(messageOf([&] { renderer.render(camera, Output::final, {.background = background}); }, ErrorKind::usage),
-               Contains("background"));
+    CHECK(messageOf([&] { renderer.render(camera, Output::final, {.background = background}); }, ErrorKind::usage) ==
+          "background: is not finite");
     CHECK(messageOf([&] { Dataset::load("nowhere", {.background = background}); }, ErrorKind::usage) ==
           "background: is not finite");
   }

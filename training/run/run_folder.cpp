@@ -140,11 +140,15 @@ RunFolder::~RunFolder() {
 
 bool RunFolder::owns(const fs::path& file) const { return has_checkpoint_ && isOutputOf(options_.folder, file); }
 
-void RunFolder::own(const fs::path& file) const {
+void RunFolder::setOwn(const fs::path& file, bool own) const {
   std::vector<std::string> all = outputsOf(options_.folder);
   const std::string name = pathFrom(options_.folder, file);
-  if (std::ranges::count(all, name) > 0) return;
-  all.push_back(name);
+  if ((std::ranges::count(all, name) > 0) == own) return;
+  if (own) {
+    all.push_back(name);
+  } else {
+    std::erase(all, name);
+  }
   if (all.size() > kMostOutputs) all.erase(all.begin());
   writeTextAtomically(options_.folder / kOutputsName, dumpJson({{"outputs", all}}) + "\n");
 }

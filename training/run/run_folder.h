@@ -67,8 +67,8 @@ class RunFolder {
 
   // Whether isOutputOf() says so of a run that goes on.
   bool owns(const std::filesystem::path& file) const;
-  // Makes it so: before it is written, since who is killed meanwhile is to find it again.
-  void own(const std::filesystem::path& file) const;
+  // Makes it so or not: before `file` is written, since who is killed meanwhile is to find it again.
+  void setOwn(const std::filesystem::path& file, bool own) const;
 
   // Wall time of the run, all its sessions together.
   double seconds() const;
