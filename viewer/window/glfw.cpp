@@ -43,7 +43,11 @@ void onEnter(GLFWwindow* window, int entered) {
 
 void onButton(GLFWwindow* window, int button, int action, int mods) {
   if ((mods & GLFW_MOD_ALT) == 0) eventsOf(window).alt_up = true;
-  if (button != GLFW_MOUSE_BUTTON_LEFT || action != GLFW_PRESS) return;
+  if (button != GLFW_MOUSE_BUTTON_LEFT) return;
+  if (action != GLFW_PRESS) {
+    eventsOf(window).keys_of_drag = eventsOf(window).keys.size();
+    return;
+  }
   Press press{glfwGetTime(), {}};
   glfwGetCursorPos(window, &press.at.x, &press.at.y);
   press.at = eventsOf(window).pointer.value_or(press.at);

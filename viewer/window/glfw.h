@@ -33,6 +33,8 @@ struct Press {
 struct Events {
   std::vector<Press> presses;
   std::vector<std::pair<int, bool>> keys;  // key (with kControl), shift
+  // How many of them came before the left button went up; none: it did not.
+  std::optional<std::size_t> keys_of_drag;
   int chord = 0;                           // what was pressed last with Ctrl, by its place on the keyboard; 0: nothing
   bool alt_up = false;                     // when a button went down: the window manager may keep the key going up
   std::vector<std::filesystem::path> dropped;

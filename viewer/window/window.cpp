@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <span>
 #include <utility>
 
 #include "converter/registry/file_format.h"
@@ -93,6 +94,7 @@ class Viewer {
   void wishForLevels();
   bool handleMoves();
   void handleEvents();
+  void pressKeys(std::span<const std::pair<int, bool>> keys);  // with shift or without
   bool handlePointer();
   glm::dvec2 fromMiddle(glm::dvec2 place) const;
   void openCameraFiles();
@@ -157,6 +159,7 @@ class Viewer {
   bool double_clicked_ = false;  // since the frame before
   int frames_since_event_ = 0;
   int chord_key_ = 0;          // was pressed with Ctrl, and is held
+  std::vector<std::pair<int, bool>> keys_after_drag_;  // of this frame: they are of what the drag has chosen
   glm::dvec2 handle_at_{0.0};  // [ImGui units] the pointer while it drags a handle
   double handle_moved_ = -1;   // [s] window time
   double last_time_ = 0;
@@ -241,6 +244,7 @@ int Viewer::run() {
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_);
+    pressKeys(keys_after_drag_);
     keepEdits(moving);
     forEachName(state_, [this](std::string_view text) { graphics_->gui.want(text); });
     if (graphics_->gui.stale() || isFading()) frames_since_event_ = 0;
@@ -395,13 +399,20 @@ void Viewer::handleEvents() {
     double_clicked_ = double_clicked_ || second;
     last_press_ = second ? Press{} : press;
   }
-  for (const auto& [key, shift] : events.keys) {
+  const std::span<const std::pair<int, bool>> keys(events.keys);
+  const std::size_t first = events.keys_of_drag.value_or(keys.size());
+  pressKeys(keys.first(first));
+  keys_after_drag_.assign(keys.begin() + static_cast<std::ptrdiff_t>(first), keys.end());
+  state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
+                                        events.dropped.end());
+}
+
+void Viewer::pressKeys(std::span<const std::pair<int, bool>> keys) {
+  for (const auto& [key, shift] : keys) {
     if (ImGui::GetIO().WantTextInput) break;
     if (isModal(state_) || (key == kKeyEscape && popupIsOpen())) continue;  // theirs
     pressKey(state_, key, shift);
   }
-  state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
-                                        events.dropped.end());
 }
 
 bool Viewer::handlePointer() {
