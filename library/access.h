@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // What stands behind the public classes, for the library's own sources.
 #pragma once
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <memory>
 #include <utility>
@@ -48,12 +51,15 @@ decltype(auto) guarded(const Body& body) {
 tg::Camera cameraOf(const Camera& camera);
 Camera cameraOf(const tg::Camera& camera);
 
+template <typename T, std::size_t kCount>
+bool allFinite(const std::array<T, kCount>& numbers) {
+  return std::ranges::all_of(numbers, [](T number) { return std::isfinite(number); });
+}
+
 inline glm::vec3 colorOf(const std::array<float, 3>& color) { return {color[0], color[1], color[2]}; }
 // Of a background that is asked for. Throws Error(usage).
 inline glm::vec3 finiteColorOf(const std::array<float, 3>& color) {
-  for (const float channel : color) {
-    if (!std::isfinite(channel)) throw tg::Error(tg::ErrorKind::usage, "background", "is not finite");
-  }
+  if (!allFinite(color)) throw tg::Error(tg::ErrorKind::usage, "background", "is not finite");
   return colorOf(color);
 }
 inline std::array<float, 3> colorOf(const glm::vec3& color) { return {color.x, color.y, color.z}; }

@@ -19,11 +19,6 @@ constexpr std::int64_t kMaxPixels = tg::kMaxImagePixels;
   throw Error(ErrorKind::usage, tg::printable("camera" + (camera.empty() ? "" : " " + camera) + ": " + what));
 }
 
-template <std::size_t kCount>
-bool allFinite(const std::array<double, kCount>& numbers) {
-  return std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); });
-}
-
 }  // namespace
 
 tg::Camera cameraOf(const Camera& camera) {

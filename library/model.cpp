@@ -3,7 +3,6 @@
 #include "textured_gaussians/model.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <type_traits>
 
@@ -73,8 +72,8 @@ Model::Model(const ModelData& data)
           model.atlas.rects.push_back({rect.offset, rect.width, rect.height});
         }
         tg::checkModel(model, "model");
-        for (const float channel : data.background) {
-          if (!std::isfinite(channel)) throw tg::Error(tg::ErrorKind::badData, "model", "background: is not finite");
+        if (!allFinite(data.background)) {
+          throw tg::Error(tg::ErrorKind::badData, "model", "background: is not finite");
         }
         bundle.background = colorOf(data.background);
         for (const Camera& camera : data.cameras) bundle.cameras.push_back(cameraOf(camera));

@@ -93,7 +93,7 @@ class Viewer {
   void keepEdits(bool moving);
   void wishForLevels();
   bool handleMoves();
-  void handleEvents();
+  std::vector<std::pair<int, bool>> handleEvents();  // returns the keys that came after a drag: of what it has chosen
   void pressKeys(std::span<const std::pair<int, bool>> keys);  // with shift or without
   bool handlePointer();
   glm::dvec2 fromMiddle(glm::dvec2 place) const;
@@ -159,7 +159,6 @@ class Viewer {
   bool double_clicked_ = false;  // since the frame before
   int frames_since_event_ = 0;
   int chord_key_ = 0;          // was pressed with Ctrl, and is held
-  std::vector<std::pair<int, bool>> keys_after_drag_;  // of this frame: they are of what the drag has chosen
   glm::dvec2 handle_at_{0.0};  // [ImGui units] the pointer while it drags a handle
   double handle_moved_ = -1;   // [s] window time
   double last_time_ = 0;
@@ -240,11 +239,11 @@ int Viewer::run() {
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
     }
-    handleEvents();
+    const std::vector<std::pair<int, bool>> keys_after_drag = handleEvents();
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_);
-    pressKeys(keys_after_drag_);
+    pressKeys(keys_after_drag);
     keepEdits(moving);
     forEachName(state_, [this](std::string_view text) { graphics_->gui.want(text); });
     if (graphics_->gui.stale() || isFading()) frames_since_event_ = 0;
@@ -387,7 +386,7 @@ void Viewer::followAspect() {
   forgetLens(state_);
 }
 
-void Viewer::handleEvents() {
+std::vector<std::pair<int, bool>> Viewer::handleEvents() {
   const Events events = std::exchange(events_, {});
   events_.pointer = events.pointer;
   if (events.chord != 0) chord_key_ = events.chord;
@@ -402,9 +401,9 @@ void Viewer::handleEvents() {
   const std::span<const std::pair<int, bool>> keys(events.keys);
   const std::size_t first = events.keys_of_drag.value_or(keys.size());
   pressKeys(keys.first(first));
-  keys_after_drag_.assign(keys.begin() + static_cast<std::ptrdiff_t>(first), keys.end());
   state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
                                         events.dropped.end());
+  return {keys.begin() + static_cast<std::ptrdiff_t>(first), keys.end()};
 }
 
 void Viewer::pressKeys(std::span<const std::pair<int, bool>> keys) {

@@ -25,7 +25,6 @@ export class LodStream {
     this.folder = String(new URL('.', this.address));
     for (const file of scene.files) file.address = addressIn(this.folder, this.address, file.name);
     this.budget = budget;
-    this.usualBudget = SPLAT_BUDGET;
     this.loader = new ChunkLoader();
     // Of the pieces: what the file says, or the first chunk. Textures are this toolchain's, whose files say so.
     const {shCoefficients = null, mode = 0} = scene.own || {};
@@ -37,6 +36,8 @@ export class LodStream {
   }
 
   get count() { return this.scene.count; }
+
+  get usualBudget() { return SPLAT_BUDGET; }
 
   get levels() { return this.scene.levels; }
 

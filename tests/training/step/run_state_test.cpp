@@ -30,16 +30,14 @@ TEST_CASE("every view comes once before any comes again, each time in another or
 }
 
 TEST_CASE("the report of a stage is the one that was set for it, and that of the plain stage is always there") {
-  constexpr tg::Stage kStages[] = {tg::Stage::count, tg::Stage::plain, tg::Stage::textured, tg::Stage::untextured,
-                                   tg::Stage::quantized};
   tg::TrainReport report;
-  for (const tg::Stage stage : kStages) {
+  for (const tg::Stage stage : tg::valuesOf<tg::Stage>()) {
     CHECK((tg::reportOf(report, stage) != nullptr) == (stage == tg::Stage::plain));
     tg::StageReport to_set;
     to_set.iterations = 10 + static_cast<int>(stage);
     tg::setReport(report, stage, to_set);
   }
-  for (const tg::Stage stage : kStages) {
+  for (const tg::Stage stage : tg::valuesOf<tg::Stage>()) {
     const tg::StageReport* set = tg::reportOf(report, stage);
     REQUIRE(set != nullptr);
     CHECK(set->iterations == 10 + static_cast<int>(stage));
