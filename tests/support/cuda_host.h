@@ -90,6 +90,7 @@ inline unsigned __match_any_sync(unsigned mask, int value) {
   return tg::cuda::lanesWithMine(mask, static_cast<std::uint32_t>(value));
 }
 inline int __popc(unsigned bits) { return __builtin_popcount(bits); }
+inline int __clz(int bits) { return bits == 0 ? 32 : __builtin_clz(static_cast<unsigned>(bits)); }
 inline int __ffs(unsigned bits) { return __builtin_ffs(static_cast<int>(bits)); }
 
 template <typename T>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A block a tile, a thread a pixel. Forward: batches of splats pass through shared memory. Backward: each warp adds up
-// its 32 pixels, the block its eight warps, in a fixed order, and writes a pair's sums once: no atomics but for texels,
-// whose sums are integers. The same input gives the same bytes.
+// A block a tile, a thread a pixel, a warp 8 x 4 of them. Batches of splats pass through shared memory; a warp visits
+// those that may show in its pixels. Backward: each warp adds up its 32 pixels, the block its eight warps, in a fixed
+// order, and writes a pair's sums once: no atomics but for texels, whose sums are integers. The same input gives the
+// same bytes.
 #include "training/cuda/blend.h"
 
 #include "training/cuda/sample.h"
@@ -13,20 +14,29 @@ static_assert(kThreads == kTileSize * kTileSize);
 constexpr unsigned kWarps = kThreads / kWarp;
 constexpr float kInverseLn2 = 1.44269504f;
 
+constexpr int kWarpWidth = 8, kWarpHeight = 4;  // [px]
+static_assert(kWarpWidth * kWarpHeight == kWarp && kTileSize % kWarpWidth == 0 && kTileSize % kWarpHeight == 0);
+
 struct Pixel {
-  int x, y;
+  float x, y;  // its centre [px]
   bool inside;
   std::size_t index;
+  PixelBlock block;  // its warp's
 };
 TG_DEVICE Pixel pixelOf(const View& view) {
   const int size = static_cast<int>(kTileSize);
   const int tile = static_cast<int>(blockIdx.x);
-  const int thread = static_cast<int>(threadIdx.x);
+  const int warp = static_cast<int>(threadIdx.x / kWarp), lane = static_cast<int>(threadIdx.x % kWarp);
+  const int left = tile % view.tiles_x * size + warp % (size / kWarpWidth) * kWarpWidth;
+  const int top = tile / view.tiles_x * size + warp / (size / kWarpWidth) * kWarpHeight;
+  const int x = left + lane % kWarpWidth, y = top + lane / kWarpWidth;
   Pixel p;
-  p.x = tile % view.tiles_x * size + thread % size;
-  p.y = tile / view.tiles_x * size + thread / size;
-  p.inside = p.x < view.size.x && p.y < view.size.y;
-  p.index = static_cast<std::size_t>(p.y) * view.size.x + p.x;
+  p.x = static_cast<float>(x) + 0.5f;
+  p.y = static_cast<float>(y) + 0.5f;
+  p.inside = x < view.size.x && y < view.size.y;
+  p.index = static_cast<std::size_t>(y) * view.size.x + x;
+  p.block = {static_cast<float>(left) + 0.5f, static_cast<float>(top) + 0.5f,
+             static_cast<float>(left + kWarpWidth) - 0.5f, static_cast<float>(top + kWarpHeight) - 0.5f};
   return p;
 }
 
@@ -59,8 +69,7 @@ TG_KERNEL forwardKernel(ForwardArguments a) {
   TG_BLOCK_SHARED(ForwardShared, shared);
   const View& view = a.in.view;
   const Pixel pixel = pixelOf(view);
-  const float pixel_x = static_cast<float>(pixel.x) + 0.5f;
-  const float pixel_y = static_cast<float>(pixel.y) + 0.5f;
+  const unsigned lane = threadIdx.x % kWarp;
   const std::uint32_t begin = a.in.lists.tile_begin[blockIdx.x];
   const std::uint32_t end = a.in.lists.tile_begin[blockIdx.x + 1];
   float transmittance = 1.0f;
@@ -75,32 +84,37 @@ TG_KERNEL forwardKernel(ForwardArguments a) {
     }
     __syncthreads();
     const std::uint32_t count = end - first < kThreads ? end - first : kThreads;
-    for (std::uint32_t j = 0; j < count && !done; ++j) {
-      const BlendSplat& s = shared.splats[j];
-      Sample sample;
-      if (!evaluate(s, pixel_x, pixel_y, sample)) continue;
-      float value = sample.value;
-      float texture[3] = {0.0f, 0.0f, 0.0f};
-      if (kTexture && s.texture_size != 0) {
-        const LocalRay ray = localRay(a.in.frames[s.gaussian], sample.x, sample.y);
-        const TexturePoint at = locate(s, ray, sample.inverse_d2, view.outside);
-        if (!at.inside && view.outside == kOutsideClip) continue;
-        if (at.inside) {
-          float alpha_factor;
-          sampleTexture(view, a.in.texels, s.texel_offset, at, texture, alpha_factor);
-          value *= alpha_factor;
-          if (!(value >= kAlphaMin)) continue;
+    for (std::uint32_t some = 0; some < count; some += kWarp) {
+      unsigned left = __ballot_sync(
+          kAllLanes, some + lane < count && mayShow(shared.splats[some + lane], pixel.block));
+      for (; left != 0 && !done; left &= left - 1) {
+        const std::uint32_t j = some + static_cast<unsigned>(__ffs(left)) - 1;
+        const BlendSplat& s = shared.splats[j];
+        Sample sample;
+        if (!evaluate(s, pixel.x, pixel.y, sample)) continue;
+        float value = sample.value;
+        float texture[3] = {0.0f, 0.0f, 0.0f};
+        if (kTexture && s.texture_size != 0) {
+          const LocalRay ray = localRay(a.in.frames[s.gaussian], sample.x, sample.y);
+          const TexturePoint at = locate(s, ray, sample.inverse_d2, view.outside);
+          if (!at.inside && view.outside == kOutsideClip) continue;
+          if (at.inside) {
+            float alpha_factor;
+            sampleTexture(view, a.in.texels, s.texel_offset, at, texture, alpha_factor);
+            value *= alpha_factor;
+            if (!(value >= kAlphaMin)) continue;
+          }
         }
+        const float blended = transmittance * (value < kAlphaMax ? value : kAlphaMax);
+        const float next = transmittance - blended;
+        if (next < kTransmittanceStop) {
+          done = true;
+          break;
+        }
+        for (int c = 0; c < 3; ++c) color[c] += blended * (s.base[c] + texture[c]);
+        transmittance = next;
+        last = first - begin + j + 1;
       }
-      const float blended = transmittance * (value < kAlphaMax ? value : kAlphaMax);
-      const float next = transmittance - blended;
-      if (next < kTransmittanceStop) {
-        done = true;
-        break;
-      }
-      for (int c = 0; c < 3; ++c) color[c] += blended * (s.base[c] + texture[c]);
-      transmittance = next;
-      last = first - begin + j + 1;
     }
   }
   if (!pixel.inside) return;
@@ -205,7 +219,7 @@ struct Share {
 TG_DEVICE Share backwardColor(const BlendSplat& s, const Sample& sample, float alpha_raw, const TextureSlopes& texture,
                               bool texture_in_suffix, Behind& behind) {
   const float alpha = alpha_raw < kAlphaMax ? alpha_raw : kAlphaMax;
-  const float inverse = 1.0f / (1.0f - alpha);
+  const float inverse = reciprocal(1.0f - alpha);
   const float ratio = alpha * inverse;
   Share share;
   share.weight = behind.transmittance * ratio;
@@ -338,9 +352,7 @@ backwardKernel(BackwardArguments a) {
   constexpr unsigned kBatch = Layout::kBatch;
   const View& view = a.in.view;
   const Pixel pixel = pixelOf(view);
-  const float pixel_x = static_cast<float>(pixel.x) + 0.5f;
-  const float pixel_y = static_cast<float>(pixel.y) + 0.5f;
-  const unsigned warp = threadIdx.x / kWarp;
+  const unsigned warp = threadIdx.x / kWarp, lane = threadIdx.x % kWarp;
   const std::uint32_t begin = a.in.lists.tile_begin[blockIdx.x];
   const std::uint32_t part_begin = a.part.begin != nullptr ? a.part.begin[blockIdx.x] : 0;
   Behind behind = {0.0f, 0.0f, {0.0f, 0.0f, 0.0f}};
@@ -358,6 +370,10 @@ backwardKernel(BackwardArguments a) {
   __syncthreads();
   atomicMax(&shared.last, end);
   __syncthreads();
+  std::uint32_t warp_end = end;
+  for (unsigned offset = kWarp / 2; offset > 0; offset /= 2) {
+    warp_end = max(warp_end, __shfl_xor_sync(kAllLanes, warp_end, offset));
+  }
   std::uint32_t high = shared.last;
   if (a.part.end != nullptr) high = min(high, a.part.end[blockIdx.x]);
 
@@ -374,12 +390,16 @@ backwardKernel(BackwardArguments a) {
             a.out.texel_places != nullptr ? a.out.texel_places[gaussian] : shared.splats[threadIdx.x].texel_offset;
       }
     }
-    if (threadIdx.x % kWarp == 0) shared.touched[warp] = 0;
     __syncthreads();
-    for (std::uint32_t j = count; j-- > 0;) {
+    unsigned visited = 0;
+    unsigned left = __ballot_sync(
+        kAllLanes, lane < count && low + lane < warp_end && mayShow(shared.splats[lane], pixel.block));
+    while (left != 0) {
+      const unsigned j = kWarp - 1 - static_cast<unsigned>(__clz(static_cast<int>(left)));
+      left ^= 1u << j;
       const BlendSplat& s = shared.splats[j];
       Sample sample = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
-      bool shows = low + j < end && evaluate(s, pixel_x, pixel_y, sample);
+      const bool shows = low + j < end && evaluate(s, pixel.x, pixel.y, sample);
       if (!__any_sync(kAllLanes, shows)) continue;
       if (!shows) sample = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
       TexturePoint at = {false, 0.0f, 0.0f, 0.0f, 0.0f, 0, 0, 0};
@@ -390,8 +410,9 @@ backwardKernel(BackwardArguments a) {
       }
       backwardSplat<kTexture, kStatistics>(a, s, shared.texel_places[j], shows, sample, at, ray, behind,
                                            shared.sums[j][warp]);
-      if (threadIdx.x % kWarp == 0) shared.touched[warp] |= 1u << j;
+      visited |= 1u << j;
     }
+    if (lane == 0) shared.touched[warp] = visited;
     __syncthreads();
     for (unsigned item = threadIdx.x; item < count * Layout::kStride; item += kThreads) {
       const unsigned j = item / Layout::kStride;

@@ -50,6 +50,15 @@ TG_DEVICE std::size_t itemIndex() { return static_cast<std::size_t>(blockIdx.x) 
 // judgeStep()
 TG_DEVICE bool stopped(const std::uint32_t* stop) { return stop != nullptr && *stop != 0; }
 
+// 1 / x to two units in the last place: a correctly rounded one takes a branch on a device.
+TG_DEVICE float reciprocal(float x) {
+#ifdef __CUDACC__
+  return __fdividef(1.0f, x);
+#else
+  return 1.0f / x;
+#endif
+}
+
 TG_DEVICE float warpSum(float value) {
   for (unsigned offset = kWarp / 2; offset > 0; offset /= 2) value += __shfl_xor_sync(kAllLanes, value, offset);
   return value;

@@ -31,12 +31,45 @@ TG_DEVICE bool evaluate(const BlendSplat& s, float pixel_x, float pixel_y, Sampl
   const float w2 = s.w_yy * out.y;
   const float d = ::fmaf(s.d_xx, out.x, ::fmaf(s.d_xy, out.y, s.d_x1));
   const float d2 = ::fmaf(s.d_yy, out.y, s.d_y1);
-  out.inverse_d2 = 1.0f / ::fmaf(d, d, ::fmaf(d2, d2, s.d_11 * s.d_11));
+  out.inverse_d2 = reciprocal(::fmaf(d, d, ::fmaf(d2, d2, s.d_11 * s.d_11)));
   const float square = ::fmaf(out.w, out.w, w2 * w2);
   out.q = square * out.inverse_d2;
   out.value = ::exp2f(::fmaf(-square, out.inverse_d2, s.log2_opacity));
   if (!(out.value >= kAlphaMin)) return false;
   return s.near == 0.0f || ::fmaf(s.t_x, out.x, ::fmaf(s.t_y, out.y, s.t_1)) * out.inverse_d2 > s.near;
+}
+
+// A rectangle of pixel centres, its borders included [px].
+struct PixelBlock {
+  float left, top, right, bottom;
+};
+// False: evaluate() is false all over the block. |W| has its minimum where the block faces the splat's centre, on one of
+// two edges or at the centre itself; no component of D is larger than in the block's middle by more than its slopes
+// allow. What rounding may do is added to the limit.
+TG_DEVICE bool mayShow(const BlendSplat& s, const PixelBlock& block) {
+  constexpr float kSlack = 4e-6f;            // of W's terms, relative
+  constexpr float kPowerMargin = 1e-4f;      // of the exponent
+  constexpr float kLog2AlphaMin = -7.99435344f;
+  const float x0 = block.left - s.center_x, x1 = block.right - s.center_x;
+  const float y0 = block.top - s.center_y, y1 = block.bottom - s.center_y;
+  const float near_x = min(max(0.0f, x0), x1), near_y = min(max(0.0f, y0), y1);
+  // Of the row and of the column that face the centre: where no division is possible W does not depend on the place.
+  const float x = min(max(-s.w_xy * near_y * reciprocal(s.w_xx), x0), x1);
+  const float y = min(max(-s.w_xx * s.w_xy * near_x * reciprocal(s.w_xy * s.w_xy + s.w_yy * s.w_yy), y0), y1);
+  const float row = s.w_xx * x + s.w_xy * near_y, row2 = s.w_yy * near_y;
+  const float column = s.w_xx * near_x + s.w_xy * y, column2 = s.w_yy * y;
+  const float least = min(row * row + row2 * row2, column * column + column2 * column2);
+
+  const float middle_x = 0.5f * (x0 + x1), middle_y = 0.5f * (y0 + y1);
+  const float half_x = 0.5f * (x1 - x0), half_y = 0.5f * (y1 - y0);
+  const float d =
+      ::fabsf(s.d_xx * middle_x + s.d_xy * middle_y + s.d_x1) + ::fabsf(s.d_xx) * half_x + ::fabsf(s.d_xy) * half_y;
+  const float d2 = ::fabsf(s.d_yy * middle_y + s.d_y1) + s.d_yy * half_y;
+  const float power = max(s.log2_opacity - kLog2AlphaMin, 0.0f) + kPowerMargin;
+  const float rounding = s.w_xx * max(::fabsf(x0), ::fabsf(x1)) +
+                         (::fabsf(s.w_xy) + s.w_yy) * max(::fabsf(y0), ::fabsf(y1));
+  const float limit = ::sqrtf(power * (d * d + d2 * d2 + s.d_11 * s.d_11)) * (1.0f + kPowerMargin) + kSlack * rounding;
+  return !(least > limit * limit);
 }
 
 // The components of W and D.

@@ -28,7 +28,7 @@ void evaluateLoss(const LossInput& input, LossBuffers& buffers, float* v_picture
 struct StepRecord {
   double sums[3];         // LossBuffers::sums
   PairCount pairs;        // (tile, splat) pairs of its picture
-  std::uint32_t applied;  // 1: parameters, moments and statistics have moved
+  std::uint64_t applied;  // 1: parameters, moments and statistics have moved; as wide as no padding leaves unwritten
 };
 struct VerdictInput {
   const double* sums;
