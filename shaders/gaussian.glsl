@@ -19,11 +19,49 @@ struct Gaussian {
   float opacity;
 };
 
+// a + b and a * b and what rounding took from them (Dekker 1971), if nothing overflows.
+float exactSum(float a, float b, out float rest) {
+  precise float sum = a + b;
+  precise float of_b = sum - a;
+  precise float lost = (a - (sum - of_b)) + (b - of_b);
+  rest = lost;
+  return sum;
+}
+float exactProduct(float a, float b, out float rest) {
+  precise float wide_a = 4097.0 * a;
+  precise float high_a = wide_a - (wide_a - a);
+  precise float low_a = a - high_a;
+  precise float wide_b = 4097.0 * b;
+  precise float high_b = wide_b - (wide_b - b);
+  precise float low_b = b - high_b;
+  precise float product = a * b;
+  precise float lost = ((high_a * high_b - product) + high_a * low_b + low_a * high_b) + low_a * low_b;
+  rest = lost;
+  return product;
+}
+
+// The camera's z of a point, rounded once: splats are sorted by it, and those that lie close behind one another must
+// not change places with the driver's way of rounding.
+float cameraDepth(vec3 point) {
+  precise float depth = 0.0;
+  precise float rest = 0.0;
+  for (int k = 0; k < 3; ++k) {
+    float forward = view.camera_from_world[k].z;
+    float offset_rest, product_rest, sum_rest;
+    float offset = exactSum(point[k], -view.camera_position[k], offset_rest);
+    float product = exactProduct(offset, forward, product_rest);
+    depth = exactSum(depth, product, sum_rest);
+    rest += sum_rest + product_rest + (offset_rest - view.position_rest[k]) * forward + offset * view.forward_rest[k];
+  }
+  return depth + rest;
+}
+
 // False: it cannot be seen.
 bool loadGaussian(uint i, out Gaussian g) {
   vec4 mean = FETCH(mean_logit, i);
   g.mean = mean.xyz;
   g.mean_c = (view.camera_from_world * vec4(g.mean, 1.0)).xyz;
+  g.mean_c.z = cameraDepth(g.mean);
   g.opacity = min(1.0, view.opacity_scale / (1.0 + exp(-mean.w)));
   vec3 scale = exp(uintBitsToFloat(FETCH(scale_offset, i).xyz));
   int c = shortestAxis(scale);

@@ -60,5 +60,7 @@ vec3 shown(uint i) {
 void main() {
   uvec2 at = gl_GlobalInvocationID.xy;
   if (at.x >= view.width || at.y >= view.height) return;
-  imageStore(picture, ivec2(at), vec4(clamp(shown(at.y * view.width + at.x), 0.0, 1.0), 1.0));
+  // To the nearest of 256 steps here: what a driver makes of numbers between them may be a tenth of a step off.
+  vec3 steps = floor(255.0 * clamp(shown(at.y * view.width + at.x), 0.0, 1.0) + 0.5);
+  imageStore(picture, ivec2(at), vec4(steps / 255.0, 1.0));
 }

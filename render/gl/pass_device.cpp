@@ -108,6 +108,22 @@ GLuint GlBuffer::texture(Texels format) const {
   return texture;
 }
 
+GlReadBack::~GlReadBack() { glDeleteBuffers(1, &staging_); }
+
+void GlReadBack::read(GLuint buffer, std::span<std::byte> out) {
+  if (staging_ == 0) {
+    glCreateBuffers(1, &staging_);
+    glNamedBufferStorage(staging_, static_cast<GLsizeiptr>(kStagingBytes), nullptr,
+                         GL_MAP_READ_BIT | GL_CLIENT_STORAGE_BIT);
+    if (device_.debug) glObjectLabel(GL_BUFFER, staging_, -1, "read-back");
+  }
+  for (std::size_t first = 0; first < out.size(); first += kStagingBytes) {
+    const auto length = static_cast<GLsizeiptr>(std::min<std::size_t>(kStagingBytes, out.size() - first));
+    glCopyNamedBufferSubData(buffer, staging_, static_cast<GLintptr>(first), 0, length);
+    glGetNamedBufferSubData(staging_, 0, length, out.data() + first);
+  }
+}
+
 GlImage::GlImage(const GlDevice& device, std::uint32_t width, std::uint32_t height) {
   glCreateTextures(GL_TEXTURE_2D, 1, &texture_);
   glTextureStorage2D(texture_, 1, GL_RGBA8, static_cast<GLsizei>(width), static_cast<GLsizei>(height));
@@ -181,8 +197,9 @@ std::vector<PassTime> GlTimer::read() const {
   return times;
 }
 
-GlProgram::GlProgram(const GlDevice& device, GlPrograms& programs, const PassList& list)
+GlProgram::GlProgram(const GlDevice& device, GlPrograms& programs, GlReadBack& read_back, const PassList& list)
     : device_(device),
+      read_back_(read_back),
       timer_(device),
       first_(list.firstCounters()),
       counters_(glBuffer(*list.counters()).name()),
@@ -249,7 +266,7 @@ void GlProgram::run(const ViewUniforms& view) {
         i + 1 == dispatches_.size() || std::strcmp(dispatches_[i + 1].name, dispatches_[i].name) != 0;
     if (last_of_name) timer_.mark(dispatches_[i].name);
   }
-  glGetNamedBufferSubData(counters_, 0, sizeof last_, &last_);
+  read_back_.read(counters_, std::as_writable_bytes(std::span(&last_, 1)));
   checkGl(device_, "drawing a frame");
 }
 
@@ -283,7 +300,7 @@ void GlPassDevice::download(const BufferPtr& source, std::span<std::byte> out) {
   TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
   TG_ASSERT(out.size() <= glBuffer(*source).size(), "the buffer holds as much");
   if (out.empty()) return;
-  glGetNamedBufferSubData(glBuffer(*source).name(), 0, static_cast<GLsizeiptr>(out.size()), out.data());
+  read_back_.read(glBuffer(*source).name(), out);
   checkGl(device_, "a read-back");
 }
 
@@ -298,7 +315,7 @@ Image GlPassDevice::download(const ImagePtr& source, std::uint32_t width, std::u
 
 std::unique_ptr<PassProgram> GlPassDevice::prepare(const PassList& list) {
   TG_ASSERT(thread_ == std::this_thread::get_id(), "a context stays in its thread");
-  return std::make_unique<GlProgram>(device_, *programs_, list);
+  return std::make_unique<GlProgram>(device_, *programs_, read_back_, list);
 }
 
 void GlPassDevice::run(PassProgram& program, const ViewUniforms& view) {

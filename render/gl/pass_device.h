@@ -32,6 +32,21 @@ class GlBuffer final : public GpuBuffer {
   mutable std::vector<std::pair<Texels, GLuint>> textures_;
 };
 
+// Memory of the host that buffers are read through: drivers may move a buffer that is read itself out of the GPU's
+// memory, where every later pass pays for it.
+class GlReadBack {
+ public:
+  explicit GlReadBack(const GlDevice& device) : device_(device) {}
+  GlReadBack& operator=(GlReadBack&&) = delete;
+  ~GlReadBack();
+  // The first bytes of a buffer, after all that was sent before. Leaves errors to checkGl().
+  void read(GLuint buffer, std::span<std::byte> out);
+
+ private:
+  const GlDevice& device_;
+  GLuint staging_ = 0;
+};
+
 class GlImage final : public GpuImage {
  public:
   GlImage(const GlDevice& device, std::uint32_t width, std::uint32_t height);
@@ -81,7 +96,8 @@ class GlTimer {
 
 class GlProgram final : public PassProgram {
  public:
-  GlProgram(const GlDevice& device, GlPrograms& programs, const PassList& list);
+  // `read_back` must outlive this.
+  GlProgram(const GlDevice& device, GlPrograms& programs, GlReadBack& read_back, const PassList& list);
   void run(const ViewUniforms& view);
   Counters counters() const override { return last_; }
   std::vector<PassTime> times() const override { return timer_.read(); }
@@ -106,6 +122,7 @@ class GlProgram final : public PassProgram {
   void execute(const Dispatch& dispatch) const;
 
   const GlDevice& device_;
+  GlReadBack& read_back_;
   GlTimer timer_;
   Counters first_;
   Counters last_{};
@@ -120,7 +137,7 @@ class GlPassDevice final : public GpuDevice {
  public:
   // `device` must outlive this.
   GlPassDevice(GlDevice& device, std::shared_ptr<GlPrograms> programs)
-      : device_(device), programs_(std::move(programs)) {}
+      : device_(device), programs_(std::move(programs)), read_back_(device) {}
 
   GpuLimits limits() const override { return device_.limits; }
   BufferPtr makeBuffer(const char* name, std::uint64_t bytes) override;
@@ -136,6 +153,7 @@ class GlPassDevice final : public GpuDevice {
   const std::thread::id thread_ = std::this_thread::get_id();
   GlDevice& device_;
   std::shared_ptr<GlPrograms> programs_;
+  GlReadBack read_back_;
 };
 
 }  // namespace tg

@@ -69,6 +69,8 @@ struct PassTuning {
   bool bounded_loops = false;    // a thread's loops must not exceed 65535 rounds in all
   std::uint32_t blend_side = 4;  // [px] of the square that a thread of blend draws: 1, 2 or 4
 };
+// What measured best on drivers that run on the CPU, and on an NVIDIA H200 (docs/lab/gpu-frame.md).
+inline PassTuning tuningFor(bool cpu) { return {cpu, cpu, cpu ? 4u : 2u}; }
 
 struct FrameInputs {
   const PassTuning& tuning;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/gtc/matrix_access.hpp>
 #include <utility>
 
 #include "core/system/assert.h"
@@ -26,7 +27,10 @@ ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const 
   glm::dmat4 camera_from_world(camera.rotation);
   camera_from_world[3] = glm::dvec4(camera.translation, 1.0);
   view.camera_from_world = glm::mat4(camera_from_world);
-  view.camera_position = glm::vec4(glm::vec3(camera.position()), 0.0f);
+  const glm::dvec3 position = camera.position(), forward = glm::row(camera.rotation, 2);
+  view.camera_position = glm::vec4(glm::vec3(position), 0.0f);
+  view.position_rest = glm::vec4(glm::vec3(position - glm::dvec3(glm::vec3(position))), 0.0f);
+  view.forward_rest = glm::vec4(glm::vec3(forward - glm::dvec3(glm::vec3(forward))), 0.0f);
   view.focal_center = focalCenter(camera);
   view.background = glm::vec4(settings.background, 0.0f);
   view.width = image.width;

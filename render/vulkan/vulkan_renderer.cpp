@@ -17,8 +17,7 @@ VkImage VulkanRenderer::image() const {
 }
 
 PassTuning tuningFor(const VulkanDevice& device) {
-  const bool cpu = device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
-  return {cpu, cpu, 4};
+  return tuningFor(device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU);
 }
 
 std::shared_ptr<Pipelines> makePipelines(const VulkanDevice& device) { return std::make_shared<Pipelines>(device); }

@@ -30,8 +30,10 @@ struct ViewUniforms {
   uint antialiasing;     // 1: screen
   uint range_least;      // Counters::output_range of what lies outside of this part of a picture
   uint range_most;
+  vec4 position_rest;    // xyz: what camera_position lacks of the camera's place
+  vec4 forward_rest;     // xyz: what the third row of camera_from_world lacks of the viewing direction
 };
-TG_CHECK_SIZE(ViewUniforms, 208)
+TG_CHECK_SIZE(ViewUniforms, 240)
 
 // A Gaussian seen from a camera: all that blending needs. The local frame is ordered (a, b, c): a, b span the texture
 // (u along a, v along b), c is the shortest axis. See shared/splat.h for the formulas that use it.

@@ -195,19 +195,44 @@ TEST_CASE("a scene such as training leaves agrees with the CPU renderer") {
   const Frame frame = renderScene(scene, settings);
   const std::unique_ptr<Renderer> cpu = makeCpuRenderer();
   cpu->setModel(scene.model);
-  const FrameDifference difference = compareFrames(frame, cpu->render(scene.camera, settings));
+  // A hit on a texture's border may count as inside of one renderer and outside of the other.
+  const Tolerance limits{.loose = 2e-3};
+  const FrameDifference difference = compareFrames(frame, cpu->render(scene.camera, settings), limits);
   INFO(report(difference));
-  CHECK(violations(difference) == "");
+  CHECK(violations(difference, limits) == "");
   CHECK(validationMessages() == "");
 }
 
-TEST_CASE("neutral texels leave the picture as it is without them, bit for bit") {
+TEST_CASE("splats that lie close behind one another keep their order far from the world's origin") {
+  Random random(31);
+  TestScene scene = facingScene(40);
+  scene.camera.rotation = makeScene(SceneKind::ordinary, 1, 1, 16, 16).camera.rotation;
+  const glm::dvec3 position(300.25, -200.5, 500.75);
+  scene.camera.translation = -(scene.camera.rotation * position);
+  for (std::size_t i = 0; i < scene.model.size(); ++i) {
+    const glm::dvec3 seen(random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1), random.uniform(4.0, 4.001));
+    scene.model.mean[i] = glm::vec3(position + glm::transpose(scene.camera.rotation) * seen);
+    scene.model.log_scale[i] = glm::vec3(0.5f, 0.5f, -3.0f);
+    scene.model.sh[i] = glm::vec3(random.uniformVec3(-1.5, 1.5));
+  }
+  // A float holds the camera's x and y to 1e-4 px there, and two splats in the wrong order are 0.1 of a colour apart.
+  Tolerance limits;
+  limits.outlier_share = 1.0;
+  limits.loose = 1e-3;
+  checkAgainstReference(scene, {}, limits);
+}
+
+// To rounding: a compiler may contract sums of the two variants in different places.
+TEST_CASE("neutral texels leave the picture as it is without them") {
   TestScene scene = makeScene(SceneKind::flat, 8);
   scene.model.atlas = makeUniformAtlas(scene.model.size(), 5, 3);
   RenderSettings without;
   without.textures = TextureMode::none;
   const Frame plain = renderScene(scene, without);
-  CHECK(same(plain, gpuRenderer().render(scene.camera, {})));
+  const FrameDifference difference = compareFrames(gpuRenderer().render(scene.camera, {}), plain);
+  INFO(report(difference));
+  CHECK(difference.flipped == 0);
+  for (const OutputDifference& output : difference.outputs) CHECK(output.max <= 2e-6);
 }
 
 TEST_CASE("a frame is the same every time") {
