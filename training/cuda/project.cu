@@ -13,7 +13,7 @@ namespace tg::cuda {
 namespace {
 
 constexpr std::uint32_t kNotDrawn = 0xffffffffu;
-constexpr float kBoxMargin = 1.0f / 64.0f;  // [px] more than rounding moves a box that matters
+constexpr float kBoxMargin = 0.01f;  // [px] more than rounding moves a box that matters; as on the CPU
 
 struct ProjectArguments {
   View view;
@@ -67,7 +67,7 @@ TG_DEVICE uvec4 unpackRect(const std::uint32_t* packed) {
   return uvec4(packed[0] & 0xffffu, packed[0] >> 16, packed[1] & 0xffffu, packed[1] >> 16);
 }
 
-// False: nothing of the Gaussian is on the image.
+// False: nothing of the Gaussian is drawn. Its screen radius is written where its box is on the image.
 TG_DEVICE bool projectOne(const ProjectArguments& a, std::size_t i) {
   const float opacity = 1.0f / (1.0f + ::expf(-a.model.opacity_logit[i]));
   const float radius = visibleRadius(opacity);
@@ -122,6 +122,9 @@ TG_DEVICE bool projectOne(const ProjectArguments& a, std::size_t i) {
   }
   if (!(size < 3.0e38f)) return false;
 
+  // A view counts for densification where the box has a pixel, as on the CPU, though the outline may miss every one.
+  a.screen_radius[i] = 0.5f * max(box.z - box.x, box.w - box.y);
+
   const uvec4 rect(static_cast<uint>(x0), static_cast<uint>(y0), static_cast<uint>(x1), static_cast<uint>(y1));
   const SplatRecord record = outlineRecord(s, outline);
   uint tiles = 0;
@@ -149,17 +152,16 @@ TG_DEVICE bool projectOne(const ProjectArguments& a, std::size_t i) {
   a.pixel_rects[2 * i + 1] = rect.z | rect.w << 16;
   a.tile_counts[i] = tiles;
   a.depth_keys[i] = bitsOf(static_cast<float>(z));
-  a.screen_radius[i] = 0.5f * max(box.z - box.x, box.w - box.y);
   return true;
 }
 
 TG_KERNEL projectKernel(ProjectArguments a) {
   const std::size_t i = itemIndex();
   if (i >= a.model.count) return;
+  a.screen_radius[i] = 0.0f;
   if (projectOne(a, i)) return;
   a.tile_counts[i] = 0;
   a.depth_keys[i] = kNotDrawn;
-  a.screen_radius[i] = 0.0f;
 }
 
 TG_KERNEL numberKernel(std::uint32_t* indices, std::size_t count) {

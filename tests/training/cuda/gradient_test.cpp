@@ -156,6 +156,27 @@ TEST_CASE("CUDA gradients of splats that fill the picture are the CPU's, in ever
   }
 }
 
+TEST_CASE("a view that shows no pixel of a splat, though its box has some, counts with CUDA as on the CPU") {
+  TestScene scene = makeScene(SceneKind::ordinary, 8, 600, 60, 40);
+  for (glm::vec3& log_scale : scene.model.log_scale) log_scale -= glm::vec3(2.0f, 3.0f, 4.0f);
+  scene.model.texture_mode = TextureMode::none;
+  scene.model.atlas = {};
+  const auto weights = randomWeights(scene.camera, 2);
+  const auto renderer = makeCpuDifferentiableRenderer();
+  const ModelGradient cpu = gradientOf(*renderer, scene.model, scene.camera, {}, weights);
+  const ModelGradient cuda = gradientCuda(scene.model, scene.camera, {}, weights);
+  std::size_t seen = 0, without_pixel = 0, apart = 0;
+  for (std::size_t i = 0; i < scene.model.size(); ++i) {
+    seen += cpu.screen_radius[i] > 0;
+    without_pixel += cpu.screen_radius[i] > 0 && cpu.screen_gradient[i] == 0;
+    apart += !(std::abs(cuda.screen_radius[i] - cpu.screen_radius[i]) <= 1e-3f * cpu.screen_radius[i]);
+  }
+  CAPTURE(seen, without_pixel);
+  CHECK(seen > 100);
+  CHECK(without_pixel > 20);
+  CHECK(apart <= 1);
+}
+
 TEST_CASE("CUDA pictures are the CPU's on every kind of scene, in both models") {
   for (const SceneKind kind : kSceneKinds) {
     for (const auto intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
