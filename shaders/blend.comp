@@ -117,7 +117,7 @@ void keepFragment(uint j, Fragment f) {
       far = next;
     }
   }
-  kept[j * kKept + kKept - 1u] = far;
+  kept[j * kKept + max(kKept, 1u) - 1u] = far;  // compilers refuse -1, though nothing calls this then
 }
 
 // Where a pixel falls on a texture.
@@ -176,12 +176,12 @@ vec4 sampleCell(Tap tap) {
   weights.w = tap.steps.x * tap.steps.y + kSteps / 2u >> kStepBits;
   weights.yz = tap.steps - weights.w;
   weights.x = kSteps - tap.steps.x - weights.z;
-  uint red_blue = 0u;
-  uint green_alpha = 0u;
-  [[unroll]] for (uint k = 0u; k < 4u; ++k) {
-    red_blue += twoBytes(corners[k]) * weights[k];
-    green_alpha += twoBytes(corners[k] >> 8) * weights[k];
-  }
+  // One by one: an index into a vector, where a compiler does not unroll the loop, puts it into memory.
+  uint red_blue = twoBytes(corners.x) * weights.x + twoBytes(corners.y) * weights.y + twoBytes(corners.z) * weights.z +
+                  twoBytes(corners.w) * weights.w;
+  corners >>= 8u;
+  uint green_alpha = twoBytes(corners.x) * weights.x + twoBytes(corners.y) * weights.y +
+                     twoBytes(corners.z) * weights.z + twoBytes(corners.w) * weights.w;
   return vec4(ivec4(red_blue & 0xFFFFu, green_alpha & 0xFFFFu, red_blue >> 16, green_alpha >> 16));
 }
 

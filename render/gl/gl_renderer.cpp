@@ -6,7 +6,7 @@
 
 namespace tg {
 
-PassTuning tuningFor(const GlDevice& device) { return tuningFor(device.software); }
+PassTuning tuningFor(const GlDevice& device) { return {device.software, device.software, device.software ? 4u : 1u}; }
 
 unsigned GlRenderer::texture() const { return image() ? static_cast<const GlImage*>(image())->name() : 0; }
 

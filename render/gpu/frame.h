@@ -67,10 +67,9 @@ FrameVariant variantFor(Output shown);
 struct PassTuning {
   bool runs = false;             // sorts walk runs of items, one per thread, instead of groups working together
   bool bounded_loops = false;    // a thread's loops must not exceed 65535 rounds in all
-  std::uint32_t blend_side = 4;  // [px] of the square that a thread of blend draws: 1, 2 or 4
+  // [px] of the square that a thread of blend draws: 1, 2 or 4. Which is fastest: docs/lab/gpu-frame.md.
+  std::uint32_t blend_side = 4;
 };
-// What measured best on drivers that run on the CPU, and on an NVIDIA H200 (docs/lab/gpu-frame.md).
-inline PassTuning tuningFor(bool cpu) { return {cpu, cpu, cpu ? 4u : 2u}; }
 
 struct FrameInputs {
   const PassTuning& tuning;

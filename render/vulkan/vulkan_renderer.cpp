@@ -17,7 +17,8 @@ VkImage VulkanRenderer::image() const {
 }
 
 PassTuning tuningFor(const VulkanDevice& device) {
-  return tuningFor(device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU);
+  const bool cpu = device.properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+  return {cpu, cpu, cpu ? 4u : 2u};
 }
 
 std::shared_ptr<Pipelines> makePipelines(const VulkanDevice& device) { return std::make_shared<Pipelines>(device); }
