@@ -38,12 +38,12 @@ HeadlessRenderer makeHeadlessRenderer(const ViewOptions& options) {
   for (const Api api : apisFor(options, pick)) {
     try {
       result.device = openDevice(api, {pick, options.validation});
-      any = true;
       if (!result.device->software() || asked) {
         result.renderer = result.device->makeRenderer();
         result.backend = name(api);
         return result;
       }
+      any = true;
     } catch (const Error& error) {
       if (error.kind != ErrorKind::device) throw;
       missing += (missing.empty() ? "" : "; ") + std::string(error.what());
