@@ -59,7 +59,9 @@ TEST_CASE("the structs that cross host and device have one layout") {
                                                    TG_OFFSET(ViewUniforms, sh_used),
                                                    TG_OFFSET(ViewUniforms, antialiasing),
                                                    TG_OFFSET(ViewUniforms, range_least),
-                                                   TG_OFFSET(ViewUniforms, range_most)};
+                                                   TG_OFFSET(ViewUniforms, range_most),
+                                                   TG_OFFSET(ViewUniforms, position_rest),
+                                                   TG_OFFSET(ViewUniforms, forward_rest)};
   const std::map<std::string, std::size_t> record = {TG_OFFSET(SplatRecord, center_depth_opacity),
                                                      TG_OFFSET(SplatRecord, w_r),
                                                      TG_OFFSET(SplatRecord, d_g),

@@ -74,8 +74,10 @@ struct ViewUniforms {
   uint antialiasing;
   uint range_least;
   uint range_most;
+  vec4 position_rest;
+  vec4 forward_rest;
 };
-TG_CHECK_SIZE(ViewUniforms, 208)
+TG_CHECK_SIZE(ViewUniforms, 240)
 struct Splat {
   vec4 center_depth_opacity;
   vec4 wx_r;
