@@ -131,10 +131,10 @@ Undistortion::Undistortion(Lens of, const Camera& camera, const std::string& lab
   constexpr double kRounding = 1e-6;  // [px] a pinhole's borders are its own
   const glm::dvec2 first = glm::ceil(low - 0.5 - kRounding), last = glm::floor(high - 0.5 + kRounding);
   const glm::dvec2 remains = last - first + 1.0;
-  const auto text = [](glm::dvec2 s) {
-    return std::to_string(std::max(0, static_cast<int>(s.x))) + " x " +
-           std::to_string(std::max(0, static_cast<int>(s.y)));
+  const auto pixels = [](double side) {  // no less than none, where the side is not a number, too
+    return std::to_string(static_cast<long long>(std::min(std::fmax(side, 0.0), 1e15)));
   };
+  const auto text = [&](glm::dvec2 s) { return pixels(s.x) + " x " + pixels(s.y); };
   if (!(remains.x >= kLeastRemains * size.x && remains.y >= kLeastRemains * size.y)) {
     throw Error(ErrorKind::badData, label,
                 "the lens distortion (" + lens.model +

@@ -202,9 +202,9 @@ TEST_CASE("undistorting hides what masks hide and what no photograph shows", "[l
 }
 
 TEST_CASE("an implausible lens is refused with what would remain", "[lens]") {
-  const auto refused = [](const Lens& lens) {
+  const auto refused = [](const Lens& lens, const Camera& seen_by = camera()) {
     try {
-      const Undistortion undistortion(lens, camera(), "a.png");
+      const Undistortion undistortion(lens, seen_by, "a.png");
       return std::to_string(undistortion.pinhole.size.x);
     } catch (const tg::Error& error) {
       return std::string(error.what());
@@ -213,6 +213,9 @@ TEST_CASE("an implausible lens is refused with what would remain", "[lens]") {
   CHECK_THAT(refused({.model = "OPENCV", .radial = {1e6}}),
              Contains("a.png: the lens distortion (OPENCV) is implausible (expected that undistorting keeps at least a "
                       "fifth of 96 x 64 pixels a side, found "));
+  Camera aside = camera();
+  aside.center.y = 6e9;  // more pixels away than an int counts
+  CHECK_THAT(refused({.model = "OPENCV", .radial = {32, 2}, .tangential = {0, 1}}, aside), Catch::Matchers::EndsWith(" x 0)"));
   for (const double value : {1e300, -1e300, std::numeric_limits<double>::max()}) {
     const Lens extreme{.model = "FULL_OPENCV",
                        .radial = {value, -value, value, value},
