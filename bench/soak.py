@@ -4,8 +4,9 @@
 
 A window under Xvfb goes through N random actions of a script (docs/viewer.md, Scripts): camera, outputs, sizes, pages,
 inspection, selections and edits with undo, comparisons, and models opened and closed; --loads-only: nothing but these.
-Prints one JSON: actions, loads, seconds, memory [MiB] after a tenth of the time and at the end, and the slope of a line
-through what lies between [KiB an hour, bytes an action]. Exit code 1 where the viewer did not end well.
+What does not fit one script is the same again, at most ROUND actions at a time. Prints one JSON: actions, loads,
+seconds, memory [MiB] after a tenth of the time and at the end, and the slope of a line through what lies between [KiB
+an hour, bytes an action]; on standard error the memory every ten minutes. Exit code 1 where the viewer did not end well.
 """
 import argparse
 import json
@@ -18,6 +19,8 @@ import tempfile
 import time
 
 EVERY_S = 0.5
+TELL_S = 600
+ROUND = 2000
 OUTPUTS = ["final", "base", "texture", "alpha", "depth", "normal", "overdraw"]
 
 
@@ -51,10 +54,15 @@ def action(rng, models):
 
 
 def script(options, rng):
+    """The lines of a script, how many actions a round has, and how many rounds there are."""
     models, lines = list(options.models), []
-    for _ in range(options.actions):
+    rounds = -(-options.actions // ROUND)
+    actions = -(-options.actions // rounds)
+    for _ in range(actions):
         lines += reopen(models) if options.loads_only else [*action(rng, models), "wait 1"]
-    return lines
+    if models != options.models:
+        lines += reopen(models)
+    return lines, actions, rounds
 
 
 def memory_of(process):
@@ -83,14 +91,14 @@ def main():
     options.models = [model.resolve() for model in options.models]
     if not shutil.which("Xvfb"):
         sys.exit("soak.py: no Xvfb here (apt-get install xvfb)")
-    lines = script(options, random.Random(options.seed))
+    lines, actions, rounds = script(options, random.Random(options.seed))
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder) / "script.txt"
-        file.write_text("\n".join(lines) + "\n")
+        file.write_text("\n".join([*lines, f"repeat {rounds}"]) + "\n")
         display = subprocess.Popen(["Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24"], stdout=subprocess.PIPE,
                                    stderr=subprocess.DEVNULL)
         number = display.stdout.readline().decode().strip()
-        began, samples = time.monotonic(), []
+        began, samples, told = time.monotonic(), [], 0
         try:
             viewer = subprocess.Popen(["env", "-u", "WAYLAND_DISPLAY", f"DISPLAY=:{number}", options.tgview.resolve(),
                                        options.models[0], "--script", file, "--size", "320x240", "--backend",
@@ -99,6 +107,9 @@ def main():
                 memory = memory_of(viewer.pid)
                 if memory is not None:
                     samples.append((time.monotonic() - began, memory))
+                    if samples[-1][0] >= told + TELL_S:
+                        told = samples[-1][0]
+                        print(f"{told:.0f} s: {memory:.1f} MiB", file=sys.stderr, flush=True)
                 time.sleep(EVERY_S)
         finally:
             display.terminate()
@@ -107,11 +118,11 @@ def main():
     steady = [(t, m) for t, m in samples if t >= 0.1 * seconds]
     grows = slope(steady) if len(steady) > 1 else 0.0  # [MiB/s]
     print(json.dumps({
-        "backend": options.backend, "seed": options.seed, "actions": options.actions,
-        "loads": sum(line.startswith("open ") for line in lines), "seconds": round(seconds, 1),
+        "backend": options.backend, "seed": options.seed, "actions": actions * rounds,
+        "loads": rounds * sum(line.startswith("open ") for line in lines), "seconds": round(seconds, 1),
         "mib_after_a_tenth": round(steady[0][1], 1) if steady else None, "mib_at_end": round(samples[-1][1], 1),
         "mib_at_most": round(max(m for _, m in samples), 1), "kib_an_hour": round(grows * 3600 * 1024, 1),
-        "bytes_an_action": round(grows * seconds / options.actions * 2 ** 20, 1), "exit_code": viewer.returncode}))
+        "bytes_an_action": round(grows * seconds / (actions * rounds) * 2 ** 20, 1), "exit_code": viewer.returncode}))
     sys.exit(1 if viewer.returncode != 0 else 0)
 
 

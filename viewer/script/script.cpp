@@ -21,9 +21,12 @@ constexpr int kFramesAfterResize = 4;  // the window system answers a size reque
 constexpr int kFramesOfOpening = 4;    // announced, opened, shown
 constexpr double kLongestAwait = 60;   // [s]
 
-int parseFrames(const std::string& text, const std::string& what) {
+constexpr int kMostFrames = 100000;
+constexpr int kMostRounds = 1000000;
+
+int parseCount(const std::string& text, int most, const char* of, const std::string& what) {
   const double count = parseNumber(text, what);
-  if (!(count >= 1 && count <= 100000)) refuseValue(what, text, "1 to 100000 frames");
+  if (!(count >= 1 && count <= most)) refuseValue(what, text, "1 to " + std::to_string(most) + " " + of);
   return static_cast<int>(count);
 }
 
@@ -104,6 +107,7 @@ constexpr std::array kVerbs = {
            c.state.compare.how.gain = static_cast<float>(c.number(1, 1e-3, kMaxGain));
          }},
     Verb{"wait", 1, 0, nullptr},
+    Verb{"repeat", 1, 1, nullptr},
     Verb{"await", 1, kFramesOfPanels, nullptr},
     Verb{"await-file", 1, kFramesOfPanels, nullptr},
     Verb{"size", 1, kFramesAfterResize, nullptr},
@@ -148,6 +152,9 @@ Script parseScript(const std::string& text, const std::string& path, std::span<c
                   at + command.verb + " (expected " + std::to_string(verb->words) + " words, found " +
                       std::to_string(command.words.size()) + ")");
     }
+    if (!script.commands.empty() && script.commands.back().verb == "repeat") {
+      throw Error(ErrorKind::badData, path, at + command.verb + " comes after repeat (expected as the last command)");
+    }
     script.commands.push_back(std::move(command));
   }
   return script;
@@ -164,7 +171,10 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
       const bool awaits = command.verb == "await" || command.verb == "await-file";
       if (awaits && !arrived(script, state, command, at)) return std::nullopt;
       ++script.next;
-      script.wait = command.verb == "wait" ? parseFrames(command.words[0], at) : verb.wait;
+      script.wait = command.verb == "wait" ? parseCount(command.words[0], kMostFrames, "frames", at) : verb.wait;
+      if (command.verb == "repeat" && ++script.rounds < parseCount(command.words[0], kMostRounds, "rounds", at)) {
+        script.next = 0;
+      }
       if (command.verb == "size") return parseSize(command.words[0], at);
       if (verb.run) verb.run({state, command.words, at});
       if (verb.setting) verb.setting->set(state.display.settings, command.words[0], at);

@@ -24,6 +24,7 @@ struct Script {
   std::span<const Verb> more;  // verbs beside the viewer's own
   std::vector<ScriptCommand> commands;
   std::size_t next = 0;
+  int rounds = 0;            // times that `repeat` was reached
   int wait = 0;              // frames still to draw before the next command
   double waiting_since = 0;  // [s] window time of the command that waits for a model; 0: none does
 };

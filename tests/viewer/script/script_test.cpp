@@ -46,6 +46,20 @@ TEST_CASE("wait draws that many frames") {
   CHECK(state.display.output == Output::base);
 }
 
+TEST_CASE("repeat runs a script so many times, a frame between") {
+  ViewerState state;
+  int rounds = 0;
+  Script script = parseScript("panel on\nturntable off\nrepeat 3\n", "s");
+  for (int frame = 0; !state.quit && frame < 10; ++frame) {
+    state.camera.turntable = true;
+    step(script, state);
+    rounds += state.camera.turntable ? 0 : 1;
+  }
+  CHECK(rounds == 3);
+  CHECK_THROWS_WITH(parseScript("repeat 2\nwait 1\n", "s.txt"),
+                    "s.txt: line 2: wait comes after repeat (expected as the last command)");
+}
+
 TEST_CASE("await waits for the models of --follow, but not for ever") {
   ViewerState state;
   state.time = 5;
@@ -132,7 +146,7 @@ TEST_CASE("a broken script names its line") {
   CHECK_THROWS_WITH(parseScript("orbit 5", "s.txt"), "s.txt: line 1: orbit (expected 2 words, found 1)");
   ViewerState state;
   for (const char* bad :
-       {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "size 1", "key Pause", "key a",
+       {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "repeat 0", "repeat 1e9", "size 1", "key Pause", "key a",
         "panel yes", "fov wide", "orbit 1 x", "dolly 0", "dolly -1", "dolly 1e9"}) {
     Script script = parseScript(bad, "s.txt");
     CHECK_THROWS_AS(step(script, state), Error);
