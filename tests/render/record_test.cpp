@@ -3,7 +3,11 @@
 // pixel that a splat can colour, and few others.
 #include "shared/record.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <random>
+#include <vector>
 
 #include "support/catch.h"
 #include "support/scenes.h"
@@ -133,4 +137,69 @@ TEST_CASE("tiles and blocks hold every pixel that a splat can colour, and not tw
   CHECK(missing == 0);
   CHECK(exact_blocks > 100);
   CHECK(blocks <= 2 * exact_blocks);
+}
+
+TEST_CASE("a splat that reaches the camera's plane is left out where it lies beside the image, and only there") {
+  const bool flat = GENERATE(false, true);
+  std::vector<glm::dvec3> sphere(4000);  // Fibonacci's points, at most 0.04 rad from any direction
+  for (std::size_t i = 0; i < sphere.size(); ++i) {
+    const double z = 1.0 - (2.0 * static_cast<double>(i) + 1.0) / static_cast<double>(sphere.size());
+    const double angle = 2.399963229728653 * static_cast<double>(i), r = std::sqrt(1.0 - z * z);
+    sphere[i] = {r * std::cos(angle), r * std::sin(angle), z};
+  }
+  const vec4 focal_center(80, 60, 41, 33);
+  const vec2 size(100, 70);
+  const std::array<glm::dvec3, 4> inward = {  // normals of the planes through the left, top, right and bottom side
+      glm::dvec3(1, 0, 41.0 / 80), {0, 1, 33.0 / 60}, {-1, 0, (100.0 - 41) / 80}, {0, -1, (70.0 - 33) / 60}};
+  std::mt19937 random(flat ? 2u : 1u);
+  std::uniform_real_distribution<float> unit(-1, 1);
+  int left_out = 0, kept = 0;
+  std::array<int, 4> by_one_side{};
+  for (int i = 0; i < 3000; ++i) {
+    const vec3 mean(3 * unit(random), 3 * unit(random), 0.25f + 0.15f * unit(random));
+    const mat3 axes = rotationFromQuaternion(vec4(unit(random), unit(random), unit(random), unit(random)));
+    const vec3 scale = glm::exp(vec3(unit(random), unit(random), unit(random))) * 0.3f;
+    const float radius = 3;
+    vec4 box, outline;
+    splatOutline(mean, axes, scale, radius, flat, focal_center, size, box, outline);
+    if (outline.w != 0.0f) continue;
+    std::array<double, 4> reach;
+    reach.fill(-1e9);
+    for (const glm::dvec3& at : sphere) {
+      const glm::dvec3 scaled = at * double{radius} * glm::dvec3(scale) * glm::dvec3(1, 1, flat ? 0 : 1);
+      const glm::dvec3 point = glm::dvec3(mean) + glm::dmat3(axes) * scaled;
+      for (std::size_t k = 0; k < 4; ++k) reach[k] = std::max(reach[k], glm::dot(inward[k], point));
+    }
+    constexpr double kUnsure = 0.02;  // what the points miss of the reach
+    if (std::ranges::any_of(reach, [](double r) { return std::abs(r) < kUnsure; })) continue;
+    const auto beyond = std::ranges::count_if(reach, [](double r) { return r < 0; });
+    const bool empty = box.x > box.z && box.y > box.w;
+    CHECK(empty == (beyond > 0));
+    if (!empty) CHECK(box == vec4(0, 0, size.x, size.y));
+    ++(empty ? left_out : kept);
+    for (std::size_t k = 0; k < 4; ++k) by_one_side[k] += beyond == 1 && reach[k] < 0;
+  }
+  INFO(left_out << " left out, " << kept << " kept");
+  CHECK(kept > 100);
+  for (const int count : by_one_side) CHECK(count > 20);
+}
+
+TEST_CASE("a row through an outline without an end covers all columns") {
+  SplatRecord r{};
+  r.w_r.x = 1;
+  r.d_g = vec4(1, 0, 1, 0);
+  r.outline.z = 1;  // |W|^2 <= |D|^2 is x^2 <= (x + 1)^2: a parabola's inside
+  vec2 span;
+  REQUIRE(outlineAt(r, 0, span));
+  CHECK(span == vec2(-1e9f, 1e9f));
+}
+
+TEST_CASE("a ray within a splat's plane does not hit it") {
+  Hit hit;
+  for (const float normal : {0.0f, 1e-10f, -1e-10f}) {
+    CHECK_FALSE(intersectSplat(vec3(0.1f, 0, 0), vec3(0, 0.1f, 0), vec3(0), vec3(0), vec3(0, 0, normal), 1,
+                               kIntersectPlane, vec2(1, 2), hit));
+  }
+  CHECK(intersectSplat(vec3(0.1f, 0, 0), vec3(0, 0.1f, 0), vec3(0), vec3(0), vec3(0, 0, 1), 1, kIntersectPlane,
+                       vec2(1, 2), hit));
 }
