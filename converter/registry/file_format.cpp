@@ -41,7 +41,9 @@ bool isPacked(const FileStart& start) { return start.holds("packed_position"); }
 bool isJson(const FileStart& start) {
   const std::size_t first = start.bytes.find_first_not_of(" \t\r\n", start.begins("\xef\xbb\xbf") ? 3 : 0);
   if (first == std::string::npos || start.bytes[first] != '{') return false;
-  // Numbers may begin with this byte, too.
+  // Numbers may begin with these bytes, too, but a text has no control characters (RFC 8259, section 7).
+  const auto is_control = [](char c) { return c >= 0 && c < ' ' && c != '\t' && c != '\r' && c != '\n'; };
+  if (std::ranges::any_of(start.bytes, is_control)) return false;
   const std::size_t second = start.bytes.find_first_not_of(" \t\r\n", first + 1);
   return second != std::string::npos && (start.bytes[second] == '"' || start.bytes[second] == '}');
 }

@@ -29,6 +29,7 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
           "compressed.ply");
   REQUIRE(detectFormat(scratch.write("b.splat", std::string(32, '\1'))).name == "splat");
   REQUIRE(detectFormat(scratch.write("c.splat", "{" + std::string(31, '\1'))).name == "splat");
+  REQUIRE(detectFormat(scratch.write("d.splat", "{\"" + std::string(30, '\1'))).name == "splat");
   REQUIRE(detectFormat(scratch.write("c.ksplat", "{" + std::string(31, '\1'))).name == "ksplat");
   REQUIRE(detectFormat(scratch.write("c.glb", "\xef\xbb\xbf{\n\t}")).name == "gltf");
   REQUIRE(detectFormat(scratch.write("b.ksplat", std::string(32, '\1'))).name == "ksplat");
