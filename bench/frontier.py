@@ -23,7 +23,7 @@ import sys
 
 import svg_plot
 from report_document import Code, Heading, Items, Table, Text, markdown
-from reproduce import LENGTH, ROOT, Scene, commit, machine
+from reproduce import LENGTH, ROOT, Locks, Scene, alone, commit, machine, side_by_side
 from reproduce import SCENES as TRIALS
 
 CELLS = ROOT / "docs/lab/frontier"
@@ -59,7 +59,7 @@ def cells():
 
 class Driver:
     def __init__(self, options):
-        self.options = options
+        self.options, self.locks = options, Locks()
 
     def call(self, scene, program, *arguments):
         command = [self.options.bin / program, *arguments, "--threads", self.options.threads]
@@ -67,7 +67,8 @@ class Driver:
             command += ["--downscale", SCENES[scene].downscale]
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
 
-    def train(self, scene, run, *flags):
+    @alone
+    def train(self, run, scene, *flags):
         """The model in the run folder, finished."""
         done = run / "done"
         if not done.exists() or not (run / "model.tgz").exists():
@@ -96,7 +97,7 @@ class Driver:
         """The cell's, trained if it is not there."""
         scene, count, degree, arm, seed = name.split("/")
         common = ["--sh-degree", degree[2:], "--seed", seed]
-        start = self.train(scene, self.options.work / scene / count / degree / f"start-{seed}", *SCENES[scene].flags,
+        start = self.train(self.options.work / scene / count / degree / f"start-{seed}", scene, *SCENES[scene].flags,
                            *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count)
         if arm == "plain":
             flags = ["--iterations", LENGTH, "--densification", "none", "--texture-mode", "none"]
@@ -104,7 +105,7 @@ class Driver:
             mode, texels = arm.split("-")
             flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", mode, "--texture-size", SIDE,
                      "--adaptive-texels", texels]
-        return self.train(scene, self.options.work / name, "--start-model", start, *common, *flags)
+        return self.train(self.options.work / name, scene, "--start-model", start, *common, *flags)
 
     def cut(self, name):
         """The cell's model, written with every width of steps."""
@@ -317,7 +318,8 @@ def main():
     parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
     parser.add_argument("--only", action="append", metavar="GLOB", help="these cells")
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=1, help="of a cell")
+    parser.add_argument("--jobs", type=int, default=1, help="cells at a time")
     parser.add_argument("--cells", type=pathlib.Path, default=CELLS, help="of the report")
     parser.add_argument("--page", type=pathlib.Path, default=PAGE)
     parser.add_argument("--picture", type=pathlib.Path, default=PICTURE)
@@ -335,9 +337,7 @@ def main():
         return
     if not options.data or not options.work:
         parser.error("expected --data and --work")
-    driver = Driver(options)
-    for name in chosen:
-        driver.run(name)
+    side_by_side(Driver(options).run, chosen, options.jobs)
 
 
 if __name__ == "__main__":

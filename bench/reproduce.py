@@ -10,12 +10,16 @@
 
 A cell is one training and its evaluation; SCENE/SHARE/TEXTURES/SEED on the test views, choice/... on every 8th of the
 training views. One that is done leaves docs/lab/trials/CELL.json. A call runs what is missing, in order, and may be
-stopped at any moment: WORK keeps the run folders, and the same call goes on. Two calls may run side by side where their
---only names different scenes. DATA holds the scene folders named below. --iterations and --downscale make smaller
-trials, for trying the driver, and write them to WORK/trials instead.
+stopped at any moment: WORK keeps the run folders, and the same call goes on. --jobs N runs N cells at a time: small
+scenes leave a GPU room for others. Two calls may run side by side where their --only names different scenes. DATA holds
+the scene folders named below. --iterations and --downscale make smaller trials, for trying the driver, and write them to
+WORK/trials instead.
 """
 import argparse
+import collections
+import concurrent.futures
 import fnmatch
+import functools
 import json
 import os
 import pathlib
@@ -23,6 +27,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import threading
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 TRIALS = ROOT / "docs/lab/trials"
@@ -164,9 +169,41 @@ def cells(length):
     return table
 
 
+def side_by_side(run, names, jobs):
+    """Runs every name, so many at a time; the first that fails keeps those from beginning that have not."""
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        try:
+            for done in [pool.submit(run, name) for name in names]:
+                done.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+class Locks:
+    """A lock a name: what several cells begin with is trained by one of them, and the others wait."""
+
+    def __init__(self):
+        self.guard, self.locks = threading.Lock(), collections.defaultdict(threading.RLock)
+
+    def __getitem__(self, name):
+        with self.guard:
+            return self.locks[name]
+
+
+def alone(method):
+    """A method of what has `locks`, for one name not twice at a time."""
+    @functools.wraps(method)
+    def guarded(self, name, *rest):
+        with self.locks[name]:
+            return method(self, name, *rest)
+
+    return guarded
+
+
 class Driver:
     def __init__(self, options):
-        self.options = options
+        self.options, self.locks = options, Locks()
         whole = options.iterations == LENGTH and options.downscale == 1
         self.trials = TRIALS if whole else options.work / "trials"
         self.cells = cells(options.iterations)
@@ -179,10 +216,12 @@ class Driver:
         only = self.options.only or ["*"]
         return [name for name in self.cells if any(fnmatch.fnmatch(name, pattern) for pattern in only)]
 
+    @alone
     def run(self, name):
         """The cell's report; runs it, and what it needs, where that is missing."""
         return self.report(name) or self.write(name, self.train(name))
 
+    @alone
     def train(self, name):
         """The cell's run folder; trains it, and what it begins with, where WORK does not have it."""
         cell = self.cells[name]
@@ -208,6 +247,7 @@ class Driver:
         (run / "done").write_text(begun)
         return run
 
+    @alone
     def start(self, name):
         """The run folder of a cell that another begins with; one that is trained once more must score as its report."""
         run, done = self.train(name), self.report(name)
@@ -308,7 +348,8 @@ def main():
     parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
     parser.add_argument("--only", action="append", metavar="GLOB", help="these cells")
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=1, help="of a cell")
+    parser.add_argument("--jobs", type=int, default=1, help="cells at a time")
     parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
     parser.add_argument("--lpips", type=pathlib.Path, help="weights for tgeval")
     parser.add_argument("--iterations", type=int, default=LENGTH)
@@ -333,8 +374,7 @@ def main():
         return
     if not options.data:
         parser.error("expected --data")
-    for name in chosen:
-        driver.run(name)
+    side_by_side(driver.run, chosen, options.jobs)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 import unittest.mock
 
@@ -87,6 +88,41 @@ class Frontier(unittest.TestCase):
             self.assertEqual(trained_for, [True] * len(frontier.TRAINED))
             self.assertEqual(len(json.loads((folder / "cells" / f"{name}.json").read_text())["trained"]),
                              len(frontier.TRAINED))
+
+    def test_cells_side_by_side_train_what_they_begin_with_once(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder, runs, most, now = pathlib.Path(folder), [], [0], set()
+            driver = frontier.Driver(argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu",
+                                                        threads=1))
+
+            def call(_, program, *arguments):
+                run = arguments[arguments.index("--run") + 1]
+                runs.append(run)
+                now.add(run)
+                most[0] = max(most[0], len(now))
+                time.sleep(0.05)
+                run.mkdir(parents=True)
+                (run / "model.tgz").touch()
+                now.remove(run)
+
+            driver.call = call
+            names = [f"{scene}/1700/sh1/{arm}/1" for scene in ("fox", "sample") for arm in ("plain", "rgba-8", "rgba-4")]
+            with unittest.mock.patch.object(frontier, "training_of", lambda _: {"interrupted": False}):
+                frontier.side_by_side(driver.model, names, 4)
+        self.assertEqual(len(runs), 8)
+        self.assertEqual(len(set(runs)), 8)
+        self.assertGreater(most[0], 1)
+
+    def test_a_failure_keeps_later_cells_from_beginning(self):
+        begun = []
+
+        def run(name):
+            begun.append(name)
+            raise ValueError(name)
+
+        with self.assertRaises(ValueError):
+            frontier.side_by_side(run, list("abcdefgh"), 1)
+        self.assertLess(len(begun), 8)
 
     def test_the_trees_own(self):
         page, picture = self.report(ROOT / "docs/lab/frontier")
