@@ -148,7 +148,7 @@ const char* program_name = "";
     try {
       std::rethrow_exception(thrown);
     } catch (const std::bad_alloc&) {
-      removeTemporaryFiles();
+      removeTemporaryFilesAtEnd();
       std::fprintf(stderr, "%s: out of memory\n", program_name);
       std::_Exit(static_cast<int>(ErrorKind::device));
     } catch (...) {

@@ -15,7 +15,7 @@ void handleStopSignals(void (*handler)(int signal)) {
 }
 
 void endAtOnce(int signal) noexcept {
-  removeTemporaryFiles();
+  removeTemporaryFilesAtEnd();
   std::signal(signal, SIG_DFL);
   std::raise(signal);
 }

@@ -3,6 +3,7 @@
 #include "core/system/temporary_files.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -25,6 +26,20 @@ namespace {
 
 constinit RemovedBySignal::Slot slots[32];
 static_assert(std::atomic<bool>::is_always_lock_free);
+
+// Names that live, in all threads and in this one, without those of threads that wait for the end.
+constinit std::atomic<int> alive{0};
+constinit thread_local int alive_here = 0;
+constinit std::atomic<bool> ending{false};
+
+constexpr int kPauseMs = 2, kMostPauses = 50;
+
+// A program that ends makes no new files, and says nothing of those that were taken from under its writers.
+void waitForTheEnd() noexcept {
+  if (!ending) return;
+  alive -= alive_here;
+  for (;;) ::pause();
+}
 
 constexpr int kMostDepth = 16;  // of folders in folders: more are left behind
 
@@ -66,6 +81,9 @@ bool removeFolder(int at, const char* name, int depth) noexcept {
 }  // namespace
 
 RemovedBySignal::RemovedBySignal(const std::filesystem::path& path) {
+  ++alive;  // before it looks: who ends the program sees one of the two
+  ++alive_here;
+  waitForTheEnd();
   if (path.native().size() >= PATH_MAX) return;
   for (Slot& slot : slots) {
     if (slot.taken.exchange(true)) continue;
@@ -77,6 +95,9 @@ RemovedBySignal::RemovedBySignal(const std::filesystem::path& path) {
 }
 
 RemovedBySignal::~RemovedBySignal() {
+  waitForTheEnd();
+  --alive;
+  --alive_here;
   if (!slot_) return;
   slot_->named = false;
   slot_->taken = false;
@@ -93,6 +114,13 @@ void removeTemporaryFiles() noexcept {
     const bool away = ::rename(slot.path, moved) == 0;
     removeFolder(AT_FDCWD, away ? moved : slot.path, 0);
   }
+}
+
+void removeTemporaryFilesAtEnd() noexcept {
+  ending = true;
+  removeTemporaryFiles();
+  for (int i = 0; i < kMostPauses && alive > alive_here; ++i) ::poll(nullptr, 0, kPauseMs);
+  removeTemporaryFiles();
 }
 
 }  // namespace tg

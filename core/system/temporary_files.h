@@ -23,4 +23,8 @@ class RemovedBySignal {
 // the program: async-signal-safe. Those writes fail.
 void removeTemporaryFiles() noexcept;
 
+// The same for a program that ends now: a thread that begins or ends a write from here on waits for ever, and what one
+// was about to make under a name that it had already is removed as well, if it does within 100 ms.
+void removeTemporaryFilesAtEnd() noexcept;
+
 }  // namespace tg

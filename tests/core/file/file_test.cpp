@@ -1,17 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole files: bounds in, all or nothing out.
 #include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <new>
 #include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/file/scratch_folder.h"
 #include "core/system/error.h"
+#include "core/system/signals.h"
 #include "core/system/temporary_files.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -130,6 +136,37 @@ TEST_CASE("a signal handler removes a folder that is half written, with all that
   tg::removeTemporaryFiles();
   REQUIRE(fileCount(folder.path) == 2);
   REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
+}
+
+TEST_CASE("a program that a signal ends leaves nothing half written, whatever its threads are about to write") {
+  const tg::TemporaryFolder folder;
+  for (int round = 0; round < 40; ++round) {
+    const pid_t child = ::fork();
+    REQUIRE(child >= 0);
+    if (child == 0) {
+      std::vector<std::thread> writers;
+      for (int i = 0; i < 4; ++i) {
+        writers.emplace_back([&, i] {
+          try {
+            for (;;) tg::writeFileAtomically(folder / std::to_string(i), Bytes(1000));
+          } catch (const tg::Error&) {
+            std::_Exit(4);  // as a program does that says what failed
+          }
+        });
+      }
+      std::this_thread::sleep_for(std::chrono::microseconds(2000 + 100 * round));
+      tg::endAtOnce(SIGTERM);
+      std::_Exit(1);
+    }
+    int status = 0;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    REQUIRE(WIFSIGNALED(status));
+    REQUIRE(WTERMSIG(status) == SIGTERM);
+    for (const auto& entry : std::filesystem::directory_iterator(folder.path)) {
+      INFO("round " << round << ": " << entry.path());
+      REQUIRE(entry.path().filename().string().front() != '.');
+    }
+  }
 }
 
 TEST_CASE("an exception while writing leaves the older file and nothing beside it") {
