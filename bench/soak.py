@@ -20,7 +20,7 @@ import time
 
 EVERY_S = 0.5
 TELL_S = 600
-ROUND = 2000
+ROUND = 2000  # actions
 OUTPUTS = ["final", "base", "texture", "alpha", "depth", "normal", "overdraw"]
 
 

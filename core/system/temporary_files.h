@@ -19,12 +19,12 @@ class RemovedBySignal {
   Slot* slot_ = nullptr;
 };
 
-// Removes the temporary files and folders of writes that are under way in any thread, for a signal handler that ends
-// the program: async-signal-safe. Those writes fail.
+// Removes the temporary files and folders of writes that are under way in any thread: async-signal-safe. Those writes
+// fail.
 void removeTemporaryFiles() noexcept;
 
-// The same for a program that ends now: a thread that begins or ends a write from here on waits for ever, and what one
-// was about to make under a name that it had already is removed as well, if it does within 100 ms.
+// The same for a signal handler that ends the program: a thread that begins or ends a write from here on waits for ever,
+// and what one was about to make under a name that it had already is removed as well, if it does within 100 ms.
 void removeTemporaryFilesAtEnd() noexcept;
 
 }  // namespace tg

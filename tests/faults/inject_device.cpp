@@ -107,9 +107,9 @@ GLenum resetStatus() {
 }
 
 #define TG_GL_CALLS(X)                                                                                        \
-  X(glNamedBufferStorage) X(glNamedBufferSubData) X(glGetNamedBufferSubData) X(glClearNamedBufferData)        \
-  X(glTextureBuffer) X(glTextureStorage2D) X(glTextureSubImage2D) X(glDispatchCompute)                        \
-  X(glDispatchComputeIndirect)
+  X(glNamedBufferStorage) X(glNamedBufferSubData) X(glCopyNamedBufferSubData) X(glGetNamedBufferSubData)      \
+  X(glClearNamedBufferData) X(glTextureBuffer) X(glTextureStorage2D) X(glTextureSubImage2D)                   \
+  X(glDispatchCompute) X(glDispatchComputeIndirect)
 #define TG_EGL_CALLS(X) X(eglInitialize) X(eglBindAPI) X(eglCreateContext) X(eglMakeCurrent)
 
 #define TG_NAME(function) constexpr Name kName_##function{"epoxy_" #function};

@@ -20,8 +20,7 @@ constexpr std::uint64_t kMaxScriptBytes = 1 << 20;
 constexpr int kFramesAfterResize = 4;  // the window system answers a size request some events later
 constexpr int kFramesOfOpening = 4;    // announced, opened, shown
 constexpr double kLongestAwait = 60;   // [s]
-
-constexpr int kMostFrames = 100000;
+constexpr int kMostFrames = 100000;    // of a wait
 constexpr int kMostRounds = 1000000;
 
 int parseCount(const std::string& text, int most, const char* of, const std::string& what) {

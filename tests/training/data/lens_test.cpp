@@ -215,7 +215,8 @@ TEST_CASE("an implausible lens is refused with what would remain", "[lens]") {
                       "fifth of 96 x 64 pixels a side, found "));
   Camera aside = camera();
   aside.center.y = 6e9;  // more pixels away than an int counts
-  CHECK_THAT(refused({.model = "OPENCV", .radial = {32, 2}, .tangential = {0, 1}}, aside), Catch::Matchers::EndsWith(" x 0)"));
+  CHECK_THAT(refused({.model = "OPENCV", .radial = {32, 2}, .tangential = {0, 1}}, aside),
+             Catch::Matchers::EndsWith(" x 0)"));
   for (const double value : {1e300, -1e300, std::numeric_limits<double>::max()}) {
     const Lens extreme{.model = "FULL_OPENCV",
                        .radial = {value, -value, value, value},

@@ -146,8 +146,8 @@ TEST_CASE("a broken script names its line") {
   CHECK_THROWS_WITH(parseScript("orbit 5", "s.txt"), "s.txt: line 1: orbit (expected 2 words, found 1)");
   ViewerState state;
   for (const char* bad :
-       {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "repeat 0", "repeat 1e9", "size 1", "key Pause", "key a",
-        "panel yes", "fov wide", "orbit 1 x", "dolly 0", "dolly -1", "dolly 1e9"}) {
+       {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "repeat 0", "repeat 1e9", "size 1",
+        "key Pause", "key a", "panel yes", "fov wide", "orbit 1 x", "dolly 0", "dolly -1", "dolly 1e9"}) {
     Script script = parseScript(bad, "s.txt");
     CHECK_THROWS_AS(step(script, state), Error);
   }
