@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Windows on OpenGL: the window's context, and one that shares its textures for the thread that makes pictures.
+// Windows on OpenGL: the window's context, and another one for the thread that makes pictures.
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
@@ -8,8 +8,13 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <atomic>
+#include <cstdint>
 #include <deque>
+#include <memory>
+#include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/system/error.h"
@@ -94,17 +99,133 @@ class GlPictureDevice final : public PictureDevice {
   std::vector<std::byte> staging_;
 };
 
+// Pixels that either thread may read while it holds the image.
+class MemoryPictureImage final : public PictureImage {
+ public:
+  explicit MemoryPictureImage(glm::ivec2 s) : PictureImage(s), pixels(std::size_t{4} * s.x * s.y) {}
+  std::span<std::byte> rowsFrom(int top) { return std::span(pixels).subspan(std::size_t{4} * size.x * top); }
+
+  std::vector<std::byte> pixels;  // RGBA8
+  std::uint64_t version = 0;      // another one for other pixels
+};
+
+const MemoryPictureImage& inMemory(const PictureImage& image) { return static_cast<const MemoryPictureImage&>(image); }
+
+std::size_t countMessages(const GlDevice& device) {
+  const std::lock_guard lock(device.messages_mutex);
+  return device.debug_messages.size();
+}
+
+// Draws in a display of its own, from where pictures go through memory: before llvmpipe uses a texture it looks through
+// the frames that any context of its display has under way, which another thread may be freeing.
+class MemoryPictureDevice final : public PictureDevice {
+ public:
+  // Tells `messages` how many there were. The CPU's pictures want no context: without libEGL these are left.
+  MemoryPictureDevice(GlOptions options, std::atomic<std::size_t>& messages)
+      : options_(std::move(options)), messages_(messages) {}
+
+  std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
+    return std::make_shared<MemoryPictureImage>(size);
+  }
+
+  std::unique_ptr<GpuRenderer> makeRenderer() override {
+    if (!device_) {
+      device_ = createGlDevice(options_);
+      programs_ = makeGlPrograms(*device_);
+    }
+    return makeGlRenderer(*device_, programs_);
+  }
+
+  bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
+    const bool complete = renderer.draw(request);
+    auto& image = static_cast<MemoryPictureImage&>(target);
+    const std::span<std::byte> rows = image.rowsFrom(top);
+    glGetTextureSubImage(static_cast<GlRenderer&>(renderer).texture(), 0, 0, 0, 0, image.size.x, request.camera.size.y,
+                         1, GL_RGBA, GL_UNSIGNED_BYTE, static_cast<GLsizei>(rows.size()), rows.data());
+    checkGl(*device_, "a picture");
+    ++image.version;
+    messages_ = countMessages(*device_);
+    return complete;
+  }
+
+  void upload(const Image& picture, PictureImage& target) override {
+    auto& image = static_cast<MemoryPictureImage&>(target);
+    toRgba8(picture, image.pixels);
+    ++image.version;
+  }
+
+  Image download(const PictureImage& source) override {
+    return imageFromRgba8(inMemory(source).pixels, source.size.x, source.size.y);
+  }
+
+ private:
+  const GlOptions options_;
+  std::atomic<std::size_t>& messages_;
+  std::unique_ptr<GlDevice> device_;
+  std::shared_ptr<GlPrograms> programs_;  // of all models: an edit makes a renderer anew
+};
+
+// The window's textures of pictures in memory, in whose context all of them are used.
+class PictureTextures {
+ public:
+  PictureTextures() = default;
+  PictureTextures& operator=(PictureTextures&&) = delete;
+  ~PictureTextures() {
+    for (const Entry& entry : entries_) glDeleteTextures(1, &entry.texture);
+  }
+
+  // The texture has the pixels that the image has now.
+  GLuint of(const std::shared_ptr<const PictureImage>& image) {
+    const MemoryPictureImage& memory = inMemory(*image);
+    auto found = std::ranges::find_if(entries_, [&](const Entry& entry) {
+      return !entry.image.owner_before(image) && !image.owner_before(entry.image);  // lock() would make it look used
+    });
+    if (found == entries_.end()) {
+      found = entries_.insert(entries_.end(), Entry{image, 0, memory.version - 1});
+      glCreateTextures(GL_TEXTURE_2D, 1, &found->texture);
+      glTextureStorage2D(found->texture, 1, GL_RGBA8, image->size.x, image->size.y);
+    }
+    if (found->version != memory.version) {
+      glTextureSubImage2D(found->texture, 0, 0, 0, image->size.x, image->size.y, GL_RGBA, GL_UNSIGNED_BYTE,
+                          memory.pixels.data());
+      found->version = memory.version;
+    }
+    return found->texture;
+  }
+
+  // Those of images that are no more.
+  void forget() {
+    std::erase_if(entries_, [](const Entry& entry) {
+      const bool gone = entry.image.expired();
+      if (gone) glDeleteTextures(1, &entry.texture);
+      return gone;
+    });
+  }
+
+ private:
+  struct Entry {
+    std::weak_ptr<const PictureImage> image;
+    GLuint texture;
+    std::uint64_t version;
+  };
+  std::vector<Entry> entries_;
+};
+
 class GlScreen final : public Screen {
  public:
-  GlScreen(GLFWwindow* window, const ViewOptions& options, const std::string& device)
-      : window_(window), shared_(openSharedContext(window)) {
-    GlOptions gl;
-    gl.debug = options.validation;
-    glfwMakeContextCurrent(shared_.get());
-    picture_device_ = wrapGlContext(gl);
+  GlScreen(GLFWwindow* window, const ViewOptions& options, const std::string& device, GlSharing sharing)
+      : window_(window) {
+    options_.debug = options.validation;
     glfwMakeContextCurrent(window_);
-    device_ = wrapGlContext(gl);
+    device_ = wrapGlContext(options_);
     requirePicked(device);
+    if (sharing == GlSharing::always || !device_->software) {
+      shared_ = openSharedContext(window);
+      glfwMakeContextCurrent(shared_.get());
+      picture_device_ = wrapGlContext(options_);
+      glfwMakeContextCurrent(window_);
+    }
+    options_.device = device_->limits.device;
     glfwSwapInterval(1);
     glCreateFramebuffers(1, &source_);
   }
@@ -117,8 +238,11 @@ class GlScreen final : public Screen {
 
   bool software() const override { return device_->software; }
   int framesInFlight() const override { return 1; }
-  std::size_t messages() const override { return countMessages(*device_) + countMessages(*picture_device_); }
+  std::size_t messages() const override {
+    return countMessages(*device_) + (picture_device_ ? countMessages(*picture_device_) : picture_messages_.load());
+  }
   std::unique_ptr<PictureDevice> makePictureDevice() override {
+    if (!shared_) return std::make_unique<MemoryPictureDevice>(options_, picture_messages_);
     return std::make_unique<GlPictureDevice>(shared_.get(), *picture_device_);
   }
 
@@ -137,7 +261,8 @@ class GlScreen final : public Screen {
     glViewport(0, 0, size_.x, size_.y);
     glClearBufferfv(GL_COLOR, 0, color);
     for (const PictureBlit& blit : pictures) {
-      glNamedFramebufferTexture(source_, GL_COLOR_ATTACHMENT0, textureOf(*blit.image), 0);
+      const GLuint texture = shared_ ? textureOf(*blit.image) : textures_.of(blit.image);
+      glNamedFramebufferTexture(source_, GL_COLOR_ATTACHMENT0, texture, 0);
       const glm::ivec2 first = blit.from.origin, last = first + blit.from.size;
       const glm::ivec2 top = blit.to.origin, bottom = top + blit.to.size;
       glBlitNamedFramebuffer(source_, 0, first.x, first.y, last.x, last.y, top.x, size_.y - top.y, bottom.x,
@@ -145,6 +270,7 @@ class GlScreen final : public Screen {
                              blit.from.size == blit.to.size ? GL_NEAREST : GL_LINEAR);
     }
     glNamedFramebufferTexture(source_, GL_COLOR_ATTACHMENT0, 0, 0);
+    textures_.forget();
     if (panels) ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
     checkGl(*device_, "drawing the window");
     Frame& frame = frames_.emplace_back();
@@ -152,7 +278,10 @@ class GlScreen final : public Screen {
     frame.ended = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
   }
 
-  Image read(const PictureImage& image) override { return readTexture(*device_, textureOf(image), image.size); }
+  Image read(const PictureImage& image) override {
+    if (!shared_) return imageFromRgba8(inMemory(image).pixels, image.size.x, image.size.y);
+    return readTexture(*device_, textureOf(image), image.size);
+  }
 
   Image readWindow() override {
     std::vector<std::byte> pixels(std::size_t{4} * size_.x * size_.y);
@@ -203,11 +332,6 @@ class GlScreen final : public Screen {
     }
   }
 
-  static std::size_t countMessages(const GlDevice& device) {
-    const std::lock_guard lock(device.messages_mutex);
-    return device.debug_messages.size();
-  }
-
   void requirePicked(const std::string& wanted) const {
     const std::string& drawing = device_->limits.device;
     if (drawing.find(wanted) != std::string::npos) return;
@@ -216,19 +340,23 @@ class GlScreen final : public Screen {
   }
 
   GLFWwindow* window_;
-  WindowPtr shared_;  // never shown
+  GlOptions options_;  // of another context on the same device
+  WindowPtr shared_;   // the pictures' context, never shown; none: they come through memory
   std::unique_ptr<GlDevice> picture_device_, device_;
-  GLuint source_ = 0;  // framebuffer that pictures are read from
+  std::atomic<std::size_t> picture_messages_ = 0;  // without picture_device_
+  PictureTextures textures_;                       // likewise
+  GLuint source_ = 0;                              // framebuffer that pictures are read from
   glm::ivec2 size_{0};
   std::deque<Frame> frames_;
 };
 
 }  // namespace
 
-std::unique_ptr<Screen> makeGlScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick) {
+std::unique_ptr<Screen> makeGlScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick,
+                                     GlSharing sharing) {
   // While no context is current: the list makes contexts of its own.
   const std::string device = pick.index ? listGlDevices().at(*pick.index).limits.device : pick.name;
-  return std::make_unique<GlScreen>(window, options, device);
+  return std::make_unique<GlScreen>(window, options, device, sharing);
 }
 
 }  // namespace tg

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A window's device as the viewer sees it, whatever its API: what shows pictures and panels.
 #pragma once
+#include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
 #include <memory>
@@ -59,9 +60,14 @@ class Screen {
 // Gets a window's screen and returns the one to use: itself, or another one around it.
 using ScreenWrapper = std::function<std::unique_ptr<Screen>(std::unique_ptr<Screen>)>;
 
+// Whether pictures are textures that the window's context and the picture thread's share. Software devices cannot bear
+// two such threads at once; their pictures go through memory.
+enum class GlSharing : std::uint8_t { on_hardware, always };
+
 // For a window made for that API. Throw Error(device). Which device draws an OpenGL window is the window system's
 // choice: another one than was picked is refused.
 std::unique_ptr<Screen> makeVulkanScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick);
-std::unique_ptr<Screen> makeGlScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick);
+std::unique_ptr<Screen> makeGlScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick,
+                                     GlSharing sharing = GlSharing::on_hardware);
 
 }  // namespace tg

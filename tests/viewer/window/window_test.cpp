@@ -132,6 +132,32 @@ TEST_CASE("without Vulkan a window opens on OpenGL, on the device that draws win
   CHECK_THAT(refused.err, Contains("lets OpenGL draw on") && Contains("expected \"no such device\""));
 }
 
+#ifdef TG_SHARED_PICTURES
+TEST_CASE("pictures that share the window's textures reach it unchanged") {
+  TG_SKIP_IF(test::noWindow("opengl"));
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const ProcessResult result = shop.tgview({"model.tgz"}, kXServer, TG_SHARED_PICTURES);
+  INFO(result.err);
+  CHECK(result.exit_code == 0);
+}
+#endif
+
+// With blocks of memory that go at once, two runs of three ended in the driver when both threads shared a display.
+TEST_CASE("on a software device the window's frames and the pictures of a turn leave each other's memory alone") {
+  TG_SKIP_IF(test::noWindow("opengl"));
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz", 30);
+  shop.write("script.txt", "turntable on\nwait 300\n");
+  std::vector<std::string> prefix = {"MALLOC_MMAP_THRESHOLD_=16384", "MALLOC_TRIM_THRESHOLD_=4096",
+                                     "MALLOC_PERTURB_=165"};
+  prefix.insert(prefix.end(), kXServer.begin(), kXServer.end());
+  const ProcessResult result =
+      shop.tgview({"model.tgz", "--script", "script.txt", "--size", "320x240", "--backend", "opengl"}, prefix);
+  INFO(result.err);
+  CHECK(result.exit_code == 0);
+}
+
 TEST_CASE("a broken file shows an error and leaves the old model, a good one replaces it", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
