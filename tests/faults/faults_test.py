@@ -66,7 +66,7 @@ def scenarios(model, scene, script):
         Scenario("window on Vulkan", ["tgview", "model.tgz", "--script", "script.txt", "--size", "96x64", "--backend",
                                       "vulkan"], None, [model, script], ["vulkan"], window=True),
         Scenario("window on OpenGL", ["tgview", "model.tgz", "--script", "script.txt", "--size", "96x64", "--backend",
-                                      "opengl"], None, [model, script], ["gl", "gl-lost"], window=True),
+                                      "opengl"], None, [model, script], ["gl", "gl-lost", "egl"], window=True),
     ]
 
 

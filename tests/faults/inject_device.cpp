@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cstdint>
 #include <cstring>
+#include <mutex>
 #include <utility>
 
 #include "inject.h"
@@ -39,7 +40,7 @@ VkResult callVulkan(const char* name, VkResult error, Word a, Word b, Word c, Wo
   return error;
 }
 
-std::atomic<GLenum> next_error{GL_NO_ERROR};
+thread_local GLenum next_error = GL_NO_ERROR;
 std::atomic<bool> lost{false};
 
 // libepoxy's variable for a function, with a wrapper in it. At the first call libepoxy writes the function's address
@@ -56,9 +57,15 @@ class Taken {
 
   template <typename... Arguments>
   static auto call(Arguments... arguments) {
+    if (resolved) return real(arguments...);
+    const std::lock_guard lock(resolving);
+    if (resolved) return real(arguments...);
     struct Back {
       Back() { *variable = real; }
-      ~Back() { real = std::exchange(*variable, wrapper); }
+      ~Back() {
+        real = std::exchange(*variable, wrapper);
+        resolved = true;
+      }
     } back;
     return real(arguments...);
   }
@@ -66,6 +73,8 @@ class Taken {
  private:
   static inline Function* variable = nullptr;
   static inline Function real = nullptr, wrapper = nullptr;
+  static inline std::mutex resolving;
+  static inline std::atomic<bool> resolved = false;
 };
 
 template <const Name& name, typename Function>
@@ -96,7 +105,7 @@ using Errors = Taken<kGetError, GLenum (*)()>;
 using Resets = Taken<kResetStatus, GLenum (*)()>;
 
 GLenum getError() {
-  const GLenum wanted = next_error.exchange(GL_NO_ERROR);
+  const GLenum wanted = std::exchange(next_error, GL_NO_ERROR);
   const GLenum found = Errors::call();
   return wanted != GL_NO_ERROR ? wanted : found;
 }

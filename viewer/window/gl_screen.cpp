@@ -120,11 +120,17 @@ std::size_t countMessages(const GlDevice& device) {
 // the frames that any context of its display has under way, which another thread may be freeing.
 class MemoryPictureDevice final : public PictureDevice {
  public:
-  // Tells `messages` how many there were. The CPU's pictures want no context: without libEGL these are left.
-  MemoryPictureDevice(GlOptions options, std::atomic<std::size_t>& messages)
-      : options_(std::move(options)), messages_(messages) {}
+  // The window takes images of `most` pixels a side. Tells `messages` how many there were. The CPU's pictures want no
+  // context: without libEGL these are left.
+  MemoryPictureDevice(GlOptions options, std::uint32_t most, std::atomic<std::size_t>& messages)
+      : options_(std::move(options)), most_(most), messages_(messages) {}
 
   std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
+    if (static_cast<std::uint32_t>(std::max(size.x, size.y)) > most_) {
+      throw Error(ErrorKind::device, options_.device,
+                  "OpenGL: a picture of " + std::to_string(size.x) + " x " + std::to_string(size.y) +
+                      " pixels (expected at most " + std::to_string(most_) + " a side)");
+    }
     return std::make_shared<MemoryPictureImage>(size);
   }
 
@@ -133,10 +139,12 @@ class MemoryPictureDevice final : public PictureDevice {
       device_ = createGlDevice(options_);
       programs_ = makeGlPrograms(*device_);
     }
+    const Count count(*this);
     return makeGlRenderer(*device_, programs_);
   }
 
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
+    const Count count(*this);
     const bool complete = renderer.draw(request);
     auto& image = static_cast<MemoryPictureImage&>(target);
     const std::span<std::byte> rows = image.rowsFrom(top);
@@ -144,7 +152,6 @@ class MemoryPictureDevice final : public PictureDevice {
                          1, GL_RGBA, GL_UNSIGNED_BYTE, static_cast<GLsizei>(rows.size()), rows.data());
     checkGl(*device_, "a picture");
     ++image.version;
-    messages_ = countMessages(*device_);
     return complete;
   }
 
@@ -159,7 +166,16 @@ class MemoryPictureDevice final : public PictureDevice {
   }
 
  private:
+  // Messages, however what follows ends.
+  struct Count {
+    explicit Count(const MemoryPictureDevice& d) : of(d) {}
+    Count& operator=(Count&&) = delete;
+    ~Count() { of.messages_ = countMessages(*of.device_); }
+    const MemoryPictureDevice& of;
+  };
+
   const GlOptions options_;
+  const std::uint32_t most_;
   std::atomic<std::size_t>& messages_;
   std::unique_ptr<GlDevice> device_;
   std::shared_ptr<GlPrograms> programs_;  // of all models: an edit makes a renderer anew
@@ -225,7 +241,8 @@ class GlScreen final : public Screen {
       picture_device_ = wrapGlContext(options_);
       glfwMakeContextCurrent(window_);
     }
-    options_.device = device_->limits.device;
+    const std::string& name = device_->limits.device;
+    options_.device = name.substr(0, name.find(" ("));  // libEGL's may be of another version
     glfwSwapInterval(1);
     glCreateFramebuffers(1, &source_);
   }
@@ -242,7 +259,7 @@ class GlScreen final : public Screen {
     return countMessages(*device_) + (picture_device_ ? countMessages(*picture_device_) : picture_messages_.load());
   }
   std::unique_ptr<PictureDevice> makePictureDevice() override {
-    if (!shared_) return std::make_unique<MemoryPictureDevice>(options_, picture_messages_);
+    if (!shared_) return std::make_unique<MemoryPictureDevice>(options_, device_->limits.image_side, picture_messages_);
     return std::make_unique<GlPictureDevice>(shared_.get(), *picture_device_);
   }
 

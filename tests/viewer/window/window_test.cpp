@@ -149,9 +149,9 @@ TEST_CASE("on a software device the window's frames and the pictures of a turn l
   const Workshop shop;
   test::writeSample(shop / "model.tgz", 30);
   shop.write("script.txt", "turntable on\nwait 300\n");
-  std::vector<std::string> prefix = {"MALLOC_MMAP_THRESHOLD_=16384", "MALLOC_TRIM_THRESHOLD_=4096",
-                                     "MALLOC_PERTURB_=165"};
-  prefix.insert(prefix.end(), kXServer.begin(), kXServer.end());
+  std::vector<std::string> prefix = kXServer;
+  prefix.insert(prefix.end(),
+                {"env", "MALLOC_MMAP_THRESHOLD_=16384", "MALLOC_TRIM_THRESHOLD_=4096", "MALLOC_PERTURB_=165"});
   const ProcessResult result =
       shop.tgview({"model.tgz", "--script", "script.txt", "--size", "320x240", "--backend", "opengl"}, prefix);
   INFO(result.err);
