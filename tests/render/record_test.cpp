@@ -139,6 +139,49 @@ TEST_CASE("tiles and blocks hold every pixel that a splat can colour, and not tw
   CHECK(blocks <= 2 * exact_blocks);
 }
 
+TEST_CASE("the columns of a sphere in the middle are those of its circle, no more") {
+  const vec3 mean(0, 0, 4);
+  const vec4 focal_center(100, 100, 32.3f, 32.4f);
+  const float radius = 2, scale = 0.4f;
+  vec4 box, outline;
+  splatOutline(mean, mat3(1), vec3(scale), radius, false, focal_center, vec2(65), box, outline);
+  REQUIRE(outline.w != 0.0f);
+  const Splat splat = makeSplat(mean, mat3(1), vec3(scale), focal_center, 0.9f, vec3(0.5f));
+  const SplatRecord record = makeRecord(splat, kIntersectMaxResponse, vec3(0, 0, 1), outline);
+  const double extent = radius * scale, circle = 100 * extent / std::sqrt(16 - extent * extent);
+  int rows = 0;
+  for (int row = 0; row <= 64; ++row) {
+    vec2 columns;
+    const bool any = splatColumns(record, 0, 64, static_cast<float>(row), static_cast<float>(row), columns);
+    const double y = row + 0.5 - focal_center.w;
+    INFO("row " << row);
+    CHECK(any == (std::abs(y) < circle));
+    if (!any) continue;
+    const double half = std::sqrt(circle * circle - y * y);
+    const double low = focal_center.z - half - 0.5, high = focal_center.z + half - 0.5;
+    // The columns have a margin against rounding.
+    if (std::abs(low - std::round(low)) < 0.02 || std::abs(high - std::round(high)) < 0.02) continue;
+    CHECK(columns.x == std::ceil(low));
+    CHECK(columns.y == std::floor(high));
+    ++rows;
+  }
+  CHECK(rows > 30);
+}
+
+TEST_CASE("a plane through the camera and along the rows of pixels has a record of finite numbers") {
+  const mat3 axes(vec3(1, 0, 0), vec3(0, 0, 1), vec3(0, 1, 0));
+  const Splat splat =
+      makeSplat(vec3(0.25f, 0, 4), axes, vec3(4, 2, 0.5f), vec4(100, 100, 32.5f, 32.5f), 0.9f, vec3(0.5f));
+  const SplatRecord record = makeRecord(splat, kIntersectPlane, axes[2], vec4(0, 0, 9, 0));
+  CHECK(record.w_r.x == 0.0f);
+  // Every ray that leaves the plane meets it in the camera alone: at (0.25 / 4, 4 / 2) sigma from the mean.
+  const Hit hit = recordHit(record, vec2(5, 3));
+  CHECK(std::abs(hit.power - 4.00390625f) < 1e-4f);
+  CHECK(std::abs(hit.t) < 1e-6f);
+  vec2 span;
+  CHECK(outlineAt(record, 3, span));
+}
+
 TEST_CASE("a splat that reaches the camera's plane is left out where it lies beside the image, and only there") {
   const bool flat = GENERATE(false, true);
   std::vector<glm::dvec3> sphere(4000);  // Fibonacci's points, at most 0.04 rad from any direction

@@ -283,6 +283,24 @@ TEST_CASE("the screen box of case G is the published one") {
   for (int k = 0; k < 4; ++k) CHECK(std::abs(conic[k] - published[k]) < 5.1e-10);
 }
 
+TEST_CASE("a screen box is the same in every unit of length and has an end until it reaches the plane of the camera") {
+  const auto boxOf = [](float unit, float reach, vec4& box) {
+    const vec3 mean = vec3(0.3f, -0.2f, 4) * unit;
+    const mat3 axes = rotationFromQuaternion(vec4(0.9f, 0.2f, -0.3f, 0.1f));
+    return splatBox(mean, axes, vec3(mean.z * reach), 1.0f, false, vec4(100, 100, 32.5f, 32.5f), box);
+  };
+  for (const float unit : {0x1p-14f, 0x1p-3f, 0x1p14f}) {
+    INFO("unit " << unit);
+    vec4 box, expected;
+    for (const float reach : {0.1f, 0.999f}) {
+      REQUIRE(boxOf(1, reach, expected));
+      REQUIRE(boxOf(unit, reach, box));
+      CHECK(box == expected);
+    }
+    for (const float reach : {0.9999998f, 1.1f}) CHECK_FALSE(boxOf(unit, reach, box));
+  }
+}
+
 TEST_CASE("screen boxes are the exact tangent bounds and contain every point") {
   int bounded = 0;
   for (SceneKind kind : kSceneKinds) {
