@@ -339,6 +339,41 @@ TEST_CASE("screen boxes are the exact tangent bounds and contain every point") {
   CHECK(bounded > 2000);
 }
 
+TEST_CASE("texels a pixel are those that the hits of neighbouring rays are apart") {
+  constexpr uint kWide = 5, kHigh = 9;
+  int seen = 0;
+  for (SceneKind kind : kSceneKinds) {
+    const TestScene scene = makeScene(kind, 102, 300);
+    const glm::dvec4 focal_center(focalCenter(scene.camera));
+    for (IntersectionModel model : kModels) {
+      for (const FloatSplat& s : seenSplats(scene)) {
+        const reference::Splat exact = exactSplat(s);
+        const auto hit = [&](double x, double y) {  // offset from the projected mean [px] to uv
+          const glm::dvec3 mean(s.mean_c);
+          const glm::dvec3 d =
+              exact.m * glm::dvec3(mean.x / mean.z + x / focal_center.x, mean.y / mean.z + y / focal_center.y, 1.0);
+          const double t =
+              model == IntersectionModel::plane ? -exact.o.z / d.z : -glm::dot(exact.o, d) / glm::dot(d, d);
+          return glm::dvec2(exact.o + t * d);
+        };
+        constexpr double kStep = 1e-3;  // [px]
+        const glm::dvec2 across = (hit(kStep, 0) - hit(-kStep, 0)) / (2 * kStep);
+        const glm::dvec2 down = (hit(0, kStep) - hit(0, -kStep)) / (2 * kStep);
+        const double texels = (kWide - 1) * (kHigh - 1) / (4.0 * kTextureExtent * kTextureExtent);
+        const Splat& r = s.record;
+        const float density =
+            texelDensity(vec3(r.wx_r), vec3(r.wy_g), vec3(r.d0_size), kWide, kHigh, static_cast<uint>(model));
+        const double expected = texels * std::abs(across.x * down.y - across.y * down.x);
+        const double whole = texels * glm::length(across) * glm::length(down);
+        if (!(whole < 1e6)) continue;  // a plane seen from its edge
+        ++seen;
+        CHECK(std::abs(double{density} * density - expected) < 1e-3 * whole);
+      }
+    }
+  }
+  CHECK(seen > 2000);
+}
+
 TEST_CASE("skipping the pixels outside the screen boxes changes no pixel") {
   for (SceneKind kind : kSceneKinds) {
     for (IntersectionModel intersection : kModels) {
