@@ -104,10 +104,10 @@ bool isFading() {
   return ratio > 0 && ratio < 1;
 }
 
-bool closeListByEscape() {
+bool closeInnermostList() {
   const ImGuiContext& context = *ImGui::GetCurrentContext();
   const int open = context.OpenPopupStack.Size;
-  if (open == 0 || !escapePressed()) return false;
+  if (open == 0) return false;
   const ImGuiWindow* top = context.OpenPopupStack[open - 1].Window;
   if (top && (top->Flags & ImGuiWindowFlags_Modal)) return false;
   ImGui::ClosePopupToLevel(open - 1, true);

@@ -128,8 +128,10 @@ float besidePanel(const ViewerState& state) {
 
 bool popupIsOpen() { return ImGui::IsPopupOpen(nullptr, ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel); }
 
-void drawPanels(ViewerState& state, const FrameStatistics& statistics) {
-  const bool escape = !closeListByEscape() && escapePressed();
+bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape), false); }
+
+void drawPanels(ViewerState& state, const FrameStatistics& statistics, bool escape) {
+  if (escape && closeInnermostList()) escape = false;
   sceneOverlay(state);
   state.ui.panel ? panel(state, statistics) : hiddenMenu(state);
   overlays(state);

@@ -38,6 +38,10 @@ bool popupIsOpen();
 // Whether what lies behind a dialog is still getting darker or brighter.
 bool isFading();
 
-void drawPanels(ViewerState& state, const FrameStatistics& statistics);
+// Whether Esc went down. Later versions of Dear ImGui tell of each press of a frame in a frame of its own.
+bool escapePressed();
+
+// escape: it was pressed, and nobody else took it; the innermost list or a dialog closes.
+void drawPanels(ViewerState& state, const FrameStatistics& statistics, bool escape);
 
 }  // namespace tg

@@ -52,7 +52,7 @@ void editOverlay(const ViewerState& state, const PictureOnScreen& picture);
 // menu.cpp: as the first line of the panel, and over the picture while that is hidden
 void panelMenu(ViewerState& state);
 void hiddenMenu(ViewerState& state);
-bool closeListByEscape();  // the innermost list, if Esc was pressed and there is one
+bool closeInnermostList();  // false: none is open
 // file_dialog.cpp; `escape`: it was pressed, and closes a dialog
 void dialogs(ViewerState& state, bool escape);
 // scene_overlay.cpp

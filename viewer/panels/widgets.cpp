@@ -123,8 +123,6 @@ std::string cutMiddle(const std::string& text, float room) {
   return cut;
 }
 
-bool escapePressed() { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)); }
-
 bool enterPressed() {
 #if IMGUI_VERSION_NUM < 18700
   constexpr ImGuiKey kOnKeypad = ImGuiKey_KeyPadEnter;

@@ -33,8 +33,6 @@ bool textField(const char* id, std::string& text, const char* placeholder);
 void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text);
 // `text` with "..." in its middle where it is wider than its room [ImGui units].
 std::string cutMiddle(const std::string& text, float room);
-// Whether Esc was pressed: lists close by it.
-bool escapePressed();
 bool enterPressed();
 std::string grouped(std::size_t value);  // 1 234 567
 

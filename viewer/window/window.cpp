@@ -95,6 +95,7 @@ class Viewer {
   bool handleMoves();
   std::vector<std::pair<int, bool>> handleEvents();  // returns the keys that came after a drag: of what it has chosen
   void pressKeys(std::span<const std::pair<int, bool>> keys);  // with shift or without
+  bool escapeForPanels();  // Esc was pressed, and pressKeys() has not taken it. Once a frame
   bool handlePointer();
   glm::dvec2 fromMiddle(glm::dvec2 place) const;
   void openCameraFiles();
@@ -159,6 +160,7 @@ class Viewer {
   bool double_clicked_ = false;  // since the frame before
   int frames_since_event_ = 0;
   int chord_key_ = 0;          // was pressed with Ctrl, and is held
+  int escapes_taken_ = 0;      // of which Dear ImGui may not have told yet
   glm::dvec2 handle_at_{0.0};  // [ImGui units] the pointer while it drags a handle
   double handle_moved_ = -1;   // [s] window time
   double last_time_ = 0;
@@ -242,7 +244,7 @@ int Viewer::run() {
     const std::vector<std::pair<int, bool>> keys_after_drag = handleEvents();
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
-    drawPanels(state_, statistics_);
+    drawPanels(state_, statistics_, escapeForPanels());
     pressKeys(keys_after_drag);
     keepEdits(moving);
     forEachName(state_, [this](std::string_view text) { graphics_->gui.want(text); });
@@ -410,8 +412,16 @@ void Viewer::pressKeys(std::span<const std::pair<int, bool>> keys) {
   for (const auto& [key, shift] : keys) {
     if (ImGui::GetIO().WantTextInput) break;
     if (isModal(state_) || (key == kKeyEscape && popupIsOpen())) continue;  // theirs
+    if (key == kKeyEscape) ++escapes_taken_;
     pressKey(state_, key, shift);
   }
+}
+
+bool Viewer::escapeForPanels() {
+  const bool pressed = escapePressed(), taken = pressed && escapes_taken_ > 0;
+  if (taken) --escapes_taken_;
+  if (!graphics_->gui.inputQueued()) escapes_taken_ = 0;
+  return pressed && !taken;
 }
 
 bool Viewer::handlePointer() {

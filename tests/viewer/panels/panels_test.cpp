@@ -47,7 +47,7 @@ class Interface {
     ImGui::GetIO().MouseDown[0] = pressed;
     ImGui::GetIO().DeltaTime = 0.01f;
     ImGui::NewFrame();
-    drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}});
+    drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}}, false);
     ImGui::EndFrame();
     return context_->HoveredId;
   }
