@@ -171,21 +171,33 @@ def cells(length):
 
 
 def side_by_side(run, names, jobs):
-    """Runs every name, so many at a time; the first that fails keeps those from beginning that have not."""
+    """Runs every name, so many at a time, those after one that fails as well; what failed is told at the end."""
+    failures = {}
+
+    def attempt(name):
+        try:
+            run(name)
+        except (Exception, SystemExit) as error:
+            failures[name] = error
+
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
         try:
-            for done in [pool.submit(run, name) for name in names]:
+            for done in [pool.submit(attempt, name) for name in names]:
                 done.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+    if failures:
+        sys.exit("\n".join(f"{name}: {failures[name]}" for name in names if name in failures))
 
 
 class Locks:
-    """A lock a name: what several cells begin with is trained by one of them, and the others wait."""
+    """A lock a name: what several cells begin with is trained by one of them, and the others wait. What failed is not
+    tried again for them."""
 
     def __init__(self):
         self.guard, self.locks = threading.Lock(), collections.defaultdict(threading.RLock)
+        self.failed = {}
 
     def __getitem__(self, name):
         with self.guard:
@@ -197,7 +209,13 @@ def alone(method):
     @functools.wraps(method)
     def guarded(self, name, *rest):
         with self.locks[name]:
-            return method(self, name, *rest)
+            if name in self.locks.failed:
+                raise self.locks.failed[name]
+            try:
+                return method(self, name, *rest)
+            except (Exception, SystemExit) as error:
+                self.locks.failed[name] = error
+                raise
 
     return guarded
 

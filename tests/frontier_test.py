@@ -113,16 +113,28 @@ class Frontier(unittest.TestCase):
         self.assertEqual(len(set(runs)), 8)
         self.assertGreater(most[0], 1)
 
-    def test_a_failure_keeps_later_cells_from_beginning(self):
+    def test_after_a_failure_the_others_run_and_what_it_began_is_not_tried_again(self):
         begun = []
 
-        def run(name):
-            begun.append(name)
-            raise ValueError(name)
+        class Driver:
+            locks = frontier.Locks()
 
-        with self.assertRaises(ValueError):
-            frontier.side_by_side(run, list("abcdefgh"), 1)
-        self.assertLess(len(begun), 8)
+            @frontier.alone
+            def run(self, name):
+                begun.append(name)
+                if name == "start":
+                    raise ValueError("no such folder")
+                if name != "other":
+                    self.run("start")
+
+        for jobs in (1, 3):
+            begun.clear()
+            Driver.locks = frontier.Locks()
+            with self.assertRaises(SystemExit) as told:
+                frontier.side_by_side(Driver().run, ["a", "b", "start", "other"], jobs)
+            self.assertEqual(str(told.exception), "a: no such folder\nb: no such folder\nstart: no such folder")
+            self.assertEqual(sorted(begun, key=str), sorted(set(begun)))
+            self.assertIn("other", begun)
 
     def test_the_trees_own(self):
         page, picture = self.report(ROOT / "docs/lab/frontier")

@@ -230,10 +230,7 @@ class PictureTextures {
 class GlScreen final : public Screen {
  public:
   GlScreen(GLFWwindow* window, const ViewOptions& options, const std::string& device, GlSharing sharing)
-      : window_(window) {
-    options_.debug = options.validation;
-    glfwMakeContextCurrent(window_);
-    device_ = wrapGlContext(options_);
+      : GlScreen(window, options) {  // from here on the destructor runs, whatever is thrown
     requirePicked(device);
     if (sharing == GlSharing::always || !device_->software) {
       shared_ = openSharedContext(window);
@@ -248,6 +245,7 @@ class GlScreen final : public Screen {
   }
   GlScreen& operator=(GlScreen&&) = delete;
   ~GlScreen() override {
+    glfwMakeContextCurrent(window_);
     for (const Frame& frame : frames_) glDeleteSync(frame.ended);
     glDeleteFramebuffers(1, &source_);
     if (device_->debug) glDebugMessageCallback(nullptr, nullptr);
@@ -337,6 +335,12 @@ class GlScreen final : public Screen {
     std::vector<std::shared_ptr<const PictureImage>> pictures;
   };
 
+  GlScreen(GLFWwindow* window, const ViewOptions& options) : window_(window) {
+    options_.debug = options.validation;
+    glfwMakeContextCurrent(window_);
+    device_ = wrapGlContext(options_);
+  }
+
   // Waits for no more than leaves kMostFrames under way.
   void releaseEnded() {
     while (!frames_.empty()) {
@@ -357,9 +361,9 @@ class GlScreen final : public Screen {
   }
 
   GLFWwindow* window_;
-  GlOptions options_;  // of another context on the same device
-  WindowPtr shared_;   // the pictures' context, never shown; none: they come through memory
-  std::unique_ptr<GlDevice> picture_device_, device_;
+  GlOptions options_;                                  // of another context on the same device
+  std::unique_ptr<GlDevice> device_, picture_device_;  // the latter keeps what shared_ says to its end
+  WindowPtr shared_;                               // the pictures' context, never shown; none: they come through memory
   std::atomic<std::size_t> picture_messages_ = 0;  // without picture_device_
   PictureTextures textures_;                       // likewise
   GLuint source_ = 0;                              // framebuffer that pictures are read from
