@@ -171,14 +171,15 @@ def cells(length):
 
 
 def side_by_side(run, names, jobs):
-    """Runs every name, so many at a time, those after one that fails as well; what failed is told at the end."""
-    failures = {}
+    """Runs every name, so many at a time, those after one that fails as well. Exits where one failed."""
+    failures = set()
 
     def attempt(name):
         try:
             run(name)
         except (Exception, SystemExit) as error:
-            failures[name] = error
+            failures.add(name)
+            print(f"{name}: {error}", file=sys.stderr, flush=True)
 
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
         try:
@@ -188,7 +189,7 @@ def side_by_side(run, names, jobs):
             pool.shutdown(cancel_futures=True)
             raise
     if failures:
-        sys.exit("\n".join(f"{name}: {failures[name]}" for name in names if name in failures))
+        sys.exit(f"{len(failures)} of {len(names)} failed: {', '.join(name for name in names if name in failures)}")
 
 
 class Locks:
@@ -249,7 +250,7 @@ class Driver:
             return run
         flags = list(cell.flags)
         if cell.count:
-            flags += ["--default-gaussians", self.run(cell.count)["training"]["gaussians"]]
+            flags += ["--default-gaussians", self.whole(name)]
         if cell.start:
             flags += ["--start-model", self.start(cell.start) / "model.tgz"]
         if cell.picture:
@@ -265,6 +266,14 @@ class Driver:
                   "--metrics-every", "0", "--checkpoint-every", CHECKPOINTS[self.options.device], *flags)
         (run / "done").write_text(begun)
         return run
+
+    def whole(self, name):
+        """How many Gaussians are 100 %: what a report says that is there, the cell's own or of what it begins with."""
+        cell = self.cells[name]
+        for done in filter(None, (self.report(name), cell.start and self.report(cell.start))):
+            if done["training"]["settings"]["default-gaussians"]:
+                return done["training"]["settings"]["default-gaussians"]
+        return self.run(cell.count)["training"]["gaussians"]
 
     @alone
     def start(self, name):

@@ -6,6 +6,8 @@ own.
     tests/frontier_test.py
 """
 import argparse
+import contextlib
+import io
 import json
 import math
 import pathlib
@@ -130,9 +132,12 @@ class Frontier(unittest.TestCase):
         for jobs in (1, 3):
             begun.clear()
             Driver.locks = frontier.Locks()
-            with self.assertRaises(SystemExit) as told:
+            said = io.StringIO()
+            with self.assertRaises(SystemExit) as told, contextlib.redirect_stderr(said):
                 frontier.side_by_side(Driver().run, ["a", "b", "start", "other"], jobs)
-            self.assertEqual(str(told.exception), "a: no such folder\nb: no such folder\nstart: no such folder")
+            self.assertEqual(str(told.exception), "3 of 4 failed: a, b, start")
+            self.assertEqual(sorted(said.getvalue().splitlines()),
+                             [f"{name}: no such folder" for name in ("a", "b", "start")])
             self.assertEqual(sorted(begun, key=str), sorted(set(begun)))
             self.assertIn("other", begun)
 
