@@ -82,8 +82,13 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
   BatchReport report;
   std::uint64_t total = 0;
   report.items = itemsOf(modelsIn(input), output, extension);
-  for (const BatchItem& item : report.items) total += std::filesystem::file_size(item.input);
   std::error_code error;
+  const auto sizeOf = [&](const BatchItem& item) -> std::uint64_t {  // for the progress
+    const std::uintmax_t bytes = std::filesystem::file_size(item.input, error);
+    return error ? 0 : bytes;
+  };
+  for (const BatchItem& item : report.items) total += sizeOf(item);
+  error.clear();
   if (!options.dry_run) std::filesystem::create_directories(output, error);
   if (error) throw Error(ErrorKind::cannotWrite, output.string(), "cannot be made: " + error.message());
   std::uint64_t read = 0;
@@ -102,7 +107,7 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
     } catch (const std::bad_alloc&) {
       failed(ErrorKind::device, item.input.string() + ": the model does not fit into memory");
     }
-    read += std::filesystem::file_size(item.input);
+    read += sizeOf(item);
   }
   return report;
 }
@@ -110,6 +115,7 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
 std::string describe(const BatchReport& report) {
   std::string text;
   std::size_t failures = 0;
+  bool dry_run = false;
   std::uint64_t before = 0, after = 0;
   for (const BatchItem& item : report.items) {
     text += item.input.filename().string() + ": ";
@@ -118,6 +124,7 @@ std::string describe(const BatchReport& report) {
       text += "failed: " + item.error + "\n";
       continue;
     }
+    dry_run = item.report.dry_run;
     before += item.report.input_bytes;
     after += item.report.output_bytes;
     char line[160];
@@ -134,8 +141,9 @@ std::string describe(const BatchReport& report) {
     if (!item.report.warnings.empty()) text += ", " + std::to_string(item.report.warnings.size()) + " warnings";
     text += "\n";
   }
-  return text + std::to_string(report.items.size() - failures) + " models written, " + std::to_string(failures) +
-         " failed, " + std::to_string(before) + " -> " + std::to_string(after) + " bytes\n";
+  return text + std::to_string(report.items.size() - failures) +
+         (dry_run ? " models would be written, " : " models written, ") + std::to_string(failures) + " failed, " +
+         std::to_string(before) + " -> " + std::to_string(after) + " bytes\n";
 }
 
 std::string describeJson(const BatchReport& report) {

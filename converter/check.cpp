@@ -104,16 +104,20 @@ CheckReport checkFile(const std::filesystem::path& path) {
   const Format* format = nullptr;
   attempt([&] { format = &detectFormat(path); });
   if (format) report.format = format->name;
-  if (format && format->check) {
+  std::vector<std::string> broken;  // files, each of which counts
+  if (format && format->overlooked) {
+    attempt([&] { format->overlooked(path, broken, lines.warnings); });
+  }
+  if (!broken.empty() || !lines.errors.empty()) {
+    // Reading would say the first of them.
+  } else if (format && format->check) {
     attempt([&] { report.gaussians = format->check(path, lines.errors, lines.warnings); });
   } else if (format) {
     tryRead(*format, path, true, report, lines);
     if (format->has_base) tryRead(*format, path, false, report, lines);
   }
-  if (format && format->overlooked) {
-    attempt([&] { format->overlooked(path, lines.errors, lines.warnings); });
-  }
   report.errors = findingsOf(lines.errors, report.file);
+  for (const std::string& line : broken) report.errors.push_back(findingOf(line, report.file));
   report.warnings = findingsOf(lines.warnings, report.file);
   return report;
 }

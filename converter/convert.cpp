@@ -87,6 +87,7 @@ void writePageBeside(const std::filesystem::path& input, const std::filesystem::
   const LodScene scene = readLodScene(input);
   report.input_format = kLodMetaName;
   report.gaussians = scene.counts.front();
+  report.input_bytes = storedBytes(*findFormat(report.input_format), input);
   report.sh_degree = scene.sh_degree.value_or(0);
   report.cameras = readLodCameras(scene, lodFolderReader(input)).size();
   report.texture_mode = name(scene.texture_mode);
@@ -127,9 +128,6 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   }
   if (!options.dry_run) checkOutput(output, options.overwrite);
   ConvertReport report;
-  std::error_code unknown;
-  const std::uintmax_t bytes = std::filesystem::file_size(input, unknown);
-  report.input_bytes = unknown ? 0 : bytes;  // what cannot be read says so below
   report.dry_run = options.dry_run;
   report.output_format = format.name;
   WriteOptions write_options{.lean = options.lean,
@@ -158,6 +156,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (const auto file = streamed(input, format, options)) {
     const FileBlocks blocks(*file, input);
     report.input_format = "ply";
+    report.input_bytes = storedBytes(*findFormat(report.input_format), input);
     report.gaussians = blocks.size();
     report.sh_degree = blocks.shDegree();
     if (file->rows().trailing() != 0) report.warnings.push_back(trailingWarning(file->rows().trailing()));
@@ -173,8 +172,10 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
       !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));
   report.edits = applyEdits(source, options.edits, measured, &write_options.views);
   report.input_format = source.format;
+  report.input_axes = source.axes;
+  report.input_bytes = storedBytes(*findFormat(source.format), input);
   report.gaussians = source.model.size();
-  report.sh_degree = source.model.sh_degree;
+  report.sh_degree = format.holds(kKeepsSh) ? source.model.sh_degree : 0;
   // Pictures are compared from the source's cameras also where they are not written.
   const std::vector<Camera> views =
       measured || options.target.given() ? qualityViews(source.model, source.cameras) : std::vector<Camera>();

@@ -56,12 +56,19 @@ Json decibelsJson(const std::optional<double>& psnr) {
 
 std::string dump(const Json& json) { return dumpJson(json, 2) + "\n"; }
 
-constexpr const char* kAxes = "x right, y down, z forward (COLMAP)";
-constexpr const char* kGltfAxes = "+y up, +z forward (glTF)";
-
-std::string axesOf(const std::string& file_format) {
+// `own`: a file's, where they are not its format's.
+std::string axesOf(const std::string& file_format, const std::string& own = "") {
   const Format* format = findFormat(file_format);
-  return format && format->is_gltf ? kGltfAxes : kAxes;
+  return own.empty() ? std::string(format ? format->axes : kModelAxes) : own;
+}
+
+// What takes one's numbers to the other's.
+std::string turnBetween(const std::string& from, const std::string& to) {
+  const auto differ = [&](const char* word) { return (from.find(word) != from.npos) != (to.find(word) != to.npos); };
+  const bool x = differ("x left") != differ("(glTF)"), y = differ("y up"), z = differ("z back");
+  if (!x && !y && !z) return "kept";
+  if ((x + y + z) % 2 != 0) return "mirrored";
+  return std::string("a half turn about ") + (!x ? "x" : !y ? "y" : "z");
 }
 
 }  // namespace
@@ -88,8 +95,8 @@ std::string describe(const ConvertReport& report) {
             "; here " + decibels(a.ours) + "\n";
   }
   text += format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
-  const std::string from = axesOf(report.input_format), to = axesOf(report.output_format);
-  text += "axes: " + from + (from == to ? ", kept\n" : " -> " + to + ", a half turn about z\n");
+  const std::string from = axesOf(report.input_format, report.input_axes), to = axesOf(report.output_format);
+  text += "axes: " + from + (from == to ? "" : " -> " + to) + ", " + turnBetween(from, to) + "\n";
   text += format("size: %llu -> %llu bytes%s\n", static_cast<unsigned long long>(report.input_bytes),
                  static_cast<unsigned long long>(report.output_bytes), report.dry_run ? " (nothing is written)" : "");
   if (report.steps != 1) text += format("steps: %.3g\n", static_cast<double>(report.steps));
@@ -124,8 +131,9 @@ std::string describe(const ConvertReport& report) {
 
 std::string describeJson(const ConvertReport& report) {
   Json json = {{"format", "tgconvert-summary"}, {"version", 1}};
-  json["input"] = {
-      {"file_format", report.input_format}, {"bytes", report.input_bytes}, {"axes", axesOf(report.input_format)}};
+  json["input"] = {{"file_format", report.input_format},
+                   {"bytes", report.input_bytes},
+                   {"axes", axesOf(report.input_format, report.input_axes)}};
   json["output"] = {
       {"file_format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
   json["dry_run"] = report.dry_run;
@@ -198,7 +206,7 @@ std::string describe(const Bundle& loaded, bool statistics) {
   }
   text += format("cameras: %zu\nbackground: (%g, %g, %g)\n", loaded.cameras.size(), loaded.background.x,
                  loaded.background.y, loaded.background.z);
-  text += "axes: " + axesOf(loaded.format) + " in the file; bounds in " + kAxes + "\n";
+  text += "axes: " + axesOf(loaded.format, loaded.axes) + " in the file; bounds in " + std::string(kModelAxes) + "\n";
   if (!statistics) return text;
   text += format("\n%-22s %11s %11s %11s %11s %11s %11s\n", "", "low", "1 %", "median", "99 %", "high", "mean");
   for (const Distribution& d : distributions(model)) {
@@ -225,7 +233,7 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
   if (model.size() > 0) json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
   json["cameras"] = loaded.cameras.size();
   json["background"] = triple(loaded.background);
-  json["axes"] = axesOf(loaded.format);
+  json["axes"] = axesOf(loaded.format, loaded.axes);
   if (statistics) {
     Json list = Json::array();
     for (const Distribution& d : distributions(model)) {

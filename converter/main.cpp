@@ -109,7 +109,8 @@ int run(const Arguments& arguments) {
     return 0;
   }
   if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info or --stats)");
-  if (std::filesystem::is_directory(arguments.input)) return runBatch(arguments);
+  std::error_code ignored;  // what cannot be looked at cannot be read, which says so
+  if (std::filesystem::is_directory(arguments.input, ignored)) return runBatch(arguments);
   const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, arguments.options);
   warn(arguments, arguments.input, report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
@@ -224,7 +225,8 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
     throw tg::Error(tg::ErrorKind::usage, name + " does nothing here: it is only for " + formats);
   };
   if (given("--for-aim") && !given("--for")) refuse("--for-aim", "--for");
-  const bool folder = std::filesystem::is_directory(arguments.input);
+  std::error_code ignored;
+  const bool folder = std::filesystem::is_directory(arguments.input, ignored);
   if (given("--to") && !folder) {
     throw tg::Error(tg::ErrorKind::usage, "--to is for a folder (OUT's extension names the format of a file)");
   }

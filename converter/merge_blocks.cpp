@@ -36,10 +36,11 @@ MergeReport mergeBlocks(const fs::path& blocks, const fs::path& models, const fs
   if (!format.read) {
     throw Error(ErrorKind::usage, output.string(), "is no model format (expected " + listed(outputNames(true)) + ")");
   }
-  if (!overwrite && fs::exists(output)) {
+  std::error_code ignored;
+  if (!overwrite && fs::exists(output, ignored)) {
     throw Error(ErrorKind::cannotWrite, output.string(), "exists already (--overwrite replaces it)");
   }
-  requireWritable(output);
+  requireWritable(format, output);
   const std::vector<SceneBlock> scene = readBlocks(blocks);
   std::vector<fs::path> files;
   for (const SceneBlock& block : scene) files.push_back(modelOf(models, block.name));  // before any is read

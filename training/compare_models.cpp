@@ -89,9 +89,11 @@ ReportedDataset scoreGroup(const EvalOptions& options, const EvalGroup& group, s
                            const ScoreOptions& how, std::vector<Wish>& wishes, bool last,
                            const std::atomic<bool>& stop) {
   std::vector<EvalScene> scenes;
-  for (const std::string& model : group.models) scenes.push_back(readEvalScene(model));
+  for (const std::string& model : group.models) scenes.push_back(readEvalScene(model, options.quiet));
   const Dataset dataset = readEvalViews(options, group.dataset, backgroundOf(group, scenes, options));
-  for (std::size_t i = 0; i < scenes.size(); ++i) warnOfOtherViews(group.models[i], scenes[i], dataset);
+  for (std::size_t i = 0; i < scenes.size() && !options.quiet; ++i) {
+    warnOfOtherViews(group.models[i], scenes[i], dataset);
+  }
   RenderSettings settings = options.render;
   settings.background = dataset.background;
   std::list<Contestant> contestants;

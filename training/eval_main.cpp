@@ -56,7 +56,7 @@ std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset&
 tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup& group, const tg::EvalScene& scene,
                             const std::optional<tg::Lpips>& lpips) {
   const tg::Dataset dataset = tg::readEvalViews(options, group.dataset, scene.background);
-  tg::warnOfOtherViews(group.models.front(), scene, dataset);
+  if (!options.quiet) tg::warnOfOtherViews(group.models.front(), scene, dataset);
   const std::vector<fs::path> pictures = pictureFiles(options.images, dataset, options.overwrite);
   const std::vector<fs::path> comparisons = pictureFiles(options.side_by_side, dataset, options.overwrite);
   tg::EvalReport::Views views;
@@ -74,7 +74,7 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup&
     }
     views.seams.emplace();
     views.seams->at_seams = tg::viewsAtSeams(dataset, tg::readBlocks(options.blocks));
-    if (!options.whole.empty()) whole = tg::readEvalScene(options.whole);
+    if (!options.whole.empty()) whole = tg::readEvalScene(options.whole, options.quiet);
   }
   tg::RenderSettings settings = options.render;
   settings.background = dataset.background;
@@ -111,7 +111,7 @@ int scoreOne(const tg::EvalOptions& options, const tg::EvalGroup& group) {
   }
   std::optional<tg::Lpips> lpips;
   if (!options.lpips.empty()) lpips.emplace(tg::Safetensors::read(options.lpips));
-  const tg::EvalScene scene = tg::readEvalScene(group.models.front());
+  const tg::EvalScene scene = tg::readEvalScene(group.models.front(), options.quiet);
   tg::EvalReport report;
   report.gaussians = scene.model->size();
   report.texels = scene.model->atlas.texels.size();

@@ -104,7 +104,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
   tg::TrainFlags options;
   tg::addTrainingOptions(app, options);
   tg::addRunOptions(app, options);
-  app.option_defaults()->group("tg::TrainFlags");
+  app.option_defaults()->group("Options");
   tg::addExamples(app,
                   {{"tgtrain make-sample scene && tgtrain scene -o model.tgz", "the built-in scene"},
                    {"tgtrain fox -o fox.tgz --downscale 2", "photographs at half their size"},

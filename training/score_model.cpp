@@ -14,15 +14,17 @@
 
 namespace tg {
 
-EvalScene readEvalScene(const std::string& path) {
+EvalScene readEvalScene(const std::string& path, bool quiet) {
   Bundle bundle = readModel(path);
-  for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", warning.c_str());
-  if (wasInterrupted(bundle.training_json)) {
-    std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), kInterruptedTraining);
+  if (!quiet) {
+    for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", warning.c_str());
+    if (wasInterrupted(bundle.training_json)) {
+      std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), kInterruptedTraining);
+    }
   }
   EvalScene scene{std::make_shared<const GaussianModel>(std::move(bundle.model)),
                   bundle.background,
-                  std::filesystem::file_size(path),
+                  storedBytes(*findFormat(bundle.format), path),
                   {}};
   // Other formats round them.
   if (bundle.format == "tgz" && !wasForValidation(bundle.training_json)) scene.cameras = std::move(bundle.cameras);

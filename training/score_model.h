@@ -41,7 +41,7 @@ struct EvalScene {
   std::vector<Camera> cameras;          // which a data set that it is scored on should have, and as large; or none
 };
 // Warnings go to stderr. Throws what readModel() throws.
-EvalScene readEvalScene(const std::string& path);
+EvalScene readEvalScene(const std::string& path, bool quiet);
 
 // A line on stderr where the model at `path` was trained on other photographs, or on such of another size.
 void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset);

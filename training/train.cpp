@@ -215,7 +215,7 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
       throw Error(ErrorKind::usage, path, "is written in any case, as the run folder's model (expected another name)");
     }
     refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
-    requireWritable(path);
+    model ? requireWritable(outputFormat(path), path) : requireWritable(path);
   }
 }
 
@@ -324,7 +324,9 @@ int train(const TrainFlags& options, Processes* together) {
   json_options.measurements = !options.reproducible;
   std::optional<GaussianModel> start_model;
   if (start_bundle) {
-    for (const std::string& warning : start_bundle->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+    if (!options.quiet) {
+      for (const std::string& warning : start_bundle->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+    }
     start_model = std::move(start_bundle->model);
     start_bundle.reset();
   }
@@ -354,7 +356,7 @@ int train(const TrainFlags& options, Processes* together) {
   trainer.onQuantizing([&](const GaussianModel& model, float& steps) {
     storing = true;
     if (options.steps > 0) steps = options.steps;
-    GaussianModel stored = asStored(options.output, model, options.target_bytes, steps);
+    GaussianModel stored = asStored(options.output, model, options.target_bytes, options.quiet, steps);
     storing = false;
     return stored;
   });
@@ -391,7 +393,8 @@ int train(const TrainFlags& options, Processes* together) {
   // Calls write(replace) for an output. What a run wrote when it was stopped, it replaces when it goes on.
   const auto writeOutput = [&](const std::string& path, const auto& write) {
     const bool replace = options.overwrite || (run && run->owns(path));
-    if (run && (replace || !fs::exists(path))) run->setOwn(path, true);
+    std::error_code ignored;
+    if (run && (replace || !fs::exists(path, ignored))) run->setOwn(path, true);
     try {
       write(replace);
     } catch (const Error&) {
@@ -405,7 +408,7 @@ int train(const TrainFlags& options, Processes* together) {
     const std::string training_json = bundle.training_json;
     const std::string kept = run && path == options.output ? run->model().string() : "";
     writeOutput(path, [&](bool replace) {
-      const std::string facts = writeScene(path, std::move(bundle), replace, kept, size);
+      const std::string facts = writeScene(path, std::move(bundle), replace, kept, options.quiet, size);
       if (path == options.output) written = facts;
     });
     return training_json;

@@ -33,26 +33,27 @@ double partOfSog(const std::string& path) {
 
 namespace {
 
-// The finest for a file of so many bytes, or, with a line on stderr, the coarsest.
-float stepsWithin(const std::string& path, const Bundle& scene, std::uint64_t bytes) {
+// The finest for a file of so many bytes, or, with a line on stderr unless quiet, the coarsest.
+float stepsWithin(const std::string& path, const Bundle& scene, bool quiet, std::uint64_t bytes) {
   try {
     return stepsFor(outputFormat(path), path, scene, {}, {}, {.bytes = bytes});
   } catch (const Error& error) {
     if (error.kind != ErrorKind::usage) throw;
-    std::fprintf(stderr, "tgtrain: %s: %s\n", path.c_str(), error.what());
+    if (!quiet) std::fprintf(stderr, "tgtrain: %s: %s\n", path.c_str(), error.what());
     return kMostSteps;
   }
 }
 
-void write(const std::string& path, const Bundle& scene, bool replace, SceneSize size) {
+void write(const std::string& path, const Bundle& scene, bool replace, bool quiet, SceneSize size) {
   const Format& format = outputFormat(path);
   WriteOptions options{.replace = replace};
   if (size.steps > 0) options.steps = size.steps;
   if (size.bytes > 0 && (size.steps == 0 || bytesOf(format, path, scene, options) > size.bytes)) {
-    options.steps = stepsWithin(path, scene, size.bytes);
+    options.steps = stepsWithin(path, scene, quiet, size.bytes);
   }
   Written written;
   writeModel(format, path, scene, options, written);
+  if (quiet) return;
   for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
 }
 
@@ -91,10 +92,11 @@ void keepModel(const std::string& path, const Bundle& scene) {
   std::fprintf(stderr, "tgtrain: the model is kept as %s\n", writeBeside(path, scene).c_str());
 }
 
-GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps) {
+GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
+                       float& steps) {
   Bundle scene;
   scene.model = model;
-  if (steps == 0) steps = stepsWithin(path, scene, bytes - bytes / 100);
+  if (steps == 0) steps = stepsWithin(path, scene, quiet, bytes - bytes / 100);
   const ScratchFolder folder;
   const std::filesystem::path file = folder.path() / std::filesystem::path(path).filename();
   Written written;
@@ -106,7 +108,7 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
   return select(stored, place);
 }
 
-std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept,
+std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
                        SceneSize size) {
   const Format& format = outputFormat(path);
   const std::vector<Camera> views = qualityViews(scene.model, scene.cameras);
@@ -119,7 +121,7 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, cons
   };
   const auto writeIt = [&] {
     try {
-      write(path, scene, replace, size);
+      write(path, scene, replace, quiet, size);
     } catch (const Error&) {
       const bool came = !replace && std::filesystem::exists(path);
       if (!came && kept.empty() && format.name != "tgz") keepModel(path, whole());
@@ -127,7 +129,7 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, cons
     }
   };
   writeAfterTraining(path, replace, writeIt, [&] { return kept.empty() ? writeBeside(path, whole()) : kept; });
-  std::string facts = "(" + std::to_string(std::filesystem::file_size(path)) + " bytes";
+  std::string facts = "(" + std::to_string(storedBytes(format, path)) + " bytes";
   const bool rounded = !format.holds(kKeepsFloats) || coarse;
   if (rounded && isMeasuredUnasked(scene.model)) {
     char text[64];

@@ -23,10 +23,11 @@ struct SceneSize {
 // `model` as a file at `path` will hold it, in its own order. Where `steps` are 0 it first sets them: the finest with
 // which `bytes` are not exceeded, with a hundredth of them to spare for what training still changes. Throws what the
 // writers throw.
-GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps);
+GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
+                       float& steps);
 
-// `write`s a file after hours of training. Without `replace` none that came meanwhile is replaced: then `keep` keeps the
-// model elsewhere, and Error(cannotWrite) says where that is, which it returns. Throws what `write` throws.
+// `write`s a file after hours of training. Without `replace` none that came meanwhile is replaced: then `keep` keeps
+// the model elsewhere, and Error(cannotWrite) says where that is, which it returns. Throws what `write` throws.
 void writeAfterTraining(const std::string& path, bool replace, const std::function<void()>& write,
                         const std::function<std::string()>& keep);
 
@@ -38,9 +39,9 @@ void keepModel(const std::string& path, const Bundle& scene);
 // asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size,
 // and without any, the finest that do not; a file that cannot be as small is as small as it can be, with a line on
 // stderr, since training took its time. Returns what to say of it beside its name: "(59961 bytes, 41.2 dB to the
-// model)", where numbers are rounded, over up to four views. Throws what the writers throw, after keepModel() where it
-// is not `kept` elsewhere.
-std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept,
+// model)", where numbers are rounded, over up to four views. quiet: warnings are kept to itself. Throws what the
+// writers throw, after keepModel() where it is not `kept` elsewhere.
+std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
                        SceneSize size = {});
 
 }  // namespace tg

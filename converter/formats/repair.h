@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <glm/glm.hpp>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,12 @@ inline glm::vec3 logFromScale(glm::vec3 scale) {
     log_scale[k] = static_cast<float>(std::log(static_cast<double>(scale[k] > 0.0f ? scale[k] : zero)));
   }
   return log_scale;
+}
+
+// Clipped to what a float holds.
+inline float scaleFromLog(float log_scale) {
+  constexpr double kMost = std::numeric_limits<float>::max();
+  return static_cast<float>(std::min(std::exp(static_cast<double>(log_scale)), kMost));
 }
 
 inline bool allFinite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }

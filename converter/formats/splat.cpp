@@ -33,7 +33,7 @@ SplatFileRow rowOf(const GaussianModel& model, std::size_t i) {
   const glm::dvec4 q = glm::normalize(glm::dvec4(model.rotation[i]));
   for (int k = 0; k < 3; ++k) {
     row.position[k] = model.mean[i][k];
-    row.scale[k] = std::exp(model.log_scale[i][k]);
+    row.scale[k] = scaleFromLog(model.log_scale[i][k]);
     row.color[k] = toByte(255.0 * (0.5 + double{kShC0} * static_cast<double>(dc[k])));
   }
   row.color[3] = toByte(sigmoid(model.opacity_logit[i], 255.0));

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <exception>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "converter/formats/little_endian.h"
 #include "converter/gltf/document_check.h"
@@ -171,6 +172,20 @@ void GltfDocument::read(int view, std::uint64_t offset, std::span<std::uint8_t> 
   if (file) return file->read(bin_offset + v.byteOffset + offset, out);
   const std::vector<unsigned char>& data = model.buffers[static_cast<std::size_t>(v.buffer)].data;
   if (!out.empty()) std::memcpy(out.data(), data.data() + v.byteOffset + offset, out.size());
+}
+
+std::vector<std::string> gltfFilesBeside(const std::filesystem::path& path) {
+  const std::vector<std::uint8_t> bytes = readFile(path, kMaxGltfBytes);
+  const json root = parseJsonOf(bytes, path.string());
+  std::set<std::string> names;
+  for (const char* member : {"buffers", "images"}) {
+    for (const json& entry : list(root, member)) {
+      const auto uri = entry.find("uri");
+      if (uri == entry.end() || !uri->is_string()) continue;
+      if (const auto name = nameBeside(uri->get_ref<const std::string&>())) names.insert(*name);
+    }
+  }
+  return {names.begin(), names.end()};
 }
 
 GltfDocument openGltf(const std::filesystem::path& path) {

@@ -78,6 +78,8 @@ GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& pa
 // The same for a file. The buffer of a GLB stays there, where nothing has to be unpacked, and is read when it is
 // needed. Throws Error(cannotRead), too.
 GltfDocument openGltf(const std::filesystem::path& path);
+// Names of the files beside a .gltf that its buffers and images are in, each once. Throws Error(cannotRead / badData).
+std::vector<std::string> gltfFilesBeside(const std::filesystem::path& path);
 // Hands over the JSON, too.
 GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed);
 

@@ -2,9 +2,9 @@
 // A Gaussian's numbers as glTF has them: what the writer stores, and what the reader holds the kept source numbers
 // against.
 #pragma once
-#include <cmath>
 #include <glm/glm.hpp>
 
+#include "converter/formats/repair.h"
 #include "converter/gltf/axes.h"
 #include "core/model/verbs.h"
 
@@ -21,7 +21,7 @@ inline glm::vec4 gltfRotation(glm::vec4 q) { return gltfFromModelRotation(glm::v
 
 inline glm::vec3 gltfScale(glm::vec3 log_scale) {
   glm::vec3 scale;
-  for (int k = 0; k < 3; ++k) scale[k] = static_cast<float>(std::exp(static_cast<double>(log_scale[k])));
+  for (int k = 0; k < 3; ++k) scale[k] = scaleFromLog(log_scale[k]);
   return scale;
 }
 

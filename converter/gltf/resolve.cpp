@@ -99,25 +99,11 @@ class Resolver {
                                          std::optional<std::uint64_t> least) const {
     if (!uri.is_string()) fail(pointer, "wrong type (expected a string)");
     if (!folder_) fail(pointer, "external files are not read here (expected a GLB or a base64 data URI)");
-    const std::string& text = uri.get_ref<const std::string&>();
-    std::string name;
-    for (std::size_t i = 0; i < text.size(); ++i) {
-      unsigned char code = 0;
-      if (text[i] == '%' && i + 2 < text.size() &&
-          std::from_chars(text.data() + i + 1, text.data() + i + 3, code, 16).ptr == text.data() + i + 3) {
-        name += static_cast<char>(code);
-        i += 2;
-      } else {
-        name += text[i];
-      }
-    }
-    bool safe = !name.empty() && name[0] != '/' && name.find('\\') == name.npos && name.find(':') == name.npos &&
-                name.find('\0') == name.npos;
-    for (const std::filesystem::path& part : std::filesystem::path(name)) safe = safe && part != "..";
-    if (!safe) fail(pointer, "no name of a file beside this one (expected a relative path without \"..\")");
+    const std::optional<std::string> name = nameBeside(uri.get_ref<const std::string&>());
+    if (!name) fail(pointer, "no name of a file beside this one (expected a relative path without \"..\")");
     std::uint64_t size = 0;
     try {
-      const FileReader file(*folder_ / name, kMaxResolvedBytes);  // of a regular file, whose size is known
+      const FileReader file(*folder_ / *name, kMaxResolvedBytes);  // of a regular file, whose size is known
       size = file.size();
       if (size >= least.value_or(0)) {
         std::vector<std::uint8_t> bytes(static_cast<std::size_t>(least.value_or(size)));
@@ -294,6 +280,27 @@ bool needsResolving(const json& root) {
     if (codecOf(view) != nullptr) return true;
   }
   return false;
+}
+
+std::optional<std::string> nameBeside(std::string_view uri) {
+  // Of a scheme, and what some take for a slash; escaped they are letters of a name.
+  if (uri.find_first_of(":\\") != uri.npos) return std::nullopt;
+  std::string name;
+  for (std::size_t i = 0; i < uri.size(); ++i) {
+    unsigned char code = 0;
+    if (uri[i] == '%' && i + 2 < uri.size() &&
+        std::from_chars(uri.data() + i + 1, uri.data() + i + 3, code, 16).ptr == uri.data() + i + 3) {
+      name += static_cast<char>(code);
+      i += 2;
+    } else {
+      name += uri[i];
+    }
+  }
+  if (name.empty() || name[0] == '/' || name.find('\0') != name.npos) return std::nullopt;
+  for (const std::filesystem::path& part : std::filesystem::path(name)) {
+    if (part == "..") return std::nullopt;
+  }
+  return name;
 }
 
 std::optional<std::vector<std::uint8_t>> resolveGltf(json& root, std::span<const std::uint8_t> bytes,

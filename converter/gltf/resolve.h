@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "converter/gltf/container.h"
@@ -18,6 +19,9 @@ const char* codecOf(const nlohmann::json& object);
 
 // Whether a document has external files or packed views.
 bool needsResolving(const nlohmann::json& root);
+
+// The name of a file beside the document that a URI says; none where it is no relative path, or one with "..".
+std::optional<std::string> nameBeside(std::string_view uri);
 
 // Makes a GLB without external files and packed views of the document `root`, which is the GLB's JSON afterwards;
 // nothing when it has neither. `folder`: of the file; without one, external files are refused. Names of files are

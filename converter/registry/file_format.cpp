@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <set>
 #include <system_error>
 
 #include "converter/formats/inflate.h"
@@ -14,6 +15,7 @@
 #include "converter/formats/splat.h"
 #include "converter/formats/spz.h"
 #include "converter/formats/write_compressed_ply.h"
+#include "converter/gltf/document.h"
 #include "converter/gltf/read_gltf.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/html/html.h"
@@ -160,13 +162,44 @@ void writeLevels(const Path& path, const Bundle& source, const WriteOptions&, Wr
 void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::vector<std::string>&) {
   const LodScene scene = readLodScene(path);
   const LodReader reader = lodFolderReader(path);
-  for (std::uint32_t file = 0; file < scene.files.size(); ++file) {
+  const auto attempt = [&](const auto& read) {
     try {
-      (void)readLodFile(scene, file, reader);
+      read();
     } catch (const Error& error) {
       errors.emplace_back(error.what());
     }
+  };
+  for (std::uint32_t file = 0; file < scene.files.size(); ++file) attempt([&] { readLodFile(scene, file, reader); });
+  attempt([&] { readLodCameras(scene, reader); });
+}
+
+std::uint64_t sizeOf(const Path& path) {
+  std::error_code missing;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, missing);
+  return missing ? 0 : bytes;
+}
+
+// What lies in the folders of its files.
+std::uint64_t bytesOfLevels(const Path& path) {
+  const LodScene scene = readLodScene(path);
+  const Path folder = path.parent_path();
+  std::set<Path> folders;
+  for (const std::string& file : scene.files) folders.insert((folder / file).parent_path());
+  std::uint64_t bytes = scene.cameras.empty() ? 0 : sizeOf(folder / scene.cameras);
+  for (const Path& own : folders) {
+    if (own == folder) continue;  // beside files of others
+    std::error_code error;
+    for (std::filesystem::directory_iterator at(own, error), end; !error && at != end; at.increment(error)) {
+      bytes += sizeOf(at->path());
+    }
   }
+  return bytes;
+}
+
+std::uint64_t bytesBesideGltf(const Path& path) {
+  std::uint64_t bytes = 0;
+  for (const std::string& name : gltfFilesBeside(path)) bytes += sizeOf(path.parent_path() / name);
+  return bytes;
 }
 
 constexpr Format kFormats[] = {
@@ -206,7 +239,8 @@ constexpr Format kFormats[] = {
      .keeps = kKeepsSh,
      .sniff = isSpz,
      .read = [](const Path& path, const ReadOptions& options) { return readSpz(path, options.spz_axes); },
-     .write = writeBaseSpz},
+     .write = writeBaseSpz,
+     .axes = kSpzAxes},
     {.name = "sog",
      .spoken = "sog",
      .title = "SOG",
@@ -224,6 +258,7 @@ constexpr Format kFormats[] = {
      .read = readLevels,
      .write = writeLevels,
      .overlooked = findBrokenLevels,
+     .beside = bytesOfLevels,
      .has_base = true,
      .whole_name = true},
     {.name = "glb",
@@ -233,6 +268,7 @@ constexpr Format kFormats[] = {
      .read = readAnyGltf,
      .write = writeGltfScene<writeGlb>,
      .check = checkGltf,
+     .axes = kGltfAxes,
      .is_gltf = true,
      .has_base = true,
      .has_steps = true,
@@ -244,6 +280,8 @@ constexpr Format kFormats[] = {
      .read = readAnyGltf,
      .write = writeGltfScene<writeGltf>,
      .check = checkGltf,
+     .beside = bytesBesideGltf,
+     .axes = kGltfAxes,
      .is_gltf = true,
      .has_base = true,
      .has_steps = true,
@@ -254,6 +292,7 @@ constexpr Format kFormats[] = {
      .sniff = [](const FileStart& start) { return start.begins(kHtmlStart); },
      .read = readPage,
      .write = writeScene<writeHtml>,
+     .axes = kGltfAxes,
      .is_gltf = true,
      .has_base = true,
      .has_steps = true},
@@ -365,6 +404,17 @@ Bundle readModel(const Path& path, const ReadOptions& options) {
   return loaded;
 }
 
+std::uint64_t storedBytes(const Format& format, const Path& path) {
+  return sizeOf(path) + (format.beside ? format.beside(path) : 0);
+}
+
+void requireWritable(const Format& format, const Path& path) {
+  std::error_code ignored;
+  const bool makes_folder =
+      format.whole_name && path.has_parent_path() && !std::filesystem::exists(path.parent_path(), ignored);
+  tg::requireWritable(makes_folder ? path.parent_path() : path);
+}
+
 std::string lostTextures(const Format& format) {
   return std::string(format.title) + " holds no textures: their means go into colours and opacities, the rest is lost";
 }
@@ -388,6 +438,11 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
     written.warnings.push_back(title + " has no word for the intersection model " +
                                std::string(name(source.model.intersection)) + ": it becomes " +
                                std::string(name(GaussianModel().intersection)));
+  }
+  if (format.is_gltf || format.name == "splat") {
+    const auto too_wide = [](glm::vec3 log_scale) { return !allFinite(glm::exp(log_scale)); };
+    warnRepair(written.warnings, static_cast<std::size_t>(std::ranges::count_if(source.model.log_scale, too_wide)),
+               "with a scale above e^88.7: clipped");
   }
   written.texture_mode = name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none);
   if (format.holds(kKeepsTextures) || !isTextured(source.model)) {

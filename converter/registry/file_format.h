@@ -40,6 +40,11 @@ enum Keeps : unsigned {
   kKeepsAll = 15
 };
 
+// Of a file's numbers, x, y and z, with whose convention that is.
+inline constexpr std::string_view kModelAxes = "x right, y down, z forward (COLMAP)";
+inline constexpr std::string_view kGltfAxes = "+y up, +z forward (glTF)";
+inline constexpr std::string_view kSpzAxes = "x right, y up, z back (SPZ)";
+
 struct Format {
   std::string_view name;         // in reports; of what is written also the extension, without its dot
   std::string_view spoken = {};  // in sentences that list formats: "our html"
@@ -60,10 +65,13 @@ struct Format {
   // What reading gets by without, as `check` says it. Null: nothing. Throws Error for a broken structure.
   void (*overlooked)(const std::filesystem::path& path, std::vector<std::string>& errors,
                      std::vector<std::string>& warnings) = nullptr;
-  bool is_gltf = false;    // or around it: its axes
-  bool has_base = false;   // beside the textures, for readers that know none
-  bool has_steps = false;  // WriteOptions::steps make it smaller and coarser
-  bool streams = false;    // written from Gaussians that are not in memory as a whole
+  // Bytes of the files that one names beside it; 0 of what is not there. Null: it is one file.
+  std::uint64_t (*beside)(const std::filesystem::path& path) = nullptr;
+  std::string_view axes = kModelAxes;
+  bool is_gltf = false;     // or around it
+  bool has_base = false;    // beside the textures, for readers that know none
+  bool has_steps = false;   // WriteOptions::steps make it smaller and coarser
+  bool streams = false;     // written from Gaussians that are not in memory as a whole
   bool whole_name = false;  // `name` is how a file's name ends, without a dot before it; its folder holds the rest
 
   bool holds(Keeps what) const { return (keeps & what) != 0; }
@@ -89,6 +97,12 @@ const Format& outputFormat(const std::filesystem::path& path);
 // A model from any file the toolchain reads. The model has passed checkModel. Throws what detectFormat throws, and
 // Error(cannotRead / badData). ReadCancelled: options.progress said so.
 Bundle readModel(const std::filesystem::path& path, const ReadOptions& options = {});
+
+// Bytes of a model, in all its files.
+std::uint64_t storedBytes(const Format& format, const std::filesystem::path& path);
+
+// Throws Error(cannotWrite) where `path` cannot be written. A format that has a folder of its own makes it.
+void requireWritable(const Format& format, const std::filesystem::path& path);
 
 // The warning where a format holds no textures, and what is written loses those that it had.
 std::string lostTextures(const Format& format);

@@ -35,10 +35,12 @@ std::filesystem::path folderOf(const std::filesystem::path& path) {
 
 // Renaming over a device or a pipe would replace it (think of /dev/null).
 void requireFileName(const std::filesystem::path& path) {
-  std::error_code ignored;
-  const auto type = std::filesystem::status(path, ignored).type();
-  if (type != std::filesystem::file_type::not_found && type != std::filesystem::file_type::regular &&
-      type != std::filesystem::file_type::none) {
+  std::error_code status;
+  const auto type = std::filesystem::status(path, status).type();
+  if (type == std::filesystem::file_type::none) {
+    throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + status.message());
+  }
+  if (type != std::filesystem::file_type::not_found && type != std::filesystem::file_type::regular) {
     throw Error(ErrorKind::cannotWrite, path.string(), "exists and is not a regular file");
   }
   if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");

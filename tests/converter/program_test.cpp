@@ -510,6 +510,69 @@ TEST_CASE("tgconvert reads SPZ of the axes that it is told, in merged files, too
     CHECK(largest(other.mean[i] - turned) < 1e-3);
   }
   CHECK(tgconvert(scratch, "a.spz b.ply --spz-axes up").code == 1);
+  CHECK(tgconvert(scratch, "a.spz x.glb --dry-run").out.find("axes: x right, y up, z back (SPZ) -> +y up, +z forward "
+                                                             "(glTF), a half turn about y") != std::string::npos);
+  CHECK(tgconvert(scratch, "a.spz x.ply --dry-run").out.find("(COLMAP), a half turn about x") != std::string::npos);
+  CHECK(tgconvert(scratch, "a.spz x.ply --dry-run --spz-axes rdf").out.find("(COLMAP), kept") != std::string::npos);
+  const Result json = tgconvert(scratch, "in.ply x.spz --dry-run --json");
+  CHECK(nlohmann::json::parse(json.out)["output"]["axes"] == "x right, y up, z back (SPZ)");
+}
+
+TEST_CASE("a model in several files has the bytes of all, whatever it is called") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 300, 3.0, 48));
+  const auto bytesOf = [&](const std::string& file) {
+    const Result json = tgconvert(scratch, "'" + file + "' x.tgz --dry-run --json");
+    CAPTURE(json.err);
+    REQUIRE(json.code == 0);
+    return nlohmann::json::parse(json.out)["input"]["bytes"].get<std::uint64_t>();
+  };
+  const auto inFolder = [&](const std::string& folder) {
+    std::uint64_t bytes = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(scratch.folder() / folder)) {
+      if (entry.is_regular_file()) bytes += entry.file_size();
+    }
+    return bytes;
+  };
+  for (const std::string file : {"a/12:30.gltf", "b/back\\slash.gltf", "c/100%.gltf", "d/lod-meta.json"}) {
+    CAPTURE(file);
+    const std::string folder = file.substr(0, 1);
+    std::filesystem::create_directory(scratch.folder() / folder);
+    REQUIRE(tgconvert(scratch, "in.ply '" + file + "' --quiet").code == 0);
+    CHECK(bytesOf(file) == inFolder(folder));
+    CHECK(tgconvert(scratch, "check '" + file + "'").code == 0);
+  }
+}
+
+TEST_CASE("what a format cannot hold is clipped with a warning, or not counted") {
+  const Scratch scratch;
+  GaussianModel model = randomSplats(3, 20, 3.0, 49);
+  model.log_scale[4].y = 100.0f;
+  writeSplatPly(scratch.folder() / "in.ply", model);
+  for (const char* file : {"a.glb", "a.gltf", "a.splat", "a.html"}) {
+    CAPTURE(file);
+    const Result written = tgconvert(scratch, std::string("in.ply --no-psnr ") + file);
+    CHECK(written.code == 0);
+    CHECK(written.err.find("1 splats with a scale above e^88.7: clipped") != std::string::npos);
+    CHECK(tgconvert(scratch, std::string("check ") + file).code == 0);
+    CHECK(readModel(scratch.folder() / file).model.size() == 20);
+  }
+  CHECK(tgconvert(scratch, "in.ply b.splat --no-psnr").out.find("20 Gaussians, SH degree 0") != std::string::npos);
+  CHECK(tgconvert(scratch, "in.ply b.glb --no-psnr").out.find("20 Gaussians, SH degree 3") != std::string::npos);
+  std::filesystem::create_directory(scratch.folder() / "all");
+  writeSplatPly(scratch.folder() / "all/in.ply", model);
+  CHECK(tgconvert(scratch, "all out --to ply --dry-run").out.find("1 models would be written") != std::string::npos);
+}
+
+TEST_CASE("a link that leads to itself is nothing to read or to write") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 50));
+  std::filesystem::create_symlink("loop.glb", scratch.folder() / "loop.glb");
+  CHECK(tgconvert(scratch, "loop.glb out.ply").code == 2);
+  const Result written = tgconvert(scratch, "in.ply loop.glb");
+  CHECK(written.code == 4);
+  CHECK(written.err.find("loop.glb: cannot write here: ") != std::string::npos);
+  CHECK(tgconvert(scratch, std::string(300, 'n') + ".ply out.ply").code == 2);
 }
 
 TEST_CASE("merged models count the cameras that they share once, and no edit leaves a camera nowhere") {

@@ -91,14 +91,18 @@ TEST_CASE("tgeval tells of a model of other photographs, or of others' size", "[
   REQUIRE(tgtrain(train + "model.tgz").code == 0);
   CHECK(tgeval(folder, "model.tgz scene -q").output.empty());
   CHECK(tgeval(folder, "model.tgz scene -q --split train").output.empty());
-  const Outcome smaller = tgeval(folder, "model.tgz scene -q --downscale 2");
+  const Outcome smaller = tgeval(folder, "model.tgz scene --downscale 2");
   CHECK(smaller.code == 0);
-  CHECK(smaller.output ==
-        "tgeval: model.tgz: was trained on photographs of 32 x 32, and is scored on 16 x 16 (--downscale)\n");
-  const Outcome other = tgeval(folder, "model.tgz other -q --report figures");
+  CHECK_THAT(
+      smaller.output,
+      Contains("tgeval: model.tgz: was trained on photographs of 32 x 32, and is scored on 16 x 16 (--downscale)\n"));
+  const Outcome other = tgeval(folder, "model.tgz other --report figures");
   CHECK(other.code == 0);
-  CHECK(other.output ==
-        "tgeval: model.tgz: none of its 6 cameras is among the views of other: was it trained on others?\n");
+  CHECK_THAT(
+      other.output,
+      Contains("tgeval: model.tgz: none of its 6 cameras is among the views of other: was it trained on others?\n"));
+  CHECK(tgeval(folder, "model.tgz other -q").output.empty());
+  CHECK(tgeval(folder, "model.tgz other -q --report more").output.empty());
   REQUIRE(tgtrain(train + "choice.tgz --validation").code == 0);
   CHECK(tgeval(folder, "choice.tgz scene -q").output.empty());
 }

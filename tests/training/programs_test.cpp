@@ -118,6 +118,15 @@ TEST_CASE("models are written in the output's format, scored and trained on in a
   CHECK(on.code == 0);
   CHECK(psnr("on.ply") > expected - 2);
   CHECK(tgeval(folder, "log.txt scene").code == 3);
+  const Outcome levels = tgtrain(folder, "scene -o new/lod-meta.json" + kShort);
+  INFO(levels.output);
+  CHECK(levels.code == 0);
+  std::uint64_t bytes = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder / "new")) {
+    if (entry.is_regular_file()) bytes += entry.file_size();
+  }
+  CHECK_THAT(levels.output, Contains("wrote new/lod-meta.json (" + std::to_string(bytes) + " bytes"));
+  CHECK(tgtrain(folder, "scene -q -o quiet.ply" + kShort).output.empty());
 }
 
 TEST_CASE("what cannot be written as it was asked for after training is kept as a bundle", "[programs]") {
@@ -269,6 +278,7 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o m.tgz --untextured-output missing/p.tgz", 4, "missing/p.tgz: cannot write here"},
            {"-o m.tgz --json /dev/full --overwrite", 4, "/dev/full: exists and is not a regular file"},
            {"-o " + std::string(300, 'x') + ".tgz", 4, "cannot write here"},
+           {"-o missing/deep/lod-meta.json", 4, "missing/deep: cannot write here"},
            {"-o m.obj", 1, "m.obj: unknown output format (expected .compressed.ply, "},
            {"-o m.png", 1, "m.png: is no model format (expected compressed.ply, "},
            {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"},

@@ -352,8 +352,8 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   DatasetIndex index =
       dataset.layout == DatasetLayout::colmap ? readColmap(folder) : readTransforms(folder, dataset.layout);
   for (DatasetIndex::Entry& entry : index.entries) entry.listed = entry.image.lexically_relative(folder).string();
-  dataset.background =
-      options.background.value_or(glm::vec3(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f));
+  const glm::vec3 usual(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f);
+  dataset.background = options.background.value_or(index.background.value_or(usual));
   dataset.random_background = options.random_background;
   dataset.validation = options.validation;
   dataset.masks = options.masks;

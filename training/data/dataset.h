@@ -50,7 +50,7 @@ struct Dataset {
 struct DatasetOptions {
   DatasetLayout layout = DatasetLayout::automatic;
   int downscale = 1;                    // integer box filter
-  std::optional<glm::vec3> background;  // default: white for NeRF-synthetic, black otherwise
+  std::optional<glm::vec3> background;  // default: the data set's; white for NeRF-synthetic, black otherwise
   bool random_background = false;
   int test_every = 8;       // every n-th image by name is held out, where no split is given; 0: none
   bool validation = false;  // every 8th of the training views is the test split, and the other test views are not there
@@ -81,7 +81,8 @@ double cameraExtent(const Dataset& dataset);
 // The unit of position learning rates, of MCMC's noise and of the densification thresholds: cameraExtent(), but at most
 // `distances` (0: any number) times what the median point is away from the nearest training camera that sees it. For
 // what is walked or flown through, cameras span many times that, and steps that belong to the span are pixels wide in
-// every photograph. Points: every k-th of the data set's, as sightings() has them; without, cameraExtent(). [world units]
+// every photograph. Points: every k-th of the data set's, as sightings() has them; without, cameraExtent(). [world
+// units]
 double sceneExtent(const Dataset& dataset, double distances);
 
 // In order.
@@ -107,7 +108,10 @@ struct DatasetIndex {
   std::string points_file;  // where they are from; empty: the data set names none
   bool points_missing = false;
   bool has_split = false;  // Camera::test is set
+  std::optional<glm::vec3> background;
 };
+// Of transforms.json, three numbers from 0 to 1; ours alone (docs/training.md).
+constexpr const char* kBackgroundKey = "background";
 // nerfSynthetic: transforms_train.json and transforms_test.json. transforms: transforms.json, or those two without it.
 DatasetIndex readTransforms(const std::filesystem::path& folder, DatasetLayout layout = DatasetLayout::transforms);
 DatasetIndex readColmap(const std::filesystem::path& folder);

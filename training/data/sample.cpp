@@ -459,7 +459,8 @@ PointCloud samplePoints(const SampleOptions& options) {
 
 void writeSample(const fs::path& folder, const SampleOptions& options, bool overwrite) {
   checkOptions(options);
-  if (!overwrite && fs::exists(folder / "transforms_train.json")) {
+  std::error_code ignored;
+  if (!overwrite && fs::exists(folder / "transforms_train.json", ignored)) {
     throw Error(ErrorKind::cannotWrite, folder.string(), "holds a data set already (add --overwrite to replace it)");
   }
   for (const bool test : {false, true}) {

@@ -223,6 +223,18 @@ void readPoints(const JsonNode& top, const fs::path& folder, DatasetIndex& index
   }
 }
 
+std::optional<glm::vec3> background(const JsonNode& top) {
+  const auto found = top.value.find(kBackgroundKey);
+  if (found == top.value.end()) return std::nullopt;
+  const auto is_share = [](const nlohmann::json& part) {
+    return part.is_number() && part.get<double>() >= 0.0 && part.get<double>() <= 1.0;
+  };
+  if (!found->is_array() || found->size() != 3 || !std::ranges::all_of(*found, is_share)) {
+    top.fail(std::string("'") + kBackgroundKey + "' is not three numbers from 0 to 1");
+  }
+  return glm::vec3((*found)[0].get<float>(), (*found)[1].get<float>(), (*found)[2].get<float>());
+}
+
 }  // namespace
 
 DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout) {
@@ -244,6 +256,7 @@ DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout) {
     readFrames({readObject(test), test, ""}, folder, true, index);
     index.has_split = true;
   }
+  index.background = background(top);
   readPoints(top, folder, index);
   return index;
 }

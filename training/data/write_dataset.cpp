@@ -22,14 +22,23 @@ void createFolder(const fs::path& path) {
   if (code) throw Error(ErrorKind::cannotWrite, path.string(), "cannot create the folder: " + code.message());
 }
 
-// Below images/ and masks/. Names come from files: what would lead elsewhere counts by its last part.
+// Without the extension. Names come from files: what would lead elsewhere counts by its last part.
+fs::path stemOf(const Camera& view) {
+  fs::path path = fs::path(view.name).lexically_normal();
+  if (path.is_absolute() || path.empty() || *path.begin() == "..") path = path.filename();
+  return path.parent_path() / path.stem();
+}
+
+// Below images/ and masks/.
 std::vector<std::string> fileNames(const Dataset& dataset) {
+  std::set<fs::path> split[2];
+  for (const Camera& view : dataset.views) split[view.test ? 1 : 0].insert(stemOf(view));
+  const bool same = std::ranges::any_of(split[1], [&](const fs::path& stem) { return split[0].contains(stem); });
   std::vector<std::string> names;
   std::set<std::string> taken;
   for (const Camera& view : dataset.views) {
-    fs::path path = fs::path(view.name).lexically_normal();
-    if (path.is_absolute() || path.empty() || *path.begin() == "..") path = path.filename();
-    const std::string stem = (path.parent_path() / path.stem()).string();
+    const fs::path folder = same ? (view.test ? "test" : "train") : "";
+    const std::string stem = (folder / stemOf(view)).string();
     std::string name = stem + ".png";
     for (int i = 2; !taken.insert(name).second; ++i) name = stem + "_" + std::to_string(i) + ".png";
     names.push_back(name);
@@ -88,7 +97,8 @@ void writePoints(const fs::path& path, const PointCloud& points) {
 void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite) {
   if (!overwrite) {
     for (const char* file : {"transforms.json", "transforms_train.json", "sparse", "images"}) {
-      if (!fs::exists(folder / file)) continue;
+      std::error_code ignored;  // what nobody may look into cannot be written either, which says so below
+      if (!fs::exists(folder / file, ignored)) continue;
       throw Error(ErrorKind::cannotWrite, folder.string(),
                   std::string("holds ") + file + " already (add --overwrite to replace it)");
     }
@@ -113,6 +123,9 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
               [&](std::size_t i) { writePhotograph(folder, names[i], *dataset.photographs->get(i)); });
   nlohmann::json json = {
       {"camera_model", "PINHOLE"}, {"frames", frames}, {"train_filenames", train}, {"test_filenames", test}};
+  if (dataset.background != glm::vec3(0.0f)) {
+    json[kBackgroundKey] = {dataset.background.r, dataset.background.g, dataset.background.b};
+  }
   if (!dataset.points.position.empty()) {
     json["ply_file_path"] = "points3d.ply";
     writePoints(folder / "points3d.ply", dataset.points);

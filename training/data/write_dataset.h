@@ -18,9 +18,10 @@ nlohmann::json transformsFrame(const Camera& camera, const std::string& file_pat
 void writePoints(const std::filesystem::path& path, const PointCloud& points);
 
 // What training sees of a data set - pinholes, downscaled - in nerfstudio's layout: transforms.json with each frame's
-// intrinsics and the split, images/NAME.png, masks/NAME.png where pixels do not count, points3d.ply. NAME is that of
-// the photograph without its extension, numbered where two would be the same. Transparency stays where the data set was
-// loaded with random_background. Throws Error(cannotWrite), and when `folder` holds a data set already.
+// intrinsics, the split and a background that is not black, images/NAME.png, masks/NAME.png where pixels do not count,
+// points3d.ply. NAME is that of the photograph without its extension, below train/ or test/ where one has the name of
+// both, numbered where two would be the same. Transparency stays where the data set was loaded with random_background.
+// Throws Error(cannotWrite), and when `folder` holds a data set already.
 void writeDataset(const std::filesystem::path& folder, const Dataset& dataset, bool overwrite);
 
 }  // namespace tg

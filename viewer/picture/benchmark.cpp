@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "converter/registry/file_format.h"
+#include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/system/assert.h"
 #include "viewer/view/parse.h"
@@ -77,9 +79,8 @@ Spread spreadOf(std::vector<double> values) {
 
 Benchmark benchmarkOf(const ViewOptions& options, const Scene& scene) {
   Benchmark benchmark;
-  std::error_code ignored;
   benchmark.model = options.model.string();
-  benchmark.model_bytes = std::filesystem::file_size(options.model, ignored);
+  benchmark.model_bytes = isFile(options.model) ? storedBytes(detectFormat(options.model), options.model) : 0;
   benchmark.gaussians = scene.gaussians;
   benchmark.textured = scene.textured;
   benchmark.texels = scene.texels;

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "converter/glb.h"
 #include "converter/lod/lod_scenes.h"
+#include "converter/lod/write_lod.h"
 #include "converter/registry/file_format.h"
 #include "converter/scratch.h"
 #include "core/bundle/ply.h"
@@ -105,7 +107,23 @@ TEST_CASE("tgconvert says which file of a scene in levels of detail is broken, w
   CHECK(check.out.ends_with("s/lod-meta.json: not valid, 1 error, 0 warnings\n"));
   fs::remove(image);
   CHECK(tgconvert(scratch, "s/lod-meta.json back.ply").code == 2);
-  CHECK(tgconvert(scratch, "check s/lod-meta.json").code == 2);
+  CHECK(tgconvert(scratch, "check s/lod-meta.json").code == 3);
+  Bundle source;
+  source.model = withoutTextures(test::trainedLikeModel(3, 300));
+  const fs::path many = scratch.folder() / "many/lod-meta.json";
+  writeLod(many, source, {.leaf = 50, .file = 100, .coarsest = 50});
+  const std::vector<std::string> files = readLodScene(many).files;
+  REQUIRE(files.size() > 2);
+  for (const std::string& file : files) {
+    fs::resize_file((scratch.folder() / "many" / file).parent_path() / "means_l.webp", 20);
+  }
+  const Result all = tgconvert(scratch, "check many/lod-meta.json --json");
+  CHECK(all.code == 3);
+  const auto errors = nlohmann::json::parse(all.out)["errors"];
+  REQUIRE(errors.size() == files.size());
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    CHECK(errors[i]["message"].get<std::string>().find(files[i]) != std::string::npos);
+  }
   fs::resize_file(scratch.folder() / "s/lod-meta.json", 100);
   CHECK(tgconvert(scratch, "check s/lod-meta.json").code == 3);
 }

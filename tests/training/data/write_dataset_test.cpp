@@ -2,6 +2,7 @@
 // A data set that is written is the one that was loaded.
 #include "training/data/write_dataset.h"
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "core/system/error.h"
@@ -67,6 +68,39 @@ TEST_CASE("a written data set loads as it was", "[dataset]") {
     CHECK(loaded->pixels.rgb == stored->pixels.rgb);
     CHECK(loaded->alpha == stored->alpha);
     CHECK(loaded->pixels.mask == stored->pixels.mask);
+  }
+}
+
+TEST_CASE("a written data set keeps the background, and views of one name apart", "[dataset]") {
+  tg::TemporaryFolder folder;
+  tg::Dataset before = dataset();
+  before.background = {1, 0.5f, 0};
+  before.views[0].name = "r_0.jpg";
+  before.views[1].name = "r_1.jpg";
+  before.views[2].name = "r_0.png";
+  tg::writeDataset(folder.path, before, false);
+  CHECK(fs::exists(folder / "images/train/r_0.png"));
+  CHECK(fs::exists(folder / "images/train/r_1.png"));
+  CHECK(fs::exists(folder / "images/test/r_0.png"));
+  CHECK(fs::exists(folder / "masks/test/r_0.png"));
+  const tg::Dataset after = tg::loadDataset(folder.path, {});
+  CHECK(after.background == before.background);
+  CHECK(after.photographs->get(2)->pixels.mask == before.photographs->get(2)->pixels.mask);
+  tg::DatasetOptions options;
+  options.background = glm::vec3(0.25f);
+  CHECK(tg::loadDataset(folder.path, options).background == glm::vec3(0.25f));
+
+  nlohmann::json json = nlohmann::json::parse(std::ifstream(folder / "transforms.json"));
+  for (const nlohmann::json& broken : {nlohmann::json({1, 2, 0}), nlohmann::json({1, 1}), nlohmann::json("white")}) {
+    json["background"] = broken;
+    std::ofstream(folder / "transforms.json") << json;
+    std::string said;
+    try {
+      tg::loadDataset(folder.path, {});
+    } catch (const tg::Error& error) {
+      said = error.what();
+    }
+    CHECK_THAT(said, Contains("transforms.json: 'background' is not three numbers from 0 to 1"));
   }
 }
 
