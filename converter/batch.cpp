@@ -82,13 +82,13 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
   BatchReport report;
   std::uint64_t total = 0;
   report.items = itemsOf(modelsIn(input), output, extension);
-  std::error_code error;
-  const auto sizeOf = [&](const BatchItem& item) -> std::uint64_t {  // for the progress
-    const std::uintmax_t bytes = std::filesystem::file_size(item.input, error);
-    return error ? 0 : bytes;
+  const auto sizeOf = [](const BatchItem& item) -> std::uint64_t {  // for the progress
+    std::error_code missing;
+    const std::uintmax_t bytes = std::filesystem::file_size(item.input, missing);
+    return missing ? 0 : bytes;
   };
   for (const BatchItem& item : report.items) total += sizeOf(item);
-  error.clear();
+  std::error_code error;
   if (!options.dry_run) std::filesystem::create_directories(output, error);
   if (error) throw Error(ErrorKind::cannotWrite, output.string(), "cannot be made: " + error.message());
   std::uint64_t read = 0;
@@ -115,7 +115,7 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
 std::string describe(const BatchReport& report) {
   std::string text;
   std::size_t failures = 0;
-  bool dry_run = false;
+  const bool dry_run = std::ranges::any_of(report.items, [](const BatchItem& item) { return item.report.dry_run; });
   std::uint64_t before = 0, after = 0;
   for (const BatchItem& item : report.items) {
     text += item.input.filename().string() + ": ";
@@ -124,7 +124,6 @@ std::string describe(const BatchReport& report) {
       text += "failed: " + item.error + "\n";
       continue;
     }
-    dry_run = item.report.dry_run;
     before += item.report.input_bytes;
     after += item.report.output_bytes;
     char line[160];

@@ -108,11 +108,10 @@ CheckReport checkFile(const std::filesystem::path& path) {
   if (format && format->overlooked) {
     attempt([&] { format->overlooked(path, broken, lines.warnings); });
   }
-  if (!broken.empty() || !lines.errors.empty()) {
-    // Reading would say the first of them.
-  } else if (format && format->check) {
+  const bool sound = broken.empty() && lines.errors.empty();  // else reading would say the first of them
+  if (format && format->check) {
     attempt([&] { report.gaussians = format->check(path, lines.errors, lines.warnings); });
-  } else if (format) {
+  } else if (format && sound) {
     tryRead(*format, path, true, report, lines);
     if (format->has_base) tryRead(*format, path, false, report, lines);
   }

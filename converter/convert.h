@@ -47,7 +47,7 @@ struct ConvertReport : Written {
   bool dry_run = false;
   std::string input_format;
   std::string output_format;
-  std::string input_axes;  // where they are not the format's
+  std::optional<glm::vec3> input_axes;  // as Bundle::axes
   std::uint64_t input_bytes = 0;
   std::size_t gaussians = 0;
   int sh_degree = 0;

@@ -56,19 +56,26 @@ Json decibelsJson(const std::optional<double>& psnr) {
 
 std::string dump(const Json& json) { return dumpJson(json, 2) + "\n"; }
 
+struct ShownAxes {
+  std::string words;
+  glm::vec3 signs;
+};
+
 // `own`: a file's, where they are not its format's.
-std::string axesOf(const std::string& file_format, const std::string& own = "") {
-  const Format* format = findFormat(file_format);
-  return own.empty() ? std::string(format ? format->axes : kModelAxes) : own;
+ShownAxes axesOf(const std::string& file_format, const std::optional<glm::vec3>& own = {}) {
+  const Format* known = findFormat(file_format);
+  const FileAxes& axes = known && own != kModelAxes.signs ? known->axes : kModelAxes;
+  if (!own || *own == axes.signs) return {std::string(axes.words), axes.signs};
+  const auto word = [&](int axis, const char* model, const char* other) { return (*own)[axis] > 0 ? model : other; };
+  return {format("x %s, y %s, z %s", word(0, "right", "left"), word(1, "down", "up"), word(2, "forward", "back")),
+          *own};
 }
 
 // What takes one's numbers to the other's.
-std::string turnBetween(const std::string& from, const std::string& to) {
-  const auto differ = [&](const char* word) { return (from.find(word) != from.npos) != (to.find(word) != to.npos); };
-  const bool x = differ("x left") != differ("(glTF)"), y = differ("y up"), z = differ("z back");
-  if (!x && !y && !z) return "kept";
-  if ((x + y + z) % 2 != 0) return "mirrored";
-  return std::string("a half turn about ") + (!x ? "x" : !y ? "y" : "z");
+std::string turnOf(glm::vec3 signs) {
+  if (signs == glm::vec3(1.0f)) return "kept";
+  if (signs.x * signs.y * signs.z < 0) return "mirrored";
+  return std::string("a half turn about ") + (signs.x > 0 ? "x" : signs.y > 0 ? "y" : "z");
 }
 
 }  // namespace
@@ -95,8 +102,9 @@ std::string describe(const ConvertReport& report) {
             "; here " + decibels(a.ours) + "\n";
   }
   text += format("%zu Gaussians, SH degree %d, %zu cameras\n", report.gaussians, report.sh_degree, report.cameras);
-  const std::string from = axesOf(report.input_format, report.input_axes), to = axesOf(report.output_format);
-  text += "axes: " + from + (from == to ? "" : " -> " + to) + ", " + turnBetween(from, to) + "\n";
+  const ShownAxes from = axesOf(report.input_format, report.input_axes), to = axesOf(report.output_format);
+  text += "axes: " + from.words + (from.signs == to.signs ? "" : " -> " + to.words) + ", " +
+          turnOf(from.signs * to.signs) + "\n";
   text += format("size: %llu -> %llu bytes%s\n", static_cast<unsigned long long>(report.input_bytes),
                  static_cast<unsigned long long>(report.output_bytes), report.dry_run ? " (nothing is written)" : "");
   if (report.steps != 1) text += format("steps: %.3g\n", static_cast<double>(report.steps));
@@ -133,9 +141,10 @@ std::string describeJson(const ConvertReport& report) {
   Json json = {{"format", "tgconvert-summary"}, {"version", 1}};
   json["input"] = {{"file_format", report.input_format},
                    {"bytes", report.input_bytes},
-                   {"axes", axesOf(report.input_format, report.input_axes)}};
-  json["output"] = {
-      {"file_format", report.output_format}, {"bytes", report.output_bytes}, {"axes", axesOf(report.output_format)}};
+                   {"axes", axesOf(report.input_format, report.input_axes).words}};
+  json["output"] = {{"file_format", report.output_format},
+                    {"bytes", report.output_bytes},
+                    {"axes", axesOf(report.output_format).words}};
   json["dry_run"] = report.dry_run;
   json["steps"] = report.steps;
   Json edits = Json::array();
@@ -206,7 +215,8 @@ std::string describe(const Bundle& loaded, bool statistics) {
   }
   text += format("cameras: %zu\nbackground: (%g, %g, %g)\n", loaded.cameras.size(), loaded.background.x,
                  loaded.background.y, loaded.background.z);
-  text += "axes: " + axesOf(loaded.format, loaded.axes) + " in the file; bounds in " + std::string(kModelAxes) + "\n";
+  text += "axes: " + axesOf(loaded.format, loaded.axes).words + " in the file; bounds in " +
+          std::string(kModelAxes.words) + "\n";
   if (!statistics) return text;
   text += format("\n%-22s %11s %11s %11s %11s %11s %11s\n", "", "low", "1 %", "median", "99 %", "high", "mean");
   for (const Distribution& d : distributions(model)) {
@@ -233,7 +243,7 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
   if (model.size() > 0) json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
   json["cameras"] = loaded.cameras.size();
   json["background"] = triple(loaded.background);
-  json["axes"] = axesOf(loaded.format, loaded.axes);
+  json["axes"] = axesOf(loaded.format, loaded.axes).words;
   if (statistics) {
     Json list = Json::array();
     for (const Distribution& d : distributions(model)) {

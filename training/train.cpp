@@ -215,7 +215,11 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
       throw Error(ErrorKind::usage, path, "is written in any case, as the run folder's model (expected another name)");
     }
     refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
-    model ? requireWritable(outputFormat(path), path) : requireWritable(path);
+    if (model) {
+      requireWritable(outputFormat(path), path);
+    } else {
+      requireWritable(path);
+    }
   }
 }
 

@@ -29,10 +29,14 @@ inline glm::vec3 logFromScale(glm::vec3 scale) {
   return log_scale;
 }
 
+constexpr double kMostScale = std::numeric_limits<float>::max();
+
 // Clipped to what a float holds.
 inline float scaleFromLog(float log_scale) {
-  constexpr double kMost = std::numeric_limits<float>::max();
-  return static_cast<float>(std::min(std::exp(static_cast<double>(log_scale)), kMost));
+  return static_cast<float>(std::min(std::exp(static_cast<double>(log_scale)), kMostScale));
+}
+inline bool clipsScale(glm::vec3 log_scale) {
+  return std::exp(static_cast<double>(std::max({log_scale.x, log_scale.y, log_scale.z}))) > kMostScale;
 }
 
 inline bool allFinite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }

@@ -93,6 +93,7 @@ std::vector<std::uint8_t> formatSplat(const GaussianModel& model, SplatReport& r
     std::memcpy(bytes.data() + i * kSplatBytes, &row, sizeof(row));
     const glm::vec3 color = 0.5f + kShC0 * model.sh[i * model.shCount()];
     const auto outside = [](float value) { return value < -0.5f / 255.0f || value > 255.5f / 255.0f; };
+    report.clipped_scales += clipsScale(model.log_scale[i]);
     report.clipped_colors += outside(color.x) || outside(color.y) || outside(color.z);
   }
   return bytes;

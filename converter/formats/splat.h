@@ -18,6 +18,7 @@ Bundle parseSplat(std::span<const std::uint8_t> bytes, const std::string& path);
 // What the numbers of a .splat could not hold.
 struct SplatReport {
   std::size_t clipped_colors = 0;  // splats whose base colour leaves [0, 1]
+  std::size_t clipped_scales = 0;  // as clipsScale() has them
 };
 
 // Without textures: bake them first (core/model/fallback.h). In the model's order and axes; same model in, same

@@ -164,11 +164,6 @@ Signs modelFromNamed(std::uint32_t system, const std::string& path) {
 
 constexpr std::uint32_t kAxesExtension = 0xADBE0003;
 
-std::string namesOf(Signs signs) {
-  return std::string("x ") + (signs.x < 0 ? "left" : "right") + ", y " + (signs.y < 0 ? "up" : "down") + ", z " +
-         (signs.z < 0 ? "back" : "forward");
-}
-
 struct Extensions {
   std::optional<std::uint32_t> axes;  // of SPZ_ADOBE_coordinate_system
   bool others = false;
@@ -240,7 +235,7 @@ Bundle finish(const SpzHeader& header, const Streams& streams, std::span<const s
   }
   Bundle loaded;
   loaded.model = decode(header, streams, signs);
-  if (signs != kModelFromRub) loaded.axes = namesOf(signs);
+  if (signs != kModelFromRub) loaded.axes = signs;
   if (header.sh_degree > kMaxModelDegree) loaded.warnings.push_back("SH of degree 4 is left out");
   if ((header.flags & kSpzAntialiased) != 0) {
     loaded.warnings.push_back("trained with antialiasing, which the model has no word for");

@@ -121,7 +121,8 @@ class Writer {
   void addScene(Json nested);
 
   GltfBuilder builder;
-  Json attributes;  // accessors of the first primitive
+  Json attributes;                                // accessors of the first primitive
+  std::atomic<std::uint64_t> clipped_scales = 0;  // GltfReport::clipped_scales, when all is written
 
  private:
   Json addAtlas(Image& page, const std::string& name, const std::optional<TexelSteps>& steps, GltfReport& report);
@@ -163,8 +164,10 @@ void Writer::addShape(bool textured, Baked baked) {
   } else {
     add<glm::vec4>(rotation_name, kFloat4, xyzw, filters_.rotation);
   }
-  const auto own_scale = [textured](const GaussianModel& model, std::size_t i) {
+  // Once a Gaussian, in whatever thread.
+  const auto own_scale = [textured, clipped = &clipped_scales](const GaussianModel& model, std::size_t i) {
     glm::vec3 log_scale = model.log_scale[i];
+    if (clipsScale(log_scale)) ++*clipped;
     glm::vec4 rotation = model.rotation[i];
     if (textured) orderAxesForGltf(log_scale, rotation);
     return gltfScale(log_scale);
@@ -470,6 +473,7 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   writer.addScene(std::move(nested));
   report.output_bytes =
       binary ? writer.builder.writeGlb(path) : writer.builder.writeGltf(path, content.options.replace);
+  report.clipped_scales = writer.clipped_scales;
   return report;
 }
 

@@ -66,6 +66,7 @@ struct GltfReport {
   int atlas_height = 0;
   std::uint64_t texels = 0;          // in rectangles
   std::uint64_t clipped_texels = 0;  // with a channel outside what the atlas's scale and offset can say
+  std::uint64_t clipped_scales = 0;  // Gaussians with a scale that no float holds
   bool dropped_source = false;       // the source numbers did not fit a GLB beside the rest
   // Gaussian j of the file is Gaussian order[j] of the model; empty: theirs are one.
   std::vector<std::uint32_t> order = {};

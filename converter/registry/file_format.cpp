@@ -88,10 +88,13 @@ void writePly(const Path& path, const Bundle& source, const WriteOptions&, Writt
   writeSplatPly(path, source.model);
 }
 
+constexpr const char* kClippedScale = "with a scale above e^88.7, which no float holds: clipped";
+
 // Of writeGlb and its kin.
 template <GltfReport (*write)(const Path&, const GltfContent&)>
 void writeScene(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
   static_cast<GltfReport&>(written) = write(path, {source.model, source.cameras, source.background, options});
+  warnRepair(written.warnings, written.clipped_scales, kClippedScale);
   if (written.dropped_source) {
     written.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
   }
@@ -110,8 +113,9 @@ void writeGltfScene(const Path& path, const Bundle& source, const WriteOptions& 
 }
 
 void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
-  warnRepair(written.warnings, writeSplat(path, source.model).clipped_colors,
-             "with a colour outside 0 to 255: clipped");
+  const SplatReport splat = writeSplat(path, source.model);
+  warnRepair(written.warnings, splat.clipped_scales, kClippedScale);
+  warnRepair(written.warnings, splat.clipped_colors, "with a colour outside 0 to 255: clipped");
 }
 
 void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
@@ -438,11 +442,6 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
     written.warnings.push_back(title + " has no word for the intersection model " +
                                std::string(name(source.model.intersection)) + ": it becomes " +
                                std::string(name(GaussianModel().intersection)));
-  }
-  if (format.is_gltf || format.name == "splat") {
-    const auto too_wide = [](glm::vec3 log_scale) { return !allFinite(glm::exp(log_scale)); };
-    warnRepair(written.warnings, static_cast<std::size_t>(std::ranges::count_if(source.model.log_scale, too_wide)),
-               "with a scale above e^88.7: clipped");
   }
   written.texture_mode = name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none);
   if (format.holds(kKeepsTextures) || !isTextured(source.model)) {

@@ -40,10 +40,13 @@ enum Keeps : unsigned {
   kKeepsAll = 15
 };
 
-// Of a file's numbers, x, y and z, with whose convention that is.
-inline constexpr std::string_view kModelAxes = "x right, y down, z forward (COLMAP)";
-inline constexpr std::string_view kGltfAxes = "+y up, +z forward (glTF)";
-inline constexpr std::string_view kSpzAxes = "x right, y up, z back (SPZ)";
+struct FileAxes {
+  std::string_view words;
+  glm::vec3 signs;  // times the file's numbers: the model's
+};
+inline constexpr FileAxes kModelAxes = {"x right, y down, z forward (COLMAP)", {1.0f, 1.0f, 1.0f}};
+inline constexpr FileAxes kGltfAxes = {"+y up, +z forward (glTF)", {-1.0f, -1.0f, 1.0f}};
+inline constexpr FileAxes kSpzAxes = {"x right, y up, z back (SPZ)", {1.0f, -1.0f, -1.0f}};
 
 struct Format {
   std::string_view name;         // in reports; of what is written also the extension, without its dot
@@ -67,7 +70,7 @@ struct Format {
                      std::vector<std::string>& warnings) = nullptr;
   // Bytes of the files that one names beside it; 0 of what is not there. Null: it is one file.
   std::uint64_t (*beside)(const std::filesystem::path& path) = nullptr;
-  std::string_view axes = kModelAxes;
+  FileAxes axes = kModelAxes;
   bool is_gltf = false;     // or around it
   bool has_base = false;    // beside the textures, for readers that know none
   bool has_steps = false;   // WriteOptions::steps make it smaller and coarser

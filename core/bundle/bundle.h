@@ -4,6 +4,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,7 +24,8 @@ struct Bundle {
   Image preview;                      // empty = none; 3 channels, at most 512 px a side
   glm::vec3 background{0.0f};         // what the model was trained against; black where a file does not say
   std::string format;                 // filled by readModel(): the name of the file's format
-  std::string axes;                   // filled by readers: of the numbers in the file, where not the format's
+  std::optional<glm::vec3> axes;      // filled by readers of files in others than their format's: a sign a coordinate
+                                      // that makes the model's of the file's
   std::vector<std::string> warnings;  // filled by readers: what was repaired or skipped, a line each, without the path
 };
 

@@ -81,8 +81,8 @@ double cameraExtent(const Dataset& dataset);
 // The unit of position learning rates, of MCMC's noise and of the densification thresholds: cameraExtent(), but at most
 // `distances` (0: any number) times what the median point is away from the nearest training camera that sees it. For
 // what is walked or flown through, cameras span many times that, and steps that belong to the span are pixels wide in
-// every photograph. Points: every k-th of the data set's, as sightings() has them; without, cameraExtent(). [world
-// units]
+// every photograph. Points: every k-th of the data set's, as sightings() has them; without, cameraExtent().
+// [world units]
 double sceneExtent(const Dataset& dataset, double distances);
 
 // In order.
