@@ -154,15 +154,21 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     return report;
   }
   if (const auto file = streamed(input, format, options)) {
-    const FileBlocks blocks(*file, input);
+    const FileBlocks blocks(*file, input.string());
+    const ConvertReport before = report;
     report.input_format = "ply";
     report.input_bytes = storedBytes(*findFormat(report.input_format), input);
     report.gaussians = blocks.size();
     report.sh_degree = blocks.shDegree();
     if (file->rows().trailing() != 0) report.warnings.push_back(trailingWarning(file->rows().trailing()));
     write_options.gaussians = &blocks;
-    write({});
-    return report;
+    try {
+      write({});
+      return report;
+    } catch (const BrokenRows&) {
+      report = before;
+      write_options.gaussians = nullptr;
+    }
   }
 
   Bundle source = readModel(input, {.base_only = options.base_only, .spz_axes = options.spz_axes});

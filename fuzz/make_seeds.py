@@ -123,8 +123,9 @@ class Seeds:
             made = self.models(work)
             self.add("ply", "model", made["ply"])
             self.add("ply", "points", (work / "scene/points3d.ply").read_bytes()[:4096])
-            for k, kind in enumerate(("spz", "compressed.ply", "sog", "ksplat", "splat")):
+            for k, kind in enumerate(("spz", "compressed.ply", "sog", "ksplat", "splat", "ply")):
                 for number, content in enumerate({"ksplat": [ksplat(level) for level in range(3)],
+                                                  "ply": [made["ply"][:-4] + b"\xff\xff\xff\x7f"],
                                                   "spz": [made["spz"], made["three"]]}.get(kind) or [made[kind]]):
                     self.add("splats", f"{kind}{number}", bytes([k]) + content)
             glbs = {kind: made[kind] for kind in ("glb", "steps", "meshopt", "exr", "lean")}

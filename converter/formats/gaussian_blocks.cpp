@@ -2,10 +2,8 @@
 // Blocks of a file.
 #include "converter/formats/gaussian_blocks.h"
 
-#include "core/bundle/ply.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
-#include "core/system/error.h"
 
 namespace tg {
 
@@ -15,10 +13,7 @@ GaussianBlocks::Block FileBlocks::block(std::size_t first, std::size_t count, Sc
   if (scratch.model.size() < count || scratch.model.sh_degree != shDegree()) {
     resizeGaussians(scratch.model, count, shDegree());
   }
-  if (!file_.read(first, count, 0, scratch.model, scratch.bytes)) {
-    readSplatPly(path_);  // says what is wrong
-    throw Error(ErrorKind::badData, path_.string(), "changed while it was read");
-  }
+  if (!file_.read(first, count, 0, scratch.model, scratch.bytes)) throw BrokenRows(path_);
   return {scratch.model, 0, first, count};
 }
 

@@ -3,10 +3,13 @@
 // whole.
 #pragma once
 #include <cstdint>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/bundle/splat_rows.h"
 #include "core/model/model.h"
+#include "core/system/error.h"
 
 namespace tg {
 
@@ -43,18 +46,23 @@ class ModelBlocks final : public GaussianBlocks {
   const GaussianModel& model_;
 };
 
+// Rows that are no Gaussians as they are: their file is to be read as a whole, which mends them.
+struct BrokenRows : Error {
+  explicit BrokenRows(const std::string& path) : Error(ErrorKind::badData, path, "values are not finite") {}
+};
+
 // `file`'s rows must be plain and outlive this.
 class FileBlocks final : public GaussianBlocks {
  public:
-  FileBlocks(const SplatPlyFile& file, std::filesystem::path path) : file_(file), path_(std::move(path)) {}
+  FileBlocks(const SplatPlyFile& file, std::string path) : file_(file), path_(std::move(path)) {}
   std::size_t size() const override { return file_.rows().size(); }
   int shDegree() const override { return file_.rows().shDegree(); }
-  // Throws Error(badData) in the words of readSplatPly.
+  // Throws BrokenRows.
   Block block(std::size_t first, std::size_t count, Scratch& scratch) const override;
 
  private:
   const SplatPlyFile& file_;
-  const std::filesystem::path path_;
+  const std::string path_;
 };
 
 }  // namespace tg

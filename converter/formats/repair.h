@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Linear scales of splat files as the model's logarithms, those without one included.
+// What splat files hold that no model does: scales without a logarithm, numbers that are not finite, quaternions without
+// a length.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -8,6 +9,8 @@
 #include <limits>
 #include <string>
 #include <vector>
+
+#include "core/model/model.h"
 
 namespace tg {
 
@@ -47,10 +50,26 @@ struct LinearSplat {
   glm::vec4 rotation{0.0f};  // w, x, y, z, of any length
 };
 
+// The same where a file has logarithms: those of minus infinity are scales of 0.
+inline glm::vec3 withoutZeroScales(glm::vec3 log_scale) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  float smallest = kInfinity;
+  for (int k = 0; k < 3; ++k) {
+    if (log_scale[k] > -kInfinity) smallest = std::min(smallest, log_scale[k]);
+  }
+  const float point = std::log(kPointScale);
+  const float zero = smallest < kInfinity ? std::max(smallest + std::log(kZeroScaleFraction), point) : point;
+  for (int k = 0; k < 3; ++k) log_scale[k] = std::max(log_scale[k], zero);
+  return log_scale;
+}
+
 // One line for the summary when `count` splats were put right.
 inline void warnRepair(std::vector<std::string>& warnings, std::size_t count, const std::string& what) {
   if (count != 0) warnings.push_back(std::to_string(count) + " splats " + what);
 }
+
+constexpr const char* kDroppedSplat = "with values that are not finite: dropped";
+constexpr const char* kDirectionlessSplat = "with a quaternion of length 0: not turned";
 
 // Puts such splats right, and counts what it did.
 class LinearRepair {
@@ -72,13 +91,18 @@ class LinearRepair {
     return true;
   }
   void warn(std::vector<std::string>& warnings) const {
-    warnRepair(warnings, dropped_, "with values that are not finite: dropped");
+    warnRepair(warnings, dropped_, kDroppedSplat);
     warnRepair(warnings, negative_, "with a negative scale: sign dropped");
-    warnRepair(warnings, directionless_, "with a quaternion of length 0: not turned");
+    warnRepair(warnings, directionless_, kDirectionlessSplat);
   }
 
  private:
   std::size_t dropped_ = 0, negative_ = 0, directionless_ = 0;
 };
+
+// Puts right what readSplatPly() calls broken. Infinite logits are opacities of 0 and 1 (kLogitLimit), log scales of
+// minus infinity scales of 0, and a quaternion whose square no float holds keeps its direction; what has other numbers
+// that are not finite is dropped. Throws Error(badData, path) where nothing is left.
+void mendSplats(GaussianModel& model, const std::string& path, std::vector<std::string>& warnings);
 
 }  // namespace tg

@@ -71,7 +71,9 @@ Bundle readPage(const Path& path, const ReadOptions& options) {
 }
 
 Bundle readPly(const Path& path, const ReadOptions& options) {
-  Bundle loaded = bundleOf(readSplatPly(path, options.progress));
+  bool broken = false;
+  Bundle loaded = bundleOf(readSplatPly(path, options.progress, &broken));
+  if (broken) mendSplats(loaded.model, path.string(), loaded.warnings);
   if (const std::uint64_t bytes = SplatPlyFile(path).rows().trailing())
     loaded.warnings.push_back(trailingWarning(bytes));
   return loaded;

@@ -34,7 +34,7 @@ bool takeAll(std::size_t rows, const Take& take) {
 
 }  // namespace
 
-GaussianModel parseSplatPly(std::span<const std::uint8_t> bytes, const std::string& path) {
+GaussianModel parseSplatPly(std::span<const std::uint8_t> bytes, const std::string& path, bool* broken) {
   const SplatRows rows(bytes, bytes.size(), path);
   if (rows.plain()) {
     GaussianModel model;
@@ -42,12 +42,13 @@ GaussianModel parseSplatPly(std::span<const std::uint8_t> bytes, const std::stri
     const bool good = takeAll(rows.size(), [&](std::size_t first, std::size_t count, std::vector<std::uint8_t>&) {
       return rows.convert(bytes.data() + rows.firstRow() + first * rows.stride(), first, first + count, model);
     });
-    if (good) return model;
+    if (broken) *broken = !good;
+    if (good || broken) return model;
   }
-  return rows.convertChecked();
+  return rows.convertAll(broken);
 }
 
-GaussianModel readSplatPly(const std::filesystem::path& path, ReadProgress* progress) {
+GaussianModel readSplatPly(const std::filesystem::path& path, ReadProgress* progress, bool* broken) {
   {
     const SplatPlyFile file(path);
     const SplatRows& rows = file.rows();
@@ -60,10 +61,11 @@ GaussianModel readSplatPly(const std::filesystem::path& path, ReadProgress* prog
             if (progress) progress->advance(count * rows.stride());
             return file.read(first, count, first, model, scratch);
           });
-      if (good) return model;
+      if (broken) *broken = !good;
+      if (good || broken) return model;
     }
   }
-  return parseSplatPly(readFile(path, kMaxPlyBytes), path.string());
+  return parseSplatPly(readFile(path, kMaxPlyBytes), path.string(), broken);
 }
 
 std::vector<std::uint8_t> formatSplatPly(const GaussianModel& model) {

@@ -271,8 +271,7 @@ void PlyVertices::failNotFinite(std::size_t vertex, int property) const {
   fail(label(vertex) + ": " + properties_[static_cast<std::size_t>(property)].name + " is not finite");
 }
 
-void PlyVertices::readAscii(std::span<const int> indices,
-                            const std::function<void(std::size_t, std::span<const float>)>& visit) const {
+void PlyVertices::readAscii(std::span<const int> indices, const Visit& visit, bool must_be_finite) const {
   std::string_view text(reinterpret_cast<const char*>(body_.data()), body_.size());
   for (std::uint64_t i = 0; i < tokens_before_; ++i) {
     if (nextWord(text).empty()) fail("file ends before the vertices");
@@ -289,15 +288,14 @@ void PlyVertices::readAscii(std::span<const int> indices,
     }
     for (std::size_t k = 0; k < indices.size(); ++k) {
       values[k] = row[static_cast<std::size_t>(indices[k])];
-      if (!std::isfinite(values[k])) failNotFinite(i, indices[k]);
+      if (must_be_finite && !std::isfinite(values[k])) failNotFinite(i, indices[k]);
     }
     visit(i, values);
   }
   if (last_element_ && !nextWord(text).empty()) fail("file is longer than its counts say");
 }
 
-void PlyVertices::readBinary(std::span<const int> indices,
-                             const std::function<void(std::size_t, std::span<const float>)>& visit) const {
+void PlyVertices::readBinary(std::span<const int> indices, const Visit& visit, bool must_be_finite) const {
   // The first offender of each block; -1: none. Reported in file order, whatever thread finds it.
   struct Offender {
     std::size_t vertex = 0;
@@ -313,7 +311,7 @@ void PlyVertices::readBinary(std::span<const int> indices,
       for (std::size_t k = 0; k < indices.size(); ++k) {
         const PlyProperty& property = properties_[static_cast<std::size_t>(indices[k])];
         values[k] = typeOf(property.type).load(vertex + property.offset, swap);
-        if (!std::isfinite(values[k])) {
+        if (must_be_finite && !std::isfinite(values[k])) {
           offenders[static_cast<std::size_t>(block)] = {i, indices[k]};
           return;
         }
@@ -326,14 +324,13 @@ void PlyVertices::readBinary(std::span<const int> indices,
   }
 }
 
-void PlyVertices::read(std::span<const int> indices,
-                       const std::function<void(std::size_t, std::span<const float>)>& visit) const {
+void PlyVertices::read(std::span<const int> indices, const Visit& visit, bool must_be_finite) const {
   TG_ASSERT(hasProperties(indices), "the file has these properties");
   TG_ASSERT(begin_ + body_.size() == total_, "all of the file is at hand");
   if (format_ == Format::ascii) {
-    readAscii(indices, visit);
+    readAscii(indices, visit, must_be_finite);
   } else {
-    readBinary(indices, visit);
+    readBinary(indices, visit, must_be_finite);
   }
 }
 

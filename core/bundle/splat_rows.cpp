@@ -43,6 +43,22 @@ bool allFinite(const float* values, std::size_t count) {
   return broken == 0;
 }
 
+// Of Gaussians `first` to `last` (excluded), first < last.
+bool keepsPromises(const GaussianModel& model, std::size_t first, std::size_t last) {
+  bool good = true;
+  forEachField(
+      [&]<typename T>(const Field& field, const std::vector<T>& all) {
+        const std::size_t count = field.values(model.shCount());
+        const std::span values = std::span(all).subspan(first * count, (last - first) * count);
+        if constexpr (std::is_same_v<T, glm::vec4>) {
+          good = good && (!field.quaternion || std::ranges::all_of(values, hasLength));
+        }
+        good = good && allFinite(reinterpret_cast<const float*>(values.data()), field.floats * values.size());
+      },
+      model);
+  return good;
+}
+
 std::vector<std::uint8_t> startOf(const FileReader& file) {
   std::vector<std::uint8_t> start(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), kMaxPlyHeaderBytes)));
   file.read(0, start);
@@ -98,27 +114,23 @@ bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_
       return value;
     });
   }
-  bool good = true;
-  forEachField(
-      [&]<typename T>(const Field& field, const std::vector<T>& all) {
-        const std::size_t count = field.values(model.shCount());
-        const std::span values = std::span(all).subspan(first * count, (last - first) * count);
-        if constexpr (std::is_same_v<T, glm::vec4>) {
-          good = good && (!field.quaternion || std::ranges::all_of(values, hasLength));
-        }
-        good = good && allFinite(reinterpret_cast<const float*>(values.data()), field.floats * values.size());
-      },
-      model);
-  return good;
+  return keepsPromises(model, first, last);
 }
 
-GaussianModel SplatRows::convertChecked() const {
+GaussianModel SplatRows::convertAll(bool* broken) const {
   GaussianModel model;
   resizeGaussians(model, size(), sh_degree_);
-  vertices_.read(columns_, [&](std::size_t i, std::span<const float> values) {
-    set(model, i, [&](std::size_t k) { return values[k]; });
-  });
-  checkModel(model, path_);
+  vertices_.read(
+      columns_,
+      [&](std::size_t i, std::span<const float> values) {
+        set(model, i, [&](std::size_t k) { return values[k]; });
+      },
+      broken == nullptr);
+  if (broken) {
+    *broken = !keepsPromises(model, 0, size());
+  } else {
+    checkModel(model, path_);
+  }
   return model;
 }
 
@@ -182,7 +194,7 @@ void SplatStream::addRows(std::span<const std::uint8_t> bytes) {
 
 GaussianModel SplatStream::finish() {
   if (!rows_) start();
-  if (!rows_->plain()) return SplatRows(pending_, total_, path_).convertChecked();
+  if (!rows_->plain()) return SplatRows(pending_, total_, path_).convertAll();
   checkModel(model_, path_);
   return std::move(model_);
 }

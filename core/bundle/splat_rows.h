@@ -37,9 +37,9 @@ class SplatRows {
   // The rows at `bytes` become Gaussians `first` to `last` (excluded), without a check on the way: whether every
   // promise of a model was kept is the result.
   bool convert(const std::uint8_t* bytes, std::size_t first, std::size_t last, GaussianModel& model) const;
-  // Of a file that is in memory as a whole, whatever its format. Throws Error(badData) naming the first value that is
-  // wrong.
-  GaussianModel convertChecked() const;
+  // Of a file that is in memory as a whole, whatever its format. Where a promise of a model is broken: throws
+  // Error(badData) naming the first value that is wrong, or sets `broken` if given.
+  GaussianModel convertAll(bool* broken = nullptr) const;
 
  private:
   template <typename Values>

@@ -120,17 +120,35 @@ TEST_CASE("a PLY becomes the same GLB block by block as from memory, byte for by
   }
 }
 
-TEST_CASE("a PLY with a broken value is refused by name while it is converted, and leaves nothing") {
+TEST_CASE("a PLY with a broken value is converted without that splat, as it would be in one piece") {
   const Scratch scratch;
   const auto ply = scratch.folder() / "in.ply";
+  const auto out = scratch.folder() / "out.glb";
   GaussianModel model = manyGaussians(1);
   model.sh[4 * 33'000 + 2].z = NAN;
-  {
+  const auto write = [&] {
     const std::vector<std::uint8_t> bytes = formatSplatPly(model);
     scratch.write("in.ply", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  };
+  write();
+  for (const bool dry_run : {true, false}) {
+    const ConvertReport report = convert(ply, out, {.dry_run = dry_run});
+    CHECK(report.gaussians == kMany - 1);
+    CHECK(report.warnings == std::vector<std::string>{"1 splats with values that are not finite: dropped"});
+    CHECK(filesIn(scratch.folder()) == (dry_run ? 1 : 2));
   }
-  CHECK_THROWS_WITH(convert(ply, scratch.folder() / "out.glb"),
-                    ply.string() + ": Gaussian 33000: f_rest_7 is not finite");
+  writeGlb(scratch.folder() / "whole.glb", {readModel(ply).model, {}});
+  CHECK(Glb::slurp(out) == Glb::slurp(scratch.folder() / "whole.glb"));
+  for (glm::vec3& mean : model.mean) mean.x = INFINITY;
+  write();
+  CHECK_THROWS_WITH(convert(ply, out, {.overwrite = true}),
+                    ply.string() + ": no splat is left: none had finite values");
+}
+
+TEST_CASE("a PLY that ends early is refused, and leaves nothing") {
+  const Scratch scratch;
+  const auto ply = scratch.folder() / "in.ply";
+  writeSplatPly(ply, manyGaussians(1));
   std::filesystem::resize_file(ply, std::filesystem::file_size(ply) - 1);
   CHECK_THROWS_WITH(convert(ply, scratch.folder() / "out.glb"), Contains("too short for its counts"));
   CHECK(filesIn(scratch.folder()) == 1);

@@ -12,6 +12,8 @@
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "converter/splat_files.h"
+#include "core/bundle/ply.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/message_of.h"
@@ -292,6 +294,49 @@ TEST_CASE(".splat: every number where it belongs, what has no logarithm is repai
         "a.splat: is no .splat file (expected a multiple of 32 bytes, found 33)");
   CHECK(messageOf([&] { parseSplat(bytesOf(bytes.substr(32, 32)), "a.splat"); }) ==
         "a.splat: no splat is left: none had finite values");
+}
+
+TEST_CASE("a PLY of others is mended: numbers that are not finite, opacities of 0 and 1, scales of 0, no direction") {
+  const float infinity = std::numeric_limits<float>::infinity();
+  GaussianModel model;
+  resizeGaussians(model, 9, 1);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    model.mean[i] = {1, 2, static_cast<float>(i)};
+    model.rotation[i] = {0, 1, 0, 0};
+    model.log_scale[i] = {-1, -2, -3};
+  }
+  model.mean[0].y = -infinity;  // dropped
+  model.opacity_logit[1] = infinity;
+  model.opacity_logit[2] = -infinity;
+  model.log_scale[3].x = -infinity;
+  model.log_scale[4] = glm::vec3(-infinity);
+  model.log_scale[5].z = infinity;  // dropped
+  model.rotation[6] = glm::vec4(0.0f);
+  model.rotation[7] = {0, 3e30f, 0, -3e30f};
+  model.sh[8 * 4 + 3].y = NAN;  // dropped
+  const Scratch scratch;
+  const std::vector<std::uint8_t> binary = formatSplatPly(model);
+  const std::string plain(reinterpret_cast<const char*>(binary.data()), binary.size());
+  const auto rows = plain.begin() + static_cast<std::ptrdiff_t>(plain.find("end_header\n") + 11);
+  std::string big = std::string(plain.begin(), rows);  // the same numbers in an order that is not read in bulk
+  big.replace(big.find("little"), 6, "big");
+  for (auto at = rows; at != plain.end(); at += 4) big.append({at[3], at[2], at[1], at[0]});
+  for (const std::string& file : {plain, big}) {
+    const Bundle loaded = readModel(scratch.write("a.ply", file));
+    CHECK(loaded.warnings == std::vector<std::string>{"3 splats with values that are not finite: dropped",
+                                                      "1 splats with a quaternion of length 0: not turned"});
+    const GaussianModel& mended = loaded.model;
+    REQUIRE(mended.size() == 6);
+    checkModel(mended, "a.ply");
+    CHECK(mended.mean[5] == glm::vec3(1, 2, 7));
+    CHECK(mended.opacity_logit[0] == 20.0f);
+    CHECK(mended.opacity_logit[1] == -20.0f);
+    checkCloseTo(mended.log_scale[2], {-3.0f + std::log(1e-4f), -2.0f, -3.0f});
+    checkCloseTo(mended.log_scale[3], glm::vec3(std::log(1e-10f)));
+    CHECK(mended.rotation[3] == glm::vec4(0, 1, 0, 0));
+    CHECK(mended.rotation[4] == glm::vec4(1, 0, 0, 0));
+    CHECK(mended.rotation[5] == glm::vec4(0, 1, 0, -1));
+  }
 }
 
 TEST_CASE("readModel finds the reader and names the format") {
