@@ -1,6 +1,5 @@
 # The Python module (docs/python.md). Sets TG_PYTHON_FOUND. TG_PYTHON: AUTO builds it where Python's headers and pybind11
-# are, ON fails without them, OFF does not look. Code for a module that Python loads is position-independent, so all of
-# it is then.
+# are, ON fails without them, OFF does not look.
 set(TG_PYTHON OFF CACHE STRING "Build the Python module: AUTO (where Python's headers and pybind11 are), ON, OFF")
 set(TG_PYTHON_FOUND OFF)
 set(TG_PYTHON_MISSING "TG_PYTHON is OFF")
@@ -14,10 +13,6 @@ if(NOT TG_PYTHON STREQUAL OFF)
   find_package(pybind11 2.10 CONFIG ${required} QUIET)
   if(Python3_Development.Module_FOUND AND pybind11_FOUND)
     set(TG_PYTHON_FOUND ON)
-    set(CMAKE_POSITION_INDEPENDENT_CODE ON)
-    if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
-      add_compile_options($<$<COMPILE_LANGUAGE:C,CXX>:-fno-semantic-interposition>)  # as without, functions are inlined
-    endif()
   else()
     set(TG_PYTHON_MISSING "no Python headers or no pybind11 (packages python3-dev, pybind11-dev)")
     message(STATUS "Python: not built, ${TG_PYTHON_MISSING}")

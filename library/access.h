@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <string>
+#include <type_traits>
 #include <utility>
 
 #include "core/bundle/bundle.h"
@@ -64,7 +66,19 @@ inline glm::vec3 finiteColorOf(const std::array<float, 3>& color) {
 }
 inline std::array<float, 3> colorOf(const glm::vec3& color) { return {color.x, color.y, color.z}; }
 
-// The enumerations have the same values.
-inline tg::TextureMode modeOf(TextureMode mode) { return static_cast<tg::TextureMode>(mode); }
+// The enumerations have the same values. Throws tg::Error(usage) for a number that is none of them, from 0 to `last`.
+template <typename To, typename From>
+To enumOf(From value, From last, const char* what) {
+  const auto number = static_cast<std::underlying_type_t<From>>(value);
+  const auto most = static_cast<std::underlying_type_t<From>>(last);
+  if (number < 0 || number > most) {
+    throw tg::Error(tg::ErrorKind::usage, what,
+                    "no such one (expected 0 to " + std::to_string(most) + ", found " + std::to_string(number) + ")");
+  }
+  return static_cast<To>(value);
+}
+inline tg::TextureMode modeOf(TextureMode mode) {
+  return enumOf<tg::TextureMode>(mode, TextureMode::rgba, "texture mode");
+}
 
 }  // namespace textured_gaussians

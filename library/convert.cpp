@@ -32,8 +32,12 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     own.measure = options.measure ? tg::Measure::always : tg::Measure::never;
     for (const auto& [name, value] : options.edits) {
       const std::string flag = "--" + name;
-      if (std::ranges::find(tg::editOptions(), flag, &tg::EditOption::name) == tg::editOptions().end()) {
+      const auto option = std::ranges::find(tg::editOptions(), flag, &tg::EditOption::name);
+      if (option == tg::editOptions().end()) {
         throw tg::Error(tg::ErrorKind::usage, name, "no such edit (docs/converter.md has them)");
+      }
+      if (std::string_view(option->value).empty() && !value.empty()) {
+        throw tg::Error(tg::ErrorKind::usage, name, "takes no value (expected \"\", found \"" + value + "\")");
       }
       own.edits.push_back({flag, value});
     }

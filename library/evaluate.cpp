@@ -21,19 +21,24 @@ Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOp
     renderer->setModel({bundle, &bundle->model});
     tg::RenderSettings settings;
     settings.textures = modeOf(options.textures);
+    (void)enumOf<Split>(options.split, Split::all, "split");
     settings.background = own->background;
     settings.outputs = {tg::Output::final};
     tg::ScoreOptions score_options;
     score_options.flip = options.flip;
-    std::vector<tg::ViewScore> scores;
+    std::vector<std::size_t> chosen;
     for (std::size_t view = 0; view < own->views.size(); ++view) {
+      if (options.split == Split::all || own->views[view].test == (options.split == Split::test)) chosen.push_back(view);
+    }
+    if (chosen.empty()) throw tg::Error(tg::ErrorKind::usage, own->name, "has no photographs of this split");
+    std::vector<tg::ViewScore> scores;
+    for (const std::size_t view : chosen) {
       const tg::Camera& camera = own->views[view];
-      if (options.split != Split::all && camera.test != (options.split == Split::test)) continue;
       tg::Image picture = tg::extract(renderer->render(camera, settings), tg::Output::final);
       tg::clampToUnit(picture);
       scores.push_back(tg::scoreView(camera.name, *own->pixels(view), picture, score_options));
+      if (options.progress) options.progress(scores.size(), chosen.size());
     }
-    if (scores.empty()) throw tg::Error(tg::ErrorKind::usage, own->name, "has no photographs of this split");
     Evaluation evaluation;
     for (const tg::ViewScore& score : scores) evaluation.views.push_back(scoreOf(score));
     evaluation.mean = scoreOf(tg::meanView(scores));

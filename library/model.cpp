@@ -38,6 +38,21 @@ std::vector<Value> valuesOf(const std::vector<float>& floats, const char* name) 
   return values;
 }
 
+// Of a model of n Gaussians. Throws tg::Error(badData).
+void requireLengths(const ModelData& data, std::size_t n) {
+  const auto require = [](std::size_t found, std::size_t expected, const char* name) {
+    if (found != expected) {
+      throw tg::Error(tg::ErrorKind::badData, "model",
+                      std::string(name) + ": wrong length" + tg::expectedFound(expected, found));
+    }
+  };
+  require(data.rotations.size(), 4 * n, "rotations");
+  require(data.log_scales.size(), 3 * n, "log_scales");
+  require(data.opacity_logits.size(), n, "opacity_logits");
+  require(data.sh.size(), 3 * tg::shCountOf(data.sh_degree) * n, "sh");
+  if (!data.texture_rects.empty()) require(data.texture_rects.size(), n, "texture_rects");
+}
+
 std::vector<float> copyOf(std::span<const float> floats) { return {floats.begin(), floats.end()}; }
 
 }  // namespace
@@ -58,9 +73,11 @@ Model::Model(const ModelData& data)
         }
         model.sh_degree = data.sh_degree;
         model.texture_mode = modeOf(data.texture_mode);
-        model.intersection = static_cast<tg::IntersectionModel>(data.intersection);
-        model.outside = static_cast<tg::TextureOutside>(data.outside);
+        model.intersection =
+            enumOf<tg::IntersectionModel>(data.intersection, Intersection::maxResponse, "intersection");
+        model.outside = enumOf<tg::TextureOutside>(data.outside, TextureOutside::edge, "outside");
         model.mean = valuesOf<glm::vec3>(data.means, "means");
+        requireLengths(data, model.size());
         // Files have the quaternion's real part first, as .x.
         model.rotation = valuesOf<glm::vec4>(data.rotations, "rotations");
         model.log_scale = valuesOf<glm::vec3>(data.log_scales, "log_scales");
@@ -86,8 +103,13 @@ Model Model::load(const std::filesystem::path& path) {
 
 std::vector<std::string> Model::save(const std::filesystem::path& path) const {
   return guarded([&] {
+    const tg::Format& format = tg::outputFormat(path);
+    if (!format.read) {
+      throw tg::Error(tg::ErrorKind::usage, path.string(),
+                      "holds no Gaussians (expected ." + tg::listed(tg::outputNames(true)) + ")");
+    }
     tg::Written written;
-    tg::writeModel(tg::outputFormat(path), path, parts_->bundle, {}, written);
+    tg::writeModel(format, path, parts_->bundle, {}, written);
     return written.warnings;
   });
 }

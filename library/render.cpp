@@ -2,6 +2,8 @@
 // Pictures, by the CPU renderer.
 #include "textured_gaussians/render.h"
 
+#include <mutex>
+
 #include "core/system/parallel.h"
 #include "library/access.h"
 #include "render/renderer.h"
@@ -18,9 +20,10 @@ constexpr int kMostThreads = 4096;
 struct Renderer::Parts {
   std::shared_ptr<const tg::Bundle> bundle;
   std::unique_ptr<tg::Renderer> renderer = tg::makeCpuRenderer();
+  std::mutex in_use = {};
 };
 
-Renderer::Renderer(const Model& model) : parts_(std::make_unique<Parts>(Parts{Access::bundle(model)})) {
+Renderer::Renderer(const Model& model) : parts_(new Parts{Access::bundle(model)}) {
   guarded([&] { parts_->renderer->setModel({parts_->bundle, &parts_->bundle->model}); });
 }
 Renderer::~Renderer() = default;
@@ -35,9 +38,11 @@ Image Renderer::render(const Camera& camera, Output output, const RenderOptions&
     settings.splat_scale = options.splat_scale;
     settings.opacity_scale = options.opacity_scale;
     settings.max_sh_degree = options.max_sh_degree;
-    settings.outputs = {static_cast<tg::Output>(output)};
+    const auto wanted = enumOf<tg::Output>(output, Output::depthMedian, "output");
+    settings.outputs = {wanted};
+    const std::lock_guard lock(parts_->in_use);
     const tg::Frame frame = parts_->renderer->render(cameraOf(camera), settings);
-    tg::Image image = tg::extract(frame, static_cast<tg::Output>(output));
+    tg::Image image = tg::extract(frame, wanted);
     return Image{image.width, image.height, image.channels, std::move(image.data)};
   });
 }

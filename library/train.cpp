@@ -3,6 +3,7 @@
 #include "textured_gaussians/train.h"
 
 #include <algorithm>
+#include <mutex>
 
 #include "library/access.h"
 #include "training/run/trainer.h"
@@ -37,6 +38,7 @@ struct Trainer::Parts {
   std::shared_ptr<const tg::Dataset> data;
   std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::makeCpuDifferentiableRenderer();
   tg::Trainer trainer;
+  std::mutex in_use;
 };
 
 Trainer::Trainer(const Dataset& dataset, const TrainOptions& options, const std::optional<Model>& start)
@@ -46,10 +48,12 @@ Trainer::Trainer(Trainer&&) noexcept = default;
 Trainer& Trainer::operator=(Trainer&&) noexcept = default;
 
 bool Trainer::step() {
+  const std::lock_guard lock(parts_->in_use);
   return guarded([&] { return parts_->trainer.step(); });
 }
 
 TrainProgress Trainer::progress() const {
+  const std::lock_guard lock(parts_->in_use);
   return guarded([&] {
     const tg::TrainProgress progress = parts_->trainer.progress();
     return TrainProgress{std::string(tg::name(progress.stage)),
@@ -63,6 +67,7 @@ TrainProgress Trainer::progress() const {
 }
 
 Model Trainer::model() const {
+  const std::lock_guard lock(parts_->in_use);
   return guarded([&] {
     tg::Bundle bundle;
     bundle.model = parts_->trainer.model();

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstdio>
 #include <memory>
 #include <optional>
 #include <span>
@@ -27,7 +28,21 @@ using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 using Shape = std::vector<py::ssize_t>;
 
-[[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
+// One line, as Error promises, whatever text of the caller's the message holds.
+[[noreturn]] void refuse(std::string message) {
+  std::ranges::replace_if(message, [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+  throw Error(ErrorKind::usage, message);
+}
+
+// Names of files need not be UTF-8: as os.fsencode and os.fsdecode have them.
+std::string fileNameFrom(const py::str& name) {
+  const auto bytes = py::reinterpret_steal<py::bytes>(PyUnicode_EncodeFSDefault(name.ptr()));
+  if (!bytes) throw py::error_already_set();
+  return bytes;
+}
+py::str fileNameOf(const std::string& name) {
+  return py::reinterpret_steal<py::str>(PyUnicode_DecodeFSDefaultAndSize(name.data(), py::ssize_t(name.size())));
+}
 
 // ---- Names of enumerators
 
@@ -176,13 +191,42 @@ void bindError(py::module_& module) {
     try {
       if (thrown) std::rethrow_exception(thrown);
     } catch (const Error& refused) {
-      // Paths need not be UTF-8: as os.fsdecode reads them.
-      const py::object raised = error(py::reinterpret_steal<py::str>(PyUnicode_DecodeFSDefault(refused.what())));
+      const py::object raised = error(fileNameOf(refused.what()));
       raised.attr("kind") = kKinds[static_cast<int>(refused.kind())];
       PyErr_SetObject(error.ptr(), raised.ptr());
     }
   });
 }
+
+// A copy that says so where somebody writes to it.
+template <std::size_t kCount>
+py::array fixed(const std::array<double, kCount>& numbers, Shape shape) {
+  py::array array = taken(std::vector<double>(numbers.begin(), numbers.end()), std::move(shape));
+  array.attr("flags").attr("writeable") = false;
+  return array;
+}
+
+py::tuple stateOf(const Camera& camera) {
+  return py::make_tuple(py::tuple(py::cast(camera.rotation)), py::tuple(py::cast(camera.translation)),
+                        py::tuple(py::cast(camera.focal)), py::tuple(py::cast(camera.center)), camera.width,
+                        camera.height, py::bytes(camera.name), camera.test);
+}
+
+Camera cameraFrom(const py::tuple& state) {
+  Camera camera;
+  if (state.size() != 8) refuse("camera: expected a state of 8 values, found " + std::to_string(state.size()));
+  camera.rotation = state[0].cast<decltype(camera.rotation)>();
+  camera.translation = state[1].cast<decltype(camera.translation)>();
+  camera.focal = state[2].cast<decltype(camera.focal)>();
+  camera.center = state[3].cast<decltype(camera.center)>();
+  camera.width = state[4].cast<int>();
+  camera.height = state[5].cast<int>();
+  camera.name = state[6].cast<std::string>();
+  camera.test = state[7].cast<bool>();
+  return camera;
+}
+
+bool sameCamera(const Camera& a, const Camera& b) { return stateOf(a).equal(stateOf(b)); }
 
 void bindCamera(py::module_& module) {
   py::class_<Camera>(module, "Camera", R"(A pinhole camera.
@@ -191,7 +235,7 @@ Axes: x right, y down, z forward; pixel centres lie at +0.5, the image's left ed
 appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p + translation.)")
       .def(
           py::init([](const Doubles& rotation, const Doubles& translation, const Doubles& focal, const Doubles& center,
-                      int width, int height, const std::string& name, bool test) {
+                      int width, int height, const py::str& name, bool test) {
             Camera camera;
             fill(camera.rotation, rotation, {3, 3}, "rotation", "[3, 3]");
             fill(camera.translation, translation, {3}, "translation", "[3]");
@@ -199,7 +243,7 @@ appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p +
             fill(camera.center, center, {2}, "center", "[2]");
             camera.width = width;
             camera.height = height;
-            camera.name = name;
+            camera.name = fileNameFrom(name);
             camera.test = test;
             return camera;
           }),
@@ -207,36 +251,27 @@ appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p +
           R"(rotation [3, 3], orthonormal, and translation [3] [world units]: camera from world; focal [2] and center [2]
 [px]; width and height [px]. What makes no camera is refused where it is used.)")
       .def_property_readonly(
-          "rotation",
-          [](const Camera& camera) {
-            return taken(std::vector<double>(camera.rotation.begin(), camera.rotation.end()), {3, 3});
-          },
-          "float64 [3, 3]: camera from world.")
+          "rotation", [](const Camera& camera) { return fixed(camera.rotation, {3, 3}); },
+          "float64 [3, 3]: camera from world. A copy, as the other arrays.")
       .def_property_readonly(
-          "translation",
-          [](const Camera& camera) {
-            return taken(std::vector<double>(camera.translation.begin(), camera.translation.end()), {3});
-          },
+          "translation", [](const Camera& camera) { return fixed(camera.translation, {3}); },
           "float64 [3]: camera from world [world units].")
       .def_property_readonly(
-          "focal",
-          [](const Camera& camera) {
-            return taken(std::vector<double>(camera.focal.begin(), camera.focal.end()), {2});
-          },
-          "float64 [2]: x, y [px].")
+          "focal", [](const Camera& camera) { return fixed(camera.focal, {2}); }, "float64 [2]: x, y [px].")
       .def_property_readonly(
-          "center",
-          [](const Camera& camera) {
-            return taken(std::vector<double>(camera.center.begin(), camera.center.end()), {2});
-          },
-          "float64 [2]: x, y [px].")
+          "center", [](const Camera& camera) { return fixed(camera.center, {2}); }, "float64 [2]: x, y [px].")
       .def_readonly("width", &Camera::width, "[px]")
       .def_readonly("height", &Camera::height, "[px]")
-      .def_readonly("name", &Camera::name, "Of the photograph, without its folder; may be empty.")
+      .def_property_readonly(
+          "name", [](const Camera& camera) { return fileNameOf(camera.name); },
+          "Of the photograph, without its folder; may be empty.")
       .def_readonly("test", &Camera::test, "Whether it was held out from training.")
+      .def("__eq__", &sameCamera, py::is_operator())
+      .def("__hash__", [](const Camera& camera) { return py::hash(stateOf(camera)); })
+      .def(py::pickle(&stateOf, &cameraFrom))
       .def("__repr__", [](const Camera& camera) {
-        return "<Camera " + camera.name + (camera.name.empty() ? "" : " ") + std::to_string(camera.width) + " x " +
-               std::to_string(camera.height) + ">";
+        return "<Camera " + std::string(py::repr(fileNameOf(camera.name))) + " " + std::to_string(camera.width) +
+               " x " + std::to_string(camera.height) + (camera.test ? ", held out" : "") + ">";
       });
   module.def("look_at", &lookAt, "eye"_a, "target"_a, "up"_a, "fov_y"_a, "width"_a, "height"_a,
              R"(A camera at `eye` that looks at `target`, both [3] in world space; `up` [3] points to the picture's top.
@@ -257,7 +292,9 @@ means [N, 3] [world units]; rotations [N, 4] quaternions w, x, y, z, world from 
 log_scales [N, 3] ln(sigma); opacity_logits [N], opacity = 1 / (1 + exp(-logit)); sh [N, K, 3] with K = 1, 4, 9 or 16,
 colour = 0.5 + sum of sh times basis; texture_mode "none", "alpha", "rgb" or "rgba"; texture_rects [N, 3] integers
 offset, width, height [texels]: texel (i, j), i along u, is texels[offset + j * width + i]; texels [T, 4] RGB, added to
-the base colour, and a factor on alpha in [0, 1].)")
+the base colour, and a factor on alpha in [0, 1]; background RGB that it was trained against; cameras of the photographs
+that it was trained on; intersection, where a ray meets a Gaussian: "plane" or "max_response"; outside, what is drawn of
+a textured Gaussian beyond +-3 sigma: "base", "clip" or "edge".)")
       .def_static("load", &Model::load, "path"_a, py::call_guard<py::gil_scoped_release>(),
                   "From any file that tgconvert reads: .tgz, .glb, .gltf, .ply, .sog, .spz, .splat, .ksplat, .html.")
       .def("save", &Model::save, "path"_a, py::call_guard<py::gil_scoped_release>(),
@@ -323,8 +360,9 @@ Returns what the format does not hold, a line each.)")
 }
 
 void bindRendering(py::module_& module) {
-  py::class_<Renderer>(module, "Renderer",
-                       "Draws a model on the processor, with all threads. Not for two threads at once.")
+  py::class_<Renderer>(
+      module, "Renderer",
+      "Draws a model on the processor, with all threads. Calls of several threads wait for one another.")
       .def(py::init<const Model&>(), "model"_a)
       .def(
           "render",
@@ -343,7 +381,8 @@ void bindRendering(py::module_& module) {
 
 output: "final", "base" (without what textures add), "texture" (what they add), "normal": [height, width, 3]; "alpha",
 "depth" and "depth_median" (camera z [world units], 0 where nothing is hit), "count" (of blended Gaussians): [height,
-width]. textures: terms that count. background: RGB; None: the model's.)");
+width]. textures: terms that count. background: RGB; None: the model's. splat_scale: above 0, on every sigma.
+opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands are left out.)");
   module.def("set_threads", &setThreads, "count"_a,
              "Threads from now on; 0, as at the start: as many as the machine has. Results do not depend on it.");
   module.def(
@@ -357,7 +396,11 @@ width]. textures: terms that count. background: RGB; None: the model's.)");
       "path"_a, "PNG, JPEG or EXR as float32 [height, width, 3 or 4], grey as [height, width]; black 0, white 1.");
   module.def(
       "write_image",
-      [](const std::filesystem::path& path, const Floats& image) {
+      [](const std::filesystem::path& path, const py::array& given) {
+        if (given.dtype().kind() != 'f') {  // 8 bits would be clamped to white
+          refuse("image: expected floats, black 0 and white 1, found " + std::string(py::str(given.dtype())));
+        }
+        const Floats image(given);
         if (image.ndim() != 2 && image.ndim() != 3) {
           refuse("image: expected an array of shape [height, width] or [height, width, channels], found " +
                  shapeText(image));
@@ -373,6 +416,19 @@ width]. textures: terms that count. background: RGB; None: the model's.)");
       "path"_a, "image"_a, "By the extension: .png and .jpg (clamped to [0, 1], 8 bits) or .exr (half floats).");
 }
 
+std::string decimals(double number, int digits) {
+  std::array<char, 64> text;
+  std::snprintf(text.data(), text.size(), "%.*f", digits, number);
+  return text.data();
+}
+
+// As tgtrain's flags take it.
+std::string settingText(py::object value) {
+  if (py::hasattr(value, "dtype") && py::hasattr(value, "item")) value = value.attr("item")();  // a number of NumPy's
+  if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "on" : "off";
+  return py::str(value);
+}
+
 void bindTraining(py::module_& module) {
   py::class_<Dataset>(module, "Dataset", "Photographs with known cameras.")
       .def_static(
@@ -386,6 +442,8 @@ downscale: whole number. background: RGB behind transparent photographs; None: w
 test_every: every n-th photograph is held out where the data set has no split; 0: none.)")
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
+      .def("__repr__",
+           [](const Dataset& dataset) { return "<Dataset of " + std::to_string(dataset.size()) + " photographs>"; })
       .def_property_readonly(
           "background", [](const Dataset& dataset) { return py::tuple(py::cast(dataset.background())); }, "RGB.")
       .def(
@@ -403,20 +461,26 @@ test_every: every n-th photograph is held out where the data set has no split; 0
                     "\"plain\" (no textures yet), \"textured\", \"untextured\", \"count\".")
       .def_readonly("iteration", &TrainProgress::iteration, "Done in this stage.")
       .def_readonly("iterations", &TrainProgress::iterations, "Of this stage.")
-      .def_readonly("loss", &TrainProgress::loss, "Running mean over training photographs.")
-      .def_readonly("psnr", &TrainProgress::psnr, "Running mean over training photographs [dB].")
+      .def_readonly("loss", &TrainProgress::loss, "Running mean over training photographs; 0 before the first.")
+      .def_readonly("psnr", &TrainProgress::psnr, "Running mean over training photographs [dB]; 0 before the first.")
       .def_readonly("gaussians", &TrainProgress::gaussians)
+      .def("__repr__",
+           [](const TrainProgress& progress) {
+             return "<Progress " + progress.stage + " " + std::to_string(progress.iteration) + " of " +
+                    std::to_string(progress.iterations) + ", " + std::to_string(progress.gaussians) + " Gaussians, " +
+                    decimals(progress.psnr, 2) + " dB>";
+           })
       .def_readonly("seconds_left", &TrainProgress::seconds_left, "Of all stages, as far as it can be told.");
 
-  py::class_<Trainer>(module, "Trainer", "A training on the processor, with all threads. Not for two threads at once.")
+  py::class_<Trainer>(module, "Trainer",
+                      "A training on the processor, with all threads. Calls of several threads wait for one another.")
       .def(py::init([](const Dataset& dataset, const std::string& preset, const std::optional<Model>& start,
                        const py::kwargs& settings) {
              TrainOptions options{preset, {}};
              for (const auto& [key, value] : settings) {
                std::string name = py::str(key);
                std::ranges::replace(name, '_', '-');
-               options.settings[name] =
-                   py::isinstance<py::bool_>(value) ? (value.cast<bool>() ? "on" : "off") : std::string(py::str(value));
+               options.settings[name] = settingText(py::reinterpret_borrow<py::object>(value));
              }
              const py::gil_scoped_release release;
              return std::make_unique<Trainer>(dataset, options, start);
@@ -425,31 +489,55 @@ test_every: every n-th photograph is held out where the data set has no split; 0
 tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from.)")
       .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
            "One iteration; False: there was none left.")
-      .def_property_readonly("progress", &Trainer::progress)
+      .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()))
       .def("model", &Trainer::model, py::call_guard<py::gil_scoped_release>(),
            "As it stands, with the data set's cameras and background: a copy.");
 }
 
+std::string figures(const ViewScore& score) {
+  return decimals(score.psnr, 2) + " dB, SSIM " + decimals(score.ssim, 4) +
+         (score.flip ? ", FLIP " + decimals(*score.flip, 4) : "");
+}
+
 void bindEvaluation(py::module_& module) {
   py::class_<ViewScore>(module, "ViewScore", "How close a picture comes to a photograph.")
-      .def_readonly("name", &ViewScore::name)
+      .def_property_readonly(
+          "name", [](const ViewScore& score) { return fileNameOf(score.name); }, "Of the photograph.")
       .def_readonly("psnr", &ViewScore::psnr, "[dB] after rounding to 8 bits; inf when equal.")
       .def_readonly("ssim", &ViewScore::ssim, "Up to 1.")
-      .def_readonly("flip", &ViewScore::flip, "0 (equal) to 1; None where it was not asked for.");
-  py::class_<Evaluation>(module, "Evaluation")
+      .def_readonly("flip", &ViewScore::flip, "0 (equal) to 1; None where it was not asked for.")
+      .def("__repr__", [](const ViewScore& score) {
+        return "<ViewScore " + (score.name.empty() ? "" : std::string(py::repr(fileNameOf(score.name))) + " ") +
+               figures(score) + ">";
+      });
+  py::class_<Evaluation>(module, "Evaluation", "How close pictures of a model come to the photographs of a data set.")
       .def_readonly("views", &Evaluation::views, "A ViewScore a photograph.")
-      .def_readonly("mean", &Evaluation::mean, "Of every figure; its name is empty.");
+      .def_readonly("mean", &Evaluation::mean, "Of every figure; its name is empty.")
+      .def("__repr__", [](const Evaluation& evaluation) {
+        return "<Evaluation of " + std::to_string(evaluation.views.size()) +
+               " photographs: " + figures(evaluation.mean) + ">";
+      });
   module.def(
       "evaluate",
       [](const Model& model, const Dataset& dataset, const std::string& split, bool flip, const std::string& textures) {
-        const EvaluateOptions options{kSplits.parse(split), flip, kModes.parse(textures)};
+        const auto stopIfAsked = [](std::size_t, std::size_t) {
+          const py::gil_scoped_acquire acquire;
+          if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+        };
+        const EvaluateOptions options{kSplits.parse(split), flip, kModes.parse(textures), stopIfAsked};
         const py::gil_scoped_release release;
         return evaluate(model, dataset, options);
       },
       "model"_a, "dataset"_a, py::kw_only(), "split"_a = "test", "flip"_a = false, "textures"_a = "rgba",
       "PSNR, SSIM and, where asked for, FLIP of the photographs of a split: \"test\", \"train\" or \"all\".");
 
-  py::class_<ConvertReport>(module, "ConvertReport")
+  py::class_<ConvertReport>(module, "ConvertReport", "What a conversion read and wrote.")
+      .def("__repr__",
+           [](const ConvertReport& report) {
+             return "<ConvertReport " + report.input_format + " (" + std::to_string(report.input_bytes) +
+                    " bytes) to " + report.output_format + " (" + std::to_string(report.output_bytes) + " bytes), " +
+                    std::to_string(report.gaussians) + " Gaussians>";
+           })
       .def_readonly("input_format", &ConvertReport::input_format)
       .def_readonly("output_format", &ConvertReport::output_format)
       .def_readonly("input_bytes", &ConvertReport::input_bytes)
@@ -468,12 +556,27 @@ void bindEvaluation(py::module_& module) {
       "measure"_a = false, "steps"_a = py::none(), "edits"_a = py::list(), py::call_guard<py::gil_scoped_release>(),
       R"(A model's file to the format of the other's extension.
 
-edits: names and values of tgconvert's flags, in this order: [("scale", "2"), ("upright", "")].)");
+overwrite: a file that is there. quantize, meshopt: .glb, .gltf and .html with integers, and compressed by
+EXT_meshopt_compression. measure: draw both models and compare. steps: of .sog, .glb, .gltf and .html, how many times as
+wide as usual the steps of all numbers are, 1/8 to 64. edits: names and values of tgconvert's flags, in this order:
+[("scale", "2"), ("upright", "")].)");
 }
 
 }  // namespace
 
+// pybind11 before 2.12 knows the layout of NumPy 1's dtypes only: arrays of NumPy 2 would all have strides of 0.
+void requireNumpy() {
+#if PYBIND11_VERSION_HEX < 0x020C0000
+  const std::string version = py::str(py::module_::import("numpy").attr("__version__"));
+  if (std::stoi(version) >= 2) {
+    throw py::import_error("textured_gaussians was built with pybind11 before 2.12, which knows NumPy 1 only (found " +
+                           version + "): build it with a newer pybind11");
+  }
+#endif
+}
+
 PYBIND11_MODULE(_core, module) {
+  requireNumpy();
   bindError(module);
   bindCamera(module);
   bindModel(module);
@@ -481,4 +584,5 @@ PYBIND11_MODULE(_core, module) {
   bindTraining(module);
   bindEvaluation(module);
   module.attr("__version__") = version();
+  module.attr("pybind11_version") = py::make_tuple(PYBIND11_VERSION_MAJOR, PYBIND11_VERSION_MINOR);
 }

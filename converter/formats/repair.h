@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What splat files hold that no model does: scales without a logarithm, numbers that are not finite, quaternions without
-// a length.
+// What splat files hold that no model does: scales without a logarithm, numbers that are not finite, quaternions of
+// length 0.
 #pragma once
 #include <algorithm>
 #include <cmath>

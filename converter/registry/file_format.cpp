@@ -259,7 +259,7 @@ constexpr Format kFormats[] = {
     {.name = kLodMetaName,
      .spoken = "lod-meta.json",
      .title = "lod-meta.json",
-     .keeps = kKeepsTextures | kKeepsCameras | kKeepsSh,
+     .keeps = kKeepsTextures | kKeepsCameras | kKeepsSh | kKeepsBackground,
      .sniff = [](const FileStart& start) { return isJson(start) && start.holds("\"lodLevels\""); },
      .read = readLevels,
      .write = writeLevels,
@@ -436,6 +436,9 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
   const std::string title(format.title);
   if (format.read && !format.holds(kKeepsCameras) && !source.cameras.empty()) {
     written.warnings.push_back(title + " holds no cameras: they are left out");
+  }
+  if (format.read && !format.holds(kKeepsBackground) && source.background != Bundle().background) {
+    written.warnings.push_back(title + " holds no background: it is black for whoever reads the file");
   }
   if (format.read && !format.holds(kKeepsSh) && source.model.sh_degree > 0) {
     written.warnings.push_back(title + " holds no SH: colours are those of degree 0");

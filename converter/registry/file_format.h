@@ -37,7 +37,8 @@ enum Keeps : unsigned {
   kKeepsCameras = 2,
   kKeepsSh = 4,      // above degree 0
   kKeepsFloats = 8,  // numbers lose no more than last bits, if nobody asks for less
-  kKeepsAll = 15
+  kKeepsBackground = 16,
+  kKeepsAll = 31
 };
 
 struct FileAxes {

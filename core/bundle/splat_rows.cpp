@@ -122,9 +122,7 @@ GaussianModel SplatRows::convertAll(bool* broken) const {
   resizeGaussians(model, size(), sh_degree_);
   vertices_.read(
       columns_,
-      [&](std::size_t i, std::span<const float> values) {
-        set(model, i, [&](std::size_t k) { return values[k]; });
-      },
+      [&](std::size_t i, std::span<const float> values) { set(model, i, [&](std::size_t k) { return values[k]; }); },
       broken == nullptr);
   if (broken) {
     *broken = !keepsPromises(model, 0, size());

@@ -17,11 +17,12 @@ void checkImageSize(std::int64_t width, std::int64_t height, std::int64_t bytes_
 
 Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path);
 Image decodeJpeg(std::span<const std::uint8_t> bytes, const std::string& path);
-std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality);
+// Throws Error(cannotWrite), as encodeExrPicture does.
+std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality, const std::string& path);
 
 // Any RGB, RGBA or Y picture; A is premultiplied in EXR files and is divided out.
 Image decodeExrPicture(std::span<const std::uint8_t> bytes, const std::string& path);
-std::vector<std::uint8_t> encodeExrPicture(const Image& image);
+std::vector<std::uint8_t> encodeExrPicture(const Image& image, const std::string& path);
 
 struct ExrInfo {
   int width = 0;

@@ -296,9 +296,9 @@ Image decodeExrPicture(std::span<const std::uint8_t> bytes, const std::string& p
   return image;
 }
 
-std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::string> channel_names) {
+std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::string> channel_names,
+                                    const std::string& path) {
   TG_ASSERT(hasImageShape(image), "the image's data has its size");
-  const std::string path = "EXR";
   if (image.width < 1 || image.height < 1 || channel_names.size() != static_cast<std::size_t>(image.channels)) {
     throw Error(ErrorKind::cannotWrite, path,
                 "image and channel names disagree (expected " + std::to_string(channel_names.size()) +
@@ -340,15 +340,15 @@ std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::str
   }
 }
 
-std::vector<std::uint8_t> encodeExrPicture(const Image& image) {
+std::vector<std::uint8_t> encodeExrPicture(const Image& image, const std::string& path) {
   TG_ASSERT(hasImageShape(image), "the image's data has its size");
-  if (image.channels == 1) return encodeExr(image, std::vector<std::string>{"Y"});
-  if (image.channels == 3) return encodeExr(image, std::vector<std::string>{"R", "G", "B"});
+  if (image.channels == 1) return encodeExr(image, std::vector<std::string>{"Y"}, path);
+  if (image.channels == 3) return encodeExr(image, std::vector<std::string>{"R", "G", "B"}, path);
   Image premultiplied = image;
   for (std::size_t i = 0; i < premultiplied.data.size(); i += 4) {
     for (std::size_t c = 0; c < 3; ++c) premultiplied.data[i + c] *= premultiplied.data[i + 3];
   }
-  return encodeExr(premultiplied, std::vector<std::string>{"R", "G", "B", "A"});
+  return encodeExr(premultiplied, std::vector<std::string>{"R", "G", "B", "A"}, path);
 }
 
 }  // namespace tg

@@ -70,8 +70,8 @@ void writeImage(const std::filesystem::path& path, const Image& image) {
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (extension == ".png") return writeFileAtomically(path, encodePng(image));
-  if (extension == ".jpg" || extension == ".jpeg") return writeFileAtomically(path, encodeJpeg(image, 95));
-  if (extension == ".exr") return writeFileAtomically(path, encodeExrPicture(image));
+  if (extension == ".jpg" || extension == ".jpeg") return writeFileAtomically(path, encodeJpeg(image, 95, path.string()));
+  if (extension == ".exr") return writeFileAtomically(path, encodeExrPicture(image, path.string()));
   throw Error(ErrorKind::usage, path.string(),
               "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
 }

@@ -43,8 +43,10 @@ std::vector<std::uint8_t> encodePng(const Image& image);
 // 16 bits a channel, clamped to [0, 1]; 1, 3 or 4 channels. Throws Error(cannotWrite).
 std::vector<std::uint8_t> encodePng16(const Image& image);
 
-// EXR, half float, ZIP, scan lines, channel names given, one per image channel (for example R G B alpha).
-std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::string> channel_names);
+// EXR, half float, ZIP, scan lines, channel names given, one per image channel (for example R G B alpha). `path` starts
+// messages.
+std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::string> channel_names,
+                                    const std::string& path = "EXR");
 Image decodeExr(std::span<const std::uint8_t> bytes, std::span<const std::string> channel_names,
                 const std::string& path);
 

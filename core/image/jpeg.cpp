@@ -171,12 +171,12 @@ Image decodeJpeg(std::span<const std::uint8_t> bytes, const std::string& path) {
   return image;
 }
 
-std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality) {
+std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality, const std::string& path) {
   TG_ASSERT(hasImageShape(image), "the image's data has its size");
   TG_ASSERT(quality >= 1 && quality <= 100, "a quality from 1 to 100");
   const int channels = std::min(image.channels, 3);  // JPEG has no alpha
   Encoder encoder;
-  const auto fail = [&] { return Error(ErrorKind::cannotWrite, "JPEG", encoder.errors.message); };
+  const auto fail = [&] { return Error(ErrorKind::cannotWrite, path, std::string("JPEG: ") + encoder.errors.message); };
   if (!encoder.start(image, channels, quality)) throw fail();
   std::vector<JSAMPLE> row(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(channels));
   for (int y = 0; y < image.height; ++y) {

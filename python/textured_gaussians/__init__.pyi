@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 _Path = Union[str, "os.PathLike[str]"]
-_Color = Sequence[float]
+_Vector = Union[Sequence[float], npt.NDArray[np.floating], npt.NDArray[np.integer]]
+_Color = _Vector
 _TextureMode = Literal["none", "alpha", "rgb", "rgba"]
 _Output = Literal["final", "base", "texture", "alpha", "depth", "normal", "count", "depth_median"]
 _Split = Literal["test", "train", "all"]
@@ -51,9 +52,9 @@ class Camera:
     def test(self) -> bool: ...
 
 def look_at(
-    eye: Sequence[float],
-    target: Sequence[float],
-    up: Sequence[float],
+    eye: _Vector,
+    target: _Vector,
+    up: _Vector,
     fov_y: float,
     width: int,
     height: int,
@@ -125,7 +126,7 @@ class Renderer:
 
 def set_threads(count: int) -> None: ...
 def read_image(path: _Path) -> _Floats: ...
-def write_image(path: _Path, image: npt.ArrayLike) -> None: ...
+def write_image(path: _Path, image: npt.NDArray[np.floating]) -> None: ...
 
 class Dataset:
     @staticmethod
@@ -165,7 +166,7 @@ class Trainer:
         dataset: Dataset,
         preset: str = ...,
         start: Optional[Model] = ...,
-        **settings: Union[str, int, float, bool],
+        **settings: Union[str, int, float, bool, np.generic],
     ) -> None: ...
     def step(self) -> bool: ...
     @property

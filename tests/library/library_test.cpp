@@ -8,6 +8,7 @@
 #include <limits>
 #include <sstream>
 #include <string>
+#include <thread>
 
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -85,7 +86,9 @@ TEST_CASE("numbers that make no model are refused by name") {
   };
   CHECK(refused([](ModelData& data) { data.means.pop_back(); }) ==
         "model: means: no whole number of values (expected a multiple of 3 floats, found 14999)");
-  CHECK_THAT(refused([](ModelData& data) { data.opacity_logits.pop_back(); }), Contains("opacity_logit"));
+  CHECK(refused([](ModelData& data) { data.opacity_logits.pop_back(); }) ==
+        "model: opacity_logits: wrong length (expected 5000, found 4999)");
+  CHECK_THAT(refused([](ModelData& data) { data.texture_rects.pop_back(); }), Contains("texture_rects: wrong length"));
   CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 4; }), Contains("expected 0 to 3, found 4"));
   CHECK_THAT(refused([](ModelData& data) { data.sh_degree = 0; }), Contains("sh"));
   CHECK_THAT(refused([](ModelData& data) { data.means[7] = std::numeric_limits<float>::quiet_NaN(); }),
@@ -96,6 +99,47 @@ TEST_CASE("numbers that make no model are refused by name") {
   CHECK(refused([](ModelData&) {}) == "accepted");
 }
 
+TEST_CASE("enumerators that there are none of are refused") {
+  const TemporaryFolder folder;
+  const auto refused = [&](const auto& step) { return messageOf(step, ErrorKind::usage); };
+  const Model model = Model::load(kSample);
+  ModelData data = model.data();
+  data.texture_mode = static_cast<TextureMode>(7);
+  CHECK(refused([&] { Model{data}; }) == "texture mode: no such one (expected 0 to 3, found 7)");
+  data = model.data();
+  data.intersection = static_cast<Intersection>(-1);
+  CHECK(refused([&] { Model{data}; }) == "intersection: no such one (expected 0 to 1, found -1)");
+  data = model.data();
+  data.outside = static_cast<TextureOutside>(3);
+  CHECK_THAT(refused([&] { Model{data}; }), Contains("outside"));
+  const Camera camera = lookAt({0, 0, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, 4, 3);
+  Renderer renderer(model);
+  CHECK_THAT(refused([&] { renderer.render(camera, static_cast<Output>(8)); }), Contains("expected 0 to 7, found 8"));
+  CHECK_THAT(refused([&] { renderer.render(camera, Output::final, {.textures = static_cast<TextureMode>(4)}); }),
+             Contains("texture mode"));
+  tg::writeSample(folder / "scene", kScene, false);
+  const Dataset dataset = Dataset::load(folder / "scene");
+  CHECK_THAT(refused([&] { evaluate(model, dataset, {.split = static_cast<Split>(3)}); }), Contains("split"));
+}
+
+TEST_CASE("one renderer draws for several threads, one after the other") {
+  Renderer renderer(Model::load(kSample));
+  std::vector<Camera> cameras;
+  for (const int width : {40, 90, 64, 120}) {
+    cameras.push_back(lookAt({0, 0, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, width, 30));
+  }
+  std::vector<Image> alone, together(cameras.size());
+  for (const Camera& camera : cameras) alone.push_back(renderer.render(camera));
+  std::vector<std::thread> threads;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    threads.emplace_back([&, i] {
+      for (int n = 0; n < 8; ++n) together[i] = renderer.render(cameras[i]);
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (std::size_t i = 0; i < cameras.size(); ++i) CHECK(together[i].data == alone[i].data);
+}
+
 TEST_CASE("a file that is not there, none or of no known format is refused with its kind") {
   const TemporaryFolder folder;
   CHECK_THAT(messageOf([&] { Model::load(folder / "none.tgz"); }, ErrorKind::cannotRead), Contains("none.tgz"));
@@ -104,7 +148,15 @@ TEST_CASE("a file that is not there, none or of no known format is refused with 
   const Model model = Model::load(kSample);
   CHECK_THAT(messageOf([&] { model.save(folder / "model.xyz"); }, ErrorKind::usage), Contains("model.xyz"));
   CHECK_THAT(messageOf([&] { model.save(folder / "none/model.tgz"); }, ErrorKind::cannotWrite), Contains("none"));
-  const std::vector<std::string> left = model.save(folder / "model.ply");
+  CHECK_THAT(messageOf([&] { model.save(folder / "model.png"); }, ErrorKind::usage),
+             Contains("model.png: holds no Gaussians (expected .compressed.ply, "));
+  CHECK_FALSE(std::filesystem::exists(folder / "model.png"));
+  std::vector<std::string> left = model.save(folder / "model.sog");
+  CHECK(std::ranges::any_of(left, [](const std::string& line) { return line.find("background") != line.npos; }));
+  left = model.save(folder / "model.glb");
+  CHECK(left.empty());
+  CHECK(Model::load(folder / "model.glb").background() == model.background());
+  left = model.save(folder / "model.ply");
   CHECK(std::ranges::any_of(left, [](const std::string& line) { return line.find("texture") != line.npos; }));
 }
 
@@ -238,7 +290,12 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   Trainer first(dataset, options);
   while (first.step()) {
   }
+  ModelData empty = first.model().data();
+  empty.means = empty.rotations = empty.log_scales = empty.opacity_logits = empty.sh = {};
+  CHECK(messageOf([&] { Trainer(dataset, options, Model(empty)); }, ErrorKind::badData) ==
+        "start model: has no Gaussians");
   Trainer second(dataset, options, first.model());
+  CHECK(second.progress().psnr == 0);
   CHECK(second.model().size() == first.model().size());
   CHECK(std::ranges::equal(second.model().means(), first.model().means()));
 }
@@ -256,6 +313,14 @@ TEST_CASE("an evaluation has every photograph of the split, and its means are th
   CHECK(test.mean.ssim > 0.5);
   REQUIRE(test.mean.flip);
   CHECK(*test.mean.flip < 0.3);
+  std::vector<std::size_t> told;
+  const auto tell = [&](std::size_t done, std::size_t photographs) {
+    CHECK(photographs == 6);
+    told.push_back(done);
+    if (done == 5) throw 5;
+  };
+  CHECK_THROWS_AS(evaluate(model, dataset, {.split = Split::train, .progress = tell}), int);
+  CHECK(told == std::vector<std::size_t>{1, 2, 3, 4, 5});
   CHECK(evaluate(model, dataset, {.split = Split::train}).views.size() == 6);
   CHECK(evaluate(model, dataset, {.split = Split::all}).views.size() == 8);
   CHECK(evaluate(model, dataset, {.textures = TextureMode::none}).mean.psnr < test.mean.psnr);
@@ -273,6 +338,8 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
   CHECK_FALSE(messageOf([&] { convert(kSample, folder / "a.glb"); }, ErrorKind::cannotWrite) == "accepted");
   CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"shrink", "2"}}}); }, ErrorKind::usage) ==
         "shrink: no such edit (docs/converter.md has them)");
+  CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"upright", "no"}}}); }, ErrorKind::usage) ==
+        "upright: takes no value (expected \"\", found \"no\")");
   CHECK(convert(kSample, folder / "a.ply", {.edits = {{"decimate", "100"}}}).gaussians == 100);
   for (const float steps : {0.0f, -1.0f, 65.0f, std::numeric_limits<float>::infinity(), std::nanf("")}) {
     CHECK(messageOf([&] { convert(kSample, folder / "b.sog", {.steps = steps}); }, ErrorKind::usage) ==
@@ -308,4 +375,9 @@ TEST_CASE("a picture that is none is not written") {
   image.data.push_back(1);
   writeImage(folder / "a.png", image);
   CHECK(readImage(folder / "a.png").data.back() == 1);
+  image.data.back() = 1e5f;
+  CHECK_THAT(messageOf([&] { writeImage(folder / "a.exr", image); }, ErrorKind::cannotWrite),
+             Contains("a.exr: value does not fit a half float"));
+  const Image wide{70000, 1, 1, std::vector<float>(70000)};
+  CHECK_THAT(messageOf([&] { writeImage(folder / "a.jpg", wide); }, ErrorKind::cannotWrite), Contains("a.jpg: JPEG: "));
 }

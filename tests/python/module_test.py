@@ -3,9 +3,13 @@
 """The Python module on small scenes: module_test.py FOLDER MAKE_SAMPLE..., FOLDER the package's, MAKE_SAMPLE a command
 that writes a data set. Exit code 77: NumPy is missing."""
 import ast
+import concurrent.futures
+import copy
 import inspect
 import os
 import pathlib
+import pickle
+import signal
 import subprocess
 import sys
 import tempfile
@@ -104,6 +108,7 @@ class Models(Folder):
         self.refused("bad_data", "bad.tgz", tg.Model.load, self.folder / "bad.tgz")
         model = tg.Model.load(SAMPLE)
         self.refused("usage", "a.xyz", model.save, self.folder / "a.xyz")
+        self.refused("usage", "holds no Gaussians", model.save, self.folder / "a.png")
         self.assertTrue(any("texture" in line for line in model.save(self.folder / "a.ply")))
         self.assertTrue(issubclass(tg.Error, RuntimeError))
 
@@ -123,6 +128,7 @@ class Pictures(Folder):
         self.assertTrue((red[alpha == 0] == (1, 0, 0)).all())
         self.assertGreater(np.abs(picture - renderer.render(camera, textures="none")).max(), 0.01)
         self.refused("usage", "output: expected one of final", renderer.render, camera, "colour")
+        self.refused("usage", 'found "a?b?[31m"', renderer.render, camera, "a\nb\x1b[31m")
         self.refused("usage", "splat", renderer.render, camera, splat_scale=-1)
 
     def test_a_camera_projects_as_its_documentation_says(self):
@@ -141,12 +147,39 @@ class Pictures(Folder):
         self.refused("usage", "rotation: expected an array of shape [3, 3]", tg.Camera, np.eye(4), (0, 0, 0), (1, 1),
                      (1, 1), 2, 2)
 
+    def test_cameras_are_compared_copied_and_pickled(self):
+        model = tg.Model.load(SAMPLE)
+        camera = model.cameras[0]
+        self.assertEqual(camera, model.cameras[0])
+        self.assertNotEqual(camera, model.cameras[1])
+        self.assertEqual(len({camera, copy.deepcopy(camera), pickle.loads(pickle.dumps(camera))}), 1)
+        with self.assertRaises(ValueError):
+            camera.rotation[0, 0] = 7
+        named = tg.Camera(np.eye(3), (0, 0, 0), (1, 1), (1, 1), 2, 2, name="a\nb", test=True)
+        self.assertEqual(repr(named), "<Camera 'a\\nb' 2 x 2, held out>")
+        name = os.fsdecode(b"n\xf6ne.png")  # as of a COLMAP folder from another system
+        foreign = tg.Camera(np.eye(3), (0, 0, 0), (1, 1), (1, 1), 2, 2, name)
+        self.assertEqual((foreign.name, pickle.loads(pickle.dumps(foreign)).name), (name, name))
+        self.assertTrue(repr(foreign).isprintable())
+
+    def test_several_threads_may_use_one_renderer(self):
+        renderer = tg.Renderer(tg.Model.load(SAMPLE))
+        cameras = [tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, width, 30) for width in (40, 90, 64, 120)]
+        alone = [renderer.render(camera) for camera in cameras]
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
+            together = list(pool.map(renderer.render, 8 * cameras))
+        for i, picture in enumerate(together):
+            self.assertTrue((picture == alone[i % 4]).all())
+
     def test_an_image_survives_a_file(self):
         image = np.linspace(0, 1, 2 * 3 * 3, dtype=np.float32).reshape(2, 3, 3)
         tg.write_image(self.folder / "a.png", image)
         np.testing.assert_allclose(tg.read_image(self.folder / "a.png"), image, atol=0.5 / 255 + 1e-6)
         tg.write_image(self.folder / "grey.png", image[:, :, 0])
         self.assertEqual(tg.read_image(self.folder / "grey.png").shape, (2, 3))
+        self.refused("usage", "expected floats, black 0 and white 1, found uint8", tg.write_image,
+                     self.folder / "a.png", np.full((2, 2, 3), 100, np.uint8))
+        self.refused("cannot_write", "a.exr: ", tg.write_image, self.folder / "a.exr", np.full((2, 2), 1e5))
         self.refused("usage", "found [2]", tg.write_image, self.folder / "a.png", np.zeros(2))
         self.refused("usage", "no picture", tg.write_image, self.folder / "a.png", np.zeros((2, 2, 7)))
 
@@ -216,6 +249,36 @@ class Training(Folder):
         tg.set_threads(0)
         self.assertEqual(*files)
 
+    def test_a_training_may_be_watched_by_another_thread(self):
+        dataset = tg.Dataset.load(self.scene.name)
+        trainer = tg.Trainer(dataset, iterations=np.int64(40), texture_mode="none", compare_untextured=np.bool_(False))
+        self.assertEqual((trainer.progress.psnr, trainer.progress.iteration), (0, 0))
+        with concurrent.futures.ThreadPoolExecutor(3) as pool:
+            def steps():
+                return sum(iter(trainer.step, False))
+            done = [pool.submit(steps), pool.submit(steps)]
+            sizes = pool.submit(lambda: [len(trainer.model()) for _ in range(20)] + [trainer.progress.gaussians])
+            self.assertEqual(sum(each.result() for each in done), 40)
+            self.assertTrue(all(size > 0 for size in sizes.result()))
+        self.assertRegex(repr(trainer.progress), r"<Progress plain 40 of 40, \d+ Gaussians, \d+\.\d\d dB>")
+
+    def test_an_interrupt_ends_an_evaluation(self):
+        subprocess.run([*MAKE_SAMPLE, self.folder / "scene", "--size", "200", "--views", "2", "--test-views", "24",
+                        "--points", "300"], check=True, stdout=subprocess.DEVNULL)
+        dataset = tg.Dataset.load(self.folder / "scene")
+        model = tg.Model.load(SAMPLE)
+        begun = time.monotonic()
+        self.assertRegex(repr(tg.evaluate(model, dataset, flip=True)),
+                         r"<Evaluation of 24 photographs: \d+\.\d\d dB, SSIM 0\.\d{4}, FLIP 0\.\d{4}>")
+        whole = time.monotonic() - begun
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGALRM, signal.SIG_DFL)
+        begun = time.monotonic()
+        with self.assertRaises(KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, whole / 8)
+            tg.evaluate(model, dataset, flip=True)
+        self.assertLess(time.monotonic() - begun, 0.8 * whole)
+
     def test_settings_that_there_are_none_of_are_refused(self):
         dataset = tg.Dataset.load(self.scene.name)
         self.refused("usage", "iteration: no such setting", tg.Trainer, dataset, iteration=3)
@@ -228,6 +291,8 @@ class Training(Folder):
         start = tg.Trainer(dataset, iterations=2, texture_mode="none").model()
         trainer = tg.Trainer(dataset, start=start, iterations=2, texture_mode="none")
         self.assertTrue((trainer.model().means == start.means).all())
+        none = tg.Model(*(np.zeros(shape) for shape in ((0, 3), (0, 4), (0, 3), 0, (0, 1, 3))))
+        self.refused("bad_data", "start model: has no Gaussians", tg.Trainer, dataset, start=none)
 
 
 class Conversion(Folder):
@@ -240,6 +305,7 @@ class Conversion(Folder):
         small = tg.convert(SAMPLE, self.folder / "b.ply", edits=[("decimate", "100"), ("scale", "2")])
         self.assertEqual(small.gaussians, 100)
         self.assertTrue(small.psnr is None)
+        self.assertRegex(repr(small), r"<ConvertReport tgz \(\d+ bytes\) to ply \(\d+ bytes\), 100 Gaussians>")
         self.refused("usage", "shrink: no such edit", tg.convert, SAMPLE, self.folder / "c.ply", edits=[("shrink", "2")])
 
 
@@ -252,7 +318,7 @@ class Stubs(unittest.TestCase):
         self.assertEqual(set(stubs), set(tg.__all__))
         for name, node in stubs.items():
             real = getattr(tg, name)
-            self.assertTrue(real.__doc__ or name in ("Evaluation", "ConvertReport"), name)
+            self.assertTrue(real.__doc__, name)
             if isinstance(node, ast.FunctionDef):
                 self.check_arguments(name, node, real)
                 continue
@@ -268,6 +334,15 @@ class Stubs(unittest.TestCase):
         arguments = [each.arg for each in node.args.args + node.args.kwonlyargs if each.arg != "self"]
         for argument in arguments:
             self.assertIn(f"{argument}: ", documented, name)
+
+    def test_numpy_2_is_refused_by_a_module_that_would_misread_it(self):
+        run = subprocess.run(
+            [sys.executable, "-c", "import numpy; numpy.__version__ = '2.0.0'; import textured_gaussians"],
+            env=os.environ | {"PYTHONPATH": FOLDER}, capture_output=True, text=True)
+        if tg._core.pybind11_version < (2, 12):
+            self.assertIn("ImportError: textured_gaussians was built with pybind11 before 2.12", run.stderr)
+        else:
+            self.assertEqual((run.returncode, run.stderr), (0, ""))
 
     def test_the_package_is_marked_as_typed_and_has_the_projects_version(self):
         self.assertTrue((pathlib.Path(FOLDER) / "textured_gaussians/py.typed").exists())

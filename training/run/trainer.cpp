@@ -80,6 +80,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     begin(count_first ? Stage::count : Stage::plain, {});
     return;
   }
+  if (start->size() == 0) throw Error(ErrorKind::badData, "start model", "has no Gaussians");
   if (start->outside != TextureOutside::base) {
     throw Error(ErrorKind::usage, "the start model has \"outside\": \"" + std::string(name(start->outside)) +
                                       "\", which has no gradient (expected \"base\")");
@@ -407,7 +408,7 @@ TrainProgress Trainer::progress() const {
           state_.iteration,
           iterations,
           state_.loss.value(),
-          decibels(state_.squared_error.value()),
+          state_.iteration > 0 ? decibels(state_.squared_error.value()) : 0,
           engine_->gaussians(state_),
           rate,
           time_left_.seconds(plan())};

@@ -71,6 +71,7 @@ std::vector<FileType> modelTypes(const Scene& scene) {
     if (!format.holds(kKeepsTextures) && scene.textured > 0) lost.emplace_back("textures");
     if (!format.holds(kKeepsSh) && scene.sh_degree > 0) lost.emplace_back("SH");
     if (!format.holds(kKeepsCameras) && !scene.cameras.empty()) lost.emplace_back("cameras");
+    if (!format.holds(kKeepsBackground) && scene.background != Bundle().background) lost.emplace_back("background");
     std::string note;
     for (const std::string& what : lost) note += (note.empty() ? "Holds no " : ", no ") + what;
     types.push_back({"." + std::string(format.name), note});

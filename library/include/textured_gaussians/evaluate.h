@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How close pictures of a model come to photographs.
 #pragma once
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,6 +25,8 @@ struct EvaluateOptions {
   Split split = Split::test;
   bool flip = false;  // takes longer
   TextureMode textures = TextureMode::rgba;
+  // After every photograph, on the caller's thread: how many of how many are done. What it throws ends the evaluation.
+  std::function<void(std::size_t done, std::size_t photographs)> progress = {};
 };
 
 struct Evaluation {

@@ -50,15 +50,16 @@ struct ModelData {
 // A model that does not change: copies share its memory, and may be used by several threads at once.
 class Model {
  public:
-  // Throws Error(badData) naming the first Gaussian and member that is wrong: lengths, numbers that are not finite,
-  // quaternions without a length, rectangles beyond the texels; Error(usage) for cameras that are none.
+  // Throws Error(badData) naming the member whose length is wrong, or the first Gaussian with numbers that are not
+  // finite, a quaternion without a length or a rectangle beyond the texels; Error(usage) for cameras and enumerators
+  // that are none.
   explicit Model(const ModelData& data);
   // From any file that tgconvert reads, told by its content: .tgz, .glb, .gltf, .ply, .sog, .spz, .html, ... ; .splat
   // and .ksplat by their extension. Throws Error: cannotRead, badData.
   static Model load(const std::filesystem::path& path);
   // In the format of the extension, which may hold less than the model (docs/formats.md). Half-float texels at most. A
   // file that is there is replaced once the new one is complete. Throws Error: cannotWrite; usage for another
-  // extension. Returns what the format does not hold, a line each.
+  // extension, or that of pictures. Returns what the format does not hold, a line each.
   std::vector<std::string> save(const std::filesystem::path& path) const;
 
   std::size_t size() const;  // N

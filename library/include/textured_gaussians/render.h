@@ -32,7 +32,8 @@ struct RenderOptions {
   int max_sh_degree = 3;                                // 0 to 3: higher bands are left out
 };
 
-// Draws on the processor, with all threads. The same bytes for any number of them. Not for two threads at once.
+// Draws on the processor, with all threads. The same bytes for any number of them. Calls from several threads wait for
+// one another. One that was moved from may only be assigned to.
 class Renderer {
  public:
   explicit Renderer(const Model& model);
@@ -40,8 +41,8 @@ class Renderer {
   Renderer(Renderer&&) noexcept;
   Renderer& operator=(Renderer&&) noexcept;
 
-  // [camera.height, camera.width, channels of the output]. Throws Error(usage) for a camera that is none, or options
-  // out of range.
+  // [camera.height, camera.width, channels of the output]. Throws Error(usage) for a camera, an output or options that
+  // are none.
   Image render(const Camera& camera, Output output = Output::final, const RenderOptions& options = {});
 
  private:

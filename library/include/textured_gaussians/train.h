@@ -23,18 +23,18 @@ struct TrainProgress {
   std::string stage;  // plain (no textures yet), textured, untextured, count
   int iteration = 0;  // done in this stage
   int iterations = 0;
-  double loss = 0;  // running means over training photographs
+  double loss = 0;  // running means over training photographs, 0 before the first iteration
   double psnr = 0;  // [dB]
   std::size_t gaussians = 0;
   double seconds_left = 0;  // of all stages, as far as it can be told
 };
 
 // A training on the processor, with all threads. The same data set, options and start give the same bytes for any
-// number of them. Not for two threads at once.
+// number of them. Calls from several threads wait for one another. One that was moved from may only be assigned to.
 class Trainer {
  public:
   // `start`: a model to go on from, instead of the data set's points. Throws Error: usage for unknown settings or
-  // values and for such as contradict each other; badData where there is nothing to start from.
+  // values and for such as contradict each other; badData where there is nothing to start from, also of a start.
   explicit Trainer(const Dataset& dataset, const TrainOptions& options = {}, const std::optional<Model>& start = {});
   ~Trainer();
   Trainer(Trainer&&) noexcept;
