@@ -40,7 +40,7 @@ struct Flags {
   std::string show = "final", size, backend = "auto", up = "cameras";
   std::string turntable, elevation, radius, fps = "30", inspect, splat_budget;
   std::filesystem::path benchmark;
-  bool list_cameras = false, window = false, no_session = false;
+  bool list_cameras = false, list_devices = false, window = false, no_session = false;
 };
 
 // All that the value can be; empty: more than can be listed.
@@ -86,13 +86,8 @@ void declareDevice(CLI::App& app, Flags& flags) {
       ->capture_default_str();
   app.add_option("--device", flags.view.device, "number in --list-devices, or part of the name, of the device to use")
       ->type_name("DEVICE");
-  app.add_flag_callback(
-      "--list-devices",
-      [] {
-        printDevices();
-        throw CLI::Success();
-      },
-      "print the devices of Vulkan and OpenGL with their limits and exit");
+  app.add_flag("--list-devices", flags.list_devices,
+               "print the devices of Vulkan and OpenGL with their limits and exit");
   app.add_flag("--validation", flags.view.validation,
                "run under Vulkan's validation layer or OpenGL's debug output; messages are errors");
   app.add_option("--frames-in-flight", flags.view.frames_in_flight, "frames that a Vulkan window has under way: 1 or 2")
@@ -242,7 +237,8 @@ void refuseIdleSetting(const RenderSetting& setting, const Flags& flags, Task ta
     if (setting.outputs.has(output)) outputs += (outputs.empty() ? "" : ", ") + std::string(name(output));
   }
   throw Error(ErrorKind::usage, flag + ": does nothing to " + std::string(name(flags.view.show)) +
-                                    " (expected --show with one of " + outputs + ")");
+                                    " (expected --show with one of " + outputs +
+                                    (setting.name == "gain" ? ", or --compare-mode difference" : "") + ")");
 }
 
 // A flag that would do nothing is a mistake of whoever typed it.
@@ -312,6 +308,10 @@ void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
       "count, depth-median, overdraw, texel-density)");
   refuseIf(app.count("--device") > 0 && view.backend == Backend::cpu,
            "--device: is of Vulkan and OpenGL (expected --backend vulkan, opengl or auto with it)");
+  refuseIf(view.validation && view.backend == Backend::cpu && task != window && task != windowBenchmark,
+           "--validation: is of Vulkan and OpenGL (expected --backend vulkan, opengl or auto with it)");
+  refuseIf(app.count("--session") > 0 && app.count("--no-session") > 0,
+           "--session and --no-session (expected one of them)");
   refuseIf(app.count("--frames-in-flight") > 0 && (view.backend == Backend::opengl || view.backend == Backend::cpu),
            "--frames-in-flight: is of Vulkan (expected --backend vulkan or auto with it)");
 }
@@ -405,6 +405,11 @@ std::optional<int> readFlags(int argc, char** argv, CommandLine& line) {
   Flags flags;
   declare(app, flags);
   if (const std::optional<int> code = parseCommandLine(app, argc, argv)) return code;
+  if (flags.list_devices) {
+    refuseIf(argc > 2, "--list-devices prints (expected nothing else with it)");
+    printDevices();
+    return 0;
+  }
   flags.view.show_given = app.count("--show") > 0;
   flags.view.textures_given = app.count("--textures") > 0;
   flags.view.up_given = app.count("--up") > 0;

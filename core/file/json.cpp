@@ -35,13 +35,30 @@ bool nestsTooDeep(std::string_view text) {
   return false;
 }
 
+// "line 3, column 14" of the byte, counted from 1, with which a text stops being JSON.
+std::string placeOf(std::string_view text, std::size_t byte) {
+  const std::string_view before = text.substr(0, byte > 0 ? byte - 1 : 0);
+  const std::size_t line = static_cast<std::size_t>(std::ranges::count(before, '\n')) + 1;
+  const std::size_t start = before.rfind('\n');
+  const std::size_t column = start == std::string_view::npos ? before.size() + 1 : before.size() - start;
+  std::string place = "line " + std::to_string(line) + ", column " + std::to_string(column);
+  return before.size() < text.size() ? place : place + ", where it ends";
+}
+
 }  // namespace
 
 nlohmann::json parseJson(std::string_view text, const std::string& path, const JsonWords& words) {
+  constexpr std::string_view kSpace = " \t\r\n", kStarts = "{[\"-0123456789tfn\xef";  // the last: a byte order mark
+  const std::size_t start = text.find_first_not_of(kSpace);
+  if (start != std::string_view::npos && kStarts.find(text[start]) == std::string_view::npos) {
+    throw Error(ErrorKind::badData, path, std::string(words.broken) + placeOf(text, start + 1));
+  }
   // The library would count levels by a callback, with which it looks at all elements of an array after each of them.
   if (nestsTooDeep(text)) throw Error(ErrorKind::badData, path, words.deep);
   try {
     return nlohmann::json::parse(text);
+  } catch (const nlohmann::json::parse_error& e) {
+    throw Error(ErrorKind::badData, path, std::string(words.broken) + placeOf(text, e.byte));
   } catch (const nlohmann::json::exception& e) {
     throw Error(ErrorKind::badData, path, std::string(words.broken) + shortened(e.what()));
   }

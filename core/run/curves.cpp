@@ -56,9 +56,14 @@ std::optional<std::pair<double, double>> rangeOfCurves(std::vector<double> lines
     low = std::min(low, dot);
     high = std::max(high, dot);
   }
+  return std::pair(low, high);
+}
+
+std::pair<double, double> withRoom(std::pair<double, double> range) {
+  const auto [low, high] = range;
   const bool apart = high - low > 1e-9 * std::max(std::abs(low), std::abs(high));  // or axes have no numbers between
   const double room = apart ? 0.05 * (high - low) : std::max(0.1 * std::abs(high), 1e-6);
-  return std::pair(low - room, high + room);
+  return {low - room, high + room};
 }
 
 void MetricsFile::clear() {

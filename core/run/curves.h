@@ -20,9 +20,11 @@ void addThinned(std::vector<RunMetrics>& lines, RunMetrics line);
 // Where the curves of a run's stages lie beside each other: iterations of all stages before, in the lines' order.
 std::vector<double> iterationsOfRun(const std::vector<RunMetrics>& lines);
 
-// What an axis spans, lowest and highest: all dots, and of the lines all but the outermost hundredth either way - what
+// What is to be seen, lowest and highest: all dots, and of the lines all but the outermost hundredth either way - what
 // is worst at the very beginning says nothing about the rest. None where there is nothing.
 std::optional<std::pair<double, double>> rangeOfCurves(std::vector<double> lines, std::span<const double> dots);
+// What an axis spans that shows it.
+std::pair<double, double> withRoom(std::pair<double, double> range);
 
 // Reads what has come since the last look; a file that was cut or replaced is read anew.
 class MetricsFile {

@@ -100,14 +100,31 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   return frame;
 }
 
-// Pictures that the device cannot hold at once, from the top down. Times and counts are those of the last band.
+namespace {
+
+void addTimes(std::vector<PassTime>& sums, const std::vector<PassTime>& times) {
+  for (const PassTime& time : times) {
+    const auto sum = std::ranges::find(sums, time.name, &PassTime::name);
+    if (sum == sums.end()) {
+      sums.push_back(time);
+    } else {
+      sum->milliseconds += time.milliseconds;
+    }
+  }
+}
+
+}  // namespace
+
+// Pictures that the device cannot hold at once, from the top down. Counts are those of the last band, times of all.
 Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& settings, int rows) {
   Frame frame;
+  std::vector<PassTime> times;
   for (int top = 0; top < camera.size.y; top += rows) {
     Camera band = camera;
     band.size.y = std::min(rows, camera.size.y - top);
     band.center.y -= top;
     const Frame part = render(band, settings);
+    addTimes(times, times_);
     const auto append = [&](auto Frame::* member) {
       const auto& from = part.*member;
       auto& to = frame.*member;
@@ -126,6 +143,7 @@ Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& setti
     append(&Frame::centers);
     append(&Frame::texel_density);
   }
+  times_ = std::move(times);
   frame.width = camera.size.x;
   frame.height = camera.size.y;
   return frame;

@@ -98,6 +98,13 @@ float largestDifference(const Image& a, const Image& b) {
   return largest;
 }
 
+// Of the last frame, in order.
+std::string passNames() {
+  std::string names;
+  for (const PassTime& time : gpuRenderer().passTimes()) names += time.name + " ";
+  return names;
+}
+
 }  // namespace
 
 TEST_CASE("every output agrees with the reference in every kind of scene, for both intersection models") {
@@ -372,8 +379,10 @@ TEST_CASE("a picture larger than a binding is rendered in bands, the same but fo
   RenderSettings settings;
   settings.outputs = kBlendedOutputs | OutputSet{Output::centers};
   const Frame whole = renderScene(scene, settings);
+  const std::string passes = passNames();
   const BindingLimit limit(64 << 10);  // 4096 pixels: bands of 32, 32 and 6 rows
   const Frame bands = renderScene(scene, settings);
+  CHECK(passNames() == passes);  // each once, with the time of all bands
   const FrameDifference difference = compareFrames(bands, whole);
   INFO(report(difference));
   CHECK(violations(difference) == "");
@@ -499,11 +508,8 @@ TEST_CASE("parts of a picture that know the range of the others are the whole on
 
 TEST_CASE("the times name the passes in order") {
   renderScene(makeScene(SceneKind::ordinary, 1, 20));
-  std::string names;
-  for (const PassTime& time : gpuRenderer().passTimes()) {
-    names += time.name + " ";
-    CHECK(time.milliseconds >= 0.0);
-  }
+  for (const PassTime& time : gpuRenderer().passTimes()) CHECK(time.milliseconds >= 0.0);
+  const std::string names = passNames();
   CHECK((names == "" || names == "project scan_visible compact sort_depth scan_pairs emit_keys sort_tiles tile_ranges "
                                  "blend "));
 }

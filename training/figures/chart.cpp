@@ -39,7 +39,9 @@ Range rangeOf(const CurveChart& chart) {
     for (const auto& [x, y] : curve.dots) dots.push_back(y);
   }
   const auto range = rangeOfCurves(std::move(lines), dots);
-  return range ? Range{range->first, range->second} : Range{0, 1};
+  if (!range) return {0, 1};
+  const auto [low, high] = withRoom(*range);
+  return {low, high};
 }
 
 }  // namespace

@@ -24,6 +24,17 @@ constexpr std::string_view kScheme = "http://";
                   "unknown address" + expectedFound("http://HOST[:PORT]/FOLDER/FILE", printable(found)));
 }
 
+std::string reasonOf(httplib::Error error) {
+  switch (error) {
+    case httplib::Error::Connection:
+      return "nobody answers there";
+    case httplib::Error::Read:
+      return "the answer ends early";
+    default:
+      return httplib::to_string(error);
+  }
+}
+
 }  // namespace
 
 class HttpReader::Client : public httplib::ClientImpl {
@@ -110,7 +121,7 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   if (status != 0 && status != 200) {
     throw tg::Error(ErrorKind::cannotRead, name, "the server refuses it" + expectedFound(200, status));
   }
-  if (!result) throw tg::Error(ErrorKind::cannotRead, name, "cannot be fetched: " + httplib::to_string(result.error()));
+  if (!result) throw tg::Error(ErrorKind::cannotRead, name, "cannot be fetched: " + reasonOf(result.error()));
   return bytes;
 }
 

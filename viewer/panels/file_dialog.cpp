@@ -65,8 +65,9 @@ int onTyping(ImGuiInputTextCallbackData* data) {
 // True when Enter was pressed in it.
 bool nameField(FileDialog& dialog) {
   FileBrowser& browser = dialog.browser;
-  // It has the keyboard whenever nothing else does.
-  const bool idle = !ImGui::IsAnyItemActive() && ImGui::IsWindowFocused(ImGuiFocusedFlags_RootAndChildWindows);
+  // It has the keyboard whenever nothing else does, a list that hangs from the dialog among it.
+  const bool idle = !ImGui::IsAnyItemActive() &&
+                    ImGui::IsWindowFocused(ImGuiFocusedFlags_RootAndChildWindows | ImGuiFocusedFlags_NoPopupHierarchy);
   if (dialog.fresh || idle) ImGui::SetKeyboardFocusHere();
   dialog.fresh = false;
   std::array<char, kMaxFileName> text{};
@@ -191,6 +192,8 @@ void contents(FileDialog& dialog, bool& cancelled) {
   const FileType* type = fileType(browser);
   if (browser.replaces) {
     ImGui::TextColored(kWarningText, "A file of this name is there already");
+  } else if (browser.renamed) {
+    ImGui::TextColored(kWarningText, "Files with the ending that was typed cannot be written");
   } else {
     ImGui::TextDisabled("%s", browser.saves && type ? type->note.c_str() : "");
   }

@@ -59,8 +59,9 @@ void keyTable(ViewerState& state) {
   ImGui::EndTable();
 }
 
-void saveTo(ViewerState& state, const std::string& file,
+void saveTo(ViewerState& state, const std::string& file, std::string_view use,
             void (*save)(const ViewerState&, const std::filesystem::path&)) {
+  if (!mayReplace(state, file, use)) return;
   attempt(state, [&] {
     save(state, file);
     if (save == savePath) notePathKept(state);
@@ -109,9 +110,9 @@ void pathFileSection(ViewerState& state) {
   if (segment("Load", false, 0, 3)) attempt(state, [&] { readPathFile(state, file); });
   hint("A path, or a cameras.json as keys a second apart");
   ImGui::BeginDisabled(state.path.path.keys.empty());
-  if (segment("Save", false, 1, 3)) saveTo(state, file, savePath);
+  if (segment("Save", false, 1, 3)) saveTo(state, file, "path", savePath);
   hint("For --path and --benchmark");
-  if (segment("As cameras", false, 2, 3)) saveTo(state, file, saveKeyCameras);
+  if (segment("As cameras", false, 2, 3)) saveTo(state, file, "cameras", saveKeyCameras);
   hint("The keys as a cameras.json");
   ImGui::EndDisabled();
 }
@@ -142,7 +143,7 @@ void recordSection(ViewerState& state) {
   }
   ImGui::EndDisabled();
   if (!record.wanted) {
-    if (segment(recordsPath(state) ? "Record the path" : "Record a turn", false, 0, 1)) record.wanted = true;
+    if (segment(recordsPath(state) ? "Record the path" : "Record a turn", false, 0, 1)) toggleRecording(state);
     hint("Shift+R");
     return;
   }

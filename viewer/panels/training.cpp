@@ -32,9 +32,10 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
   }
   const auto range = rangeOfCurves(std::move(curve_values), dot_values);
   if (!range) return;
-  const auto [low, high] = *range;
+  const auto [low, high] = withRoom(*range);
   const std::vector<double> at = iterationsOfRun(lines);
   const double last = std::max(1.0, *std::max_element(at.begin(), at.end()));
+  ImGui::TextDisabled("%s", title);
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   const ImVec2 size{ImGui::GetContentRegionAvail().x, kPlotFonts * ImGui::GetFontSize()};
   ImGui::InvisibleButton(id, size);
@@ -57,13 +58,13 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
   }
   const ImU32 grey = ImGui::GetColorU32(ImGuiCol_TextDisabled);
   const float line = ImGui::GetTextLineHeight();
-  const std::string top = formatted(number, high), bottom = formatted(number, low);
+  const std::string top = formatted(number, range->second), bottom = formatted(number, range->first);
   const auto label = [&](ImVec2 place, const std::string& text) {
     const float width = ImGui::CalcTextSize(text.c_str()).x;
     draw->AddRectFilled(place, {place.x + width, place.y + line}, ImGui::GetColorU32(ImGuiCol_FrameBg, 0.8f));
     draw->AddText(place, grey, text.c_str());
   };
-  label({corner.x + 4, corner.y + 1}, top + "  " + title);
+  label({corner.x + 4, corner.y + 1}, top);
   label({corner.x + 4, corner.y + size.y - line - 1}, bottom);
   if (!ImGui::IsItemHovered()) return;
   const double share = (ImGui::GetIO().MousePos.x - corner.x - kDot) / (size.x - 2 * kDot);

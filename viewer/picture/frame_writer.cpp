@@ -213,7 +213,7 @@ glm::ivec2 recordSize(const RecordTarget& target, glm::ivec2 size) {
 
 FrameWriter::FrameWriter(RecordTarget target, glm::ivec2 size, double fps)
     : target_(std::move(target)), size_(size), fps_(fps) {
-  makeFolder(target_.path.parent_path());
+  if (!target_.video) makeFolder(target_.path.parent_path());
   requireWritable(target_.video ? target_.path : framePath(target_, 0));
   if (target_.video) {
     ffmpeg_ = findProgram("ffmpeg");

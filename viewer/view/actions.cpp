@@ -284,7 +284,7 @@ constexpr std::array kBindings = {
                true,
                "Shift+R",
                "Record path or turntable; cancel",
-               [](S& s) { s.record.wanted = !s.record.wanted; },
+               toggleRecording,
                {},
                Menu::path},
     KeyBinding{'/', true, "? or F1", "Keys and mouse", toggleHelp, {}, Menu::help},

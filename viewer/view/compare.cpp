@@ -63,11 +63,73 @@ Image differenceOf(const Image& first, const Image& other, const std::vector<std
   return result;
 }
 
+namespace {
+
+// What the mask's pixels lie in; all of the picture without a mask.
+struct Part {
+  glm::ivec2 begin{0}, end{0};
+};
+
+Part partOf(const Image& image, const std::vector<std::uint8_t>& mask) {
+  if (mask.empty()) return {{0, 0}, {image.width, image.height}};
+  Part part{{image.width, image.height}, {0, 0}};
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      if (mask[static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x)] ==
+          0) {
+        continue;
+      }
+      part.begin = glm::min(part.begin, glm::ivec2(x, y));
+      part.end = glm::max(part.end, glm::ivec2(x + 1, y + 1));
+    }
+  }
+  return part;
+}
+
+// Black where the mask says that nothing counts, as tgeval has it.
+Image cut(const Image& image, const Part& part, const std::vector<std::uint8_t>& mask) {
+  const glm::ivec2 size = part.end - part.begin;
+  Image result(size.x, size.y, image.channels);
+  for (int y = 0; y < size.y; ++y) {
+    for (int x = 0; x < size.x; ++x) {
+      const glm::ivec2 from = part.begin + glm::ivec2(x, y);
+      const auto i =
+          static_cast<std::size_t>(from.y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(from.x);
+      for (int c = 0; c < image.channels; ++c) {
+        result.at(x, y, c) = mask.empty() || mask[i] ? image.at(from.x, from.y, c) : 0.0f;
+      }
+    }
+  }
+  return result;
+}
+
+// Of the pixels that count, with nothing of what lies beside them; 0 there. FLIP looks at the surroundings of a pixel.
+Image flipWithin(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask) {
+  const Part part = partOf(first, mask);
+  Image result(first.width, first.height, 1);
+  if (part.begin.x >= part.end.x) return result;
+  const Image map = flipMap(cut(other, part, mask), cut(first, part, mask));
+  for (int y = 0; y < map.height; ++y) {
+    for (int x = 0; x < map.width; ++x) result.at(part.begin.x + x, part.begin.y + y, 0) = map.at(x, y, 0);
+  }
+  return result;
+}
+
+// Pixels of the photograph per pixel of its camera. A whole number where the camera has so many times fewer, but for
+// those at the end that fill none: --downscale cuts them.
+glm::dvec2 photographScale(glm::ivec2 photograph, glm::ivec2 taken) {
+  const glm::ivec2 whole = photograph / taken;
+  const bool cut = whole.x == whole.y && whole.x >= 1 && glm::all(glm::lessThan(photograph - whole * taken, whole));
+  return cut ? glm::dvec2(whole) : glm::dvec2(photograph) / glm::dvec2(taken);
+}
+
+}  // namespace
+
 Image flipOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask) {
   TG_ASSERT(first.width == other.width && first.height == other.height && first.channels == 3 && other.channels == 3,
             "two pictures of one size and 3 channels");
   constexpr float kGrey = 0.5f;
-  const Image map = flipMap(other, first);
+  const Image map = flipWithin(first, other, mask);
   Image result(first.width, first.height, 3, kGrey);
   for (std::size_t i = 0; i < map.data.size(); ++i) {
     if (!mask.empty() && !mask[i]) continue;
@@ -110,7 +172,7 @@ std::optional<PictureMetrics> metricsOf(const Image& first, const Image& other, 
   if (!mask.empty() && std::none_of(mask.begin(), mask.end(), [](std::uint8_t m) { return m != 0; })) {
     return std::nullopt;
   }
-  return PictureMetrics{psnr(other, first, mask), ssim(other, first, mask), flip(flipMap(other, first), mask)};
+  return PictureMetrics{psnr(other, first, mask), ssim(other, first, mask), flip(flipWithin(first, other, mask), mask)};
 }
 
 std::string formatMetrics(const PictureMetrics& metrics) {
@@ -123,8 +185,9 @@ ResampledPhotograph resampled(const Image& photograph, const Camera& taken, cons
   TG_ASSERT(hasImageShape(photograph), "the image's data has its size");
   TG_ASSERT(taken.size.x > 0 && taken.size.y > 0, "the photograph's camera has a size");
   const Image source = threeChannels(photograph, background);
-  // Pixels of the photograph per pixel of its camera, and then of the view.
-  const glm::dvec2 scale = glm::dvec2(source.width, source.height) / glm::dvec2(taken.size);
+  const glm::dvec2 scale = photographScale({source.width, source.height}, taken.size);
+  const glm::dvec2 covered = scale * glm::dvec2(taken.size);
+  // Pixels of the photograph per pixel of the view.
   const glm::dvec2 step = taken.focal * scale / view.focal;
   const auto place = [&](double x, double y) { return project(taken, ray(view, {x, y})) * scale; };
   const int taps_x = std::clamp(static_cast<int>(std::ceil(step.x)), 1, kMaxTaps);
@@ -136,7 +199,7 @@ ResampledPhotograph resampled(const Image& photograph, const Camera& taken, cons
     const int y = static_cast<int>(row);
     for (int x = 0; x < view.size.x; ++x) {
       const glm::dvec2 center = place(x + 0.5, y + 0.5);
-      const bool inside = center.x >= 0 && center.y >= 0 && center.x < source.width && center.y < source.height;
+      const bool inside = center.x >= 0 && center.y >= 0 && center.x < covered.x && center.y < covered.y;
       result.mask[static_cast<std::size_t>(y) * view.size.x + x] = inside;
       glm::vec3 sum(0.0f);
       for (int j = 0; j < taps_y && inside; ++j) {

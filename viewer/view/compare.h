@@ -77,7 +77,7 @@ struct CompareState {
 };
 
 // A photograph as `view` sees it, when `view` stands where `taken` stood and looks the same way. The photograph may
-// have another size than its camera. Area filtered where it gets smaller; mask 0 beside it.
+// have another size than its camera, and pixels at its right and bottom that --downscale cut. Area filtered where it gets smaller; mask 0 beside it.
 struct ResampledPhotograph {
   Image image;  // 3 channels
   std::vector<std::uint8_t> mask;

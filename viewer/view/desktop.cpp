@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "core/bundle/camera_file.h"
+#include "core/file/file.h"
+#include "core/system/error.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/state.h"
 
@@ -154,6 +156,14 @@ void keepUnsaved(ViewerState& state) {
   state.desktop.discarded.clear();
   state.desktop.after_saving.reset();
   state.desktop.stays_open = true;
+}
+
+bool mayReplace(ViewerState& state, const std::filesystem::path& file, std::string_view use) {
+  const std::string what = std::string(use) + " " + std::filesystem::absolute(file).string();
+  const bool pressed_again = std::exchange(state.desktop.replaces, what) == what;
+  if (pressed_again || !isFile(file)) return true;
+  notify(state, printable(file.filename().string()) + " is there already: once more replaces it");
+  return false;
 }
 
 bool isModal(const ViewerState& state) { return state.desktop.dialog || state.desktop.question; }

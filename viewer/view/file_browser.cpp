@@ -96,7 +96,7 @@ void enterFolder(FileBrowser& browser, const fs::path& folder) {
 void leaveFolder(FileBrowser& browser) { enterFolder(browser, browser.folder.parent_path()); }
 
 void filterFiles(FileBrowser& browser) {
-  browser.replaces = false;
+  browser.replaces = browser.renamed = false;
   browser.picked = -1;
   browser.shown.clear();
   if (browser.text.find('/') != std::string::npos) enterTypedFolder(browser);
@@ -175,7 +175,16 @@ std::optional<fs::path> chooseFile(FileBrowser& browser) {
     browser.picked = 0;
     return chooseFile(browser);
   }
-  if (!browser.types.empty() && !typeOf(browser, browser.text)) path += browser.types.front().extension;
+  if (!browser.types.empty() && !typeOf(browser, browser.text)) {
+    const std::string& extension = browser.types.front().extension;
+    if (path.has_extension()) {
+      browser.text += extension;
+      filterFiles(browser);
+      browser.renamed = true;
+      return std::nullopt;
+    }
+    path += extension;
+  }
   if (fs::exists(path, ignored) && !std::exchange(browser.replaces, true)) return std::nullopt;
   return path;
 }

@@ -38,6 +38,7 @@ struct FileBrowser {
   int picked = -1;                 // of `shown`; -1: what is typed counts
   bool scrolls = false;            // until the picked one has been brought into view
   bool replaces = false;           // the file is there already: the user is asked
+  bool renamed = false;            // an ending that is none of `types` was typed: the user sees what it gets
 };
 
 // Lists it. One that cannot be read is empty, with its problem.
@@ -50,7 +51,7 @@ void completeFileName(FileBrowser& browser);               // by what all names 
 void setFileType(FileBrowser& browser, std::size_t type);  // of `types`: the name gets its extension
 const FileType* fileType(const FileBrowser& browser);      // by the extension of the name; null: none of them
 // What Enter does: goes into a folder, or asks whether to replace a file, and returns nothing; else the chosen file. A
-// name to save under without a known extension gets that of the first type.
+// name to save under without a known extension gets that of the first type, which is shown first where it has another.
 std::optional<std::filesystem::path> chooseFile(FileBrowser& browser);
 
 }  // namespace tg

@@ -127,6 +127,11 @@ bool advance(ViewerState& state, double seconds) {
   return false;
 }
 
+void toggleRecording(ViewerState& state) {
+  RecordState& record = state.record;
+  record.wanted = !record.wanted && mayReplace(state, record.out, "recording");
+}
+
 void savePath(const ViewerState& state, const std::filesystem::path& file) {
   if (state.path.path.keys.empty()) throw Error(ErrorKind::usage, "there is no path to save (expected a key or more)");
   writeTextAtomically(file, formatPath(state.path.path));

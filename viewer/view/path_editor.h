@@ -25,6 +25,9 @@ void setUp(ViewerState& state, UpAxis axis);  // keeps position and pivot
 // What time does: the turntable turns, the path plays. Returns whether the camera moved.
 bool advance(ViewerState& state, double seconds);
 
+// Begins a recording, or cancels the one that goes on. A video that is there is replaced only when asked twice.
+void toggleRecording(ViewerState& state);
+
 // Throw Error: cannotWrite; cannotRead, badData. Reading replaces the path.
 void savePath(const ViewerState& state, const std::filesystem::path& file);
 void saveKeyCameras(const ViewerState& state, const std::filesystem::path& file);  // as a cameras.json

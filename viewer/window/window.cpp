@@ -474,9 +474,10 @@ void Viewer::inspectClick() {
   const bool inspects = io.KeyAlt || (state_.inspect.active && state_.edit.tool == EditTool::none);
   if (io.WantCaptureMouse || io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
   if (inspects ? !ImGui::IsMouseReleased(0) : !double_clicked_ || hasButton(state_.edit)) return;
-  const glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
-                            glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
-                        glm::dvec2(pictureArea().origin);
+  glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
+                      glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -
+                  glm::dvec2(pictureArea().origin);
+  if (at.x >= pictureSize().x) at.x -= pictureSize().x;  // the right one of two
   const glm::ivec2 pixel(glm::floor(at / glm::dvec2(pictureSize()) * glm::dvec2(wantedSize())));
   if (glm::all(glm::greaterThanEqual(pixel, glm::ivec2(0))) && glm::all(glm::lessThan(pixel, wantedSize()))) {
     inspects ? inspect(state_, pixel) : void(state_.desktop.turn_about = pixel);
@@ -515,7 +516,8 @@ void Viewer::openJson(const std::filesystem::path& path) {
     throw Error(ErrorKind::badData, path.string(), "no camera inside (expected at least 1, found 0)");
   }
   replaceCameras(state_, std::move(cameras));
-  notify(state_, std::to_string(state_.scene.cameras.size()) + " cameras from " + path.filename().string());
+  const std::size_t count = state_.scene.cameras.size();
+  notify(state_, std::to_string(count) + (count == 1 ? " camera" : " cameras") + " from " + path.filename().string());
 }
 
 // Of a whole picture: half of the area when two lie beside each other.

@@ -55,6 +55,12 @@ TEST_CASE("JSON that is broken or nests deeper than 64 levels is refused in the 
   CHECK(messageOf([&] { parseJson(nested(65), "a", {"broken: ", "deep"}); }) == "a: deep");
   CHECK(messageOf([&] { parseJson("\"" + std::string(100, '[') + "\\\"[\"", "a"); }) == "accepted");
   CHECK(messageOf([&] { parseJson(std::string(1'000'000, 'x'), "a"); }).size() < 400);
-  CHECK(messageOf([&] { parseJson("{", "a"); }).starts_with("a: not valid JSON: "));
+  CHECK(messageOf([&] { parseJson("{", "a"); }) == "a: not valid JSON: line 1, column 2, where it ends");
+  CHECK(messageOf([&] { parseJson("", "a"); }) == "a: not valid JSON: line 1, column 1, where it ends");
+  CHECK(messageOf([&] { parseJson("{\n \"a\": 1,\n \"b\": }", "a"); }) == "a: not valid JSON: line 3, column 7");
+  CHECK(messageOf([&] { parseJson("{\"broken\n", "a"); }) == "a: not valid JSON: line 1, column 9");
+  CHECK(messageOf([&] { parseJson("\x1f\x8b" + nested(70), "a"); }) == "a: not valid JSON: line 1, column 1");
+  CHECK(messageOf([&] { parseJson(" \xef\xbb\xbf{}", "a"); }) != "a: JSON nests too deep (expected at most 64 levels)");
+  CHECK(messageOf([&] { parseJson("\xef\xbb\xbf{}", "a"); }) == "accepted");
   CHECK(messageOf([&] { parseJson("{} x", "a", {"broken: ", "deep"}); }).starts_with("a: broken: "));
 }

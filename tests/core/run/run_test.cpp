@@ -74,6 +74,18 @@ TEST_CASE("lines of older runs are read, strange ones are not", "[run]") {
   CHECK(wild->gaussians == 0);
 }
 
+TEST_CASE("curves span what was measured but for the worst hundredth, axes a little more", "[run]") {
+  std::vector<double> losses(1000, 0.02);
+  losses[0] = 5;
+  losses[500] = 0.01;
+  const auto range = rangeOfCurves(losses, std::vector<double>{0.03});
+  REQUIRE(range);
+  CHECK(*range == std::pair(0.02, 0.03));
+  CHECK(withRoom({20, 30}) == std::pair(19.5, 30.5));
+  CHECK(withRoom({30, 30}) == std::pair(27.0, 33.0));
+  CHECK_FALSE(rangeOfCurves({}, {}));
+}
+
 TEST_CASE("curves grow with their file, and begin anew where it was cut or replaced", "[run]") {
   const TemporaryFolder folder;
   const std::filesystem::path path = folder / "metrics.jsonl";

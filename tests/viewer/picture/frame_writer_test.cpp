@@ -74,6 +74,14 @@ TEST_CASE("pictures are numbered from 0 in a folder that is made for them") {
   CHECK(readImage(folder / "new/f03.png").at(1, 1, 0) == Approx(0.6f).margin(0.005));
 }
 
+TEST_CASE("the folder of a video is not made") {
+  const FakeFfmpeg ffmpeg(kCopy);
+  const TemporaryFolder folder;
+  CHECK_THROWS_WITH(FrameWriter(parseRecordTarget(folder / "typo/a.mp4", "-o"), {4, 2}, 30),
+                    Contains("a.mp4: cannot write here"));
+  CHECK(filesIn(folder.path) == 0);
+}
+
 TEST_CASE("a video gets every byte of every frame, in order, and appears whole") {
   const FakeFfmpeg ffmpeg(kCopy);
   const TemporaryFolder folder;

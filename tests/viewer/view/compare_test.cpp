@@ -82,7 +82,26 @@ TEST_CASE("a FLIP map is black where pictures are equal, bright where they are n
   mask[5] = 0;
   const Image masked = flipOf(a, b, mask);
   CHECK(masked.at(5, 0, 0) == 0.5f);
-  CHECK(masked.at(6, 0, 0) == flipOf(a, b, {}).at(6, 0, 0));
+  CHECK(masked.at(20, 20, 0) == flipOf(a, b, {}).at(20, 20, 0));
+}
+
+TEST_CASE("FLIP of a photograph in a wider view is that of the photograph") {
+  const Image a = noise(32, 24, 1), b = noise(32, 24, 2);
+  Image wide_a(48, 30, 3, 0.9f), wide_b(48, 30, 3, 0.0f);  // beside it the model goes on
+  std::vector<std::uint8_t> mask(48 * 30, 0);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        wide_a.at(x + 9, y + 4, c) = a.at(x, y, c);
+        wide_b.at(x + 9, y + 4, c) = b.at(x, y, c);
+      }
+      mask[static_cast<std::size_t>((y + 4) * 48 + x + 9)] = 1;
+    }
+  }
+  CHECK(metricsOf(wide_a, wide_b, mask)->flip == Approx(metricsOf(a, b, {})->flip).epsilon(1e-6));
+  const Image map = flipOf(a, b, {}), wide = flipOf(wide_a, wide_b, mask);
+  for (int x : {0, 1, 15, 31}) CHECK(wide.at(x + 9, 12 + 4, 1) == map.at(x, 12, 1));
+  CHECK(wide.at(8, 16, 0) == 0.5f);
 }
 
 TEST_CASE("metrics are those of core, of the pixels that count, with the other picture as the reference") {
@@ -113,6 +132,10 @@ TEST_CASE("a photograph at its own camera is itself, in another size or shape th
   // Half the size, and twice.
   CHECK(psnr(resampled(photograph, taken, fitted(taken, 80, 60), glm::vec3(0.0f)).image, waves(80, 60)) > 50);
   CHECK(psnr(resampled(photograph, taken, fitted(taken, 320, 240), glm::vec3(0.0f)).image, waves(320, 240)) > 40);
+  // A camera of --downscale 4, which cut the columns and rows that fill no pixel of it.
+  const ResampledPhotograph shrunk = resampled(waves(163, 122), camera(40, 30), camera(40, 30), glm::vec3(0.0f));
+  CHECK(psnr(shrunk.image, downsample(waves(163, 122), 4)) > 100);
+  CHECK(std::count(shrunk.mask.begin(), shrunk.mask.end(), 0) == 0);
   // A wider view shows the photograph in its middle and nothing beside it.
   const ResampledPhotograph wide = resampled(photograph, taken, fitted(taken, 240, 120), glm::vec3(0.25f));
   for (int x : {0, 39, 40, 199, 200, 239}) {

@@ -140,6 +140,13 @@ TEST_CASE("saving adds an extension, keeps the longest known one, and asks befor
   type(browser, "alpine.tgz");
   CHECK_FALSE(chooseFile(browser));
   CHECK(chooseFile(browser) == folder / "alpine.tgz");
+  type(browser, "new.exr");
+  CHECK_FALSE(chooseFile(browser));
+  CHECK(browser.renamed);
+  CHECK(browser.text == "new.exr.tgz");
+  CHECK(chooseFile(browser) == folder / "new.exr.tgz");
+  type(browser, "new.exr.t");
+  CHECK_FALSE(browser.renamed);
   pickFile(browser, 2);
   CHECK(browser.text == "alpha.ply");
   type(browser, "");

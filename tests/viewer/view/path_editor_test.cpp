@@ -2,6 +2,9 @@
 // Bookmarks, the path and what moves the camera by itself, as changes of the state.
 #include "viewer/view/path_editor.h"
 
+#include <filesystem>
+#include <fstream>
+
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -81,6 +84,30 @@ TEST_CASE("B goes through the bookmarks, removed ones leave their number to new 
   CHECK(state.camera.bookmarks[2].name == "view 5");
   CHECK_THROWS_AS(readBookmarks(state, "no-such-file.json"), Error);
   CHECK(state.camera.bookmarks.size() == 3);
+}
+
+TEST_CASE("a button that writes a file asks before it replaces one, and not of its own") {
+  const TemporaryFolder folder;
+  ViewerState state = stateWithPath();
+  const std::filesystem::path there = folder / "a.mp4";
+  std::ofstream(there) << "somebody's";
+  state.record.out = there;
+  press(state, 'R', true);
+  CHECK_FALSE(state.record.wanted);
+  CHECK(state.messages.notice == "a.mp4 is there already: once more replaces it");
+  press(state, 'R', true);
+  CHECK(state.record.wanted);
+  press(state, 'R', true);
+  CHECK_FALSE(state.record.wanted);
+  CHECK_FALSE(mayReplace(state, there, "path"));  // another use of the same file
+  CHECK(mayReplace(state, there, "path"));
+  CHECK(mayReplace(state, folder / "new.json", "path"));
+  std::ofstream(folder / "new.json") << "written by the button";
+  CHECK(mayReplace(state, folder / "new.json", "path"));
+  CHECK_FALSE(mayReplace(state, folder / "new.json", "cameras"));
+  state.record.out = folder.path;  // pictures, numbered
+  press(state, 'R', true);
+  CHECK(state.record.wanted);
 }
 
 TEST_CASE("a new model has its own bookmarks and no path") {

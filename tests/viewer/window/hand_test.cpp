@@ -121,6 +121,42 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]"
   CHECK(changed > 100);
 }
 
+TEST_CASE("the formats of a save dialog hang from it when they are clicked", "[window]") {
+  TG_SKIP_IF(noHand());
+  constexpr int kLeft = 60, kRight = 580, kBeside = 230;  // [px] of the dialog's list, and of the formats below it
+  int below = 0;                                          // the last row of the list's frame
+  {
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    test::playByHand(shop, seen("asked"), "key ctrl+s\nseen asked\n");
+    const Image asked = shop.read("asked.png");
+    const auto isLine = [&](int y) {
+      const float grey = asked.at(kLeft, y, 0);
+      for (int x = kLeft; x < kRight; ++x) {
+        if (std::abs(asked.at(x, y, 0) - grey) > 0.02 || grey < asked.at(x, y - 3, 0) + 0.05f) return false;
+      }
+      return true;
+    };
+    for (int y = asked.height - 1; y > asked.height / 2 && below == 0; --y) below = isLine(y) ? y : 0;
+    REQUIRE(below > 0);
+  }
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  const std::string formats = "click " + std::to_string(kBeside) + " " + std::to_string(below + 1 + kHalfButton);
+  test::playByHand(shop, seen("asked") + seen("hanging") + seen("gone"),
+                   "key ctrl+s\nseen asked\n" + formats + "\nseen hanging\nkey Escape\nseen gone\n");
+  const Image asked = shop.read("asked.png"), hanging = shop.read("hanging.png"), gone = shop.read("gone.png");
+  const auto changed = [&](const Image& after) {
+    int pixels = 0;
+    for (int y = below - 100; y < below - 5; ++y) {
+      for (int x = kLeft; x < kRight; ++x) pixels += std::abs(after.at(x, y, 2) - asked.at(x, y, 2)) > 0.1;
+    }
+    return pixels;
+  };
+  CHECK(changed(hanging) > 300);  // their names
+  CHECK(changed(gone) == 0);
+}
+
 TEST_CASE("a hand selects with a rectangle, deletes, and takes it back", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
