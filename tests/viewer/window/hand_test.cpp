@@ -143,7 +143,11 @@ TEST_CASE("the formats of a save dialog hang from it when they are clicked", "[w
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   const std::string formats = "click " + std::to_string(kBeside) + " " + std::to_string(below + 1 + kHalfButton);
-  test::playByHand(shop, seen("asked") + seen("hanging") + seen("gone"),
+  // What hangs is hidden for a frame, until its size is known.
+  test::playByHand(shop,
+                   seen("asked") +
+                       "await-file hanging\nwait 3\nwindow hanging.png\nawait-file gone\nwait 3\n"
+                       "window gone.png\n",
                    "key ctrl+s\nseen asked\n" + formats + "\nseen hanging\nkey Escape\nseen gone\n");
   const Image asked = shop.read("asked.png"), hanging = shop.read("hanging.png"), gone = shop.read("gone.png");
   const auto changed = [&](const Image& after) {
@@ -161,16 +165,15 @@ TEST_CASE("a hand selects with a rectangle, deletes, and takes it back", "[windo
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  test::playByHand(
-      shop,
-      seen("pressed") + seen("dragged") + "hold-frame go\n" + seen("deleted") +
-          "save-model deleted.tgz\nwindow saved.png\n" + seen("undone") + "save-model undone.tgz\n" + seen("redone") +
-          "save-model redone.tgz\n",
-      "key F2\nto 200 120\npress 1\nseen pressed\nto 260 200\nto 330 400\nseen dragged\n"
-      // Both within one frame, as on a slow device.
-      "reached go.held\nrelease 1\nkey Delete\ntouch go\nseen deleted\n"
-      "reached saved.png\nkey ctrl+z\nseen undone\nkey ctrl+shift+z\nseen redone\n",
-      {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  test::playByHand(shop,
+                   seen("pressed") + seen("dragged") + "hold-frame go\n" + seen("deleted") +
+                       "save-model deleted.tgz\nwindow saved.png\n" + seen("undone") + "save-model undone.tgz\n" +
+                       seen("redone") + "save-model redone.tgz\n",
+                   "key F2\nto 200 120\npress 1\nseen pressed\nto 260 200\nto 330 400\nseen dragged\n"
+                   // Both within one frame, as on a slow device.
+                   "reached go.held\nrelease 1\nkey Delete\ntouch go\nseen deleted\n"
+                   "reached saved.png\nkey ctrl+z\nseen undone\nkey ctrl+shift+z\nseen redone\n",
+                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
   const GaussianModel whole = readBundle(shop / "model.tgz").model, left = readBundle(shop / "deleted.tgz").model;
   CHECK(left.size() < whole.size());
   CHECK(left.size() > 0);
