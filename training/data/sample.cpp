@@ -445,7 +445,8 @@ PointCloud samplePoints(const SampleOptions& options) {
         add(panel.corner + p.x * panel.u + p.y * panel.v, normal, panel.front(p.x, p.y));
       }
     }
-    const int count = static_cast<int>(std::lround(each * ball_area / area));
+    const int least = points.position.empty() ? 1 : 0;  // where so few are asked for that every part rounds to none
+    const int count = std::max(static_cast<int>(std::lround(each * ball_area / area)), least);
     for (int i = 0; i < count; ++i) {
       const dvec2 p = sequence(i);
       const double z = 2 * p.y - 1;

@@ -194,7 +194,7 @@ RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::str
   if (one_run && last < name.size() - extension.size() && contains(kPictureExtensions, extension)) return {path, false};
   throw Error(ErrorKind::usage,
               what + ": expected a video (.mp4, .mov, .mkv, .webm), pictures with # for the frame's " +
-                  "number (frames/####.png, .jpg, .exr) or a folder, found \"" + path.string() + "\"");
+                  "number (frames/####.png, .jpg, .exr) or a folder (frames/), found \"" + path.string() + "\"");
 }
 
 std::filesystem::path framePath(const RecordTarget& target, std::size_t frame) {

@@ -48,6 +48,9 @@ TEST_CASE("make-sample's data set loads, and its points lie on what its cameras 
   CHECK(dataset.indices(false).size() == 3);
   CHECK(dataset.indices(true).size() == 2);
   CHECK(dataset.points.position.size() == Approx(500).margin(10));
+  tg::SampleOptions one = kSmall;
+  one.points = 1;
+  CHECK(tg::samplePoints(one).position.size() == 1);
   const tg::Camera expected = tg::sampleCamera(kSmall, false, 2);
   const tg::Camera& camera = dataset.views[2];
   CHECK(camera.focal.x == Approx(expected.focal.x).epsilon(1e-9));
