@@ -76,6 +76,7 @@ STAGE_2_CHOICES = {
     "position-1.6e-4": ["--rate-position-texture", "1.6e-4"],
     "texels-2.5e-3": ["--rate-texels", "2.5e-3", "--rate-texels-end", "2.5e-3"],
     "decay-0.3": ["--texel-decay", "0.3"],
+    "sh-rest-2.5e-5": ["--rate-sh-rest", "2.5e-5"],  # the starts have learnt at 5e-4
 }
 
 
