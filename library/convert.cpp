@@ -22,9 +22,6 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
       throw tg::Error(tg::ErrorKind::usage, "steps", "out of range (expected 0.125 to 64)");
     }
     const tg::Format& format = tg::outputFormat(output);
-    if (!options.overwrite && std::filesystem::exists(output)) {
-      throw tg::Error(tg::ErrorKind::cannotWrite, output.string(), "exists already (overwrite replaces it)");
-    }
     const auto refuseIdle = [&](bool given, bool does, const char* what) {
       if (given && !does) throw tg::Error(tg::ErrorKind::usage, what, "does nothing for ." + std::string(format.name));
     };

@@ -21,14 +21,14 @@ Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOp
     renderer->setModel({bundle, &bundle->model});
     tg::RenderSettings settings;
     settings.textures = modeOf(options.textures);
-    (void)enumOf<Split>(options.split, Split::all, "split");
+    const auto split = enumOf<Split>(options.split, Split::all, "split");
     settings.background = own->background;
     settings.outputs = {tg::Output::final};
     tg::ScoreOptions score_options;
     score_options.flip = options.flip;
     std::vector<std::size_t> chosen;
     for (std::size_t view = 0; view < own->views.size(); ++view) {
-      if (options.split == Split::all || own->views[view].test == (options.split == Split::test)) chosen.push_back(view);
+      if (split == Split::all || own->views[view].test == (split == Split::test)) chosen.push_back(view);
     }
     if (chosen.empty()) throw tg::Error(tg::ErrorKind::usage, own->name, "has no photographs of this split");
     std::vector<tg::ViewScore> scores;

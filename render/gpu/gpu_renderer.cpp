@@ -55,6 +55,17 @@ ViewUniforms viewOf(const Camera& camera, const RenderSettings& settings, const 
   return view;
 }
 
+void addTimes(std::vector<PassTime>& sums, const std::vector<PassTime>& times) {
+  for (const PassTime& time : times) {
+    const auto sum = std::ranges::find(sums, time.name, &PassTime::name);
+    if (sum == sums.end()) {
+      sums.push_back(time);
+    } else {
+      sum->milliseconds += time.milliseconds;
+    }
+  }
+}
+
 }  // namespace
 
 GpuRenderer::GpuRenderer(std::unique_ptr<GpuDevice> device, const PassTuning& tuning)
@@ -99,21 +110,6 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   }
   return frame;
 }
-
-namespace {
-
-void addTimes(std::vector<PassTime>& sums, const std::vector<PassTime>& times) {
-  for (const PassTime& time : times) {
-    const auto sum = std::ranges::find(sums, time.name, &PassTime::name);
-    if (sum == sums.end()) {
-      sums.push_back(time);
-    } else {
-      sum->milliseconds += time.milliseconds;
-    }
-  }
-}
-
-}  // namespace
 
 // Pictures that the device cannot hold at once, from the top down. Counts are those of the last band, times of all.
 Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& settings, int rows) {

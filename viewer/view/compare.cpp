@@ -40,31 +40,6 @@ Image threeChannels(const Image& image, glm::vec3 background) {
   return result;
 }
 
-}  // namespace
-
-int sideWidth(int width) { return std::max(width / 2, 1); }
-
-Image differenceOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask,
-                   const Comparison& how) {
-  TG_ASSERT(first.width == other.width && first.height == other.height && first.channels == 3 && other.channels == 3,
-            "two pictures of one size and 3 channels");
-  TG_ASSERT(hasImageShape(first) && hasImageShape(other), "the images' data has their size");
-  TG_ASSERT(mask.empty() || mask.size() == first.data.size() / 3, "a mask has the picture's size");
-  Image result(first.width, first.height, 3);
-  const std::size_t row = static_cast<std::size_t>(first.width);
-  parallelFor(first.height, 16, [&](std::int64_t y) {
-    for (std::size_t i = static_cast<std::size_t>(y) * row; i < (static_cast<std::size_t>(y) + 1) * row; ++i) {
-      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
-        const float apart = mask.empty() || mask[i] ? how.gain * (other.data[c] - first.data[c]) : 0.0f;
-        result.data[c] = std::clamp(how.with_sign ? 0.5f + 0.5f * apart : std::abs(apart), 0.0f, 1.0f);
-      }
-    }
-  });
-  return result;
-}
-
-namespace {
-
 // What the mask's pixels lie in; all of the picture without a mask.
 struct Part {
   glm::ivec2 begin{0}, end{0};
@@ -124,6 +99,27 @@ glm::dvec2 photographScale(glm::ivec2 photograph, glm::ivec2 taken) {
 }
 
 }  // namespace
+
+int sideWidth(int width) { return std::max(width / 2, 1); }
+
+Image differenceOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask,
+                   const Comparison& how) {
+  TG_ASSERT(first.width == other.width && first.height == other.height && first.channels == 3 && other.channels == 3,
+            "two pictures of one size and 3 channels");
+  TG_ASSERT(hasImageShape(first) && hasImageShape(other), "the images' data has their size");
+  TG_ASSERT(mask.empty() || mask.size() == first.data.size() / 3, "a mask has the picture's size");
+  Image result(first.width, first.height, 3);
+  const std::size_t row = static_cast<std::size_t>(first.width);
+  parallelFor(first.height, 16, [&](std::int64_t y) {
+    for (std::size_t i = static_cast<std::size_t>(y) * row; i < (static_cast<std::size_t>(y) + 1) * row; ++i) {
+      for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
+        const float apart = mask.empty() || mask[i] ? how.gain * (other.data[c] - first.data[c]) : 0.0f;
+        result.data[c] = std::clamp(how.with_sign ? 0.5f + 0.5f * apart : std::abs(apart), 0.0f, 1.0f);
+      }
+    }
+  });
+  return result;
+}
 
 Image flipOf(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask) {
   TG_ASSERT(first.width == other.width && first.height == other.height && first.channels == 3 && other.channels == 3,
