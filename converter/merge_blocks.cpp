@@ -32,10 +32,7 @@ fs::path modelOf(const fs::path& models, const std::string& name) {
 }  // namespace
 
 MergeReport mergeBlocks(const fs::path& blocks, const fs::path& models, const fs::path& output, bool overwrite) {
-  const Format& format = outputFormat(output);
-  if (!format.read) {
-    throw Error(ErrorKind::usage, output.string(), "is no model format (expected " + listed(outputNames(true)) + ")");
-  }
+  const Format& format = modelFormat(output);
   std::error_code ignored;
   if (!overwrite && fs::exists(output, ignored)) {
     throw Error(ErrorKind::cannotWrite, output.string(), "exists already (--overwrite replaces it)");

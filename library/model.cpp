@@ -103,11 +103,7 @@ Model Model::load(const std::filesystem::path& path) {
 
 std::vector<std::string> Model::save(const std::filesystem::path& path) const {
   return guarded([&] {
-    const tg::Format& format = tg::outputFormat(path);
-    if (!format.read) {
-      throw tg::Error(tg::ErrorKind::usage, path.string(),
-                      "holds no Gaussians (expected ." + tg::listed(tg::outputNames(true)) + ")");
-    }
+    const tg::Format& format = tg::modelFormat(path);
     tg::Written written;
     tg::writeModel(format, path, parts_->bundle, {}, written);
     return written.warnings;

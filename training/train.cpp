@@ -201,10 +201,7 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
     if (path.empty()) continue;
-    const bool model = &path != &paths.back();
-    if (model && !outputFormat(path).read) {
-      throw Error(ErrorKind::usage, path, "is no model format (expected " + listed(outputNames(true)) + ")");
-    }
+    const Format* format = &path == &paths.back() ? nullptr : &modelFormat(path);
     for (std::size_t j = 0; j < i; ++j) {
       if (fs::path(path).lexically_normal() == fs::path(paths[j]).lexically_normal()) {
         throw Error(ErrorKind::usage, path, "is named for two outputs (expected different files)");
@@ -215,8 +212,8 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
       throw Error(ErrorKind::usage, path, "is written in any case, as the run folder's model (expected another name)");
     }
     refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
-    if (model) {
-      requireWritable(outputFormat(path), path);
+    if (format) {
+      requireWritable(*format, path);
     } else {
       requireWritable(path);
     }

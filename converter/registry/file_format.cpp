@@ -336,6 +336,24 @@ FileStart readStart(const Path& path) {
   return start;
 }
 
+// Of what is written; of models alone where `read_again`.
+const Format& formatByName(const Path& path, bool read_again) {
+  const std::string name = path.filename().string();
+  const Format* found = nullptr;
+  std::vector<std::string> known;
+  for (const Format& format : kFormats) {
+    if (!format.write || (read_again && !format.read)) continue;
+    known.push_back(extensionOf(format));
+    if (!name.ends_with(known.back())) continue;
+    if (!found || format.name.size() > found->name.size()) found = &format;  // .compressed.ply before .ply
+  }
+  if (found && (found->whole_name || name != extensionOf(*found))) return *found;
+  std::ranges::sort(known);
+  throw Error(ErrorKind::usage, path.string(),
+              std::string(read_again ? "is no model format" : "unknown output format") + " (expected " + listed(known) +
+                  ", found \"" + path.extension().string() + "\")");
+}
+
 }  // namespace
 
 std::span<const Format> formats() { return kFormats; }
@@ -387,21 +405,8 @@ const Format& detectFormat(const Path& path) {
   throw Error(ErrorKind::badData, path.string(), "is no splat model (expected a " + listed(inputNames()) + " file)");
 }
 
-const Format& outputFormat(const Path& path) {
-  const std::string name = path.filename().string();
-  const Format* found = nullptr;
-  std::vector<std::string> known;
-  for (const Format& format : kFormats) {
-    if (!format.write) continue;
-    known.push_back(extensionOf(format));
-    if (!name.ends_with(known.back())) continue;
-    if (!found || format.name.size() > found->name.size()) found = &format;  // .compressed.ply before .ply
-  }
-  if (found && (found->whole_name || name != extensionOf(*found))) return *found;
-  std::ranges::sort(known);
-  throw Error(ErrorKind::usage, path.string(),
-              "unknown output format (expected " + listed(known) + ", found \"" + path.extension().string() + "\")");
-}
+const Format& outputFormat(const Path& path) { return formatByName(path, false); }
+const Format& modelFormat(const Path& path) { return formatByName(path, true); }
 
 Bundle readModel(const Path& path, const ReadOptions& options) {
   const Format& format = detectFormat(path);

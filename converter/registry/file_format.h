@@ -97,6 +97,8 @@ std::string listed(const std::vector<std::string>& names);
 const Format& detectFormat(const std::filesystem::path& path);
 // By the extension, the longest one that fits. Throws Error(usage).
 const Format& outputFormat(const std::filesystem::path& path);
+// The same of what can be read again.
+const Format& modelFormat(const std::filesystem::path& path);
 
 // A model from any file the toolchain reads. The model has passed checkModel. Throws what detectFormat throws, and
 // Error(cannotRead / badData). ReadCancelled: options.progress said so.

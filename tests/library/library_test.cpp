@@ -149,7 +149,7 @@ TEST_CASE("a file that is not there, none or of no known format is refused with 
   CHECK_THAT(messageOf([&] { model.save(folder / "model.xyz"); }, ErrorKind::usage), Contains("model.xyz"));
   CHECK_THAT(messageOf([&] { model.save(folder / "none/model.tgz"); }, ErrorKind::cannotWrite), Contains("none"));
   CHECK_THAT(messageOf([&] { model.save(folder / "model.png"); }, ErrorKind::usage),
-             Contains("model.png: holds no Gaussians (expected .compressed.ply, "));
+             Contains("model.png: is no model format (expected .compressed.ply, "));
   CHECK_FALSE(std::filesystem::exists(folder / "model.png"));
   std::vector<std::string> left = model.save(folder / "model.sog");
   CHECK(std::ranges::any_of(left, [](const std::string& line) { return line.find("background") != line.npos; }));

@@ -24,7 +24,7 @@ Bundle bundleOf(const Scene& scene) {
 void write(const std::filesystem::path& path, const Scene& scene, ModelSaver::News& news) {
   try {
     Written written;
-    writeModel(outputFormat(path), path, bundleOf(scene), {}, written);
+    writeModel(modelFormat(path), path, bundleOf(scene), {}, written);
     news.warnings = std::move(written.warnings);
     news.whole = holdsModel(path, scene);
   } catch (const Error& error) {

@@ -45,7 +45,7 @@ std::vector<std::uint8_t> inRectangle(const Call& call, glm::dvec2 from, glm::dv
 
 void requireFormat(const Call& call) {
   try {
-    (void)outputFormat(call[0]);
+    (void)modelFormat(call[0]);
   } catch (const Error& error) {
     throw Error(error.kind, call.what + ": " + error.what());
   }

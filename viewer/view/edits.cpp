@@ -195,7 +195,7 @@ void updatePreview(ViewerState& state) {
 }
 
 bool holdsModel(const std::filesystem::path& file, const Scene& scene) {
-  const Format& format = outputFormat(file);
+  const Format& format = modelFormat(file);
   if (format.holds(kKeepsFloats) && (format.holds(kKeepsTextures) || scene.textured == 0) &&
       (format.holds(kKeepsSh) || scene.sh_degree == 0) && (format.holds(kKeepsCameras) || scene.cameras.empty())) {
     return true;

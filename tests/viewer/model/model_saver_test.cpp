@@ -79,7 +79,7 @@ TEST_CASE("a model that cannot be saved is a problem with its file's name, and l
   saver.save(folder / "none/saved.tgz", sceneWithAll());
   CHECK_THAT(next(saver).problem, Contains("none"));
   saver.save(folder / "saved.nothing", sceneWithAll());
-  CHECK_THAT(next(saver).problem, Contains("unknown output format"));
+  CHECK_THAT(next(saver).problem, Contains("is no model format"));
   CHECK(std::filesystem::is_empty(folder.path));
 }
 
