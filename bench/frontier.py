@@ -14,10 +14,12 @@ what is missing, in order, and may be stopped at any moment: WORK keeps the run 
 """
 import argparse
 import fnmatch
+import itertools
 import json
 import math
 import os
 import pathlib
+import statistics
 import subprocess
 import sys
 
@@ -35,7 +37,9 @@ COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 680
           "printshop": [950, 1900, 3800, 7600, 15200, 30400]}
 DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
-SEEDS = [1]
+SEEDS = [1, 2, 3]
+REPEATED = ["plain", "rgba-4", "rgba-2"]  # at degree 1, what seeds beyond the first have
+SIZES = [25, 50, 100, 200, 400, 800]  # [kB] of the table by size
 STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
 QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
@@ -46,7 +50,8 @@ LINES = [("without textures", "twin"), ("with textures", "rgba")]
 def cells():
     """In the order in which they say most: the middle counts at degree 1, plain beside 8 texels."""
     names = [f"{scene}/{count}/sh{degree}/{arm}/{seed}" for seed in SEEDS for degree in DEGREES for arm in ARMS
-             for scene in COUNTS for count in COUNTS[scene]]
+             for scene in COUNTS for count in COUNTS[scene]
+             if seed == 1 or (degree == 1 and arm in REPEATED)]
     rank = {arm: place for place, arm in enumerate(ARMS)}
 
     def key(name):
@@ -165,27 +170,35 @@ def done_cells(folder):
     return found
 
 
-def trained_scenes(found):
-    """Those all of whose cells have files that were trained for, so that both arms are alike."""
-    return [scene for scene in COUNTS if any(name.startswith(scene + "/") for name in found)
-            and all("trained" in cell for name, cell in found.items() if name.startswith(scene + "/"))]
+def cells_of(found, scene, seed):
+    return [name for name in found if name.startswith(scene + "/") and name.endswith(f"/{seed}")]
 
 
-def files(found, name):
-    cell = found[name]
-    if name.split("/")[0] not in trained_scenes(found):
-        return cell["files"]
-    return [file for file in cell["files"] if file["steps"] == 1] + cell["trained"]
+def all_trained(found, scene, seed):
+    """Whether all cells have files that were trained for, so that both arms are alike."""
+    names = cells_of(found, scene, seed)
+    return bool(names) and all("trained" in found[name] for name in names)
 
 
-def points(found, scene, textured):
-    """(bytes, psnr, cell, file) of every file of the scene's arm."""
-    return [(file["bytes"], file["psnr"], name, file) for name in found
-            if name.startswith(scene + "/") and ("/plain/" not in name) == textured for file in files(found, name)]
+def files(cell, trained):
+    return [file for file in cell["files"] if file["steps"] == 1] + cell["trained"] if trained else cell["files"]
+
+
+def points(found, scene, seed, textured, trained, measure="psnr"):
+    """(bytes, score, cell, file) of every file of the scene's arm; a greater score is a better one."""
+    sign = -1 if measure == "flip" else 1
+    return [(file["bytes"], sign * file[measure], name, file) for name in cells_of(found, scene, seed)
+            if ("/plain/" not in name) == textured for file in files(found[name], trained)]
+
+
+def whole_seeds(found, scene, trained):
+    """Those with a plain cell at every count: a hull with a gap would make the other arm look better."""
+    return [seed for seed in SEEDS if (not trained or all_trained(found, scene, seed)) and
+            all(f"{scene}/{count}/sh1/plain/{seed}" in found for count in COUNTS[scene])]
 
 
 def hull(of):
-    """The upper hull of dB over the logarithm of bytes."""
+    """The upper hull of scores over the logarithm of bytes."""
     chain = []
     for point in sorted(of, key=lambda p: (p[0], -p[1])):
         if chain and point[1] <= chain[-1][1]:
@@ -208,29 +221,104 @@ def height(chain, size):
     return None
 
 
-def size_of(chain, psnr):
-    """Bytes at which the hull has `psnr` dB; None outside it."""
+def size_of(chain, score):
+    """Bytes at which the hull has the score; None outside it."""
     for a, b in zip(chain, chain[1:]):
-        if a[1] <= psnr <= b[1]:
-            return a[0] * math.exp((psnr - a[1]) / slope(a, b))
+        if a[1] <= score <= b[1]:
+            return a[0] * math.exp((score - a[1]) / slope(a, b))
     return None
 
 
+def mean_over(grid, value):
+    """The mean of a function that is linear between the grid's places."""
+    return sum((b - a) * (value(a) + value(b)) / 2 for a, b in zip(grid, grid[1:])) / (grid[-1] - grid[0])
+
+
+def common(first, second, axis):
+    """The corners of both hulls along an axis, 0: bytes, 1: scores, where both are; none where they never are."""
+    low = max(first[0][axis], second[0][axis])
+    high = min(first[-1][axis], second[-1][axis])
+    return sorted({low, high, *(p[axis] for p in first + second if low < p[axis] < high)}) if low < high else []
+
+
+def mean_gain(plain, textured):
+    """Scores that textures gain, over the sizes both hulls have, in the logarithm of bytes (Bjontegaard's delta)."""
+    grid = [math.log(size) for size in common(plain, textured, 0)]
+    sizes = dict(zip(grid, common(plain, textured, 0)))
+    return mean_over(grid, lambda at: height(textured, sizes[at]) - height(plain, sizes[at])) if grid else None
+
+
+def rate(plain, textured):
+    """Bytes that textures take beside the plain hull's, less 1, over the scores both have (Bjontegaard's rate)."""
+    grid = common(plain, textured, 1)
+    if not grid:
+        return None
+    return math.expm1(mean_over(grid, lambda score: math.log(size_of(textured, score) / size_of(plain, score))))
+
+
 def prices(found):
-    """Rows of every textured file: what a texel of it costs, and what it may cost to pay."""
+    """Rows of every textured file of the first seed: what a texel of it costs, and what it may cost to pay."""
     rows = []
     for name in found:
         scene, count, degree, arm, seed = name.split("/")
         bare = f"{scene}/{count}/{degree}/plain/{seed}"
-        if arm == "plain" or bare not in found:
+        if arm == "plain" or bare not in found or int(seed) != SEEDS[0]:
             continue
-        chain = hull(points(found, scene, False))
-        for file, without in zip(files(found, name), files(found, bare)):
+        trained = all_trained(found, scene, seed)
+        chain = hull(points(found, scene, seed, False, trained))
+        for file, without in zip(files(found[name], trained), files(found[bare], trained)):
             as_good = size_of(chain, file["psnr"])
             if as_good and file["steps"] <= 4:
                 rows.append([scene, arm_of(name), f"{file['steps']}", f"{file['psnr'] - without['psnr']:+.2f}",
                              f"{(file['bytes'] - without['bytes']) / file['texels']:.2f}",
                              f"{(as_good - without['bytes']) / file['texels']:.2f}"])
+    return rows
+
+
+def hulls(found, scene, trained, measure="psnr"):
+    """{seed: (without textures, with)} of the seeds that are whole and have both."""
+    both = {seed: [hull(points(found, scene, seed, arm, trained, measure)) for arm in (False, True)]
+            for seed in whole_seeds(found, scene, trained)}
+    return {seed: pair for seed, pair in both.items() if all(pair)}
+
+
+def over_seeds(values, form):
+    """Mean and, of several, twice its standard error."""
+    if not values:
+        return "-"
+    text = form.format(statistics.fmean(values))
+    if len(values) > 1:
+        text += " +- " + form.replace("+", "").format(2 * statistics.stdev(values) / math.sqrt(len(values)))
+    return text
+
+
+def whole_range(found):
+    rows = []
+    for scene, trained in itertools.product(COUNTS, (False, True)):
+        both = hulls(found, scene, trained)
+        if not both:
+            continue
+        spans = [span for pair in both.values() if (span := common(*pair, 0))]
+        rates = [over_seeds([100 * change for pair in hulls(found, scene, trained, measure).values()
+                             if (change := rate(*pair)) is not None], "{:+.1f}")
+                 for measure in ("psnr", "ssim", "flip")]
+        rows.append([scene, "trained for" if trained else "cut", ", ".join(str(seed) for seed in both),
+                     f"{min(s[0] for s in spans) / 1000:,.0f} to {max(s[-1] for s in spans) / 1000:,.0f} kB"
+                     if spans else "-",
+                     over_seeds([gain for pair in both.values() if (gain := mean_gain(*pair)) is not None], "{:+.2f}"),
+                     *rates])
+    return rows
+
+
+def by_size(found):
+    rows = []
+    for scene, trained, size in itertools.product(COUNTS, (False, True), SIZES):
+        ends = [[height(chain, 1000 * size) for chain in pair] for pair in hulls(found, scene, trained).values()]
+        ends = [pair for pair in ends if None not in pair]
+        if ends:
+            rows.append([scene, "trained for" if trained else "cut", f"{size} kB", str(len(ends)),
+                         *(f"{statistics.fmean(column):.2f}" for column in reversed(list(zip(*ends)))),
+                         over_seeds([textured - plain for plain, textured in ends], "{:+.2f}")])
     return rows
 
 
@@ -249,18 +337,29 @@ def report(folder, page, picture):
              f"Both arms have {2 * LENGTH:,} iterations: {LENGTH:,} of stage 1, then as many with textures "
              "(`--adaptive-texels`: so many texels a Gaussian in the mean) or without. A line is the upper hull of all "
              "counts, SH degrees and steps of its arm: what the best choice reaches."),
-        Text("Files are trained for: " f"{QUANTIZE:,} iterations more, with parameters as the file holds them "
-             "([training.md](training.md#the-stages), stage 3), in " + " and ".join(trained) + "; those of the "
-             "other scenes are cut from the model as it is."
-             if (trained := trained_scenes(found)) else "Files are cut from the model as it is."),
+        Text("Files are cut from the model as it is, or trained for: "
+             f"{QUANTIZE:,} iterations more, with parameters as the file holds them "
+             "([training.md](training.md#the-stages), stage 3); those of the finest steps are cut in any case. Of "
+             "files that are trained for, only seeds count all of whose cells of a scene have them."),
         Text("![PSNR over bytes, with textures and without](images/frontier.svg)"),
-        Text(f"{len(found)} of {len(cells())} cells are done, photographs at half size, one seed. sample is the scene "
-             "that `tgtrain make-sample` writes. One cell again:"),
+        Text(f"{len(found)} of {len(cells())} cells are done, photographs at half size. sample is the scene that "
+             "`tgtrain make-sample` writes. Seeds beyond the first are of SH degree 1, plain and with 2 and 4 texels a "
+             "Gaussian. One cell again:"),
         Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
-        Heading("With textures against without, at equal bytes")]
+        Heading("With textures against without, over the whole range"),
+        Text("Bjontegaard's differences between the two hulls, integrated exactly between their corners: PSNR gained "
+             "over the sizes that both have, in the logarithm of bytes; and the bytes that textures take more at equal "
+             "PSNR, SSIM and FLIP, over the scores that both have: less than 0 is better. Mean over seeds +- twice its "
+             "standard error, of those seeds that have a plain cell of SH degree 1 at every count."),
+        Table(["scene", "files", "seeds", "sizes", "gain [dB]", "bytes at equal PSNR [%]", "at equal SSIM [%]",
+               "at equal FLIP [%]"], whole_range(found)),
+        Text("The same at some sizes [dB]:"),
+        Table(["scene", "files", "bytes", "seeds", "with textures", "without textures", "gain"], by_size(found)),
+        Heading("The files on the hull")]
     rows, pictures = [], []
     for scene in COUNTS:
-        plain, textured = (hull(points(found, scene, arm)) for arm in (False, True))
+        trained = all_trained(found, scene, SEEDS[0])
+        plain, textured = (hull(points(found, scene, SEEDS[0], arm, trained)) for arm in (False, True))
         for size, psnr, name, file in textured:
             other = height(plain, size)
             rows.append([scene, f"{size / 1000:,.0f} kB", arm_of(name), f"{file['texels'] / file['gaussians']:.1f}",
@@ -269,8 +368,8 @@ def report(folder, page, picture):
         lines = [svg_plot.Line(label, style, [(size / 1000, psnr) for size, psnr, *_ in chain])
                  for (label, style), chain in zip(LINES, (plain, textured))]
         pictures.append(svg_plot.plot(scene, lines, "kB", "PSNR [dB]"))
-    blocks += [Text("The files on the textured hull; the plain hull between its files at the same bytes, \"-\" "
-                    "where it has none as large. Another seed moves the fox by 0.5 dB, both columns alike."),
+    blocks += [Text("The files on the first seed's textured hull, as in the plot; the plain hull between its files at "
+                    "the same bytes, \"-\" where it has none as large."),
                Table(["scene", "bytes", "with textures", "texels a Gaussian", "steps", "PSNR", "without textures",
                       "gain"], rows),
                Heading("When a texel pays"),

@@ -24,15 +24,15 @@ import frontier
 
 
 def add(folder, name, *files):
-    """files: (bytes, dB) of the first steps; what the others make is on no hull."""
+    """files: (bytes, dB) of the first steps; what the others make is on no hull. SSIM and FLIP go with dB."""
     report = {"cell": name, "commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
               "model": {"gaussians": 100, "texels": 0 if "/plain/" in name else 800, "psnr": 40.0},
-              "files": [{"steps": steps, "bytes": 10**9, "psnr": 1.0, "gaussians": 100,
+              "files": [{"steps": steps, "bytes": 10**9, "psnr": 1.0, "ssim": 0.01, "flip": 0.99, "gaussians": 100,
                          "texels": 0 if "/plain/" in name else 800} for steps in frontier.STEPS]}
     for file, (size, psnr) in zip(report["files"], files):
-        file.update(bytes=size, psnr=psnr)
+        file.update(bytes=size, psnr=psnr, ssim=psnr / 100, flip=1 - psnr / 100)
     path = folder / f"{name}.json"
-    path.parent.mkdir(parents=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(report))
 
 
@@ -66,6 +66,33 @@ class Frontier(unittest.TestCase):
         self.assertIn("| fox | 1,700 Gaussians, SH 1, rgba 8 | 1 | +5.50 | 12.50 | 19.92 |", page)
         self.assertIn("without textures", picture)
         self.assertNotIn("lego", picture)
+
+    def test_differences_over_the_whole_range_are_means_between_hulls(self):
+        # Textures take half the bytes up to 20 dB, and as many as the plain files from 30 dB on; half way in logarithms
+        # of bytes lies half way in dB.
+        plain = frontier.hull([(100, 10.0), (400, 20.0), (1600, 30.0)])
+        textured = frontier.hull([(50, 10.0), (200, 20.0), (1600, 30.0)])
+        self.assertAlmostEqual(frontier.rate(plain, textured), math.exp(-0.75 * math.log(2)) - 1)
+        # In octaves of bytes: 5 dB ahead from 100 to 200, then down to 10/3 at 400 and to 0 at 1600.
+        self.assertAlmostEqual(frontier.mean_gain(plain, textured), (5 + (5 + 10 / 3) / 2 + 10 / 3) / 4)
+        for better in (frontier.rate, frontier.mean_gain):
+            self.assertAlmostEqual(better(plain, plain), 0)
+            self.assertIsNone(better(plain, frontier.hull([(5000, 40.0), (9000, 50.0)])))
+
+    def test_seeds_are_compared_each_with_its_own_plain_hull_where_that_is_whole(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            counts = frontier.COUNTS["fox"]
+            for seed, gain in ((1, 1.0), (2, 2.0), (3, 9.0)):
+                for place, count in enumerate(counts):
+                    if seed == 3 and place == 2:
+                        continue  # a gap: this seed does not count
+                    add(folder, f"fox/{count}/sh1/plain/{seed}", (20000 * 2 ** place, 20.0 + 2 * place))
+                add(folder, f"fox/1700/sh1/rgba-2/{seed}", (40000, 22.0 + gain), (80000, 24.0 + gain))
+            page, _ = self.report(folder)
+        self.assertIn("| fox | cut | 1, 2 | 40 to 80 kB | +1.50 +- 1.00 | ", page)
+        self.assertIn("| fox | cut | 50 kB | 2 | 24.14 | 22.64 | +1.50 +- 1.00 |", page)
+        self.assertNotIn("| fox | trained for |", page)
 
     def test_a_cell_that_was_cut_elsewhere_is_trained_again_for_its_files(self):
         with tempfile.TemporaryDirectory() as folder:
