@@ -3,6 +3,7 @@
 """The best picture per byte, with textures and without: trains both, writes them as .sog and scores the files.
 
     bench/frontier.py run    --data DATA --work WORK [--only GLOB]...
+    bench/frontier.py frames --work WORK [--only GLOB]...     processor milliseconds a frame of what is done
     bench/frontier.py list   [--only GLOB]...         every cell, and whether it is done
     bench/frontier.py report                          docs/frontier.md and docs/images/frontier.svg from the cells
 
@@ -25,7 +26,7 @@ import sys
 
 import svg_plot
 from report_document import Code, Heading, Items, Table, Text, markdown
-from reproduce import LENGTH, ROOT, Locks, Scene, alone, commit, machine, side_by_side
+from reproduce import FRAMES, LENGTH, ROOT, Locks, Scene, alone, commit, machine, side_by_side
 from reproduce import SCENES as TRIALS
 
 CELLS = ROOT / "docs/lab/frontier"
@@ -44,6 +45,7 @@ STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
 QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
 SIDE = 8  # [texels] of the textures that are cut
+FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs'
 LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
 
@@ -140,6 +142,22 @@ class Driver:
                           **self.score(scene, file, run)})
         return files
 
+    def frames(self, name):
+        """Times the cell's model from its first camera; CELLS/frames.json holds what was timed."""
+        model, timed = self.options.work / name / "model.tgz", frames_in(CELLS)
+        if name in timed or not model.exists():
+            return
+        print(name, file=sys.stderr, flush=True)
+        dataset = json.loads((CELLS / f"{name}.json").read_text())["training"]["dataset"]
+        size = f"{FRAME_SCALE * dataset['width']}x{FRAME_SCALE * dataset['height']}"
+        measured = self.options.work / "frames.partial"
+        command = [self.options.bin / "render_bench", model, "--backend", "cpu", "--threads", self.options.threads,
+                   "--size", size, "--frames", FRAMES, "--frames-only", "--json", measured]
+        subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
+        frame = json.loads(measured.read_text())
+        write(CELLS / "frames.json", {**timed, name: {"ms": frame["processor_ms"],
+                                                      **{key: frame[key] for key in ("device", "width", "height")}}})
+
     def score(self, scene, model, run):
         self.call(scene, "tgeval", model, self.options.data / SCENES[scene].folder, "--json", run / "eval.json",
                   "--overwrite")
@@ -168,6 +186,11 @@ def done_cells(folder):
         if path.exists():
             found[name] = json.loads(path.read_text())
     return found
+
+
+def frames_in(folder):
+    path = folder / "frames.json"
+    return json.loads(path.read_text()) if path.exists() else {}
 
 
 def cells_of(found, scene, seed):
@@ -322,6 +345,24 @@ def by_size(found):
     return rows
 
 
+def frame_times(found, timed):
+    """Rows of textured cells: a frame, and one of as many plain Gaussians as come to the same PSNR."""
+    seeds = {}
+    for name in found:
+        scene, count, degree, arm, seed = name.split("/")
+        if name not in timed or arm == "plain":
+            continue
+        chain = hull([(timed[plain]["ms"], found[plain]["model"]["psnr"]) for plain in cells_of(found, scene, seed)
+                      if "/plain/" in plain and plain in timed])
+        psnr, ms = found[name]["model"]["psnr"], timed[name]["ms"]
+        as_good = size_of(chain, psnr)
+        if as_good:
+            seeds.setdefault(name.rpartition("/")[0], []).append((psnr, ms, as_good))
+    return [[cell.split("/")[0], arm_of(f"{cell}/0"), str(len(of)),
+             *(f"{statistics.fmean(column):.{digits}f}" for column, digits in zip(zip(*of), (2, 1, 1))),
+             over_seeds([100 * (ms / plain - 1) for _, ms, plain in of], "{:+.0f}")] for cell, of in seeds.items()]
+
+
 def arm_of(name):
     _, count, degree, arm, _ = name.split("/")
     return f"{int(count):,} Gaussians, SH {degree[2:]}" + ("" if arm == "plain" else f", {arm.replace('-', ' ')}")
@@ -378,6 +419,13 @@ def report(folder, page, picture):
                     "the same PSNR. Gain: over the same Gaussians [dB]."),
                Table(["scene", "with textures", "steps", "gain", "costs [bytes]", "would pay at [bytes]"],
                      prices(found)),
+               Heading("A frame at equal PSNR"),
+               Text("Processor milliseconds a frame of the CPU renderer, from the first camera, with "
+                    f"{FRAME_SCALE} times as many pixels a side as the photographs have; models before they are cut. "
+                    "Plain: of as many Gaussians without textures as come to the same PSNR, between the counts that "
+                    "are there. Mean over seeds, the difference +- twice its standard error."),
+               Table(["scene", "with textures", "seeds", "PSNR", "ms", "plain", "difference [%]"],
+                     frame_times(found, frames_in(folder))),
                Heading("Every cell"),
                Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS),
                       *(f"trained for {steps}" for steps in TRAINED)],
@@ -412,7 +460,7 @@ def standalone(pictures):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("verb", choices=["run", "list", "report"])
+    parser.add_argument("verb", choices=["run", "frames", "list", "report"])
     parser.add_argument("--data", type=pathlib.Path, help="where the scenes' folders are")
     parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
@@ -434,9 +482,14 @@ def main():
         for name in chosen:
             print("done   " if (CELLS / f"{name}.json").exists() else "missing", name)
         return
-    if not options.data or not options.work:
-        parser.error("expected --data and --work")
-    side_by_side(Driver(options).run, chosen, options.jobs)
+    if not options.work or (options.verb == "run" and not options.data):
+        parser.error("expected " + ("--data and --work" if options.verb == "run" else "--work"))
+    driver = Driver(options)
+    if options.verb == "frames":
+        for name in chosen:
+            driver.frames(name)
+        return
+    side_by_side(driver.run, chosen, options.jobs)
 
 
 if __name__ == "__main__":

@@ -23,10 +23,10 @@ sys.path.insert(0, str(ROOT / "bench"))
 import frontier
 
 
-def add(folder, name, *files):
+def add(folder, name, *files, model=40.0):
     """files: (bytes, dB) of the first steps; what the others make is on no hull. SSIM and FLIP go with dB."""
     report = {"cell": name, "commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
-              "model": {"gaussians": 100, "texels": 0 if "/plain/" in name else 800, "psnr": 40.0},
+              "model": {"gaussians": 100, "texels": 0 if "/plain/" in name else 800, "psnr": model},
               "files": [{"steps": steps, "bytes": 10**9, "psnr": 1.0, "ssim": 0.01, "flip": 0.99, "gaussians": 100,
                          "texels": 0 if "/plain/" in name else 800} for steps in frontier.STEPS]}
     for file, (size, psnr) in zip(report["files"], files):
@@ -93,6 +93,18 @@ class Frontier(unittest.TestCase):
         self.assertIn("| fox | cut | 1, 2 | 40 to 80 kB | +1.50 +- 1.00 | ", page)
         self.assertIn("| fox | cut | 50 kB | 2 | 24.14 | 22.64 | +1.50 +- 1.00 |", page)
         self.assertNotIn("| fox | trained for |", page)
+
+    def test_frames_are_compared_at_equal_psnr(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder, ms = pathlib.Path(folder), {}
+            for name, psnr, time_of in (("3400/sh1/plain", 20.0, 10.0), ("6800/sh1/plain", 24.0, 40.0),
+                                        ("3400/sh1/rgba-2", 22.0, 15.0), ("6800/sh1/rgba-2", 25.0, 60.0)):
+                add(folder, f"fox/{name}/1", (20000, psnr), model=psnr)
+                ms[f"fox/{name}/1"] = {"ms": time_of, "device": "CPU"}
+            (folder / "frames.json").write_text(json.dumps(ms))
+            page, _ = self.report(folder)
+        self.assertIn("| fox | 3,400 Gaussians, SH 1, rgba 2 | 1 | 22.00 | 15.0 | 20.0 | -25 |", page)
+        self.assertNotIn("| fox | 6,800 Gaussians, SH 1, rgba 2 | 1 | 25.00", page)  # no plain one comes to that
 
     def test_a_cell_that_was_cut_elsewhere_is_trained_again_for_its_files(self):
         with tempfile.TemporaryDirectory() as folder:
