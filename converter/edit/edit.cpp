@@ -21,6 +21,7 @@
 #include "core/bundle/training_json.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_budget.h"
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
@@ -205,6 +206,15 @@ void texelBudget(Bundle& loaded, const Edit& edit) {
   fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels), blendWeights(loaded.model, views));
 }
 
+void shareTextures(Bundle& loaded, const Edit& edit) {
+  const double entries = numbersOf(edit, {1}, "a number of textures")[0];
+  if (entries < 1.0 || entries != std::floor(entries) || entries > static_cast<double>(kMostSharedTextures)) {
+    throw Error(ErrorKind::usage, "wrong value (expected 1 to " + std::to_string(kMostSharedTextures) + ")");
+  }
+  const std::vector<Camera> views = contributionViews(loaded.model, loaded.cameras);
+  tg::shareTextures(loaded.model, static_cast<std::size_t>(entries), blendWeights(loaded.model, views), 0);
+}
+
 void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model); }
 
 struct Command {
@@ -212,7 +222,7 @@ struct Command {
   void (*apply)(Bundle&, const Edit&);
   bool reduces;  // the same scene with less of it
 };
-constexpr std::array<Command, 17> kCommands = {{
+constexpr std::array<Command, 18> kCommands = {{
     {{"--translate", "X,Y,Z", "move"}, translate, false},
     {{"--rotate", "X,Y,Z,DEG", "turn by an angle about an axis through the origin"}, rotate, false},
     {{"--rotate-quaternion", "W,X,Y,Z", "turn by a quaternion of any length"}, rotateQuaternion, false},
@@ -229,6 +239,7 @@ constexpr std::array<Command, 17> kCommands = {{
     {{"--texture-size", "WxH", "give every texture this size [texels]"}, textureSize, true},
     {{"--texel-budget", "N", "at most N texels in all, where pictures show them most"}, texelBudget, true},
     {{"--texture-error", "E", "the smallest texture with an error of at most E (1 = white)"}, textureError, true},
+    {{"--share-textures", "N", "leave N different textures, which Gaussians share"}, shareTextures, true},
     {{"--no-textures", "", "bake textures into colours and opacities"}, noTextures, true},
 }};
 

@@ -14,7 +14,7 @@ std::vector<SizeClass> sizeClasses(std::span<const TextureRect> rects) {
     by_size[{rects[i].height, rects[i].width}].push_back(static_cast<std::uint32_t>(i));
   }
   std::vector<SizeClass> classes;
-  for (auto& [size, gaussians] : by_size) classes.push_back({size.second, size.first, std::move(gaussians)});
+  for (auto& [size, textures] : by_size) classes.push_back({size.second, size.first, std::move(textures)});
   return classes;
 }
 

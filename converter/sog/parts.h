@@ -23,14 +23,14 @@ inline double fromLogarithm(double x) { return std::copysign(std::expm1(std::abs
 
 // ---- Textures
 constexpr const char* kTextures = "TG_gaussian_splatting_texture";  // key of meta.json
-constexpr int kTextureVersion = 1;
-constexpr int kMaxSide = 255;      // [texels]
-constexpr int kNeutralByte = 128;  // of a texel's value
+constexpr int kOwnTextures = 1, kSharedTextures = 2;  // versions: a texture a Gaussian, or one for several
+constexpr int kMaxSide = 255;                         // [texels]
+constexpr int kNeutralByte = 128;                     // of a texel's value
 
-// Gaussians with textures of one size, in their order; classes by height, then width.
+// Textures of one size, in their order; classes by height, then width.
 struct SizeClass {
   int width, height;
-  std::vector<std::uint32_t> gaussians;
+  std::vector<std::uint32_t> textures;
 };
 std::vector<SizeClass> sizeClasses(std::span<const TextureRect> rects);
 

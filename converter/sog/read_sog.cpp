@@ -13,6 +13,7 @@
 #include "core/file/json.h"
 #include "core/image/webp.h"
 #include "core/model/fallback.h"
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -175,8 +176,9 @@ class SogReader {
   }
 
   void readTextures(const JsonNode& node) {
-    if (node.integer("version", 1, 1000) != sog::kTextureVersion) {
-      loaded_.warnings.push_back("textures of another version than 1 are left out");
+    const std::int64_t version = node.integer("version", 1, 1000);
+    if (version != sog::kOwnTextures && version != sog::kSharedTextures) {
+      loaded_.warnings.push_back("textures of another version than 1 and 2 are left out");
       return;
     }
     GaussianModel& model = loaded_.model;
@@ -185,28 +187,24 @@ class SogReader {
     model.outside = named<TextureOutside>(node, "outside");
     if (model.texture_mode == TextureMode::none) node.fail("mode: textures have one (expected alpha, rgb or rgba)");
     const auto steps = node.numbers<2>("steps", 0.0, 1.0);
-    const BytePixels sizes = image(node, 2, 0, count_);
-    model.atlas.rects.resize(count_);
-    std::uint64_t texels = 0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      TextureRect& rect = model.atlas.rects[i];
-      rect.offset = static_cast<std::uint32_t>(texels);
-      rect.width = sizes.data[4 * i];
-      rect.height = sizes.data[4 * i + 1];
-      if (rect.texelCount() == 0) rect = {};
-      texels += rect.texelCount();
-      if (texels > kMaxModelTexels) node.fail("too many texels" + atMost(kMaxModelTexels, texels));
-    }
-    const BytePixels values = image(node, 2, 1, texels);
-    model.atlas.texels.resize(texels);
+    const bool shared = version == sog::kSharedTextures;
+    const auto stored = shared ? static_cast<std::size_t>(node.integer("textures", 1, kMostSharedTextures)) : count_;
+    const std::size_t file_count = shared ? 3 : 2;
+    const BytePixels sizes = image(node, file_count, 0, stored);
+    std::vector<TextureRect> rects(stored);
+    std::uint64_t texel_count = 0;
+    for (std::size_t i = 0; i < stored; ++i)
+      place(rects[i], sizes.data[4 * i], sizes.data[4 * i + 1], texel_count, node);
+    const BytePixels values = image(node, file_count, 1, texel_count);
+    std::vector<glm::vec4> texels(texel_count);
     std::size_t at = 0;
-    for (const sog::SizeClass& group : sog::sizeClasses(model.atlas.rects)) {
+    for (const sog::SizeClass& group : sog::sizeClasses(rects)) {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {
-        for (const std::uint32_t i : group.gaussians) {
-          const double spread = spreads[t] * opacitySpread(opacityOf(model, i));
+        for (const std::uint32_t i : group.textures) {
+          const double spread = spreads[t] * (shared ? 1.0 : opacitySpread(opacityOf(model, i)));
           const std::uint8_t* bytes = values.data.data() + 4 * at++;
-          glm::vec4& texel = model.atlas.texels[model.atlas.rects[i].offset + t];
+          glm::vec4& texel = texels[rects[i].offset + t];
           for (int k = 0; k < 4; ++k) {
             texel[k] = static_cast<float>((bytes[k] - sog::kNeutralByte) * steps[k == 3] * spread);
           }
@@ -214,8 +212,44 @@ class SogReader {
         }
       }
     }
-    neutralize(model.atlas.texels, model.texture_mode);
+    neutralize(texels, model.texture_mode);
+    if (shared) {
+      handOut(rects, texels, image(node, file_count, 2, count_), node);
+    } else {
+      model.atlas = {std::move(rects), std::move(texels)};
+    }
     removeFallback(model);
+  }
+
+  // A rectangle behind the `texels` that there are.
+  static void place(TextureRect& rect, int width, int height, std::uint64_t& texels, const JsonNode& node) {
+    rect = {static_cast<std::uint32_t>(texels), static_cast<std::uint16_t>(width), static_cast<std::uint16_t>(height)};
+    if (rect.texelCount() == 0) rect = {};
+    texels += rect.texelCount();
+    if (texels > kMaxModelTexels) node.fail("too many texels" + atMost(kMaxModelTexels, texels));
+  }
+
+  // To every Gaussian the texture that its label names.
+  void handOut(std::span<const TextureRect> rects, std::span<const glm::vec4> texels, const BytePixels& labels,
+               const JsonNode& node) {
+    TextureAtlas& atlas = loaded_.model.atlas;
+    atlas.rects.resize(count_);
+    std::vector<std::uint32_t> chosen(count_);
+    std::uint64_t texel_count = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      chosen[i] = static_cast<std::uint32_t>(labels.data[4 * i] | labels.data[4 * i + 1] << 8);
+      if (chosen[i] >= rects.size()) {
+        throw Error(ErrorKind::badData, path_,
+                    "Gaussian " + std::to_string(i) + " has a texture that there is not (expected an index below " +
+                        std::to_string(rects.size()) + ", found " + std::to_string(chosen[i]) + ")");
+      }
+      place(atlas.rects[i], rects[chosen[i]].width, rects[chosen[i]].height, texel_count, node);
+    }
+    atlas.texels.resize(texel_count);
+    for (std::size_t i = 0; i < count_; ++i) {
+      std::copy_n(texels.begin() + rects[chosen[i]].offset, atlas.rects[i].texelCount(),
+                  atlas.texels.begin() + atlas.rects[i].offset);
+    }
   }
 
   template <typename T>

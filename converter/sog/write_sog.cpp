@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SOG out.
 #include <algorithm>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "converter/formats/morton.h"
 #include "converter/formats/texel_spread.h"
@@ -13,6 +15,7 @@
 #include "core/file/json.h"
 #include "core/image/webp.h"
 #include "core/model/fallback.h"
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -34,9 +37,11 @@ constexpr double kLastCode = 65535;        // of a coordinate
 // theirs at once, so that files shrink by little.
 double positionStep(double f, int axis) { return std::exp2(std::floor(2 + 1.5 * std::log2(f) + axis / 3.0)); }
 double opacityStep(double f) { return 4 * f - 2; }
-// Textures hang on the axes.
+// Textures of a Gaussian's own hang on its axes.
 double rotationStep(double f, bool textured) { return textured ? f / 4 : f; }
 double scaleStep(double f, bool textured) { return std::pow(textured ? f / 4 : f, 0.6); }
+// Of texels that several Gaussians share, at any `f`: they are a hundredth of a file.
+constexpr double kSharedStep = 0.25;
 
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
 
@@ -72,12 +77,12 @@ std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
 class SogWriter {
  public:
   SogWriter(GaussianModel model, const SogOptions& options, const std::string& path)
-      : model_(std::move(model)), textured_(isTextured(model_)), options_(options), path_(path) {}
+      : model_(std::move(model)), options_(options), path_(path) {}
 
   std::vector<ZipEntry> write() {
     meta_["version"] = sog::kVersion;
     meta_["count"] = model_.size();
-    if (textured_) addTextures();  // first: the base holds what stands in for the texels as they are stored
+    if (isTextured(model_)) addTextures();  // first: the base holds what stands in for the texels as they are stored
     addMeans();
     addScales();
     addRotations();
@@ -142,7 +147,7 @@ class SogWriter {
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
     const std::vector<float> codebook = makeCodebook(
-        numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, textured_))));
+        numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, own_textures_))));
     Json files;
     BytePixels& pixels = image(files, "scales.webp", model_.size());
     for (std::size_t i = 0; i < model_.size(); ++i) {
@@ -177,7 +182,7 @@ class SogWriter {
       for (int k = 0, to = 0; k < 4; ++k) {
         if (k != largest)
           bytes[to++] = static_cast<std::uint8_t>(
-              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), rotationStep(options_.steps, textured_), 255.0));
+              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), rotationStep(options_.steps, own_textures_), 255.0));
       }
       bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
     }
@@ -234,22 +239,64 @@ class SogWriter {
         {"count", held}, {"bands", model_.sh_degree}, {"codebook", codebookOf(codebook)}, {"files", std::move(files)}};
   }
 
+  // What of the textures is stored.
+  struct Stored {
+    std::vector<std::uint32_t> owners;  // the Gaussian of each texture, or the first that shares it
+    std::vector<TextureRect> rects;     // of each
+    std::vector<std::uint32_t> labels;  // [N] which one a Gaussian has; empty: its own
+    // How much coarser than its spread a texture may be: one that several share serves opaque ones, too.
+    std::vector<double> coarser;
+  };
+
+  // `base`: with the opacities that the reader sees.
+  Stored storedTextures(const GaussianModel& base) const {
+    const std::vector<TextureRect>& rects = model_.atlas.rects;
+    const std::vector<std::uint32_t> groups = textureGroups(model_.atlas);
+    Stored stored;
+    if (areShared(groups)) {
+      std::vector<std::uint32_t> owners, members;
+      for (std::uint32_t i = 0; i < groups.size(); ++i) {
+        if (groups[i] == owners.size()) {
+          owners.push_back(i);
+          members.push_back(0);
+        }
+        ++members[groups[i]];
+      }
+      std::vector<std::uint32_t> order(owners.size()), place(owners.size());  // what most share first
+      std::iota(order.begin(), order.end(), 0u);
+      std::ranges::stable_sort(order, std::greater(), [&](std::uint32_t group) { return members[group]; });
+      for (std::uint32_t k = 0; k < order.size(); ++k) {
+        place[order[k]] = k;
+        stored.owners.push_back(owners[order[k]]);
+      }
+      for (const std::uint32_t group : groups) stored.labels.push_back(place[group]);
+      stored.coarser.assign(owners.size(), 1.0);
+    } else {
+      stored.owners.resize(rects.size());
+      std::iota(stored.owners.begin(), stored.owners.end(), 0u);
+      for (std::size_t i = 0; i < rects.size(); ++i) {
+        stored.coarser.push_back(opacitySpread(opacityByte(base, i) / 255.0));
+      }
+    }
+    for (const std::uint32_t owner : stored.owners) stored.rects.push_back(rects[owner]);
+    return stored;
+  }
+
   // Of colours and of alpha: as fine as asked for, or as coarse as it takes for bytes to reach nearly all texels.
-  std::array<double, 2> texelSteps(const GaussianModel& base) const {
+  std::array<double, 2> texelSteps(const Stored& stored) const {
     std::array<std::vector<float>, 4> magnitudes;  // of each channel, in units of a texel's spread
-    for (const sog::SizeClass& group : sog::sizeClasses(model_.atlas.rects)) {
+    for (const sog::SizeClass& group : sog::sizeClasses(stored.rects)) {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
-      for (const std::uint32_t i : group.gaussians) {
-        const double weight = opacitySpread(opacityByte(base, i) / 255.0);
+      for (const std::uint32_t i : group.textures) {
         for (std::size_t t = 0; t < spreads.size(); ++t) {
-          const glm::vec4 change = model_.atlas.texels[model_.atlas.rects[i].offset + t] - glm::vec4(0, 0, 0, 1);
+          const glm::vec4 change = model_.atlas.texels[stored.rects[i].offset + t] - glm::vec4(0, 0, 0, 1);
           for (int k = 0; k < 4; ++k) {
-            magnitudes[k].push_back(static_cast<float>(std::abs(change[k]) / (spreads[t] * weight)));
+            magnitudes[k].push_back(static_cast<float>(std::abs(change[k]) / (spreads[t] * stored.coarser[i])));
           }
         }
       }
     }
-    const double step = static_cast<double>(options_.texture_step) * options_.steps;
+    const double step = options_.texture_step * (stored.labels.empty() ? options_.steps : kSharedStep);
     std::array<double, 2> steps = {step, 2 * step};
     for (int k = 0; k < 4 && !magnitudes[k].empty(); ++k) {
       steps[k == 3] = reachingStep(steps[k == 3], static_cast<double>(mostOf(magnitudes[k])));
@@ -260,33 +307,35 @@ class SogWriter {
 
   // Leaves in the model the texels as they are stored, and then bakes them.
   void addTextures() {
-    const std::size_t n = model_.size();
-    Json files;
-    BytePixels& sizes = image(files, "texture_sizes.webp", n);
-    std::size_t texels = 0;
-    for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t i = 0; i < model_.size(); ++i) {
       const TextureRect rect = model_.atlas.rects[i];
       if (std::max(rect.width, rect.height) > sog::kMaxSide) {
         throw Error(ErrorKind::badData, path_,
                     "Gaussian " + std::to_string(i) + " has too large a texture for SOG" +
                         atMost(sog::kMaxSide, std::max(rect.width, rect.height)) + " texels a side");
       }
-      sizes.data[4 * i] = static_cast<std::uint8_t>(rect.width);
-      sizes.data[4 * i + 1] = static_cast<std::uint8_t>(rect.height);
-      texels += rect.texelCount();
     }
     neutralize(model_.atlas.texels, model_.texture_mode);
-    BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
     // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
-    std::size_t at = 0;
     GaussianModel base = bakeFallback(model_);
-    const std::array<double, 2> steps = texelSteps(base);
-    for (const sog::SizeClass& group : sog::sizeClasses(model_.atlas.rects)) {
+    const Stored stored = storedTextures(base);
+    Json files;
+    BytePixels& sizes = image(files, "texture_sizes.webp", stored.rects.size());
+    std::size_t texels = 0;
+    for (std::size_t i = 0; i < stored.rects.size(); ++i) {
+      sizes.data[4 * i] = static_cast<std::uint8_t>(stored.rects[i].width);
+      sizes.data[4 * i + 1] = static_cast<std::uint8_t>(stored.rects[i].height);
+      texels += stored.rects[i].texelCount();
+    }
+    BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
+    std::size_t at = 0;
+    const std::array<double, 2> steps = texelSteps(stored);
+    for (const sog::SizeClass& group : sog::sizeClasses(stored.rects)) {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {
-        for (const std::uint32_t i : group.gaussians) {
-          const double spread = spreads[t] * opacitySpread(opacityByte(base, i) / 255.0);
-          glm::vec4& texel = model_.atlas.texels[model_.atlas.rects[i].offset + t];
+        for (const std::uint32_t i : group.textures) {
+          const double spread = spreads[t] * stored.coarser[i];
+          glm::vec4& texel = model_.atlas.texels[stored.rects[i].offset + t];
           std::uint8_t* bytes = values.data.data() + 4 * at++;
           for (int k = 0; k < 4; ++k) {
             const double own = steps[k == 3] * spread, neutral = k == 3 ? 1.0 : 0.0;
@@ -297,18 +346,31 @@ class SogWriter {
         }
       }
     }
-    textures_ = {{"version", sog::kTextureVersion},
-                 {"mode", name(model_.texture_mode)},
-                 {"intersection", name(model_.intersection)},
-                 {"outside", name(model_.outside)},
-                 {"steps", steps},
-                 {"files", std::move(files)}};
+    const bool shared = !stored.labels.empty();
+    own_textures_ = !shared;
+    textures_ = {{"version", shared ? sog::kSharedTextures : sog::kOwnTextures}};
+    if (shared) {
+      textures_["textures"] = stored.owners.size();
+      BytePixels& labels = image(files, "texture_labels.webp", model_.size());
+      for (std::size_t i = 0; i < model_.size(); ++i) {
+        const TextureRect own = model_.atlas.rects[i], owner = stored.rects[stored.labels[i]];
+        std::copy_n(model_.atlas.texels.begin() + owner.offset, owner.texelCount(),
+                    model_.atlas.texels.begin() + own.offset);
+        labels.data[4 * i] = static_cast<std::uint8_t>(stored.labels[i] & 255u);
+        labels.data[4 * i + 1] = static_cast<std::uint8_t>(stored.labels[i] >> 8);
+      }
+    }
+    textures_.update({{"mode", name(model_.texture_mode)},
+                      {"intersection", name(model_.intersection)},
+                      {"outside", name(model_.outside)},
+                      {"steps", steps},
+                      {"files", std::move(files)}});
     model_ = bakeFallback(model_);
     model_.opacity_logit = std::move(base.opacity_logit);
   }
 
   GaussianModel model_;
-  const bool textured_;
+  bool own_textures_ = false;  // each Gaussian its own
   const SogOptions& options_;
   const std::string& path_;
   Json meta_ = Json::object(), textures_;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/model/texture_budget.h"
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/model/views.h"
 #include "core/model/wide_splats.h"
@@ -34,7 +35,7 @@ constexpr int kSettlingSteps = 500;             // after an opacity reset
 constexpr float kNoiseRate = 1.6e-4f, kNoiseRateEnd = 1.6e-6f;
 
 // Independent streams of one seed.
-enum class Stream : std::uint64_t { points = 1, densify, plain, textured, noise, count, background };
+enum class Stream : std::uint64_t { points = 1, densify, plain, textured, noise, count, background, dictionary };
 Random stream(std::uint64_t seed, Stream which) {
   return Random(Random(seed + 0x632be59bd9b4e019u * static_cast<std::uint64_t>(which)).bits());
 }
@@ -121,6 +122,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       time_left_(settings_, schedule_,
                  static_cast<double>(trainingPixels(dataset)) /
                      static_cast<double>(std::max<std::size_t>(dataset.indices(false).size(), 1))) {
+  if (settings.texture_dictionary > 0) requireSharing();
   beginTimes();
   time_left_.resume(state_.iteration, state_.seconds, state_.training.model.size());
 }
@@ -197,6 +199,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   pull();
   engine_->stateChanged();
   state_.stage = stage;
+  texture_groups_.reset();
   state_.iteration = known_losses_ = 0;
   state_.seconds = 0;
   state_.loss = {};
@@ -267,6 +270,37 @@ void Trainer::cutTextures() {
   fitTexturesToBudget(state_.training.model, static_cast<std::uint64_t>(texels), seenWeights());
   resetMoments(state_.training);
   time_left_.rescale(texelsEach(), engine_->gaussians(state_));
+}
+
+void Trainer::shareTextures() {
+  pull();
+  engine_->stateChanged();
+  GaussianModel& model = state_.training.model;
+  const auto entries = static_cast<std::size_t>(settings_.texture_dictionary);
+  tg::shareTextures(model, entries, seenWeights(), stream(settings_.seed, Stream::dictionary).bits());
+  resetMoments(state_.training);
+  texture_groups_.reset();
+}
+
+// What is the same stays the same from here on; a run that goes on finds it in the texels.
+void Trainer::findTextureGroups() {
+  if (texture_groups_) return;
+  texture_groups_.emplace();
+  const bool dictionary = settings_.texture_dictionary > 0 && state_.stage == Stage::textured &&
+                          state_.iteration >= settings_.texture_iterations / 2;
+  if (!dictionary && state_.stage != Stage::quantized) return;
+  pull();
+  if (!isTextured(state_.training.model)) return;
+  std::vector<std::uint32_t> groups = textureGroups(state_.training.model.atlas);
+  if (!dictionary && !areShared(groups)) return;
+  requireSharing();
+  texture_groups_ = std::move(groups);
+}
+
+void Trainer::requireSharing() const {
+  if (engine_->sharesTextures()) return;
+  throw Error(ErrorKind::usage,
+              "textures that Gaussians share are trained by one process on the CPU (expected --device cpu)");
 }
 
 // Leaves as many Gaussians, those that the training views show most, with their statistics.
@@ -420,6 +454,11 @@ void Trainer::iterate() {
       state_.iteration == settings_.texture_iterations / 2) {
     cutTextures();
   }
+  if (state_.stage == Stage::textured && settings_.texture_dictionary > 0 &&
+      state_.iteration == settings_.texture_iterations / 2) {
+    shareTextures();
+  }
+  findTextureGroups();
   const int iteration = ++state_.iteration;
   const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
   const bool adc = settings_.densification == Densification::adc;
@@ -476,7 +515,8 @@ void Trainer::iterate() {
       .noise = static_cast<float>(settings_.mcmc_noise * extent_ *
                                   decayedRate(kNoiseRate, kNoiseRateEnd, iteration, iterationsOf(state_.stage))),
       .noise_seed = stream(settings_.seed, Stream::noise).bits(),
-      .clamp_colors = settings_.texture_init == TextureInit::paper};
+      .clamp_colors = settings_.texture_init == TextureInit::paper,
+      .texture_groups = *texture_groups_};
   input.gradient.statistics = input.gather_statistics;
   input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
   input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;

@@ -100,6 +100,9 @@ class Trainer {
   // What is wide for its distance in pieces, as far as the limit leaves room.
   void splitWideOnes();
   void cutTextures();
+  void shareTextures();
+  void findTextureGroups();
+  void requireSharing() const;  // throws Error(usage) where the engine cannot
   bool swaps() const;
   bool picks() const;
   bool resetsOpacity(int iteration) const;
@@ -130,6 +133,7 @@ class Trainer {
   mutable int known_losses_ = 0;  // of the stage's iterations
   const std::size_t test_views_;
   TimeLeft time_left_;
+  std::optional<std::vector<std::uint32_t>> texture_groups_;  // StepInput's, once it was looked for them
   std::function<void(std::size_t, std::size_t)> scoring_;
   Stored stored_;
 };

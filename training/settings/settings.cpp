@@ -7,6 +7,7 @@
 #include <optional>
 #include <type_traits>
 
+#include "core/model/texture_dictionary.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
@@ -116,6 +117,8 @@ std::vector<SettingEntry> makeEntries() {
       choice("texture-sizes", &S::texture_sizes, "One size for all, or in proportion to the pixels a Gaussian covers"),
       number("adaptive-texels", &S::adaptive_texels, 0, 65536, "texels a Gaussian",
              "After half of stage 2 textures are cut to as many in the mean, where they show most (0: off)"),
+      number("texture-dictionary", &S::texture_dictionary, 0, static_cast<double>(kMostSharedTextures), "textures",
+             "After half of stage 2 Gaussians share as many different textures (0: each has its own)"),
       choice("texture-init", &S::texture_init, "First texels: no change, or the paper's 25/255"),
       choice("texture-intersection", &S::texture_intersection, "Where a ray meets a Gaussian in stage 2"),
       onOff("texture-gradient-geometry", &S::texture_gradient_geometry,
@@ -225,6 +228,13 @@ void checkSettings(const TrainSettings& settings) {
   }
   if (settings.quantize_iterations > 0 && settings.compare_untextured) {
     throw Error(ErrorKind::usage, "--quantize-iterations has no twin without textures (expected one of both)");
+  }
+  if (settings.texture_dictionary > 0 &&
+      (settings.texture_mode == TextureMode::none || settings.texture_sizes != TextureSizes::uniform ||
+       settings.adaptive_texels > 0)) {
+    throw Error(ErrorKind::usage,
+                "--texture-dictionary is of textures of one size (expected a texture mode, --texture-sizes uniform and "
+                "no --adaptive-texels)");
   }
   if (settings.densification == Densification::mcmc && settings.gaussians == 0 && settings.percent == 0) {
     throw Error(ErrorKind::usage, "--densification mcmc needs a count to grow to (expected --gaussians or --percent)");

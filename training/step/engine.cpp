@@ -14,6 +14,7 @@ class HostTrainingEngine final : public TrainingEngine {
  public:
   HostTrainingEngine(DifferentiableRenderer& renderer, float ssim_weight) : renderer_(renderer), loss_(ssim_weight) {}
 
+  bool sharesTextures() const override { return true; }
   void step(RunState& state, const StepInput& input) override {
     TrainingState& training = state.training;
     {

@@ -41,6 +41,8 @@ struct StepInput {
   float noise;
   std::uint64_t noise_seed;
   bool clamp_colors;  // texel colours to [0, 1]
+  // [N] textureGroups(): Gaussians of a group keep to one texture. Empty: each has its own.
+  std::span<const std::uint32_t> texture_groups = {};
 };
 
 class TrainingEngine {
@@ -48,6 +50,8 @@ class TrainingEngine {
   virtual ~TrainingEngine() = default;
   // Whether steps are to come without photographs.
   virtual bool takesPhotographs() const { return false; }
+  // Whether step() heeds texture_groups.
+  virtual bool sharesTextures() const { return false; }
   // One iteration, which may still be under way at return. A state with min_sigma is drawn through the 3D filter. After
   // a loss that is not finite the state is not to be used. Throws Error(device).
   virtual void step(RunState& state, const StepInput& input) = 0;

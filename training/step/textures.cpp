@@ -86,4 +86,23 @@ void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMo
   resetMoments(state);
 }
 
+void sumOverGroups(const TextureAtlas& atlas, std::span<const std::uint32_t> groups, std::vector<glm::vec4>& gradient) {
+  TG_ASSERT(groups.size() == atlas.rects.size() && gradient.size() == atlas.texels.size(), "a group a Gaussian");
+  std::vector<std::uint32_t> first;  // Gaussian of each group, whose texels hold the sum
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (groups[i] == first.size()) {
+      first.push_back(static_cast<std::uint32_t>(i));
+      continue;
+    }
+    const glm::vec4* from = gradient.data() + atlas.rects[i].offset;
+    glm::vec4* to = gradient.data() + atlas.rects[first[groups[i]]].offset;
+    for (std::uint32_t t = 0; t < atlas.rects[i].texelCount(); ++t) to[t] += from[t];
+  }
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    const glm::vec4* from = gradient.data() + atlas.rects[first[groups[i]]].offset;
+    glm::vec4* to = gradient.data() + atlas.rects[i].offset;
+    if (from != to) std::copy_n(from, atlas.rects[i].texelCount(), to);
+  }
+}
+
 }  // namespace tg

@@ -2,6 +2,7 @@
 // The step from plain to textured Gaussians, between the two training stages.
 #pragma once
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -24,5 +25,9 @@ std::vector<TextureRect> footprintRects(const GaussianModel& model, std::span<co
 // optimisation. neutral: colour 0 and alpha 1, the picture stays the same to the last bit. paper: colour 25/255, taken
 // off the constant SH colour, so that only the rim beyond 3 sigma and clamped base colours change.
 void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMode mode, TextureInit init);
+
+// The gradient of textures that Gaussians share: groups: [N] textureGroups(). All of a group get the group's sum,
+// summed in the Gaussians' order, so that equal texels with equal moments stay equal.
+void sumOverGroups(const TextureAtlas& atlas, std::span<const std::uint32_t> groups, std::vector<glm::vec4>& gradient);
 
 }  // namespace tg

@@ -12,6 +12,7 @@ const MOST_META = 16 << 20;       // [bytes]
 const MOST_PER_BYTE = 64;         // Gaussians; as many as a million are always fine
 const ATLAS_SIDE = 4096;          // [texels]
 const MOST_TEXELS = 1 << 25;
+const OWN = 1, SHARED = 2, MOST_SHARED = 65536;  // versions: a texture a Gaussian, or one for several
 const SH_C0 = 0.28209479177387814;
 const AT_A_TIME = 4096;          // Gaussians between two looks at the clock
 // Where textures are looked at for what stands in for them (docs/sog.md#textures).
@@ -176,7 +177,7 @@ function texelSpreads(width, height) {
   return v.flatMap((row) => u.map((column) => Math.min((most / (row * column)) ** 0.7, 16)));
 }
 
-// Classes of Gaussians with textures of one size, by height, then width, placed on shelves of pages.
+// Classes of textures of one size, by height, then width, placed on shelves of pages.
 function placeTextures(sizes, count) {
   const classes = new Map();
   let texels = 0;
@@ -185,8 +186,8 @@ function placeTextures(sizes, count) {
     if (width === 0 || height === 0) continue;
     texels += width * height;
     const key = height * CODEBOOK + width;
-    if (!classes.has(key)) classes.set(key, {width, height, gaussians: []});
-    classes.get(key).gaussians.push(i);
+    if (!classes.has(key)) classes.set(key, {width, height, textures: []});
+    classes.get(key).textures.push(i);
   }
   if (texels > MOST_TEXELS) throw new Error(`${texels} texels are too many (expected at most ${MOST_TEXELS})`);
   const sorted = [...classes.keys()].sort((a, b) => a - b).map((key) => classes.get(key));
@@ -194,8 +195,8 @@ function placeTextures(sizes, count) {
   const rects = new Uint16Array(4 * count), pages = new Float32Array(count);
   const heights = [0];
   let x = 0, y = 0, shelf = 0, page = 0;
-  for (const {width, height, gaussians} of sorted) {
-    for (const i of gaussians) {
+  for (const {width, height, textures} of sorted) {
+    for (const i of textures) {
       if (x + width > side || height > shelf) {
         x = 0;
         y += shelf;
@@ -215,15 +216,33 @@ function placeTextures(sizes, count) {
   return {classes: sorted, texels, side, rects, pages, heights};
 }
 
+// The rectangle and page of every Gaussian, whose label names one of the textures.
+async function handOut(file, part, placed, stored) {
+  const {samples: labels} = await file.image(part, 2, file.count);
+  const rects = new Uint16Array(4 * file.count), pages = new Float32Array(file.count);
+  await file.each((i) => {
+    const label = labels[4 * i] | labels[4 * i + 1] << 8;
+    if (label >= stored) throw new Error(`texture ${label} of Gaussian ${i} (expected below ${stored})`);
+    rects.set(placed.rects.subarray(4 * label, 4 * label + 4), 4 * i);
+    pages[i] = placed.pages[label];
+  });
+  return {rects, pages};
+}
+
 async function readTextures(file, model, part) {
-  if (part.version !== 1) throw new Error(`version ${part.version}`);
+  const shared = part.version === SHARED;
+  if (part.version !== OWN && !shared) throw new Error(`version ${part.version}`);
+  const stored = shared ? part.textures : file.count;
+  if (!(Number.isInteger(stored) && stored > 0 && (!shared || stored <= MOST_SHARED))) {
+    throw new Error(`${stored} textures (expected 1 to ${MOST_SHARED})`);
+  }
   const mode = MODES[part.mode], intersection = INTERSECTIONS[part.intersection], outside = OUTSIDES[part.outside];
   if (mode === undefined || intersection === undefined || outside === undefined) {
     throw new Error(`mode "${part.mode}", intersection "${part.intersection}", outside "${part.outside}"`);
   }
   const steps = checkNumbers(part.steps, 2, 'steps');
-  const {samples: sizes} = await file.image(part, 0, file.count);
-  const placed = placeTextures(sizes, file.count);
+  const {samples: sizes} = await file.image(part, 0, stored);
+  const placed = placeTextures(sizes, stored);
   const {samples: bytes} = await file.image(part, 1, placed.texels);
   const {side, rects, pages, heights} = placed;
   const atlases = heights.map((height) => ({
@@ -233,12 +252,12 @@ async function readTextures(file, model, part) {
   const color = mode & MODES.rgb, alpha = mode & MODES.alpha;
   const opacitySpread = Float32Array.from(model.opacity, (o) => Math.min(Math.max(o, 1e-6) ** -0.35, 16));
   let at = 0;
-  for (const {width, height, gaussians} of placed.classes) {
+  for (const {width, height, textures} of placed.classes) {
     const spreads = texelSpreads(width, height);
     for (let t = 0; t < spreads.length; ++t) {
-      for (let n = 0; n < gaussians.length; ++n, at += 4) {
+      for (let n = 0; n < textures.length; ++n, at += 4) {
         if (n % AT_A_TIME === 0) await breathe();
-        const i = gaussians[n], spread = spreads[t] * opacitySpread[i];
+        const i = textures[n], spread = spreads[t] * (shared ? 1 : opacitySpread[i]);
         const {texels} = atlases[pages[i]];
         const to = 4 * ((rects[4 * i + 1] + Math.floor(t / width)) * side + rects[4 * i] + t % width);
         for (let k = 0; k < 3; ++k) texels[to + k] = color ? (bytes[at + k] - NEUTRAL) * steps[0] * spread : 0;
@@ -246,7 +265,8 @@ async function readTextures(file, model, part) {
       }
     }
   }
-  const layer = {mode, intersection, atlases, rects, pages, opacity: model.opacity.slice(), dc: model.sh[0].slice()};
+  const own = shared ? await handOut(file, part, placed, stored) : {rects, pages};
+  const layer = {mode, intersection, atlases, ...own, opacity: model.opacity.slice(), dc: model.sh[0].slice()};
   await takeOffBase(file, layer);
   return {layer, intersection, outside};
 }
@@ -330,7 +350,7 @@ export async function readSogParts(meta, entries, size, {whole = false} = {}) {
   try {
     if (part) Object.assign(model, await readTextures(file, model, part));
   } catch (error) {
-    if (whole && part.version === 1) throw error;
+    if (whole && (part.version === OWN || part.version === SHARED)) throw error;
     model.notes.push(`The textures cannot be used (${error.message}): the picture is the base without them.`);
   }
   return model;

@@ -15,6 +15,7 @@
 #include "core/file/file.h"
 #include "core/image/webp.h"
 #include "core/model/fallback.h"
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "shared/splat.h"
@@ -323,12 +324,75 @@ TEST_CASE("SOG: the same model gives the same bytes") {
   CHECK(readFile(scratch.folder() / "a.sog", 1 << 24) == readFile(scratch.folder() / "b.sog", 1 << 24));
 }
 
+TEST_CASE("SOG: what Gaussians share is stored once, and comes back to all") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "shared.sog";
+  test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 19, 120);
+  GaussianModel& model = scene.model;
+  setShDegree(model, 0);
+  constexpr std::size_t kDifferent = 5;
+  TextureAtlas atlas;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    TextureRect rect = model.atlas.rects[i % kDifferent];
+    const auto from = model.atlas.texels.begin() + rect.offset;
+    rect.offset = static_cast<std::uint32_t>(atlas.texels.size());
+    atlas.texels.insert(atlas.texels.end(), from, from + rect.texelCount());
+    atlas.rects.push_back(rect);
+  }
+  model.atlas = std::move(atlas);
+  std::size_t texels = 0;
+  for (std::size_t i = 0; i < kDifferent; ++i) texels += model.atlas.rects[i].texelCount();
+  const GaussianModel sorted = select(model, writeSog(path, model));
+  const std::vector<std::uint8_t> bytes = readFile(path, 1 << 24);
+  const ZipReader zip(bytes, "shared.sog");
+  const auto meta = nlohmann::json::parse(zip.read("meta.json", 1 << 20))["TG_gaussian_splatting_texture"];
+  CHECK(meta["version"] == 2);
+  CHECK(meta["textures"] == 5);
+  CHECK(decodeWebp(zip.read("texture_texels.webp", 1 << 24), "texels").size() < texels + 300);
+  const GaussianModel out = readSog(path).model;
+  CHECK(textureGroups(out.atlas) == textureGroups(sorted.atlas));
+  CHECK(renderedPsnr(sorted, out, std::vector<Camera>{scene.camera}, glm::vec3(0.0f)) > 40);
+  CHECK(readSog(path, true).model.texture_mode == TextureMode::none);
+  const std::uintmax_t once = std::filesystem::file_size(path);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    model.atlas.texels[model.atlas.rects[i].offset].x += 1e-3f * static_cast<float>(i);
+  }
+  writeSog(path, model);
+  CHECK(once < std::filesystem::file_size(path));
+
+  SECTION("labels and counts that are none are refused") {
+    const auto refused = [&](const auto& change) {
+      std::vector<ZipEntry> entries = sogFiles(sorted, "s.sog");
+      for (ZipEntry& entry : entries) change(entry);
+      writeZip(scratch.folder() / "wrong.sog", entries, "wrong.sog");
+      return test::messageOf([&] { readSog(scratch.folder() / "wrong.sog"); }, ErrorKind::badData);
+    };
+    const auto changed = [&](const std::string& key, const nlohmann::json& value) {
+      return [=](ZipEntry& entry) {
+        if (entry.name != "meta.json") return;
+        auto all = nlohmann::json::parse(entry.bytes);
+        all["TG_gaussian_splatting_texture"][key] = value;
+        const std::string text = all.dump();
+        entry.bytes.assign(text.begin(), text.end());
+      };
+    };
+    CHECK_THAT(refused(changed("textures", 0)), Contains("textures"));
+    CHECK_THAT(refused(changed("textures", 65537)), Contains("textures"));
+    CHECK_THAT(refused(changed("textures", 3)), Contains("has a texture that there is not (expected an index below 3"));
+    CHECK_THAT(refused(changed("files", {"texture_sizes.webp", "texture_texels.webp"})), Contains("files"));
+    CHECK_THAT(refused([](ZipEntry& entry) {
+                 if (entry.name == "texture_labels.webp") entry.bytes = encodeWebp(BytePixels(4, 4));
+               }),
+               Contains("texture_labels.webp: too few pixels"));
+  }
+}
+
 TEST_CASE("SOG: textures of a version to come are left out with a warning") {
   const Scratch scratch;
   SogParts parts;
-  parts.meta["TG_gaussian_splatting_texture"] = {{"version", 2}};
+  parts.meta["TG_gaussian_splatting_texture"] = {{"version", 3}};
   const Bundle loaded = parseSog(parts.bytes(scratch), "a.sog");
   CHECK(loaded.model.texture_mode == TextureMode::none);
   REQUIRE(loaded.warnings.size() == 1);
-  CHECK(loaded.warnings[0] == "textures of another version than 1 are left out");
+  CHECK(loaded.warnings[0] == "textures of another version than 1 and 2 are left out");
 }

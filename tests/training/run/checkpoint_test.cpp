@@ -191,6 +191,7 @@ TEST_CASE("a run that goes on from a checkpoint ends in the same bytes", "[check
        },
        true},
       {"adaptive textures", [](tg::TrainSettings& s) { s.adaptive_texels = 3; }},
+      {"textures that Gaussians share", [](tg::TrainSettings& s) { s.texture_dictionary = 4; }},
       {"a share of a count that a stage finds out, textures by footprint",
        [](tg::TrainSettings& s) {
          s.gaussians = 0;

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "core/model/texture_dictionary.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "support/catch.h"
@@ -260,6 +261,46 @@ TEST_CASE("adaptive textures keep to their number of texels, and show what more 
   const tg::TrainResult uniform = tg::train(dataset, settings, *renderer);
   REQUIRE((adaptive.report.textured && uniform.report.textured));
   CHECK(adaptive.report.textured->train_psnr > uniform.report.textured->train_psnr);
+}
+
+TEST_CASE("with a dictionary Gaussians share its textures to the end, and it learns as they do", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_iterations = 100;
+  settings.texture_dictionary = 6;
+  settings.quantize_iterations = 20;
+  tg::Trainer trainer(dataset, settings, *renderer);
+  trainer.onQuantizing([](const tg::GaussianModel& model, float&) { return model; });
+  const auto different = [](const tg::GaussianModel& model) {
+    const std::vector<std::uint32_t> groups = tg::textureGroups(model.atlas);
+    return *std::ranges::max_element(groups) + 1;
+  };
+  while (trainer.stage() == tg::Stage::plain || trainer.state().iteration < 50) REQUIRE(trainer.step());
+  CHECK(different(trainer.model()) > 6);
+  REQUIRE(trainer.step());
+  const tg::GaussianModel first = trainer.model();
+  CHECK(different(first) <= 6);
+  CHECK(different(first) > 1);
+  while (trainer.step()) CHECK(different(trainer.model()) == different(first));
+  const tg::TrainResult result = trainer.result();
+  tg::checkModel(result.model, "model");
+  REQUIRE((result.report.textured && result.report.quantized));
+  const auto psnr = [&](const tg::GaussianModel& model) {
+    const auto draw = [&](const tg::Camera& camera) {
+      return tg::renderPicture(*renderer, model, camera, dataset.background);
+    };
+    return tg::meanScore(tg::scoreViews(dataset, dataset.indices(false), draw)).psnr;
+  };
+  CHECK(psnr(result.model) > psnr(first) + 0.1);
+
+  for (const auto change : {+[](tg::TrainSettings& s) { s.texture_mode = tg::TextureMode::none; },
+                            +[](tg::TrainSettings& s) { s.texture_sizes = tg::TextureSizes::footprint; },
+                            +[](tg::TrainSettings& s) { s.adaptive_texels = 4; }}) {
+    tg::TrainSettings wrong = settings;
+    change(wrong);
+    CHECK_THROWS_WITH(tg::checkSettings(wrong), Contains("--texture-dictionary is of textures of one size"));
+  }
 }
 
 namespace {

@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+// Textures that several Gaussians share.
+#include "core/model/texture_dictionary.h"
+
+#include <algorithm>
+#include <array>
+#include <glm/gtc/quaternion.hpp>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "core/system/assert.h"
+#include "core/system/error.h"
+#include "core/system/parallel.h"
+#include "core/system/random.h"
+#include "shared/splat.h"
+
+namespace tg {
+namespace {
+
+constexpr std::size_t kMostFitted = 32768;  // Gaussians that k-means looks at
+constexpr int kRounds = 12;                 // of it
+constexpr int kTurns = 8;
+
+// How a texture lies on its Gaussian: entry(i, j) = texture(a, b) with a = i or mirrored, b = j or mirrored, and then
+// the two exchanged or not.
+struct Turn {
+  bool mirror_u, mirror_v, exchange;
+};
+constexpr Turn turnOf(int number) { return {(number & 1) != 0, (number & 2) != 0, (number & 4) != 0}; }
+
+// For every texel of an entry the one of the texture.
+std::vector<std::uint32_t> texelsOf(Turn turn, int side) {
+  std::vector<std::uint32_t> from;
+  for (int j = 0; j < side; ++j) {
+    for (int i = 0; i < side; ++i) {
+      int a = turn.mirror_u ? side - 1 - i : i;
+      int b = turn.mirror_v ? side - 1 - j : j;
+      if (turn.exchange) std::swap(a, b);
+      from.push_back(static_cast<std::uint32_t>(b * side + a));
+    }
+  }
+  return from;
+}
+
+// Turns the Gaussian's axes under its texture, so that the entry lies on it as the texture did.
+void turnGaussian(GaussianModel& model, std::size_t i, Turn turn) {
+  glm::vec3& log_scale = model.log_scale[i];
+  const int c = shortestAxis(log_scale), a = c == 0 ? 1 : 0, b = 3 - a - c;
+  glm::dmat3 axes(0.0);  // columns: the new local axes, in the old ones
+  axes[a][turn.exchange ? b : a] = turn.mirror_u ? -1.0 : 1.0;
+  axes[b][turn.exchange ? a : b] = turn.mirror_v ? -1.0 : 1.0;
+  axes[c][c] = 1.0;
+  if (glm::determinant(axes) < 0.0) axes[c][c] = -1.0;
+  const glm::vec4 stored = model.rotation[i];
+  const glm::dquat turned = glm::dquat(stored.x, stored.y, stored.z, stored.w) * glm::quat_cast(axes);
+  model.rotation[i] = glm::vec4(turned.w, turned.x, turned.y, turned.z);
+  if (turn.exchange) std::swap(log_scale[a], log_scale[b]);
+}
+
+class KMeans {
+ public:
+  KMeans(const GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed)
+      : model_(model), side_(model.atlas.rects.front().width), texels_(static_cast<std::size_t>(side_) * side_) {
+    for (int turn = 0; turn < kTurns; ++turn) turns_[turn] = texelsOf(turnOf(turn), side_);
+    const std::vector<double> shares = texelShares(side_);
+    for (int j = 0; j < side_; ++j) {
+      for (int i = 0; i < side_; ++i) roots_.push_back(static_cast<float>(std::sqrt(shares[i] * shares[j])));
+    }
+    const std::size_t n = model.size(), fitted = std::min(n, std::max(kMostFitted, 4 * entries));
+    for (std::size_t k = 0; k < fitted; ++k) fitted_.push_back(static_cast<std::uint32_t>(k * n / fitted));
+    weights_.assign(weights.begin(), weights.end());
+    const double most = n > 0 ? *std::ranges::max_element(weights_) : 0.0;
+    for (double& weight : weights_) weight = std::max(weight, most * 1e-9);  // what is not seen has a place, too
+    entries_ = std::min(entries, fitted + 1);
+    begin(seed);
+    for (int round = 0; round < kRounds; ++round) move();
+  }
+
+  struct Nearest {
+    std::uint32_t entry;
+    int turn;
+    float distance;
+  };
+  Nearest nearest(std::size_t gaussian) const {
+    Nearest best{0, 0, std::numeric_limits<float>::infinity()};
+    std::vector<float> turned(length()), distances(entries_);
+    for (int turn = 0; turn < kTurns; ++turn) {
+      take(gaussian, turn, turned);
+      std::ranges::fill(distances, 0.0f);
+      for (std::size_t d = 0; d < length(); ++d) {  // over entries inside: they lie side by side
+        const float* column = columns_.data() + d * entries_;
+        const float own = turned[d];
+        for (std::size_t k = 0; k < entries_; ++k) distances[k] += (own - column[k]) * (own - column[k]);
+      }
+      for (std::size_t k = 0; k < entries_; ++k) {
+        if (distances[k] < best.distance) best = {static_cast<std::uint32_t>(k), turn, distances[k]};
+      }
+    }
+    return best;
+  }
+  glm::vec4 texel(std::size_t entry, std::size_t t) const {
+    glm::vec4 value;
+    for (std::size_t k = 0; k < 4; ++k)
+      value[static_cast<int>(k)] = columns_[(4 * t + k) * entries_ + entry] / roots_[t];
+    return value;
+  }
+  std::size_t texelCount() const { return texels_; }
+
+ private:
+  std::size_t length() const { return 4 * texels_; }
+  // A texture as it would lie after the turn, each texel times the root of its share.
+  void take(std::size_t gaussian, int turn, std::vector<float>& to) const {
+    const glm::vec4* from = model_.atlas.texels.data() + model_.atlas.rects[gaussian].offset;
+    for (std::size_t t = 0; t < texels_; ++t) {
+      const glm::vec4 value = from[turns_[turn][t]] * roots_[t];
+      for (int k = 0; k < 4; ++k) to[4 * t + static_cast<std::size_t>(k)] = value[k];
+    }
+  }
+  void set(std::size_t entry, std::span<const float> values) {
+    for (std::size_t d = 0; d < length(); ++d) columns_[d * entries_ + entry] = values[d];
+  }
+
+  // k-means++: the next entry is a texture that is far from all before; the first one changes nothing.
+  void begin(std::uint64_t seed) {
+    Random random(seed);
+    columns_.assign(length() * entries_, 0.0f);
+    std::vector<float> values(length());
+    for (std::size_t t = 0; t < texels_; ++t) values[4 * t + 3] = roots_[t];
+    std::vector<double> far(fitted_.size(), std::numeric_limits<double>::infinity());
+    for (std::size_t entry = 0; entry < entries_; ++entry) {
+      if (entry > 0) {
+        double sum = 0.0;
+        for (std::size_t k = 0; k < far.size(); ++k) sum += far[k] * weights_[fitted_[k]];
+        double place = random.uniform() * sum;
+        std::size_t chosen = 0;
+        while (chosen + 1 < far.size() && (place -= far[chosen] * weights_[fitted_[chosen]]) > 0.0) ++chosen;
+        take(fitted_[chosen], 0, values);
+      }
+      set(entry, values);
+      parallelFor(static_cast<std::int64_t>(far.size()), 256, [&](std::int64_t k) {
+        std::vector<float> turned(length());
+        for (int turn = 0; turn < kTurns; ++turn) {
+          take(fitted_[k], turn, turned);
+          float distance = 0.0f;
+          for (std::size_t d = 0; d < length(); ++d) distance += (turned[d] - values[d]) * (turned[d] - values[d]);
+          far[k] = std::min(far[k], static_cast<double>(distance));
+        }
+      });
+    }
+  }
+
+  // One of Lloyd's rounds. An entry that nobody is nearest to stays where it is.
+  void move() {
+    std::vector<Nearest> found(fitted_.size());
+    parallelFor(static_cast<std::int64_t>(found.size()), 16, [&](std::int64_t k) { found[k] = nearest(fitted_[k]); });
+    std::vector<double> sums(length() * entries_, 0.0), weights(entries_, 0.0);
+    std::vector<float> turned(length());
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      const double weight = weights_[fitted_[k]];
+      take(fitted_[k], found[k].turn, turned);
+      weights[found[k].entry] += weight;
+      for (std::size_t d = 0; d < length(); ++d) sums[d * entries_ + found[k].entry] += weight * turned[d];
+    }
+    for (std::size_t d = 0; d < length(); ++d) {
+      for (std::size_t k = 0; k < entries_; ++k) {
+        if (weights[k] > 0.0) columns_[d * entries_ + k] = static_cast<float>(sums[d * entries_ + k] / weights[k]);
+      }
+    }
+  }
+
+  const GaussianModel& model_;
+  int side_;
+  std::size_t texels_, entries_ = 0;
+  std::array<std::vector<std::uint32_t>, kTurns> turns_;
+  std::vector<float> roots_;
+  std::vector<std::uint32_t> fitted_;
+  std::vector<double> weights_;
+  std::vector<float> columns_;  // [length, entries], times the roots
+};
+
+}  // namespace
+
+std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas) {
+  const std::size_t n = atlas.rects.size();
+  std::vector<std::uint32_t> order(n);
+  std::iota(order.begin(), order.end(), 0u);
+  const auto compare = [&](std::uint32_t i, std::uint32_t j) {
+    const TextureRect &a = atlas.rects[i], &b = atlas.rects[j];
+    if (const auto by_size = std::pair(a.width, a.height) <=> std::pair(b.width, b.height); by_size != 0)
+      return by_size;
+    const auto bits = [&](const TextureRect& rect) {
+      return std::span(reinterpret_cast<const std::uint32_t*>(atlas.texels.data() + rect.offset),
+                       4 * rect.texelCount());
+    };
+    const auto first = bits(a), second = bits(b);
+    return std::lexicographical_compare_three_way(first.begin(), first.end(), second.begin(), second.end());
+  };
+  std::ranges::sort(order, [&](std::uint32_t i, std::uint32_t j) {
+    const auto found = compare(i, j);
+    return found != 0 ? found < 0 : i < j;
+  });
+  std::vector<std::uint32_t> first(n), groups(n);  // the first Gaussian of each one's group; numbers
+  for (std::size_t k = 0; k < n; ++k) {
+    first[order[k]] = k > 0 && compare(order[k - 1], order[k]) == 0 ? first[order[k - 1]] : order[k];
+  }
+  std::uint32_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) groups[i] = first[i] == i ? count++ : groups[first[i]];
+  return groups;
+}
+
+bool areShared(std::span<const std::uint32_t> groups) {
+  if (groups.empty()) return false;
+  const std::size_t different = std::size_t{*std::ranges::max_element(groups)} + 1;
+  return different <= kMostSharedTextures && 2 * different <= groups.size();
+}
+
+void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed) {
+  TG_ASSERT(entries > 0 && entries <= kMostSharedTextures, "a number of textures that Gaussians can share");
+  TG_ASSERT(weights.size() == model.size(), "a weight a Gaussian");
+  if (model.atlas.rects.empty()) return;
+  const TextureRect size = model.atlas.rects.front();
+  for (const TextureRect& rect : model.atlas.rects) {
+    if (rect.texelCount() > 0 && rect.width == size.width && rect.height == size.width) continue;
+    throw Error(ErrorKind::usage, "textures that Gaussians share are squares of one size (found " +
+                                      std::to_string(size.width) + " x " + std::to_string(size.height) + " and " +
+                                      std::to_string(rect.width) + " x " + std::to_string(rect.height) + " texels)");
+  }
+  const KMeans dictionary(model, entries, weights, seed);
+  std::vector<KMeans::Nearest> found(model.size());
+  parallelFor(static_cast<std::int64_t>(found.size()), 16,
+              [&](std::int64_t i) { found[i] = dictionary.nearest(static_cast<std::size_t>(i)); });
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    glm::vec4* texels = model.atlas.texels.data() + model.atlas.rects[i].offset;
+    for (std::size_t t = 0; t < dictionary.texelCount(); ++t) texels[t] = dictionary.texel(found[i].entry, t);
+    turnGaussian(model, i, turnOf(found[i].turn));
+  }
+}
+
+}  // namespace tg

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Textures that several Gaussians share, texel for texel: what a file then holds once.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/model/model.h"
+
+namespace tg {
+
+constexpr std::size_t kMostSharedTextures = 65536;  // textures that a model's Gaussians share
+
+// [N] The same number for Gaussians whose textures are equal in size and every texel, from 0 in the order of the first
+// Gaussian of each; those without a texture have one of their own.
+std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas);
+
+// Whether at least two Gaussians share a texture, in the mean, and not more textures are different than
+// kMostSharedTextures: what files hold once.
+bool areShared(std::span<const std::uint32_t> groups);
+
+// Leaves at most `entries` (1 to kMostSharedTextures) different textures, by k-means over those that there are: squared
+// distances weighted with each texel's share in a texture's mean (core/model/atlas.h) and with [N] `weights` >= 0 of
+// the Gaussians. A texture lies on its Gaussian in eight ways, by the signs and the order of its axes, which change
+// nothing else: Gaussians are turned to the way that is nearest. The same seed gives the same result, with any number
+// of threads. Throws Error(usage) for textures that are not squares of one size; none at all are left as they are.
+void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed);
+
+}  // namespace tg
