@@ -8,10 +8,12 @@
     bench/frontier.py report                          docs/frontier.md and docs/images/frontier.svg from the cells
 
 A cell is SCENE/GAUSSIANS/shDEGREE/ARM/SEED: stage 1 to so many Gaussians, then as many iterations again of the arm:
-plain: without textures; rgba-8: with RGBA textures of 8 texels a Gaussian in the mean (tgtrain --adaptive-texels). Its
-model is written with several widths of steps, and with some of them trained for the file as well; bytes are those of the
-.sog file, scores those of the file over the test views. One that is done leaves docs/lab/frontier/CELL.json. A call runs
-what is missing, in order, and may be stopped at any moment: WORK keeps the run folders, and the same call goes on.
+plain: without textures; rgba-8: with RGBA textures of 8 texels a Gaussian in the mean (tgtrain --adaptive-texels);
+shared-64: with 64 different textures of 4 x 4 texels, which Gaussians share (--texture-dictionary). Its model is
+written with several widths of steps, and with some of them trained for the file as well, if not --cut; bytes are those
+of the .sog file, scores those of the file over the test views. One that is done leaves docs/lab/frontier/CELL.json. A
+call runs what is missing, in order, and may be stopped at any moment: WORK keeps the run folders, and the same call
+goes on.
 """
 import argparse
 import fnmatch
@@ -37,14 +39,14 @@ COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 680
           "lego": [620, 1250, 2500, 5000, 10000, 20000, 40000],
           "printshop": [950, 1900, 3800, 7600, 15200, 30400]}
 DEGREES = [1, 0, 3]
-ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8"]
+ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8", "shared-64", "shared-256"]
 SEEDS = [1, 2, 3]
-REPEATED = ["plain", "rgba-4", "rgba-2"]  # at degree 1, what seeds beyond the first have
+REPEATED = ["plain", "rgba-4", "rgba-2", "shared-64", "shared-256"]  # at degree 1, what seeds beyond the first have
 SIZES = [25, 50, 100, 200, 400, 800]  # [kB] of the table by size
 STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
 QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
-SIDE = 8  # [texels] of the textures that are cut
+SIDE, SHARED_SIDE = 8, 4  # [texels] of the textures that are cut, and of those that are shared
 FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs'
 LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
@@ -97,8 +99,9 @@ class Driver:
         if not report:
             report = self.cut(name)
             write(path, report)
-        report["trained"] = self.trained_for(name)
-        write(path, report)
+        if not self.options.cut:
+            report["trained"] = self.trained_for(name)
+            write(path, report)
 
     def model(self, name):
         """The cell's, trained if it is not there."""
@@ -108,6 +111,9 @@ class Driver:
                            *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count)
         if arm == "plain":
             flags = ["--iterations", LENGTH, "--densification", "none", "--texture-mode", "none"]
+        elif arm.startswith("shared-"):
+            flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", "rgba", "--texture-size",
+                     SHARED_SIDE, "--texture-dictionary", arm.removeprefix("shared-")]
         else:
             mode, texels = arm.split("-")
             flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", mode, "--texture-size", SIDE,
@@ -285,7 +291,7 @@ def prices(found):
     for name in found:
         scene, count, degree, arm, seed = name.split("/")
         bare = f"{scene}/{count}/{degree}/plain/{seed}"
-        if arm == "plain" or bare not in found or int(seed) != SEEDS[0]:
+        if arm == "plain" or arm.startswith("shared-") or bare not in found or int(seed) != SEEDS[0]:
             continue
         trained = all_trained(found, scene, seed)
         chain = hull(points(found, scene, seed, False, trained))
@@ -365,7 +371,13 @@ def frame_times(found, timed):
 
 def arm_of(name):
     _, count, degree, arm, _ = name.split("/")
-    return f"{int(count):,} Gaussians, SH {degree[2:]}" + ("" if arm == "plain" else f", {arm.replace('-', ' ')}")
+    kind, _, number = arm.partition("-")
+    textures = {"plain": "", "shared": f", {number} shared textures"}.get(kind, f", {kind} {number}")
+    return f"{int(count):,} Gaussians, SH {degree[2:]}{textures}"
+
+
+def texels_each(name, scores):
+    return "-" if "/shared-" in name else f"{scores['texels'] / scores['gaussians']:.1f}"
 
 
 def report(folder, page, picture):
@@ -376,16 +388,17 @@ def report(folder, page, picture):
         Text("What a file of some size is worth: Gaussians with textures beside more Gaussians without. Every point "
              "is a .sog file ([sog.md](sog.md)); its bytes are the file's, its PSNR is the file's over the test views. "
              f"Both arms have {2 * LENGTH:,} iterations: {LENGTH:,} of stage 1, then as many with textures "
-             "(`--adaptive-texels`: so many texels a Gaussian in the mean) or without. A line is the upper hull of all "
-             "counts, SH degrees and steps of its arm: what the best choice reaches."),
+             "(`--adaptive-texels`: so many texels a Gaussian in the mean; `--texture-dictionary`: so many textures of "
+             f"{SHARED_SIDE} x {SHARED_SIDE} texels, which Gaussians share) or without. A line is the upper hull of "
+             "all counts, SH degrees and steps of its arm: what the best choice reaches."),
         Text("Files are cut from the model as it is, or trained for: "
              f"{QUANTIZE:,} iterations more, with parameters as the file holds them "
              "([training.md](training.md#the-stages), stage 3); those of the finest steps are cut in any case. Of "
              "files that are trained for, only seeds count all of whose cells of a scene have them."),
         Text("![PSNR over bytes, with textures and without](images/frontier.svg)"),
         Text(f"{len(found)} of {len(cells())} cells are done, photographs at half size. sample is the scene that "
-             "`tgtrain make-sample` writes. Seeds beyond the first are of SH degree 1, plain and with 2 and 4 texels a "
-             "Gaussian. One cell again:"),
+             "`tgtrain make-sample` writes. Seeds beyond the first are of SH degree 1, and not of every arm. One cell "
+             "again:"),
         Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
         Heading("With textures against without, over the whole range"),
         Text("Bjontegaard's differences between the two hulls, integrated exactly between their corners: PSNR gained "
@@ -403,8 +416,8 @@ def report(folder, page, picture):
         plain, textured = (hull(points(found, scene, SEEDS[0], arm, trained)) for arm in (False, True))
         for size, psnr, name, file in textured:
             other = height(plain, size)
-            rows.append([scene, f"{size / 1000:,.0f} kB", arm_of(name), f"{file['texels'] / file['gaussians']:.1f}",
-                         f"{file['steps']}", f"{psnr:.2f}", "-" if other is None else f"{other:.2f}",
+            rows.append([scene, f"{size / 1000:,.0f} kB", arm_of(name), texels_each(name, file), f"{file['steps']}",
+                         f"{psnr:.2f}", "-" if other is None else f"{other:.2f}",
                          "-" if other is None else f"{psnr - other:+.2f}"])
         lines = [svg_plot.Line(label, style, [(size / 1000, psnr) for size, psnr, *_ in chain])
                  for (label, style), chain in zip(LINES, (plain, textured))]
@@ -429,8 +442,7 @@ def report(folder, page, picture):
                Heading("Every cell"),
                Table(["cell", "texels a Gaussian", "model", *(f"steps {steps}" for steps in STEPS),
                       *(f"trained for {steps}" for steps in TRAINED)],
-                     [[f"`{name}`", f"{cell['model']['texels'] / cell['model']['gaussians']:.1f}",
-                       f"{cell['model']['psnr']:.2f}",
+                     [[f"`{name}`", texels_each(name, cell["model"]), f"{cell['model']['psnr']:.2f}",
                        *(f"{file['bytes'] / 1000:,.1f} kB, {file['psnr']:.2f}" for file in cell["files"]),
                        *([f"{file['bytes'] / 1000:,.1f} kB, {file['psnr']:.2f}" for file in cell["trained"]]
                          if "trained" in cell else ["-"] * len(TRAINED))]
@@ -471,6 +483,7 @@ def main():
     parser.add_argument("--page", type=pathlib.Path, default=PAGE)
     parser.add_argument("--picture", type=pathlib.Path, default=PICTURE)
     parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
+    parser.add_argument("--cut", action="store_true", help="no files that are trained for")
     options = parser.parse_args()
     if options.verb == "report":
         report(options.cells, options.page, options.picture)

@@ -110,7 +110,7 @@ class Frontier(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             folder, name = pathlib.Path(folder), "fox/1700/sh1/plain/1"
             add(folder / "cells", name, (10000, 20.0))
-            options = argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu", threads=1)
+            options = argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu", threads=1, cut=False)
             driver, trained_for = frontier.Driver(options), []
 
             def call(_, program, *arguments):
@@ -134,7 +134,7 @@ class Frontier(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             folder, runs, most, now = pathlib.Path(folder), [], [0], set()
             driver = frontier.Driver(argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu",
-                                                        threads=1))
+                                                        threads=1, cut=False))
 
             def call(_, program, *arguments):
                 run = arguments[arguments.index("--run") + 1]

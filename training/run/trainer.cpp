@@ -46,6 +46,8 @@ Random stream(std::uint64_t seed, Stream which) {
 enum class Quantized { mean, rotation, logScale, texelsAndOpacity, shRest };
 constexpr int kQuantizedPhases = 5;
 
+constexpr int kSharedFrom = 4;  // a quarter of stage 2 (docs/lab/quality.md, "Textures that Gaussians share")
+
 // After `done` of `iterations`.
 Quantized phaseOf(int done, int iterations) {
   return static_cast<Quantized>(std::int64_t{done} * kQuantizedPhases / iterations);
@@ -287,7 +289,7 @@ void Trainer::findTextureGroups() {
   if (texture_groups_) return;
   texture_groups_.emplace();
   const bool dictionary = settings_.texture_dictionary > 0 && state_.stage == Stage::textured &&
-                          state_.iteration >= settings_.texture_iterations / 2;
+                          state_.iteration >= settings_.texture_iterations / kSharedFrom;
   if (!dictionary && state_.stage != Stage::quantized) return;
   pull();
   if (!isTextured(state_.training.model)) return;
@@ -455,7 +457,7 @@ void Trainer::iterate() {
     cutTextures();
   }
   if (state_.stage == Stage::textured && settings_.texture_dictionary > 0 &&
-      state_.iteration == settings_.texture_iterations / 2) {
+      state_.iteration == settings_.texture_iterations / kSharedFrom) {
     shareTextures();
   }
   findTextureGroups();

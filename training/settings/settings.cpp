@@ -118,7 +118,7 @@ std::vector<SettingEntry> makeEntries() {
       number("adaptive-texels", &S::adaptive_texels, 0, 65536, "texels a Gaussian",
              "After half of stage 2 textures are cut to as many in the mean, where they show most (0: off)"),
       number("texture-dictionary", &S::texture_dictionary, 0, static_cast<double>(kMostSharedTextures), "textures",
-             "After half of stage 2 Gaussians share as many different textures (0: each has its own)"),
+             "After a quarter of stage 2 Gaussians share as many different textures (0: each has its own)"),
       choice("texture-init", &S::texture_init, "First texels: no change, or the paper's 25/255"),
       choice("texture-intersection", &S::texture_intersection, "Where a ray meets a Gaussian in stage 2"),
       onOff("texture-gradient-geometry", &S::texture_gradient_geometry,

@@ -80,7 +80,7 @@ struct TrainSettings {
   // [texels a Gaussian] in the mean, to which textures are cut after half of stage 2, each to the size where its texels
   // take most error off the pictures; 0: they keep theirs.
   float adaptive_texels = 0;
-  int texture_dictionary = 0;  // different textures that are left after half of stage 2; 0: each Gaussian has its own
+  int texture_dictionary = 0;  // different textures that are left after a quarter of stage 2; 0: each has its own
   TextureInit texture_init = TextureInit::neutral;
   TextureIntersection texture_intersection = TextureIntersection::same;  // as stage 1
   bool texture_gradient_geometry = true;  // off: as the public re-implementation, for ablation

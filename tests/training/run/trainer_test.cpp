@@ -276,7 +276,7 @@ TEST_CASE("with a dictionary Gaussians share its textures to the end, and it lea
     const std::vector<std::uint32_t> groups = tg::textureGroups(model.atlas);
     return *std::ranges::max_element(groups) + 1;
   };
-  while (trainer.stage() == tg::Stage::plain || trainer.state().iteration < 50) REQUIRE(trainer.step());
+  while (trainer.stage() == tg::Stage::plain || trainer.state().iteration < 25) REQUIRE(trainer.step());
   CHECK(different(trainer.model()) > 6);
   REQUIRE(trainer.step());
   const tg::GaussianModel first = trainer.model();
