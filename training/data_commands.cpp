@@ -50,6 +50,10 @@ void addUndistortFlags(CLI::App& app, UndistortFlags& flags) {
 void undistort(const UndistortFlags& flags) {
   DatasetOptions dataset_options = datasetOptions(flags.dataset);
   if (!dataset_options.background) dataset_options.random_background = true;
+  std::error_code ignored;
+  if (std::filesystem::equivalent(flags.data, flags.folder, ignored)) {
+    throw Error(ErrorKind::usage, flags.folder, "is the data set itself (expected another folder)");
+  }
   const Dataset dataset = loadDataset(flags.data, dataset_options);
   printNotes(flags.data, dataset);
   writeDataset(flags.folder, dataset, flags.overwrite);

@@ -53,6 +53,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   options.run.resume = !own_run || ledger.isBegun(tg::PhotoStage::training, made_of);
   if (!options.run.resume) {
     tg::checkOutputs(options, false);
+    tg::checkData(options);  // before the run that is there goes
     std::error_code error;
     fs::remove_all(options.run.folder, error);
     if (error) throw tg::Error(tg::ErrorKind::cannotWrite, options.run.folder.string(), error.message());

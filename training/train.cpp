@@ -198,18 +198,24 @@ void refuseTogether(const TrainFlags& options) {
 
 void checkOutputs(const TrainFlags& options, bool resumes) {
   const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
+  const auto placeOf = [](const fs::path& path) {
+    std::error_code ignored;
+    const fs::path absolute = fs::absolute(path), place = fs::weakly_canonical(absolute, ignored);
+    return place.empty() ? absolute.lexically_normal() : place;
+  };
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
     if (path.empty()) continue;
     const Format* format = &path == &paths.back() ? nullptr : &modelFormat(path);
     for (std::size_t j = 0; j < i; ++j) {
-      if (fs::path(path).lexically_normal() == fs::path(paths[j]).lexically_normal()) {
+      if (!paths[j].empty() && placeOf(path) == placeOf(paths[j])) {
         throw Error(ErrorKind::usage, path, "is named for two outputs (expected different files)");
       }
     }
     const fs::path& run = options.run.folder;
-    if (!run.empty() && fs::absolute(path).lexically_normal() == fs::absolute(run / "model.tgz").lexically_normal()) {
-      throw Error(ErrorKind::usage, path, "is written in any case, as the run folder's model (expected another name)");
+    for (const char* own : {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json"}) {
+      if (run.empty() || placeOf(path) != placeOf(run / own)) continue;
+      throw Error(ErrorKind::usage, path, "is written in any case, by the run folder (expected another name)");
     }
     refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
     if (format) {
@@ -253,6 +259,11 @@ std::string trainingMadeOf(const TrainFlags& options) {
     for (const auto& [name, value] : quantizedFor(options)) text += name + " " + value + "\n";
   }
   return text;
+}
+
+void checkData(const TrainFlags& options) {
+  const Dataset dataset = loadDataset(options.dataset, datasetOptions(options.data));
+  (void)contextOf(options, dataset);
 }
 
 std::string nameOf(const std::string& title, const fs::path& path) {

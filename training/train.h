@@ -19,6 +19,9 @@ void checkOutputs(const TrainFlags& options, bool resumes);
 // model, if there is one. Throws Error.
 std::optional<Bundle> checkTraining(const TrainFlags& options);
 
+// What is wrong with the flags for the data set that is there. Throws Error.
+void checkData(const TrainFlags& options);
+
 // What a training from photographs depends on beside them.
 std::string trainingMadeOf(const TrainFlags& options);
 

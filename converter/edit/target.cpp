@@ -18,6 +18,8 @@ namespace {
 
 std::uint64_t write(const Format& format, const std::filesystem::path& file, const std::filesystem::path& name,
                     const Bundle& source, const WriteOptions& options) {
+  std::error_code ignored;
+  std::filesystem::remove(file, ignored);  // a trial replaces the last one, whatever outputs may do (KeepExisting)
   Written trial;
   writeTrial(format, file, name, source, options, trial);
   return trial.output_bytes > 0 ? trial.output_bytes : std::filesystem::file_size(file);

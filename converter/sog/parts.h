@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the reader and the writer of SOG files agree on. Private to converter/sog.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -24,8 +25,11 @@ inline double fromLogarithm(double x) { return std::copysign(std::expm1(std::abs
 // ---- Textures
 constexpr const char* kTextures = "TG_gaussian_splatting_texture";  // key of meta.json
 constexpr int kOwnTextures = 1, kSharedTextures = 2;  // versions: a texture a Gaussian, or one for several
-constexpr int kMaxSide = 255;                         // [texels]
-constexpr int kNeutralByte = 128;                     // of a texel's value
+// How much coarser a texture may be than its texels' spreads, by how many Gaussians have it: the error of a step is
+// theirs all together.
+inline double sharedSpread(std::uint32_t members) { return 1.0 / std::sqrt(std::max(members, 1u)); }
+constexpr int kMaxSide = 255;      // [texels]
+constexpr int kNeutralByte = 128;  // of a texel's value
 
 // Textures of one size, in their order; classes by height, then width.
 struct SizeClass {

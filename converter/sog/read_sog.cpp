@@ -195,6 +195,11 @@ class SogReader {
     std::uint64_t texel_count = 0;
     for (std::size_t i = 0; i < stored; ++i)
       place(rects[i], sizes.data[4 * i], sizes.data[4 * i + 1], texel_count, node);
+    std::vector<std::uint32_t> labels, members(stored);  // of each Gaussian; of each texture
+    if (shared) {
+      labels = readLabels(image(node, file_count, 2, count_), stored);
+      for (const std::uint32_t label : labels) ++members[label];
+    }
     const BytePixels values = image(node, file_count, 1, texel_count);
     std::vector<glm::vec4> texels(texel_count);
     std::size_t at = 0;
@@ -202,7 +207,8 @@ class SogReader {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (std::size_t t = 0; t < spreads.size(); ++t) {
         for (const std::uint32_t i : group.textures) {
-          const double spread = spreads[t] * (shared ? 1.0 : opacitySpread(opacityOf(model, i)));
+          const double spread =
+              spreads[t] * (shared ? sog::sharedSpread(members[i]) : opacitySpread(opacityOf(model, i)));
           const std::uint8_t* bytes = values.data.data() + 4 * at++;
           glm::vec4& texel = texels[rects[i].offset + t];
           for (int k = 0; k < 4; ++k) {
@@ -214,7 +220,7 @@ class SogReader {
     }
     neutralize(texels, model.texture_mode);
     if (shared) {
-      handOut(rects, texels, image(node, file_count, 2, count_), node);
+      handOut(rects, texels, labels, node);
     } else {
       model.atlas = {std::move(rects), std::move(texels)};
     }
@@ -229,25 +235,31 @@ class SogReader {
     if (texels > kMaxModelTexels) node.fail("too many texels" + atMost(kMaxModelTexels, texels));
   }
 
+  std::vector<std::uint32_t> readLabels(const BytePixels& pixels, std::size_t textures) const {
+    std::vector<std::uint32_t> labels(count_);
+    for (std::size_t i = 0; i < count_; ++i) {
+      labels[i] = static_cast<std::uint32_t>(pixels.data[4 * i] | pixels.data[4 * i + 1] << 8);
+      if (labels[i] < textures) continue;
+      throw Error(ErrorKind::badData, path_,
+                  "Gaussian " + std::to_string(i) + " has a texture that there is not (expected an index below " +
+                      std::to_string(textures) + ", found " + std::to_string(labels[i]) + ")");
+    }
+    return labels;
+  }
+
   // To every Gaussian the texture that its label names.
-  void handOut(std::span<const TextureRect> rects, std::span<const glm::vec4> texels, const BytePixels& labels,
-               const JsonNode& node) {
+  void handOut(std::span<const TextureRect> rects, std::span<const glm::vec4> texels,
+               std::span<const std::uint32_t> labels, const JsonNode& node) {
     TextureAtlas& atlas = loaded_.model.atlas;
     atlas.rects.resize(count_);
-    std::vector<std::uint32_t> chosen(count_);
     std::uint64_t texel_count = 0;
     for (std::size_t i = 0; i < count_; ++i) {
-      chosen[i] = static_cast<std::uint32_t>(labels.data[4 * i] | labels.data[4 * i + 1] << 8);
-      if (chosen[i] >= rects.size()) {
-        throw Error(ErrorKind::badData, path_,
-                    "Gaussian " + std::to_string(i) + " has a texture that there is not (expected an index below " +
-                        std::to_string(rects.size()) + ", found " + std::to_string(chosen[i]) + ")");
-      }
-      place(atlas.rects[i], rects[chosen[i]].width, rects[chosen[i]].height, texel_count, node);
+      const TextureRect& own = rects[labels[i]];
+      place(atlas.rects[i], own.width, own.height, texel_count, node);
     }
     atlas.texels.resize(texel_count);
     for (std::size_t i = 0; i < count_; ++i) {
-      std::copy_n(texels.begin() + rects[chosen[i]].offset, atlas.rects[i].texelCount(),
+      std::copy_n(texels.begin() + rects[labels[i]].offset, atlas.rects[i].texelCount(),
                   atlas.texels.begin() + atlas.rects[i].offset);
     }
   }

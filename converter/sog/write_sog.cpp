@@ -40,8 +40,6 @@ double opacityStep(double f) { return 4 * f - 2; }
 // Textures of a Gaussian's own hang on its axes.
 double rotationStep(double f, bool textured) { return textured ? f / 4 : f; }
 double scaleStep(double f, bool textured) { return std::pow(textured ? f / 4 : f, 0.6); }
-// Of texels that several Gaussians share, at any `f`: they are a hundredth of a file.
-constexpr double kSharedStep = 0.25;
 
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
 
@@ -244,8 +242,7 @@ class SogWriter {
     std::vector<std::uint32_t> owners;  // the Gaussian of each texture, or the first that shares it
     std::vector<TextureRect> rects;     // of each
     std::vector<std::uint32_t> labels;  // [N] which one a Gaussian has; empty: its own
-    // How much coarser than its spread a texture may be: one that several share serves opaque ones, too.
-    std::vector<double> coarser;
+    std::vector<double> coarser;        // how much coarser than its texels' spreads a texture may be
   };
 
   // `base`: with the opacities that the reader sees.
@@ -270,7 +267,7 @@ class SogWriter {
         stored.owners.push_back(owners[order[k]]);
       }
       for (const std::uint32_t group : groups) stored.labels.push_back(place[group]);
-      stored.coarser.assign(owners.size(), 1.0);
+      for (const std::uint32_t group : order) stored.coarser.push_back(sog::sharedSpread(members[group]));
     } else {
       stored.owners.resize(rects.size());
       std::iota(stored.owners.begin(), stored.owners.end(), 0u);
@@ -296,7 +293,7 @@ class SogWriter {
         }
       }
     }
-    const double step = options_.texture_step * (stored.labels.empty() ? options_.steps : kSharedStep);
+    const double step = static_cast<double>(options_.texture_step) * options_.steps;
     std::array<double, 2> steps = {step, 2 * step};
     for (int k = 0; k < 4 && !magnitudes[k].empty(); ++k) {
       steps[k == 3] = reachingStep(steps[k == 3], static_cast<double>(mostOf(magnitudes[k])));

@@ -29,7 +29,11 @@ constexpr double kLongestFocal = 1e9;    // [px]
 DatasetLayout detectLayout(const fs::path& folder) {
   // COLMAP first: folders that hold both describe one scene, and COLMAP's has points.
   if (findColmapModel(folder)) return DatasetLayout::colmap;
-  if (isFile(folder / "transforms_train.json")) return DatasetLayout::nerfSynthetic;
+  if (isFile(folder / "transforms_train.json")) {
+    // With calibrated cameras it is a scene of photographs, whose split stands in two files.
+    const bool photographs = !isFile(folder / "transforms.json") && namesFocalLengths(folder / "transforms_train.json");
+    return photographs ? DatasetLayout::transforms : DatasetLayout::nerfSynthetic;
+  }
   if (isFile(folder / "transforms.json")) return DatasetLayout::transforms;
   throw Error(ErrorKind::badData, folder.string(),
               "not a data set (expected transforms_train.json, transforms.json, or a COLMAP model in sparse/0 or "
@@ -184,10 +188,7 @@ PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std:
 Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
   Camera camera = entry.camera;
   if (camera.size.x == 0) {
-    camera.size = {width, height};
-    camera.center = glm::dvec2(camera.size) / 2.0;
-    camera.focal.x = width / 2.0 / std::tan(*entry.field_of_view_x / 2.0);
-    camera.focal.y = entry.field_of_view_y ? height / 2.0 / std::tan(*entry.field_of_view_y / 2.0) : camera.focal.x;
+    camera = intrinsicsOf(entry, camera, {width, height});
   } else if (camera.size != glm::ivec2(width, height)) {
     camera = resized(camera, width, height);
   }
@@ -367,8 +368,15 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   std::string images = options.images;
   int downscale = options.downscale;
   if (images != "images") {
+    bool follows = false;
     for (DatasetIndex::Entry& entry : index.entries) {
-      if (!entry.below_images.empty()) entry.image = folder / images / entry.below_images;
+      if (entry.below_images.empty()) continue;
+      entry.image = folder / images / entry.below_images;
+      follows = true;
+    }
+    if (!follows) {
+      throw Error(ErrorKind::usage, folder.string(),
+                  "lists no images in a folder \"images\", whose place --image-folder would take");
     }
   } else if (useReducedFolder(folder, downscale, index, dataset.notes)) {
     images += "_" + std::to_string(downscale);

@@ -102,6 +102,8 @@ struct DatasetIndex {
     std::filesystem::path mask;             // named by the data set; empty: found by its name, or none
     std::optional<double> field_of_view_x;  // [rad]
     std::optional<double> field_of_view_y;  // [rad]
+    // [px] Where the camera has no size yet.
+    std::optional<double> focal_x, focal_y, center_x, center_y;
   };
   std::vector<Entry> entries;
   PointCloud points;
@@ -114,6 +116,11 @@ struct DatasetIndex {
 constexpr const char* kBackgroundKey = "background";
 // nerfSynthetic: transforms_train.json and transforms_test.json. transforms: transforms.json, or those two without it.
 DatasetIndex readTransforms(const std::filesystem::path& folder, DatasetLayout layout = DatasetLayout::transforms);
+// `camera` at a size [px]: what the entry does not say follows from its field of view, of which it has one at least
+// where it has no focal length, and from the middle.
+Camera intrinsicsOf(const DatasetIndex::Entry& entry, Camera camera, glm::ivec2 size);
+// Whether a file of transforms has "fl_x", for all frames or for the first. Throws Error as readTransforms().
+bool namesFocalLengths(const std::filesystem::path& transforms);
 DatasetIndex readColmap(const std::filesystem::path& folder);
 // The COLMAP model's folder below a data set: sparse/0 or sparse.
 std::optional<std::filesystem::path> findColmapModel(const std::filesystem::path& folder);

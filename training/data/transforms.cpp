@@ -125,19 +125,23 @@ void setIntrinsics(const JsonNode& top, const JsonNode& frame, DatasetIndex::Ent
   for (const std::optional<double>& angle : {entry.field_of_view_x, entry.field_of_view_y}) {
     if (angle && !(*angle > 0 && *angle < 3.14)) top.fail("camera angle out of range (expected 0 to pi)");
   }
-  if (fl_x && width && height) {
-    if (!(*width >= 1 && *width <= kMaxImageSide && *height >= 1 && *height <= kMaxImageSide)) {
-      top.fail("image size out of range (found " + nlohmann::json(*width).dump() + " x " +
-               nlohmann::json(*height).dump() + ")");
-    }
-    Camera& camera = entry.camera;
-    camera.size = {*width, *height};
-    camera.focal = {*fl_x, number(top, frame, "fl_y").value_or(*fl_x)};
-    camera.center = {number(top, frame, "cx").value_or(*width / 2), number(top, frame, "cy").value_or(*height / 2)};
-    if (!(camera.focal.x > 0 && camera.focal.y > 0)) top.fail("focal length is not positive");
-  } else if (!entry.field_of_view_x) {
-    frame.fail("no intrinsics (expected fl_x, w and h, or camera_angle_x)");
+  if (!fl_x && !entry.field_of_view_x) frame.fail("no intrinsics (expected fl_x, w and h, or camera_angle_x)");
+  entry.focal_x = fl_x;
+  entry.focal_y = number(top, frame, "fl_y");
+  entry.center_x = number(top, frame, "cx");
+  entry.center_y = number(top, frame, "cy");
+  for (const std::optional<double>& focal : {entry.focal_x, entry.focal_y}) {
+    if (focal && !(*focal > 0)) top.fail("focal length is not positive");
   }
+  if (!width || !height) {
+    if (!entry.field_of_view_x) frame.fail("no size of the image (expected w and h beside fl_x)");
+    return;
+  }
+  if (!(*width >= 1 && *width <= kMaxImageSide && *height >= 1 && *height <= kMaxImageSide)) {
+    top.fail("image size out of range (found " + nlohmann::json(*width).dump() + " x " +
+             nlohmann::json(*height).dump() + ")");
+  }
+  entry.camera = intrinsicsOf(entry, entry.camera, {*width, *height});
 }
 
 // As a path of this system. Tools on Windows write backslashes; here they may also be part of a name that exists.
@@ -236,6 +240,24 @@ std::optional<glm::vec3> background(const JsonNode& top) {
 }
 
 }  // namespace
+
+Camera intrinsicsOf(const DatasetIndex::Entry& entry, Camera camera, glm::ivec2 size) {
+  const auto focal = [](std::optional<double> length, std::optional<double> angle, int side) {
+    return length || !angle ? length : std::optional(side / 2.0 / std::tan(*angle / 2.0));
+  };
+  camera.size = size;
+  camera.focal.x = focal(entry.focal_x, entry.field_of_view_x, size.x).value();
+  camera.focal.y = focal(entry.focal_y, entry.field_of_view_y, size.y).value_or(camera.focal.x);
+  camera.center = {entry.center_x.value_or(size.x / 2.0), entry.center_y.value_or(size.y / 2.0)};
+  return camera;
+}
+
+bool namesFocalLengths(const fs::path& transforms) {
+  const nlohmann::json json = readObject(transforms.string());
+  if (json.contains("fl_x")) return true;
+  const auto frames = json.find("frames");
+  return frames != json.end() && frames->is_array() && !frames->empty() && frames->front().contains("fl_x");
+}
 
 DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout) {
   const auto exists = [&](const char* file) { return isFile(folder / file); };

@@ -46,7 +46,8 @@ std::vector<std::string> fileNames(const Dataset& dataset) {
   return names;
 }
 
-void writePhotograph(const fs::path& folder, const std::string& name, const Photograph& photograph) {
+// Whether there was a mask.
+bool writePhotograph(const fs::path& folder, const std::string& name, const Photograph& photograph) {
   const ViewPixels& pixels = photograph.pixels;
   Image image = pixels.image();
   if (!photograph.alpha.empty()) {
@@ -59,11 +60,12 @@ void writePhotograph(const fs::path& folder, const std::string& name, const Phot
   }
   createFolder((folder / "images" / name).parent_path());
   writeImage(folder / "images" / name, image);
-  if (pixels.mask.empty()) return;
+  if (pixels.mask.empty()) return false;
   Image mask(pixels.width, pixels.height, 1);
   std::ranges::transform(pixels.mask, mask.data.begin(), [](std::uint8_t value) { return value ? 1.0f : 0.0f; });
   createFolder((folder / "masks" / name).parent_path());
   writeImage(folder / "masks" / name, mask);
+  return true;
 }
 
 }  // namespace
@@ -95,6 +97,12 @@ void writePoints(const fs::path& path, const PointCloud& points) {
 }
 
 void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite) {
+  for (const char* file : {"transforms_train.json", "sparse"}) {  // which would be read in place of what is written
+    std::error_code ignored;
+    if (!overwrite || !fs::exists(folder / file, ignored)) continue;
+    throw Error(ErrorKind::cannotWrite, folder.string(),
+                std::string("holds ") + file + ", which this would not replace (expected another folder)");
+  }
   if (!overwrite) {
     for (const char* file : {"transforms.json", "transforms_train.json", "sparse", "images"}) {
       std::error_code ignored;  // what nobody may look into cannot be written either, which says so below
@@ -119,8 +127,12 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
     (camera.test ? test : train).push_back(file);
   }
   createFolder(folder);
+  std::vector<std::uint8_t> masked(names.size(), 0);
   parallelFor(static_cast<std::int64_t>(names.size()), 1,
-              [&](std::size_t i) { writePhotograph(folder, names[i], *dataset.photographs->get(i)); });
+              [&](std::size_t i) { masked[i] = writePhotograph(folder, names[i], *dataset.photographs->get(i)); });
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (masked[i]) frames[i]["mask_path"] = "masks/" + names[i];
+  }
   nlohmann::json json = {
       {"camera_model", "PINHOLE"}, {"frames", frames}, {"train_filenames", train}, {"test_filenames", test}};
   if (dataset.background != glm::vec3(0.0f)) {

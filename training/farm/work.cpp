@@ -55,6 +55,18 @@ bool isFinal(int code) {
   return code == static_cast<int>(ErrorKind::usage) || code == static_cast<int>(ErrorKind::badData);
 }
 
+// Throws Error(cannotWrite) with `words` where a model might not fit.
+void requireRoom(const fs::path& folder, const std::string& words) {
+  const fs::path probe = folder / "room";
+  try {
+    writeTextAtomically(probe, std::string(std::size_t{16} << 20, ' '));
+  } catch (const Error&) {
+    throw Error(ErrorKind::cannotWrite, words);
+  }
+  std::error_code ignored;
+  fs::remove(probe, ignored);
+}
+
 class Worker {
  public:
   Worker(const FarmOptions& options, const FarmListener& listener, const std::atomic<int>& stop)
@@ -194,10 +206,8 @@ class Worker {
       folder_.end(job.name, number, AttemptEnd::released, {failure.code, "stopped"});
       return listener_.say(job.name + ": stopped; open for others");
     }
-    // All that it writes is the farm's: not the job is wrong, but the place.
-    if (failure.code == static_cast<int>(ErrorKind::cannotWrite)) {
-      throw Error(ErrorKind::cannotWrite, failure.words);
-    }
+    // All that it writes is the farm's: where this cannot write there either, not the job is wrong, but the place.
+    if (failure.code == static_cast<int>(ErrorKind::cannotWrite)) requireRoom(place, failure.words);
     if (failure.code == 0 && !isFile(result / job.output)) {
       failure = {static_cast<int>(ErrorKind::usage), "ended without a model (a flag that only prints?)"};
     }

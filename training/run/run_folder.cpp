@@ -201,11 +201,17 @@ void RunFolder::openMetrics(std::uint64_t keep_bytes) {
 // One write a line: a reader, and a run that was killed, see whole lines.
 void RunFolder::writeMetrics(const RunMetrics& metrics) {
   const std::string line = formatMetrics(metrics);
+  errno = 0;
   const ssize_t written = ::write(metrics_, line.data(), line.size());
-  if (written > 0) metrics_bytes_ += static_cast<std::uint64_t>(written);
-  if (written != static_cast<ssize_t>(line.size())) {
-    std::fprintf(stderr, "tgtrain: %s: cannot write: %s\n", (options_.folder / kMetricsName).c_str(),
-                 systemReason().c_str());
+  if (written == static_cast<ssize_t>(line.size())) {
+    metrics_bytes_ += static_cast<std::uint64_t>(written);
+    metrics_lost_ = false;
+  } else {
+    const std::string reason = written < 0 ? systemReason() : "no space for a whole line";
+    if (written > 0 && ::ftruncate(metrics_, static_cast<off_t>(metrics_bytes_)) != 0) metrics_bytes_ += written;
+    if (!std::exchange(metrics_lost_, true)) {  // once, until there is room again
+      std::fprintf(stderr, "tgtrain: %s: cannot write: %s\n", (options_.folder / kMetricsName).c_str(), reason.c_str());
+    }
   }
   if (told_) told_(metrics);
 }

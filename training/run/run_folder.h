@@ -96,6 +96,7 @@ class RunFolder {
   RunIdentity identity_;
   int metrics_ = -1;  // descriptor
   std::uint64_t metrics_bytes_ = 0;
+  bool metrics_lost_ = false;  // the last line could not be written
   MetricsLog log_;
   MetricsLog::Sink told_;
   bool saved_ = false;  // in this session

@@ -216,16 +216,29 @@ function placeTextures(sizes, count) {
   return {classes: sorted, texels, side, rects, pages, heights};
 }
 
-// The rectangle and page of every Gaussian, whose label names one of the textures.
-async function handOut(file, part, placed, stored) {
-  const {samples: labels} = await file.image(part, 2, file.count);
-  const rects = new Uint16Array(4 * file.count), pages = new Float32Array(file.count);
+async function readLabels(file, part, stored) {
+  const {samples} = await file.image(part, 2, file.count), labels = new Uint16Array(file.count);
   await file.each((i) => {
-    const label = labels[4 * i] | labels[4 * i + 1] << 8;
-    if (label >= stored) throw new Error(`texture ${label} of Gaussian ${i} (expected below ${stored})`);
-    rects.set(placed.rects.subarray(4 * label, 4 * label + 4), 4 * i);
-    pages[i] = placed.pages[label];
+    labels[i] = samples[4 * i] | samples[4 * i + 1] << 8;
+    if (labels[i] >= stored) throw new Error(`texture ${labels[i]} of Gaussian ${i} (expected below ${stored})`);
   });
+  return labels;
+}
+
+// How much coarser a texture is than its texels' spreads, by how many Gaussians have it.
+function sharedSpreads(labels, stored) {
+  const members = new Uint32Array(stored);
+  for (const label of labels) ++members[label];
+  return Float64Array.from(members, (count) => 1 / Math.sqrt(Math.max(count, 1)));
+}
+
+// The rectangle and page of every Gaussian, whose label names one of the textures.
+function handOut(labels, placed) {
+  const rects = new Uint16Array(4 * labels.length), pages = new Float32Array(labels.length);
+  for (let i = 0; i < labels.length; ++i) {
+    rects.set(placed.rects.subarray(4 * labels[i], 4 * labels[i] + 4), 4 * i);
+    pages[i] = placed.pages[labels[i]];
+  }
   return {rects, pages};
 }
 
@@ -243,6 +256,7 @@ async function readTextures(file, model, part) {
   const steps = checkNumbers(part.steps, 2, 'steps');
   const {samples: sizes} = await file.image(part, 0, stored);
   const placed = placeTextures(sizes, stored);
+  const labels = shared ? await readLabels(file, part, stored) : null;
   const {samples: bytes} = await file.image(part, 1, placed.texels);
   const {side, rects, pages, heights} = placed;
   const atlases = heights.map((height) => ({
@@ -250,14 +264,15 @@ async function readTextures(file, model, part) {
     scale: [1, 1, 1, 1], offset: [0, 0, 0, 0],
   }));
   const color = mode & MODES.rgb, alpha = mode & MODES.alpha;
-  const opacitySpread = Float32Array.from(model.opacity, (o) => Math.min(Math.max(o, 1e-6) ** -0.35, 16));
+  const coarser = shared ? sharedSpreads(labels, stored)
+    : Float32Array.from(model.opacity, (o) => Math.min(Math.max(o, 1e-6) ** -0.35, 16));
   let at = 0;
   for (const {width, height, textures} of placed.classes) {
     const spreads = texelSpreads(width, height);
     for (let t = 0; t < spreads.length; ++t) {
       for (let n = 0; n < textures.length; ++n, at += 4) {
         if (n % AT_A_TIME === 0) await breathe();
-        const i = textures[n], spread = spreads[t] * (shared ? 1 : opacitySpread[i]);
+        const i = textures[n], spread = spreads[t] * coarser[i];
         const {texels} = atlases[pages[i]];
         const to = 4 * ((rects[4 * i + 1] + Math.floor(t / width)) * side + rects[4 * i] + t % width);
         for (let k = 0; k < 3; ++k) texels[to + k] = color ? (bytes[at + k] - NEUTRAL) * steps[0] * spread : 0;
@@ -265,7 +280,7 @@ async function readTextures(file, model, part) {
       }
     }
   }
-  const own = shared ? await handOut(file, part, placed, stored) : {rects, pages};
+  const own = shared ? handOut(labels, placed) : {rects, pages};
   const layer = {mode, intersection, atlases, ...own, opacity: model.opacity.slice(), dc: model.sh[0].slice()};
   await takeOffBase(file, layer);
   return {layer, intersection, outside};
