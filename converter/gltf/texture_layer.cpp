@@ -21,9 +21,7 @@ constexpr const char* kAtlas = "TG_gaussian_splatting_texture:ATLAS";
 constexpr const char* kScale = "TG_gaussian_splatting_texture:SCALE";
 constexpr const char* kOpacity = "TG_gaussian_splatting_texture:OPACITY";
 constexpr const char* kDc = "TG_gaussian_splatting_texture:SH_DEGREE_0_COEF_0";
-constexpr std::uint64_t kMaxPageTexels = std::uint64_t{1} << 26;     // 8192 x 8192
-constexpr std::uint64_t kMaxAtlasTexels = std::uint64_t{1} << 28;    // of all pages of a primitive
-constexpr std::uint64_t kFreeSharedTexels = std::uint64_t{1} << 26;  // rectangles may overlap up to this sum of areas
+constexpr std::uint64_t kMaxPageTexels = std::uint64_t{1} << 26;  // 8192 x 8192
 
 // One object of the extension with its place in the file.
 struct Place {
@@ -78,7 +76,7 @@ void checkPageSize(const Place& place, std::uint64_t width, std::uint64_t height
   if (area == 0 || area > kMaxPageTexels || texels > kMaxAtlasTexels) {
     place.fail("the atlas is too large (expected at most " + std::to_string(kMaxPageTexels) + " texels, " +
                std::to_string(kMaxAtlasTexels) + " in all, found " + std::to_string(width) + " x " +
-               std::to_string(height) + ")");
+               std::to_string(height) + ", " + std::to_string(texels) + " so far)");
   }
 }
 

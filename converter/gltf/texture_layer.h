@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads the nested extension TG_gaussian_splatting_texture of one primitive.
 #pragma once
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -10,6 +11,9 @@
 #include "core/model/model.h"
 
 namespace tg {
+
+constexpr std::uint64_t kMaxAtlasTexels = std::uint64_t{1} << 28;    // of all pages of a primitive
+constexpr std::uint64_t kFreeSharedTexels = std::uint64_t{1} << 26;  // rectangles may overlap up to this sum of areas
 
 struct TextureLayer {
   TextureMode mode = TextureMode::none;

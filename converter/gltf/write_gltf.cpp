@@ -24,10 +24,12 @@
 #include "converter/gltf/document.h"
 #include "converter/gltf/numbers.h"
 #include "converter/gltf/quantize.h"
+#include "converter/gltf/texture_layer.h"
 #include "core/file/atomic_files.h"
 #include "core/image/image.h"
 #include "core/image/webp.h"
 #include "core/model/fallback.h"
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -81,6 +83,31 @@ class LinearFromSrgb {
 
 // Where an attribute's numbers come from: a model that is there as a whole, or the blocks that are written.
 using Baked = const GaussianModel*;  // null: the blocks
+
+// groups: textureGroups(). What Gaussians share stands in the atlas once.
+PackedAtlas packOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> groups) {
+  std::uint64_t texels = 0;
+  for (const TextureRect& rect : atlas.rects) texels += rect.texelCount();
+  PackedAtlas packed;
+  if (areShared(groups) && texels <= kFreeSharedTexels) {
+    TextureAtlas once{{}, atlas.texels};
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+      if (groups[i] == once.rects.size()) once.rects.push_back(atlas.rects[i]);
+    }
+    packed = packAtlas(once, once.rects.size(), kMaxAtlasSide);
+    std::vector<AtlasPlacement> placements;
+    for (const std::uint32_t group : groups) placements.push_back(packed.placements[group]);
+    packed.placements = std::move(placements);
+  } else {
+    packed = packAtlas(atlas, atlas.rects.size(), kMaxAtlasSide);
+  }
+  std::uint64_t stored = 0;
+  for (const Image& page : packed.pages) stored += pageTexels(page).size();
+  if (stored > kMaxAtlasTexels) {
+    throw Error(ErrorKind::badData, "too many texels for glTF" + atMost(kMaxAtlasTexels, stored));
+  }
+  return packed;
+}
 
 // Collects the parts of one file. Names of attributes are in the order of the file.
 class Writer {
@@ -373,8 +400,14 @@ Json Writer::addAtlas(Image& page, const std::string& name, const std::optional<
 Json Writer::addTextures(const GaussianModel& base, GltfReport& report) {
   std::optional<TexelSteps> steps;
   if (content_.options.texture_step) steps = texelStepsOf(model_.atlas, textureStep(content_.options));
-  PackedAtlas packed =
-      packAtlas(steps ? texelsInSteps(model_, base, *steps) : model_.atlas, model_.size(), kMaxAtlasSide);
+  const std::vector<std::uint32_t> groups = textureGroups(model_.atlas);
+  const auto rounded = [&] {
+    if (!areShared(groups)) return texelsInSteps(model_, base, *steps);
+    GaussianModel opaque = base;  // what Gaussians share is rounded alike, as for the most opaque one
+    std::ranges::fill(opaque.opacity_logit, static_cast<float>(kLogitLimit));
+    return texelsInSteps(model_, opaque, *steps);
+  };
+  PackedAtlas packed = packOnce(steps ? rounded() : model_.atlas, groups);
   // Fills outlive this function.
   const auto placements = std::make_shared<const std::vector<AtlasPlacement>>(std::move(packed.placements));
   add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle,
@@ -522,7 +555,7 @@ GltfReport writeAtlas(const std::filesystem::path& path, const GltfContent& cont
                                       " (expected png8 or png16)");
   }
   const TextureMode mode = model.texture_mode;
-  PackedAtlas packed = packAtlas(model.atlas, model.size(), kMaxAtlasSide);
+  PackedAtlas packed = packOnce(model.atlas, textureGroups(model.atlas));
   if (mode == TextureMode::none || packed.pages.empty()) {
     throw Error(ErrorKind::badData, path.string(), "the model has no textures");
   }

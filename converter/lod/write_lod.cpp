@@ -182,15 +182,51 @@ void makeFolder(const fs::path& folder) {
   if (status) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + status.message());
 }
 
-// The folder of files that lod-meta.json names now; "" where that is none of ours.
-std::string folderBefore(const fs::path& path) {
+constexpr std::uint64_t kMostMetaBytes = std::uint64_t{64} << 20;
+
+// What our lod-meta.json that is there names, below the folder that it stands in: those files alone go with it.
+std::vector<fs::path> filesBefore(const fs::path& path) {
+  const fs::path parent = path.parent_path().empty() ? fs::path(".") : path.parent_path();
   try {
-    const std::string first = readLodScene(path).files.front();
-    const std::string folder = first.substr(0, first.find('/'));
-    const bool numbered = !folder.empty() && folder.find_first_not_of("0123456789") == std::string::npos;
-    return numbered ? folder : "";
-  } catch (const Error&) {
-    return "";
+    const LodScene scene = readLodScene(path);
+    if (!scene.sh_degree) return {};  // another program's
+    const std::string first = scene.files.front(), folder = first.substr(0, first.find('/') + 1);
+    for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
+      if (!isLodMeta(entry.path()) || entry.path().filename() == path.filename()) continue;
+      const std::vector<std::uint8_t> other = readFile(entry.path(), kMostMetaBytes);
+      if (std::string_view(reinterpret_cast<const char*>(other.data()), other.size()).find("\"" + folder) !=
+          std::string_view::npos)
+        return {};
+    }
+    std::vector<fs::path> files;
+    if (!scene.cameras.empty()) files.push_back(parent / scene.cameras);
+    for (const std::string& file : scene.files) {
+      const fs::path meta = parent / file;
+      files.push_back(meta);
+      if (!isFile(meta)) continue;
+      const nlohmann::json sog = parseJson(readFile(meta, kMostMetaBytes), meta.string());
+      for (const nlohmann::json& part : sog) {
+        if (!part.is_object() || !part.contains("files")) continue;
+        for (const nlohmann::json& image : part["files"]) {
+          const fs::path beside = image.is_string() ? fs::path(image.get<std::string>()) : fs::path();
+          if (beside == beside.filename()) files.push_back(meta.parent_path() / beside);
+        }
+      }
+    }
+    return files;
+  } catch (const std::exception&) {
+    return {};
+  }
+}
+
+// And the folders that are empty then.
+void removeFiles(const std::vector<fs::path>& files, const fs::path& parent) {
+  std::error_code ignored;
+  for (const fs::path& file : files) fs::remove(file, ignored);
+  for (const fs::path& file : files) {
+    for (fs::path folder = file.parent_path(); folder != parent && !folder.empty(); folder = folder.parent_path()) {
+      if (!fs::remove(folder, ignored)) break;
+    }
   }
 }
 
@@ -223,7 +259,7 @@ class Writer {
     if (made) makeFolder(parent);
     try {
       requireWritable(path_);
-      const std::string before = folderBefore(path_);
+      const std::vector<fs::path> before = filesBefore(path_);
       NewFolder folder(parent);
       makeLevels(counts);
       writeFiles(folder.path());
@@ -233,7 +269,7 @@ class Writer {
       writeTextAtomically(path_, meta);
       folder.keep();
       bytes_ += meta.size();
-      if (!before.empty()) fs::remove_all(parent / before, status);
+      removeFiles(before, parent);
     } catch (...) {
       if (made) fs::remove(parent, status);
       throw;

@@ -4,11 +4,13 @@
 #include <cmath>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "converter/registry/file_format.h"
 #include "core/image/image.h"
 #include "core/image/metrics.h"
+#include "core/model/verbs.h"
 #include "render/renderer.h"
 #include "support/message_of.h"
 #include "support/scenes.h"
@@ -32,6 +34,23 @@ inline tg::GaussianModel randomSplats(int degree, std::size_t count, double exte
     for (std::size_t k = 0; k < model.shCount(); ++k) model.sh.emplace_back(random.uniformVec3(-0.9, 0.9));
   }
   return model;
+}
+
+// Of SH degree 0, with so many different textures, of several sizes.
+inline tg::test::TestScene sharedScene(std::size_t different) {
+  tg::test::TestScene scene = tg::test::makeScene(tg::test::SceneKind::ordinary, 19, 120);
+  tg::GaussianModel& model = scene.model;
+  tg::setShDegree(model, 0);
+  tg::TextureAtlas atlas;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    tg::TextureRect rect = model.atlas.rects[i % different];
+    const auto from = model.atlas.texels.begin() + rect.offset;
+    rect.offset = static_cast<std::uint32_t>(atlas.texels.size());
+    atlas.texels.insert(atlas.texels.end(), from, from + rect.texelCount());
+    atlas.rects.push_back(rect);
+  }
+  model.atlas = std::move(atlas);
+  return scene;
 }
 
 inline double largest(glm::vec3 v) {

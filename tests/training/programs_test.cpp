@@ -190,6 +190,12 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
 TEST_CASE("a size that is named is met by what is trained and by how it is written", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
+  const Outcome first = tgtrain(folder,
+                                "scene --iterations 60 --texture-iterations 0 --quantize-iterations 0 "
+                                "--target-size 5000 -o first.sog");  // nothing is replaced, nor may be
+  INFO(first.output);
+  CHECK(first.code == 0);
+  CHECK(std::filesystem::file_size(folder / "first.sog") <= 5000);
   const std::string train = "scene --overwrite --iterations 60 --texture-iterations 20 --target-size ";
   for (const auto& [bytes, flags] :
        std::initializer_list<std::pair<std::uint64_t, std::string>>{{5'000, ""},
@@ -282,6 +288,8 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o m.obj", 1, "m.obj: is no model format (expected .compressed.ply, "},
            {"-o m.png", 1, "m.png: is no model format (expected .compressed.ply, "},
            {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"},
+           {"-o m.tgz --json ../" + folder.path.filename().string() + "/m.tgz", 1, "is named for two outputs"},
+           {"--run r --json r/../r/checkpoint", 1, "is written in any case, by the run folder"},
            {"-o m.tgz --preview-every 5", 1, "--preview-every expects a run folder (--run FOLDER)"},
            {"-o m.tgz --serve 0 --checkpoint-every 5", 1, "--checkpoint-every expects a run folder"},
            {"-o m.tgz --eval-every 5", 1, "--eval-every expects --run FOLDER or --serve"}}) {
@@ -423,6 +431,13 @@ TEST_CASE("a distorted data set is trained, and written without its lens", "[pro
   CHECK(written.code == 0);
   CHECK_THAT(written.output, Contains("wrote 6 photographs to flat"));
   CHECK(tgtrain(folder, "undistort scene flat").code == 4);
+  const Outcome onto_itself = tgtrain(folder, "undistort scene ./scene --overwrite");
+  CHECK(onto_itself.code == 1);
+  CHECK_THAT(onto_itself.output, Contains("./scene: is the data set itself (expected another folder)"));
+  std::filesystem::create_directories(folder / "colmap/sparse");
+  const Outcome beside = tgtrain(folder, "undistort scene colmap --overwrite");
+  CHECK(beside.code == 4);
+  CHECK_THAT(beside.output, Contains("colmap: holds sparse, which this would not replace"));
   CHECK(tgtrain(folder, "undistort absent other").code == 2);
   // The same cameras, split and pixels, which were composited before they were rounded, and after: the same score.
   const Outcome before = tgeval(folder, "model.tgz scene");

@@ -9,6 +9,7 @@ const waiting = [];
 function goOn() {
   since = performance.now();
   waiting.shift()();
+  if (waiting.length === 0 && channel.port1.unref) channel.port1.unref();  // Node ends when nothing else is left
 }
 
 // Awaited in long loops: at once until SLICE is used up, otherwise after whatever else the page has to do. Messages, as
@@ -18,10 +19,10 @@ export function breathe() {
   if (!channel) {
     channel = new MessageChannel();
     channel.port1.onmessage = goOn;
-    if (channel.port1.unref) channel.port1.unref();  // Node ends when nothing else is left
   }
   return new Promise((resolve) => {
     waiting.push(resolve);
+    if (channel.port1.ref) channel.port1.ref();
     channel.port2.postMessage(null);
   });
 }

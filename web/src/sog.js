@@ -58,7 +58,9 @@ class SogFile {
   codebook(part) {
     const list = part.codebook;
     if (!Array.isArray(list) || list.length < 1 || list.length > CODEBOOK) throw new Error('meta.json: bad codebook');
-    checkNumbers(list, list.length, 'codebook');
+    const repaired = list.length === CODEBOOK && list[0] === null;  // which a writer's bug left out (docs/sog.md)
+    checkNumbers(repaired ? list.slice(1) : list, list.length - repaired, 'codebook');
+    if (repaired) list[0] = list[1] + (list[1] - list[CODEBOOK - 1]) / (CODEBOOK - 1);
     return Float32Array.from({length: CODEBOOK}, (_, i) => list[Math.min(i, list.length - 1)]);
   }
 

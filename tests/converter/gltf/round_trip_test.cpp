@@ -11,6 +11,7 @@
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "core/model/fallback.h"
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "support/catch.h"
 #include "support/scenes.h"
@@ -52,6 +53,25 @@ TEST_CASE("a textured scene comes back from tgz to glb to tgz within the quantis
       // Measured: 71 dB and more, for texels in +-0.4.
       CHECK(psnr(picture(scene.model, scene.camera), picture(out.model, scene.camera)) > 60.0);
     }
+  }
+}
+
+TEST_CASE("textures that Gaussians share stand in a GLB's atlas once") {
+  const Scratch scratch;
+  test::TestScene scene = sharedScene(5);
+  std::size_t texels = 0;
+  for (std::size_t i = 0; i < 5; ++i) texels += scene.model.atlas.rects[i].texelCount();
+  const auto path = scratch.folder() / "shared.glb";
+  for (const bool lossy : {false, true}) {
+    GltfContent content{scene.model, {}, glm::vec3(0.0f)};
+    if (lossy) content.options.texture_step = 1.0f / 64;
+    const GltfReport report = writeGlb(path, content);
+    CAPTURE(lossy);
+    CHECK(report.texels > 20 * texels);
+    CHECK(static_cast<std::size_t>(report.atlas_width) * report.atlas_height < 3 * texels);
+    const GaussianModel out = readModel(path).model;
+    CHECK(textureGroups(out.atlas) == textureGroups(scene.model.atlas));
+    CHECK(psnr(picture(scene.model, scene.camera), picture(out, scene.camera)) > 40.0);
   }
 }
 

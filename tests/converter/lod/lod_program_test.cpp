@@ -87,6 +87,29 @@ TEST_CASE("a scene in levels of detail is replaced by --overwrite only") {
   REQUIRE(tgconvert(scratch, "in.ply s/lod-meta.json --quiet --overwrite").code == 0);
   CHECK(readModel(scratch.folder() / "s/lod-meta.json").model.size() == 150);
   CHECK(below(scratch.folder() / "s").size() == names.size());
+
+  SECTION("with what it names, and nothing else") {
+    const fs::path note = scratch.folder() / "s" / readLodScene(scratch.folder() / "s/lod-meta.json").files[0];
+    std::ofstream(note.parent_path() / "note.txt") << "mine";
+    REQUIRE(tgconvert(scratch, "in.ply s/lod-meta.json --quiet --overwrite").code == 0);
+    CHECK(fs::exists(note.parent_path() / "note.txt"));
+    CHECK(below(note.parent_path()) == std::set<std::string>{"note.txt"});
+  }
+  SECTION("but not where another list names it, too") {
+    fs::copy_file(scratch.folder() / "s/lod-meta.json", scratch.folder() / "s/copy.lod-meta.json");
+    REQUIRE(tgconvert(scratch, "in.ply s/lod-meta.json --quiet --overwrite").code == 0);
+    CHECK(readModel(scratch.folder() / "s/copy.lod-meta.json").model.size() == 150);
+  }
+  SECTION("and nothing of another program's scene") {
+    fs::create_directories(scratch.folder() / "other/2024");
+    std::ofstream(scratch.folder() / "other/2024/photo.jpg") << "mine";
+    auto json = nlohmann::json::parse(Glb::slurp(scratch.folder() / "s/lod-meta.json"));
+    json.erase("TG_levels_of_detail");
+    for (auto& file : json["filenames"]) file = "2024/" + file.get<std::string>();
+    std::ofstream(scratch.folder() / "other/lod-meta.json") << json;
+    REQUIRE(tgconvert(scratch, "in.ply other/lod-meta.json --quiet --overwrite").code == 0);
+    CHECK(fs::exists(scratch.folder() / "other/2024/photo.jpg"));
+  }
 }
 
 TEST_CASE("tgconvert says which file of a scene in levels of detail is broken, with exit code 3, and writes nothing") {

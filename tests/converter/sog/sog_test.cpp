@@ -325,21 +325,11 @@ TEST_CASE("SOG: the same model gives the same bytes") {
 }
 
 TEST_CASE("SOG: what Gaussians share is stored once, and comes back to all") {
+  constexpr std::size_t kDifferent = 5;
   const Scratch scratch;
   const auto path = scratch.folder() / "shared.sog";
-  test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 19, 120);
+  test::TestScene scene = sharedScene(kDifferent);
   GaussianModel& model = scene.model;
-  setShDegree(model, 0);
-  constexpr std::size_t kDifferent = 5;
-  TextureAtlas atlas;
-  for (std::size_t i = 0; i < model.size(); ++i) {
-    TextureRect rect = model.atlas.rects[i % kDifferent];
-    const auto from = model.atlas.texels.begin() + rect.offset;
-    rect.offset = static_cast<std::uint32_t>(atlas.texels.size());
-    atlas.texels.insert(atlas.texels.end(), from, from + rect.texelCount());
-    atlas.rects.push_back(rect);
-  }
-  model.atlas = std::move(atlas);
   std::size_t texels = 0;
   for (std::size_t i = 0; i < kDifferent; ++i) texels += model.atlas.rects[i].texelCount();
   const GaussianModel sorted = select(model, writeSog(path, model));

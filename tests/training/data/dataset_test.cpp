@@ -7,6 +7,7 @@
 #include <span>
 
 #include "support/catch.h"
+#include "support/message_of.h"
 #include "support/shared_files.h"
 #include "support/temporary_folder.h"
 #include "training/dataset_files.h"
@@ -364,6 +365,41 @@ TEST_CASE("downscaling by N reads images_N where it holds the photographs at tha
     CHECK(dataset.views[0].focal.x == Approx(20.0 * 5 / 18 / 2));
     CHECK(dataset.notes.empty());
   }
+}
+
+TEST_CASE("a folder of images that no image could follow is refused", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "train/r_0.png", 16, 12, 3);
+  writeText(folder / "transforms.json", Json{{"camera_angle_x", 1.0}, {"frames", {frame("./train/r_0")}}}.dump());
+  tg::DatasetOptions options;
+  options.images = "nonsense";
+  CHECK(tg::test::messageOf([&] { loadDataset(folder.path, options); }, tg::ErrorKind::usage) ==
+        folder.path.string() + ": lists no images in a folder \"images\", whose place --image-folder would take");
+}
+
+TEST_CASE("what stands beside a camera's angle counts, and a split of calibrated photographs is no synthetic scene",
+          "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "images/a.png", 16, 12, 3);
+  Json json = {{"camera_angle_x", 2 * std::atan(0.5)}, {"cx", 9.5}, {"fl_y", 20.0}, {"frames", {frame("./images/a")}}};
+  for (const bool sized : {false, true}) {
+    if (sized) json.update({{"w", 32}, {"h", 24}, {"cx", 19.0}, {"fl_y", 40.0}});
+    writeText(folder / "transforms.json", json.dump());
+    const tg::Camera camera = loadDataset(folder.path).views.at(0);
+    CAPTURE(sized);
+    CHECK(camera.focal.x == Approx(16));
+    CHECK(camera.focal.y == Approx(20));
+    CHECK(camera.center.x == Approx(9.5));
+    CHECK(camera.center.y == Approx(6));
+  }
+  json["fl_x"] = 32.0;
+  fs::remove(folder / "transforms.json");
+  writeText(folder / "transforms_train.json", json.dump());
+  CHECK(loadDataset(folder.path).layout == tg::DatasetLayout::transforms);
+  CHECK(loadDataset(folder.path).background == glm::vec3(0.0f));
+  json.erase("fl_x");
+  writeText(folder / "transforms_train.json", json.dump());
+  CHECK(loadDataset(folder.path).layout == tg::DatasetLayout::nerfSynthetic);
 }
 
 TEST_CASE("masks are found by name, or named by a frame", "[dataset]") {
