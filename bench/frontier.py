@@ -9,7 +9,7 @@
 
 A cell is SCENE/GAUSSIANS/shDEGREE/ARM/SEED: stage 1 to so many Gaussians, then as many iterations again of the arm:
 plain: without textures; rgba-8: with RGBA textures of 8 texels a Gaussian in the mean (tgtrain --adaptive-texels);
-shared-64: with 64 different textures of 4 x 4 texels, which Gaussians share (--texture-dictionary). Its model is
+shared4-64: with 64 different textures of 4 x 4 texels, which Gaussians share (--texture-dictionary). Its model is
 written with several widths of steps, and with some of them trained for the file as well, if not --cut; bytes are those
 of the .sog file, scores those of the file over the test views. One that is done leaves docs/lab/frontier/CELL.json. A
 call runs what is missing, in order, and may be stopped at any moment: WORK keeps the run folders, and the same call
@@ -39,14 +39,14 @@ COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 680
           "lego": [620, 1250, 2500, 5000, 10000, 20000, 40000],
           "printshop": [950, 1900, 3800, 7600, 15200, 30400]}
 DEGREES = [1, 0, 3]
-ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8", "shared-64", "shared-256"]
+ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8", "shared4-64", "shared4-256", "shared8-64", "shared8-256"]
 SEEDS = [1, 2, 3]
-REPEATED = ["plain", "rgba-4", "rgba-2", "shared-64", "shared-256"]  # at degree 1, what seeds beyond the first have
+REPEATED = ["plain", "rgba-4", "rgba-2", *ARMS[-4:]]  # at degree 1, what seeds beyond the first have
 SIZES = [25, 50, 100, 200, 400, 800]  # [kB] of the table by size
 STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
 QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
-SIDE, SHARED_SIDE = 8, 4  # [texels] of the textures that are cut, and of those that are shared
+SIDE = 8  # [texels] of the textures that are cut
 FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs'
 LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
@@ -64,6 +64,10 @@ def cells():
         return seed, DEGREES.index(int(degree[2:])) + outer, rank[arm] > 1, rank[arm]
 
     return sorted(names, key=key)
+
+
+def is_shared(name):
+    return "/shared" in name
 
 
 class Driver:
@@ -111,9 +115,10 @@ class Driver:
                            *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count)
         if arm == "plain":
             flags = ["--iterations", LENGTH, "--densification", "none", "--texture-mode", "none"]
-        elif arm.startswith("shared-"):
-            flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", "rgba", "--texture-size",
-                     SHARED_SIDE, "--texture-dictionary", arm.removeprefix("shared-")]
+        elif is_shared(name):
+            side, textures = arm.removeprefix("shared").split("-")
+            flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", "rgba",
+                     "--texture-size", side, "--texture-dictionary", textures]
         else:
             mode, texels = arm.split("-")
             flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", mode, "--texture-size", SIDE,
@@ -291,7 +296,7 @@ def prices(found):
     for name in found:
         scene, count, degree, arm, seed = name.split("/")
         bare = f"{scene}/{count}/{degree}/plain/{seed}"
-        if arm == "plain" or arm.startswith("shared-") or bare not in found or int(seed) != SEEDS[0]:
+        if arm == "plain" or is_shared(name) or bare not in found or int(seed) != SEEDS[0]:
             continue
         trained = all_trained(found, scene, seed)
         chain = hull(points(found, scene, seed, False, trained))
@@ -372,12 +377,16 @@ def frame_times(found, timed):
 def arm_of(name):
     _, count, degree, arm, _ = name.split("/")
     kind, _, number = arm.partition("-")
-    textures = {"plain": "", "shared": f", {number} shared textures"}.get(kind, f", {kind} {number}")
+    if is_shared(name):
+        side = kind.removeprefix("shared")
+        textures = f", {number} shared {side} x {side}"
+    else:
+        textures = "" if arm == "plain" else f", {kind} {number}"
     return f"{int(count):,} Gaussians, SH {degree[2:]}{textures}"
 
 
 def texels_each(name, scores):
-    return "-" if "/shared-" in name else f"{scores['texels'] / scores['gaussians']:.1f}"
+    return "-" if is_shared(name) else f"{scores['texels'] / scores['gaussians']:.1f}"
 
 
 def report(folder, page, picture):
@@ -388,9 +397,9 @@ def report(folder, page, picture):
         Text("What a file of some size is worth: Gaussians with textures beside more Gaussians without. Every point "
              "is a .sog file ([sog.md](sog.md)); its bytes are the file's, its PSNR is the file's over the test views. "
              f"Both arms have {2 * LENGTH:,} iterations: {LENGTH:,} of stage 1, then as many with textures "
-             "(`--adaptive-texels`: so many texels a Gaussian in the mean; `--texture-dictionary`: so many textures of "
-             f"{SHARED_SIDE} x {SHARED_SIDE} texels, which Gaussians share) or without. A line is the upper hull of "
-             "all counts, SH degrees and steps of its arm: what the best choice reaches."),
+             "(`--adaptive-texels`: so many texels a Gaussian in the mean; `--texture-dictionary`: so many textures, "
+             "which Gaussians share) or without. A line is the upper hull of all counts, SH degrees and steps of its "
+             "arm: what the best choice reaches."),
         Text("Files are cut from the model as it is, or trained for: "
              f"{QUANTIZE:,} iterations more, with parameters as the file holds them "
              "([training.md](training.md#the-stages), stage 3); those of the finest steps are cut in any case. Of "
