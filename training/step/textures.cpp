@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <string>
 
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/parallel.h"
 #include "shared/limits.h"
 #include "shared/sh.h"
 #include "shared/splat.h"
@@ -88,21 +90,22 @@ void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMo
 
 void sumOverGroups(const TextureAtlas& atlas, std::span<const std::uint32_t> groups, std::vector<glm::vec4>& gradient) {
   TG_ASSERT(groups.size() == atlas.rects.size() && gradient.size() == atlas.texels.size(), "a group a Gaussian");
-  std::vector<std::uint32_t> first;  // Gaussian of each group, whose texels hold the sum
-  for (std::size_t i = 0; i < groups.size(); ++i) {
-    if (groups[i] == first.size()) {
-      first.push_back(static_cast<std::uint32_t>(i));
-      continue;
+  if (groups.empty()) return;
+  std::vector<std::uint32_t> begin(*std::ranges::max_element(groups) + 2, 0), members(groups.size());
+  for (const std::uint32_t group : groups) ++begin[group + 1];
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<std::uint32_t> at(begin.begin(), begin.end() - 1);
+  for (std::uint32_t i = 0; i < groups.size(); ++i) members[at[groups[i]]++] = i;
+  parallelFor(static_cast<std::int64_t>(begin.size()) - 1, 1, [&](std::int64_t group) {
+    const auto own = std::span(members).subspan(begin[group], begin[group + 1] - begin[group]);
+    const std::uint32_t count = atlas.rects[own[0]].texelCount();
+    glm::vec4* sum = gradient.data() + atlas.rects[own[0]].offset;
+    for (const std::uint32_t i : own.subspan(1)) {
+      const glm::vec4* from = gradient.data() + atlas.rects[i].offset;
+      for (std::uint32_t t = 0; t < count; ++t) sum[t] += from[t];
     }
-    const glm::vec4* from = gradient.data() + atlas.rects[i].offset;
-    glm::vec4* to = gradient.data() + atlas.rects[first[groups[i]]].offset;
-    for (std::uint32_t t = 0; t < atlas.rects[i].texelCount(); ++t) to[t] += from[t];
-  }
-  for (std::size_t i = 0; i < groups.size(); ++i) {
-    const glm::vec4* from = gradient.data() + atlas.rects[first[groups[i]]].offset;
-    glm::vec4* to = gradient.data() + atlas.rects[i].offset;
-    if (from != to) std::copy_n(from, atlas.rects[i].texelCount(), to);
-  }
+    for (const std::uint32_t i : own.subspan(1)) std::copy_n(sum, count, gradient.data() + atlas.rects[i].offset);
+  });
 }
 
 }  // namespace tg
