@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What tgconvert prints.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -8,6 +9,7 @@
 #include "converter/convert.h"
 #include "converter/edit/statistics.h"
 #include "core/file/json.h"
+#include "core/model/texture_dictionary.h"
 
 namespace tg {
 namespace {
@@ -19,7 +21,8 @@ struct ModelFacts {
   glm::vec3 high{std::numeric_limits<float>::lowest()};
   std::size_t textured = 0;
   std::uint64_t texels = 0;
-  int smallest = 0;  // [texels] sides of textured Gaussians
+  std::size_t different = 0;  // textures, where Gaussians share them
+  int smallest = 0;           // [texels] sides of textured Gaussians
   int largest = 0;
 };
 
@@ -36,6 +39,9 @@ ModelFacts factsOf(const GaussianModel& model) {
     facts.largest = std::max<int>(facts.largest, std::max(rect.width, rect.height));
     facts.texels += rect.texelCount();
     ++facts.textured;
+  }
+  if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(groups)) {
+    facts.different = std::size_t{*std::ranges::max_element(groups)} + 1;
   }
   return facts;
 }
@@ -206,6 +212,7 @@ std::string describe(const Bundle& loaded, bool statistics) {
   if (facts.textured > 0) {
     text += format(", %zu Gaussians, %llu texels, sides %d to %d", facts.textured,
                    static_cast<unsigned long long>(facts.texels), facts.smallest, facts.largest);
+    if (facts.different > 0) text += format(", %zu different", facts.different);
   }
   text += "\nintersection: " + std::string(name(model.intersection)) + "\n";
   if (model.outside != TextureOutside::base) text += "outside: " + std::string(name(model.outside)) + "\n";
@@ -238,6 +245,7 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
                       {"texels", facts.texels},
                       {"smallest_side", facts.smallest},
                       {"largest_side", facts.largest}};
+  if (facts.different > 0) json["textures"]["different"] = facts.different;
   json["intersection"] = name(model.intersection);
   json["outside"] = name(model.outside);
   if (model.size() > 0) json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};

@@ -110,9 +110,14 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
     }
   }
   const bool textured = settings.texture_mode != TextureMode::none;
-  const SizePlan plan = planForSize(options.target_bytes, partOfSog(options.output), training_pixels,
-                                    settings.sh_degree, settings.texture_mode);
-  const bool planned = !textured_start && !counted, cut = textured && !textured_start && !shared_out;
+  const bool dictionary = textured && settings.texture_dictionary > 0;
+  if (dictionary && !textured_start && !sized) settings.texture_size = kPlannedTextureSize;
+  const SizePlan plan = dictionary
+                            ? planForDictionary(options.target_bytes, partOfSog(options.output), settings.sh_degree,
+                                                settings.texture_dictionary, std::max(settings.texture_size, 1))
+                            : planForSize(options.target_bytes, partOfSog(options.output), training_pixels,
+                                          settings.sh_degree, settings.texture_mode);
+  const bool planned = !textured_start && !counted, cut = textured && !textured_start && !shared_out && !dictionary;
   if (planned) settings.gaussians = plan.gaussians;
   if (cut) {
     settings.adaptive_texels = static_cast<float>(plan.texels);
@@ -123,6 +128,7 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
       formatted("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
   if (planned) said += formatted(", %zu Gaussians", settings.gaussians);
   if (cut) said += formatted(", %.1f texels each", plan.texels);
+  if (dictionary) said += formatted(", %d textures that they share", settings.texture_dictionary);
   return said;
 }
 

@@ -7,6 +7,7 @@
 
 #include <cmath>
 
+#include "core/model/texture_dictionary.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 
@@ -56,7 +57,17 @@ void neutralize(std::span<glm::vec4> texels, TextureMode mode) {
 
 std::size_t parameterCount(const GaussianModel& model) {
   const std::size_t channels = (hasColor(model.texture_mode) ? 3 : 0) + (hasAlpha(model.texture_mode) ? 1 : 0);
-  return model.size() * gaussianFloats(model.shCount()) + model.atlas.texels.size() * channels;
+  std::size_t texels = model.atlas.texels.size();
+  if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(groups)) {
+    std::uint32_t next = 0;
+    texels = 0;
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+      if (groups[i] != next) continue;
+      texels += model.atlas.rects[i].texelCount();
+      ++next;
+    }
+  }
+  return model.size() * gaussianFloats(model.shCount()) + texels * channels;
 }
 
 std::uint64_t bytesOf(const GaussianModel& model) {

@@ -44,7 +44,7 @@ inline bool isTextured(const GaussianModel& model) {
 // Terms that the mode lacks become numbers without effect.
 void neutralize(std::span<glm::vec4> texels, TextureMode mode);
 
-// Numbers that training chose: of texels those that the mode uses.
+// Numbers that training chose: of texels those that the mode uses, of textures that Gaussians share each once.
 std::size_t parameterCount(const GaussianModel& model);
 // Of the arrays of numbers.
 std::uint64_t bytesOf(const GaussianModel& model);

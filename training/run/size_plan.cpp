@@ -17,22 +17,40 @@ namespace {
 constexpr double kFileBytes = 3000;                                         // names, codebooks, heads of images
 constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
 constexpr double kTexelBytes = 1.25;
+constexpr double kSharedTexelBytes = 1.3;
 constexpr double kMostTexels = 8;        // a Gaussian
 constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes
 
-}  // namespace
-
-SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pixels, int sh_degree, TextureMode mode) {
-  TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "SH have degrees 0 to 3");
-  const double each = kGaussianBytes[static_cast<std::size_t>(sh_degree)];
-  const double room = std::max(static_cast<double>(bytes) / part - kFileBytes, 0.0);
+// For Gaussians of `each` bytes. Throws Error(usage).
+double roomFor(std::uint64_t bytes, double part, double each, double beside) {
+  const double room = std::max(static_cast<double>(bytes) / part - beside, 0.0);
   if (room < kFewestGaussians * each) {
-    const auto needed = std::llround(part * (kFileBytes + kFewestGaussians * each));
+    const auto needed = std::llround(part * (beside + kFewestGaussians * each));
     throw Error(ErrorKind::usage,
                 "--target-size is out of reach" +
                     expectedFound("at least " + std::to_string(needed) + " bytes", std::to_string(bytes)));
   }
+  return room;
+}
+
+double bytesOfGaussian(int sh_degree) {
+  TG_ASSERT(sh_degree >= 0 && sh_degree <= 3, "SH have degrees 0 to 3");
+  return kGaussianBytes[static_cast<std::size_t>(sh_degree)];
+}
+
+}  // namespace
+
+SizePlan planForDictionary(std::uint64_t bytes, double part, int sh_degree, int textures, int side) {
+  TG_ASSERT(textures > 0 && side > 0, "textures to share");
+  const double each = bytesOfGaussian(sh_degree) + std::log2(textures) / 8;
+  const double room = roomFor(bytes, part, each, kFileBytes + kSharedTexelBytes * textures * side * side);
+  return {std::min(static_cast<std::size_t>(room / each), kMostGaussians), 0};
+}
+
+SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pixels, int sh_degree, TextureMode mode) {
+  const double each = bytesOfGaussian(sh_degree);
+  const double room = roomFor(bytes, part, each, kFileBytes);
   const double texels = std::min(static_cast<double>(training_pixels) / kPixelsPerTexel,
                                  kMostTexels * room / (each + kMostTexels * kTexelBytes));
   if (mode == TextureMode::none) return {std::min(static_cast<std::size_t>(room / each), kMostGaussians), 0};

@@ -19,5 +19,7 @@ struct SizePlan {
 constexpr int kPlannedShDegree = 1;
 constexpr int kPlannedTextureSize = 8;  // [texels] a side, of which the fewer are taken
 SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pixels, int sh_degree, TextureMode mode);
+// With so many different textures of side x side texels, which Gaussians share.
+SizePlan planForDictionary(std::uint64_t bytes, double part, int sh_degree, int textures, int side);
 
 }  // namespace tg

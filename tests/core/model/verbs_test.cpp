@@ -108,4 +108,7 @@ TEST_CASE("a model's numbers are counted") {
   CHECK(tg::parameterCount(model) == 10 * 23 + texels);
   tg::setShDegree(model, 3);
   CHECK(tg::parameterCount(model) == 10 * 59 + texels);
+  // Ten Gaussians that share one texture have its numbers once.
+  model.atlas = tg::makeUniformAtlas(10, 3, 2);
+  CHECK(tg::parameterCount(model) == 10 * 59 + 6);
 }
