@@ -26,6 +26,7 @@ EvalScene readEvalScene(const std::string& path, bool quiet) {
                   bundle.background,
                   storedBytes(*findFormat(bundle.format), path),
                   {}};
+  scene.knows_split = !bundle.training_json.empty();
   // Other formats round them.
   if (bundle.format == "tgz" && !wasForValidation(bundle.training_json)) scene.cameras = std::move(bundle.cameras);
   // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
@@ -46,6 +47,15 @@ void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dat
   const auto trained = [&](const Camera& view) {
     return std::ranges::find_if(scene.cameras, [&](const Camera& camera) { return same(camera, view); });
   };
+  const auto held_out = [](const Camera& view) { return view.test; };
+  const auto seen = std::ranges::count_if(dataset.views, [&](const Camera& view) {
+    const auto camera = trained(view);
+    return view.test && camera != scene.cameras.end() && !camera->test;
+  });
+  if (scene.knows_split && seen > 0) {
+    std::fprintf(stderr, "tgeval: %s: was trained on %td of the %td test views (--test-every)\n", path.c_str(), seen,
+                 std::ranges::count_if(dataset.views, held_out));
+  }
   for (const Camera& view : dataset.views) {
     const auto camera = trained(view);
     if (camera == scene.cameras.end()) continue;

@@ -39,11 +39,13 @@ struct EvalScene {
   std::optional<glm::vec3> background;  // what it was trained against
   std::uintmax_t bytes = 0;             // of the file
   std::vector<Camera> cameras;          // which a data set that it is scored on should have, and as large; or none
+  bool knows_split = false;             // Camera::test of these says what was held out
 };
 // Warnings go to stderr. Throws what readModel() throws.
 EvalScene readEvalScene(const std::string& path, bool quiet);
 
-// A line on stderr where the model at `path` was trained on other photographs, or on such of another size.
+// A line on stderr where the model at `path` was trained on other photographs, on such of another size, or on test
+// views.
 void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset);
 
 // The views of options.split and no others, over options.data.background or else `background`. Throws Error(usage)

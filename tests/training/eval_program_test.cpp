@@ -96,6 +96,12 @@ TEST_CASE("tgeval tells of a model of other photographs, or of others' size", "[
   CHECK_THAT(
       smaller.output,
       Contains("tgeval: model.tgz: was trained on photographs of 32 x 32, and is scored on 16 x 16 (--downscale)\n"));
+  std::filesystem::copy(folder / "scene", folder / "swapped", std::filesystem::copy_options::recursive);
+  std::filesystem::rename(folder / "swapped/transforms_train.json", folder / "swapped/was_train.json");
+  std::filesystem::rename(folder / "swapped/transforms_test.json", folder / "swapped/transforms_train.json");
+  std::filesystem::rename(folder / "swapped/was_train.json", folder / "swapped/transforms_test.json");
+  CHECK_THAT(tgeval(folder, "model.tgz swapped").output,
+             Contains("tgeval: model.tgz: was trained on 4 of the 4 test views (--test-every)\n"));
   const Outcome other = tgeval(folder, "model.tgz other --report figures");
   CHECK(other.code == 0);
   CHECK_THAT(
