@@ -77,6 +77,19 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
     expect('scale to use with the texture', packed[8 + k % 3] === value && scaled.layer.scale[k] === value, packed);
     expect('scale without', scaled.scale[k] === 2 * model.scale[k], scaled.scale[k]);
   }
+  // Under a node that moves and scales all; under one that turns it, and with linear light, it is refused.
+  const above = {children: [gltf.nodes.findIndex((node) => node.mesh === 0)], translation: [1, 2, 3], scale: [3, 3, 3]};
+  gltf.nodes.push(above);
+  const below = await readModel(fileOf([first, second]));
+  expect('scale under a node', Math.abs(below.scale[5] / scaled.scale[5] - 3) < 1e-6, below.scale[5]);
+  expect('place under a node', Math.abs(below.mean[4] - (2 + 3 * scaled.mean[4])) < 1e-5, below.mean[4]);
+  above.rotation = [0, 1, 0, 0];
+  const told = async () => readModel(fileOf([first, second])).then(() => 'read', (error) => error.message);
+  expect('a turn above is told', (await told()).includes('transform that is not supported'), await told());
+  gltf.nodes.pop();
+  first.extensions.KHR_gaussian_splatting.colorSpace = 'lin_rec709_display';
+  expect('linear colours are told', (await told()).includes('colours are linear'), await told());
+  first.extensions.KHR_gaussian_splatting.colorSpace = 'srgb_rec709_display';
   delete second.extensions.KHR_gaussian_splatting.extensions;
   const odd = await readModel(fileOf([first, second]));
   expect('textures of one primitive alone are told', odd.layer === null && odd.notes.length === 1, odd.notes);

@@ -126,6 +126,28 @@ function placeOf(node) {
   return {translation: node.translation || [0, 0, 0], scale: scale[0]};
 }
 
+// The node above each that has one.
+function parentsOf(file) {
+  const nodes = file.list('nodes'), parents = new Map();
+  for (const node of nodes) {
+    for (const child of Array.isArray(node.children) ? node.children : []) parents.set(nodes[child], node);
+  }
+  return parents;
+}
+
+// In the scene; a ring of nodes has none.
+function placeBelow(node, parents) {
+  const place = {translation: [0, 0, 0], scale: 1}, seen = new Set();
+  for (let at = node; at; at = parents.get(at)) {
+    if (seen.has(at)) throw new Error('nodes are their own ancestors');
+    seen.add(at);
+    const {translation, scale} = placeOf(at);
+    place.translation = place.translation.map((x, k) => translation[k] + scale * x);
+    place.scale *= scale;
+  }
+  return place;
+}
+
 async function readAtlas(file, entry, mode) {
   const image = async (index) => {
     const texture = file.list('textures')[index];
@@ -244,11 +266,13 @@ function readCamera({name, rotation, translation}, lens, own) {
 }
 
 // Camera nodes as pinhole cameras: OpenCV axes (x right, y down, z forward), rows of camera_from_world.
-function readCameras(file) {
+// Those that no other node moves.
+function readCameras(file, parents) {
   const cameras = [];
   for (const node of file.list('nodes')) {
     const lens = (file.list('cameras')[node.camera] || {}).perspective;
-    if (lens && !node.matrix) cameras.push(readCamera(node, lens, (node.extras && node.extras[OURS]) || {}));
+    if (!lens || node.matrix || parents.has(node)) continue;
+    cameras.push(readCamera(node, lens, (node.extras && node.extras[OURS]) || {}));
   }
   return cameras.filter(Boolean);
 }
@@ -262,10 +286,12 @@ export async function readGlb(bytes) {
   const file = new GlbFile(bytes);
   const {node, primitives} = findSplats(file);
   for (const {extensions} of primitives) {
-    const {kernel} = extensions[SPLATS];
+    const {kernel, colorSpace} = extensions[SPLATS];
     if (kernel !== 'ellipse') throw new Error(`unknown kernel "${kernel}" (expected "ellipse")`);
+    if (colorSpace === 'lin_rec709_display') throw new Error('the colours are linear (tgconvert turns them to sRGB)');
   }
-  const place = placeOf(node);
+  const parents = parentsOf(file);
+  const place = placeBelow(node, parents);
   const counts = primitives.map((primitive) => countOf(file, primitive));
   const count = counts.reduce((sum, more) => sum + more, 0);
   const all = async (name, width) => {
@@ -281,7 +307,7 @@ export async function readGlb(bytes) {
   const model = {
     count, mean: await all('POSITION', 3),
     rotation: await own('ROTATION', 4), scale: await own('SCALE', 3), opacity: await own('OPACITY', 1),
-    sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file),
+    sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file, parents),
     views: views.map((view) => readCamera(Object(view), {}, Object(view))).filter(Boolean),
     background: isColor(extras.background) ? extras.background : [0, 0, 0],
     intersection: INTERSECTIONS[extras.intersection] ?? 1, outside: OUTSIDES[extras.outside] ?? 0, notes: [],
