@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstring>
 #include <glm/gtc/quaternion.hpp>
 #include <limits>
 #include <numeric>
@@ -184,26 +186,43 @@ class KMeans {
 
 std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas) {
   const std::size_t n = atlas.rects.size();
-  std::vector<std::uint32_t> order(n);
-  std::iota(order.begin(), order.end(), 0u);
-  const auto compare = [&](std::uint32_t i, std::uint32_t j) {
-    const TextureRect &a = atlas.rects[i], &b = atlas.rects[j];
-    if (const auto by_size = std::pair(a.width, a.height) <=> std::pair(b.width, b.height); by_size != 0)
-      return by_size;
-    const auto bits = [&](const TextureRect& rect) {
-      return std::span(reinterpret_cast<const std::uint32_t*>(atlas.texels.data() + rect.offset),
-                       4 * rect.texelCount());
-    };
-    const auto first = bits(a), second = bits(b);
-    return std::lexicographical_compare_three_way(first.begin(), first.end(), second.begin(), second.end());
+  const auto texelsOf = [&](const TextureRect& rect) {
+    return std::span(atlas.texels).subspan(rect.offset, rect.texelCount());
   };
-  std::ranges::sort(order, [&](std::uint32_t i, std::uint32_t j) {
-    const auto found = compare(i, j);
-    return found != 0 ? found < 0 : i < j;
+  const auto compare = [&](std::uint32_t i, std::uint32_t j) {  // below, at or above 0
+    const TextureRect &a = atlas.rects[i], &b = atlas.rects[j];
+    if (a.width != b.width) return a.width - b.width;
+    if (a.height != b.height) return a.height - b.height;
+    const auto first = texelsOf(a);
+    return first.empty() ? 0 : std::memcmp(first.data(), texelsOf(b).data(), first.size_bytes());
+  };
+  struct Key {
+    std::uint64_t hash;  // what differs seldom has the same: texels are looked at where it is
+    std::uint32_t gaussian;
+  };
+  std::vector<Key> keys(n);
+  constexpr std::int64_t kChunk = 4096;
+  parallelFor((static_cast<std::int64_t>(n) + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
+    const auto end = std::min<std::size_t>(n, (chunk + 1) * kChunk);
+    for (auto i = static_cast<std::size_t>(chunk * kChunk); i < end; ++i) {
+      const TextureRect& rect = atlas.rects[i];
+      std::uint64_t hash = std::uint64_t{rect.width} << 16 | rect.height;
+      for (const glm::vec4& texel : texelsOf(rect)) {
+        for (int c = 0; c < 4; ++c) hash = Random(hash ^ std::bit_cast<std::uint32_t>(texel[c])).bits();
+      }
+      keys[i] = {hash, static_cast<std::uint32_t>(i)};
+    }
+  });
+  std::ranges::sort(keys, [&](const Key& a, const Key& b) {
+    if (a.hash != b.hash) return a.hash < b.hash;
+    const auto found = compare(a.gaussian, b.gaussian);
+    return found != 0 ? found < 0 : a.gaussian < b.gaussian;
   });
   std::vector<std::uint32_t> first(n), groups(n);  // the first Gaussian of each one's group; numbers
   for (std::size_t k = 0; k < n; ++k) {
-    first[order[k]] = k > 0 && compare(order[k - 1], order[k]) == 0 ? first[order[k - 1]] : order[k];
+    const std::uint32_t own = keys[k].gaussian;
+    const bool same = k > 0 && keys[k - 1].hash == keys[k].hash && compare(keys[k - 1].gaussian, own) == 0;
+    first[own] = same ? first[keys[k - 1].gaussian] : own;
   }
   std::uint32_t count = 0;
   for (std::size_t i = 0; i < n; ++i) groups[i] = first[i] == i ? count++ : groups[first[i]];
