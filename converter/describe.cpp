@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // What tgconvert prints.
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -41,7 +40,7 @@ ModelFacts factsOf(const GaussianModel& model) {
     ++facts.textured;
   }
   if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(groups)) {
-    facts.different = std::size_t{*std::ranges::max_element(groups)} + 1;
+    facts.different = firstOfGroups(groups).size();
   }
   return facts;
 }

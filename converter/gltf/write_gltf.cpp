@@ -91,9 +91,7 @@ PackedAtlas packOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> g
   PackedAtlas packed;
   if (areShared(groups) && texels <= kFreeSharedTexels) {
     TextureAtlas once{{}, atlas.texels};
-    for (std::size_t i = 0; i < groups.size(); ++i) {
-      if (groups[i] == once.rects.size()) once.rects.push_back(atlas.rects[i]);
-    }
+    for (const std::uint32_t first : firstOfGroups(groups)) once.rects.push_back(atlas.rects[first]);
     packed = packAtlas(once, once.rects.size(), kMaxAtlasSide);
     std::vector<AtlasPlacement> placements;
     for (const std::uint32_t group : groups) placements.push_back(packed.placements[group]);

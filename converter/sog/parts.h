@@ -28,6 +28,8 @@ constexpr int kOwnTextures = 1, kSharedTextures = 2;  // versions: a texture a G
 // How much coarser a texture may be than its texels' spreads, by how many Gaussians have it: the error of a step is
 // theirs all together.
 inline double sharedSpread(std::uint32_t members) { return 1.0 / std::sqrt(std::max(members, 1u)); }
+// Texels of all Gaussians that share theirs: as many as an image of a texture a Gaussian could hold.
+constexpr std::uint64_t kMostHandedOut = std::uint64_t{1} << 28;
 constexpr int kMaxSide = 255;      // [texels]
 constexpr int kNeutralByte = 128;  // of a texel's value
 

@@ -194,7 +194,7 @@ class SogReader {
     std::vector<TextureRect> rects(stored);
     std::uint64_t texel_count = 0;
     for (std::size_t i = 0; i < stored; ++i)
-      place(rects[i], sizes.data[4 * i], sizes.data[4 * i + 1], texel_count, node);
+      place(rects[i], sizes.data[4 * i], sizes.data[4 * i + 1], texel_count, kMaxModelTexels, node);
     std::vector<std::uint32_t> labels, members(stored);  // of each Gaussian; of each texture
     if (shared) {
       labels = readLabels(image(node, file_count, 2, count_), stored);
@@ -228,11 +228,12 @@ class SogReader {
   }
 
   // A rectangle behind the `texels` that there are.
-  static void place(TextureRect& rect, int width, int height, std::uint64_t& texels, const JsonNode& node) {
+  static void place(TextureRect& rect, int width, int height, std::uint64_t& texels, std::uint64_t most,
+                    const JsonNode& node) {
     rect = {static_cast<std::uint32_t>(texels), static_cast<std::uint16_t>(width), static_cast<std::uint16_t>(height)};
     if (rect.texelCount() == 0) rect = {};
     texels += rect.texelCount();
-    if (texels > kMaxModelTexels) node.fail("too many texels" + atMost(kMaxModelTexels, texels));
+    if (texels > most) node.fail("too many texels" + atMost(most, texels));
   }
 
   std::vector<std::uint32_t> readLabels(const BytePixels& pixels, std::size_t textures) const {
@@ -255,7 +256,7 @@ class SogReader {
     std::uint64_t texel_count = 0;
     for (std::size_t i = 0; i < count_; ++i) {
       const TextureRect& own = rects[labels[i]];
-      place(atlas.rects[i], own.width, own.height, texel_count, node);
+      place(atlas.rects[i], own.width, own.height, texel_count, sog::kMostHandedOut, node);
     }
     atlas.texels.resize(texel_count);
     for (std::size_t i = 0; i < count_; ++i) {

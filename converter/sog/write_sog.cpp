@@ -250,15 +250,10 @@ class SogWriter {
     const std::vector<TextureRect>& rects = model_.atlas.rects;
     const std::vector<std::uint32_t> groups = textureGroups(model_.atlas);
     Stored stored;
-    if (areShared(groups)) {
-      std::vector<std::uint32_t> owners, members;
-      for (std::uint32_t i = 0; i < groups.size(); ++i) {
-        if (groups[i] == owners.size()) {
-          owners.push_back(i);
-          members.push_back(0);
-        }
-        ++members[groups[i]];
-      }
+    if (areShared(groups) && model_.atlas.texels.size() <= sog::kMostHandedOut) {
+      const std::vector<std::uint32_t> owners = firstOfGroups(groups);
+      std::vector<std::uint32_t> members(owners.size(), 0);
+      for (const std::uint32_t group : groups) ++members[group];
       std::vector<std::uint32_t> order(owners.size()), place(owners.size());  // what most share first
       std::iota(order.begin(), order.end(), 0u);
       std::ranges::stable_sort(order, std::greater(), [&](std::uint32_t group) { return members[group]; });

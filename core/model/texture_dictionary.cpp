@@ -229,9 +229,17 @@ std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas) {
   return groups;
 }
 
+std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups) {
+  std::vector<std::uint32_t> first;
+  for (std::uint32_t i = 0; i < groups.size(); ++i) {
+    if (groups[i] == first.size()) first.push_back(i);
+  }
+  return first;
+}
+
 bool areShared(std::span<const std::uint32_t> groups) {
   if (groups.empty()) return false;
-  const std::size_t different = std::size_t{*std::ranges::max_element(groups)} + 1;
+  const std::size_t different = firstOfGroups(groups).size();
   return different <= kMostSharedTextures && 2 * different <= groups.size();
 }
 

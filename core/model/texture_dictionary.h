@@ -16,6 +16,8 @@ constexpr std::size_t kMostSharedTextures = 65536;  // textures that a model's G
 // Gaussian of each; those without a texture have one of their own.
 std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas);
 
+// The first Gaussian of each group.
+std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups);
 // Whether at least two Gaussians share a texture, in the mean, and not more textures are different than
 // kMostSharedTextures: what files hold once.
 bool areShared(std::span<const std::uint32_t> groups);

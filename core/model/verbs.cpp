@@ -59,13 +59,8 @@ std::size_t parameterCount(const GaussianModel& model) {
   const std::size_t channels = (hasColor(model.texture_mode) ? 3 : 0) + (hasAlpha(model.texture_mode) ? 1 : 0);
   std::size_t texels = model.atlas.texels.size();
   if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(groups)) {
-    std::uint32_t next = 0;
     texels = 0;
-    for (std::size_t i = 0; i < groups.size(); ++i) {
-      if (groups[i] != next) continue;
-      texels += model.atlas.rects[i].texelCount();
-      ++next;
-    }
+    for (const std::uint32_t first : firstOfGroups(groups)) texels += model.atlas.rects[first].texelCount();
   }
   return model.size() * gaussianFloats(model.shCount()) + texels * channels;
 }

@@ -17,7 +17,7 @@ namespace {
 constexpr double kFileBytes = 3000;                                         // names, codebooks, heads of images
 constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
 constexpr double kTexelBytes = 1.25;
-constexpr double kSharedTexelBytes = 1.3;
+constexpr double kSharedTexelBytes = 1.7;  // of 8 x 8
 constexpr double kMostTexels = 8;        // a Gaussian
 constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes

@@ -369,6 +369,20 @@ TEST_CASE("SOG: what Gaussians share is stored once, and comes back to all") {
     CHECK_THAT(refused(changed("textures", 0)), Contains("textures"));
     CHECK_THAT(refused(changed("textures", 65537)), Contains("textures"));
     CHECK_THAT(refused(changed("textures", 3)), Contains("has a texture that there is not (expected an index below 3"));
+    // 255 x 255 texels for each of many Gaussians, from one small image: refused before there is memory for them.
+    const GaussianModel many = select(sorted, std::vector<std::uint32_t>(5000, 0));
+    std::vector<ZipEntry> entries = sogFiles(many, "s.sog");
+    for (ZipEntry& entry : entries) {
+      if (entry.name == "texture_sizes.webp") {
+        BytePixels sizes(4, 4);
+        std::ranges::fill(sizes.data, std::uint8_t{255});
+        entry.bytes = encodeWebp(sizes);
+      }
+      if (entry.name == "texture_texels.webp") entry.bytes = encodeWebp(BytePixels(256, 256));
+    }
+    writeZip(scratch.folder() / "large.sog", entries, "large.sog");
+    CHECK_THAT(test::messageOf([&] { readSog(scratch.folder() / "large.sog"); }, ErrorKind::badData),
+               Contains("too many texels (expected at most 268435456, found 268"));
     CHECK_THAT(refused(changed("files", {"texture_sizes.webp", "texture_texels.webp"})), Contains("files"));
     CHECK_THAT(refused([](ZipEntry& entry) {
                  if (entry.name == "texture_labels.webp") entry.bytes = encodeWebp(BytePixels(4, 4));

@@ -263,6 +263,17 @@ TEST_CASE("adaptive textures keep to their number of texels, and show what more 
   CHECK(adaptive.report.textured->train_psnr > uniform.report.textured->train_psnr);
 }
 
+namespace {
+
+double trainingPsnr(const tg::Dataset& dataset, const tg::GaussianModel& model, tg::DifferentiableRenderer& renderer) {
+  const auto draw = [&](const tg::Camera& camera) {
+    return tg::renderPicture(renderer, model, camera, dataset.background);
+  };
+  return tg::meanScore(tg::scoreViews(dataset, dataset.indices(false), draw)).psnr;
+}
+
+}  // namespace
+
 TEST_CASE("with a dictionary Gaussians share its textures to the end, and it learns as they do", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
@@ -286,12 +297,7 @@ TEST_CASE("with a dictionary Gaussians share its textures to the end, and it lea
   const tg::TrainResult result = trainer.result();
   tg::checkModel(result.model, "model");
   REQUIRE((result.report.textured && result.report.quantized));
-  const auto psnr = [&](const tg::GaussianModel& model) {
-    const auto draw = [&](const tg::Camera& camera) {
-      return tg::renderPicture(*renderer, model, camera, dataset.background);
-    };
-    return tg::meanScore(tg::scoreViews(dataset, dataset.indices(false), draw)).psnr;
-  };
+  const auto psnr = [&](const tg::GaussianModel& model) { return trainingPsnr(dataset, model, *renderer); };
   CHECK(psnr(result.model) > psnr(first) + 0.1);
 
   for (const auto change : {+[](tg::TrainSettings& s) { s.texture_mode = tg::TextureMode::none; },
@@ -333,12 +339,7 @@ TEST_CASE("what a coarse file takes, training for it gives back in part", "[trai
   settings.sh_degree = 1;
   settings.iterations = 600;
   settings.texture_iterations = 200;
-  const auto psnr = [&](const tg::GaussianModel& model) {
-    const auto draw = [&](const tg::Camera& camera) {
-      return tg::renderPicture(*renderer, model, camera, dataset.background);
-    };
-    return tg::meanScore(tg::scoreViews(dataset, dataset.indices(false), draw)).psnr;
-  };
+  const auto psnr = [&](const tg::GaussianModel& model) { return trainingPsnr(dataset, model, *renderer); };
   constexpr float kStep = 0.2f;
   const double without = psnr(rounded(tg::train(dataset, settings, *renderer).model, kStep));
 
