@@ -155,11 +155,11 @@ class Driver:
 
     def frames(self, name):
         """Times the cell's model from its first camera; CELLS/frames.json holds what was timed."""
-        model, timed = self.options.work / name / "model.tgz", frames_in(CELLS)
-        if name in timed or not model.exists():
+        model, cell, timed = self.options.work / name / "model.tgz", CELLS / f"{name}.json", frames_in(CELLS)
+        if name in timed or not (model.exists() and cell.exists()):
             return
         print(name, file=sys.stderr, flush=True)
-        dataset = json.loads((CELLS / f"{name}.json").read_text())["training"]["dataset"]
+        dataset = json.loads(cell.read_text())["training"]["dataset"]
         size = f"{FRAME_SCALE * dataset['width']}x{FRAME_SCALE * dataset['height']}"
         measured = self.options.work / "frames.partial"
         command = [self.options.bin / "render_bench", model, "--backend", "cpu", "--threads", self.options.threads,
